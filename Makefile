@@ -1,0 +1,37 @@
+# The only targets; each is one line of what a developer would type in .venv.
+.PHONY: setup demo up test check openapi benchmark lock
+VENV := .venv
+BIN := $(VENV)/bin
+UV := $(shell command -v uv 2>/dev/null)
+
+setup: $(VENV)/.ready
+
+$(VENV)/.ready: requirements.txt pyproject.toml
+	@UV="$(UV)" VENV="$(VENV)" sh tools/setup.sh
+	@touch $@
+
+demo: setup
+	@$(BIN)/skyway demo
+
+up: setup
+	@$(BIN)/skyway up
+
+test: setup
+	@$(BIN)/python -m pytest
+
+check: setup
+	@$(BIN)/ruff format --check .
+	@$(BIN)/ruff check .
+	@$(BIN)/mypy
+	@$(BIN)/lint-imports --config import-rules.toml
+	@$(BIN)/python -m pytest -m "not integration and not end_to_end"
+
+openapi: setup
+	@$(BIN)/python tools/write_openapi.py
+
+benchmark: setup
+	@$(BIN)/python -m benchmarks
+
+lock:
+	uv pip compile --universal --generate-hashes --no-emit-index-url --no-header \
+		--python-version 3.11 --extra dev pyproject.toml -o requirements.txt

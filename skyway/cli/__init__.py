@@ -1,0 +1,1 @@
+"""The command line. It starts services as processes and never imports them."""

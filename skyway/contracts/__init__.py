@@ -1,0 +1,1 @@
+"""What crosses a wire between Skyway's processes, each message and body defined once."""

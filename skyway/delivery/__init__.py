@@ -1,0 +1,1 @@
+"""What a customer asks (`request`), what a provider offers (`offer`), how it is flown (`plan`)."""

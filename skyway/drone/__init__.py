@@ -1,0 +1,1 @@
+"""The physics of a drone, used by the planner and by the simulated drone alike."""

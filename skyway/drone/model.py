@@ -1,0 +1,59 @@
+"""What a type of drone can do: its masses, speeds, powers, battery and charge curve."""
+
+from itertools import pairwise
+from typing import Annotated, NamedTuple, Self
+
+from pydantic import Field, model_validator
+
+from skyway.ids import DroneModelId
+from skyway.json_model import JsonModel
+
+
+class ChargePoint(NamedTuple):
+    """A point of a charge curve: seconds on the pad since empty, and the charge reached then."""
+
+    time_s: Annotated[float, Field(ge=0)]
+    soc: Annotated[float, Field(ge=0, le=1)]
+
+
+class DroneModel(JsonModel):
+    """A type of drone, in the form of planner.md.
+
+    Speed falls linearly from `speed_empty_mps` to `speed_full_mps` with the load; power rises as
+    the total mass to the power 1.5. `charge_curve` is straight between its points, strictly rising
+    in both, concave; its last point is the most that a drone can be charged to.
+    """
+
+    model_id: DroneModelId
+    empty_mass_kg: Annotated[float, Field(gt=0, le=10_000)]
+    max_payload_kg: Annotated[float, Field(gt=0, le=10_000)]
+    battery_j: Annotated[float, Field(gt=0)]
+    reserve_soc: Annotated[float, Field(ge=0, lt=1)] = 0.0
+    speed_empty_mps: Annotated[float, Field(gt=0)]
+    speed_full_mps: Annotated[float, Field(gt=0)]
+    power_empty_w: Annotated[float, Field(gt=0)]
+    stop_s: Annotated[float, Field(ge=0)] = 0.0
+    stop_j: Annotated[float, Field(ge=0)] = 0.0
+    charge_curve: Annotated[tuple[ChargePoint, ...], Field(min_length=2, max_length=1_000)]
+
+    @model_validator(mode="after")
+    def _charge_curve_is_concave(self) -> Self:
+        slopes = []
+        for before, after in pairwise(self.charge_curve):
+            if after.time_s <= before.time_s or after.soc <= before.soc:
+                raise ValueError("charge_curve must rise strictly in time and in charge")
+            slopes.append((after.soc - before.soc) / (after.time_s - before.time_s))
+        for earlier, later in pairwise(slopes):
+            if later > earlier * (1 + 1e-9):
+                raise ValueError("charge_curve must be concave: charging may only get slower")
+        if self.reserve_soc < self.charge_curve[0].soc:
+            raise ValueError(
+                f"reserve_soc {self.reserve_soc} lies below the charge_curve's first charge "
+                f"{self.charge_curve[0].soc}"
+            )
+        return self
+
+    @property
+    def top_soc(self) -> float:
+        """The most that this model can be charged to."""
+        return self.charge_curve[-1].soc

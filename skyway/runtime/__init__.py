@@ -1,0 +1,1 @@
+"""What every process stands on: database, outbox, MQTT, HTTP, identity, clock, loops, logs."""

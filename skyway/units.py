@@ -1,0 +1,41 @@
+"""Conversions at the edge, and the tolerances with which quantities are compared."""
+
+from datetime import UTC, datetime, timedelta
+
+#: Two charges closer than this share of a full battery are equal (planner.md, tolerance).
+CHARGE_TOLERANCE = 1e-9
+
+#: Two moments closer than this many seconds are equal (planner.md, tolerance).
+TIME_TOLERANCE_S = 1e-6
+
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+def kmh_to_mps(speed_kmh: float) -> float:
+    """Kilometres per hour as metres per second."""
+    return speed_kmh / 3.6
+
+
+def wh_to_j(energy_wh: float) -> float:
+    """Watt-hours as joules."""
+    return energy_wh * 3600.0
+
+
+def minutes_to_s(duration_min: float) -> float:
+    """Minutes as seconds."""
+    return duration_min * 60.0
+
+
+def hours_to_s(duration_h: float) -> float:
+    """Hours as seconds."""
+    return duration_h * 3600.0
+
+
+def moment_to_ms(moment: datetime) -> int:
+    """Whole milliseconds since 1970, the form in which databases and pad calendars keep moments."""
+    return (moment - _EPOCH) // timedelta(milliseconds=1)
+
+
+def ms_to_moment(moment_ms: int) -> datetime:
+    """The UTC moment of whole milliseconds since 1970."""
+    return _EPOCH + timedelta(milliseconds=moment_ms)
