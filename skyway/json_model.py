@@ -1,4 +1,4 @@
-"""The one form of everything that has a JSON form: frozen, strict about what it does not know."""
+"""The one form of everything that has a JSON form: frozen, and clear about unknown fields."""
 
 from typing import Self
 
@@ -6,11 +6,7 @@ from pydantic import BaseModel, ConfigDict
 
 
 class JsonModel(BaseModel):
-    """A frozen value with a JSON form; unknown fields, NaN and infinity are refused.
-
-    Who reads from another Skyway process (MQTT, service to service) reads with `read`, which
-    ignores fields that a newer writer may have added.
-    """
+    """A frozen value with a JSON form; unknown fields, NaN and infinity are refused."""
 
     model_config = ConfigDict(
         frozen=True,
@@ -25,3 +21,9 @@ class JsonModel(BaseModel):
     def read(cls, raw: bytes | str) -> Self:
         """The value that this JSON holds, without the fields that this version does not know."""
         return cls.model_validate_json(raw, extra="ignore")
+
+
+class WireModel(JsonModel):
+    """A `JsonModel` between Skyway's own processes: fields of a newer writer are ignored."""
+
+    model_config = ConfigDict(extra="ignore")

@@ -1,0 +1,40 @@
+"""Gateway to customer: what happened to a delivery, the same by webhook, SSE and MQTT."""
+
+from enum import StrEnum
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from skyway.contracts.message import FleetMoment, Message
+from skyway.ids import DeliveryId, EventId
+
+
+class DeliveryEventType(StrEnum):
+    """All that a customer can be told of a delivery."""
+
+    REQUESTED = "delivery.requested"
+    PLANNED = "delivery.planned"
+    DISPATCHED = "delivery.dispatched"
+    LOADED = "delivery.loaded"
+    STARTED = "delivery.started"
+    DELAYED = "delivery.delayed"
+    REPLANNED = "delivery.replanned"
+    COMPLETED = "delivery.completed"
+    PARTIALLY_COMPLETED = "delivery.partially_completed"
+    FAILED = "delivery.failed"
+    REJECTED = "delivery.rejected"
+    CANCELLED = "delivery.cancelled"
+    PACKAGE_DELIVERED = "package.delivered"
+    PACKAGE_RETURNED = "package.returned"
+    PACKAGE_STRANDED = "package.stranded"
+
+
+class DeliveryEvent(Message):
+    """One happening; `sequence` counts from 1 per delivery, without gaps."""
+
+    event_id: EventId
+    type: DeliveryEventType
+    delivery_id: DeliveryId
+    sequence: Annotated[int, Field(ge=1)]
+    occurred_at: FleetMoment
+    data: dict[str, Any] = Field(default_factory=dict)

@@ -1,0 +1,107 @@
+"""Drone to cloud: acks, events, state, telemetry and the last will."""
+
+from enum import StrEnum
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from skyway.contracts.flight_step import StepKind
+from skyway.contracts.message import DroneMessage, FleetMoment, Message, Soc
+from skyway.geo import Position
+from skyway.ids import InstructionId, MissionId, PackageId, StationId
+
+
+class RefusalCode(StrEnum):
+    """Why a drone refuses an instruction."""
+
+    MALFORMED = "MALFORMED"
+    UNSUPPORTED_STEP = "UNSUPPORTED_STEP"
+    STALE_REVISION = "STALE_REVISION"
+    STEP_RELEASED = "STEP_RELEASED"
+    SEQUENCE_GAP = "SEQUENCE_GAP"
+    EXPIRED = "EXPIRED"
+    NOT_AT_START = "NOT_AT_START"
+    OTHER_MISSION_ACTIVE = "OTHER_MISSION_ACTIVE"
+    INSUFFICIENT_ENERGY = "INSUFFICIENT_ENERGY"
+    OVERWEIGHT = "OVERWEIGHT"
+
+
+class Ack(DroneMessage):
+    """The drone's answer to one instruction: RECEIVED once journaled, then ACCEPTED or REJECTED."""
+
+    instruction_id: InstructionId
+    instruction_seq: int
+    stream: int
+    status: Literal["RECEIVED", "ACCEPTED", "REJECTED"]
+    code: RefusalCode | None = None
+    detail: str | None = None
+    #: Numbers behind a code: need_j and have_j, expected_seq, mass_kg and limit_kg.
+    data: dict[str, Any] = Field(default_factory=dict)
+
+
+class DroneEvent(DroneMessage):
+    """A step's end or failure, or the mission's end; `seq` goes on across sessions.
+
+    STEP_FAILED leaves the drone waiting at `station_id` for a new revision.
+    """
+
+    event: Literal["STEP_ENDED", "STEP_FAILED", "MISSION_ENDED", "ALARM"]
+    stream: int
+    mission_id: MissionId | None = None
+    mission_revision: int | None = None
+    step_id: int | None = None
+    step_kind: StepKind | None = None
+    started_at: FleetMoment | None = None
+    ended_at: FleetMoment
+    station_id: StationId | None = None
+    position: Position
+    soc: Soc
+    energy_j: Annotated[float, Field(description="used by the step; 0 while charging")] = 0.0
+    package_ids: tuple[PackageId, ...] = ()
+    code: str | None = None
+    detail: str | None = None
+    #: Evidence: place and weights at a hand-over, need_j and have_j at a failure.
+    data: dict[str, Any] = Field(default_factory=dict)
+
+
+class DroneState(DroneMessage):
+    """The truth of progress, retained: sent on change and at least every 30 s of wall time.
+
+    `last_instruction_seq` and `stream` are 0 while the journal is empty.
+    """
+
+    at: FleetMoment
+    activity: Literal["IDLE", "LOADING", "FLYING", "WAITING", "RECHARGING", "DELIVERING"]
+    stream: Annotated[int, Field(ge=0)]
+    last_instruction_seq: Annotated[int, Field(ge=0)]
+    last_event_seq: Annotated[int, Field(ge=0)]
+    mission_id: MissionId | None = None
+    mission_revision: int | None = None
+    step_id: int | None = None
+    released_through: int | None = None
+    station_id: StationId | None = None
+    position: Position
+    soc: Soc
+    load_kg: Annotated[float, Field(ge=0)] = 0.0
+    package_ids: tuple[PackageId, ...] = ()
+
+
+class Telemetry(DroneMessage):
+    """A light sample of a drone that moves or charges."""
+
+    at: FleetMoment
+    position: Position
+    soc: Soc
+    power_w: float
+    speed_mps: float
+
+
+class Connection(Message):
+    """The drone's presence, retained; LOST is its last will.
+
+    Ordered by (session, connection_number) alone: a last will is fixed at CONNECT.
+    """
+
+    session: Annotated[int, Field(ge=0)]
+    connection_number: Annotated[int, Field(ge=0)]
+    status: Literal["ONLINE", "OFFLINE", "LOST"]

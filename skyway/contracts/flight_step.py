@@ -1,0 +1,89 @@
+"""The steps of a mission as a drone receives them: all it needs to fly alone."""
+
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from skyway.contracts.message import FleetMoment, Soc
+from skyway.geo import Position
+from skyway.ids import PackageId, StationId
+from skyway.json_model import WireModel
+
+
+class PackageOnBoard(WireModel):
+    """A package and its mass, as the drone must know it to judge its own energy."""
+
+    package_id: PackageId
+    mass_kg: Annotated[float, Field(ge=0)]
+
+
+class _FlightStep(WireModel):
+    """What every step has; `step_id` counts from 1 through all revisions of the mission."""
+
+    step_id: Annotated[int, Field(ge=1)]
+    planned_start_at: FleetMoment
+    planned_end_at: FleetMoment
+
+
+class PickUpStep(_FlightStep):
+    """Take these packages on board, not before the planned start."""
+
+    kind: Literal["PICK_UP"] = "PICK_UP"
+    station_id: StationId
+    packages: tuple[PackageOnBoard, ...]
+
+
+class FlyStep(_FlightStep):
+    """Fly this segment; `lands` says whether the plan lands at its end or flies over."""
+
+    kind: Literal["FLY"] = "FLY"
+    from_id: Annotated[StationId, Field(alias="from")]
+    to_id: Annotated[StationId, Field(alias="to")]
+    from_position: Position
+    to_position: Position
+    length_m: Annotated[float, Field(gt=0)]
+    lands: bool
+
+
+class WaitStep(_FlightStep):
+    """Stand at the station until the moment has come."""
+
+    kind: Literal["WAIT"] = "WAIT"
+    station_id: StationId
+    until_at: FleetMoment
+
+
+class RechargeStep(_FlightStep):
+    """Charge up to `until_soc` on a pad reserved for [not_before_at, not_after_at)."""
+
+    kind: Literal["RECHARGE"] = "RECHARGE"
+    station_id: StationId
+    pad: Annotated[int, Field(ge=0)]
+    not_before_at: FleetMoment
+    until_soc: Soc
+    not_after_at: FleetMoment
+
+
+class DeliverStep(_FlightStep):
+    """Hand these packages over, which takes `dropoff_s`."""
+
+    kind: Literal["DELIVER"] = "DELIVER"
+    station_id: StationId
+    package_ids: tuple[PackageId, ...]
+    dropoff_s: Annotated[float, Field(ge=0)]
+
+
+class ReturnStep(_FlightStep):
+    """Hand these packages back at the pickup station."""
+
+    kind: Literal["RETURN"] = "RETURN"
+    station_id: StationId
+    package_ids: tuple[PackageId, ...]
+
+
+FlightStep = Annotated[
+    PickUpStep | FlyStep | WaitStep | RechargeStep | DeliverStep | ReturnStep,
+    Field(discriminator="kind"),
+]
+
+StepKind = Literal["PICK_UP", "FLY", "WAIT", "RECHARGE", "DELIVER", "RETURN"]

@@ -1,0 +1,41 @@
+"""What every MQTT message carries, whoever writes it."""
+
+from datetime import datetime
+from typing import Annotated, Literal
+
+from pydantic import AwareDatetime, Field
+
+from skyway.json_model import WireModel
+
+FleetMoment = Annotated[AwareDatetime, Field(description="RFC 3339 UTC, fleet time")]
+WallMoment = Annotated[AwareDatetime, Field(description="RFC 3339 UTC, wall time")]
+Soc = Annotated[float, Field(ge=0.0, le=1.0, description="state of charge")]
+
+
+class Message(WireModel):
+    """The envelope of every message; `sent_at` is fleet time at the writer."""
+
+    schema_version: Literal[1] = 1
+    message_id: str
+    sent_at: FleetMoment
+    traceparent: str | None = None
+
+
+class DroneMessage(Message):
+    """A message by a drone, ordered by (session, seq) within its topic.
+
+    `session` is max(the journal's last + 1, wall-clock seconds at boot).
+    """
+
+    session: Annotated[int, Field(ge=0)]
+    seq: Annotated[int, Field(ge=0)]
+
+
+def is_newer(candidate: tuple[int, int], known: tuple[int, int] | None) -> bool:
+    """Whether a drone's pair (session, seq) comes after the one already known."""
+    return known is None or candidate > known
+
+
+def utc_text(moment: datetime) -> str:
+    """A moment as RFC 3339 text with millisecond precision."""
+    return moment.isoformat(timespec="milliseconds").replace("+00:00", "Z")

@@ -1,0 +1,34 @@
+"""Cloud to everybody, retained: the fleet clock, pads of a station, version of a network."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from skyway.contracts.message import FleetMoment, Message, WallMoment
+from skyway.ids import NetworkId, StationId
+
+
+class ClockAnchor(Message):
+    """Fleet time = fleet_at + (wall time - wall_at) * rate."""
+
+    fleet_at: FleetMoment
+    wall_at: WallMoment
+    rate: Annotated[float, Field(gt=0)]
+
+
+class StationState(Message):
+    """How taken a station's pads are now, and when the next reservation of a taken pad ends."""
+
+    station_id: StationId
+    pads: Annotated[int, Field(ge=0)]
+    pads_taken: Annotated[int, Field(ge=0)]
+    next_free_at: FleetMoment | None = None
+
+
+class NetworkVersion(Message):
+    """The current version of a network, its content's hash, and where to read it."""
+
+    network_id: NetworkId
+    version: Annotated[int, Field(ge=1)]
+    sha256: str
+    href: str

@@ -1,0 +1,134 @@
+"""The delivery request: packages, places and the QoS that annotates it."""
+
+from typing import Annotated, Literal, Self
+
+from pydantic import AwareDatetime, Field, model_validator
+
+from skyway.ids import PackageId, ProviderId, StationId
+from skyway.json_model import JsonModel
+
+#: The most packages and the most distinct destinations of one request (planner.md).
+MAX_PACKAGES = 100
+MAX_DESTINATIONS = 12
+
+#: No package is heavier than the heaviest thing a drone model may lift; a typing mistake is.
+MAX_PACKAGE_MASS_KG = 1_000.0
+
+Objective = Literal["fastest", "cheapest", "greenest"]
+
+
+class Place(JsonModel):
+    """Where something is picked up or handed over."""
+
+    station_id: StationId
+
+
+class Package(JsonModel):
+    """What is carried; its id is the customer's and unique within the request."""
+
+    package_id: PackageId
+    mass_kg: Annotated[float, Field(ge=0, le=MAX_PACKAGE_MASS_KG)]
+    destination: Place
+
+
+class Weights(JsonModel):
+    """How much time, price and energy count; only their proportions matter."""
+
+    time: Annotated[float, Field(ge=0, le=1_000)] = 0.0
+    price: Annotated[float, Field(ge=0, le=1_000)] = 0.0
+    energy: Annotated[float, Field(ge=0, le=1_000)] = 0.0
+
+    @model_validator(mode="after")
+    def _something_counts(self) -> Self:
+        if self.time + self.price + self.energy == 0:
+            raise ValueError("at least one of time, price and energy must be above 0")
+        return self
+
+
+class ProviderChoice(JsonModel):
+    """Which providers may serve: one pinned, only those allowed, none of those denied."""
+
+    pinned: ProviderId | None = None
+    allowed: Annotated[tuple[ProviderId, ...], Field(max_length=100)] | None = None
+    denied: Annotated[tuple[ProviderId, ...], Field(max_length=100)] | None = None
+
+    def admits(self, provider_id: ProviderId) -> bool:
+        """Whether this provider may serve."""
+        if self.pinned is not None and provider_id != self.pinned:
+            return False
+        if self.allowed is not None and provider_id not in self.allowed:
+            return False
+        return provider_id not in (self.denied or ())
+
+    @model_validator(mode="after")
+    def _agrees_with_itself(self) -> Self:
+        if self.pinned is not None and not self.admits(self.pinned):
+            raise ValueError(f"pinned provider {self.pinned!r} is denied, or not among the allowed")
+        both = set(self.allowed or ()) & set(self.denied or ())
+        if both:
+            raise ValueError(f"provider {min(both)!r} is both allowed and denied")
+        return self
+
+
+class QoS(JsonModel):
+    """What the customer asks for: `objective` or `weights` rank offers, the limits are hard.
+
+    `max_price` is in minor units of the network's currency.
+    """
+
+    objective: Objective | None = None
+    weights: Weights | None = None
+    deadline_at: AwareDatetime | None = None
+    max_price: Annotated[int, Field(ge=0)] | None = None
+    providers: ProviderChoice = ProviderChoice()
+
+    @model_validator(mode="after")
+    def _one_way_to_rank(self) -> Self:
+        if self.objective is not None and self.weights is not None:
+            raise ValueError("objective and weights exclude each other: give one of them")
+        return self
+
+    @property
+    def ranking(self) -> Weights:
+        """The weights by which offers are ranked; the fastest when nothing is asked."""
+        if self.weights is not None:
+            return self.weights
+        by_objective = {
+            "fastest": Weights(time=1),
+            "cheapest": Weights(price=1),
+            "greenest": Weights(energy=1),
+        }
+        return by_objective[self.objective or "fastest"]
+
+
+class DeliveryRequest(JsonModel):
+    """What a customer POSTs (contracts.md)."""
+
+    pickup: Place
+    packages: Annotated[tuple[Package, ...], Field(min_length=1, max_length=MAX_PACKAGES)]
+    qos: QoS = QoS()
+    earliest_pickup_at: AwareDatetime | None = None
+    reference: Annotated[str, Field(max_length=200)] | None = None
+
+    @model_validator(mode="after")
+    def _packages_and_places_are_distinct(self) -> Self:
+        package_ids = [package.package_id for package in self.packages]
+        for package_id in package_ids:
+            if package_ids.count(package_id) > 1:
+                raise ValueError(f"package_id {package_id!r} is given more than once")
+        if len(self.destinations) > MAX_DESTINATIONS:
+            raise ValueError(
+                f"{len(self.destinations)} distinct destinations exceed the limit of "
+                f"{MAX_DESTINATIONS}"
+            )
+        return self
+
+    @property
+    def destinations(self) -> tuple[StationId, ...]:
+        """The distinct destinations, in the order of the packages."""
+        return tuple(dict.fromkeys(package.destination.station_id for package in self.packages))
+
+    @property
+    def payload_kg(self) -> float:
+        """The mass of all packages together."""
+        return sum(package.mass_kg for package in self.packages)
