@@ -9,6 +9,12 @@ from skyway.errors import InvalidNetwork
 from skyway.geo import Position
 from skyway.ids import StationId, ZoneId
 
+#: Pads of a station that does not say how many it has (Shahzaad and Bouguettaya, section V).
+DEFAULT_PADS = 4
+
+#: Most pads of one station; a calendar is kept for each. Our own choice.
+MAX_PADS = 1_000
+
 
 @dataclass(frozen=True, slots=True)
 class Station:
@@ -19,7 +25,7 @@ class Station:
 
     station_id: StationId
     position: Position
-    pads: int = 4
+    pads: int = DEFAULT_PADS
     name: str | None = None
     properties: Mapping[str, Any] = field(default_factory=dict)  # any JSON value, not ours
 
@@ -38,7 +44,7 @@ class Segment:
 class Zone:
     """An area closed to flight while active: [active_from, active_until), a missing bound is open.
 
-    `rings` are the polygon's rings as in GeoJSON: the outer one, then its holes.
+    `rings` are the polygon's rings as in GeoJSON, each closed: the outer one, then its holes.
     """
 
     zone_id: ZoneId
@@ -46,6 +52,17 @@ class Zone:
     active_from: datetime | None = None
     active_until: datetime | None = None
     properties: Mapping[str, Any] = field(default_factory=dict)  # any JSON value, not ours
+    _box: tuple[Position, Position] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        longitudes, latitudes = zip(*self.rings[0], strict=True)
+        box = (Position(min(longitudes), min(latitudes)), Position(max(longitudes), max(latitudes)))
+        object.__setattr__(self, "_box", box)
+
+    @property
+    def box(self) -> tuple[Position, Position]:
+        """The south-west and north-east corners of the box around the outer ring."""
+        return self._box
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +72,8 @@ class Network:
     Raises
     ------
     InvalidNetwork
-        A segment names a station that is not there, or starts where it ends.
+        A segment names a station that is not there, starts where it ends, or repeats another;
+        or two zones share an id.
     """
 
     stations: Mapping[StationId, Station]
@@ -65,6 +83,9 @@ class Network:
     _outgoing: Mapping[StationId, tuple[Segment, ...]] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
+        if len({zone.zone_id for zone in self.zones}) < len(self.zones):
+            raise InvalidNetwork("zones", "two zones share an id")
+        ends_seen: set[tuple[StationId, StationId]] = set()
         outgoing: dict[StationId, list[Segment]] = {station: [] for station in self.stations}
         for number, segment in enumerate(self.segments):
             for end in (segment.from_id, segment.to_id):
@@ -72,6 +93,12 @@ class Network:
                     raise InvalidNetwork(f"segments.{number}", f"no station is called {end!r}")
             if segment.from_id == segment.to_id:
                 raise InvalidNetwork(f"segments.{number}", f"starts where it ends: {end!r}")
+            ends = (segment.from_id, segment.to_id)
+            if ends in ends_seen:
+                raise InvalidNetwork(
+                    f"segments.{number}", f"a second one from {ends[0]!r} to {ends[1]!r}"
+                )
+            ends_seen.add(ends)
             outgoing[segment.from_id].append(segment)
         frozen = {station: tuple(segments) for station, segments in outgoing.items()}
         object.__setattr__(self, "_outgoing", frozen)

@@ -1,0 +1,121 @@
+"""Typed reading of the members of a GeoJSON document; what is wrong is named by its path."""
+
+import math
+from collections.abc import Mapping
+from datetime import UTC, datetime
+from typing import Any
+
+from pydantic import TypeAdapter, ValidationError
+
+from skyway.errors import InvalidNetwork
+from skyway.geo import Position
+from skyway.ids import StationId
+
+# All identifiers share one pattern, so the adapter of one type serves every type.
+_IDENTIFIER = TypeAdapter(StationId)
+_LONGITUDE_LIMIT_DEG = 180.0
+_LATITUDE_LIMIT_DEG = 90.0
+
+# The values below are `Any`: they come from json.loads and are checked here.
+
+
+def mapping(value: Any, path: str) -> Mapping[str, Any]:
+    """A JSON object."""
+    if not isinstance(value, Mapping):
+        raise InvalidNetwork(path, f"{shown(value)} is not an object")
+    return value
+
+
+def array(value: Any, path: str) -> list[Any] | tuple[Any, ...]:
+    """A JSON array."""
+    if not isinstance(value, (list, tuple)):
+        raise InvalidNetwork(path, f"{shown(value)} is not an array")
+    return value
+
+
+def constant(value: Any, path: str, *, expected: str) -> None:
+    """Exactly this string."""
+    if value != expected:
+        raise InvalidNetwork(path, f"{shown(value)} is not {expected!r}")
+
+
+def identifier(value: Any, path: str) -> str:
+    """An identifier as `skyway.ids` defines it."""
+    try:
+        return _IDENTIFIER.validate_python(value, strict=True)
+    except ValidationError:
+        raise InvalidNetwork(
+            path, f"{shown(value)} is not an identifier: 1 to 64 characters of A-Za-z0-9_-"
+        ) from None
+
+
+def text_or_none(value: Any, path: str) -> str | None:
+    """A string, or null."""
+    if value is not None and not isinstance(value, str):
+        raise InvalidNetwork(path, f"{shown(value)} is not a string")
+    return value
+
+
+def truth(value: Any, path: str) -> bool:
+    """True or false, nothing that could be taken for either."""
+    if not isinstance(value, bool):
+        raise InvalidNetwork(path, f"{shown(value)} is neither true nor false")
+    return value
+
+
+def number(value: Any, path: str, *, low: float, high: float) -> float:
+    """A finite number from low to high."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise InvalidNetwork(path, f"{shown(value)} is not a number")
+    if not isinstance(value, int) and not math.isfinite(value):
+        raise InvalidNetwork(path, f"{value} is not a finite number")
+    if value < low:
+        raise InvalidNetwork(path, f"{shown(value)} is below {low:g}")
+    if value > high:
+        raise InvalidNetwork(path, f"{shown(value)} is above {high:g}")
+    return float(value)
+
+
+def whole_number(value: Any, path: str, *, low: int, high: int) -> int:
+    """A whole number from low to high; 4.0 is one, 4.5 is none."""
+    as_number = number(value, path, low=low, high=high)
+    if not as_number.is_integer():
+        raise InvalidNetwork(path, f"{shown(value)} is not a whole number")
+    return int(as_number)
+
+
+def moment_or_none(value: Any, path: str) -> datetime | None:
+    """An RFC 3339 moment in UTC, or null for an open bound."""
+    if value is None:
+        return None
+    try:
+        moment = datetime.fromisoformat(value)
+        if moment.tzinfo is not None:
+            return moment.astimezone(UTC)
+    except (TypeError, ValueError, OverflowError):
+        pass
+    raise InvalidNetwork(path, f"{shown(value)} is not an RFC 3339 moment with a time zone")
+
+
+def position(value: Any, path: str) -> Position:
+    """A GeoJSON position of two numbers, longitude first; an altitude is refused, not dropped."""
+    pair = array(value, path)
+    if len(pair) != len(Position._fields):
+        raise InvalidNetwork(path, f"{len(pair)} numbers instead of [longitude, latitude]")
+    return Position(
+        number(pair[0], f"{path}.0", low=-_LONGITUDE_LIMIT_DEG, high=_LONGITUDE_LIMIT_DEG),
+        number(pair[1], f"{path}.1", low=-_LATITUDE_LIMIT_DEG, high=_LATITUDE_LIMIT_DEG),
+    )
+
+
+def shown(value: Any) -> str:
+    """The value for a message, cut short so that a hostile document cannot blow it up."""
+    if isinstance(value, int) and not isinstance(value, bool):
+        return str(value) if abs(value) < 10**40 else "a number of more than 40 digits"
+    if isinstance(value, str):
+        return repr(value) if len(value) <= 80 else f"{value[:80]!r}..."
+    if isinstance(value, Mapping):
+        return "an object"
+    if isinstance(value, (list, tuple)):
+        return "an array"
+    return {None: "null", True: "true", False: "false"}.get(value, str(value))
