@@ -46,7 +46,7 @@ def price_of(tariff: Tariff, *, distance_m: float, payload_kg: float, recharging
 
 @dataclass(frozen=True, slots=True)
 class OfferValues:
-    """What ranking looks at: time until the last delivery, price, energy, and the names for ties."""
+    """What ranking looks at: time to the last delivery, price, energy; names for ties."""
 
     time_s: float
     price: int

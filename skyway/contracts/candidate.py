@@ -1,0 +1,91 @@
+"""Gateway asks registry: which drones could fly this request, and why can the others not."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from skyway.contracts.message import Soc
+from skyway.delivery.offer import Tariff
+from skyway.delivery.request import ProviderChoice
+from skyway.drone.model import DroneModel
+from skyway.geo import Position
+from skyway.ids import DroneId, ProviderId, StationId
+from skyway.json_model import WireModel
+
+#: At most this many candidates of one provider, and of all (decisions.md, Booking).
+MAX_CANDIDATES_PER_PROVIDER = 5
+MAX_CANDIDATES = 60
+
+
+class CandidateQuery(WireModel):
+    """What must be carried from where, by whom it may be, and which drones refused already."""
+
+    pickup_station_id: StationId
+    pickup_position: Position
+    payload_kg: Annotated[float, Field(ge=0)]
+    providers: ProviderChoice
+    excluded_drone_ids: tuple[DroneId, ...] = ()
+
+
+class Candidate(WireModel):
+    """A drone that could fly the request, as the registry knows it now."""
+
+    provider_id: ProviderId
+    drone_id: DroneId
+    model: DroneModel
+    soc: Soc
+    station_id: StationId
+    home_station_id: StationId
+    tariff: Tariff
+
+
+#: NO_DRONES .. LOW_CHARGE come from the registry, the others from the planner and from booking.
+ProviderReasonCode = Literal[
+    "NOT_ADMITTED",
+    "NO_DRONES",
+    "OVERWEIGHT",
+    "BUSY",
+    "OFFLINE",
+    "REFUSED",
+    "LOW_CHARGE",
+    "DESTINATION_UNREACHABLE",
+    "OUT_OF_RANGE",
+    "NO_PAD_IN_TIME",
+    "TOO_LATE",
+    "NO_PLAN_FOUND",
+    "NO_WAY_HOME",
+    "TOO_EXPENSIVE",
+    "TAKEN",
+]
+
+
+class ProviderReason(WireModel):
+    """Why a provider makes no offer; `is_temporary` when asking again later may change it."""
+
+    provider_id: ProviderId
+    code: ProviderReasonCode
+    detail: str
+    is_temporary: bool
+    #: Numbers behind the code, such as mass_kg and limit_kg.
+    data: dict[str, Any] = Field(default_factory=dict)
+
+
+class Candidates(WireModel):
+    """The drones to compare, nearest first, and the providers that have none."""
+
+    candidates: tuple[Candidate, ...]
+    infeasible: tuple[ProviderReason, ...]
+
+
+class PayloadLimitQuery(WireModel):
+    """Asks for the heaviest payload that any admitted provider's drone can lift."""
+
+    providers: ProviderChoice
+
+
+class PayloadLimit(WireModel):
+    """None when no admitted provider has a drone; `unknown_provider_ids` exist nowhere."""
+
+    max_payload_kg: float | None
+    drone_model_id: str | None
+    unknown_provider_ids: tuple[ProviderId, ...]

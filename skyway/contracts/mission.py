@@ -1,0 +1,132 @@
+"""Gateway and composition about missions: booking them, and reporting how they go."""
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from skyway.contracts.candidate import Candidate, ProviderReason
+from skyway.contracts.message import FleetMoment, Soc
+from skyway.delivery.offer import Price
+from skyway.delivery.plan import Plan
+from skyway.delivery.request import DeliveryRequest
+from skyway.ids import (
+    DeliveryId,
+    DroneId,
+    DroneModelId,
+    MissionId,
+    PackageId,
+    ProviderId,
+    StationId,
+)
+from skyway.json_model import WireModel
+
+MissionState = Literal[
+    "BOOKED", "ACCEPTED", "ACTIVE", "COMPLETED", "ABORTED", "CANCELLED", "REFUSED"
+]
+
+#: A drone is on at most one mission in these states, and pads are reserved for it.
+LIVE_MISSION_STATES: tuple[MissionState, ...] = ("BOOKED", "ACCEPTED", "ACTIVE")
+
+
+class PackageEta(WireModel):
+    """When a package is planned to be delivered."""
+
+    package_id: PackageId
+    eta_at: FleetMoment
+
+
+class Mission(WireModel):
+    """A plan being flown: what a delivery shows of it, and what operators see.
+
+    `plan` ends with the last delivery and counts seconds from `start_at`; `home_plan` takes the
+    empty drone home from there, counting from the end of `plan`; `released_at` is when the drone
+    is planned to be free again.
+    """
+
+    mission_id: MissionId
+    delivery_id: DeliveryId
+    attempt: Annotated[int, Field(ge=1)]
+    trip: Annotated[int, Field(ge=1)] = 1
+    provider_id: ProviderId
+    drone_id: DroneId
+    drone_model_id: DroneModelId
+    state: MissionState
+    revision: Annotated[int, Field(ge=1)]
+    start_at: FleetMoment
+    released_at: FleetMoment
+    price: Price
+    packages: tuple[PackageEta, ...]
+    plan: Plan
+    home_plan: Plan | None = None
+
+
+class BookMissions(WireModel):
+    """The body of PUT /internal/deliveries/{delivery_id}/missions, keyed by (delivery, attempt).
+
+    Candidates are compared by their true plans.
+    """
+
+    attempt: Annotated[int, Field(ge=1)]
+    request: DeliveryRequest
+    candidates: tuple[Candidate, ...]
+
+
+class Booking(WireModel):
+    """BOOKED with its missions, BUSY (ask again later), INFEASIBLE (never), CLOSED (tombstone)."""
+
+    outcome: Literal["BOOKED", "BUSY", "INFEASIBLE", "CLOSED"]
+    missions: tuple[Mission, ...] = ()
+    reasons: tuple[ProviderReason, ...] = ()
+
+
+class ClosedDelivery(WireModel):
+    """The answer to PUT /internal/deliveries/{delivery_id}/closed.
+
+    Once closed nothing is booked for the delivery; missions that were booked before are named,
+    and then the delivery is not closed.
+    """
+
+    is_closed: bool
+    missions: tuple[Mission, ...] = ()
+
+
+class MissionReport(WireModel):
+    """Composition to gateway and registry: one thing that happened to a mission.
+
+    `seq` counts per mission from 1 without gaps; the sender repeats until answered 2xx. Kinds:
+
+    ACCEPTED    the drone will fly it
+    REFUSED     it will not (code); the mission is over and everything is freed
+    LOADING     the mission has begun: approach flight, or loading at the pickup
+    LOADED      the packages are on board
+    ACTIVITY    `activity`, `station_id` and `soc` changed
+    DELIVERED   `package_ids` were handed over
+    REPLANNED   a new revision replaces the plan (`mission` holds it)
+    ENDED       the mission is over: COMPLETED, ABORTED or CANCELLED; packages that were not
+                delivered are `stranded_package_ids` at `station_id`, or never left the pickup
+    """
+
+    report_id: str
+    delivery_id: DeliveryId
+    attempt: int
+    trip: int
+    mission_id: MissionId
+    provider_id: ProviderId
+    drone_id: DroneId
+    seq: Annotated[int, Field(ge=1)]
+    kind: Literal[
+        "ACCEPTED", "REFUSED", "LOADING", "LOADED", "ACTIVITY", "DELIVERED", "REPLANNED", "ENDED"
+    ]
+    at: FleetMoment
+    mission_state: MissionState
+    activity: Literal["FLYING", "WAITING", "RECHARGING", "DELIVERING"] | None = None
+    station_id: StationId | None = None
+    soc: Soc | None = None
+    package_ids: tuple[PackageId, ...] = ()
+    stranded_package_ids: tuple[PackageId, ...] = ()
+    etas: tuple[PackageEta, ...] = ()
+    mission: Mission | None = None
+    code: str | None = None
+    detail: str | None = None
+    #: Evidence and numbers: place and weights at a hand-over, flown seconds and joules at the end.
+    data: dict[str, Any] = Field(default_factory=dict)
