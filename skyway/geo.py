@@ -48,12 +48,13 @@ def point_between(start: Position, end: Position, *, fraction: float) -> Positio
     weight_2 = math.sin(fraction * angle) / math.sin(angle)
     x, y, z = (
         weight_1 * a + weight_2 * b
-        for a, b in zip(_unit_vector(start), _unit_vector(end), strict=True)
+        for a, b in zip(unit_vector(start), unit_vector(end), strict=True)
     )
     return Position(math.degrees(math.atan2(y, x)), math.degrees(math.atan2(z, math.hypot(x, y))))
 
 
-def _unit_vector(position: Position) -> tuple[float, float, float]:
+def unit_vector(position: Position) -> tuple[float, float, float]:
+    """The direction from the Earth's centre; its axes point to (0, 0), (90, 0) and the pole."""
     longitude = math.radians(position.longitude_deg)
     latitude = math.radians(position.latitude_deg)
     return (

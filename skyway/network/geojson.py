@@ -11,7 +11,7 @@ from typing import Any
 
 from skyway.errors import InvalidNetwork
 from skyway.ids import StationId, ZoneId
-from skyway.network import geojson_fields as fields
+from skyway.network import fields
 from skyway.network.geojson_features import (
     Feature,
     read_feature,

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 from skyway.errors import InvalidNetwork
 from skyway.geo import Position, distance_m
 from skyway.ids import StationId, ZoneId
-from skyway.network import geojson_fields as fields
+from skyway.network import fields
 from skyway.network.network import DEFAULT_PADS, MAX_PADS, Segment, Station, Zone
 
 #: Longest segment that a document may hold, metres: half the Earth's circumference, rounded up.

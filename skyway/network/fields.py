@@ -1,4 +1,4 @@
-"""Typed reading of the members of a GeoJSON document; what is wrong is named by its path."""
+"""Typed reading of what a network is made from; what is wrong is named by its path."""
 
 import math
 from collections.abc import Mapping
