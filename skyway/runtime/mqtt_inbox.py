@@ -1,0 +1,87 @@
+"""What has arrived for one reader: kept in order, read as typed messages batch by batch."""
+
+import asyncio
+import logging
+from collections import deque
+from collections.abc import AsyncIterator
+from dataclasses import dataclass
+from typing import Any, Final, Generic, TypeVar
+
+from pydantic import ValidationError
+
+from skyway.contracts.topic import Address, Topic
+
+log = logging.getLogger(__name__)
+
+#: Most messages that are handed over at once: receivers write one transaction per batch.
+BATCH_SIZE: Final = 500
+
+#: A whole topic, or one address of it. Any: each topic has a message type of its own.
+Subscription = Topic[Any] | Address[Any]
+
+R = TypeVar("R")  # what is received: one message class, or Any of several
+
+
+@dataclass(frozen=True, slots=True)
+class Received(Generic[R]):
+    """A message that has arrived; `ids` are the topic's placeholders in order."""
+
+    topic: Topic[Any]
+    ids: tuple[str, ...]
+    message: R
+    retained: bool
+
+
+class Inbox:
+    """The subscriptions of one reader and what has arrived on them."""
+
+    def __init__(self, subscriptions: tuple[Subscription, ...]) -> None:
+        self._wanted = tuple(
+            (wanted.topic, wanted.name) if isinstance(wanted, Address) else (wanted, None)
+            for wanted in subscriptions
+        )
+        self._waiting: deque[tuple[Topic[Any], tuple[str, ...], bytes, bool]] = deque()
+        self._has_news = asyncio.Event()
+        self._unreadable: set[str] = set()
+
+    @property
+    def filters(self) -> dict[str, int]:
+        """What to subscribe to: MQTT filter and `mqtt_qos`."""
+        return {name or topic.everywhere: topic.mqtt_qos for topic, name in self._wanted}
+
+    def offer(self, name: str, payload: bytes, *, retained: bool) -> None:
+        """Keep a message if it is on one of our subscriptions."""
+        for topic, only in self._wanted:
+            if only is not None and only != name:
+                continue
+            ids = topic.ids_in(name)
+            if ids is not None:
+                self._waiting.append((topic, ids, payload, retained))
+                self._has_news.set()
+                return
+
+    async def batches(self) -> AsyncIterator[list[Received[Any]]]:
+        """Everything that has arrived, in order, at most `BATCH_SIZE` messages at a time."""
+        while True:
+            await self._has_news.wait()
+            count = min(len(self._waiting), BATCH_SIZE)
+            taken = [self._waiting.popleft() for _ in range(count)]
+            if not self._waiting:
+                self._has_news.clear()
+            batch = [received for item in taken if (received := self._read(*item)) is not None]
+            if batch:
+                yield batch
+
+    def _read(
+        self, topic: Topic[Any], ids: tuple[str, ...], payload: bytes, retained: bool
+    ) -> Received[Any] | None:
+        try:
+            return Received(topic, ids, topic.read(payload), retained)
+        except ValidationError as error:
+            if topic.template not in self._unreadable:
+                self._unreadable.add(topic.template)
+                log.warning(
+                    "unreadable message dropped, later ones on this topic silently",
+                    extra={"topic": topic.template, "ids": ids, "errors": error.error_count()},
+                )
+            return None

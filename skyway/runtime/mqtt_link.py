@@ -1,0 +1,211 @@
+"""One connection to a broker: paho as a parser of packets, asyncio as its socket loop."""
+
+import asyncio
+import socket
+import ssl
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from paho.mqtt.client import Client, MQTTMessage
+from paho.mqtt.enums import CallbackAPIVersion, MQTTErrorCode
+from paho.mqtt.reasoncodes import ReasonCode
+
+from skyway.runtime.errors import MqttUnavailable
+from skyway.runtime.mqtt_address import BrokerAddress
+
+if TYPE_CHECKING:
+    from paho.mqtt.client import SocketLike
+
+#: Seconds after which a silent client is asked for; brokers cut it off after 1.5 times this.
+KEEPALIVE_S = 10
+
+#: Seconds between two looks at the keepalive; a ping is late by this at most.
+_KEEPALIVE_CHECK_S = 2.0
+
+#: Stands for the broker's answer to CONNECT, which has no packet id; ids start at 1.
+_GREETING = 0
+
+Arrival = Callable[[str, bytes, bool], None]
+
+
+@dataclass(frozen=True, slots=True)
+class RawMessage:
+    """A topic name and a payload as they go over the wire."""
+
+    name: str
+    payload: bytes
+    mqtt_qos: int
+    retained: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Login:
+    """How a client introduces itself."""
+
+    client_id: str
+    user_name: str
+    password: str
+
+
+class _PahoClient(Client):
+    """A paho client on a socket that asyncio has already connected (paho's own connect blocks)."""
+
+    opened: socket.socket
+
+    def _create_socket(self) -> socket.socket:
+        return self.opened
+
+
+class MqttLink:
+    """A single connection, from CONNECT to its loss; never connected again.
+
+    A fresh paho client per connection: what was not acknowledged is told to its sender and not
+    kept, so nothing is sent behind a sender's back after a reconnect.
+    """
+
+    def __init__(self, login: Login, *, will: RawMessage | None, on_message: Arrival) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._on_message = on_message
+        self._waiters: dict[int, asyncio.Future[None]] = {}
+        self._is_watching_writes = False
+        self._keepalive_check: asyncio.TimerHandle | None = None
+        #: Done as soon as the connection is lost, with the reason.
+        self.lost: asyncio.Future[str] = self._loop.create_future()
+        self._paho = self._make_paho(login, will)
+
+    def _make_paho(self, login: Login, will: RawMessage | None) -> _PahoClient:
+        paho = _PahoClient(CallbackAPIVersion.VERSION2, login.client_id, reconnect_on_failure=False)
+        paho.username_pw_set(login.user_name, login.password)
+        paho.max_inflight_messages = 0
+        if will is not None:
+            paho.will_set(will.name, will.payload, will.mqtt_qos, will.retained)
+        paho.on_connect = lambda _c, _u, _f, reason, _p: self._greeted(reason)
+        paho.on_disconnect = lambda _c, _u, _f, reason, _p: self._has_lost(str(reason))
+        paho.on_subscribe = lambda _c, _u, mid, _r, _p: self._acknowledged(mid)
+        paho.on_publish = lambda _c, _u, mid, _r, _p: self._acknowledged(mid)
+        paho.on_message = self._arrived
+        paho.on_socket_open = lambda _c, _u, sock: self._loop.add_reader(sock, self._read)
+        paho.on_socket_close = lambda _c, _u, sock: self._stop_reading(sock)
+        paho.on_socket_register_write = lambda _c, _u, _s: self._loop.call_soon(self._write)
+        paho.on_socket_unregister_write = lambda _c, _u, sock: self._stop_watching_writes(sock)
+        return paho
+
+    async def open(self, broker: BrokerAddress) -> None:
+        """Connect to the broker, introduce ourselves and wait for its answer.
+
+        Raises
+        ------
+        MqttUnavailable
+            The broker refused us or hung up.
+        OSError
+            Nobody listens there.
+        """
+        self._paho.opened = await broker.open_socket()
+        self._paho.connect(broker.host, broker.port, keepalive=KEEPALIVE_S)
+        self._check_keepalive()
+        await self._answer_to(_GREETING)
+
+    async def subscribe(self, filters: Mapping[str, int]) -> None:
+        """Subscribe to these filters, each with its `mqtt_qos`, and wait for the SUBACK."""
+        rc, mid = self._paho.subscribe(list(filters.items()))
+        if mid is None:
+            raise MqttUnavailable(f"not subscribed: {rc.name}")
+        await self._answer_to(mid)
+
+    async def publish(self, message: RawMessage) -> None:
+        """Return after the PUBACK, or for `mqtt_qos` 0 once the message is written to the socket.
+
+        Raises
+        ------
+        MqttUnavailable
+            The connection is lost before that.
+        """
+        info = self._paho.publish(message.name, message.payload, message.mqtt_qos, message.retained)
+        if info.rc != MQTTErrorCode.MQTT_ERR_SUCCESS:
+            raise MqttUnavailable(f"not sent: {info.rc.name}")
+        await self._answer_to(info.mid)
+
+    async def lost_or(self, event: asyncio.Event) -> None:
+        """Return once the connection is lost or the event is set."""
+        happened = asyncio.create_task(event.wait())
+        try:
+            await asyncio.wait((self.lost, happened), return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            happened.cancel()
+
+    def close(self) -> None:
+        """Say goodbye, so that the broker does not send the last will, and close the socket."""
+        self._paho.disconnect()
+        self._paho.loop_write()
+        sock = self._paho.socket()
+        if sock is not None:  # the goodbye did not fit into a full socket
+            self._stop_watching_writes(sock)
+            self._stop_reading(sock)
+            sock.close()
+        self._has_lost("closed by this side")
+
+    async def _answer_to(self, mid: int) -> None:
+        """Return when the broker has answered the packet with this id."""
+        if self.lost.done():
+            raise MqttUnavailable(f"connection lost: {self.lost.result()}")
+        waiter: asyncio.Future[None] = self._loop.create_future()
+        self._waiters[mid] = waiter
+        try:
+            await waiter
+        finally:
+            self._waiters.pop(mid, None)
+
+    def _acknowledged(self, mid: int) -> None:
+        waiter = self._waiters.get(mid)
+        if waiter is not None and not waiter.done():
+            waiter.set_result(None)
+
+    def _greeted(self, reason: ReasonCode) -> None:
+        if reason.is_failure:
+            self._has_lost(f"refused by the broker: {reason}")
+        else:
+            self._acknowledged(_GREETING)
+
+    def _arrived(self, _client: Client, _data: object, message: MQTTMessage) -> None:
+        self._on_message(message.topic, message.payload, message.retain)
+
+    def _has_lost(self, reason: str) -> None:
+        """Tell everyone who waits for this connection that no answer comes any more."""
+        if self.lost.done():
+            return
+        self.lost.set_result(reason)
+        if self._keepalive_check is not None:
+            self._keepalive_check.cancel()
+        for waiter in self._waiters.values():
+            if not waiter.done():
+                waiter.set_exception(MqttUnavailable(f"connection lost: {reason}"))
+
+    def _read(self) -> None:
+        self._paho.loop_read()
+        sock = self._paho.socket()
+        # What TLS has decrypted already never shows as readable again.
+        while isinstance(sock, ssl.SSLSocket) and sock.fileno() != -1 and sock.pending():
+            self._paho.loop_read()
+
+    def _write(self) -> None:
+        """Write at once; the selector is asked only when the socket takes no more."""
+        self._paho.loop_write()
+        sock = self._paho.socket()
+        if self._paho.want_write() and sock is not None and not self._is_watching_writes:
+            self._is_watching_writes = True
+            self._loop.add_writer(sock, self._paho.loop_write)
+
+    def _stop_reading(self, sock: "SocketLike") -> None:
+        if sock.fileno() != -1:
+            self._loop.remove_reader(sock)
+
+    def _stop_watching_writes(self, sock: "SocketLike") -> None:
+        if self._is_watching_writes and sock.fileno() != -1:
+            self._is_watching_writes = False
+            self._loop.remove_writer(sock)
+
+    def _check_keepalive(self) -> None:
+        if not self.lost.done():
+            self._paho.loop_misc()
+            self._keepalive_check = self._loop.call_later(_KEEPALIVE_CHECK_S, self._check_keepalive)
