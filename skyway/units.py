@@ -16,6 +16,16 @@ def kmh_to_mps(speed_kmh: float) -> float:
     return speed_kmh / 3.6
 
 
+def km_to_m(distance_km: float) -> float:
+    """Kilometres as metres."""
+    return distance_km * 1000.0
+
+
+def m_to_km(distance_m: float) -> float:
+    """Metres as kilometres, for people to read."""
+    return distance_m / 1000.0
+
+
 def wh_to_j(energy_wh: float) -> float:
     """Watt-hours as joules."""
     return energy_wh * 3600.0

@@ -1,0 +1,172 @@
+"""`skyway network`: build a network, look at it, publish it, fetch it."""
+
+import json
+import sys
+from collections.abc import Mapping
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated, NoReturn
+from urllib.parse import quote
+
+import typer
+
+from skyway.cli.data_folder import data_folder
+from skyway.cli.gateway import call_gateway
+from skyway.errors import SkywayError
+from skyway.network.bundled import texas_corridor
+from skyway.network.geojson import read_network, write_network
+from skyway.network.network import Network
+from skyway.network.synthetic import synthetic_city
+from skyway.units import km_to_m, m_to_km
+
+network_app = typer.Typer(help="Build, show, publish and fetch skyway networks.")
+
+#: Exit code when a file or an option cannot be read, as `skyway compose` has it.
+EXIT_UNREADABLE = 2
+
+#: What stands for the network that comes with Skyway where a file is asked for.
+BUNDLED = "bundled"
+
+_SEGMENT_KM = 20.0
+_CITY_STATIONS = 100
+_CITY_SEED = 1
+
+_OPERATOR_KEY = "SKYWAY_OPERATOR_KEY"
+
+_FileArgument = Annotated[
+    str, typer.Argument(metavar="FILE", help="GeoJSON; - is standard input, 'bundled' our own.")
+]
+_NetworkIdOption = Annotated[str, typer.Option("--network-id", help="The network's name.")]
+
+
+class Kind(StrEnum):
+    """What `build` can build."""
+
+    TEXAS = "texas"
+    CITY = "city"
+
+
+@network_app.command()
+def build(
+    kind: Annotated[
+        Kind, typer.Option(help="The bundled corridor or a made-up city.")
+    ] = Kind.TEXAS,
+    max_segment_km: Annotated[
+        float | None,
+        typer.Option(help=f"texas: the longest line of sight (default {_SEGMENT_KM:g})", min=0.0),
+    ] = None,
+    stations: Annotated[
+        int | None, typer.Option(help=f"city: how many stations (default {_CITY_STATIONS})")
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(help=f"city: another seed, another city (default {_CITY_SEED})")
+    ] = None,
+) -> None:
+    """Write a network to standard output as GeoJSON."""
+    try:
+        if kind is Kind.TEXAS:
+            _refuse_options(kind, {"--stations": stations, "--seed": seed})
+            longest_km = _SEGMENT_KM if max_segment_km is None else max_segment_km
+            network = texas_corridor(max_segment_m=km_to_m(longest_km))
+        else:
+            _refuse_options(kind, {"--max-segment-km": max_segment_km})
+            network = synthetic_city(
+                stations=_CITY_STATIONS if stations is None else stations,
+                seed=_CITY_SEED if seed is None else seed,
+            )
+    except SkywayError as error:
+        _unreadable(str(error))
+    typer.echo(json.dumps(write_network(network)))
+
+
+@network_app.command()
+def show(file: _FileArgument = BUNDLED) -> None:
+    """Print what a network holds and how well it is connected."""
+    from rich.console import Console
+    from rich.table import Table
+
+    network = _read(file)
+    table = Table("what", "value", title=file, show_header=False)
+    for name, value in _facts(network):
+        table.add_row(name, value)
+    Console().print(table)
+
+
+@network_app.command("import")
+def publish(file: _FileArgument, network_id: _NetworkIdOption) -> None:
+    """Publish a network on the running Skyway as a new version (needs the operator's key)."""
+    document = write_network(_read(file))
+    answer = call_gateway(
+        "PUT",
+        _path(network_id),
+        key_name=_OPERATOR_KEY,
+        folder=data_folder(),
+        body=json.dumps(document).encode(),
+    )
+    typer.echo(json.dumps(answer))
+
+
+@network_app.command("export")
+def fetch(network_id: _NetworkIdOption) -> None:
+    """Write a network of the running Skyway to standard output as GeoJSON."""
+    answer = call_gateway(
+        "GET",
+        _path(network_id),
+        key_name=_OPERATOR_KEY,
+        folder=data_folder(),
+    )
+    typer.echo(json.dumps(answer))
+
+
+def _refuse_options(kind: Kind, options: Mapping[str, float | None]) -> None:
+    for option, value in options.items():
+        if value is not None:
+            raise typer.BadParameter(f"{option} has no meaning with --kind {kind}")
+
+
+def _path(network_id: str) -> str:
+    return f"/v1/networks/{quote(network_id, safe='')}"
+
+
+def _read(file: str) -> Network:
+    """The network in this file; a file that holds none ends the command."""
+    if file == BUNDLED:
+        return texas_corridor()
+    try:
+        text = sys.stdin.read() if file == "-" else Path(file).read_text(encoding="utf-8")
+        return read_network(json.loads(text))
+    except (OSError, ValueError, SkywayError) as error:
+        _unreadable(f"{file}: {error}")
+
+
+def _unreadable(message: str) -> NoReturn:
+    typer.echo(message, err=True)
+    raise typer.Exit(EXIT_UNREADABLE)
+
+
+def _facts(network: Network) -> list[tuple[str, str]]:
+    from networkx import strongly_connected_components
+
+    from skyway.network.nx import to_networkx
+
+    pads = [station.pads for station in network.stations.values()]
+    degrees = [len(network.segments_from(station)) for station in network.stations]
+    components = [len(c) for c in strongly_connected_components(to_networkx(network))]
+    facts = [
+        ("stations", str(len(network.stations))),
+        ("pads", str(sum(pads))),
+        ("segments (directed)", str(len(network.segments))),
+        ("zones", str(len(network.zones))),
+    ]
+    if degrees:
+        mean = sum(degrees) / len(degrees)
+        spread = f"{mean:.1f} on average, {min(degrees)} to {max(degrees)}"
+        facts += [
+            ("segments from a station", spread),
+            ("components", f"{len(components)}, the largest of {max(components)} stations"),
+        ]
+    if network.segments:
+        longest = max(network.segments, key=lambda segment: segment.length_m)
+        ends = f"{longest.from_id} to {longest.to_id}"
+        facts.append(("longest segment", f"{m_to_km(longest.length_m):.1f} km, {ends}"))
+    return facts
