@@ -1,0 +1,145 @@
+"""The runtime's branch of the tree of errors; `problems.py` says what each becomes over HTTP.
+
+SkywayError
+├── Unauthenticated         nobody we know
+├── AccessDenied            known, but this is not theirs to do
+├── NotFound                also what is not the caller's own
+├── Conflict                the state of things forbids it; `code` names the reason
+├── PreconditionFailed      If-Match named another version
+├── TooLarge                a body above its limit
+├── IdempotencyKeyReused    the same key came with another body
+├── Taken                   a unique, exclusion or trigger rule of the database refused a row
+├── ServiceUnavailable      another service or the database does not answer now
+│   └── MqttUnavailable     the broker did not take a message
+├── RemoteProblem           another service answered with a problem document
+├── InvalidSettings         the environment of this process is incomplete or wrong
+└── UnsafeDatabase          a database that would lose answered writes
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+from skyway.errors import SkywayError
+
+
+class Unauthenticated(SkywayError):
+    """The caller did not show who they are."""
+
+    def __init__(self, detail: str = "a valid bearer is needed") -> None:
+        super().__init__(detail)
+        self.detail = detail
+
+
+class AccessDenied(SkywayError):
+    """The caller is known, and may not do this."""
+
+    def __init__(self, detail: str) -> None:
+        super().__init__(detail)
+        self.detail = detail
+
+
+class NotFound(SkywayError):
+    """There is no such thing, or it is not the caller's: the two look alike on purpose."""
+
+    def __init__(self, kind: str, identifier: str) -> None:
+        super().__init__(f"no {kind} {identifier!r}")
+        self.kind = kind
+        self.identifier = identifier
+
+
+class Conflict(SkywayError):
+    """The present state forbids what was asked.
+
+    Parameters
+    ----------
+    code
+        A stable UPPER_SNAKE reason, for programs: ``TOO_LATE``.
+    detail
+        The same for people, with the values in question.
+    """
+
+    def __init__(self, code: str, detail: str) -> None:
+        super().__init__(f"{code}: {detail}")
+        self.code = code
+        self.detail = detail
+
+
+class PreconditionFailed(SkywayError):
+    """The caller decided on another version than the present one."""
+
+    def __init__(self, *, expected: str, present: str) -> None:
+        super().__init__(f"version {expected} was expected, the present one is {present}")
+        self.expected = expected
+        self.present = present
+
+
+class TooLarge(SkywayError):
+    """A body is larger than its route takes."""
+
+    def __init__(self, limit_bytes: int) -> None:
+        super().__init__(f"the body is larger than the limit of {limit_bytes} bytes")
+        self.limit_bytes = limit_bytes
+
+
+class IdempotencyKeyReused(SkywayError):
+    """An Idempotency-Key came again, with another body."""
+
+    def __init__(self) -> None:
+        super().__init__("this Idempotency-Key was used before with another body")
+
+
+class Taken(SkywayError):
+    """A rule of the database refused a row: somebody else holds what it wanted.
+
+    Parameters
+    ----------
+    constraint
+        Name of the unique index, exclusion constraint or trigger rule, the same on SQLite and
+        PostgreSQL when it was named.
+    """
+
+    def __init__(self, constraint: str) -> None:
+        super().__init__(f"taken: {constraint}")
+        self.constraint = constraint
+
+
+class ServiceUnavailable(SkywayError):
+    """Another service, or the database, does not answer now; asking later may help."""
+
+    def __init__(self, service: str, detail: str) -> None:
+        super().__init__(f"{service} is unavailable: {detail}")
+        self.service = service
+        self.detail = detail
+
+
+class MqttUnavailable(ServiceUnavailable):
+    """The broker is not connected, or did not acknowledge in time."""
+
+    def __init__(self, detail: str) -> None:
+        super().__init__("broker", detail)
+
+
+class RemoteProblem(SkywayError):
+    """Another service answered with an error.
+
+    Parameters
+    ----------
+    status
+        The HTTP status of the answer.
+    problem
+        Its problem document (RFC 9457); Any, since every problem has members of its own.
+    """
+
+    def __init__(self, status: int, problem: Mapping[str, Any]) -> None:
+        title = problem.get("detail") or problem.get("title") or "no problem document"
+        super().__init__(f"{status}: {title}")
+        self.status = status
+        self.problem = problem
+
+
+class InvalidSettings(SkywayError):
+    """Variables of the environment are missing or wrong; the message names each."""
+
+
+class UnsafeDatabase(SkywayError):
+    """A database does not keep what it answered through a loss of power."""

@@ -1,0 +1,70 @@
+"""What a process counts; `exposition` shows it to Prometheus.
+
+Counting needs nothing but this file, so that the drone agent stays light: prometheus_client is
+only imported by a service that is asked for its metrics.
+"""
+
+from collections import defaultdict
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from prometheus_client.core import CounterMetricFamily
+
+_Labels = tuple[tuple[str, str], ...]
+
+
+class Counters:
+    """Numbers that only grow, each named ``skyway_...`` and told apart by labels."""
+
+    def __init__(self) -> None:
+        self._about: dict[str, str] = {}
+        self._values: dict[str, dict[_Labels, float]] = defaultdict(dict)
+
+    def add(self, name: str, about: str, amount: float = 1.0, **labels: str) -> None:
+        """Count `amount` more of `name`, which says in `about` what it counts."""
+        self._about[name] = about
+        series = self._values[name]
+        key = tuple(sorted(labels.items()))
+        series[key] = series.get(key, 0.0) + amount
+
+    def value(self, name: str, **labels: str) -> float:
+        """How much has been counted under exactly these labels."""
+        return self._values[name].get(tuple(sorted(labels.items())), 0.0)
+
+    def collect(self) -> "Iterable[CounterMetricFamily]":
+        """The counters in the form that prometheus_client collects."""
+        from prometheus_client.core import CounterMetricFamily
+
+        for name, series in self._values.items():
+            names = sorted({label for key in series for label, _ in key})
+            family = CounterMetricFamily(name, self._about.get(name, name), labels=names)
+            for key, value in series.items():
+                labels = dict(key)
+                family.add_metric([labels.get(label, "") for label in names], value)
+            yield family
+
+
+#: The counters of this process: a process has one set, as it has one log.
+COUNTERS = Counters()
+
+
+def count(name: str, about: str, amount: float = 1.0, **labels: str) -> None:
+    """Count in this process: ``count("skyway_outbox_sent", "messages sent", channel="mqtt")``."""
+    COUNTERS.add(name, about, amount, **labels)
+
+
+def exposition() -> tuple[bytes, str]:
+    """The metrics of this process, and their content type."""
+    from prometheus_client import CollectorRegistry, ProcessCollector, generate_latest
+    from prometheus_client.exposition import CONTENT_TYPE_PLAIN_1_0_0
+    from prometheus_client.registry import Collector
+
+    class _Counted(Collector):
+        def collect(self) -> "Iterable[CounterMetricFamily]":
+            return COUNTERS.collect()
+
+    registry = CollectorRegistry()
+    registry.register(_Counted())
+    ProcessCollector(registry=registry)
+    return generate_latest(registry), CONTENT_TYPE_PLAIN_1_0_0

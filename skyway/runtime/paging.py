@@ -1,0 +1,77 @@
+"""Long lists in pages: an opaque cursor names the last item seen."""
+
+import base64
+import binascii
+import json
+from collections.abc import Callable, Sequence
+from typing import Annotated, Generic, TypeVar
+
+from pydantic import Field
+
+from skyway.errors import InvalidInput
+from skyway.json_model import JsonModel
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+#: What a list is sorted by: the values of the last item seen, which the next page starts after.
+SortKey = tuple[str | int, ...]
+
+
+class PageQuery(JsonModel):
+    """The query of a list: ``?limit=&cursor=``."""
+
+    limit: Annotated[int, Field(ge=1, le=200)] = 50
+    cursor: Annotated[str | None, Field(max_length=1024)] = None
+
+    def after(self, *kinds: type[str] | type[int]) -> SortKey | None:
+        """The sort key to start after, of these types; None on the first page."""
+        return None if self.cursor is None else decode_cursor(self.cursor, *kinds)
+
+
+class Page(JsonModel, Generic[T]):
+    """One page of a list; `next_cursor` is None on the last one."""
+
+    items: tuple[T, ...]
+    next_cursor: str | None = None
+
+
+def encode_cursor(key: SortKey) -> str:
+    """The cursor that stands after the item with this sort key."""
+    text = json.dumps(list(key), separators=(",", ":"))
+    return base64.urlsafe_b64encode(text.encode()).decode().rstrip("=")
+
+
+def decode_cursor(cursor: str, *kinds: type[str] | type[int]) -> SortKey:
+    """The sort key in a cursor.
+
+    Raises
+    ------
+    InvalidInput
+        It is not a cursor of a list that is sorted by values of these types.
+    """
+    try:
+        padded = cursor + "=" * (-len(cursor) % 4)
+        values = json.loads(base64.b64decode(padded, altchars=b"-_", validate=True))
+    except (binascii.Error, ValueError, RecursionError) as error:
+        raise InvalidInput("cursor", "not a cursor of this list") from error
+    fits = isinstance(values, list) and [type(value) for value in values] == list(kinds)
+    if not fits:
+        raise InvalidInput("cursor", "not a cursor of this list")
+    return tuple(values)
+
+
+def page_of(
+    rows: Sequence[R],
+    query: PageQuery,
+    *,
+    item: Callable[[R], T],
+    sort_key: Callable[[R], SortKey],
+) -> Page[T]:
+    """The page from at most `limit` + 1 rows, of which the last says only that there are more."""
+    shown = rows[: query.limit]
+    has_more = len(rows) > query.limit
+    return Page(
+        items=tuple(item(row) for row in shown),
+        next_cursor=encode_cursor(sort_key(shown[-1])) if has_more else None,
+    )
