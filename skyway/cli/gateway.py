@@ -18,7 +18,13 @@ EXIT_REFUSED = 1
 
 
 def call_gateway(
-    method: str, path: str, *, key_name: str, folder: DataFolder, body: bytes | None = None
+    method: str,
+    path: str,
+    *,
+    key_name: str,
+    folder: DataFolder,
+    body: bytes | None = None,
+    idempotency_key: str | None = None,
 ) -> Any:
     """The JSON that the gateway answers; any JSON value, as the caller's route documents it.
 
@@ -32,6 +38,8 @@ def call_gateway(
     headers = {"Authorization": f"Bearer {settings[key_name]}"}
     if body is not None:
         headers["Content-Type"] = "application/json"
+    if idempotency_key is not None:
+        headers["Idempotency-Key"] = idempotency_key
     try:
         answer = httpx.request(
             method, settings[_URL] + path, content=body, headers=headers, timeout=_TIMEOUT_S

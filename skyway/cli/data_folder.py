@@ -1,0 +1,83 @@
+"""Where everything of one local system lives: one folder, and the names in it."""
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+#: The services that keep a database and hold a service credential.
+CLOUD_SERVICES = ("registry", "composition", "gateway")
+
+
+@dataclass(frozen=True, slots=True)
+class DataFolder:
+    """The data folder of `skyway up`, and where in it each thing lies."""
+
+    path: Path
+
+    @property
+    def secrets(self) -> Path:
+        """One small file per secret, as Docker and Kubernetes mount them."""
+        return self.path / "secrets"
+
+    @property
+    def keys_file(self) -> Path:
+        """The newcomer's keys and addresses, for the command line and for a shell to source."""
+        return self.path / "keys.env"
+
+    @property
+    def clock_file(self) -> Path:
+        """The fleet clock's anchor."""
+        return self.path / "clock.json"
+
+    @property
+    def heartbeat_file(self) -> Path:
+        """The last fleet time that was reached."""
+        return self.path / "heartbeat.json"
+
+    @property
+    def logs(self) -> Path:
+        """One log per process."""
+        return self.path / "logs"
+
+    def log(self, process: str) -> Path:
+        """The log of one process."""
+        return self.logs / f"{process}.log"
+
+    @property
+    def broker(self) -> Path:
+        """What the broker reads: passwords, rules, and Mosquitto's configuration."""
+        return self.path / "broker"
+
+    @property
+    def broker_passwords(self) -> Path:
+        """The broker's accounts, written by the registry alone."""
+        return self.broker / "passwords"
+
+    @property
+    def broker_pid(self) -> Path:
+        """Where Mosquitto notes its process id, so that the registry can have it reload."""
+        return self.broker / "mosquitto.pid"
+
+    @property
+    def journals(self) -> Path:
+        """The simulated drones' journals."""
+        return self.path / "journals"
+
+    @property
+    def lock_file(self) -> Path:
+        """Held by the one supervisor that runs on this folder."""
+        return self.path / "lock"
+
+    def database_url(self, service: str) -> str:
+        """The SQLite database of a service."""
+        return f"sqlite:///{(self.path / f'{service}.db').resolve()}"
+
+    def make(self) -> None:
+        """Make the folders that are missing, closed to other users."""
+        for folder in (self.path, self.secrets, self.logs, self.broker, self.journals):
+            folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+
+
+def data_folder(given: Path | None = None) -> DataFolder:
+    """The folder given, else `SKYWAY_DATA`, else `.skyway` here."""
+    return DataFolder(given or Path(os.environ.get("SKYWAY_DATA", ".skyway")))

@@ -1,0 +1,50 @@
+"""Which database each service of a local system uses: a SQLite file, or one on the server given."""
+
+import os
+from urllib.parse import SplitResult, urlsplit
+
+from skyway.cli.data_folder import CLOUD_SERVICES, DataFolder
+from skyway.errors import SkywayError
+
+
+async def database_urls(folder: DataFolder) -> dict[str, str]:
+    """The database by service; on a PostgreSQL server missing databases are created.
+
+    `SKYWAY_DATABASE_URL` names the server and the database to connect to while creating.
+    """
+    server = os.environ.get("SKYWAY_DATABASE_URL")
+    if server is None:
+        return {service: folder.database_url(service) for service in CLOUD_SERVICES}
+    parts = urlsplit(server)
+    if parts.scheme != "postgresql":
+        raise SkywayError(
+            f"SKYWAY_DATABASE_URL is of kind {parts.scheme!r}; a server is postgresql://..."
+        )
+    names = {service: f"skyway_{service}" for service in CLOUD_SERVICES}
+    await _create_missing(parts, list(names.values()))
+    return {service: _with_database(parts, name) for service, name in names.items()}
+
+
+def _with_database(server: SplitResult, database: str) -> str:
+    # Not geturl(): it drops the empty host of a URL that names a socket folder in its query.
+    query = f"?{server.query}" if server.query else ""
+    return f"{server.scheme}://{server.netloc}/{database}{query}"
+
+
+async def _create_missing(server: SplitResult, databases: list[str]) -> None:
+    import asyncpg
+
+    try:
+        connection = await asyncpg.connect(
+            _with_database(server, server.path.lstrip("/") or "postgres"), timeout=10
+        )
+    except (OSError, asyncpg.PostgresError) as error:
+        raise SkywayError(f"SKYWAY_DATABASE_URL: the server does not answer: {error}") from error
+    try:
+        rows = await connection.fetch("SELECT datname FROM pg_database")
+        present = {row["datname"] for row in rows}
+        for database in databases:
+            if database not in present:
+                await connection.execute(f'CREATE DATABASE "{database}"')
+    finally:
+        await connection.close()

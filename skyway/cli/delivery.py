@@ -1,0 +1,119 @@
+"""`skyway request` and `skyway track`: a customer at the terminal."""
+
+import json
+import uuid
+from pathlib import Path
+from typing import Annotated, Any
+
+import httpx
+import typer
+from rich.console import Console
+
+from skyway.cli.data_folder import DataFolder, data_folder
+from skyway.cli.gateway import call_gateway, fail
+from skyway.cli.keys import read_keys
+from skyway.cli.up import DataOption
+
+_CUSTOMER_KEY = "SKYWAY_CUSTOMER_KEY"
+
+#: After these a delivery says no more.
+_LAST_WORDS = frozenset(
+    f"delivery.{end}"
+    for end in ("completed", "partially_completed", "failed", "rejected", "cancelled")
+)
+
+
+def request_command(
+    pickup: Annotated[str | None, typer.Argument(help="The pickup station.")] = None,
+    package: Annotated[
+        list[str] | None,
+        typer.Option("--package", "-p", help="DESTINATION=MASS_KG; once for each package."),
+    ] = None,
+    file: Annotated[
+        Path | None, typer.Option(help="A delivery request as JSON, instead of the above.")
+    ] = None,
+    objective: Annotated[str, typer.Option(help="fastest, cheapest or greenest.")] = "fastest",
+    follow: Annotated[bool, typer.Option("--follow", help="Track it to its end.")] = False,
+    data: DataOption = None,
+) -> None:
+    """Request a delivery, and print its id."""
+    folder = data_folder(data)
+    if file is not None:
+        body = file.read_bytes()
+    else:
+        if not pickup or not package:
+            fail("give a pickup station and at least one --package DESTINATION=MASS_KG, or --file")
+        body = json.dumps(_request(pickup, package, objective)).encode()
+    answer = _create(folder, body)
+    typer.echo(answer["delivery_id"])
+    if follow:
+        _follow(folder, answer["delivery_id"])
+
+
+def track_command(
+    delivery_id: Annotated[str, typer.Argument(help="As `skyway request` printed it.")],
+    data: DataOption = None,
+) -> None:
+    """Print a delivery's events as they happen, until it ends."""
+    _follow(data_folder(data), delivery_id)
+
+
+def _request(pickup: str, packages: list[str], objective: str) -> dict[str, Any]:
+    asked = []
+    for number, text in enumerate(packages, start=1):
+        destination, equals, mass = text.partition("=")
+        try:
+            mass_kg = float(mass) if equals else 1.0
+        except ValueError:
+            fail(f"--package {text}: {mass!r} is not a mass in kg")
+        place = {"station_id": destination}
+        asked.append({"package_id": f"p{number}", "mass_kg": mass_kg, "destination": place})
+    return {
+        "pickup": {"station_id": pickup},
+        "packages": asked,
+        "qos": {"objective": objective},
+    }
+
+
+def _create(folder: DataFolder, body: bytes) -> dict[str, Any]:
+    answer: dict[str, Any] = call_gateway(
+        "POST",
+        "/v1/deliveries",
+        key_name=_CUSTOMER_KEY,
+        folder=folder,
+        body=body,
+        idempotency_key=str(uuid.uuid4()),
+    )
+    return answer
+
+
+def _follow(folder: DataFolder, delivery_id: str) -> None:
+    console = Console()
+    call_gateway("GET", f"/v1/deliveries/{delivery_id}", key_name=_CUSTOMER_KEY, folder=folder)
+    settings = read_keys(folder)
+    url = f"{settings['SKYWAY_GATEWAY_URL']}/v1/deliveries/{delivery_id}/events"
+    headers = {"Authorization": f"Bearer {settings[_CUSTOMER_KEY]}"}
+    last_type = ""
+    while last_type not in _LAST_WORDS:
+        try:
+            last_type = _print_events(console, url, headers)
+        except httpx.TransportError as error:
+            # The stream broke; the next one goes on after the last event that was printed.
+            console.print(f"[dim]{error}; connecting again[/]")
+
+
+def _print_events(console: Console, url: str, headers: dict[str, str]) -> str:
+    """Print what comes until the stream ends; remembers the place in `headers` for the next."""
+    last_type = ""
+    with httpx.stream("GET", url, headers=headers, timeout=httpx.Timeout(10, read=None)) as lines:
+        for line in lines.iter_lines():
+            name, _, value = line.partition(": ")
+            if name == "id":
+                headers["Last-Event-ID"] = value
+            elif name == "data":
+                event = json.loads(value)
+                last_type = event["type"]
+                console.print(f"{event['occurred_at']}  {last_type}  {json.dumps(event['data'])}")
+                if last_type in _LAST_WORDS:
+                    break
+    return last_type

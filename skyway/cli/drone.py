@@ -1,0 +1,139 @@
+"""`skyway drone` and `skyway fleet`: agent processes against a running Skyway."""
+
+import json
+import os
+import subprocess
+import sys
+from itertools import cycle, islice
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from skyway.cli.data_folder import DataFolder, data_folder
+from skyway.cli.gateway import call_gateway, fail
+from skyway.cli.keys import read_keys
+from skyway.cli.up import DataOption
+
+_OPERATOR_KEY = "SKYWAY_OPERATOR_KEY"
+
+#: The gateway answers lists in pages of at most this many.
+_PAGE = 200
+
+FileArgument = Annotated[
+    Path | None,
+    typer.Argument(metavar="[FILE]", help="The answer of POST /v1/providers/{id}/drones."),
+]
+
+
+def drone_command(
+    file: Annotated[Path, typer.Argument(help="The answer of POST /v1/providers/{id}/drones.")],
+    drone_id: Annotated[str | None, typer.Option(help="Which one, when the file has many.")] = None,
+    data: DataOption = None,
+) -> None:
+    """Run the agent of one drone until Ctrl-C."""
+    drones = _read(file)
+    chosen = [drone for drone in drones if drone_id in (None, drone["drone_id"])]
+    if len(chosen) != 1:
+        fail(f"{file} holds {len(chosen)} drones to choose from: name one with --drone-id")
+    _run_agent(data_folder(data), chosen)
+
+
+def fleet_command(
+    file: FileArgument = None,
+    drones: Annotated[
+        int | None, typer.Option(min=1, max=5_000, help="Register this many ourselves.")
+    ] = None,
+    model_id: Annotated[
+        str, typer.Option("--model", help="With --drones: their model.")
+    ] = "paper-scenario",
+    home: Annotated[
+        list[str] | None, typer.Option(help="With --drones: home stations, taken in turn.")
+    ] = None,
+    provider_id: Annotated[
+        str | None, typer.Option(help="With --drones: whose; a new provider if not given.")
+    ] = None,
+    data: DataOption = None,
+) -> None:
+    """Run many simulated drones in one agent process until Ctrl-C."""
+    folder = data_folder(data)
+    if (file is None) == (drones is None):
+        fail("give either FILE or --drones N")
+    if file is not None:
+        hosted = _read(file)
+    else:
+        homes = home or _all_stations(folder)
+        owner = provider_id or _new_provider(folder)
+        hosted = _register(folder, owner, model_id, list(islice(cycle(homes), drones)))
+    _run_agent(folder, hosted)
+
+
+def _read(file: Path) -> list[dict[str, Any]]:  # drones as the registry answers them
+    try:
+        content = json.loads(file.read_text())
+    except (OSError, ValueError) as error:
+        fail(f"{file} cannot be read: {error}")
+    if isinstance(content, dict):
+        content = content.get("items", [content])
+    if not isinstance(content, list) or not all("drone_id" in drone for drone in content):
+        fail(f"{file} is not the answer of POST /v1/providers/{{id}}/drones")
+    return content
+
+
+def _all_stations(folder: DataFolder) -> list[str]:
+    networks = _operate(folder, "GET", "/v1/networks")["items"]
+    if not networks:
+        fail("there is no network yet: skyway network import bundled --network-id texas")
+    path = f"/v1/networks/{networks[0]['network_id']}/stations?limit={_PAGE}"
+    stations: list[str] = []
+    cursor: str | None = ""
+    while cursor is not None:
+        page = _operate(folder, "GET", path + (f"&cursor={cursor}" if cursor else ""))
+        stations += [item["station_id"] for item in page["items"]]
+        cursor = page["next_cursor"]
+    return stations
+
+
+def _new_provider(folder: DataFolder) -> str:
+    body = {"name": "Simulated fleet", "tariff": {"currency": "USD", "base": 500, "per_km": 20}}
+    return str(_operate(folder, "POST", "/v1/providers", body)["provider_id"])
+
+
+def _register(
+    folder: DataFolder, provider_id: str, model_id: str, homes: list[str]
+) -> list[dict[str, Any]]:
+    body = [{"model_id": model_id, "home_station_id": station} for station in homes]
+    answer = _operate(folder, "POST", f"/v1/providers/{provider_id}/drones", body)
+    registered: list[dict[str, Any]] = answer["items"]
+    typer.echo(f"{len(registered)} drones registered with provider {provider_id}", err=True)
+    return registered
+
+
+def _operate(folder: DataFolder, method: str, path: str, body: object = None) -> Any:
+    """One call with the operator's key; its answer is whatever JSON the route documents."""
+    encoded = None if body is None else json.dumps(body).encode()
+    return call_gateway(method, path, key_name=_OPERATOR_KEY, folder=folder, body=encoded)
+
+
+def _run_agent(folder: DataFolder, drones: list[dict[str, Any]]) -> None:
+    """Run the agent on these drones in place of this process's own work, and end with its code."""
+    folder.make()
+    # The file holds broker passwords, so it lies in the closed data folder.
+    fleet_file = folder.path / f"fleet-{drones[0]['drone_id']}.json"
+    descriptor = os.open(fleet_file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+    with os.fdopen(descriptor, "w") as file:
+        json.dump({"items": drones}, file)
+    settings = read_keys(folder)
+    if "SKYWAY_MQTT_URL" not in settings:
+        fail(f"SKYWAY_MQTT_URL is not set, neither in the environment nor in {folder.keys_file}")
+    environment = {
+        **os.environ,
+        "SKYWAY_MQTT_URL": settings["SKYWAY_MQTT_URL"],
+        "SKYWAY_AGENT_JOURNAL": str(folder.journals),
+    }
+    command = [sys.executable, "-m", "skyway_drone_agent", "--fleet", str(fleet_file)]
+    typer.echo(f"{len(drones)} drones fly until Ctrl-C", err=True)
+    try:
+        raise typer.Exit(subprocess.run(command, env=environment, check=False).returncode)
+    except KeyboardInterrupt:
+        raise typer.Exit(0) from None

@@ -1,0 +1,41 @@
+"""The `skyway` command: one line per subcommand."""
+
+import sys
+
+import typer
+
+from skyway.cli.compose import compose_command
+from skyway.cli.delivery import request_command, track_command
+from skyway.cli.demo import demo_command
+from skyway.cli.doctor import doctor_command
+from skyway.cli.drone import drone_command, fleet_command
+from skyway.cli.network import network_app
+from skyway.cli.up import up_command
+from skyway.cli.verify import verify_command
+from skyway.errors import SkywayError
+
+app = typer.Typer(
+    help="The open backend for drone-based multi-package delivery.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+)
+app.command("up")(up_command)
+app.command("demo")(demo_command)
+app.command("compose")(compose_command)
+app.command("request")(request_command)
+app.command("track")(track_command)
+app.command("drone")(drone_command)
+app.command("fleet")(fleet_command)
+app.command("verify")(verify_command)
+app.command("doctor")(doctor_command)
+app.add_typer(network_app, name="network")
+
+
+def main() -> None:
+    """Run a subcommand; what Skyway itself reports ends it with a message and code 1."""
+    try:
+        app()
+    except SkywayError as error:
+        typer.echo(f"skyway: {error}", err=True)
+        sys.exit(1)

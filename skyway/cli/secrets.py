@@ -1,0 +1,56 @@
+"""Every secret of a local system, made on the first start and kept."""
+
+import os
+import secrets
+from pathlib import Path
+
+from skyway.cli.data_folder import CLOUD_SERVICES, DataFolder
+
+#: Broker accounts that exist before any drone: the services' and the operator's.
+_BROKER_ACCOUNTS = (*CLOUD_SERVICES, "operator")
+
+#: API keys that exist before any request: whom `skyway up` writes into keys.env.
+_API_KEYS = ("operator_key", "customer_key")
+
+
+def make_secrets(folder: DataFolder) -> None:
+    """Write the secrets that are missing, each readable by this user alone."""
+    folder.make()
+    for service in CLOUD_SERVICES:
+        _write_once(folder.secrets / f"service_{service}", secrets.token_urlsafe(32))
+    for account in _BROKER_ACCOUNTS:
+        _write_once(folder.secrets / f"mqtt_{account}", secrets.token_urlsafe(24))
+    for name in _API_KEYS:
+        _write_once(folder.secrets / name, f"sk_{secrets.token_urlsafe(32)}")
+
+
+def read_secret(folder: DataFolder, name: str) -> str:
+    """One secret."""
+    return (folder.secrets / name).read_text().strip()
+
+
+def write_keys_file(folder: DataFolder, gateway_url: str, mqtt_url: str) -> None:
+    """Write the newcomer's keys and where to use them, as lines that a shell can source."""
+    values = {
+        "SKYWAY_GATEWAY_URL": gateway_url,
+        "SKYWAY_MQTT_URL": mqtt_url,
+        "SKYWAY_OPERATOR_KEY": read_secret(folder, "operator_key"),
+        "SKYWAY_CUSTOMER_KEY": read_secret(folder, "customer_key"),
+        "SKYWAY_MQTT_OPERATOR_PASSWORD": read_secret(folder, "mqtt_operator"),
+    }
+    lines = [f"export {name}={value}\n" for name, value in values.items()]
+    _replace(folder.keys_file, "".join(lines))
+
+
+def _write_once(path: Path, content: str) -> None:
+    if not path.exists():
+        _replace(path, content + "\n")
+
+
+def _replace(path: Path, content: str) -> None:
+    """Write through a temporary file, so that nobody ever reads a half-written secret."""
+    draft = path.with_name(f".{path.name}.draft")
+    descriptor = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+    with os.fdopen(descriptor, "w") as file:
+        file.write(content)
+    draft.replace(path)

@@ -1,0 +1,131 @@
+"""One local Skyway, from its first process to its last."""
+
+import asyncio
+import fcntl
+import os
+import sys
+from collections.abc import AsyncIterator, Mapping
+from contextlib import ExitStack, asynccontextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+import httpx
+
+from skyway.cli.children import Ports, bind, child, environment, service_urls
+from skyway.cli.data_folder import DataFolder
+from skyway.cli.databases import database_urls
+from skyway.cli.fleet_time import anchor_clock, keep_heartbeat
+from skyway.cli.mosquitto_files import write_mosquitto_files
+from skyway.cli.secrets import make_secrets, write_keys_file
+from skyway.cli.supervisor import Child, Supervisor
+from skyway.errors import SkywayError
+
+#: How long all services together may take until they answer /readyz, wall seconds.
+_READY_WITHIN_S = 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class System:
+    """A running local system; drones and customers meet the broker at `mqtt_url`."""
+
+    folder: DataFolder
+    supervisor: Supervisor
+    urls: Mapping[str, str]
+    mqtt_url: str
+
+    def start_fleet(self, name: str, fleet_file: Path) -> None:
+        """Keep an agent process running that hosts the drones of this file."""
+        self.supervisor.start(
+            Child(
+                name=name,
+                command=(sys.executable, "-m", "skyway_drone_agent", "--fleet", str(fleet_file)),
+                log=self.folder.log(name),
+                environment={
+                    "SKYWAY_MQTT_URL": self.mqtt_url,
+                    "SKYWAY_AGENT_JOURNAL": str(self.folder.journals.resolve()),
+                },
+            )
+        )
+
+
+@asynccontextmanager
+async def running_system(folder: DataFolder, *, rate: float, ports: Ports) -> AsyncIterator[System]:
+    """Start everything, wait until it is ready, and end all of it on leaving.
+
+    `SKYWAY_DATABASE_URL` and `SKYWAY_MQTT_URL` replace the embedded database and broker.
+
+    Raises
+    ------
+    SkywayError
+        Something does not start; the message says what, and where its log is.
+    """
+    make_secrets(folder)
+    with ExitStack() as held:
+        _hold(folder, held)
+        anchor_clock(folder, rate=rate)
+        sockets = bind(ports, held)
+        told = environment(folder, sockets)
+        if "broker" not in sockets:
+            write_mosquitto_files(folder, told["SKYWAY_MQTT_URL"])
+        databases = await database_urls(folder)
+        system = System(
+            folder=folder,
+            supervisor=Supervisor(),
+            urls=service_urls(sockets),
+            mqtt_url=os.environ.get("SKYWAY_MQTT_DRONE_URL", told["SKYWAY_MQTT_URL"]),
+        )
+        write_keys_file(folder, system.urls["gateway"], system.mqtt_url)
+        heartbeat = asyncio.create_task(keep_heartbeat(folder))
+        try:
+            async with system.supervisor:
+                for name, listener in sockets.items():
+                    process = child(
+                        name, folder, listener=listener, told=told, database_urls=databases
+                    )
+                    system.supervisor.start(process)
+                await _until_ready(system)
+                yield system
+        finally:
+            heartbeat.cancel()
+            with suppress(asyncio.CancelledError):
+                await heartbeat
+
+
+def _hold(folder: DataFolder, held: ExitStack) -> None:
+    lock = held.enter_context(folder.lock_file.open("w"))
+    try:
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        raise SkywayError(f"another Skyway runs on {folder.path}; stop it first") from error
+
+
+async def _until_ready(system: System) -> None:
+    """Wait for every service's /readyz, or for a child that keeps dying."""
+    failure = asyncio.create_task(system.supervisor.failed())
+    ready = asyncio.create_task(_all_answer(system.urls))
+    done, pending = await asyncio.wait(
+        {failure, ready}, timeout=_READY_WITHIN_S, return_when=asyncio.FIRST_COMPLETED
+    )
+    for task in pending:
+        task.cancel()
+    if not done:
+        raise SkywayError(
+            f"not everything was ready within {_READY_WITHIN_S:.0f} s; "
+            f"the logs are in {system.folder.logs}"
+        )
+    for task in done:
+        task.result()
+
+
+async def _all_answer(urls: Mapping[str, str]) -> None:
+    async with httpx.AsyncClient(timeout=5.0) as client:
+        for url in urls.values():
+            while not await _is_ready(client, url):  # noqa: ASYNC110 - asked of another process
+                await asyncio.sleep(0.05)
+
+
+async def _is_ready(client: httpx.AsyncClient, url: str) -> bool:
+    try:
+        return (await client.get(f"{url}/readyz")).is_success
+    except httpx.HTTPError:
+        return False

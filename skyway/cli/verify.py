@@ -1,0 +1,45 @@
+"""`skyway verify`: each service checks its own database's invariants; this adds up."""
+
+import asyncio
+import os
+import subprocess
+import sys
+
+import typer
+
+from skyway.cli.children import PACKAGES
+from skyway.cli.data_folder import CLOUD_SERVICES, data_folder
+from skyway.cli.databases import database_urls
+from skyway.cli.up import DataOption
+
+#: A service checks a database of millions of rows in minutes, not hours.
+_WITHIN_S = 600.0
+
+
+def verify_command(data: DataOption = None) -> None:
+    """Check every invariant over the databases; exits 1 when one is violated."""
+    folder = data_folder(data)
+    urls = asyncio.run(database_urls(folder))
+    violations = 0
+    for service in CLOUD_SERVICES:
+        checked = subprocess.run(
+            [sys.executable, "-m", PACKAGES[service], "verify"],
+            env={
+                **os.environ,
+                "SKYWAY_DATABASE_URL": urls[service],
+                "SKYWAY_SECRETS_DIR": str(folder.secrets),
+            },
+            capture_output=True,
+            text=True,
+            timeout=_WITHIN_S,
+            check=False,
+        )
+        found = checked.stdout.splitlines()
+        for line in found:
+            typer.echo(f"{service}: {line}")
+        if checked.returncode not in (0, 1) or bool(found) != bool(checked.returncode):
+            typer.echo(f"{service}: could not be checked:\n{checked.stderr}", err=True)
+            raise typer.Exit(2)
+        violations += len(found)
+    typer.echo(f"{violations} violations in {len(CLOUD_SERVICES)} databases")
+    raise typer.Exit(1 if violations else 0)
