@@ -1,0 +1,116 @@
+"""Who may read and write which topic, from the topics' own lines: the source of broker ACLs."""
+
+import re
+from collections.abc import Iterable
+from functools import lru_cache
+from typing import Any, Final, Literal, get_args
+
+from skyway.contracts.topic import BrokerRole, Topic
+from skyway.contracts.topics import TOPICS
+
+Access = Literal["read", "write"]
+
+#: The accounts that are known by name; every other account is a drone's or a customer's own.
+SERVICE_ACCOUNTS: Final = frozenset(get_args(BrokerRole)) - {"drone", "customer"}
+
+#: What stands for the account's own name in a rule, as Mosquitto writes it.
+_OWN_NAME: Final = "%u"
+
+#: Where a drone or a customer finds its own name in a topic.
+_OWN_PLACEHOLDERS: Final = {"drone": "{d}", "customer": "{c}"}
+
+_IDENTIFIER: Final = re.compile(r"[A-Za-z0-9_-]{1,64}")
+
+#: Decisions remembered: about every (account, topic) of a fleet of 5,000.
+_REMEMBERED: Final = 65_536
+
+Rule = tuple[Access, str]
+
+
+class BrokerRules:
+    """The rights of every account, for the embedded broker and, as text, for Mosquitto.
+
+    A service account has what its name has in the topics' lines. Everyone has what drones and
+    customers have, with the own name in the place of `{d}` or `{c}`; a service account does not
+    count as a drone or customer of its name.
+    """
+
+    def __init__(self, topics: Iterable[Topic[Any]] = TOPICS) -> None:
+        topics = tuple(topics)
+        self._everyone = tuple(
+            dict.fromkeys(rule for role in _OWN_PLACEHOLDERS for rule in _rules_of(role, topics))
+        )
+        self._services = {name: tuple(_rules_of(name, topics)) for name in sorted(SERVICE_ACCOUNTS)}
+        self._own_branches = tuple(dict.fromkeys(_own_branches(topics)))
+        self._may = lru_cache(_REMEMBERED)(self._decide)
+
+    def may_read(self, user_name: str, topic: str) -> bool:
+        """Whether a message on this topic may be delivered to this account."""
+        return self._may(user_name, "read", topic)
+
+    def may_write(self, user_name: str, topic: str) -> bool:
+        """Whether this account may publish on this topic."""
+        return self._may(user_name, "write", topic)
+
+    def mosquitto_acl(self) -> str:
+        """The same rights as an ACL file of Mosquitto."""
+        lines = ["# Generated from skyway.contracts.topics; do not edit."]
+        lines += [f"pattern {access} {allowed}" for access, allowed in self._everyone]
+        for name, rules in self._services.items():
+            lines += ["", f"user {name}"]
+            lines += [
+                f"topic deny {branch.replace(_OWN_NAME, name)}" for branch in self._own_branches
+            ]
+            lines += [f"topic {access} {allowed}" for access, allowed in rules]
+        return "\n".join(lines) + "\n"
+
+    def _decide(self, user_name: str, access: Access, topic: str) -> bool:
+        # A name like "+" would match everybody's topics.
+        if not _IDENTIFIER.fullmatch(user_name):
+            return False
+        if user_name in self._services and any(
+            _matches(branch, topic, user_name) for branch in self._own_branches
+        ):
+            return False
+        rules = self._services.get(user_name, ()) + self._everyone
+        return any(
+            access == given and _matches(allowed, topic, user_name) for given, allowed in rules
+        )
+
+
+def _rules_of(role: str, topics: Iterable[Topic[Any]]) -> Iterable[Rule]:
+    own = _OWN_PLACEHOLDERS.get(role)
+    for topic in topics:
+        allowed = _filter(topic.template, own)
+        if role == topic.writer:
+            yield ("write", allowed)
+        if role in topic.readers:
+            yield ("read", allowed)
+
+
+def _own_branches(topics: Iterable[Topic[Any]]) -> Iterable[str]:
+    """The filters below which a drone or a customer of some name has its topics."""
+    for topic in topics:
+        for own in _OWN_PLACEHOLDERS.values():
+            head, found, _ = topic.template.partition(own)
+            if found:
+                yield _filter(head + own, own) + "/#"
+
+
+def _filter(template: str, own: str | None) -> str:
+    """The MQTT filter of a template, with the account's own name at one placeholder."""
+    return "/".join(
+        _OWN_NAME if level == own else "+" if level.startswith("{") else level
+        for level in template.split("/")
+    )
+
+
+def _matches(allowed: str, topic: str, user_name: str) -> bool:
+    wanted, levels = allowed.split("/"), topic.split("/")
+    if wanted[-1] == "#":
+        wanted = wanted[:-1]
+        levels = levels[: len(wanted)]
+    return len(wanted) == len(levels) and all(
+        part in ("+", level) or (part == _OWN_NAME and level == user_name)
+        for part, level in zip(wanted, levels, strict=True)
+    )

@@ -1,0 +1,79 @@
+"""The broker's password file, in Mosquitto's `$7$` form, which both brokers read."""
+
+import base64
+import binascii
+import hashlib
+import hmac
+import os
+import re
+import secrets
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Final
+
+from skyway.errors import InvalidInput
+
+#: PBKDF2 rounds, Mosquitto's default: the passwords are 256 random bits, not chosen by people.
+_ROUNDS: Final = 101
+_SALT_BYTES: Final = 12
+_KEY_BYTES: Final = 64
+
+_USER_NAME: Final = re.compile(r"[A-Za-z0-9_-]{1,64}")
+
+
+def hash_password(password: str) -> str:
+    """A salted hash, as Mosquitto's password file holds it."""
+    salt = secrets.token_bytes(_SALT_BYTES)
+    key = _derive(password, salt, _ROUNDS)
+    return f"$7${_ROUNDS}${_text(salt)}${_text(key)}"
+
+
+def matches(password: str, hashed: str) -> bool:
+    """Whether the hash was made of this password; False for a hash of another kind."""
+    try:
+        nothing, kind, rounds, salt, key = hashed.split("$")
+        expected = base64.b64decode(key, validate=True)
+        actual = _derive(password, base64.b64decode(salt, validate=True), int(rounds))
+    except (ValueError, binascii.Error, OverflowError):
+        return False
+    return nothing == "" and kind == "7" and hmac.compare_digest(actual, expected)
+
+
+def write_password_file(path: Path, accounts: Mapping[str, str]) -> None:
+    """Replace the file by these accounts (user name to hash), at once and readable by us alone.
+
+    Raises
+    ------
+    InvalidInput
+        A user name is not an identifier: it would be read as another line or as a wildcard.
+    """
+    for name in accounts:
+        if not _USER_NAME.fullmatch(name):
+            raise InvalidInput("user_name", f"{name!r} is not 1 to 64 of A-Z a-z 0-9 _ -")
+    text = "".join(f"{name}:{hashed}\n" for name, hashed in sorted(accounts.items()))
+    # mkstemp makes the file 0600; the rename lets a reader see the old or the new one, whole.
+    descriptor, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    try:
+        with os.fdopen(descriptor, "w") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        Path(name).replace(path)
+    except BaseException:
+        Path(name).unlink(missing_ok=True)
+        raise
+
+
+def read_password_file(path: Path) -> dict[str, str]:
+    """User name to hash of every account in the file."""
+    lines = path.read_text().splitlines()
+    return dict(line.split(":", 1) for line in lines if ":" in line and line[:1] != "#")
+
+
+def _derive(password: str, salt: bytes, rounds: int) -> bytes:
+    return hashlib.pbkdf2_hmac("sha512", password.encode(), salt, rounds, _KEY_BYTES)
+
+
+def _text(raw: bytes) -> str:
+    return base64.b64encode(raw).decode()
