@@ -1,0 +1,99 @@
+from typing import Any
+
+import networkx
+import pytest
+
+from skyway.errors import InvalidNetwork
+from skyway.geo import Position, distance_m
+from skyway.network.bundled import texas_corridor
+from skyway.network.nx import from_networkx, to_networkx
+
+
+def make_graph(graph: "networkx.Graph[Any]") -> "networkx.Graph[Any]":
+    graph.add_node("a", pos=(0.0, 0.0), pads=2, roof="flat")
+    graph.add_node("b", pos=(0.1, 0.0), name="Hall")
+    return graph
+
+
+def test_an_undirected_edge_means_both_directions() -> None:
+    graph = make_graph(networkx.Graph())
+    graph.add_edge("a", "b", length_m=12_000, wire=1)
+
+    network = from_networkx(graph)
+
+    assert [(s.from_id, s.to_id, s.length_m) for s in network.segments] == [
+        ("a", "b", 12_000.0),
+        ("b", "a", 12_000.0),
+    ]
+    assert network.segments[0].properties == {"wire": 1}
+
+
+def test_a_directed_edge_means_one_direction_as_long_as_the_great_circle() -> None:
+    graph = make_graph(networkx.DiGraph())
+    graph.add_edge("b", "a")
+
+    (segment,) = from_networkx(graph).segments
+
+    assert (segment.from_id, segment.to_id) == ("b", "a")
+    assert segment.length_m == distance_m(Position(0.1, 0.0), Position(0.0, 0.0))
+
+
+def test_nodes_become_stations_with_their_attributes() -> None:
+    stations = from_networkx(make_graph(networkx.Graph())).stations
+
+    assert [(s.name, s.pads, s.properties) for s in stations.values()] == [
+        (None, 2, {"roof": "flat"}),
+        ("Hall", 4, {}),
+    ]
+
+
+def test_a_random_geometric_graph_of_networkx_is_a_network() -> None:
+    graph = networkx.random_geometric_graph(20, 0.3, seed=1)
+
+    network = from_networkx(graph)
+
+    assert set(network.stations) == {str(number) for number in range(20)}
+    assert len(network.segments) == 2 * graph.number_of_edges()
+
+
+def test_a_network_survives_the_way_through_networkx() -> None:
+    network = texas_corridor()
+
+    again = from_networkx(to_networkx(network))
+
+    assert again.stations == network.stations
+    assert again.zones == network.zones
+    assert sorted(map(repr, again.segments)) == sorted(map(repr, network.segments))
+
+
+@pytest.mark.parametrize(
+    ("nodes", "edges", "message"),
+    [
+        ([("a", {})], [], "nodes.a.pos: is missing"),
+        ([("a", {"pos": (0, 91)})], [], "nodes.a.pos.1: 91 is above 90"),
+        ([("a", {"pos": (0, 0), "pads": -1})], [], "nodes.a.pads: -1 is below 0"),
+        ([("a b", {"pos": (0, 0)})], [], "nodes.a b: 'a b' is not an identifier"),
+        ([((0, 1), {"pos": (0, 0)})], [], "nodes.(0, 1): a station is called by"),
+        ([(1, {"pos": (0, 0)}), ("1", {"pos": (0, 0)})], [], "a second station called '1'"),
+        ([("a", {"pos": (0, 0)})], [("a", "a", {})], "edges.a.a: the segment starts where"),
+        (
+            [("a", {"pos": (0, 0)}), ("b", {"pos": (0, 0)})],
+            [("a", "b", {"length_m": "far"})],
+            "edges.a.b.length_m: 'far' is not a number",
+        ),
+        (
+            [("a", {"pos": (0, 0)}), ("b", {"pos": (0, 0)})],
+            [("a", "b", {}), ("a", "b", {})],
+            "edges.a.b: a second segment",
+        ),
+    ],
+)
+def test_a_graph_that_is_no_network_is_refused(nodes: Any, edges: Any, message: str) -> None:
+    graph: networkx.MultiGraph[Any] = networkx.MultiGraph()
+    graph.add_nodes_from(nodes)
+    graph.add_edges_from(edges)
+
+    with pytest.raises(InvalidNetwork) as refusal:
+        from_networkx(graph)
+
+    assert message in str(refusal.value)
