@@ -1,0 +1,125 @@
+"""Who is calling: a service by its own secret, and the customer, provider or drone it speaks for."""
+
+import hmac
+import re
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Final, Literal, get_args
+
+from fastapi import Depends, Request
+from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
+
+from skyway.runtime.errors import AccessDenied, InvalidSettings, Unauthenticated
+
+CallerRole = Literal["customer", "provider", "operator", "drone", "service"]
+
+#: The header in which a service says for whom it calls; believed only with the service's secret.
+CALLER_HEADER: Final = "Skyway-Caller"
+
+_SUBJECT: Final = re.compile(r"[A-Za-z0-9_-]{1,64}")
+_bearer = HTTPBearer(auto_error=False, description="the secret of the calling service")
+
+
+@dataclass(frozen=True, slots=True)
+class Caller:
+    """Who asks for something: a role, and who in it."""
+
+    role: CallerRole
+    subject_id: str
+
+    def __str__(self) -> str:
+        return f"{self.role}:{self.subject_id}"
+
+    def must_be(self, *roles: CallerRole) -> None:
+        """Go on only for a caller in one of these roles.
+
+        Raises
+        ------
+        AccessDenied
+            The caller is in another role.
+        """
+        if self.role not in roles:
+            raise AccessDenied(f"this is for the role {' or '.join(roles)}, not {self.role}")
+
+    @classmethod
+    def parse(cls, text: str) -> "Caller":
+        """The caller in a `Skyway-Caller` header.
+
+        Raises
+        ------
+        Unauthenticated
+            The text is not ``role:subject``.
+        """
+        role, _, subject_id = text.partition(":")
+        for known in get_args(CallerRole):
+            if role == known and _SUBJECT.fullmatch(subject_id):
+                return cls(role=known, subject_id=subject_id)
+        raise Unauthenticated(f"{CALLER_HEADER} must be role:subject")
+
+
+def read_secret(secrets_dir: Path, name: str) -> str:
+    """The secret in a file of one line, as Docker and Kubernetes mount them: ``service_gateway``.
+
+    Raises
+    ------
+    InvalidSettings
+        The file is missing or empty.
+    """
+    try:
+        secret = (secrets_dir / name).read_text(encoding="utf-8").strip()
+    except OSError as error:
+        raise InvalidSettings(f"SKYWAY_SECRETS_DIR holds no readable file {name}") from error
+    if not secret:
+        raise InvalidSettings(f"the file {name} in SKYWAY_SECRETS_DIR is empty")
+    return secret
+
+
+class ServiceIdentity:
+    """How one service shows the others who it is; its secret is read at the first call."""
+
+    def __init__(self, name: str, secrets_dir: Path) -> None:
+        self.name = name
+        self._secrets_dir = secrets_dir
+
+    @cached_property
+    def _secret(self) -> str:
+        return read_secret(self._secrets_dir, f"service_{self.name}")
+
+    def headers(self, caller: Caller | None) -> dict[str, str]:
+        """The headers of a call on behalf of `caller`, or of the service itself."""
+        speaks_for = caller or Caller("service", self.name)
+        return {"Authorization": f"Bearer {self._secret}", CALLER_HEADER: str(speaks_for)}
+
+
+class ServiceGate:
+    """A dependency that lets only known services in, and gives the caller they speak for."""
+
+    def __init__(self, secrets_dir: Path, allowed: tuple[str, ...]) -> None:
+        self._secrets_dir = secrets_dir
+        self._allowed = allowed
+
+    @cached_property
+    def _secrets(self) -> dict[str, bytes]:
+        return {
+            name: read_secret(self._secrets_dir, f"service_{name}").encode()
+            for name in self._allowed
+        }
+
+    async def __call__(
+        self,
+        request: Request,
+        shown: Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)],
+    ) -> Caller:
+        """The caller of a call that carries a known service's secret."""
+        if shown is None:
+            raise Unauthenticated
+        # Every secret is compared, in constant time: neither which nor how far may show.
+        secret = shown.credentials.encode()
+        matching = [
+            name for name, known in self._secrets.items() if hmac.compare_digest(secret, known)
+        ]
+        if not matching:
+            raise Unauthenticated("the bearer is of no service known here")
+        named = request.headers.get(CALLER_HEADER)
+        return Caller("service", matching[0]) if named is None else Caller.parse(named)
