@@ -5,6 +5,8 @@ import logging
 import sys
 from datetime import UTC, datetime
 
+from skyway.runtime.tracing import current_trace_id
+
 #: What a record has before anybody adds a field to it.
 _PLAIN = frozenset(vars(logging.makeLogRecord({}))) | {"message", "asctime", "taskName"}
 
@@ -29,6 +31,9 @@ class JsonLines(logging.Formatter):
             "logger": record.name,
             "event": record.getMessage(),
         }
+        trace_id = current_trace_id()
+        if trace_id is not None:
+            line["trace_id"] = trace_id
         for name, value in vars(record).items():
             if name not in _PLAIN and not name.startswith("_"):
                 line[name] = "***" if _is_secret(name) else value

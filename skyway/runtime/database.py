@@ -1,0 +1,137 @@
+"""A service's own database, the same to use on SQLite and PostgreSQL.
+
+`read` lends a connection that cannot write; `write` lends a transaction, and leaving its block is
+the only commit there is. SQLite has one writer whose commits are grouped (`sqlite_writer`);
+PostgreSQL has a connection per block.
+"""
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager
+from typing import Final, Self
+
+from asyncpg import PostgresError
+from sqlalchemy import Table, event, text
+from sqlalchemy.engine import Connection
+from sqlalchemy.exc import DBAPIError
+from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
+
+from skyway.runtime.engines import Dialect, postgresql_engine, read_url, sqlite_reader_engine
+from skyway.runtime.errors import ServiceUnavailable
+from skyway.runtime.loops import Wake
+from skyway.runtime.sqlite_writer import SqliteWriter
+from skyway.runtime.transaction import Tx
+
+__all__ = ["Database", "Tx"]
+
+#: Marks the one commit that `write` makes itself.
+_MAY_COMMIT: Final = "skyway_may_commit"
+
+
+class Database:
+    """One database, opened with `async with`; building one opens nothing.
+
+    Parameters
+    ----------
+    url
+        ``sqlite:///path`` or ``postgresql://user@host/name``.
+    outbox
+        The table of messages that leave with a transaction, when this service sends any.
+    """
+
+    def __init__(self, url: str, *, outbox: Table | None = None) -> None:
+        self._url = read_url(url)
+        self.dialect: Dialect = "sqlite" if self._url.drivername == "sqlite" else "postgresql"
+        self.outbox = outbox
+        self._wakes: list[Wake] = []
+        self._opened = AsyncExitStack()
+        self._pool: AsyncEngine | None = None
+        self._sqlite_writer: SqliteWriter | None = None
+
+    async def __aenter__(self) -> Self:
+        if self.dialect == "sqlite":
+            # The writer opens first: it turns the file into one that many can read.
+            self._sqlite_writer = await self._opened.enter_async_context(SqliteWriter(self._url))
+            self._pool = sqlite_reader_engine(self._url)
+        else:
+            self._pool = postgresql_engine(self._url)
+            event.listen(self._pool.sync_engine, "commit", _refuse_foreign_commit)
+        self._opened.push_async_callback(self._pool.dispose)
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        await self._opened.aclose()
+        self._pool = self._sqlite_writer = None
+
+    @asynccontextmanager
+    async def read(self) -> AsyncIterator[AsyncConnection]:
+        """A connection to read from: on SQLite one moment's data, however long it is held."""
+        async with self._connect() as connection:
+            if self.dialect == "postgresql":
+                await connection.execution_options(postgresql_readonly=True)
+            yield connection
+
+    @asynccontextmanager
+    async def write(self) -> AsyncIterator[Tx]:
+        """A transaction: all of the block is on disk when it is left, or nothing of it.
+
+        Raises
+        ------
+        ServiceUnavailable
+            The database could not be reached or did not commit.
+        """
+        async with self._begin() as connection:
+            tx = Tx(connection, dialect=self.dialect, outbox=self.outbox)
+            yield tx
+            has_messages = await tx.finish()
+        if has_messages:
+            for wake in self._wakes:
+                wake.set()
+        tx.committed()
+
+    def wake_when_sent(self, wake: Wake) -> None:
+        """Set `wake` after each commit that put messages into the outbox."""
+        self._wakes.append(wake)
+
+    async def is_answering(self) -> bool:
+        """Whether the database can be read now."""
+        try:
+            async with self.read() as connection:
+                await connection.execute(text("SELECT 1"))
+        except ServiceUnavailable:
+            return False
+        return True
+
+    @asynccontextmanager
+    async def _connect(self) -> AsyncIterator[AsyncConnection]:
+        """A connection of the pool; a server that is gone is told in our own words."""
+        if self._pool is None:
+            raise ServiceUnavailable("database", "it is not open")
+        connection = self._pool.connect()
+        try:
+            await connection.start()
+        except (OSError, DBAPIError, PostgresError) as error:
+            raise ServiceUnavailable("database", f"no connection: {error}") from error
+        try:
+            yield connection
+        except DBAPIError as error:
+            if not error.connection_invalidated:
+                raise
+            raise ServiceUnavailable("database", "the connection was lost") from error
+        finally:
+            # A cancelled block must still give its connection back.
+            await asyncio.shield(connection.close())
+
+    def _begin(self) -> AbstractAsyncContextManager[AsyncConnection]:
+        return self._sqlite_writer.block() if self._sqlite_writer else self._begin_on_postgresql()
+
+    @asynccontextmanager
+    async def _begin_on_postgresql(self) -> AsyncIterator[AsyncConnection]:
+        async with self._connect() as connection, connection.begin():
+            yield connection
+            connection.sync_connection.info[_MAY_COMMIT] = True  # type: ignore[union-attr]
+
+
+def _refuse_foreign_commit(connection: Connection) -> None:
+    if not connection.info.pop(_MAY_COMMIT, False):
+        raise RuntimeError("only leaving a write block commits")

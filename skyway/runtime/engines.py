@@ -1,0 +1,110 @@
+"""How Skyway opens SQLite and PostgreSQL: drivers, durability, who begins a transaction."""
+
+import asyncio
+from typing import Any, Final, Literal
+
+from sqlalchemy import event, make_url
+from sqlalchemy.engine import URL, Connection, ExceptionContext
+from sqlalchemy.engine.interfaces import DBAPIConnection
+from sqlalchemy.ext.asyncio import AsyncEngine, create_async_engine
+
+from skyway.errors import InvalidInput
+from skyway.runtime.errors import UnsafeDatabase
+
+Dialect = Literal["sqlite", "postgresql"]
+
+#: How long a statement waits for another process that holds SQLite's lock, seconds.
+_BUSY_TIMEOUT_S: Final = 10
+
+#: What a connection to SQLite must say of itself: 2 is FULL, every commit is synced.
+_SAFE: Final = {"journal_mode": "wal", "synchronous": 2, "foreign_keys": 1}
+
+
+def read_url(text: str) -> URL:
+    """The URL of a database, without a driver.
+
+    Raises
+    ------
+    InvalidInput
+        It is neither ``sqlite:///path`` nor ``postgresql://...``; the message holds no password.
+    """
+    try:
+        url = make_url(text)
+    except ValueError as error:
+        raise InvalidInput("database_url", "not a URL") from error
+    dialect = url.get_backend_name()
+    if dialect not in ("sqlite", "postgresql") or (dialect == "sqlite" and not url.database):
+        raise InvalidInput(
+            "database_url", f"{dialect}: only sqlite:///path and postgresql://... are known"
+        )
+    return url.set(drivername=dialect)
+
+
+def sqlite_engine(url: URL) -> AsyncEngine:
+    """An engine that leaves BEGIN and COMMIT to its caller, and never commits by itself."""
+    engine = create_async_engine(
+        url.set(drivername="sqlite+aiosqlite"),
+        # Without an isolation level the driver begins nothing by itself.
+        connect_args={"timeout": _BUSY_TIMEOUT_S, "isolation_level": None},
+        pool_size=4,
+        max_overflow=12,
+    )
+    event.listen(engine.sync_engine, "connect", _make_durable)
+    event.listen(engine.sync_engine, "handle_error", _outlive_cancellation)
+    return engine
+
+
+def sqlite_reader_engine(url: URL) -> AsyncEngine:
+    """An engine that cannot write, and whose transactions see one moment's data."""
+    engine = sqlite_engine(url)
+    event.listen(engine.sync_engine, "connect", _make_read_only)
+    event.listen(engine.sync_engine, "begin", _begin_deferred)
+    return engine
+
+
+def postgresql_engine(url: URL) -> AsyncEngine:
+    """An engine that notices connections lost to a restart of the server."""
+    return create_async_engine(
+        url.set(drivername="postgresql+asyncpg"),
+        isolation_level="READ COMMITTED",
+        pool_pre_ping=True,
+        pool_size=5,
+        max_overflow=10,
+        connect_args={"timeout": 10, "command_timeout": 60},
+    )
+
+
+def _begin_deferred(connection: Connection) -> None:
+    connection.exec_driver_sql("BEGIN DEFERRED")
+
+
+def _make_read_only(connection: DBAPIConnection, _record: Any) -> None:
+    """Any: the pool's record of the connection, which is not looked at."""
+    cursor = connection.cursor()
+    cursor.execute("PRAGMA query_only = ON")
+    cursor.close()
+
+
+def _make_durable(connection: DBAPIConnection, _record: Any) -> None:
+    """Any: the pool's record of the connection, which is not looked at."""
+    cursor = connection.cursor()
+    try:
+        for setting in ("journal_mode = WAL", "synchronous = FULL", "foreign_keys = ON"):
+            cursor.execute(f"PRAGMA {setting}")
+        for name, wanted in _SAFE.items():
+            cursor.execute(f"PRAGMA {name}")
+            row = cursor.fetchone()
+            if row is None or row[0] != wanted:
+                raise UnsafeDatabase(f"SQLite has {name} {row and row[0]}, {wanted} is needed")
+    finally:
+        cursor.close()
+
+
+def _outlive_cancellation(context: ExceptionContext) -> None:
+    """Keep a SQLite connection whose statement was cancelled.
+
+    The driver's thread finishes the statement before the next one, the rollback, so that nothing
+    is left half done; dropping the connection would drop what others wrote in the same group.
+    """
+    if isinstance(context.original_exception, asyncio.CancelledError):
+        context.is_disconnect = False

@@ -1,0 +1,139 @@
+"""One transaction, as a write block sees it: statements, and messages that leave with them."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, Literal, TypeVar
+
+from sqlalchemy import Executable, Table
+from sqlalchemy.dialects import postgresql, sqlite
+from sqlalchemy.engine import CursorResult
+from sqlalchemy.exc import DBAPIError
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from skyway.contracts.message import Message
+from skyway.contracts.topic import Address
+from skyway.json_model import JsonModel
+from skyway.runtime.engines import Dialect
+from skyway.runtime.errors import Taken
+from skyway.runtime.taken import taken_constraint
+from skyway.runtime.tracing import current_traceparent
+
+MessageT = TypeVar("MessageT", bound=Message)
+
+#: Column values by name; Any, since a row may hold whatever its columns take.
+Row = Mapping[str, Any]
+
+
+class Tx:
+    """What `Database.write` lends to a block; it ends with the block.
+
+    After an error in a statement the whole block is rolled back, even when the error is caught:
+    PostgreSQL could not go on, so SQLite does not either.
+    """
+
+    def __init__(
+        self, connection: AsyncConnection, *, dialect: Dialect, outbox: Table | None
+    ) -> None:
+        self.connection = connection
+        self.dialect = dialect
+        self._outbox = outbox
+        self._leaving: list[Row] = []
+        self._callbacks: list[Callable[[], None]] = []
+        self._failure: Exception | None = None
+
+    async def execute(
+        self, statement: Executable, parameters: Row | Sequence[Row] | None = None
+    ) -> CursorResult[*tuple[Any, ...]]:
+        """Run a statement; a list of parameters runs it once for each.
+
+        Raises
+        ------
+        Taken
+            A unique, exclusion or trigger rule refused a row.
+        """
+        try:
+            return await self.connection.execute(statement, parameters)
+        except DBAPIError as error:
+            self._failure = error
+            # On PostgreSQL the transaction is already unable to answer; on SQLite it still can.
+            constraint = await taken_constraint(self.connection, error, dialect=self.dialect)
+            if constraint is None:
+                raise
+            self._failure = Taken(constraint)
+            raise self._failure from error
+
+    def insert(self, table: Table) -> postgresql.Insert:
+        """An INSERT that knows ON CONFLICT, which both dialects spell the same."""
+        if self.dialect == "postgresql":
+            return postgresql.insert(table)
+        # The two classes share the methods that are used: on_conflict_do_nothing and _do_update.
+        return sqlite.insert(table)  # type: ignore[return-value]
+
+    def send(
+        self,
+        address: Address[MessageT],
+        message: MessageT,
+        *,
+        confirmed_by: Literal["receiver", "broker"],
+        stream: str,
+    ) -> None:
+        """Publish a message once this block is committed, after what `stream` holds already.
+
+        `receiver`: repeated until `outbox.confirm`; `broker`: until the broker has taken it.
+        """
+        if message.traceparent is None:
+            message = message.model_copy(update={"traceparent": current_traceparent()})
+        self._leave(
+            channel="mqtt",
+            address=address.name,
+            stream=stream,
+            confirmed_by=confirmed_by,
+            message_id=message.message_id,
+            mqtt_qos=address.topic.mqtt_qos,
+            is_retained=address.topic.retained,
+            payload=message.model_dump_json().encode(),
+        )
+
+    def report(self, service: str, path: str, body: JsonModel, *, stream: str) -> None:
+        """POST a body to a service once this block is committed, repeated until answered 2xx."""
+        self._leave(
+            channel=service,
+            address=path,
+            stream=stream,
+            confirmed_by="answer",
+            message_id=None,
+            mqtt_qos=0,
+            is_retained=False,
+            payload=body.model_dump_json().encode(),
+        )
+
+    def after_commit(self, callback: Callable[[], None]) -> None:
+        """Call back once this block is on disk; not at all when it is rolled back."""
+        self._callbacks.append(callback)
+
+    async def confirm(self, message_id: str) -> bool:
+        """Stop repeating a message; False when it was not, or no longer, in the outbox."""
+        outbox = self._outbox_table()
+        found = await self.execute(outbox.delete().where(outbox.c.message_id == message_id))
+        return found.rowcount > 0
+
+    async def finish(self) -> bool:
+        """Write the messages that leave, right before the COMMIT; True when there are any."""
+        if self._failure is not None:
+            raise self._failure
+        if self._leaving:
+            await self.execute(self._outbox_table().insert(), self._leaving)
+        return bool(self._leaving)
+
+    def committed(self) -> None:
+        """Tell those who asked to be told after the COMMIT."""
+        for callback in self._callbacks:
+            callback()
+
+    def _leave(self, **row: object) -> None:
+        self._outbox_table()
+        self._leaving.append({**row, "traceparent": current_traceparent()})
+
+    def _outbox_table(self) -> Table:
+        if self._outbox is None:
+            raise RuntimeError("this database was opened without an outbox")
+        return self._outbox
