@@ -113,7 +113,10 @@ class Plan(JsonModel):
     deliveries: tuple[PackageDelivery, ...] = ()
     #: What a strategy counted: `strategy`, `elapsed_s`, and keys of its own.
     stats: dict[str, Any] = Field(default_factory=dict)
-    infeasibility: Infeasibility | None = None
+    #: In the JSON only when infeasible.
+    infeasibility: Annotated[
+        Infeasibility | None, Field(exclude_if=lambda value: value is None)
+    ] = None
 
     @property
     def is_flyable(self) -> bool:

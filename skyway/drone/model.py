@@ -12,7 +12,7 @@ from skyway.json_model import JsonModel
 class ChargePoint(NamedTuple):
     """A point of a charge curve: seconds on the pad since empty, and the charge reached then."""
 
-    time_s: Annotated[float, Field(ge=0)]
+    time_s: Annotated[float, Field(ge=0, le=1e9)]
     soc: Annotated[float, Field(ge=0, le=1)]
 
 
@@ -25,15 +25,15 @@ class DroneModel(JsonModel):
     """
 
     model_id: DroneModelId
-    empty_mass_kg: Annotated[float, Field(gt=0, le=10_000)]
-    max_payload_kg: Annotated[float, Field(gt=0, le=10_000)]
-    battery_j: Annotated[float, Field(gt=0)]
+    empty_mass_kg: Annotated[float, Field(ge=0.001, le=10_000)]
+    max_payload_kg: Annotated[float, Field(ge=0.001, le=10_000)]
+    battery_j: Annotated[float, Field(ge=1, le=1e12)]
     reserve_soc: Annotated[float, Field(ge=0, lt=1)] = 0.0
-    speed_empty_mps: Annotated[float, Field(gt=0)]
-    speed_full_mps: Annotated[float, Field(gt=0)]
-    power_empty_w: Annotated[float, Field(gt=0)]
-    stop_s: Annotated[float, Field(ge=0)] = 0.0
-    stop_j: Annotated[float, Field(ge=0)] = 0.0
+    speed_empty_mps: Annotated[float, Field(ge=0.01, le=1_000)]
+    speed_full_mps: Annotated[float, Field(ge=0.01, le=1_000)]
+    power_empty_w: Annotated[float, Field(ge=0.001, le=1e9)]
+    stop_s: Annotated[float, Field(ge=0, le=1e6)] = 0.0
+    stop_j: Annotated[float, Field(ge=0, le=1e12)] = 0.0
     charge_curve: Annotated[tuple[ChargePoint, ...], Field(min_length=2, max_length=1_000)]
 
     @model_validator(mode="after")

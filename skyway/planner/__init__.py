@@ -2,3 +2,7 @@
 
 Start with `compose`; `problem` says what is asked, `skyway.delivery.plan` what comes out.
 """
+
+from skyway.planner.compose import compose
+
+__all__ = ["compose"]

@@ -1,0 +1,84 @@
+"""How long a recharge takes, and how far it gets: the charge curve read both ways."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+from skyway.drone.model import DroneModel
+from skyway.errors import InvalidStateOfCharge
+from skyway.units import CHARGE_TOLERANCE
+
+
+def recharge_time_s(model: DroneModel, soc_from: float, soc_to: float) -> float:
+    """Time on a pad to raise the state of charge.
+
+    Parameters
+    ----------
+    soc_from, soc_to
+        State of charge, `soc_from <= soc_to`, both within the model's charge curve.
+
+    Raises
+    ------
+    InvalidStateOfCharge
+        A value lies outside the charge curve, or they are reversed.
+
+    Notes
+    -----
+    Full recharge of the paper's drone: 2.15 h (Shahzaad and Bouguettaya, evaluation).
+    """
+    if soc_from > soc_to + CHARGE_TOLERANCE:
+        raise InvalidStateOfCharge("soc_to", f"{soc_to} lies below soc_from {soc_from}")
+    start = _on_curve(model, "soc_from", soc_from)
+    end = _on_curve(model, "soc_to", soc_to)
+    return max(0.0, _time_at(model, end) - _time_at(model, start))
+
+
+def soc_after_recharge(model: DroneModel, soc_from: float, duration_s: float) -> float:
+    """State of charge after so long on a pad; it never passes the top of the charge curve.
+
+    A drone that comes with more than the top of its curve keeps what it has.
+
+    Raises
+    ------
+    InvalidStateOfCharge
+        `soc_from` lies below the charge curve or above 1.
+    """
+    if model.top_soc <= soc_from <= 1.0:
+        return soc_from
+    time_s = _time_at(model, _on_curve(model, "soc_from", soc_from)) + duration_s
+    times_s = [point.time_s for point in model.charge_curve]
+    socs = [point.soc for point in model.charge_curve]
+    return _interpolate(times_s, socs, time_s)
+
+
+def fastest_s_per_soc(model: DroneModel) -> float:
+    """Seconds per unit of charge just above the reserve, where charging is fastest."""
+    return next(
+        (after.time_s - before.time_s) / (after.soc - before.soc)
+        for before, after in pairwise(model.charge_curve)
+        if after.soc > model.reserve_soc or after is model.charge_curve[-1]
+    )
+
+
+def _on_curve(model: DroneModel, field: str, soc: float) -> float:
+    lowest = model.charge_curve[0].soc
+    if not lowest - CHARGE_TOLERANCE <= soc <= model.top_soc + CHARGE_TOLERANCE:
+        raise InvalidStateOfCharge(
+            field, f"{soc} lies outside the charge curve, {lowest} to {model.top_soc}"
+        )
+    return min(max(soc, lowest), model.top_soc)
+
+
+def _time_at(model: DroneModel, soc: float) -> float:
+    socs = [point.soc for point in model.charge_curve]
+    times_s = [point.time_s for point in model.charge_curve]
+    return _interpolate(socs, times_s, soc)
+
+
+def _interpolate(xs: Sequence[float], ys: Sequence[float], x: float) -> float:
+    """The value at `x` of the straight lines through the points; the ends go on flat."""
+    if x <= xs[0]:
+        return ys[0]
+    for (x_before, y_before), (x_after, y_after) in pairwise(zip(xs, ys, strict=True)):
+        if x <= x_after:
+            return y_before + (y_after - y_before) * (x - x_before) / (x_after - x_before)
+    return ys[-1]

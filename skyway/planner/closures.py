@@ -1,0 +1,108 @@
+"""When segments may not be flown and stations not be landed at, in seconds since the start."""
+
+import math
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+
+from skyway.ids import StationId
+from skyway.network.network import Zone
+from skyway.planner.airspace import Airspace, SegmentEnds
+from skyway.planner.problem import Problem, StationClosure
+
+#: A closed time: from its start until before its end, seconds.
+Interval = tuple[float, float]
+
+#: Seconds by which a drone may leave early because a sum of floats fell short of a closure's end.
+_ROUNDING_S = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Use:
+    """A segment flown, or a station landed at, for some time after a departure."""
+
+    what: SegmentEnds | StationId
+    after_s: float
+    duration_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Departure:
+    """The moment to leave (infinite: never) and what makes it so late, None if nothing does."""
+
+    at_s: float
+    because_of: SegmentEnds | StationId | None
+
+
+class Closures:
+    """The closed times of all segments and stations: the zones' and the problem's own, merged."""
+
+    def __init__(self, closed: Mapping[SegmentEnds | StationId, Iterable[Interval]]) -> None:
+        self._closed = {what: _merged(intervals) for what, intervals in closed.items()}
+
+    @classmethod
+    def of(cls, problem: Problem, airspace: Airspace) -> "Closures":
+        """What is closed during this problem."""
+        closed: dict[SegmentEnds | StationId, list[Interval]] = defaultdict(list)
+        for reach in airspace.reaches:
+            active = _active_s(reach.zone, problem.start_at)
+            for station_id in reach.stations:
+                closed[station_id].append(active)
+            for ends in reach.segments:
+                closed[ends].append(active)
+        for closure in problem.closures:
+            end_s = math.inf if closure.end_s is None else closure.end_s
+            if isinstance(closure, StationClosure):
+                closed[closure.station_id].append((closure.start_s, end_s))
+            else:
+                closed[closure.from_id, closure.to_id].append((closure.start_s, end_s))
+        return cls(closed)
+
+    def is_closed_for_good(self, what: SegmentEnds | StationId) -> bool:
+        """Whether this is closed from time 0 on, without end."""
+        intervals = self._closed.get(what, ())
+        return any(start_s <= 0 and end_s == math.inf for start_s, end_s in intervals)
+
+    def earliest_departure(self, uses: Sequence[Use], *, not_before_s: float) -> Departure:
+        """The first moment from which all these uses meet nothing closed."""
+        departure = Departure(not_before_s, None)
+        uses = [use for use in uses if use.what in self._closed]
+        while departure.at_s < math.inf:
+            later = self._next_departure(uses, departure.at_s)
+            if later is None:
+                return departure
+            departure = later
+        return departure
+
+    def _next_departure(self, uses: Sequence[Use], at_s: float) -> Departure | None:
+        """A later departure that a use asks for, None when this one is good."""
+        for use in uses:
+            start_s = at_s + use.after_s
+            for closed_from_s, closed_until_s in self._closed[use.what]:
+                # A landing is a moment when it takes no time, and a moment has to be met too.
+                meets = closed_from_s < start_s + use.duration_s or closed_from_s == start_s
+                if meets and start_s < closed_until_s - _ROUNDING_S:
+                    return Departure(closed_until_s - use.after_s, use.what)
+        return None
+
+
+def _active_s(zone: Zone, start_at: datetime | None) -> Interval:
+    """When a zone is active; a problem without `start_at` has no dated zones."""
+
+    def seconds(moment: datetime | None, unbounded_s: float) -> float:
+        if moment is None or start_at is None:
+            return unbounded_s
+        return (moment - start_at).total_seconds()
+
+    return seconds(zone.active_from, -math.inf), seconds(zone.active_until, math.inf)
+
+
+def _merged(intervals: Iterable[Interval]) -> tuple[Interval, ...]:
+    merged: list[Interval] = []
+    for start_s, end_s in sorted(intervals):
+        if merged and start_s <= merged[-1][1]:
+            merged[-1] = (merged[-1][0], max(merged[-1][1], end_s))
+        else:
+            merged.append((start_s, end_s))
+    return tuple(merged)

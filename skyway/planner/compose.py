@@ -1,0 +1,144 @@
+"""Compose: from a problem to a plan that is verified, or to the reason why there is none.
+
+This is the planner's front door, and the file to read first. What is asked is in `problem`, what
+comes out in `skyway.delivery.plan`; each strategy is a file of its own, and `verify` trusts none.
+"""
+
+from collections.abc import Mapping
+from types import MappingProxyType
+
+from skyway.delivery.plan import (
+    Deliver,
+    Fly,
+    Infeasibility,
+    PackageDelivery,
+    Plan,
+    PlanStatus,
+    Recharge,
+    Wait,
+)
+from skyway.errors import InvalidProblem
+from skyway.planner.airspace import Airspace
+from skyway.planner.exhaustive import exhaustive, exhaustive_with_walks
+from skyway.planner.findings import Findings, Strategy
+from skyway.planner.heuristic import heuristic
+from skyway.planner.infeasible import overweight, proof_of_infeasibility
+from skyway.planner.itinerary import Itinerary
+from skyway.planner.problem import Problem
+from skyway.planner.situation import Situation
+from skyway.planner.stop import Effort, LabelLimit, Stop, TimeLimit, first_of, never, stopwatch
+from skyway.planner.verify import PlanRejected, verify
+
+STRATEGIES: Mapping[str, Strategy] = MappingProxyType(
+    {
+        "heuristic": heuristic,
+        "exhaustive": exhaustive,
+        "exhaustive_with_walks": exhaustive_with_walks,
+    }
+)
+
+DEFAULT_STRATEGY = "heuristic"
+
+
+def compose(problem: Problem, *, stop: Stop = never, airspace: Airspace | None = None) -> Plan:
+    """The plan that delivers every package as early as the problem's strategy can find.
+
+    Parameters
+    ----------
+    problem
+        What to deliver, with which drone, through which network.
+    stop
+        Ends the search early, besides the problem's own limits.
+    airspace
+        `Airspace.of(problem.network)`, for who composes more than once on one network.
+
+    Returns
+    -------
+    Plan
+        A verified plan; or infeasible with its proof; or unknown, when neither was found.
+
+    Raises
+    ------
+    InvalidProblem
+        No strategy has the name that the problem gives.
+    PlanRejected
+        A strategy made a plan that breaks the problem's rules: a defect of the planner.
+    """
+    strategy_name, strategy = _strategy_of(problem)
+    stop = _with_limits_of(problem, stop)
+    elapsed_s = stopwatch()
+    effort = Effort(stop)
+
+    too_heavy = overweight(problem)
+    if too_heavy is not None:
+        plan, searched = _infeasible(too_heavy), 0
+    else:
+        situation = Situation.of(problem, airspace or Airspace.of(problem.network))
+        findings = strategy(situation, effort)
+        plan, searched = _plan_of(situation, findings, stop), findings.stations_searched
+
+    stats = {
+        "strategy": strategy_name,
+        "elapsed_s": elapsed_s(),
+        "labels": effort.labels,
+        "stations_searched": searched,
+    }
+    return _verified(problem, plan.model_copy(update={"stats": stats}))
+
+
+def _strategy_of(problem: Problem) -> tuple[str, Strategy]:
+    name = DEFAULT_STRATEGY if problem.strategy is None else problem.strategy
+    if name not in STRATEGIES:
+        raise InvalidProblem(
+            "strategy", f"{name!r} is not a strategy; there are {', '.join(STRATEGIES)}"
+        )
+    return name, STRATEGIES[name]
+
+
+def _with_limits_of(problem: Problem, stop: Stop) -> Stop:
+    limits: list[Stop] = []
+    if problem.label_limit is not None:
+        limits.append(LabelLimit(problem.label_limit))
+    if problem.time_limit_s is not None:
+        limits.append(TimeLimit(problem.time_limit_s))
+    return first_of(stop, *limits) if limits else stop
+
+
+def _plan_of(situation: Situation, findings: Findings, stop: Stop) -> Plan:
+    """The plan found; without one the proof that there is none, if it comes cheap."""
+    if findings.itinerary is not None:
+        return _feasible(findings.itinerary)
+    proof = proof_of_infeasibility(situation, stop)
+    return Plan(status=PlanStatus.UNKNOWN) if proof is None else _infeasible(proof)
+
+
+def _infeasible(infeasibility: Infeasibility) -> Plan:
+    return Plan(status=PlanStatus.INFEASIBLE, infeasibility=infeasibility)
+
+
+def _feasible(itinerary: Itinerary) -> Plan:
+    steps = itinerary.steps
+    return Plan(
+        status=PlanStatus.FEASIBLE,
+        delivery_time_s=itinerary.delivered_s,
+        energy_j=sum(step.energy_j for step in steps if isinstance(step, Fly)),
+        flight_s=sum(step.end_s - step.start_s for step in steps if isinstance(step, Fly)),
+        waiting_s=sum(step.end_s - step.start_s for step in steps if isinstance(step, Wait)),
+        recharging_s=sum(step.end_s - step.start_s for step in steps if isinstance(step, Recharge)),
+        steps=steps,
+        deliveries=tuple(
+            PackageDelivery(
+                package_id=package_id, station_id=step.station_id, delivered_s=step.end_s
+            )
+            for step in steps
+            if isinstance(step, Deliver)
+            for package_id in step.package_ids
+        ),
+    )
+
+
+def _verified(problem: Problem, plan: Plan) -> Plan:
+    violations = verify(problem, plan)
+    if violations:
+        raise PlanRejected(violations)
+    return plan

@@ -1,0 +1,99 @@
+"""A drone along its plan: each act moves its clock, its charge and its load, and is a step."""
+
+from skyway.delivery.plan import Deliver, Fly, PickUp, Recharge, Step, Wait
+from skyway.drone.charging import recharge_time_s
+from skyway.drone.flight import soc_after_use
+from skyway.ids import StationId
+from skyway.network.network import Segment
+from skyway.planner.situation import Situation
+
+
+class FlightLog:
+    """Where the drone is, when, with what charge; `steps` is what it did to get there."""
+
+    def __init__(self, situation: Situation) -> None:
+        self._situation = situation
+        self.here: StationId = situation.problem.start_station_id
+        self.now_s = 0.0
+        self.soc = situation.problem.drone.soc
+        self.steps: list[Step] = []
+
+    def fly(self, segment: Segment, *, load_kg: float, lands: bool) -> None:
+        """Fly a segment; a landing at its end is part of the step."""
+        model = self._situation.model
+        end_s = self.now_s + self._situation.flight_s(segment, load_kg)
+        energy_j = self._situation.flight_j(segment, load_kg)
+        if lands:
+            end_s += model.stop_s
+            energy_j += model.stop_j
+        soc = soc_after_use(model, self.soc, energy_j=energy_j)
+        self.steps.append(
+            Fly(
+                from_id=segment.from_id,
+                to_id=segment.to_id,
+                start_s=self.now_s,
+                end_s=end_s,
+                load_kg=load_kg,
+                energy_j=energy_j,
+                soc_end=soc,
+            )
+        )
+        self.here, self.now_s, self.soc = segment.to_id, end_s, soc
+
+    def wait(self, *, until_s: float) -> None:
+        """Stand until this moment; no step if it has come."""
+        if until_s > self.now_s:
+            self.steps.append(Wait(station_id=self.here, start_s=self.now_s, end_s=until_s))
+            self.now_s = until_s
+
+    def recharge(self, *, pad: int, until_soc: float) -> None:
+        """Charge on this pad until this charge."""
+        end_s = self.now_s + recharge_time_s(self._situation.model, self.soc, until_soc)
+        self.steps.append(
+            Recharge(
+                station_id=self.here,
+                pad=pad,
+                start_s=self.now_s,
+                end_s=end_s,
+                soc_start=self.soc,
+                soc_end=until_soc,
+            )
+        )
+        self.now_s, self.soc = end_s, until_soc
+
+    def hand_over(self) -> None:
+        """Take the packages on board at the source, or hand over what is for this station."""
+        if self.here == self._situation.problem.source:
+            self.pick_up()
+        else:
+            self._deliver()
+
+    def pick_up(self) -> None:
+        """Take all packages on board; those for the source itself are handed over right after."""
+        end_s = self.now_s + self._situation.problem.loading_s
+        self.steps.append(
+            PickUp(
+                station_id=self.here,
+                package_ids=tuple(
+                    package.package_id for package in self._situation.problem.packages
+                ),
+                start_s=self.now_s,
+                end_s=end_s,
+            )
+        )
+        self.now_s = end_s
+        if self._situation.packages_for(self.here):
+            self._deliver()
+
+    def _deliver(self) -> None:
+        end_s = self.now_s + self._situation.problem.dropoff_s
+        packages = self._situation.packages_for(self.here)
+        self.steps.append(
+            Deliver(
+                station_id=self.here,
+                package_ids=tuple(package.package_id for package in packages),
+                start_s=self.now_s,
+                end_s=end_s,
+            )
+        )
+        self.now_s = end_s

@@ -1,0 +1,90 @@
+"""The paper's heuristic composition, with the widening that it leaves to future work.
+
+Notes
+-----
+Shahzaad and Bouguettaya, Algorithm 1. Step 1 drops what lies outside the sector of the lines of
+sight; step 2 takes shortest paths, a matrix of delivery times and the best order from it. The paper
+can be read in two ways: the order that is best by the static matrix, or the best of all orders once
+each is simulated. Here the matrix ranks the orders and each is simulated in turn, until the next
+one's least time in the matrix is no earlier than the best plan: the first is the first reading's,
+the best is the second's.
+"""
+
+from collections.abc import Sequence
+from itertools import islice
+
+from skyway.ids import StationId
+from skyway.planner.airspace import SegmentEnds
+from skyway.planner.findings import Findings, is_better
+from skyway.planner.itinerary import Itinerary, fly
+from skyway.planner.matrix import TimeMatrix
+from skyway.planner.orders import orders_by_cost
+from skyway.planner.route import stretches
+from skyway.planner.route_search import find_route
+from skyway.planner.sector import widening_sectors
+from skyway.planner.situation import Situation
+from skyway.planner.stop import Effort
+from skyway.planner.subnetwork import Subnetwork
+
+#: Most orders simulated in one sector: all orders of up to five destinations. Our own choice.
+_MAX_ORDERS = 120
+#: Most routes tried for one order, each avoiding one more congested or closed place of the last
+#: one. Our own choice.
+_MAX_ROUTES = 8
+
+
+def heuristic(situation: Situation, effort: Effort) -> Findings:
+    """The best plan in the narrowest sector that holds one."""
+    problem = situation.problem
+    whole = Subnetwork.whole(situation)
+    sectors = widening_sectors(situation.network, problem.source, targets=situation.destinations)
+    for stations in sectors:
+        is_whole = len(stations) == len(whole.stations)
+        sector = whole if is_whole else Subnetwork(situation, stations)
+        best = _best_in_sector(situation, sector, approach=whole, effort=effort)
+        if best is not None or effort.stop(effort.labels):
+            return Findings(best, len(stations))
+    return Findings(None, len(whole.stations))
+
+
+def _best_in_sector(
+    situation: Situation, sector: Subnetwork, *, approach: Subnetwork, effort: Effort
+) -> Itinerary | None:
+    """Simulate the orders, the one of least time in the matrix first; keep the best."""
+    matrix = TimeMatrix(situation, sector, approach=approach)
+    ranked = orders_by_cost(len(situation.destinations), matrix.flight_and_recharge_s)
+    best: Itinerary | None = None
+    for least_s, numbers in islice(ranked, _MAX_ORDERS):
+        if best is not None and matrix.delivery_bound_s(least_s) >= best.delivered_s:
+            break
+        if effort.is_spent():
+            break
+        order = [situation.destinations[number] for number in numbers]
+        for itinerary in _itineraries(situation, order, sector, approach, effort):
+            if is_better(situation, itinerary, best):
+                best = itinerary
+    return best
+
+
+def _itineraries(
+    situation: Situation,
+    order: Sequence[StationId],
+    sector: Subnetwork,
+    approach: Subnetwork,
+    effort: Effort,
+) -> list[Itinerary]:
+    """Itineraries of this order: of the shortest route, then around what hindered it, and so on."""
+    flights = stretches(situation, order, subnetwork=sector, approach=approach)
+    avoided: set[SegmentEnds | StationId] = set()
+    itineraries: list[Itinerary] = []
+    while len(itineraries) < _MAX_ROUTES:
+        route = find_route(situation, flights, avoided=avoided, effort=effort)
+        if route is None:
+            break
+        itinerary = fly(situation, route)
+        itineraries.append(itinerary)
+        hindrance = next((met for met in itinerary.hindrances if met not in avoided), None)
+        if hindrance is None:
+            break
+        avoided.add(hindrance)
+    return itineraries

@@ -1,0 +1,86 @@
+"""The paper's matrix of delivery times: what each leg takes at least, for the chosen drone.
+
+The load falls along the way, so an entry depends on what is still on board. Its times are lower
+bounds: no recharging is faster than the charge curve just above the reserve, and no pad is taken.
+"""
+
+import math
+from collections.abc import Sequence
+from functools import cache
+
+from skyway.drone.charging import fastest_s_per_soc
+from skyway.drone.flight import flight_energy_j, flight_time_s
+from skyway.ids import StationId
+from skyway.planner.orders import SOURCE, orders_by_cost
+from skyway.planner.situation import Situation
+from skyway.planner.subnetwork import Subnetwork
+
+
+class TimeMatrix:
+    """Least times from the source and every destination to every destination.
+
+    Destinations go by their number in `situation.destinations`, sets of them by their bits.
+    """
+
+    def __init__(self, situation: Situation, subnetwork: Subnetwork, *, approach: Subnetwork):
+        self._situation = situation
+        model, problem = situation.model, situation.problem
+        self._lengths = [subnetwork.lengths_to_m(target) for target in situation.destinations]
+        self._load_kg = cache(self._load_of)
+        self._s_per_j = fastest_s_per_soc(model) / model.battery_j
+        self._usable_j = (problem.drone.soc - model.reserve_soc) * model.battery_j
+        self._before = self._before_the_first_leg(approach)
+
+    def flight_s(self, at: int, to: int, undelivered: int) -> float:
+        """Time of a leg without recharging, its landing and hand-over included."""
+        model, problem = self._situation.model, self._situation.problem
+        length_m, load_kg = self._length_m(at, to), self._load_kg(undelivered)
+        flight_s = flight_time_s(model, length_m=length_m, load_kg=load_kg)
+        return flight_s + model.stop_s + problem.dropoff_s
+
+    def flight_and_recharge_s(self, at: int, to: int, undelivered: int) -> float:
+        """Time of a leg, with recharging what it uses."""
+        model = self._situation.model
+        length_m, load_kg = self._length_m(at, to), self._load_kg(undelivered)
+        energy_j = flight_energy_j(model, length_m=length_m, load_kg=load_kg) + model.stop_j
+        return self.flight_s(at, to, undelivered) + energy_j * self._s_per_j
+
+    def delivery_bound_s(self, flight_and_recharge_s: float) -> float:
+        """No delivery is over earlier whose legs sum up to this."""
+        before_s, before_j = self._before
+        recharge_s = (before_j - self._usable_j) * self._s_per_j
+        return before_s + recharge_s + flight_and_recharge_s
+
+    def lower_bound_s(self) -> float:
+        """No plan delivers everything earlier; infinite when some destination is out of reach."""
+        numbers = len(self._situation.destinations)
+        least_flight_s, _ = next(orders_by_cost(numbers, self.flight_s), (math.inf, ()))
+        least_both_s, _ = next(orders_by_cost(numbers, self.flight_and_recharge_s), (math.inf, ()))
+        before_s, _ = self._before
+        return max(before_s + least_flight_s, self.delivery_bound_s(least_both_s))
+
+    def _before_the_first_leg(self, approach: Subnetwork) -> tuple[float, float]:
+        """Least time and energy of the approach flight, loading, and a hand-over at the source."""
+        model, problem = self._situation.model, self._situation.problem
+        before_s, before_j = problem.loading_s, 0.0
+        if problem.start_station_id != problem.source:
+            lengths = approach.lengths_to_m(problem.source)
+            length_m = lengths.get(problem.start_station_id, math.inf)
+            before_s += flight_time_s(model, length_m=length_m, load_kg=0.0) + model.stop_s
+            before_j += flight_energy_j(model, length_m=length_m, load_kg=0.0) + model.stop_j
+        if self._situation.packages_for(problem.source):
+            before_s += problem.dropoff_s
+        return before_s, before_j
+
+    def _length_m(self, at: int, to: int) -> float:
+        destinations: Sequence[StationId] = self._situation.destinations
+        start = self._situation.problem.source if at == SOURCE else destinations[at]
+        return self._lengths[to].get(start, math.inf)
+
+    def _load_of(self, undelivered: int) -> float:
+        waiting = {
+            station_id
+            for number, station_id in enumerate(self._situation.destinations)
+            if undelivered >> number & 1
+        }
+        return self._situation.load_kg(waiting)

@@ -1,0 +1,104 @@
+"""A problem made ready for search: what every strategy asks again and again, worked out once."""
+
+from collections.abc import Set as AbstractSet
+from dataclasses import dataclass, field
+
+from skyway.drone.flight import flight_energy_j, flight_time_s
+from skyway.drone.model import DroneModel
+from skyway.ids import StationId
+from skyway.network.network import Network, Segment
+from skyway.planner.airspace import Airspace
+from skyway.planner.closures import Closures
+from skyway.planner.finish import energy_to_pad_j
+from skyway.planner.pad_calendar import PadCalendar
+from skyway.planner.problem import PackageToDeliver, Problem
+
+
+@dataclass(slots=True)
+class Situation:
+    """A problem, its closures and its pad calendar, with short names for its parts."""
+
+    problem: Problem
+    closures: Closures
+    pads: PadCalendar
+    #: Distinct destinations apart from the source, in the order in which packages name them.
+    destinations: tuple[StationId, ...] = field(init=False)
+    _pad_stations: dict[StationId, bool] = field(init=False, default_factory=dict)
+    _finish_j: dict[StationId, float] = field(init=False, default_factory=dict)
+
+    def __post_init__(self) -> None:
+        named = dict.fromkeys(package.destination for package in self.problem.packages)
+        self.destinations = tuple(
+            station_id for station_id in named if station_id != self.problem.source
+        )
+
+    @classmethod
+    def of(cls, problem: Problem, airspace: Airspace) -> "Situation":
+        """The situation of this problem."""
+        calendar = PadCalendar(problem.network, problem.pad_reservations)
+        return cls(problem, Closures.of(problem, airspace), calendar)
+
+    @property
+    def network(self) -> Network:
+        """The network, whole."""
+        return self.problem.network
+
+    @property
+    def model(self) -> DroneModel:
+        """The drone's model."""
+        return self.problem.drone.model
+
+    @property
+    def capacity_j(self) -> float:
+        """The most that can be flown from one pad to the next."""
+        return (self.model.top_soc - self.model.reserve_soc) * self.model.battery_j
+
+    def packages_for(self, station_id: StationId) -> tuple[PackageToDeliver, ...]:
+        """What is handed over at this station."""
+        return tuple(
+            package for package in self.problem.packages if package.destination == station_id
+        )
+
+    def load_kg(self, undelivered: AbstractSet[StationId]) -> float:
+        """The load while these destinations wait; summed anew, so that no rounding piles up."""
+        return sum(
+            package.mass_kg
+            for package in self.problem.packages
+            if package.destination in undelivered
+        )
+
+    def flight_s(self, segment: Segment, load_kg: float) -> float:
+        """Time to fly this segment with this load."""
+        return flight_time_s(self.model, length_m=segment.length_m, load_kg=load_kg)
+
+    def flight_j(self, segment: Segment, load_kg: float) -> float:
+        """Energy to fly this segment with this load."""
+        return flight_energy_j(self.model, length_m=segment.length_m, load_kg=load_kg)
+
+    def has_free_pad(self, station_id: StationId) -> bool:
+        """Whether one of its pads is ever free."""
+        return bool(self.pads.free_windows(station_id))
+
+    def can_land_to_recharge(self, station_id: StationId) -> bool:
+        """Whether a pad there is ever free, and the station not closed for good."""
+        known = self._pad_stations.get(station_id)
+        if known is None:
+            known = self.has_free_pad(station_id) and not self.closures.is_closed_for_good(
+                station_id
+            )
+            self._pad_stations[station_id] = known
+        return known
+
+    def finish_j(self, station_id: StationId) -> float:
+        """Energy that must be left after a last delivery here, above the reserve.
+
+        Infinite when the finish asks for a pad and none can be flown to.
+        """
+        if self.problem.finish == "stay":
+            return 0.0
+        known = self._finish_j.get(station_id)
+        if known is None:
+            known = self._finish_j[station_id] = energy_to_pad_j(
+                self.network, self.model, station_id
+            )
+        return known

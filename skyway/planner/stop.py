@@ -1,0 +1,62 @@
+"""When a search has to end: by time or by labels. The only file of the planner with a clock.
+
+A `Stop` is told how many labels (states or routes looked at) a search has made, and says whether
+it must end. Time is the one thing in the planner that is not repeatable; `LabelLimit` is.
+"""
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+Stop = Callable[[int], bool]
+
+
+def never(_labels: int) -> bool:
+    """Let the search run to its own end."""
+    return False
+
+
+class TimeLimit:
+    """Ends a search this many seconds of wall time after the limit was made."""
+
+    def __init__(self, limit_s: float) -> None:
+        self._deadline_s = time.monotonic() + limit_s
+
+    def __call__(self, _labels: int) -> bool:
+        """Whether the time is over."""
+        return time.monotonic() >= self._deadline_s
+
+
+@dataclass(frozen=True, slots=True)
+class LabelLimit:
+    """Ends a search once it has made this many labels."""
+
+    limit: int
+
+    def __call__(self, labels: int) -> bool:
+        """Whether the labels are used up."""
+        return labels >= self.limit
+
+
+def first_of(*stops: Stop) -> Stop:
+    """Ends a search as soon as one of these does."""
+    return lambda labels: any(stop(labels) for stop in stops)
+
+
+@dataclass(slots=True)
+class Effort:
+    """The labels one search has made so far, and the word that it must end."""
+
+    stop: Stop
+    labels: int = 0
+
+    def is_spent(self) -> bool:
+        """Count one more label; True when the search has to end."""
+        self.labels += 1
+        return self.stop(self.labels)
+
+
+def stopwatch() -> Callable[[], float]:
+    """Seconds of wall time since this call, whenever the answer is called."""
+    start_s = time.perf_counter()
+    return lambda: time.perf_counter() - start_s
