@@ -1,4 +1,4 @@
-"""Who is calling: a service by its own secret, and the customer, provider or drone it speaks for."""
+"""Who is calling: a service, by its own secret, and the customer or provider it speaks for."""
 
 import hmac
 import re

@@ -1,0 +1,62 @@
+"""What another service's HTTP answer means here: a value, its problem, or "ask later"."""
+
+import logging
+from functools import lru_cache
+from typing import Any, TypeVar
+
+import httpx
+from pydantic import TypeAdapter, ValidationError
+
+from skyway.contracts.problem_details import ProblemDetails
+from skyway.runtime.errors import RemoteProblem, ServiceUnavailable
+
+log = logging.getLogger(__name__)
+
+T = TypeVar("T")
+
+
+def refuse_failure(service: str, response: httpx.Response) -> None:
+    """Raise what an answer other than 2xx means.
+
+    Raises
+    ------
+    RemoteProblem
+        The service refuses: the same request would be refused again.
+    ServiceUnavailable
+        It failed, or does not know us: the same request may succeed later.
+    """
+    if response.status_code == httpx.codes.UNAUTHORIZED:
+        raise not_known(service)
+    if response.is_server_error:
+        raise ServiceUnavailable(service, f"it answered {response.status_code}")
+    if not response.is_success:
+        raise RemoteProblem(response.status_code, _problem_in(response))
+
+
+def not_known(service: str) -> ServiceUnavailable:
+    """A 401 between services: no fault of our own caller, who therefore is not told 401."""
+    log.error("secret refused", extra={"asked_service": service})
+    return ServiceUnavailable(service, "it does not accept the secret shown to it")
+
+
+def read_answer(service: str, answer: type[T], response: httpx.Response) -> T:
+    """The value that an answer holds; fields that this version does not know are ignored."""
+    try:
+        value: T = _adapter(answer).validate_json(response.content, extra="ignore")
+    except ValidationError as error:
+        log.exception("answer unreadable", extra={"asked_service": service})
+        raise ServiceUnavailable(service, "its answer cannot be read") from error
+    return value
+
+
+@lru_cache(maxsize=256)
+def _adapter(answer: Any) -> TypeAdapter[Any]:  # any type with a JSON form
+    return TypeAdapter(answer)
+
+
+def _problem_in(response: httpx.Response) -> dict[str, Any]:  # problems have members of their own
+    try:
+        problem = ProblemDetails.model_validate_json(response.content)
+    except ValidationError:
+        problem = ProblemDetails(title=response.reason_phrase, status=response.status_code)
+    return problem.model_dump(mode="json", exclude_none=True)
