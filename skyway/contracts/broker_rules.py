@@ -65,8 +65,8 @@ class BrokerRules:
         return "\n".join(lines) + "\n"
 
     def _decide(self, user_name: str, access: Access, topic: str) -> bool:
-        # A name like "+" would match everybody's topics.
-        if not _IDENTIFIER.fullmatch(user_name):
+        # A name like "+" would match everybody's topics, and a topic with one is a filter.
+        if not _IDENTIFIER.fullmatch(user_name) or "+" in topic or "#" in topic:
             return False
         if user_name in self._services and any(
             _matches(branch, topic, user_name) for branch in self._own_branches

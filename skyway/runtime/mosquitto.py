@@ -48,7 +48,6 @@ set_tcp_nodelay true
 
 log_dest stderr
 log_type error
-log_type warning
 log_type notice
 connection_messages false
 

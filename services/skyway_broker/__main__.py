@@ -1,0 +1,55 @@
+"""`python -m skyway_broker`: the embedded broker, until its parent leaves or it is told to."""
+
+import asyncio
+import logging
+import signal
+import sys
+
+from skyway.contracts.broker_rules import BrokerRules
+from skyway.runtime.errors import InvalidSettings
+from skyway.runtime.logs import configure_logs
+from skyway_broker.gate import Gate
+from skyway_broker.hardened import HardenedBroker
+from skyway_broker.settings import BrokerSettings
+
+log = logging.getLogger(__name__)
+
+
+async def serve(settings: BrokerSettings) -> None:
+    """Serve until SIGTERM, SIGINT, or until the pipe to the parent closes."""
+    loop = asyncio.get_running_loop()
+    asked_to_leave = asyncio.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        loop.add_signal_handler(number, asked_to_leave.set)
+    if settings.parent_fd is not None:
+        # The parent never writes into its pipe: readable means that it closed it.
+        loop.add_reader(settings.parent_fd, asked_to_leave.set)
+    listener = settings.listener()
+    gate = Gate(settings.password_file)
+    broker = HardenedBroker(listener, gate=gate, rules=BrokerRules())
+    await broker.start()
+    log.info("broker listens", extra={"port": listener.getsockname()[1]})
+    await asked_to_leave.wait()
+    if settings.parent_fd is not None:
+        loop.remove_reader(settings.parent_fd)
+    await broker.shutdown()
+    log.info("broker left")
+
+
+def main() -> int:
+    """Run the broker; 2 when the environment is wrong."""
+    try:
+        settings = BrokerSettings.load()
+    except InvalidSettings as error:
+        sys.stderr.write(f"skyway_broker: {error}\n")
+        return 2
+    configure_logs("broker", settings.log_level)
+    # amqtt tells every connection in prose; what matters of it, we tell ourselves.
+    for library in ("amqtt", "transitions"):
+        logging.getLogger(library).setLevel(logging.WARNING)
+    asyncio.run(serve(settings))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

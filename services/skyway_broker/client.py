@@ -1,0 +1,190 @@
+"""One client's connection: reads its packets in order, and writes to it without waiting."""
+
+import asyncio
+import logging
+from typing import Protocol
+
+from amqtt.adapters import StreamReaderAdapter, StreamWriterAdapter
+from amqtt.errors import MQTTError
+from amqtt.mqtt import packet_class
+from amqtt.mqtt.connack import CONNECTION_ACCEPTED, NOT_AUTHORIZED, ConnackPacket
+from amqtt.mqtt.disconnect import DisconnectPacket
+from amqtt.mqtt.packet import MQTTFixedHeader, MQTTPacket
+from amqtt.mqtt.pingreq import PingReqPacket
+from amqtt.mqtt.pingresp import PingRespPacket
+from amqtt.mqtt.puback import PubackPacket
+from amqtt.mqtt.publish import PublishPacket
+from amqtt.mqtt.suback import SubackPacket
+from amqtt.mqtt.subscribe import SubscribePacket
+from amqtt.mqtt.unsuback import UnsubackPacket
+from amqtt.mqtt.unsubscribe import UnsubscribePacket
+from amqtt.session import Session
+
+log = logging.getLogger(__name__)
+
+#: Largest packet that is read; a mission of a thousand steps has about 300 KiB.
+MAX_PACKET_BYTES = 1 << 20
+
+#: Bytes that may wait for a client that does not read, before it is put out.
+MAX_WAITING_BYTES = 32 << 20
+
+#: The SUBACK's code for what is no filter.
+NOT_A_FILTER = 0x80
+
+#: A silence of this many keepalives ends a connection [MQTT-3.1.2-24].
+_PATIENCE = 1.5
+
+
+class ClientReader(StreamReaderAdapter):  # type: ignore[misc] # amqtt has no types
+    """amqtt's reader, which never reads "all there is" on a length that a client made up."""
+
+    async def read(self, n: int = -1) -> bytes:
+        """Exactly `n` bytes."""
+        if n < 0:
+            raise MQTTError("a length in a packet is wrong")
+        data: bytes = await super().read(n)
+        return data
+
+
+class ClientWriter(StreamWriterAdapter):  # type: ignore[misc] # amqtt has no types
+    """amqtt's writer, which also tells how much waits, and hangs up without waiting."""
+
+    def __init__(self, writer: asyncio.StreamWriter) -> None:
+        super().__init__(writer)
+        self._transport = writer.transport
+
+    @property
+    def waiting_bytes(self) -> int:
+        """Bytes written that the client has not taken yet."""
+        return self._transport.get_write_buffer_size()
+
+    async def close(self) -> None:
+        """Hang up once everything is written, without waiting for it."""
+        self.is_closed = True
+        self._transport.close()
+
+    def abort(self) -> None:
+        """Hang up now."""
+        self.is_closed = True
+        self._transport.abort()
+
+
+class Traffic(Protocol):
+    """What a connection hands on to the broker."""
+
+    def publish(self, client: "Client", packet: PublishPacket) -> None:
+        """Distribute a message, or raise `MQTTError` to end the connection."""
+
+    def subscribe(self, client: "Client", filters: list[tuple[str, int]]) -> list[int | None]:
+        """Subscribe, and return the `mqtt_qos` granted for each, or None for what is no filter."""
+
+    def send_retained(self, client: "Client", wanted: str, mqtt_qos: int) -> None:
+        """Send what is retained under a filter and may be read."""
+
+    def unsubscribe(self, client: "Client", filters: list[str]) -> None:
+        """Forget these filters."""
+
+
+class Client:
+    """The connection of one client that was let in.
+
+    amqtt starts a task for each packet, and for each message that it delivers; here packets are
+    handled one after another and written at once, so that order needs no care.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        *,
+        place: str,
+        reader: ClientReader,
+        writer: ClientWriter,
+        traffic: Traffic,
+    ) -> None:
+        self.session = session
+        self.place = place
+        self.user_name = session.username or ""
+        self._reader = reader
+        self._writer = writer
+        self._traffic = traffic
+
+    async def serve(self) -> bool:
+        """Handle packet after packet; True if the client leaves with a goodbye.
+
+        Raises
+        ------
+        TimeoutError
+            Nothing came for 1.5 times the keepalive.
+        MQTTError
+            The client broke the protocol or published what it may not.
+        """
+        self._send(ConnackPacket.build(0, CONNECTION_ACCEPTED))
+        patience_s = _PATIENCE * self.session.keep_alive or None
+        while True:
+            async with asyncio.timeout(patience_s):
+                packet = await self._next_packet()
+            if packet is None or isinstance(packet, DisconnectPacket):
+                return packet is not None
+            self._handle(packet)
+            await self._writer.drain()
+
+    def deliver(self, topic: str, data: bytes, mqtt_qos: int, *, retained: bool) -> None:
+        """Write a message to the client, in the order of the calls; never resent."""
+        if self._writer.waiting_bytes > MAX_WAITING_BYTES:
+            log.warning("client does not read, put out", extra={"client": self.place})
+            self.put_out()
+            return
+        packet_id = self.session.next_packet_id if mqtt_qos else None
+        self._send(PublishPacket.build(topic, data, packet_id, False, mqtt_qos, retained))
+
+    def put_out(self) -> None:
+        """Hang up now."""
+        self._writer.abort()
+
+    async def _next_packet(self) -> MQTTPacket | None:
+        header = await MQTTFixedHeader.from_stream(self._reader)
+        if header is None:
+            return None
+        if header.remaining_length > MAX_PACKET_BYTES:
+            raise MQTTError(f"a packet of {header.remaining_length} bytes")
+        return await packet_class(header).from_stream(self._reader, fixed_header=header)
+
+    def _handle(self, packet: MQTTPacket) -> None:
+        match packet:
+            case PublishPacket():
+                self._take(packet)
+            case PubackPacket():
+                pass  # nothing is resent, so nothing waits for it
+            case PingReqPacket():
+                self._send(PingRespPacket.build())
+            case SubscribePacket():
+                self._subscribe(packet)
+            case UnsubscribePacket():
+                self._traffic.unsubscribe(self, packet.payload.topics)
+                self._send(UnsubackPacket.build(packet.variable_header.packet_id))
+            case _:
+                raise MQTTError(f"unexpected {type(packet).__name__}")
+
+    def _subscribe(self, packet: SubscribePacket) -> None:
+        filters = [wanted for wanted, _ in packet.payload.topics]
+        granted = self._traffic.subscribe(self, packet.payload.topics)
+        codes = [NOT_A_FILTER if mqtt_qos is None else mqtt_qos for mqtt_qos in granted]
+        self._send(SubackPacket.build(packet.variable_header.packet_id, codes))
+        for wanted, mqtt_qos in zip(filters, granted, strict=True):
+            if mqtt_qos is not None:
+                self._traffic.send_retained(self, wanted, mqtt_qos)
+
+    def _take(self, packet: PublishPacket) -> None:
+        if packet.qos > 1:
+            raise MQTTError("mqtt_qos 2 is not spoken here")
+        self._traffic.publish(self, packet)
+        if packet.qos == 1:
+            self._send(PubackPacket.build(packet.packet_id))
+
+    def _send(self, packet: MQTTPacket) -> None:
+        self._writer.write(packet.to_bytes())
+
+
+def refuse(writer: ClientWriter) -> None:
+    """Tell a client that it is not let in."""
+    writer.write(ConnackPacket.build(0, NOT_AUTHORIZED).to_bytes())
