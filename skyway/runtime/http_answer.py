@@ -1,7 +1,6 @@
 """What another service's HTTP answer means here: a value, its problem, or "ask later"."""
 
 import logging
-from functools import lru_cache
 from typing import Any, TypeVar
 
 import httpx
@@ -42,16 +41,10 @@ def not_known(service: str) -> ServiceUnavailable:
 def read_answer(service: str, answer: type[T], response: httpx.Response) -> T:
     """The value that an answer holds; fields that this version does not know are ignored."""
     try:
-        value: T = _adapter(answer).validate_json(response.content, extra="ignore")
+        return TypeAdapter(answer).validate_json(response.content, extra="ignore")
     except ValidationError as error:
         log.exception("answer unreadable", extra={"asked_service": service})
         raise ServiceUnavailable(service, "its answer cannot be read") from error
-    return value
-
-
-@lru_cache(maxsize=256)
-def _adapter(answer: Any) -> TypeAdapter[Any]:  # any type with a JSON form
-    return TypeAdapter(answer)
 
 
 def _problem_in(response: httpx.Response) -> dict[str, Any]:  # problems have members of their own
