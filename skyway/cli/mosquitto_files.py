@@ -5,7 +5,7 @@ import os
 from urllib.parse import urlsplit
 
 from skyway.cli.data_folder import DataFolder
-from skyway.contracts.broker_rules import mosquitto_acl
+from skyway.contracts.broker_rules import BrokerRules
 from skyway.runtime.mosquitto import mosquitto_conf
 
 #: Where drones and customers meet Mosquitto when `SKYWAY_MQTT_DRONE_URL` does not say.
@@ -16,7 +16,7 @@ def write_mosquitto_files(folder: DataFolder, service_url: str) -> None:
     """Write the files with which ``mosquitto -c`` serves this system."""
     drone_url = os.environ.get("SKYWAY_MQTT_DRONE_URL")
     acl_file = folder.broker / "acl"
-    acl_file.write_text(mosquitto_acl())
+    acl_file.write_text(BrokerRules().mosquitto_acl())
     acl_file.chmod(0o600)
     folder.broker_passwords.touch(mode=0o600)
     configuration = mosquitto_conf(

@@ -16,6 +16,7 @@ from skyway.cli.data_folder import DataFolder
 from skyway.cli.databases import database_urls
 from skyway.cli.fleet_time import anchor_clock, keep_heartbeat
 from skyway.cli.mosquitto_files import write_mosquitto_files
+from skyway.cli.race import first_of
 from skyway.cli.secrets import make_secrets, write_keys_file
 from skyway.cli.supervisor import Child, Supervisor
 from skyway.errors import SkywayError
@@ -101,20 +102,14 @@ def _hold(folder: DataFolder, held: ExitStack) -> None:
 
 async def _until_ready(system: System) -> None:
     """Wait for every service's /readyz, or for a child that keeps dying."""
-    failure = asyncio.create_task(system.supervisor.failed())
-    ready = asyncio.create_task(_all_answer(system.urls))
-    done, pending = await asyncio.wait(
-        {failure, ready}, timeout=_READY_WITHIN_S, return_when=asyncio.FIRST_COMPLETED
-    )
-    for task in pending:
-        task.cancel()
-    if not done:
+    try:
+        async with asyncio.timeout(_READY_WITHIN_S):
+            await first_of(_all_answer(system.urls), system.supervisor.failed())
+    except TimeoutError as error:
         raise SkywayError(
             f"not everything was ready within {_READY_WITHIN_S:.0f} s; "
             f"the logs are in {system.folder.logs}"
-        )
-    for task in done:
-        task.result()
+        ) from error
 
 
 async def _all_answer(urls: Mapping[str, str]) -> None:

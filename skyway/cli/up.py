@@ -2,6 +2,8 @@
 
 import asyncio
 import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
@@ -10,6 +12,7 @@ from rich.console import Console
 
 from skyway.cli.children import Ports
 from skyway.cli.data_folder import DataFolder, data_folder
+from skyway.cli.race import first_of
 from skyway.cli.system import System, running_system
 
 DataOption = Annotated[
@@ -37,13 +40,26 @@ def up_command(
 
 async def _up(folder: DataFolder, *, rate: float, ports: Ports) -> None:
     console = Console()
-    asked_to_stop = asyncio.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        asyncio.get_running_loop().add_signal_handler(number, asked_to_stop.set)
-    async with running_system(folder, rate=rate, ports=ports) as system:
-        announce(console, system)
-        await until_asked_to_stop(system, asked_to_stop)
+    with asked_to_stop() as asked:
+        async with running_system(folder, rate=rate, ports=ports) as system:
+            announce(console, system)
+            await first_of(asked.wait(), system.supervisor.failed())
     console.print("Skyway has stopped; nothing is left running.")
+
+
+@contextmanager
+def asked_to_stop() -> Iterator[asyncio.Event]:
+    """An event that Ctrl-C and SIGTERM set, so that everything can be ended in order."""
+    asked = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    for number in numbers:
+        loop.add_signal_handler(number, asked.set)
+    try:
+        yield asked
+    finally:
+        for number in numbers:
+            loop.remove_signal_handler(number)
 
 
 def announce(console: Console, system: System) -> None:
@@ -53,14 +69,3 @@ def announce(console: Console, system: System) -> None:
         f"broker {system.mqtt_url}\n"
         f"Keys: source {system.folder.keys_file}    Logs: {system.folder.logs}    Stop: Ctrl-C"
     )
-
-
-async def until_asked_to_stop(system: System, asked: asyncio.Event) -> None:
-    """Wait for the signal, or raise when a child keeps dying."""
-    failure = asyncio.create_task(system.supervisor.failed())
-    stop = asyncio.create_task(asked.wait())
-    done, pending = await asyncio.wait({failure, stop}, return_when=asyncio.FIRST_COMPLETED)
-    for task in pending:
-        task.cancel()
-    for task in done:
-        task.result()

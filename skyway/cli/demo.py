@@ -1,0 +1,51 @@
+"""`skyway demo`: the whole system, the paper's scenario, and nothing left behind."""
+
+import asyncio
+import shutil
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from skyway.cli.children import Ports
+from skyway.cli.data_folder import DataFolder, data_folder
+from skyway.cli.demo_scenario import play
+from skyway.cli.demo_screen import DemoScreen
+from skyway.cli.demo_world import rehearse
+from skyway.cli.race import first_of
+from skyway.cli.system import running_system
+from skyway.cli.up import DataOption, announce, asked_to_stop
+from skyway.errors import SkywayError
+
+#: The delivery shall take about this long on the wall (decisions.md, Time).
+_WALL_S = 35.0
+
+
+def demo_command(
+    data: DataOption = None,
+    stay: Annotated[
+        bool, typer.Option("--stay", help="Leave the system up afterwards, until Ctrl-C.")
+    ] = False,
+) -> None:
+    """Play the paper's scenario through real processes; ends by itself."""
+    # A folder of its own, new each time: a demo never meets what an earlier one left.
+    folder = DataFolder(data_folder(data).path / "demo")
+    if folder.path.exists():
+        shutil.rmtree(folder.path)
+    asyncio.run(_demo(folder, stay=stay))
+
+
+async def _demo(folder: DataFolder, *, stay: bool) -> None:
+    console = Console()
+    planned_s = rehearse()
+    rate = planned_s / _WALL_S
+    ports = Ports() if stay else Ports(gateway=0, broker=0)
+    with DemoScreen(console) as screen, asked_to_stop() as asked:
+        screen.starting(planned_s=planned_s, rate=rate)
+        async with running_system(folder, rate=rate, ports=ports) as system:
+            await first_of(play(system, screen), asked.wait(), system.supervisor.failed())
+            if asked.is_set():
+                raise SkywayError("stopped before the scenario ended")
+            if stay:
+                announce(console, system)
+                await first_of(asked.wait(), system.supervisor.failed())

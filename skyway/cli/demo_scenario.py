@@ -1,0 +1,153 @@
+"""The paper's scenario, played by a customer through the public faces of a running system."""
+
+import asyncio
+import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from typing import Any
+
+from skyway.cli.api import GatewayApi
+from skyway.cli.demo_screen import DemoScreen
+from skyway.cli.demo_world import (
+    OTHER_REQUESTS,
+    PACKAGES,
+    PICKUP,
+    World,
+    delivery_request,
+    register,
+    until_all_stand_ready,
+)
+from skyway.cli.flown import Flown
+from skyway.cli.secrets import read_secret
+from skyway.cli.system import System
+from skyway.cli.webhook_receiver import WebhookReceiver
+from skyway.contracts.drone_report import DroneEvent, DroneState
+from skyway.contracts.topics import EVENTS, STATE
+from skyway.errors import SkywayError
+from skyway.runtime.mqtt import MqttClient
+
+#: How long the cast may take to get ready, and the delivery to end, wall seconds.
+_READY_WITHIN_S = 30.0
+_ENDED_WITHIN_S = 150.0
+
+_TERMINAL = frozenset({"COMPLETED", "PARTIALLY_COMPLETED", "CANCELLED", "FAILED", "REJECTED"})
+
+
+async def play(system: System, screen: DemoScreen) -> None:
+    """Register everybody, request the delivery, and show it until its last notification.
+
+    Raises
+    ------
+    SkywayError
+        The delivery did not complete, or not in time.
+    """
+    operator_key = read_secret(system.folder, "operator_key")
+    with WebhookReceiver() as receiver:
+        async with GatewayApi(system.urls["gateway"]) as api, _watching(system) as watch:
+            async with _in_time(_READY_WITHIN_S, "the drones are not ready", system):
+                world = await register(api, operator_key, folder=system.folder.path)
+                screen.cast(world.provider_names)
+                system.start_fleet("fleet", world.fleet_file)
+                await until_all_stand_ready(api, operator_key, world)
+            await _others_request(api, world, screen)
+            await _tell_me_at(api, world, receiver)
+            started = time.monotonic()
+            async with _in_time(_ENDED_WITHIN_S, "the delivery has not ended", system):
+                delivery = await _request_and_follow(api, world, receiver, watch, screen)
+            screen.end(delivery, watch.flown, wall_s=time.monotonic() - started)
+    if delivery["state"] != "COMPLETED":
+        raise SkywayError(
+            f"delivery {delivery['delivery_id']} ended {delivery['state']}: {delivery['reasons']}; "
+            f"the logs are in {system.folder.logs}"
+        )
+
+
+class _Watch:
+    """What an operator's eye on MQTT has seen: each drone's newest state, each mission's steps."""
+
+    def __init__(self) -> None:
+        self.states: dict[str, DroneState] = {}
+        self.flown = Flown()
+
+    async def look(self, mqtt: MqttClient) -> None:
+        """Take in states and events for ever."""
+        async for batch in mqtt.batches(STATE, EVENTS):
+            for received in batch:
+                if isinstance(received.message, DroneState):
+                    self.states[received.ids[1]] = received.message
+                elif isinstance(received.message, DroneEvent):
+                    self.flown.add(received.message)
+
+
+@asynccontextmanager
+async def _watching(system: System) -> AsyncIterator[_Watch]:
+    """An operator's MQTT account, reading along while the block runs."""
+    mqtt = MqttClient(
+        system.mqtt_url,
+        client_id="operator",
+        user_name="operator",
+        password=read_secret(system.folder, "mqtt_operator"),
+    )
+    watch = _Watch()
+    async with mqtt, asyncio.TaskGroup() as tasks:
+        looking = tasks.create_task(watch.look(mqtt))
+        yield watch
+        looking.cancel()
+
+
+@asynccontextmanager
+async def _in_time(limit_s: float, trouble: str, system: System) -> AsyncIterator[None]:
+    try:
+        async with asyncio.timeout(limit_s):
+            yield
+    except TimeoutError as error:
+        detail = f"{trouble} within {limit_s:.0f} s; the logs are in {system.folder.logs}"
+        raise SkywayError(detail) from error
+
+
+async def _others_request(api: GatewayApi, world: World, screen: DemoScreen) -> None:
+    """Have the other customer's deliveries planned first, so that pads and drones are taken."""
+    key = world.other_customer_key
+    for pickup, packages in OTHER_REQUESTS:
+        body = delivery_request(pickup, packages, objective="cheapest")
+        await api.call("POST", "/v1/deliveries", key=key, body=body)
+    page = await api.call("GET", "/v1/deliveries", key=key)
+    while any(delivery["state"] == "REQUESTED" for delivery in page["items"]):
+        await asyncio.sleep(0.1)  # asked of another process: there is nothing to wait on
+        page = await api.call("GET", "/v1/deliveries", key=key)
+    screen.others(page["items"])
+
+
+async def _tell_me_at(api: GatewayApi, world: World, receiver: WebhookReceiver) -> None:
+    body = {"url": receiver.url}
+    answer = await api.call("POST", "/v1/webhooks", key=world.customer_key, body=body)
+    receiver.secret = answer["secret"]
+
+
+async def _request_and_follow(
+    api: GatewayApi,
+    world: World,
+    receiver: WebhookReceiver,
+    watch: _Watch,
+    screen: DemoScreen,
+) -> dict[str, Any]:
+    """The delivery's last JSON, once its last notification has arrived."""
+    request = delivery_request(PICKUP, PACKAGES, objective="fastest")
+    screen.request(request)
+    created = await api.call("POST", "/v1/deliveries", key=world.customer_key, body=request)
+    path = f"/v1/deliveries/{created['delivery_id']}"
+    planned_revision: tuple[str, int] | None = None
+    while True:
+        delivery: dict[str, Any] = await api.call("GET", path, key=world.customer_key)
+        for mission in delivery["missions"][-1:]:
+            if planned_revision != (mission["mission_id"], mission["revision"]):
+                planned_revision = (mission["mission_id"], mission["revision"])
+                screen.plan(mission)
+            screen.progress(delivery, watch.states.get(mission["drone_id"]))
+        while not receiver.notifications.empty():
+            notification = receiver.notifications.get_nowait()
+            screen.notified(notification)
+            last_word = f"delivery.{delivery['state'].lower()}"
+            if delivery["state"] in _TERMINAL and notification.event["type"] == last_word:
+                return delivery
+        await asyncio.sleep(0.1)  # the screen's pace
