@@ -110,18 +110,18 @@ class Tx:
         """Call back once this block is on disk; not at all when it is rolled back."""
         self._callbacks.append(callback)
 
-    async def confirm(self, message_id: str) -> bool:
-        """Stop repeating a message; False when it was not, or no longer, in the outbox."""
-        outbox = self._outbox_table()
-        found = await self.execute(outbox.delete().where(outbox.c.message_id == message_id))
-        return found.rowcount > 0
+    def outbox_table(self) -> Table:
+        """The table of messages that leave with this transaction."""
+        if self._outbox is None:
+            raise RuntimeError("this database was opened without an outbox")
+        return self._outbox
 
     async def finish(self) -> bool:
         """Write the messages that leave, right before the COMMIT; True when there are any."""
         if self._failure is not None:
             raise self._failure
         if self._leaving:
-            await self.execute(self._outbox_table().insert(), self._leaving)
+            await self.execute(self.outbox_table().insert(), self._leaving)
         return bool(self._leaving)
 
     def committed(self) -> None:
@@ -130,10 +130,5 @@ class Tx:
             callback()
 
     def _leave(self, **row: object) -> None:
-        self._outbox_table()
+        self.outbox_table()
         self._leaving.append({**row, "traceparent": current_traceparent()})
-
-    def _outbox_table(self) -> Table:
-        if self._outbox is None:
-            raise RuntimeError("this database was opened without an outbox")
-        return self._outbox

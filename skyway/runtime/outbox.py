@@ -1,0 +1,166 @@
+"""Messages that leave with a transaction, and are sent until somebody has them.
+
+A row is written by `Tx.send` or `Tx.report` in the transaction of the fact it tells; the senders
+here deliver it afterwards, at least once, in the order of its stream (`stream_sender`).
+"""
+
+import asyncio
+import logging
+from collections.abc import Awaitable, Mapping
+from typing import Any, Final, Protocol
+
+from pydantic import ConfigDict
+from sqlalchemy import (
+    BigInteger,
+    Boolean,
+    Column,
+    Index,
+    Integer,
+    LargeBinary,
+    MetaData,
+    Row,
+    Table,
+    Text,
+)
+
+from skyway.json_model import JsonModel
+from skyway.runtime.claims import claim_columns
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.database import Database, Tx
+from skyway.runtime.errors import MqttUnavailable, RemoteProblem, ServiceUnavailable
+from skyway.runtime.metrics import count
+from skyway.runtime.stream_sender import Again, StreamSender
+
+log = logging.getLogger(__name__)
+
+#: Seconds of wall time until a message is sent again: doubled from the first to the last.
+_UNCONFIRMED_S: Final = (2.0, 30.0)
+_UNANSWERED_S: Final = (0.2, 10.0)
+#: The broker went away while it was asked: once it is back, there is no reason to wait.
+_NO_BROKER_S: Final = 0.5
+
+#: 4xx that a later try can overcome; 409 says "not yet".
+_LATER_STATUSES: Final = (408, 409, 425, 429)
+
+
+def outbox_table(metadata: MetaData) -> Table:
+    """The table of messages on their way; `channel` is ``mqtt`` or the name of a service."""
+    return Table(
+        "outbox",
+        metadata,
+        # Never reused, so that a late answer cannot delete another row.
+        Column("id", BigInteger().with_variant(Integer, "sqlite"), primary_key=True),
+        Column("channel", Text, nullable=False),
+        Column("stream", Text, nullable=False),
+        Column("address", Text, nullable=False),
+        Column("payload", LargeBinary, nullable=False),
+        Column("confirmed_by", Text, nullable=False),
+        Column("message_id", Text),
+        Column("mqtt_qos", Integer, nullable=False),
+        Column("is_retained", Boolean, nullable=False),
+        Column("traceparent", Text),
+        Column("attempts", Integer, nullable=False, server_default="0"),
+        Column("due_at_ms", BigInteger, nullable=False, server_default="0"),
+        *claim_columns(),
+        Index("outbox_stream", "channel", "stream", "id"),
+        Index("outbox_message", "message_id"),
+        sqlite_autoincrement=True,
+    )
+
+
+async def confirm(tx: Tx, message_id: str) -> bool:
+    """Stop repeating a message; False when it was not, or no longer, in the outbox."""
+    outbox = tx.outbox_table()
+    found = await tx.execute(outbox.delete().where(outbox.c.message_id == message_id))
+    return found.rowcount > 0
+
+
+class MqttPort(Protocol):
+    """What the sender needs of an MQTT client."""
+
+    async def wait_connected(self) -> None:
+        """Return once the broker has accepted us."""
+        ...
+
+    async def publish_raw(
+        self, name: str, payload: bytes, *, mqtt_qos: int, retained: bool
+    ) -> None:
+        """Publish; for `mqtt_qos` 1 return after the PUBACK, else raise MqttUnavailable."""
+        ...
+
+
+class ServicePort(Protocol):
+    """What the sender needs of a client of another service."""
+
+    def call(self, method: str, path: str, *, body: JsonModel) -> Awaitable[None]:
+        """Ask the service; RemoteProblem for 4xx, ServiceUnavailable for no answer."""
+        ...
+
+
+class MqttSender:
+    """Publishes this database's messages: until confirmed by the receiver, or by the broker."""
+
+    def __init__(self, db: Database, mqtt: MqttPort, clock: FleetClock) -> None:
+        self._mqtt = mqtt
+        self._sender = StreamSender(
+            db, "mqtt", self._publish, clock=clock, ready=mqtt.wait_connected
+        )
+
+    async def run(self) -> None:
+        """Publish for ever."""
+        await self._sender.run()
+
+    async def _publish(self, row: Row[Any]) -> Again | None:
+        try:
+            await self._mqtt.publish_raw(
+                row.address, row.payload, mqtt_qos=row.mqtt_qos, retained=row.is_retained
+            )
+        except MqttUnavailable:
+            return Again(after_s=_NO_BROKER_S, attempts=row.attempts)
+        if row.confirmed_by == "broker":
+            return None
+        # A broker's PUBACK is not delivery: it may forget all that it has acknowledged.
+        return _backing_off(row, _UNCONFIRMED_S)
+
+
+class ReportSender:
+    """Posts this database's reports, to each service on its own."""
+
+    def __init__(self, db: Database, clients: Mapping[str, ServicePort], clock: FleetClock) -> None:
+        self._clients = clients
+        self._senders = [StreamSender(db, service, self._post, clock=clock) for service in clients]
+
+    async def run(self) -> None:
+        """Post for ever."""
+        async with asyncio.TaskGroup() as group:
+            for sender in self._senders:
+                group.create_task(sender.run())
+
+    async def _post(self, row: Row[Any]) -> Again | None:
+        body = _StoredBody.model_validate_json(row.payload)
+        try:
+            await self._clients[row.channel].call("POST", row.address, body=body)
+        except ServiceUnavailable:
+            return _backing_off(row, _UNANSWERED_S)
+        except RemoteProblem as refusal:
+            if refusal.status in _LATER_STATUSES:
+                return _backing_off(row, _UNANSWERED_S)
+            # It can never succeed, and its stream must go on.
+            count("skyway_outbox_dropped", "reports refused for good", channel=row.channel)
+            log.error(  # noqa: TRY400  the receiver's reason matters, not our stack
+                "report refused",
+                extra={"service_name": row.channel, "path": row.address, "reason": str(refusal)},
+            )
+        return None
+
+
+class _StoredBody(JsonModel):
+    """A body that was checked when it was reported, whatever its members are."""
+
+    model_config = ConfigDict(extra="allow")
+
+
+def _backing_off(row: Row[Any], span_s: tuple[float, float]) -> Again:
+    first_s, longest_s = span_s
+    after_s = min(first_s * 2.0 ** min(row.attempts, 16), longest_s)
+    return Again(after_s=after_s, attempts=row.attempts + 1)
