@@ -6,7 +6,7 @@ import subprocess
 import sys
 from itertools import cycle, islice
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, NoReturn
 
 import typer
 
@@ -55,16 +55,20 @@ def fleet_command(
     ] = None,
     data: DataOption = None,
 ) -> None:
-    """Run many simulated drones in one agent process until Ctrl-C."""
+    """Run many simulated drones in one agent process until Ctrl-C.
+
+    With FILE and --drones both, the drones are registered once and remembered in FILE.
+    """
     folder = data_folder(data)
-    if (file is None) == (drones is None):
-        fail("give either FILE or --drones N")
+    if file is not None and (drones is None or file.exists()):
+        _run_agent(folder, _read(file))
+    if drones is None:
+        fail("give FILE, or --drones N, or both")
+    homes = home or _all_stations(folder)
+    owner = provider_id or _new_provider(folder)
+    hosted = _register(folder, owner, model_id, list(islice(cycle(homes), drones)))
     if file is not None:
-        hosted = _read(file)
-    else:
-        homes = home or _all_stations(folder)
-        owner = provider_id or _new_provider(folder)
-        hosted = _register(folder, owner, model_id, list(islice(cycle(homes), drones)))
+        _write(file, hosted)
     _run_agent(folder, hosted)
 
 
@@ -115,14 +119,18 @@ def _operate(folder: DataFolder, method: str, path: str, body: object = None) ->
     return call_gateway(method, path, key_name=_OPERATOR_KEY, folder=folder, body=encoded)
 
 
-def _run_agent(folder: DataFolder, drones: list[dict[str, Any]]) -> None:
-    """Run the agent on these drones in place of this process's own work, and end with its code."""
+def _write(file: Path, drones: list[dict[str, Any]]) -> None:
+    """Write drones with their broker passwords, for this user's eyes only."""
+    descriptor = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+    with os.fdopen(descriptor, "w") as output:
+        json.dump({"items": drones}, output)
+
+
+def _run_agent(folder: DataFolder, drones: list[dict[str, Any]]) -> NoReturn:
+    """Run the agent on these drones until it ends, and end with its exit code."""
     folder.make()
-    # The file holds broker passwords, so it lies in the closed data folder.
     fleet_file = folder.path / f"fleet-{drones[0]['drone_id']}.json"
-    descriptor = os.open(fleet_file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
-    with os.fdopen(descriptor, "w") as file:
-        json.dump({"items": drones}, file)
+    _write(fleet_file, drones)
     settings = read_keys(folder)
     if "SKYWAY_MQTT_URL" not in settings:
         fail(f"SKYWAY_MQTT_URL is not set, neither in the environment nor in {folder.keys_file}")

@@ -10,6 +10,7 @@ from skyway.cli.demo import demo_command
 from skyway.cli.doctor import doctor_command
 from skyway.cli.drone import drone_command, fleet_command
 from skyway.cli.network import network_app
+from skyway.cli.secrets_command import secrets_command
 from skyway.cli.up import up_command
 from skyway.cli.verify import verify_command
 from skyway.errors import SkywayError
@@ -27,6 +28,7 @@ app.command("request")(request_command)
 app.command("track")(track_command)
 app.command("drone")(drone_command)
 app.command("fleet")(fleet_command)
+app.command("secrets")(secrets_command)
 app.command("verify")(verify_command)
 app.command("doctor")(doctor_command)
 app.add_typer(network_app, name="network")

@@ -8,23 +8,31 @@ from skyway.cli.data_folder import DataFolder
 from skyway.contracts.broker_rules import BrokerRules
 from skyway.runtime.mosquitto import mosquitto_conf
 
-#: Where drones and customers meet Mosquitto when `SKYWAY_MQTT_DRONE_URL` does not say.
+#: Where drones and customers, and where services meet Mosquitto when no setting says.
 _DRONE_PORT = 1883
+_SERVICE_PORT = 1884
 
 
-def write_mosquitto_files(folder: DataFolder, service_url: str) -> None:
-    """Write the files with which ``mosquitto -c`` serves this system."""
-    drone_url = os.environ.get("SKYWAY_MQTT_DRONE_URL")
+def write_mosquitto_files(folder: DataFolder, *, host: str = "127.0.0.1") -> None:
+    """Write the files with which ``mosquitto -c`` serves this system.
+
+    The ports are those of `SKYWAY_MQTT_DRONE_URL` and, for services, `SKYWAY_MQTT_URL`.
+    """
     acl_file = folder.broker / "acl"
     acl_file.write_text(BrokerRules().mosquitto_acl())
     acl_file.chmod(0o600)
     folder.broker_passwords.touch(mode=0o600)
     configuration = mosquitto_conf(
-        port=(urlsplit(drone_url).port if drone_url else None) or _DRONE_PORT,
-        service_port=urlsplit(service_url).port or 1884,
+        port=_port("SKYWAY_MQTT_DRONE_URL", _DRONE_PORT),
+        service_port=_port("SKYWAY_MQTT_URL", _SERVICE_PORT),
         password_file=folder.broker_passwords.resolve(),
         acl_file=acl_file.resolve(),
         pid_file=folder.broker_pid.resolve(),
         user=getpass.getuser(),
+        host=host,
     )
     (folder.broker / "mosquitto.conf").write_text(configuration)
+
+
+def _port(setting: str, otherwise: int) -> int:
+    return urlsplit(os.environ.get(setting, "")).port or otherwise

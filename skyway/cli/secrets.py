@@ -29,6 +29,22 @@ def read_secret(folder: DataFolder, name: str) -> str:
     return (folder.secrets / name).read_text().strip()
 
 
+def make_database_passwords(folder: DataFolder, passwords: Path, *, host: str) -> None:
+    """Write a password per PostgreSQL role: for the server, and as the service's passfile.
+
+    `passwords` is a folder that only the server mounts; its user is another one than ours, so the
+    files in it are readable to all who can reach the folder.
+    """
+    passwords.mkdir(parents=True, exist_ok=True)
+    for role in ("superuser", *CLOUD_SERVICES):
+        _write_once(passwords / role, secrets.token_urlsafe(24))
+        (passwords / role).chmod(0o644)
+    for service in CLOUD_SERVICES:
+        password = (passwords / service).read_text().strip()
+        line = f"{host}:*:*:skyway_{service}:{password}\n"
+        _replace(folder.secrets / f"pgpass_{service}", line)
+
+
 def write_keys_file(folder: DataFolder, gateway_url: str, mqtt_url: str) -> None:
     """Write the newcomer's keys and where to use them, as lines that a shell can source."""
     values = {

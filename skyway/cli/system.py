@@ -67,7 +67,7 @@ async def running_system(folder: DataFolder, *, rate: float, ports: Ports) -> As
         sockets = bind(ports, held)
         told = environment(folder, sockets)
         if "broker" not in sockets:
-            write_mosquitto_files(folder, told["SKYWAY_MQTT_URL"])
+            write_mosquitto_files(folder)
         databases = await database_urls(folder)
         system = System(
             folder=folder,

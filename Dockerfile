@@ -1,0 +1,19 @@
+# One image for every process of Skyway; docker-compose.yml says which one a container runs.
+FROM python:3.11-slim AS build
+WORKDIR /src
+COPY requirements.txt pyproject.toml README.md ./
+RUN python -m venv /opt/skyway \
+    && /opt/skyway/bin/pip install --no-cache-dir --require-hashes -r requirements.txt
+COPY skyway skyway
+COPY gateway gateway
+COPY services services
+RUN /opt/skyway/bin/pip install --no-cache-dir --no-deps --no-build-isolation .
+
+FROM python:3.11-slim
+RUN useradd --uid 10001 --home-dir /var/lib/skyway --create-home skyway \
+    && install --directory --owner=skyway /var/lib/postgres-passwords
+COPY --from=build /opt/skyway /opt/skyway
+ENV PATH=/opt/skyway/bin:$PATH PYTHONUNBUFFERED=1 SKYWAY_DATA=/var/lib/skyway
+USER skyway
+VOLUME /var/lib/skyway
+CMD ["skyway", "doctor"]
