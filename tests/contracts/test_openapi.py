@@ -1,0 +1,177 @@
+"""The committed documents are those that the code generates, and they are valid."""
+
+import importlib.util
+import json
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import pytest
+import yaml
+from jsonschema import Draft202012Validator, FormatChecker
+from openapi_spec_validator import OpenAPIV31SpecValidator
+
+from skyway.contracts.asyncapi import asyncapi_document, message_schemas
+from skyway.contracts.message_examples import message_examples
+from skyway.contracts.topic import Topic
+from skyway.contracts.topics import TOPICS
+
+ROOT = Path(__file__).resolve().parents[2]
+FOLDER = ROOT / "openapi"
+SERVICES = ("gateway", "provider-registry", "composition")
+
+
+def load_tool() -> ModuleType:
+    spec = importlib.util.spec_from_file_location(
+        "write_openapi", ROOT / "tools" / "write_openapi.py"
+    )
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+TOOL = load_tool()
+
+
+def document_of(service: str) -> Any:
+    return json.loads((FOLDER / f"{service}.json").read_text(encoding="utf-8"))
+
+
+def asyncapi() -> Any:
+    return yaml.safe_load((FOLDER / "asyncapi.yaml").read_text(encoding="utf-8"))
+
+
+def references_in(value: object) -> Iterator[str]:
+    if isinstance(value, dict):
+        if isinstance(value.get("$ref"), str):
+            yield value["$ref"]
+        for inner in value.values():
+            yield from references_in(inner)
+    elif isinstance(value, list):
+        for inner in value:
+            yield from references_in(inner)
+
+
+def resolve(document: Any, reference: str) -> Any:
+    found = document
+    for part in reference.removeprefix("#/").split("/"):
+        found = found[part.replace("~1", "/").replace("~0", "~")]
+    return found
+
+
+@pytest.mark.parametrize("service", SERVICES)
+def test_a_committed_openapi_document_is_that_of_its_app(service: str) -> None:
+    generated = dict(TOOL.service_files([service]))[f"{service}.json"]
+
+    assert (FOLDER / f"{service}.json").read_text(encoding="utf-8") == generated, "make openapi"
+
+
+@pytest.mark.parametrize("service", SERVICES)
+def test_an_openapi_document_is_valid_3_1(service: str) -> None:
+    document = document_of(service)
+
+    OpenAPIV31SpecValidator(document).validate()
+
+    assert document["openapi"].startswith("3.1")
+
+
+@pytest.mark.parametrize("service", SERVICES)
+def test_every_call_documents_its_problems(service: str) -> None:
+    for path, operations in document_of(service)["paths"].items():
+        for method, operation in operations.items():
+            default = operation["responses"]["default"]["content"]["application/problem+json"]
+            assert default["schema"]["$ref"].endswith("/ProblemDetails"), (path, method)
+            assert ("requestBody" in operation) <= ("400" in operation["responses"])
+
+
+@pytest.mark.parametrize("service", SERVICES)
+def test_every_call_says_what_it_does(service: str) -> None:
+    for path, operations in document_of(service)["paths"].items():
+        for method, operation in operations.items():
+            assert operation.get("description"), (path, method)
+
+
+def test_the_committed_messages_are_those_of_the_topics() -> None:
+    committed = {
+        str(path.relative_to(FOLDER)): path.read_text(encoding="utf-8")
+        for path in (FOLDER / "asyncapi.yaml", *FOLDER.glob("messages/*"))
+    }
+
+    assert committed == dict(TOOL.message_files()), "make openapi"
+
+
+def test_asyncapi_has_a_channel_and_an_operation_for_every_topic() -> None:
+    document = asyncapi()
+
+    channels = {channel["address"]: name for name, channel in document["channels"].items()}
+    operated = {
+        operation["channel"]["$ref"]: operation for operation in document["operations"].values()
+    }
+
+    assert document["asyncapi"] == "3.0.0"
+    assert set(channels) == {topic.template for topic in TOPICS}
+    assert len(document["operations"]) == len(TOPICS)
+    for topic in TOPICS:
+        operation = operated[f"#/channels/{channels[topic.template]}"]
+        mqtt = operation["bindings"]["mqtt"]
+        assert (mqtt["qos"], mqtt["retain"]) == (topic.mqtt_qos, topic.retained)
+        assert operation["action"] == ("receive" if topic.writer == "drone" else "send")
+        assert f"write: {topic.writer}" in operation["description"].replace("the drone", "drone")
+
+
+def test_every_reference_of_asyncapi_resolves() -> None:
+    document = asyncapi()
+
+    references = set(references_in(document))
+
+    assert references
+    for reference in references:
+        assert isinstance(resolve(document, reference), dict), reference
+
+
+def test_an_operation_only_sends_what_its_channel_holds() -> None:
+    document = asyncapi()
+
+    for operation in document["operations"].values():
+        channel = operation["channel"]["$ref"]
+        held = {f"{channel}/messages/{name}" for name in resolve(document, channel)["messages"]}
+        assert {message["$ref"] for message in operation["messages"]} == held
+
+
+def test_every_placeholder_of_a_channel_is_explained() -> None:
+    for channel in asyncapi()["channels"].values():
+        placeholders = set(re.findall(r"\{(\w+)\}", channel["address"]))
+        assert set(channel.get("parameters", {})) == placeholders
+
+
+def test_every_message_has_a_valid_schema_and_an_example_that_fits_it() -> None:
+    examples = message_examples()
+    schemas = message_schemas(TOPICS)
+
+    assert set(schemas) == set(examples)
+    for name, schema in schemas.items():
+        Draft202012Validator.check_schema(schema)
+        validator = Draft202012Validator(schema, format_checker=FormatChecker())
+        validator.validate(examples[name].model_dump(mode="json"))
+
+
+@pytest.mark.parametrize("topic", TOPICS, ids=lambda topic: str(topic.template))
+def test_the_examples_of_a_topic_are_read_back_as_themselves(topic: Topic[Any]) -> None:
+    # The repr of a message type names the model, or each model of a union.
+    examples = [
+        example for name, example in message_examples().items() if f".{name}" in repr(topic.message)
+    ]
+
+    assert examples
+    for example in examples:
+        assert topic.read(example.model_dump_json().encode()) == example
+
+
+def test_the_document_does_not_depend_on_when_it_is_made() -> None:
+    first, second = (json.dumps(asyncapi_document(TOPICS, version="1")) for _ in range(2))
+
+    assert first == second
