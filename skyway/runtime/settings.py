@@ -9,27 +9,13 @@ from pydantic_settings import BaseSettings, SettingsConfigDict
 from skyway.runtime.errors import InvalidSettings
 
 
-class ServiceSettings(BaseSettings):
-    """Variables ``SKYWAY_...``: where things are. Secrets are files in `secrets_dir`."""
+class DatabaseSettings(BaseSettings):
+    """What `migrate` and `verify` of a service need: its database, and nothing else."""
 
     model_config = SettingsConfigDict(env_prefix="SKYWAY_", frozen=True, extra="ignore")
 
-    # Neither URL is shown: both may hold a password.
+    # Not shown: it may hold a password.
     database_url: str = Field(repr=False)
-    mqtt_url: str = Field(repr=False)
-    secrets_dir: Path
-    clock_file: Path | None = None
-    host: str = "127.0.0.1"
-    #: 0 takes any free port.
-    port: int = Field(default=0, ge=0, le=65535)
-    #: A listening socket passed by the parent; it wins over host and port.
-    socket_fd: int | None = None
-    #: A pipe to the parent: when it closes, the service leaves.
-    parent_fd: int | None = None
-    log_level: str = "INFO"
-    gateway_url: str = "http://127.0.0.1:8000"
-    registry_url: str = "http://127.0.0.1:8001"
-    composition_url: str = "http://127.0.0.1:8002"
 
     @classmethod
     def load(cls) -> Self:
@@ -48,3 +34,23 @@ class ServiceSettings(BaseSettings):
                 for fault in error.errors(include_input=False, include_url=False)
             )
             raise InvalidSettings(faults) from None
+
+
+class ServiceSettings(DatabaseSettings):
+    """Variables ``SKYWAY_...``: where things are. Secrets are files in `secrets_dir`."""
+
+    # Not shown: it may hold a password.
+    mqtt_url: str = Field(repr=False)
+    secrets_dir: Path
+    clock_file: Path | None = None
+    host: str = "127.0.0.1"
+    #: 0 takes any free port.
+    port: int = Field(default=0, ge=0, le=65535)
+    #: A listening socket passed by the parent; it wins over host and port.
+    socket_fd: int | None = None
+    #: A pipe to the parent: when it closes, the service leaves.
+    parent_fd: int | None = None
+    log_level: str = "INFO"
+    gateway_url: str = "http://127.0.0.1:8000"
+    registry_url: str = "http://127.0.0.1:8001"
+    composition_url: str = "http://127.0.0.1:8002"
