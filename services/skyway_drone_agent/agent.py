@@ -1,0 +1,147 @@
+"""One drone's agent: constructs its parts for a session and runs them side by side."""
+
+import contextlib
+from collections.abc import AsyncIterator, Awaitable, Callable
+from types import TracebackType
+from typing import Any, Never, Protocol, Self
+
+from skyway.contracts.drone_report import Connection
+from skyway.contracts.topic import Address
+from skyway.contracts.topics import CLOCK
+from skyway.runtime.errors import MqttUnavailable
+from skyway.runtime.loops import Loops
+from skyway.runtime.minting import Mint
+from skyway.runtime.mqtt import Received, Will
+from skyway_drone_agent.ack_queue import AckQueue
+from skyway_drone_agent.clock_keeper import ClockFromCloud
+from skyway_drone_agent.enrolled_drone import EnrolledDrone
+from skyway_drone_agent.flight_recorder import FlightRecorder
+from skyway_drone_agent.inbox import RAW_INSTRUCTIONS, Inbox
+from skyway_drone_agent.journal import Journal
+from skyway_drone_agent.link_watch import LinkWatch
+from skyway_drone_agent.mission import Gates
+from skyway_drone_agent.pilot import Pilot
+from skyway_drone_agent.presence import Presence
+from skyway_drone_agent.reporter import EventSender, StateSender
+from skyway_drone_agent.telemetry import TelemetrySender
+from skyway_drone_agent.uplink import Link, Uplink
+from skyway_drone_agent.vehicle import Vehicle
+
+#: Wall seconds that a farewell may take.
+_FAREWELL_S = 1.0
+
+
+class OpenableLink(Link, Protocol):
+    """A link that connects while it is entered."""
+
+    async def __aenter__(self) -> Self: ...
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+        /,
+    ) -> None: ...
+
+
+#: Makes the link of one drone from its last will and what to do after each connect.
+MakeLink = Callable[[Will, Callable[[], Awaitable[None]]], OpenableLink]
+
+
+class DroneAgent:
+    """A drone from now until the task is cancelled; the next one goes on from its journal."""
+
+    def __init__(
+        self,
+        drone: EnrolledDrone,
+        *,
+        journal: Journal,
+        vehicle: Vehicle,
+        clock: ClockFromCloud,
+        make_link: MakeLink,
+        mint: Mint,
+    ) -> None:
+        self._drone = drone
+        self._vehicle = vehicle
+        self._clock = clock
+        self._mint = mint
+        self._recorder = FlightRecorder(journal, at_first=drone.at_first())
+        self._recorder.begin_session(clock.wall_now())
+        self._presence = Presence(
+            clock,
+            provider_id=drone.provider_id,
+            drone_id=drone.drone_id,
+            session=self._recorder.logbook.session,
+            mint=mint,
+        )
+        self._link = make_link(self._presence.last_will, self._connected)
+        self._inbox: Inbox | None = None
+        self._watch: LinkWatch | None = None
+        self._state: StateSender | None = None
+
+    async def run(self) -> None:
+        """Serve the drone; a leave on purpose is told to the cloud."""
+        here = (self._drone.provider_id, self._drone.drone_id)
+        batches = self._link.batches(RAW_INSTRUCTIONS(*here), CLOCK())
+        async with self._link, Loops() as loops:
+            loops.start("listen", self._listen(batches))
+            try:
+                await self._clock.wait_known()
+                await self._fly(loops)
+            finally:
+                await self._say_goodbye()
+
+    async def _fly(self, loops: Loops) -> Never:
+        """Everything that needs fleet time."""
+        clock, recorder, vehicle = self._clock, self._recorder, self._vehicle
+        uplink = Uplink(
+            self._link,
+            clock,
+            provider_id=self._drone.provider_id,
+            drone_id=self._drone.drone_id,
+            session=recorder.logbook.session,
+            mint=self._mint,
+        )
+        acks = AckQueue(uplink, recorder, clock)
+        events = EventSender(uplink, recorder)
+        watch = LinkWatch(self._link, clock, on_change=recorder.tell_watchers)
+        state = StateSender(uplink, recorder, vehicle, clock)
+        telemetry = TelemetrySender(uplink, recorder, vehicle, clock)
+        pilot = Pilot(
+            recorder, vehicle, clock, gates=lambda: self._gates(watch, acks), uplink=uplink
+        )
+        self._watch, self._state = watch, state
+        self._inbox = Inbox(recorder, clock, model=vehicle.model, answers=acks, events=events)
+        for part in (acks, events, watch, state, telemetry):
+            loops.start(type(part).__name__, part.run())
+        await pilot.run()
+
+    async def _listen(self, batches: AsyncIterator[list[Received[Any]]]) -> None:
+        async for batch in batches:
+            for received in batch:
+                if received.topic is CLOCK:
+                    self._clock.keep(received.message)
+                # Without a clock nothing can be judged: the cloud sends it again.
+                elif self._inbox is not None:
+                    self._inbox.take(received.message)
+
+    async def _connected(self) -> None:
+        await self._link.publish(self._presence.address, self._presence.online())
+        if self._watch is not None and self._state is not None:
+            self._watch.came_up()
+            self._state.send_anew()
+
+    def _gates(self, watch: LinkWatch, acks: AckQueue) -> Gates:
+        mission = self._recorder.logbook.mission
+        told_at = acks.confirmed_at(mission.accepted_by) if mission else None
+        up_since = watch.up_since
+        return Gates(
+            take_off_at=watch.not_lost_since,
+            loading_at=max(told_at, up_since) if told_at and up_since else None,
+        )
+
+    async def _say_goodbye(self) -> None:
+        address: Address[Connection] = self._presence.address
+        with contextlib.suppress(MqttUnavailable):
+            await self._link.publish(address, self._presence.offline(), timeout_s=_FAREWELL_S)

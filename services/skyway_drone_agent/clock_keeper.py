@@ -1,0 +1,89 @@
+"""The fleet clock as the cloud tells it, kept on disk for a restart without the cloud."""
+
+import asyncio
+import contextlib
+from datetime import datetime
+from pathlib import Path
+from typing import Protocol
+
+from skyway.contracts.world import ClockAnchor
+from skyway.runtime.clock import AnchoredClock, FleetClock, load_clock
+
+#: Wall seconds to wait for the cloud's word after a start before the kept anchor is believed: it
+#: is too far on when the whole system, and with it fleet time, stood still meanwhile.
+PATIENCE_S = 10.0
+
+#: Longest single sleep, in seconds of wall time: the machine's clock may be set meanwhile.
+_LONGEST_SLEEP_S = 60.0
+
+
+class ClockFromCloud(FleetClock, Protocol):
+    """A fleet clock that is set by the cloud."""
+
+    def keep(self, anchor: ClockAnchor) -> None:
+        """Go by this anchor from now on."""
+        ...
+
+    async def wait_known(self) -> None:
+        """Return once fleet time is known; until then the clock shows wall time."""
+        ...
+
+
+class KeptClock:
+    """Goes by the newest anchor; whoever sleeps is woken by the new one's time."""
+
+    def __init__(self, path: Path, *, patience_s: float = PATIENCE_S) -> None:
+        self._path = path
+        self._patience_s = patience_s
+        self._clock = AnchoredClock.plain()
+        self._is_known = asyncio.Event()
+        self._changed = asyncio.Event()
+
+    @property
+    def rate(self) -> float:
+        """Seconds of fleet time per second of wall time."""
+        return self._clock.rate
+
+    def now(self) -> datetime:
+        """Fleet time, UTC."""
+        return self._clock.now()
+
+    def wall_now(self) -> datetime:
+        """Wall time, UTC."""
+        return self._clock.wall_now()
+
+    async def sleep_until(self, fleet_moment: datetime) -> None:
+        """Return once fleet time has reached the moment, also if the anchor changes meanwhile."""
+        while True:
+            remaining_s = (fleet_moment - self.now()).total_seconds() / self.rate
+            if remaining_s <= 0:
+                return
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(min(remaining_s, _LONGEST_SLEEP_S)):
+                    await self._changed.wait()
+
+    async def wait_known(self) -> None:
+        """Return once the cloud has told the anchor, or nearly so: the kept one, after a while."""
+        if self._path.exists() and not self._is_known.is_set():
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(self._patience_s):
+                    await self._is_known.wait()
+            if not self._is_known.is_set():
+                self._go_by(load_clock(self._path))
+        await self._is_known.wait()
+
+    def keep(self, anchor: ClockAnchor) -> None:
+        """Go by this anchor from now on, and after a restart too."""
+        clock = AnchoredClock(anchor.fleet_at, anchor.wall_at, anchor.rate)
+        if self._is_known.is_set() and clock == self._clock:
+            return
+        beside = self._path.with_suffix(".new")
+        beside.write_text(anchor.model_dump_json(include={"fleet_at", "wall_at", "rate"}))
+        beside.replace(self._path)
+        self._go_by(clock)
+
+    def _go_by(self, clock: AnchoredClock) -> None:
+        self._clock = clock
+        self._is_known.set()
+        self._changed.set()
+        self._changed = asyncio.Event()

@@ -1,0 +1,74 @@
+"""Hosting: one process serves one drone or a whole simulated fleet."""
+
+import asyncio
+import logging
+import resource
+from collections.abc import Awaitable, Callable
+from typing import Never
+
+from skyway.runtime.minting import mint
+from skyway.runtime.mqtt import MqttClient
+from skyway_drone_agent.agent import DroneAgent
+from skyway_drone_agent.clock_keeper import KeptClock
+from skyway_drone_agent.enrolled_drone import EnrolledDrone
+from skyway_drone_agent.journal_folder import JournalFolder
+from skyway_drone_agent.simulated_vehicle import SimulatedVehicle
+
+log = logging.getLogger(__name__)
+
+#: Wall seconds before a drone whose agent failed is taken up again from its journal.
+_AGAIN_AFTER_S = 5.0
+
+#: Open files that a process needs beside one connection per drone.
+_OTHER_FILES = 64
+
+
+async def host_fleet(
+    drones: tuple[EnrolledDrone, ...], folder: JournalFolder, *, mqtt_url: str
+) -> None:
+    """Serve all drones until cancelled; one that fails does not disturb the others."""
+    _allow_open_files(len(drones) + _OTHER_FILES)
+    clock = KeptClock(folder.clock_file)
+    async with asyncio.TaskGroup() as group:
+        for drone in drones:
+            serving = _keep_flying(drone, folder, clock=clock, mqtt_url=mqtt_url)
+            group.create_task(serving, name=drone.drone_id)
+
+
+async def _keep_flying(
+    drone: EnrolledDrone, folder: JournalFolder, *, clock: KeptClock, mqtt_url: str
+) -> Never:
+    def make_link(
+        will: Callable[[], tuple[Address[Any], Message]],
+        on_connected: Callable[[], Awaitable[None]],
+    ) -> MqttClient:
+        return MqttClient(
+            mqtt_url,
+            client_id=drone.mqtt.user_name,
+            user_name=drone.mqtt.user_name,
+            password=drone.mqtt.password,
+            will=will,
+            on_connected=on_connected,
+        )
+
+    while True:
+        try:
+            agent = DroneAgent(
+                drone,
+                journal=folder.journal_of(drone.drone_id),
+                vehicle=SimulatedVehicle(drone.model, clock),
+                clock=clock,
+                make_link=make_link,
+                mint=mint,
+            )
+            await agent.run()
+        except Exception:
+            log.exception("drone agent failed", extra={"drone_id": drone.drone_id})
+            await asyncio.sleep(_AGAIN_AFTER_S)
+
+
+def _allow_open_files(count: int) -> None:
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if soft < count:
+        wanted = count if hard == resource.RLIM_INFINITY else min(count, hard)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))

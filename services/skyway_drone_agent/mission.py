@@ -1,0 +1,129 @@
+"""The mission: what a drone does next, decided from its logbook and the fleet clock alone.
+
+A step begins when the one before has ended and its own planned start has come; its end is what the
+vehicle says, not when this process woke. A drone on the ground takes off only with the energy for
+all flights up to the next recharge, and not while the link is lost; it loads only while the cloud
+knows that it has accepted. Whatever begins or ends is in the journal first.
+"""
+
+from dataclasses import dataclass, field
+from datetime import datetime
+from typing import Any
+
+from skyway.contracts.flight_step import FlightStep, FlyStep, PickUpStep, RechargeStep
+from skyway_drone_agent.energy_check import shortfall_of, stretch_of
+from skyway_drone_agent.logbook import CurrentMission, Logbook
+from skyway_drone_agent.vehicle import StepRun, Vehicle, run_under_way
+
+
+@dataclass(frozen=True, slots=True)
+class Gates:
+    """Since when the drone may do what needs the cloud; None while it may not (fleet moments).
+
+    `take_off_at` closes when the link is lost for long, `loading_at` whenever it is down and until
+    the broker has the drone's ACCEPTED.
+    """
+
+    take_off_at: datetime | None
+    loading_at: datetime | None
+
+
+@dataclass(frozen=True, slots=True)
+class Stand:
+    """Do nothing until that moment, or until something changes."""
+
+    until: datetime | None
+
+
+@dataclass(frozen=True, slots=True)
+class Begin:
+    """Begin the next step; those up to `released_through` cannot be replaced any more."""
+
+    step: FlightStep
+    at: datetime
+    released_through: int
+
+
+@dataclass(frozen=True, slots=True)
+class Fail:
+    """Do not begin the next step: wait for a new revision instead."""
+
+    step: FlightStep
+    at: datetime
+    code: str
+    data: dict[str, Any] = field(default_factory=dict)  # numbers behind the code
+
+
+@dataclass(frozen=True, slots=True)
+class End:
+    """All steps are done."""
+
+    at: datetime
+
+
+Act = Stand | Begin | StepRun | Fail | End
+
+
+def next_act(
+    logbook: Logbook, *, vehicle: Vehicle, now: datetime, gates: Gates, agent_started_at: datetime
+) -> Act:
+    """What to do now; a `StepRun` is under way and is to be performed to its end."""
+    mission = logbook.mission
+    if mission is None or mission.has_failed:
+        return Stand(until=None)
+    run = run_under_way(logbook)
+    if run is not None:
+        return run
+    if not mission.steps:
+        return End(mission.free_at)
+    step = mission.steps[0]
+    if step.step_id <= mission.released_through:
+        # Over a station, not on it: the flight goes on whatever has happened meanwhile.
+        return Begin(step, mission.free_at, mission.released_through)
+    # No step begins while no agent runs, so a restart may make the drone late.
+    earliest = max(mission.free_at, _not_before(step), agent_started_at)
+    if now < earliest:
+        return Stand(until=earliest)
+    match step:
+        case PickUpStep():
+            return _load_or_stand(step, earliest, gates=gates)
+        case FlyStep():
+            return _take_off_or_not(logbook, mission, earliest, vehicle=vehicle, gates=gates)
+        case RechargeStep() if earliest >= step.not_after_at:
+            return Fail(step, earliest, code="PAD_LOST")
+        case _:
+            return Begin(step, earliest, step.step_id)
+
+
+def _not_before(step: FlightStep) -> datetime:
+    return step.not_before_at if isinstance(step, RechargeStep) else step.planned_start_at
+
+
+def _load_or_stand(step: PickUpStep, earliest: datetime, *, gates: Gates) -> Act:
+    if gates.loading_at is None:
+        return Stand(until=None)
+    return Begin(step, max(earliest, gates.loading_at), step.step_id)
+
+
+def _take_off_or_not(
+    logbook: Logbook,
+    mission: CurrentMission,
+    earliest: datetime,
+    *,
+    vehicle: Vehicle,
+    gates: Gates,
+) -> Act:
+    if gates.take_off_at is None:
+        return Stand(until=None)
+    at = max(earliest, gates.take_off_at)
+    shortfall = shortfall_of(
+        stretch_of(mission.steps),
+        model=vehicle.model,
+        soc=logbook.soc,
+        packages=logbook.packages,
+    )
+    if shortfall is not None:
+        energy = {"need_j": shortfall.need_j, "have_j": shortfall.have_j}
+        return Fail(mission.steps[0], at, code="INSUFFICIENT_ENERGY", data=energy)
+    landing = next(one for one in mission.steps if isinstance(one, FlyStep) and one.lands)
+    return Begin(mission.steps[0], at, landing.step_id)

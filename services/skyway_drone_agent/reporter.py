@@ -1,0 +1,104 @@
+"""The reporter: events until the broker has them, state on change and every 30 s."""
+
+import asyncio
+
+from skyway.contracts.drone_report import DroneEvent, DroneState
+from skyway.contracts.topics import EVENTS, STATE
+from skyway.runtime.clock import FleetClock, fleet_margin
+from skyway.runtime.errors import MqttUnavailable
+from skyway_drone_agent.flight_recorder import FlightRecorder
+from skyway_drone_agent.snapshot import snapshot_of
+from skyway_drone_agent.uplink import Uplink
+from skyway_drone_agent.vehicle import Vehicle
+from skyway_drone_agent.waiting import wait_for_news
+
+#: Wall seconds after which the state is sent although nothing has changed.
+STATE_EVERY_S = 30.0
+
+#: What may differ between two states that say the same.
+_PASSING = {"message_id", "sent_at", "seq", "at", "soc", "position", "traceparent"}
+
+
+class EventSender:
+    """Sends what the journal holds of events; the cloud may ask for them again."""
+
+    def __init__(self, uplink: Uplink, recorder: FlightRecorder) -> None:
+        self._uplink = uplink
+        self._recorder = recorder
+        self._news = recorder.watch()
+        self._sent_through = 0
+
+    def resend_after(self, seq: int) -> None:
+        """Send the events after this one again."""
+        self._sent_through = min(self._sent_through, seq)
+        self._news.set()
+
+    async def run(self) -> None:
+        """Send for ever, in order; after a restart all that are not confirmed."""
+        while True:
+            event = self._next()
+            if event is None:
+                await self._news.wait()
+                self._news.clear()
+                continue
+            before = self._sent_through
+            await self._uplink.send_until_confirmed(EVENTS, event)
+            # The cloud may have asked for older ones meanwhile.
+            if self._sent_through == before:
+                self._sent_through = event.seq
+
+    def _next(self) -> DroneEvent | None:
+        events = self._recorder.logbook.events
+        return next((event for event in events if event.seq > self._sent_through), None)
+
+
+class StateSender:
+    """Sends the snapshot that tells the truth of progress."""
+
+    def __init__(
+        self, uplink: Uplink, recorder: FlightRecorder, vehicle: Vehicle, clock: FleetClock
+    ) -> None:
+        self._uplink = uplink
+        self._recorder = recorder
+        self._vehicle = vehicle
+        self._clock = clock
+        self._news: asyncio.Event = recorder.watch()
+        self._is_due = True
+
+    def send_anew(self) -> None:
+        """Send the state although it may not have changed: the broker may have lost it."""
+        self._is_due = True
+        self._news.set()
+
+    async def run(self) -> None:
+        """Send for ever."""
+        last: DroneState | None = None
+        while True:
+            state = self._state()
+            if self._is_due or last is None or _meaning(state) != _meaning(last):
+                self._is_due = False
+                last = await self._sent(state)
+            due_at = last.at + fleet_margin(self._clock, fleet_s=0.0, wall_s=STATE_EVERY_S)
+            await wait_for_news(self._news, self._clock, until=due_at)
+            self._is_due = self._is_due or self._clock.now() >= due_at
+
+    async def _sent(self, state: DroneState) -> DroneState:
+        """Send until the broker has it, each time as it is then."""
+        while True:
+            try:
+                await self._uplink.send(STATE, state)
+            except MqttUnavailable:
+                await self._uplink.wait_to_retry()
+                state = self._state()
+            else:
+                return state
+
+    def _state(self) -> DroneState:
+        now = self._clock.now()
+        return snapshot_of(
+            self._recorder.logbook, self._vehicle, at=now, envelope=self._uplink.envelope(STATE)
+        )
+
+
+def _meaning(state: DroneState) -> DroneState:
+    return state.model_copy(update=dict.fromkeys(_PASSING))

@@ -1,0 +1,102 @@
+"""A drone's way to the cloud: its topics, the envelope of its messages, sending until confirmed."""
+
+from collections import Counter
+from collections.abc import AsyncIterator
+from datetime import datetime
+from typing import Any, Protocol, TypedDict
+
+from skyway.contracts.topic import Address, M, Topic
+from skyway.ids import DroneId, ProviderId
+from skyway.runtime.clock import FleetClock, sleep_wall
+from skyway.runtime.errors import MqttUnavailable
+from skyway.runtime.minting import Mint
+from skyway.runtime.mqtt import Received
+
+#: Wall seconds before a message is tried again on a connection that did not take it.
+_RETRY_S = 0.2
+
+
+class Link(Protocol):
+    """What the agent needs of `skyway.runtime.mqtt.MqttClient`."""
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether the broker has accepted us."""
+        ...
+
+    async def wait_connected(self) -> None:
+        """Return once the broker has accepted us."""
+        ...
+
+    async def publish(self, address: Address[M], message: M, *, timeout_s: float = 5.0) -> None:
+        """Publish; return after the PUBACK for `mqtt_qos` 1, else raise `MqttUnavailable`."""
+        ...
+
+    def batches(
+        self, *subscriptions: Topic[Any] | Address[Any]
+    ) -> AsyncIterator[list[Received[Any]]]:
+        """What arrives on these topics; Any, since each has a message of its own."""
+        ...
+
+
+class Envelope(TypedDict):
+    """The members that every message of a drone begins with."""
+
+    message_id: str
+    sent_at: datetime
+    session: int
+    seq: int
+
+
+class Uplink:
+    """Sends one drone's messages of one session; `seq` counts per topic."""
+
+    def __init__(
+        self,
+        link: Link,
+        clock: FleetClock,
+        *,
+        provider_id: ProviderId,
+        drone_id: DroneId,
+        session: int,
+        mint: Mint,
+    ) -> None:
+        self._link = link
+        self._clock = clock
+        self._ids = (provider_id, drone_id)
+        self._session = session
+        self._mint = mint
+        self._sent: Counter[str] = Counter()
+
+    def envelope(self, topic: Topic[M]) -> Envelope:
+        """The envelope of the next message on this topic."""
+        self._sent[topic.template] += 1
+        return self.envelope_with(self._sent[topic.template])
+
+    def envelope_with(self, seq: int) -> Envelope:
+        """An envelope whose `seq` is counted elsewhere."""
+        return Envelope(
+            message_id=self._mint("msg"),
+            sent_at=self._clock.now(),
+            session=self._session,
+            seq=seq,
+        )
+
+    async def send(self, topic: Topic[M], message: M) -> None:
+        """Send once; raises `MqttUnavailable` when the broker does not confirm it."""
+        await self._link.publish(topic(*self._ids), message)
+
+    async def send_until_confirmed(self, topic: Topic[M], message: M) -> None:
+        """Send until the broker has it, over as many connections as that takes."""
+        while True:
+            try:
+                await self.send(topic, message)
+            except MqttUnavailable:
+                await self.wait_to_retry()
+            else:
+                return
+
+    async def wait_to_retry(self) -> None:
+        """Return a moment after the link is back, for what was not confirmed."""
+        await sleep_wall(self._clock, _RETRY_S)
+        await self._link.wait_connected()

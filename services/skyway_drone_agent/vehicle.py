@@ -1,0 +1,72 @@
+"""The drone itself, as the agent sees it: something that performs steps and can be looked at."""
+
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Protocol
+
+from skyway.contracts.flight_step import FlightStep
+from skyway.drone.model import DroneModel
+from skyway.geo import Position
+from skyway_drone_agent.logbook import Logbook
+
+
+@dataclass(frozen=True, slots=True)
+class StepRun:
+    """A step that has begun, with what the drone had then."""
+
+    step: FlightStep
+    started_at: datetime
+    soc: float
+    load_kg: float
+    position: Position
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """How a step ended; `code` when it ended otherwise than asked."""
+
+    ended_at: datetime
+    soc: float
+    energy_j: float
+    code: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """What the drone's sensors show; `power_w` is what the flight draws."""
+
+    position: Position
+    soc: float
+    power_w: float
+    speed_mps: float
+
+
+class Vehicle(Protocol):
+    """What the agent needs of a drone, flown for real or simulated."""
+
+    @property
+    def model(self) -> DroneModel:
+        """The type of drone."""
+        ...
+
+    async def perform(self, run: StepRun) -> Outcome:
+        """Do the step and return at its end; the same run again goes on with it."""
+        ...
+
+    def sample(self, run: StepRun, at: datetime) -> Sample:
+        """How far the step has come at this moment."""
+        ...
+
+
+def run_under_way(logbook: Logbook) -> StepRun | None:
+    """The step that has begun and not ended, after a restart too."""
+    mission = logbook.mission
+    if mission is None or mission.began_at is None:
+        return None
+    return StepRun(
+        step=mission.steps[0],
+        started_at=mission.began_at,
+        soc=logbook.soc,
+        load_kg=logbook.load_kg,
+        position=logbook.position,
+    )
