@@ -1,5 +1,9 @@
 """The paper's heuristic composition, with the widening that it leaves to future work.
 
+The sector is widened, up to the whole network, while it holds no plan, and while its best plan has
+to wait for a pad or for something closed: plans avoid congestion, and the way around may lie
+outside.
+
 Notes
 -----
 Shahzaad and Bouguettaya, Algorithm 1. Step 1 drops what lies outside the sector of the lines of
@@ -34,17 +38,23 @@ _MAX_ROUTES = 8
 
 
 def heuristic(situation: Situation, effort: Effort) -> Findings:
-    """The best plan in the narrowest sector that holds one."""
+    """The best plan of the narrowest sector that holds one, or of wider ones if it has to wait."""
     problem = situation.problem
     whole = Subnetwork.whole(situation)
-    sectors = widening_sectors(situation.network, problem.source, targets=situation.destinations)
-    for stations in sectors:
+    best: Itinerary | None = None
+    searched = 0
+    for stations in widening_sectors(
+        situation.network, problem.source, targets=situation.destinations
+    ):
         is_whole = len(stations) == len(whole.stations)
         sector = whole if is_whole else Subnetwork(situation, stations)
-        best = _best_in_sector(situation, sector, approach=whole, effort=effort)
-        if best is not None or effort.stop(effort.labels):
-            return Findings(best, len(stations))
-    return Findings(None, len(whole.stations))
+        found = _best_in_sector(situation, sector, approach=whole, effort=effort)
+        searched = len(stations)
+        if found is not None and is_better(situation, found, best):
+            best = found
+        if (best is not None and not best.hindrances) or effort.stop(effort.labels):
+            break
+    return Findings(best, searched)
 
 
 def _best_in_sector(

@@ -100,7 +100,8 @@ def _network_of(value: Any) -> Network:  # any JSON value; read_network checks i
     try:
         return read_network(value)
     except InvalidNetwork as error:
-        raise InvalidNetwork(f"network.{error.field}", error.detail) from error
+        path = error.field if error.field == "network" else f"network.{error.field}"
+        raise InvalidNetwork(path, error.detail) from error
 
 
 NetworkAsGeoJson = Annotated[
@@ -127,7 +128,11 @@ class Problem(JsonModel):
     start_at: AwareDatetime | None = None
     drone: DroneAtStart
     source: StationId
-    packages: Annotated[tuple[PackageToDeliver, ...], Field(min_length=1, max_length=MAX_PACKAGES)]
+    # At least one is checked below: pydantic would count only those that are themselves valid.
+    packages: Annotated[
+        tuple[PackageToDeliver, ...],
+        Field(max_length=MAX_PACKAGES, json_schema_extra={"minItems": 1}),
+    ]
     pad_reservations: tuple[PadReservation, ...] = ()
     closures: tuple[Closure, ...] = ()
     strategy: str | None = None
@@ -167,6 +172,8 @@ class Problem(JsonModel):
             raise InvalidProblem("drone.soc", f"{self.drone.soc} is below reserve_soc {reserve}")
 
     def _check_packages(self) -> None:
+        if not self.packages:
+            raise InvalidProblem("packages", "0 packages, at least 1 is needed")
         seen: set[PackageId] = set()
         for number, package in enumerate(self.packages):
             self._check_station(f"packages.{number}.destination", package.destination)

@@ -1,0 +1,44 @@
+import pytest
+
+from skyway.drone.flight import flight_energy_j, flight_time_s, soc_after_use, speed_mps
+from skyway.drone.model import ChargePoint, DroneModel
+from skyway.drone.models import DJI_MATRICE_300_RTK
+from skyway.ids import DroneModelId
+
+SLOWING = DroneModel(
+    model_id=DroneModelId("slowing"),
+    empty_mass_kg=4.0,
+    max_payload_kg=5.0,
+    battery_j=1_000_000.0,
+    speed_empty_mps=20.0,
+    speed_full_mps=10.0,
+    power_empty_w=100.0,
+    charge_curve=(ChargePoint(0, 0), ChargePoint(3600, 1)),
+)
+
+
+@pytest.mark.parametrize(("load_kg", "expected_mps"), [(0.0, 20.0), (2.5, 15.0), (5.0, 10.0)])
+def test_speed_falls_linearly_with_the_load(load_kg: float, expected_mps: float):
+    assert speed_mps(SLOWING, load_kg) == pytest.approx(expected_mps)
+
+
+def test_a_loaded_flight_takes_longer_and_more_energy():
+    assert flight_time_s(SLOWING, length_m=3_000.0, load_kg=2.5) == pytest.approx(200.0)
+    energy_j = flight_energy_j(SLOWING, length_m=3_000.0, load_kg=2.5)
+    assert energy_j == pytest.approx(200.0 * 100.0 * (6.5 / 4.0) ** 1.5)
+
+
+def test_use_lowers_the_charge_by_its_share_of_the_battery():
+    assert soc_after_use(SLOWING, 0.9, energy_j=250_000.0) == pytest.approx(0.65)
+
+
+def test_a_battery_is_never_emptier_than_empty():
+    assert soc_after_use(SLOWING, 0.1, energy_j=100_000.0000001) == 0.0
+
+
+def test_the_makers_drone_flies_about_32_minutes_with_full_payload():
+    model = DJI_MATRICE_300_RTK
+
+    j_per_s = flight_energy_j(model, length_m=23.0, load_kg=2.7)
+
+    assert model.battery_j / j_per_s / 60 == pytest.approx(32, abs=0.5)
