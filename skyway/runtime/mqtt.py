@@ -41,6 +41,9 @@ class MqttClient:
         Asked before every attempt to connect: a last will is fixed at CONNECT.
     on_connected
         Runs after every connect, once the subscriptions are renewed: republish what is retained.
+    keepalive_s
+        Wall seconds of silence after which the broker is asked for; it takes a client that is
+        silent for 1.5 times as long for lost, and sends its last will.
 
     Notes
     -----
@@ -57,9 +60,10 @@ class MqttClient:
         password: str,
         will: Will | None = None,
         on_connected: Callable[[], Awaitable[None]] | None = None,
+        keepalive_s: int = 10,
     ) -> None:
         self._broker = BrokerAddress.parse(url)
-        self._login = Login(client_id, user_name, password)
+        self._login = Login(client_id, user_name, password, keepalive_s)
         self._will = will
         self._on_connected = on_connected
         self._link: MqttLink | None = None

@@ -10,6 +10,8 @@ from typing import Any, Final, Generic, TypeVar
 from pydantic import ValidationError
 
 from skyway.contracts.topic import Address, Topic
+from skyway.contracts.topics import TOPICS
+from skyway.runtime.metrics import count
 
 log = logging.getLogger(__name__)
 
@@ -37,7 +39,9 @@ class Inbox:
 
     def __init__(self, subscriptions: tuple[Subscription, ...]) -> None:
         self._wanted = tuple(
-            (wanted.topic, wanted.name) if isinstance(wanted, Address) else (wanted, None)
+            (wanted.topic, wanted.name, ())
+            if isinstance(wanted, Address)
+            else (wanted, None, _narrower_than(wanted))
             for wanted in subscriptions
         )
         self._waiting: deque[tuple[Topic[Any], tuple[str, ...], bytes, bool]] = deque()
@@ -47,15 +51,15 @@ class Inbox:
     @property
     def filters(self) -> dict[str, int]:
         """What to subscribe to: MQTT filter and `mqtt_qos`."""
-        return {name or topic.everywhere: topic.mqtt_qos for topic, name in self._wanted}
+        return {name or topic.everywhere: topic.mqtt_qos for topic, name, _ in self._wanted}
 
     def offer(self, name: str, payload: bytes, *, retained: bool) -> None:
         """Keep a message if it is on one of our subscriptions."""
-        for topic, only in self._wanted:
+        for topic, only, narrower in self._wanted:
             if only is not None and only != name:
                 continue
             ids = topic.ids_in(name)
-            if ids is not None:
+            if ids is not None and all(other.ids_in(name) is None for other in narrower):
                 self._waiting.append((topic, ids, payload, retained))
                 self._has_news.set()
                 return
@@ -78,6 +82,7 @@ class Inbox:
         try:
             return Received(topic, ids, topic.read(payload), retained)
         except ValidationError as error:
+            count("skyway_mqtt_unreadable", "messages dropped unread", topic=topic.template)
             if topic.template not in self._unreadable:
                 self._unreadable.add(topic.template)
                 log.warning(
@@ -85,3 +90,14 @@ class Inbox:
                     extra={"topic": topic.template, "ids": ids, "errors": error.error_count()},
                 )
             return None
+
+
+def _narrower_than(topic: Topic[Any]) -> tuple[Topic[Any], ...]:
+    """The topics that name with words what this one takes for ids.
+
+    ``skyway/v1/stations/s1/state`` is not the state of drone s1 of provider "stations", though a
+    broker delivers it to whoever subscribes to all drones' states.
+    """
+    return tuple(
+        other for other in TOPICS if other is not topic and topic.ids_in(other.template) is not None
+    )

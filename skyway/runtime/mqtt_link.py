@@ -4,7 +4,7 @@ import asyncio
 import socket
 import ssl
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from paho.mqtt.client import Client, MQTTMessage
@@ -17,11 +17,8 @@ from skyway.runtime.mqtt_address import BrokerAddress
 if TYPE_CHECKING:
     from paho.mqtt.client import SocketLike
 
-#: Seconds after which a silent client is asked for; brokers cut it off after 1.5 times this.
-KEEPALIVE_S = 10
-
-#: Seconds between two looks at the keepalive; a ping is late by this at most.
-_KEEPALIVE_CHECK_S = 2.0
+#: Looks at the keepalive in one keepalive: a ping is late by a fifth of it at most.
+_KEEPALIVE_CHECKS = 5
 
 #: Stands for the broker's answer to CONNECT, which has no packet id; ids start at 1.
 _GREETING = 0
@@ -45,7 +42,8 @@ class Login:
 
     client_id: str
     user_name: str
-    password: str
+    password: str = field(repr=False)
+    keepalive_s: int
 
 
 class _PahoClient(Client):
@@ -72,6 +70,7 @@ class MqttLink:
         self._keepalive_check: asyncio.TimerHandle | None = None
         #: Done as soon as the connection is lost, with the reason.
         self.lost: asyncio.Future[str] = self._loop.create_future()
+        self._keepalive_s = login.keepalive_s
         self._paho = self._make_paho(login, will)
 
     def _make_paho(self, login: Login, will: RawMessage | None) -> _PahoClient:
@@ -102,7 +101,7 @@ class MqttLink:
             Nobody listens there.
         """
         self._paho.opened = await broker.open_socket()
-        self._paho.connect(broker.host, broker.port, keepalive=KEEPALIVE_S)
+        self._paho.connect(broker.host, broker.port, keepalive=self._keepalive_s)
         self._check_keepalive()
         await self._answer_to(_GREETING)
 
@@ -208,4 +207,6 @@ class MqttLink:
     def _check_keepalive(self) -> None:
         if not self.lost.done():
             self._paho.loop_misc()
-            self._keepalive_check = self._loop.call_later(_KEEPALIVE_CHECK_S, self._check_keepalive)
+            self._keepalive_check = self._loop.call_later(
+                self._keepalive_s / _KEEPALIVE_CHECKS, self._check_keepalive
+            )

@@ -1,0 +1,204 @@
+"""Both brokers behind one face, clients of them, and a cable that can be cut."""
+
+import asyncio
+import contextlib
+import getpass
+import shutil
+import signal
+import socket
+from collections.abc import AsyncIterator, Awaitable, Callable
+from pathlib import Path
+from typing import Any, Protocol
+
+import pytest
+from skyway_broker.gate import Gate
+from skyway_broker.hardened import HardenedBroker
+
+from skyway.contracts.broker_rules import BrokerRules
+from skyway.runtime.broker_passwords import hash_password, write_password_file
+from skyway.runtime.mosquitto import mosquitto_conf
+from skyway.runtime.mqtt import MqttClient
+
+SERVICES = ("operator", "gateway", "registry", "composition")
+CLIENTS = ("drone-1", "drone-2", "customer-1", "customer-2")
+
+
+class RunningBroker(Protocol):
+    """A broker that can be stopped, started again on the same ports, and given accounts."""
+
+    port: int
+    service_port: int
+
+    async def start(self) -> None: ...
+
+    async def stop(self) -> None: ...
+
+    async def set_accounts(self, names: tuple[str, ...]) -> None: ...
+
+
+class EmbeddedBroker:
+    def __init__(self, folder: Path) -> None:
+        self.port = self.service_port = free_port()
+        self._passwords = folder / "passwords"
+        self._broker: HardenedBroker | None = None
+
+    async def start(self) -> None:
+        listener = socket.create_server(("127.0.0.1", self.port))
+        gate = Gate(self._passwords)
+        self._broker = HardenedBroker(listener, gate=gate, rules=BrokerRules())
+        await self._broker.start()
+
+    async def stop(self) -> None:
+        if self._broker is not None:
+            await self._broker.shutdown()
+            self._broker = None
+
+    async def set_accounts(self, names: tuple[str, ...]) -> None:
+        write_password_file(self._passwords, {name: hash_password(name) for name in names})
+
+
+class Mosquitto:
+    def __init__(self, folder: Path, program: str) -> None:
+        self.port, self.service_port = free_port(), free_port()
+        self._folder = folder
+        self._program = program
+        self._passwords = folder / "passwords"
+        self._known: dict[str, str] = {}
+        self._process: asyncio.subprocess.Process | None = None
+        acl = folder / "acl"
+        acl.write_text(BrokerRules().mosquitto_acl())
+        (folder / "mosquitto.conf").write_text(
+            mosquitto_conf(
+                port=self.port,
+                service_port=self.service_port,
+                password_file=self._passwords,
+                acl_file=acl,
+                pid_file=folder / "pid",
+                user=getpass.getuser(),
+            )
+        )
+
+    async def start(self) -> None:
+        self._process = await asyncio.create_subprocess_exec(
+            self._program,
+            "-c",
+            str(self._folder / "mosquitto.conf"),
+            stderr=asyncio.subprocess.DEVNULL,
+        )
+
+    async def stop(self) -> None:
+        if self._process is not None:
+            self._process.terminate()
+            await self._process.wait()
+            self._process = None
+
+    async def set_accounts(self, names: tuple[str, ...]) -> None:
+        # A hash of its own for a known name would be a new password, which puts its holder out.
+        self._known = {name: self._known.get(name) or hash_password(name) for name in names}
+        write_password_file(self._passwords, self._known)
+        if self._process is not None:
+            self._process.send_signal(signal.SIGHUP)
+
+
+class Cable:
+    """A connection to a broker that can be cut, or go silent without anybody hanging up."""
+
+    def __init__(self, port: int) -> None:
+        self._to = port
+        self._server: asyncio.Server | None = None
+        self._writers: list[asyncio.StreamWriter] = []
+        self._pumps: list[asyncio.Task[None]] = []
+        self._is_silent = False
+        self.port = 0
+
+    async def __aenter__(self) -> "Cable":
+        self._server = await asyncio.start_server(self._plugged, "127.0.0.1", 0)
+        self.port = self._server.sockets[0].getsockname()[1]
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        assert self._server is not None
+        self._server.close()
+        self.cut()
+        for pump in self._pumps:
+            pump.cancel()
+        await asyncio.gather(*self._pumps, return_exceptions=True)
+
+    def cut(self) -> None:
+        for writer in self._writers:
+            writer.transport.abort()
+
+    def go_silent(self) -> None:
+        self._is_silent = True
+
+    async def _plugged(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        far_reader, far_writer = await asyncio.open_connection("127.0.0.1", self._to)
+        self._writers += [writer, far_writer]
+        self._pumps += [
+            asyncio.create_task(self._pump(reader, far_writer)),
+            asyncio.create_task(self._pump(far_reader, writer)),
+        ]
+
+    async def _pump(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        with contextlib.suppress(OSError):
+            while data := await reader.read(65536):
+                if not self._is_silent:
+                    writer.write(data)
+        writer.transport.abort()
+
+
+def free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+        port: int = listener.getsockname()[1]
+        return port
+
+
+@pytest.fixture
+async def embedded(tmp_path: Path) -> AsyncIterator[RunningBroker]:
+    broker = EmbeddedBroker(tmp_path)
+    await broker.set_accounts((*SERVICES, *CLIENTS))
+    await broker.start()
+    yield broker
+    await broker.stop()
+
+
+@pytest.fixture(params=["embedded", pytest.param("mosquitto", marks=pytest.mark.integration)])
+async def broker(request: pytest.FixtureRequest, tmp_path: Path) -> AsyncIterator[RunningBroker]:
+    running: RunningBroker
+    if request.param == "embedded":
+        running = EmbeddedBroker(tmp_path)
+    else:
+        program = shutil.which("mosquitto") or shutil.which("mosquitto", path="/usr/sbin")
+        if program is None:
+            pytest.skip("mosquitto is not installed")
+        running = Mosquitto(tmp_path, program)
+    await running.set_accounts((*SERVICES, *CLIENTS))
+    await running.start()
+    yield running
+    await running.stop()
+
+
+Connect = Callable[..., Awaitable[MqttClient]]
+
+
+@pytest.fixture
+async def connect() -> AsyncIterator[Connect]:
+    """Make a client of an account whose password is its name, and enter it."""
+    async with contextlib.AsyncExitStack() as stack:
+
+        async def enter(port: int, user_name: str, **more: Any) -> MqttClient:
+            names = {"client_id": user_name, "user_name": user_name, "password": user_name}
+            client = MqttClient(f"mqtt://127.0.0.1:{port}", **(names | more))
+            return await stack.enter_async_context(client)
+
+        yield enter
+
+
+@pytest.fixture
+async def cable() -> AsyncIterator[Callable[[int], Awaitable[Cable]]]:
+    async with contextlib.AsyncExitStack() as stack:
+
+        async def plug(port: int) -> Cable:
+            return await stack.enter_async_context(Cable(port))
+
+        yield plug
