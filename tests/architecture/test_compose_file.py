@@ -1,0 +1,113 @@
+"""docker-compose.yml cannot be run here: everything that it names exists in the project."""
+
+import re
+from pathlib import Path
+from typing import Any
+
+import click
+import pytest
+import typer
+import yaml
+from skyway_composition.settings import CompositionSettings
+from skyway_gateway.settings import GatewaySettings
+from skyway_provider_registry.settings import RegistrySettings
+
+from skyway.cli.main import app
+
+ROOT = Path(__file__).parents[2]
+COMPOSE: dict[str, Any] = yaml.safe_load((ROOT / "docker-compose.yml").read_text())
+SERVICES: dict[str, Any] = COMPOSE["services"]
+OURS = [name for name, service in SERVICES.items() if service.get("build") == "."]
+SETTINGS = {
+    "registry": RegistrySettings,
+    "composition": CompositionSettings,
+    "gateway": GatewaySettings,
+}
+
+
+@pytest.mark.parametrize("name", OURS)
+def test_every_command_exists(name: str) -> None:
+    command = SERVICES[name]["command"]
+
+    if command[0] == "python":
+        package = next(ROOT.glob(f"*/{command[2]}"), None)
+        assert package is not None
+        assert (package / "__main__.py").exists()
+    else:
+        assert command[0] == "skyway"
+        _parse(command[1:])
+
+
+def _parse(arguments: list[str]) -> None:
+    """Parse as the command line would, without running; click raises at an unknown option."""
+    command: click.Command = typer.main.get_command(app)
+    context = click.Context(command)
+    while isinstance(command, click.Group):
+        command = command.commands[arguments[0]]
+        arguments = arguments[1:]
+    command.make_context(command.name, list(arguments), parent=context)
+
+
+@pytest.mark.parametrize("name", list(SETTINGS))
+def test_every_variable_is_a_setting_of_its_service(name: str) -> None:
+    known = {f"SKYWAY_{field.upper()}" for field in SETTINGS[name].model_fields}
+
+    given = {key for key in SERVICES[name]["environment"] if key.startswith("SKYWAY_")}
+
+    assert given <= known
+    required = {
+        f"SKYWAY_{field.upper()}"
+        for field, info in SETTINGS[name].model_fields.items()
+        if info.is_required()
+    }
+    assert required <= given
+
+
+@pytest.mark.parametrize("name", list(SETTINGS))
+def test_every_service_listens_where_the_others_look_for_it(name: str) -> None:
+    environment = SERVICES["gateway"]["environment"]
+
+    url = environment[f"SKYWAY_{name.upper()}_URL"]
+
+    assert url == f"http://{name}:{SERVICES[name]['environment']['SKYWAY_PORT']}"
+
+
+def test_only_gateway_and_broker_are_published_and_only_on_loopback() -> None:
+    published = {name: s["ports"] for name, s in SERVICES.items() if "ports" in s}
+
+    assert set(published) == {"gateway", "mosquitto"}
+    assert all(p.startswith("127.0.0.1:") for ports in published.values() for p in ports)
+
+
+def test_every_service_that_stays_has_a_health_check_but_the_fleet() -> None:
+    staying = {n for n, s in SERVICES.items() if s.get("restart") == "unless-stopped"}
+
+    assert {n for n in staying if "healthcheck" not in SERVICES[n]} == {"fleet"}
+
+
+def test_every_mounted_file_and_named_volume_exists() -> None:
+    for service in SERVICES.values():
+        for mount in service.get("volumes", []):
+            source = mount.split(":")[0]
+            if source.startswith("."):
+                assert (ROOT / source).is_file()
+            else:
+                assert source in COMPOSE["volumes"]
+
+
+def test_nothing_of_ours_runs_as_root() -> None:
+    dockerfile = (ROOT / "Dockerfile").read_text()
+
+    assert re.search(r"^USER skyway$", dockerfile, re.MULTILINE)
+    uid = re.search(r"useradd --uid (\d+)", dockerfile)
+    assert uid is not None
+    assert SERVICES["mosquitto"]["user"] == uid.group(1)
+
+
+def test_the_dockerfile_copies_what_exists() -> None:
+    copied = re.findall(
+        r"^COPY (?!--from)(.+) \S+$", (ROOT / "Dockerfile").read_text(), re.MULTILINE
+    )
+
+    assert copied
+    assert all((ROOT / path).exists() for line in copied for path in line.split())

@@ -1,0 +1,268 @@
+"""A whole Skyway as a user starts it, on the embedded pair and on PostgreSQL with Mosquitto."""
+
+import asyncio
+import json
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import asyncpg
+import httpx
+import pytest
+
+from skyway.cli.data_folder import DataFolder
+from skyway.cli.keys import read_keys
+
+SKYWAY = (sys.executable, "-m", "skyway.cli")
+DATABASES = ("skyway_registry", "skyway_composition", "skyway_gateway")
+
+#: Four stations in a line, 11.6 km apart; the drones must recharge on the way.
+CORRIDOR: dict[str, Any] = {
+    "type": "FeatureCollection",
+    "settings": {"currency": "USD", "loading_s": 60, "dropoff_s": 30},
+    "features": [
+        {
+            "type": "Feature",
+            "geometry": {"type": "Point", "coordinates": [-98.0 + 0.12 * number, 29.5]},
+            "properties": {"kind": "station", "station_id": f"s{number}", "pads": 2},
+        }
+        for number in range(1, 5)
+    ]
+    + [
+        {
+            "type": "Feature",
+            "geometry": {
+                "type": "LineString",
+                "coordinates": [[-98.0 + 0.12 * number, 29.5], [-97.88 + 0.12 * number, 29.5]],
+            },
+            "properties": {"kind": "segment", "from": f"s{number}", "to": f"s{number + 1}"},
+        }
+        for number in range(1, 4)
+    ],
+}
+
+
+def eventually(condition: Callable[[], Any], *, within_s: float, what: str) -> Any:
+    """The first true value of a condition on other processes, which only asking can tell."""
+    deadline = time.monotonic() + within_s
+    while time.monotonic() < deadline:
+        found = condition()
+        if found:
+            return found
+        time.sleep(0.05)
+    raise AssertionError(f"{what}: not within {within_s} s")
+
+
+@dataclass
+class LocalSystem:
+    """`skyway up` on a folder of its own, with fleets, and the calls of its users."""
+
+    folder: DataFolder
+    environment: dict[str, str]
+    up: subprocess.Popen[bytes] | None = None
+    fleets: list[subprocess.Popen[bytes]] = field(default_factory=list)
+    rate: float = 300.0
+
+    def start(self) -> None:
+        log = (self.folder.path / "up.log").open("ab")
+        command = (*SKYWAY, "up", "--data", self.folder.path, "--rate", self.rate)
+        ports = () if self.up else ("--port", "0", "--mqtt-port", "0")
+        self.up = subprocess.Popen(
+            [str(part) for part in (*command, *ports)],
+            stdout=log,
+            stderr=log,
+            env=self.environment,
+        )
+        log.close()
+        eventually(self._is_up, within_s=60, what="skyway up")
+
+    def _is_up(self) -> bool:
+        text = (self.folder.path / "up.log").read_text()
+        assert self.up is not None
+        assert self.up.poll() is None, text
+        return "Skyway is up" in text
+
+    def stop(self) -> None:
+        for process in (*self.fleets, self.up):
+            if process is not None and process.poll() is None:
+                process.send_signal(signal.SIGTERM)
+                process.wait(timeout=30)
+
+    @property
+    def keys(self) -> dict[str, str]:
+        return read_keys(self.folder)
+
+    def call(
+        self, method: str, path: str, *, key: str, body: Any = None, **headers: str
+    ) -> httpx.Response:
+        return httpx.request(
+            method,
+            self.keys["SKYWAY_GATEWAY_URL"] + path,
+            json=body,
+            headers={"Authorization": f"Bearer {key}", **headers},
+            timeout=30,
+        )
+
+    def publish_corridor(self) -> None:
+        self.operate("PUT", "/v1/networks/corridor", CORRIDOR)
+
+    def operate(self, method: str, path: str, body: Any = None) -> Any:
+        answer = self.call(method, path, key=self.keys["SKYWAY_OPERATOR_KEY"], body=body)
+        assert answer.is_success, answer.text
+        return answer.json() if answer.content else None
+
+    def command(self, *arguments: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [*SKYWAY, *arguments, "--data", str(self.folder.path)],
+            env=self.environment,
+            capture_output=True,
+            text=True,
+            timeout=120,
+            check=False,
+        )
+
+    def start_fleet(self, homes: list[str], **provider: Any) -> dict[str, Any]:
+        """Register a provider with a drone at each home, and run their agent."""
+        terms = {"name": "Test Air", "tariff": {"currency": "USD", "base": 100, "per_km": 10}}
+        registered = self.operate("POST", "/v1/providers", terms | provider)
+        drones = [{"model_id": "paper-scenario", "home_station_id": home} for home in homes]
+        path = f"/v1/providers/{registered['provider_id']}/drones"
+        answer = self.operate("POST", path, drones)
+        file = self.folder.path / f"{registered['provider_id']}.json"
+        file.write_text(json.dumps(answer))
+        self.run_fleet(file)
+        eventually(
+            lambda: all(
+                drone["state"] == "AVAILABLE" for drone in self.operate("GET", path)["items"]
+            ),
+            within_s=20,
+            what="all drones available",
+        )
+        return {**registered, "drones": answer["items"], "file": file}
+
+    def run_fleet(self, file: Path) -> subprocess.Popen[bytes]:
+        log = (self.folder.path / "fleet.log").open("ab")
+        process = subprocess.Popen(
+            [*SKYWAY, "fleet", str(file), "--data", str(self.folder.path)],
+            stdout=log,
+            stderr=log,
+            env=self.environment,
+        )
+        log.close()
+        self.fleets.append(process)
+        return process
+
+    def request_delivery(self, destinations: list[str], *, key: str | None = None) -> str:
+        body = {
+            "pickup": {"station_id": "s1"},
+            "packages": [
+                {"package_id": f"p{n}", "mass_kg": 0.5, "destination": {"station_id": place}}
+                for n, place in enumerate(destinations, start=1)
+            ],
+            "qos": {"objective": "fastest"},
+        }
+        customer_key = key or self.keys["SKYWAY_CUSTOMER_KEY"]
+        answer = self.call("POST", "/v1/deliveries", key=customer_key, body=body)
+        assert answer.status_code == 202, answer.text
+        return str(answer.json()["delivery_id"])
+
+    def delivery(self, delivery_id: str) -> dict[str, Any]:
+        key = self.keys["SKYWAY_CUSTOMER_KEY"]
+        answer: dict[str, Any] = self.call("GET", f"/v1/deliveries/{delivery_id}", key=key).json()
+        return answer
+
+    def until_state(self, delivery_id: str, *states: str, within_s: float) -> dict[str, Any]:
+        found: dict[str, Any] = eventually(
+            lambda: (now := self.delivery(delivery_id))["state"] in states and now,
+            within_s=within_s,
+            what=f"delivery in {states}, now {self.delivery(delivery_id)['state']}",
+        )
+        return found
+
+    def pid_of(self, package: str) -> int:
+        """The process that runs this package, below `skyway up` or below a fleet."""
+        roots = [process.pid for process in (self.up, *self.fleets) if process is not None]
+        found: int = eventually(
+            lambda: next((pid for pid in _descendants(roots) if package in _arguments(pid)), 0),
+            within_s=10,
+            what=f"a process of {package}",
+        )
+        return found
+
+
+def _descendants(pids: list[int]) -> Iterator[int]:
+    for pid in pids:
+        try:
+            children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+        except OSError:
+            continue
+        yield from map(int, children)
+        yield from _descendants([int(child) for child in children])
+
+
+def _arguments(pid: int) -> list[str]:
+    try:
+        return Path(f"/proc/{pid}/cmdline").read_text().split("\0")
+    except OSError:
+        return []
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port: int = probe.getsockname()[1]
+        return port
+
+
+@pytest.fixture(
+    params=["embedded", pytest.param("postgresql-mosquitto", marks=pytest.mark.integration)]
+)
+def system(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[LocalSystem]:
+    """A running system on each of the two pairs of database and broker."""
+    folder = DataFolder(tmp_path / "data")
+    folder.make()
+    environment = {
+        name: value for name, value in os.environ.items() if not name.startswith("SKYWAY_")
+    }
+    broker: subprocess.Popen[bytes] | None = None
+    if request.param != "embedded":
+        mosquitto = shutil.which("mosquitto", path=f"{os.environ['PATH']}:/usr/sbin")
+        if mosquitto is None:
+            pytest.skip("Mosquitto is not installed")
+        environment |= {
+            "SKYWAY_DATABASE_URL": request.getfixturevalue("postgresql_server"),
+            "SKYWAY_MQTT_URL": f"mqtt://127.0.0.1:{free_port()}",
+            "SKYWAY_MQTT_DRONE_URL": f"mqtt://127.0.0.1:{free_port()}",
+        }
+    local = LocalSystem(folder, environment)
+    try:
+        if request.param != "embedded":
+            made = local.command("secrets")
+            assert made.returncode == 0, made.stderr
+            configuration = str(folder.broker / "mosquitto.conf")
+            broker = subprocess.Popen([mosquitto, "-c", configuration], stderr=subprocess.DEVNULL)
+        local.start()
+        yield local
+    finally:
+        local.stop()
+        if broker is not None:
+            broker.terminate()
+            broker.wait(timeout=10)
+            asyncio.run(_drop_databases(environment["SKYWAY_DATABASE_URL"]))
+
+
+async def _drop_databases(server: str) -> None:
+    connection = await asyncpg.connect(server)
+    try:
+        for name in DATABASES:
+            await connection.execute(f'DROP DATABASE IF EXISTS "{name}" WITH (FORCE)')
+    finally:
+        await connection.close()

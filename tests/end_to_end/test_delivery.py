@@ -1,0 +1,70 @@
+"""One real delivery from request to hand-over, through every process, on both pairs."""
+
+import json
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from threading import Thread
+from typing import Any
+
+import httpx
+import pytest
+
+pytestmark = pytest.mark.end_to_end
+
+
+def test_a_delivery_is_flown_and_its_customer_told_everywhere(system: Any) -> None:
+    received: list[tuple[dict[str, str], bytes]] = []
+
+    class Receiver(BaseHTTPRequestHandler):
+        def do_POST(self) -> None:
+            length = int(self.headers["Content-Length"])
+            received.append((dict(self.headers), self.rfile.read(length)))
+            self.send_response(204)
+            self.end_headers()
+
+        def log_message(self, *_: object) -> None:
+            pass
+
+    system.publish_corridor()
+    provider = system.start_fleet(["s1", "s2"])
+    key = system.keys["SKYWAY_CUSTOMER_KEY"]
+    server = ThreadingHTTPServer(("127.0.0.1", 0), Receiver)
+    thread = Thread(target=server.serve_forever)
+    thread.start()
+    try:
+        url = f"http://127.0.0.1:{server.server_port}/hook"
+        webhook = system.call("POST", "/v1/webhooks", key=key, body={"url": url}).json()
+        delivery_id = system.request_delivery(["s3", "s4"])
+        streamed = _events_of(system, delivery_id, key)
+        delivery = system.until_state(delivery_id, "COMPLETED", within_s=90)
+        path = f"/v1/webhooks/{webhook['webhook_id']}/attempts"
+        attempts = system.call("GET", path, key=key).json()["items"]
+    finally:
+        server.shutdown()
+        server.server_close()
+        thread.join()
+
+    assert [event["sequence"] for event in streamed] == list(range(1, len(streamed) + 1))
+    types = [event["type"] for event in streamed]
+    assert types[:3] == ["delivery.requested", "delivery.planned", "delivery.dispatched"]
+    assert types[-1] == "delivery.completed"
+    assert types.count("package.delivered") == 2
+    assert {package["state"] for package in delivery["packages"]} == {"DELIVERED"}
+    assert delivery["missions"][0]["provider_id"] == provider["provider_id"]
+    assert {json.loads(body)["event_id"] for _, body in received} == {
+        event["event_id"] for event in streamed
+    }
+    assert len(attempts) >= len(streamed)
+    verified = system.command("verify")
+    assert verified.returncode == 0, verified.stdout + verified.stderr
+
+
+def _events_of(system: Any, delivery_id: str, key: str) -> list[dict[str, Any]]:
+    """The events of a delivery by SSE, to its last one."""
+    url = f"{system.keys['SKYWAY_GATEWAY_URL']}/v1/deliveries/{delivery_id}/events"
+    headers = {"Authorization": f"Bearer {key}"}
+    with httpx.stream("GET", url, headers=headers, timeout=90) as stream:
+        return [
+            json.loads(line.removeprefix("data: "))
+            for line in stream.iter_lines()
+            if line.startswith("data: ")
+        ]

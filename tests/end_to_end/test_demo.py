@@ -1,0 +1,42 @@
+"""`skyway demo` is what a newcomer runs first."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.end_to_end
+
+
+def test_the_demo_delivers_three_packages_and_leaves_nothing_running(tmp_path: Path) -> None:
+    environment = {k: v for k, v in os.environ.items() if not k.startswith("SKYWAY_")}
+
+    done = subprocess.run(
+        [sys.executable, "-m", "skyway.cli", "demo", "--data", str(tmp_path)],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=180,
+        check=False,
+    )
+
+    assert done.returncode == 0, done.stdout + done.stderr
+    for package in ("medicine", "camera", "books"):
+        assert f"package.delivered {package}" in done.stdout
+    assert "BAD SIGNATURE" not in done.stdout
+    assert not _processes_using(tmp_path)
+
+
+def _processes_using(folder: Path) -> list[str]:
+    """Command lines and environments that name this folder: its children, were any left."""
+    found = []
+    for process in Path("/proc").glob("[0-9]*"):
+        try:
+            told = (process / "environ").read_bytes() + (process / "cmdline").read_bytes()
+        except OSError:
+            continue
+        if str(folder).encode() in told:
+            found.append(process.name)
+    return found

@@ -1,0 +1,50 @@
+"""Every process is killed in turn while a delivery is under way, and it still completes."""
+
+import os
+import signal
+from typing import Any
+
+import pytest
+
+pytestmark = pytest.mark.end_to_end
+
+PROCESSES = (
+    "skyway_gateway",
+    "skyway_provider_registry",
+    "skyway_composition",
+    "skyway_broker",
+    "skyway_drone_agent",
+)
+
+
+def test_a_delivery_completes_while_every_process_is_killed_in_turn(system: Any) -> None:
+    system.publish_corridor()
+    provider = system.start_fleet(["s1"])
+    delivery_id = system.request_delivery(["s2", "s4"])
+    system.until_state(delivery_id, "IN_PROGRESS", within_s=30)
+
+    for package in PROCESSES:
+        if package == "skyway_broker" and "SKYWAY_MQTT_URL" in system.environment:
+            continue  # Mosquitto is not ours to kill: nobody would start it again
+        killed = system.pid_of(package)
+        os.kill(killed, signal.SIGKILL)
+        if package == "skyway_drone_agent":
+            system.run_fleet(provider["file"])
+        assert system.pid_of(package) != killed
+
+    delivery = system.until_state(delivery_id, "COMPLETED", "FAILED", within_s=90)
+    assert delivery["state"] == "COMPLETED", delivery
+    verified = system.command("verify")
+    assert verified.returncode == 0, verified.stdout + verified.stderr
+
+
+def test_a_delivery_requested_before_a_kill_is_not_lost(system: Any) -> None:
+    system.publish_corridor()
+    system.start_fleet(["s1"])
+
+    delivery_id = system.request_delivery(["s2"])
+    for package in ("skyway_gateway", "skyway_composition"):
+        os.kill(system.pid_of(package), signal.SIGKILL)
+
+    delivery = system.until_state(delivery_id, "COMPLETED", within_s=60)
+    assert delivery["packages"][0]["custodian"]["kind"] == "RECIPIENT"

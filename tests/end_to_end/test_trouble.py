@@ -1,0 +1,33 @@
+"""Trouble that a customer must hear of: each delivery ends in exactly one terminal state."""
+
+from typing import Any
+
+import pytest
+
+pytestmark = pytest.mark.end_to_end
+
+
+def test_a_drone_that_is_away_is_passed_over_for_one_that_is_there(system: Any) -> None:
+    system.publish_corridor()
+    away = system.start_fleet(["s1"], name="Away Air")
+    system.fleets[-1].kill()
+    system.fleets[-1].wait()
+    there = system.start_fleet(["s2"], name="There Air")
+
+    delivery_id = system.request_delivery(["s3"])
+
+    delivery = system.until_state(delivery_id, "COMPLETED", within_s=60)
+    assert delivery["missions"][-1]["provider_id"] == there["provider_id"]
+    assert away["provider_id"] != there["provider_id"]
+
+
+def test_a_second_customer_sees_nothing_of_the_first(system: Any) -> None:
+    system.publish_corridor()
+    system.start_fleet(["s1"])
+    delivery_id = system.request_delivery(["s2"])
+    made = system.operate("POST", "/v1/keys", {"role": "customer", "subject_id": "other"})
+
+    answer = system.call("GET", f"/v1/deliveries/{delivery_id}", key=made["key"])
+
+    assert answer.status_code == 404
+    assert answer.json()["type"] == "urn:skyway:problem:not-found"
