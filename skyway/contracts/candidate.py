@@ -42,6 +42,7 @@ class Candidate(WireModel):
 #: NO_DRONES .. LOW_CHARGE come from the registry, the others from the planner and from booking.
 ProviderReasonCode = Literal[
     "NOT_ADMITTED",
+    "NOT_COMPARED",
     "NO_DRONES",
     "OVERWEIGHT",
     "BUSY",
@@ -55,6 +56,7 @@ ProviderReasonCode = Literal[
     "NO_PLAN_FOUND",
     "NO_WAY_HOME",
     "TOO_EXPENSIVE",
+    "OTHER_CURRENCY",
     "TAKEN",
 ]
 

@@ -1,0 +1,174 @@
+"""The one place where the registry is put together."""
+
+import secrets
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Final
+
+from fastapi import FastAPI
+
+from skyway.runtime import idempotency
+from skyway.runtime.clock import FleetClock, load_clock
+from skyway.runtime.database import Database
+from skyway.runtime.http import ServiceClient
+from skyway.runtime.http_app import Lifespan, Readiness, body_limits, create_app
+from skyway.runtime.identity import ServiceGate, ServiceIdentity, read_secret
+from skyway.runtime.loops import Loops, repeat
+from skyway.runtime.migrations import migrate
+from skyway.runtime.minting import Mint, mint
+from skyway.runtime.mqtt import MqttClient
+from skyway_provider_registry.candidates.routes import candidate_routes
+from skyway_provider_registry.enrolment.password_file import PasswordFile
+from skyway_provider_registry.enrolment.routes import enrolment_routes
+from skyway_provider_registry.fleets.drone_models.routes import drone_model_routes
+from skyway_provider_registry.fleets.home_stations import CompositionStations, StationLookup
+from skyway_provider_registry.fleets.registration.routes import (
+    REGISTRATION_LIMIT_BYTES,
+    registration_routes,
+)
+from skyway_provider_registry.fleets.routes import fleet_routes
+from skyway_provider_registry.presence.follow import PRESENCE_TOPICS, PresenceFollower
+from skyway_provider_registry.presence.routes import presence_routes
+from skyway_provider_registry.providers.routes import provider_routes
+from skyway_provider_registry.settings import RegistrySettings
+
+SERVICE: Final = "registry"
+PACKAGE: Final = "skyway_provider_registry"
+
+#: Seconds of wall time between two attempts to write the password file after a failure.
+_REWRITE_EVERY_S: Final = 5.0
+_SWEEP_EVERY_S: Final = 600.0
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """What the rooms' routes are made of."""
+
+    db: Database
+    gate: ServiceGate
+    clock: FleetClock
+    mint: Mint
+    stations: StationLookup
+    password_file: PasswordFile
+
+
+def registry_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> FastAPI:
+    """All rooms' routes on these parts, which the lifespan opens."""
+    db, gate, clock = parts.db, parts.gate, parts.clock
+    stations, password_file = parts.stations, parts.password_file
+    return create_app(
+        service=SERVICE,
+        title="Skyway provider registry",
+        description="Who could fly: providers, drone models, fleets, presence, candidates.",
+        routers=[
+            provider_routes(db=db, gate=gate, clock=clock, mint=parts.mint),
+            drone_model_routes(db=db, gate=gate),
+            registration_routes(
+                db=db,
+                gate=gate,
+                clock=clock,
+                mint=parts.mint,
+                stations=stations,
+                password_file=password_file,
+            ),
+            fleet_routes(
+                db=db, gate=gate, clock=clock, stations=stations, password_file=password_file
+            ),
+            enrolment_routes(db=db, gate=gate, password_file=password_file),
+            presence_routes(db=db, gate=gate, clock=clock),
+            candidate_routes(db=db, gate=gate, clock=clock),
+        ],
+        lifespan=lifespan,
+        readiness=readiness,
+        body_limit=body_limits(
+            {"POST /v1/providers/{provider_id}/drones": REGISTRATION_LIMIT_BYTES}
+        ),
+    )
+
+
+def build_app(settings: RegistrySettings) -> FastAPI:
+    """The registry as it runs; everything is opened by the app's lifespan."""
+    composition = _composition(settings)
+    parts = _parts(settings, composition)
+    mqtt = MqttClient(
+        settings.mqtt_url,
+        client_id=f"{SERVICE}-{secrets.token_hex(8)}",
+        user_name=SERVICE,
+        password=read_secret(settings.secrets_dir, f"mqtt_{SERVICE}"),
+    )
+
+    @asynccontextmanager
+    async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
+        await migrate(settings.database_url, PACKAGE)
+        async with parts.db, composition, mqtt, Loops() as loops:
+            # Before anything else: without its accounts the broker lets nobody in, us included.
+            await parts.password_file.refresh()
+            follower = PresenceFollower(
+                mqtt.batches(*PRESENCE_TOPICS), db=parts.db, clock=parts.clock
+            )
+            loops.start("presence", repeat("presence", follower.step, every_s=1.0))
+            loops.start(
+                "password file",
+                repeat("password file", parts.password_file.step, every_s=_REWRITE_EVERY_S),
+            )
+            loops.start(
+                "idempotency",
+                repeat("idempotency", partial(_sweep, parts), every_s=_SWEEP_EVERY_S),
+            )
+            yield
+
+    async def readiness() -> dict[str, bool]:
+        return {"database": await parts.db.is_answering(), "mqtt": mqtt.is_connected}
+
+    return registry_app(parts, lifespan=lifespan, readiness=readiness)
+
+
+def openapi_app() -> FastAPI:
+    """The registry's routes for its OpenAPI document; nothing in it can be opened."""
+    nowhere = Path("not-opened")
+    settings = RegistrySettings(
+        database_url=f"sqlite:///{nowhere}",
+        mqtt_url="mqtt://not-opened",
+        secrets_dir=nowhere,
+        broker_password_file=nowhere,
+    )
+
+    @asynccontextmanager
+    async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
+        yield
+
+    async def readiness() -> dict[str, bool]:
+        return {}
+
+    parts = _parts(settings, _composition(settings))
+    return registry_app(parts, lifespan=lifespan, readiness=readiness)
+
+
+def _composition(settings: RegistrySettings) -> ServiceClient:
+    identity = ServiceIdentity(SERVICE, settings.secrets_dir)
+    return ServiceClient("composition", settings.composition_url, identity)
+
+
+def _parts(settings: RegistrySettings, composition: ServiceClient) -> Parts:
+    db = Database(settings.database_url)
+    return Parts(
+        db=db,
+        gate=ServiceGate(settings.secrets_dir, allowed=("gateway", "composition")),
+        clock=load_clock(settings.clock_file),
+        mint=mint,
+        stations=CompositionStations(composition),
+        password_file=PasswordFile(
+            settings.broker_password_file,
+            db=db,
+            secrets_dir=settings.secrets_dir,
+            broker_pid_file=settings.broker_pid_file,
+        ),
+    )
+
+
+async def _sweep(parts: Parts) -> bool:
+    await idempotency.sweep(parts.db, parts.clock)
+    return False

@@ -1,0 +1,1 @@
+"""Candidates: who could fly a request, and why the others cannot."""

@@ -1,0 +1,103 @@
+"""The broker's password file: the accounts in the database, and those of our own processes."""
+
+import asyncio
+import logging
+import os
+import signal
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Final
+
+from skyway.runtime.broker_passwords import hash_password, write_password_file
+from skyway.runtime.database import Database
+from skyway.runtime.errors import ServiceUnavailable
+from skyway.runtime.identity import read_secret
+from skyway_provider_registry.enrolment import store
+
+log = logging.getLogger(__name__)
+
+#: Users whose passwords are secrets of the deployment, in the files ``mqtt_<name>``.
+DEPLOYMENT_USERS: Final = ("gateway", "registry", "composition", "operator")
+
+
+class PasswordFile:
+    """Keeps the file equal to the accounts; only this service writes it.
+
+    Parameters
+    ----------
+    broker_pid_file
+        Holds the process id of a broker that reads the file again on SIGHUP; None when the broker
+        watches the file by itself.
+    """
+
+    def __init__(
+        self, path: Path, *, db: Database, secrets_dir: Path, broker_pid_file: Path | None
+    ) -> None:
+        self._path = path
+        self._db = db
+        self._secrets_dir = secrets_dir
+        self._broker_pid_file = broker_pid_file
+        self._deployment_hashes: Mapping[str, str] = {}
+        self._writing = asyncio.Lock()
+        self._wanted = 1
+        self._written = 0
+
+    async def refresh(self) -> None:
+        """Return once every account that is committed now is in the file.
+
+        Calls that wait for the same write share the next one.
+
+        Raises
+        ------
+        ServiceUnavailable
+            The file could not be written; `step` will try again.
+        """
+        self._wanted += 1
+        mine = self._wanted
+        async with self._writing:
+            if self._written < mine:
+                await self._write()
+
+    async def step(self) -> bool:
+        """Write again if a write failed; nothing more is to be done after it."""
+        async with self._writing:
+            if self._written < self._wanted:
+                await self._write()
+        return False
+
+    async def _write(self) -> None:
+        covers = self._wanted
+        if not self._deployment_hashes:
+            self._deployment_hashes = self._hash_deployment_users()
+        async with self._db.read() as connection:
+            accounts = await store.every_hash(connection)
+        accounts.update(self._deployment_hashes)
+        try:
+            await asyncio.to_thread(write_password_file, self._path, accounts)
+        except OSError as error:
+            raise ServiceUnavailable("broker accounts", f"not written: {error}") from error
+        self._written = covers
+        self._tell_broker()
+
+    def _hash_deployment_users(self) -> dict[str, str]:
+        return {
+            name: hash_password(read_secret(self._secrets_dir, f"mqtt_{name}"))
+            for name in DEPLOYMENT_USERS
+        }
+
+    def _tell_broker(self) -> None:
+        if self._broker_pid_file is None:
+            return
+        try:
+            os.kill(_broker_pid(self._broker_pid_file), signal.SIGHUP)
+        except (OSError, ValueError) as error:
+            # A broker that is not running reads the file when it starts.
+            log.warning("broker not told of its new accounts", extra={"reason": str(error)})
+
+
+def _broker_pid(pid_file: Path) -> int:
+    pid = int(pid_file.read_text())
+    if pid <= 1:
+        # 0 and below name process groups, 1 is never a broker of ours.
+        raise ValueError(f"{pid} is no broker's process id")
+    return pid

@@ -1,0 +1,63 @@
+"""The gateway opens and closes the broker accounts of customers."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Response
+from pydantic import Field
+
+from skyway.errors import InvalidInput
+from skyway.ids import SubjectId
+from skyway.json_model import WireModel
+from skyway.runtime.broker_passwords import hash_password
+from skyway.runtime.database import Database
+from skyway.runtime.http_app import internal_body
+from skyway.runtime.identity import Caller, ServiceGate
+from skyway_provider_registry.enrolment import store
+from skyway_provider_registry.enrolment.password_file import DEPLOYMENT_USERS, PasswordFile
+
+#: What ids of drones begin with: a customer of that name could speak as a drone.
+_DRONE_PREFIX = "drn_"
+
+
+class BrokerPassword(WireModel):
+    """The password of a customer's broker account."""
+
+    password: Annotated[str, Field(min_length=16, max_length=200)]
+
+
+def enrolment_routes(*, db: Database, gate: ServiceGate, password_file: PasswordFile) -> APIRouter:
+    """PUT and DELETE /internal/broker-accounts/{user_name}."""
+    router = APIRouter(tags=["internal"])
+
+    @router.put("/internal/broker-accounts/{user_name}", status_code=204)
+    async def put_broker_account(
+        user_name: SubjectId,
+        caller: Annotated[Caller, Depends(gate)],
+        wanted: Annotated[BrokerPassword, Depends(internal_body(BrokerPassword))],
+    ) -> Response:
+        """Open a customer's broker account, or give it another password."""
+        caller.must_be("service")
+        _refuse_reserved(user_name)
+        async with db.write() as tx:
+            await store.put_customer(tx, user_name, password_hash=hash_password(wanted.password))
+        await password_file.refresh()
+        return Response(status_code=204)
+
+    @router.delete("/internal/broker-accounts/{user_name}", status_code=204)
+    async def delete_broker_account(
+        user_name: SubjectId, caller: Annotated[Caller, Depends(gate)]
+    ) -> Response:
+        """Close a customer's broker account."""
+        caller.must_be("service")
+        _refuse_reserved(user_name)
+        async with db.write() as tx:
+            await store.remove_customer(tx, user_name)
+        await password_file.refresh()
+        return Response(status_code=204)
+
+    return router
+
+
+def _refuse_reserved(user_name: SubjectId) -> None:
+    if user_name in DEPLOYMENT_USERS or user_name.startswith(_DRONE_PREFIX):
+        raise InvalidInput("user_name", f"{user_name!r} is reserved for Skyway's own processes")

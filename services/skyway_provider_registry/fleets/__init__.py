@@ -1,0 +1,1 @@
+"""Fleets: the drones of each provider, and the models they are of."""

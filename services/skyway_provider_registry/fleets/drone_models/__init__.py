@@ -1,0 +1,1 @@
+"""Drone models: the library's named ones, and those that operators add."""

@@ -1,0 +1,63 @@
+"""Drone models over REST."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Query, Response
+
+from skyway.drone.model import DroneModel
+from skyway.errors import InvalidInput
+from skyway.ids import DroneModelId
+from skyway.runtime.database import Database
+from skyway.runtime.errors import NotFound
+from skyway.runtime.identity import Caller, ServiceGate
+from skyway.runtime.paging import Page, PageQuery, page_of
+from skyway_provider_registry.fleets.drone_models import store
+
+
+def drone_model_routes(*, db: Database, gate: ServiceGate) -> APIRouter:
+    """GET /v1/drone-models, GET and PUT /v1/drone-models/{model_id}."""
+    router = APIRouter(tags=["drone models"])
+
+    @router.get("/v1/drone-models")
+    async def list_drone_models(
+        caller: Annotated[Caller, Depends(gate)], query: Annotated[PageQuery, Query()]
+    ) -> Page[DroneModel]:
+        """All drone models, sorted by id."""
+        after = query.after(str)
+        async with db.read() as connection:
+            models = await store.every(connection)
+        rest = [one for one in models.values() if after is None or one.model_id > str(after[0])]
+        shown = rest[: query.limit + 1]
+        return page_of(shown, query, item=lambda one: one, sort_key=lambda one: (one.model_id,))
+
+    @router.get("/v1/drone-models/{model_id}")
+    async def get_drone_model(
+        model_id: DroneModelId, caller: Annotated[Caller, Depends(gate)]
+    ) -> DroneModel:
+        """A drone model."""
+        async with db.read() as connection:
+            models = await store.every(connection)
+        if model_id not in models:
+            raise NotFound("drone model", model_id)
+        return models[model_id]
+
+    @router.put(
+        "/v1/drone-models/{model_id}",
+        responses={201: {"model": DroneModel, "description": "The model is new"}},
+    )
+    async def put_drone_model(
+        model_id: DroneModelId,
+        caller: Annotated[Caller, Depends(gate)],
+        wanted: DroneModel,
+        response: Response,
+    ) -> DroneModel:
+        """Add a drone model, or replace one that no drone is of; operators only."""
+        caller.must_be("operator")
+        if wanted.model_id != model_id:
+            raise InvalidInput("model_id", f"{wanted.model_id!r} is not the path's {model_id!r}")
+        async with db.write() as tx:
+            is_new = await store.put(tx, wanted)
+        response.status_code = 201 if is_new else 200
+        return wanted
+
+    return router

@@ -1,0 +1,60 @@
+"""A drone inside the registry: as it was registered, and what is known of it."""
+
+from dataclasses import dataclass
+from datetime import datetime
+
+from skyway.drone.model import DroneModel
+from skyway.geo import Position
+from skyway.ids import DroneId, ProviderId, StationId
+from skyway_provider_registry.fleets.drone import Drone, MqttAccount, RegisteredDrone
+from skyway_provider_registry.fleets.states import DroneStateName, state_of
+from skyway_provider_registry.presence.known import Presence
+
+
+@dataclass(frozen=True, slots=True)
+class FleetDrone:
+    """A registered drone; `initial_soc` is its charge until it tells of itself."""
+
+    drone_id: DroneId
+    provider_id: ProviderId
+    model: DroneModel
+    home_station_id: StationId
+    home_position: Position
+    name: str | None
+    registration: str | None
+    initial_soc: float
+    is_in_maintenance: bool
+    created_at: datetime
+    presence: Presence
+
+    def state(self, wall_now: datetime) -> DroneStateName:
+        """Its one state at this moment of wall time."""
+        return state_of(self.presence, is_in_maintenance=self.is_in_maintenance, wall_now=wall_now)
+
+    def shown(self, wall_now: datetime) -> Drone:
+        """What its provider sees of it."""
+        told = self.presence.state
+        position, soc = self.presence.place or (None, self.initial_soc)
+        return Drone(
+            drone_id=self.drone_id,
+            provider_id=self.provider_id,
+            model_id=self.model.model_id,
+            model=self.model,
+            home_station_id=self.home_station_id,
+            home_position=self.home_position,
+            name=self.name,
+            registration=self.registration,
+            state=self.state(wall_now),
+            soc=soc,
+            station_id=told.station_id if told else None,
+            position=position,
+            activity=told.activity if told else None,
+            mission_id=self.presence.mission_id,
+            last_seen_at=self.presence.last_seen_at,
+        )
+
+    def shown_once(self, wall_now: datetime, *, password: str) -> RegisteredDrone:
+        """What its provider sees at its registration: with the account it logs in with."""
+        members = dict(self.shown(wall_now))
+        account = MqttAccount(user_name=self.drone_id, password=password)
+        return RegisteredDrone.model_validate({**members, "mqtt": account})

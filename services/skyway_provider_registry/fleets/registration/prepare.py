@@ -1,0 +1,66 @@
+"""Registering drones: their ids, accounts and answer are made first, and then kept in one write."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from skyway.contracts.station_check import StationCheck
+from skyway.drone.model import DroneModel
+from skyway.ids import DroneId, DroneModelId, ProviderId
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.database import Tx
+from skyway.runtime.minting import Mint
+from skyway_provider_registry.enrolment import store as accounts
+from skyway_provider_registry.enrolment.passwords import new_passwords
+from skyway_provider_registry.fleets import store
+from skyway_provider_registry.fleets.drone import NewDrone, RegisteredDrone
+from skyway_provider_registry.fleets.fleet_drone import FleetDrone
+from skyway_provider_registry.presence import store as presence
+from skyway_provider_registry.presence.known import NEVER_SEEN
+
+
+@dataclass(frozen=True, slots=True)
+class PreparedDrones:
+    """Drones that are not kept yet: what is kept of them, and what is answered."""
+
+    drones: tuple[FleetDrone, ...]
+    password_hashes: Mapping[DroneId, str]
+    shown: tuple[RegisteredDrone, ...]
+
+
+def prepare(
+    new_drones: Sequence[NewDrone],
+    *,
+    provider_id: ProviderId,
+    models: Mapping[DroneModelId, DroneModel],
+    stations: StationCheck,
+    mint: Mint,
+    clock: FleetClock,
+) -> PreparedDrones:
+    """The drones as they will be kept: plain computing, to be done in a thread."""
+    now, wall_now = clock.now(), clock.wall_now()
+    drones = tuple(
+        FleetDrone(
+            drone_id=DroneId(mint("drn")),
+            provider_id=provider_id,
+            model=models[wanted.model_id],
+            home_station_id=wanted.home_station_id,
+            home_position=stations.positions[wanted.home_station_id],
+            name=wanted.name,
+            registration=wanted.registration,
+            initial_soc=wanted.soc,
+            is_in_maintenance=False,
+            created_at=now,
+            presence=NEVER_SEEN,
+        )
+        for wanted in new_drones
+    )
+    passwords, hashes = new_passwords(drone.drone_id for drone in drones)
+    shown = (drone.shown_once(wall_now, password=passwords[drone.drone_id]) for drone in drones)
+    return PreparedDrones(drones, hashes, tuple(shown))
+
+
+async def keep(tx: Tx, prepared: PreparedDrones) -> None:
+    """Keep drones, their accounts and room for what they will tell: all or none."""
+    await store.add(tx, prepared.drones)
+    await presence.begin(tx, prepared.password_hashes)
+    await accounts.add_drones(tx, prepared.password_hashes)

@@ -1,0 +1,140 @@
+"""POST of drones: one, or a whole fleet at once."""
+
+import asyncio
+from typing import Annotated, Final
+
+from fastapi import APIRouter, Depends, Header, Request, Response
+from fastapi.exceptions import RequestValidationError
+from pydantic import Discriminator, Field, Tag
+
+from skyway.ids import ProviderId
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.database import Database, Tx
+from skyway.runtime.idempotency import Answer, once
+from skyway.runtime.identity import Caller, ServiceGate
+from skyway.runtime.json_bodies import read_json
+from skyway.runtime.minting import Mint
+from skyway_provider_registry.enrolment.password_file import PasswordFile
+from skyway_provider_registry.fleets.drone import (
+    MAX_NEW_DRONES,
+    NewDrone,
+    RegisteredDrone,
+    RegisteredDrones,
+)
+from skyway_provider_registry.fleets.drone_models import store as drone_models
+from skyway_provider_registry.fleets.home_stations import StationLookup
+from skyway_provider_registry.fleets.registration.faults import Fault, faults_of
+from skyway_provider_registry.fleets.registration.prepare import PreparedDrones, keep, prepare
+from skyway_provider_registry.providers import store as providers
+
+#: Bytes of a list of drones (decisions.md); a drone takes about 200.
+REGISTRATION_LIMIT_BYTES: Final = 8 * 1024 * 1024
+
+
+def _form_of(body: object) -> str:
+    return "list" if isinstance(body, list) else "object"
+
+
+#: One drone, or a whole fleet at once.
+NewDrones = Annotated[
+    Annotated[NewDrone, Tag("object")]
+    | Annotated[list[NewDrone], Field(min_length=1, max_length=MAX_NEW_DRONES), Tag("list")],
+    Discriminator(_form_of),
+]
+
+
+def registration_routes(
+    *,
+    db: Database,
+    gate: ServiceGate,
+    clock: FleetClock,
+    mint: Mint,
+    stations: StationLookup,
+    password_file: PasswordFile,
+) -> APIRouter:
+    """POST /v1/providers/{provider_id}/drones."""
+    router = APIRouter(tags=["drones"])
+
+    async def prepared(
+        new_drones: list[NewDrone], *, caller: Caller, provider_id: ProviderId, raw: bytes
+    ) -> PreparedDrones:
+        async with db.read() as connection:
+            await providers.of_caller(connection, caller, provider_id=provider_id)
+            models = await drone_models.every(connection)
+        check = await stations.check(drone.home_station_id for drone in new_drones)
+        faults = faults_of(new_drones, models=models, unknown_stations=set(check.unknown))
+        _refuse(faults, raw=raw)
+        # In a thread: the passwords of 5,000 drones take 0.3 s of hashing.
+        return await asyncio.to_thread(
+            prepare,
+            new_drones,
+            provider_id=provider_id,
+            models=models,
+            stations=check,
+            mint=mint,
+            clock=clock,
+        )
+
+    @router.post(
+        "/v1/providers/{provider_id}/drones",
+        status_code=201,
+        response_model=RegisteredDrone | RegisteredDrones,
+    )
+    async def register_drones(
+        provider_id: ProviderId,
+        request: Request,
+        caller: Annotated[Caller, Depends(gate)],
+        wanted: NewDrones,
+        idempotency_key: Annotated[str | None, Header()] = None,
+    ) -> Response:
+        """Register one drone, or a list of them: all or none; `mqtt` is shown this once."""
+        caller.must_be("operator", "provider")
+        raw = await request.body()
+        new_drones = wanted if isinstance(wanted, list) else [wanted]
+        ready = await prepared(new_drones, caller=caller, provider_id=provider_id, raw=raw)
+        form = _answer_of_list if isinstance(wanted, list) else _answer_of_one
+        answer = await asyncio.to_thread(form, ready)
+
+        async def act(tx: Tx) -> Answer:
+            await keep(tx, ready)
+            return answer
+
+        given = await once(
+            db,
+            caller=str(caller),
+            route=f"POST /v1/providers/{provider_id}/drones",
+            key=idempotency_key,
+            body=raw,
+            act=act,
+            clock=clock,
+        )
+        await password_file.refresh()
+        return Response(given.body, given.status, given.headers, "application/json")
+
+    return router
+
+
+def _refuse(faults: list[Fault], *, raw: bytes) -> None:
+    """Answer faults as a validator's complaints are answered, each with its place in the body."""
+    if not faults:
+        return
+    body = read_json(raw)
+    complaints = [
+        {
+            "type": "invalid_drone",
+            "loc": ("body", *([fault.index] if isinstance(body, list) else []), fault.field),
+            "msg": fault.detail,
+        }
+        for fault in faults
+    ]
+    raise RequestValidationError(complaints, body=body)
+
+
+def _answer_of_one(ready: PreparedDrones) -> Answer:
+    drone = ready.shown[0]
+    location = f"/v1/providers/{drone.provider_id}/drones/{drone.drone_id}"
+    return Answer(201, drone.model_dump_json().encode(), {"Location": location})
+
+
+def _answer_of_list(ready: PreparedDrones) -> Answer:
+    return Answer(201, RegisteredDrones(items=ready.shown).model_dump_json().encode())

@@ -1,0 +1,121 @@
+"""Fleets over REST: providers see, change and remove their own drones."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Query, Response
+
+from skyway.errors import InvalidInput
+from skyway.ids import DroneId, ProviderId
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.database import Database
+from skyway.runtime.errors import Conflict
+from skyway.runtime.identity import Caller, ServiceGate
+from skyway.runtime.paging import Page, PageQuery, page_of
+from skyway_provider_registry.enrolment import store as accounts
+from skyway_provider_registry.enrolment.password_file import PasswordFile
+from skyway_provider_registry.fleets import store
+from skyway_provider_registry.fleets.drone import Drone, DroneChange
+from skyway_provider_registry.fleets.home_stations import StationLookup
+from skyway_provider_registry.providers import store as providers
+
+
+def fleet_routes(
+    *,
+    db: Database,
+    gate: ServiceGate,
+    clock: FleetClock,
+    stations: StationLookup,
+    password_file: PasswordFile,
+) -> APIRouter:
+    """GET, PATCH and DELETE of /v1/providers/{provider_id}/drones and /{drone_id}."""
+    router = APIRouter(tags=["drones"], prefix="/v1/providers/{provider_id}/drones")
+
+    @router.get("")
+    async def list_drones(
+        provider_id: ProviderId,
+        caller: Annotated[Caller, Depends(gate)],
+        query: Annotated[PageQuery, Query()],
+    ) -> Page[Drone]:
+        """The drones of a provider, sorted by id."""
+        caller.must_be("operator", "provider")
+        async with db.read() as connection:
+            await providers.of_caller(connection, caller, provider_id=provider_id)
+            drones = await store.page_of_caller(
+                connection, caller, provider_id=provider_id, query=query
+            )
+        wall_now = clock.wall_now()
+        return page_of(
+            drones,
+            query,
+            item=lambda drone: drone.shown(wall_now),
+            sort_key=lambda drone: (drone.drone_id,),
+        )
+
+    @router.get("/{drone_id}")
+    async def get_drone(
+        provider_id: ProviderId, drone_id: DroneId, caller: Annotated[Caller, Depends(gate)]
+    ) -> Drone:
+        """A drone and what is known of it now."""
+        caller.must_be("operator", "provider")
+        async with db.read() as connection:
+            drone = await store.of_caller(
+                connection, caller, provider_id=provider_id, drone_id=drone_id
+            )
+        return drone.shown(clock.wall_now())
+
+    @router.patch("/{drone_id}")
+    async def change_drone(
+        provider_id: ProviderId,
+        drone_id: DroneId,
+        caller: Annotated[Caller, Depends(gate)],
+        wanted: DroneChange,
+    ) -> Drone:
+        """Change name, registration or home station, or take it out of service and back."""
+        caller.must_be("operator", "provider")
+        values = await _columns(wanted, stations)
+        async with db.write() as tx:
+            await store.change(
+                tx, caller, provider_id=provider_id, drone_id=drone_id, values=values
+            )
+            drone = await store.of_caller(
+                tx.connection, caller, provider_id=provider_id, drone_id=drone_id
+            )
+        return drone.shown(clock.wall_now())
+
+    @router.delete("/{drone_id}", status_code=204)
+    async def remove_drone(
+        provider_id: ProviderId, drone_id: DroneId, caller: Annotated[Caller, Depends(gate)]
+    ) -> Response:
+        """Remove a drone that is on no mission; its broker account goes at once."""
+        caller.must_be("operator", "provider")
+        async with db.write() as tx:
+            drone = await store.of_caller(
+                tx.connection, caller, provider_id=provider_id, drone_id=drone_id
+            )
+            if (mission_id := drone.presence.mission_id) is not None:
+                raise Conflict("ON_MISSION", f"drone {drone_id} is on mission {mission_id}")
+            await store.remove(tx, caller, provider_id=provider_id, drone_id=drone_id)
+            await accounts.remove_drone(tx, drone_id)
+        await password_file.refresh()
+        return Response(status_code=204)
+
+    return router
+
+
+async def _columns(wanted: DroneChange, stations: StationLookup) -> dict[str, object]:
+    """The columns to set; a new home station is looked up before the write."""
+    given = wanted.model_fields_set
+    values: dict[str, object] = {f: getattr(wanted, f) for f in given & {"name", "registration"}}
+    if wanted.state is not None:
+        values["is_in_maintenance"] = wanted.state == "MAINTENANCE"
+    if wanted.home_station_id is not None:
+        check = await stations.check([wanted.home_station_id])
+        if check.unknown:
+            raise InvalidInput(
+                "home_station_id", f"no station is called {wanted.home_station_id!r}"
+            )
+        position = check.positions[wanted.home_station_id]
+        values["home_station_id"] = wanted.home_station_id
+        values["home_longitude_deg"] = position.longitude_deg
+        values["home_latitude_deg"] = position.latitude_deg
+    return values

@@ -1,0 +1,181 @@
+"""All SQL of the fleets; every query is narrowed to what its caller may see."""
+
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+from sqlalchemy import ColumnElement, delete, select, update
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from skyway.drone.model import DroneModel
+from skyway.geo import Position
+from skyway.ids import DroneId, DroneModelId, ProviderId
+from skyway.runtime.database import Tx
+from skyway.runtime.errors import Conflict, NotFound, Taken
+from skyway.runtime.identity import Caller
+from skyway.runtime.paging import PageQuery
+from skyway.units import moment_to_ms, ms_to_moment
+from skyway_provider_registry.fleets.drone_models import store as drone_models
+from skyway_provider_registry.fleets.fleet_drone import FleetDrone
+from skyway_provider_registry.presence.store import KNOWN, AnyRow, presence_of
+from skyway_provider_registry.providers.store import owned
+from skyway_provider_registry.tables import drones
+
+#: Registrations in one IN list.
+_CHUNK: Final = 500
+
+_known = KNOWN.subquery("known")
+_fleet = select(drones, *(c for c in _known.c if c.name != "drone_id")).join_from(
+    drones, _known, _known.c.drone_id == drones.c.drone_id
+)
+
+
+async def add(tx: Tx, new_drones: Sequence[FleetDrone]) -> None:
+    """Keep new drones.
+
+    Raises
+    ------
+    Conflict
+        The provider has a drone with one of these registrations.
+    """
+    await _refuse_taken_registrations(tx, new_drones)
+    rows = [
+        {
+            "drone_id": drone.drone_id,
+            "provider_id": drone.provider_id,
+            "model_id": drone.model.model_id,
+            "home_station_id": drone.home_station_id,
+            "home_longitude_deg": drone.home_position.longitude_deg,
+            "home_latitude_deg": drone.home_position.latitude_deg,
+            "name": drone.name,
+            "registration": drone.registration,
+            "initial_soc": drone.initial_soc,
+            "is_in_maintenance": drone.is_in_maintenance,
+            "created_ms": moment_to_ms(drone.created_at),
+        }
+        for drone in new_drones
+    ]
+    try:
+        await tx.execute(drones.insert(), rows)
+    except Taken as error:
+        raise _conflict("of one of these drones") from error
+
+
+async def of_caller(
+    connection: AsyncConnection, caller: Caller, *, provider_id: ProviderId, drone_id: DroneId
+) -> FleetDrone:
+    """A drone of this provider, which is the caller's own.
+
+    Raises
+    ------
+    NotFound
+        There is none, or it is another provider's.
+    """
+    statement = _fleet.where(_is_own(caller, provider_id), drones.c.drone_id == drone_id)
+    row = (await connection.execute(statement)).one_or_none()
+    if row is None:
+        raise NotFound("drone", drone_id)
+    return _drone(row, await drone_models.every(connection))
+
+
+async def page_of_caller(
+    connection: AsyncConnection, caller: Caller, *, provider_id: ProviderId, query: PageQuery
+) -> Sequence[FleetDrone]:
+    """Up to limit + 1 drones of this provider, which is the caller's own, sorted by id."""
+    statement = _fleet.where(_is_own(caller, provider_id))
+    if (after := query.after(str)) is not None:
+        statement = statement.where(drones.c.drone_id > after[0])
+    statement = statement.order_by(drones.c.drone_id).limit(query.limit + 1)
+    models = await drone_models.every(connection)
+    return [_drone(row, models) for row in await connection.execute(statement)]
+
+
+async def every(connection: AsyncConnection) -> Sequence[FleetDrone]:
+    """All drones of all providers: for choosing among them, not to be shown."""
+    models = await drone_models.every(connection)
+    return [_drone(row, models) for row in await connection.execute(_fleet)]
+
+
+async def models_by_provider(
+    connection: AsyncConnection,
+) -> Sequence[tuple[ProviderId, DroneModel]]:
+    """Each model of which a provider has drones."""
+    models = await drone_models.every(connection)
+    statement = select(drones.c.provider_id, drones.c.model_id).distinct()
+    statement = statement.order_by(drones.c.provider_id, drones.c.model_id)
+    found = await connection.execute(statement)
+    return [(row.provider_id, models[row.model_id]) for row in found]
+
+
+async def change(
+    tx: Tx,
+    caller: Caller,
+    *,
+    provider_id: ProviderId,
+    drone_id: DroneId,
+    values: Mapping[str, object],
+) -> None:
+    """Set these columns of a drone of this provider, which is the caller's own.
+
+    Raises
+    ------
+    NotFound
+        There is none, or it is another provider's.
+    Conflict
+        The provider has another drone with this registration.
+    """
+    condition = _is_own(caller, provider_id) & (drones.c.drone_id == drone_id)
+    # Without a value to set this still finds out whether the drone is there.
+    statement = update(drones).where(condition).values(values or {"name": drones.c.name})
+    try:
+        found = await tx.execute(statement)
+    except Taken as error:
+        raise _conflict(repr(values["registration"])) from error
+    if found.rowcount == 0:
+        raise NotFound("drone", drone_id)
+
+
+async def remove(tx: Tx, caller: Caller, *, provider_id: ProviderId, drone_id: DroneId) -> None:
+    """Forget a drone of this provider, which is the caller's own, and all that is known of it."""
+    condition = _is_own(caller, provider_id) & (drones.c.drone_id == drone_id)
+    if (await tx.execute(delete(drones).where(condition))).rowcount == 0:
+        raise NotFound("drone", drone_id)
+
+
+async def _refuse_taken_registrations(tx: Tx, new_drones: Sequence[FleetDrone]) -> None:
+    """Name the registration at fault while that can still be found out."""
+    wanted = [drone.registration for drone in new_drones if drone.registration is not None]
+    provider_ids = {drone.provider_id for drone in new_drones}
+    for start in range(0, len(wanted), _CHUNK):
+        taken = select(drones.c.registration).where(
+            drones.c.provider_id.in_(provider_ids),
+            drones.c.registration.in_(wanted[start : start + _CHUNK]),
+        )
+        found = (await tx.execute(taken.limit(1))).scalar()
+        if found is not None:
+            raise _conflict(repr(found))
+
+
+def _conflict(registration: str) -> Conflict:
+    return Conflict(
+        "REGISTRATION_TAKEN", f"registration {registration} belongs to another of your drones"
+    )
+
+
+def _is_own(caller: Caller, provider_id: ProviderId) -> ColumnElement[bool]:
+    return (drones.c.provider_id == provider_id) & owned(caller, drones.c.provider_id)
+
+
+def _drone(row: AnyRow, models: Mapping[DroneModelId, DroneModel]) -> FleetDrone:
+    return FleetDrone(
+        drone_id=row.drone_id,
+        provider_id=row.provider_id,
+        model=models[row.model_id],
+        home_station_id=row.home_station_id,
+        home_position=Position(row.home_longitude_deg, row.home_latitude_deg),
+        name=row.name,
+        registration=row.registration,
+        initial_soc=row.initial_soc,
+        is_in_maintenance=row.is_in_maintenance,
+        created_at=ms_to_moment(row.created_ms),
+        presence=presence_of(row),
+    )

@@ -1,0 +1,1 @@
+"""Presence: what each drone said last, and which mission it is said to be on."""

@@ -1,0 +1,85 @@
+"""What is known of a drone from its own messages and from composition's mission reports."""
+
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from typing import Literal
+
+from skyway.contracts.mission import MissionState
+from skyway.geo import Position
+from skyway.ids import MissionId, StationId
+
+ConnectionStatus = Literal["ONLINE", "OFFLINE", "LOST"]
+Activity = Literal["IDLE", "LOADING", "FLYING", "WAITING", "RECHARGING", "DELIVERING"]
+
+#: Wall time without a word after which a drone is not believed to be online: three of the state
+#: messages that are due every 30 s. A broker that was killed never sent the last wills.
+SILENCE = timedelta(seconds=100)
+
+
+@dataclass(frozen=True, slots=True)
+class LastState:
+    """The newest `state` message, as far as the registry needs it."""
+
+    session: int
+    at: datetime
+    activity: Activity
+    station_id: StationId | None
+    position: Position
+    soc: float
+
+
+@dataclass(frozen=True, slots=True)
+class LastSample:
+    """The newest `telemetry` message."""
+
+    session: int
+    at: datetime
+    position: Position
+    soc: float
+
+
+@dataclass(frozen=True, slots=True)
+class Presence:
+    """All that is known of a drone now; None where nothing has been heard.
+
+    `mission_id` is the mission it is said to be on, by itself or by composition;
+    `mission_state` is composition's word on it.
+    """
+
+    connection: ConnectionStatus | None = None
+    state: LastState | None = None
+    sample: LastSample | None = None
+    mission_id: MissionId | None = None
+    mission_state: MissionState | None = None
+    last_seen_at: datetime | None = None
+    last_seen_wall_at: datetime | None = None
+
+    def is_online(self, wall_now: datetime) -> bool:
+        """Whether the drone is connected and has been heard of lately."""
+        if self.connection != "ONLINE" or self.last_seen_wall_at is None:
+            return False
+        return wall_now - self.last_seen_wall_at <= SILENCE
+
+    @property
+    def place(self) -> tuple[Position, float] | None:
+        """Position and charge: the state's, or a later sample's while the drone moves or charges.
+
+        Only samples of the state's own session are compared with it by their moments: two clocks
+        of one drone must never decide what comes later.
+        """
+        if self.state is None:
+            return None
+        sample = self.sample
+        is_changing = self.state.activity in ("FLYING", "RECHARGING")
+        if (
+            sample is not None
+            and is_changing
+            and sample.session == self.state.session
+            and sample.at > self.state.at
+        ):
+            return sample.position, sample.soc
+        return self.state.position, self.state.soc
+
+
+#: A drone that has been registered and has not been heard of.
+NEVER_SEEN = Presence()

@@ -1,0 +1,217 @@
+"""All SQL of presence: guarded updates, so that what is known never moves backwards."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any, Final
+
+from sqlalchemy import BigInteger, Row, Text, Update, bindparam, delete, func, select, tuple_
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from skyway.contracts.mission import LIVE_MISSION_STATES, MissionReport
+from skyway.geo import Position
+from skyway.ids import DroneId, MissionId, ProviderId
+from skyway.runtime.database import Tx
+from skyway.units import moment_to_ms, ms_to_moment
+from skyway_provider_registry.presence.known import LastSample, LastState, Presence
+from skyway_provider_registry.presence.newest import PresenceMessage, Sighting, order_of
+from skyway_provider_registry.tables import drones, mission_hints, presence
+
+#: Wall ms that an ended mission is remembered, so that a late copy of a report revives none.
+_REMEMBERED_MS: Final = 24 * 3600 * 1000
+
+#: Drone ids in one IN list: SQLite takes 32,766 parameters, plans want fewer.
+_CHUNK: Final = 500
+
+_ORDER_OF_CONNECTION: Final = ("connection_session", "connection_number", "connection_rank")
+_ORDER_OF_STATE: Final = ("state_session", "state_seq")
+_ORDER_OF_SAMPLE: Final = ("sample_session", "sample_seq")
+
+#: A row of any query; its columns are of every type.
+AnyRow = Row[*tuple[Any, ...]]
+
+
+@dataclass(frozen=True, slots=True)
+class Heard:
+    """When something was heard, in both times."""
+
+    fleet_at: datetime
+    wall_at: datetime
+
+
+async def begin(tx: Tx, drone_ids: Iterable[DroneId]) -> None:
+    """Make room for what new drones will tell."""
+    order = (*_ORDER_OF_CONNECTION, *_ORDER_OF_STATE, *_ORDER_OF_SAMPLE)
+    nothing_heard = dict.fromkeys(order, -1)
+    await tx.execute(presence.insert(), [{"drone_id": one, **nothing_heard} for one in drone_ids])
+
+
+async def owners(
+    connection: AsyncConnection, drone_ids: Iterable[DroneId]
+) -> dict[DroneId, ProviderId]:
+    """The provider of each of these drones that is registered."""
+    asked = sorted(set(drone_ids))
+    found: dict[DroneId, ProviderId] = {}
+    for start in range(0, len(asked), _CHUNK):
+        some = drones.c.drone_id.in_(asked[start : start + _CHUNK])
+        columns = select(drones.c.drone_id, drones.c.provider_id).where(some)
+        rows = await connection.execute(columns)
+        found.update((row.drone_id, row.provider_id) for row in rows)
+    return found
+
+
+async def record(tx: Tx, sightings: Mapping[DroneId, Sighting], heard: Heard) -> None:
+    """Keep what is newer than what is known, each topic by itself.
+
+    The sightings are sorted by drone, so that two replicas cannot wait for each other.
+    """
+    connections, states, samples = [], [], []
+    for drone_id, sighting in sightings.items():
+        about = {
+            "about": drone_id,
+            "last_seen_ms": moment_to_ms(heard.fleet_at),
+            "last_seen_wall_ms": moment_to_ms(heard.wall_at),
+        }
+        if (connection := sighting.connection) is not None:
+            row = {"connection_status": connection.status}
+            connections.append(about | _order(_ORDER_OF_CONNECTION, connection) | row)
+        if (state := sighting.state) is not None:
+            states.append(
+                about
+                | _order(_ORDER_OF_STATE, state)
+                | {
+                    "state_at_ms": moment_to_ms(state.at),
+                    "activity": state.activity,
+                    "mission_id": state.mission_id,
+                    "station_id": state.station_id,
+                    "longitude_deg": state.position.longitude_deg,
+                    "latitude_deg": state.position.latitude_deg,
+                    "soc": state.soc,
+                }
+            )
+        if (sample := sighting.sample) is not None:
+            samples.append(
+                about
+                | _order(_ORDER_OF_SAMPLE, sample)
+                | {
+                    "sample_at_ms": moment_to_ms(sample.at),
+                    "sample_longitude_deg": sample.position.longitude_deg,
+                    "sample_latitude_deg": sample.position.latitude_deg,
+                    "sample_soc": sample.soc,
+                }
+            )
+    for order, rows in (
+        (_ORDER_OF_CONNECTION, connections),
+        (_ORDER_OF_STATE, states),
+        (_ORDER_OF_SAMPLE, samples),
+    ):
+        if rows:
+            await tx.execute(_if_later(order), rows)
+
+
+async def record_report(tx: Tx, report: MissionReport, *, wall_at: datetime) -> None:
+    """Keep what composition says of a mission, unless a later report is known already."""
+    row = {
+        "mission_id": report.mission_id,
+        "drone_id": report.drone_id,
+        "seq": report.seq,
+        "mission_state": report.mission_state,
+        "is_live": report.mission_state in LIVE_MISSION_STATES,
+        "reported_wall_ms": moment_to_ms(wall_at),
+    }
+    statement = tx.insert(mission_hints).values(row)
+    changed = ("seq", "mission_state", "is_live", "reported_wall_ms")
+    await tx.execute(
+        statement.on_conflict_do_update(
+            index_elements=["mission_id"],
+            set_={name: statement.excluded[name] for name in changed},
+            where=mission_hints.c.seq < statement.excluded.seq,
+        )
+    )
+    await tx.execute(
+        delete(mission_hints).where(
+            mission_hints.c.drone_id == report.drone_id,
+            mission_hints.c.is_live.is_(False),
+            mission_hints.c.reported_wall_ms < moment_to_ms(wall_at) - _REMEMBERED_MS,
+        )
+    )
+
+
+def presence_of(row: AnyRow) -> Presence:
+    """What is known of a drone, from a row with the columns of `KNOWN`."""
+    state = sample = None
+    if row.activity is not None:
+        state = LastState(
+            session=row.state_session,
+            at=ms_to_moment(row.state_at_ms),
+            activity=row.activity,
+            station_id=row.station_id,
+            position=Position(row.longitude_deg, row.latitude_deg),
+            soc=row.soc,
+        )
+    if row.sample_at_ms is not None:
+        sample = LastSample(
+            session=row.sample_session,
+            at=ms_to_moment(row.sample_at_ms),
+            position=Position(row.sample_longitude_deg, row.sample_latitude_deg),
+            soc=row.sample_soc,
+        )
+    return Presence(
+        connection=row.connection_status,
+        state=state,
+        sample=sample,
+        mission_id=_mission_of(row),
+        mission_state=row.live_mission_state,
+        last_seen_at=_moment(row.last_seen_ms),
+        last_seen_wall_at=_moment(row.last_seen_wall_ms),
+    )
+
+
+def _mission_of(row: AnyRow) -> MissionId | None:
+    """The mission a drone is on; its own word does not count once composition said it is over."""
+    if row.live_mission_id is not None:
+        return MissionId(row.live_mission_id)
+    is_over = row.own_mission_is_live is not None and not row.own_mission_is_live
+    return None if is_over else row.mission_id
+
+
+def _moment(moment_ms: int | None) -> datetime | None:
+    return None if moment_ms is None else ms_to_moment(moment_ms)
+
+
+def _order(names: tuple[str, ...], message: PresenceMessage) -> dict[str, Any]:
+    """The message's place in its topic, as values to keep and as values to compare with."""
+    values = dict(zip(names, order_of(message), strict=False))
+    return values | {f"new_{name}": value for name, value in values.items()}
+
+
+def _if_later(names: tuple[str, ...]) -> Update:
+    """An update of one drone's row, which does nothing unless the message is later."""
+    known = tuple_(*(presence.c[name] for name in names))
+    new = tuple_(*(bindparam(f"new_{name}", type_=BigInteger) for name in names))
+    is_about = presence.c.drone_id == bindparam("about", type_=Text)
+    return presence.update().where(is_about, known < new)
+
+
+_live: Final = (
+    select(mission_hints.c.drone_id, func.max(mission_hints.c.mission_id).label("mission_id"))
+    .where(mission_hints.c.is_live)
+    .group_by(mission_hints.c.drone_id)
+    .subquery("live")
+)
+_live_hint: Final = mission_hints.alias("live_hint")
+_own_hint: Final = mission_hints.alias("own_hint")
+
+#: All that is known of each drone: its own words, and composition's on its missions.
+KNOWN: Final = (
+    select(
+        presence,
+        _live_hint.c.mission_id.label("live_mission_id"),
+        _live_hint.c.mission_state.label("live_mission_state"),
+        _own_hint.c.is_live.label("own_mission_is_live"),
+    )
+    .select_from(presence)
+    .outerjoin(_live, _live.c.drone_id == presence.c.drone_id)
+    .outerjoin(_live_hint, _live_hint.c.mission_id == _live.c.mission_id)
+    .outerjoin(_own_hint, _own_hint.c.mission_id == presence.c.mission_id)
+)

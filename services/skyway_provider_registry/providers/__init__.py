@@ -1,0 +1,1 @@
+"""Providers: who owns a fleet, and what they ask for a delivery."""

@@ -1,0 +1,63 @@
+"""A provider: its name, its tariff and its terms."""
+
+from typing import Annotated, Literal, Self
+
+from pydantic import AwareDatetime, Field, model_validator
+
+from skyway.delivery.offer import Tariff
+from skyway.ids import ProviderId
+from skyway.json_model import JsonModel
+
+#: A SUSPENDED provider keeps its drones, which get no new missions.
+ProviderState = Literal["ACTIVE", "SUSPENDED"]
+
+ProviderName = Annotated[str, Field(min_length=1, max_length=200)]
+Terms = Annotated[str, Field(max_length=10_000)]
+
+
+class NewProvider(JsonModel):
+    """The body of POST /v1/providers."""
+
+    name: ProviderName
+    tariff: Tariff
+    terms: Terms | None = None
+
+
+class ProviderChange(JsonModel):
+    """The body of PATCH /v1/providers/{id}: what is left out stays as it is."""
+
+    name: ProviderName | None = None
+    tariff: Tariff | None = None
+    terms: Terms | None = None
+    state: ProviderState | None = None
+
+    @model_validator(mode="after")
+    def _only_terms_may_go(self) -> Self:
+        for field in self.model_fields_set - {"terms"}:
+            if getattr(self, field) is None:
+                raise ValueError(f"{field} may be left out, but not null")
+        return self
+
+
+class ProviderCard(JsonModel):
+    """What customers see of a provider."""
+
+    provider_id: ProviderId
+    name: str
+    tariff: Tariff
+
+
+class Provider(JsonModel):
+    """A registered provider."""
+
+    provider_id: ProviderId
+    name: str
+    tariff: Tariff
+    terms: str | None
+    state: ProviderState
+    created_at: Annotated[AwareDatetime, Field(description="RFC 3339 UTC, fleet time")]
+
+    @property
+    def card(self) -> ProviderCard:
+        """What customers see of it."""
+        return ProviderCard(provider_id=self.provider_id, name=self.name, tariff=self.tariff)

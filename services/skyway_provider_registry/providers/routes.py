@@ -1,0 +1,119 @@
+"""Providers over REST: operators register them, and each keeps its own name, tariff and terms."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Header, Query, Request, Response
+
+from skyway.ids import ProviderId
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.database import Database, Tx
+from skyway.runtime.errors import AccessDenied
+from skyway.runtime.idempotency import Answer, once
+from skyway.runtime.identity import Caller, ServiceGate
+from skyway.runtime.minting import Mint
+from skyway.runtime.paging import Page, PageQuery, page_of
+from skyway_provider_registry.providers import store
+from skyway_provider_registry.providers.provider import (
+    NewProvider,
+    Provider,
+    ProviderCard,
+    ProviderChange,
+)
+
+
+def provider_routes(*, db: Database, gate: ServiceGate, clock: FleetClock, mint: Mint) -> APIRouter:
+    """POST and GET /v1/providers, GET and PATCH /v1/providers/{provider_id}."""
+    router = APIRouter(tags=["providers"])
+
+    @router.post("/v1/providers", status_code=201, response_model=Provider)
+    async def register_provider(
+        request: Request,
+        caller: Annotated[Caller, Depends(gate)],
+        wanted: NewProvider,
+        idempotency_key: Annotated[str | None, Header()] = None,
+    ) -> Response:
+        """Register a provider; operators only."""
+        caller.must_be("operator")
+        provider = Provider(
+            provider_id=ProviderId(mint("prv")),
+            name=wanted.name,
+            tariff=wanted.tariff,
+            terms=wanted.terms,
+            state="ACTIVE",
+            created_at=clock.now(),
+        )
+
+        async def keep(tx: Tx) -> Answer:
+            await store.add(tx, provider)
+            location = {"Location": f"/v1/providers/{provider.provider_id}"}
+            return Answer(201, provider.model_dump_json().encode(), location)
+
+        answer = await once(
+            db,
+            caller=str(caller),
+            route="POST /v1/providers",
+            key=idempotency_key,
+            body=await request.body(),
+            act=keep,
+            clock=clock,
+        )
+        return _response(answer)
+
+    @router.get("/v1/providers")
+    async def list_providers(
+        caller: Annotated[Caller, Depends(gate)], query: Annotated[PageQuery, Query()]
+    ) -> Page[Provider] | Page[ProviderCard]:
+        """All providers for operators, its own for a provider, names and tariffs for customers."""
+        caller.must_be("operator", "provider", "customer")
+        async with db.read() as connection:
+            if caller.role == "customer":
+                every = await store.page_of_all(connection, query)
+                return page_of(every, query, item=_card, sort_key=_sort_key)
+            own = await store.page_of_caller(connection, caller, query)
+        return page_of(own, query, item=_itself, sort_key=_sort_key)
+
+    @router.get("/v1/providers/{provider_id}")
+    async def get_provider(
+        provider_id: ProviderId, caller: Annotated[Caller, Depends(gate)]
+    ) -> Provider | ProviderCard:
+        """A provider; customers see its name and tariff."""
+        caller.must_be("operator", "provider", "customer")
+        async with db.read() as connection:
+            if caller.role == "customer":
+                return (await store.any_one(connection, provider_id)).card
+            return await store.of_caller(connection, caller, provider_id=provider_id)
+
+    @router.patch("/v1/providers/{provider_id}")
+    async def change_provider(
+        provider_id: ProviderId, caller: Annotated[Caller, Depends(gate)], wanted: ProviderChange
+    ) -> Provider:
+        """Change name, tariff or terms; `state` is the operators' to change."""
+        caller.must_be("operator", "provider")
+        if wanted.state is not None and caller.role != "operator":
+            raise AccessDenied("only an operator changes a provider's state")
+        async with db.write() as tx:
+            await store.change(tx, caller, provider_id=provider_id, wanted=wanted)
+            return await store.of_caller(tx.connection, caller, provider_id=provider_id)
+
+    return router
+
+
+def _response(answer: Answer) -> Response:
+    return Response(
+        answer.body,
+        status_code=answer.status,
+        headers=dict(answer.headers),
+        media_type="application/json",
+    )
+
+
+def _itself(provider: Provider) -> Provider:
+    return provider
+
+
+def _card(provider: Provider) -> ProviderCard:
+    return provider.card
+
+
+def _sort_key(provider: Provider) -> tuple[str]:
+    return (provider.provider_id,)

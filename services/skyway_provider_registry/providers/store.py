@@ -1,0 +1,144 @@
+"""All SQL of the providers; every query is narrowed to what its caller may see."""
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from sqlalchemy import ColumnElement, Row, false, select, true, update
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from skyway.delivery.offer import Tariff
+from skyway.ids import ProviderId
+from skyway.runtime.database import Tx
+from skyway.runtime.errors import NotFound
+from skyway.runtime.identity import Caller
+from skyway.runtime.paging import PageQuery
+from skyway.units import moment_to_ms, ms_to_moment
+from skyway_provider_registry.providers.provider import Provider, ProviderChange
+from skyway_provider_registry.tables import providers
+
+
+def owned(caller: Caller, provider_id: ColumnElement[str]) -> ColumnElement[bool]:
+    """Whether what belongs to a provider is the caller's to see and to change.
+
+    Operators' is everything, a provider's its own, and nobody else's is anything.
+    """
+    if caller.role == "operator":
+        return true()
+    if caller.role == "provider":
+        return provider_id == caller.subject_id
+    return false()
+
+
+async def add(tx: Tx, provider: Provider) -> None:
+    """Keep a new provider."""
+    row = {
+        "provider_id": provider.provider_id,
+        "name": provider.name,
+        "tariff": provider.tariff.model_dump_json(),
+        "terms": provider.terms,
+        "state": provider.state,
+        "created_ms": moment_to_ms(provider.created_at),
+    }
+    await tx.execute(providers.insert().values(row))
+
+
+async def change(
+    tx: Tx, caller: Caller, *, provider_id: ProviderId, wanted: ProviderChange
+) -> None:
+    """Change what is given.
+
+    Raises
+    ------
+    NotFound
+        There is no such provider, or it is not the caller's.
+    """
+    values: dict[str, object] = {
+        field: getattr(wanted, field) for field in wanted.model_fields_set - {"tariff"}
+    }
+    if wanted.tariff is not None:
+        values["tariff"] = wanted.tariff.model_dump_json()
+    condition = (providers.c.provider_id == provider_id) & owned(caller, providers.c.provider_id)
+    # Without a value to set this still finds out whether the provider is there.
+    statement = update(providers).where(condition).values(values or {"name": providers.c.name})
+    if (await tx.execute(statement)).rowcount == 0:
+        raise NotFound("provider", provider_id)
+
+
+async def of_caller(
+    connection: AsyncConnection, caller: Caller, *, provider_id: ProviderId
+) -> Provider:
+    """The caller's own provider, or for an operator any.
+
+    Raises
+    ------
+    NotFound
+        There is no such provider, or it is not the caller's.
+    """
+    condition = owned(caller, providers.c.provider_id)
+    return await _one(connection, provider_id, condition)
+
+
+async def any_one(connection: AsyncConnection, provider_id: ProviderId) -> Provider:
+    """The provider, whoever asks."""
+    return await _one(connection, provider_id, true())
+
+
+async def page_of_caller(
+    connection: AsyncConnection, caller: Caller, query: PageQuery
+) -> Sequence[Provider]:
+    """Up to limit + 1 of the providers that are the caller's, sorted by id."""
+    return await _page(connection, query, owned(caller, providers.c.provider_id))
+
+
+async def page_of_all(connection: AsyncConnection, query: PageQuery) -> Sequence[Provider]:
+    """Up to limit + 1 of all providers, sorted by id."""
+    return await _page(connection, query, true())
+
+
+async def every(connection: AsyncConnection) -> Sequence[Provider]:
+    """All providers, sorted by id."""
+    found = await connection.execute(select(providers).order_by(providers.c.provider_id))
+    return [_provider(row) for row in found]
+
+
+async def unknown_of(
+    connection: AsyncConnection, provider_ids: Iterable[ProviderId]
+) -> tuple[ProviderId, ...]:
+    """Those ids that no provider has, in their order."""
+    asked = tuple(dict.fromkeys(provider_ids))
+    found = await connection.execute(
+        select(providers.c.provider_id).where(providers.c.provider_id.in_(asked))
+    )
+    known = set(found.scalars())
+    return tuple(provider_id for provider_id in asked if provider_id not in known)
+
+
+async def _one(
+    connection: AsyncConnection, provider_id: ProviderId, condition: ColumnElement[bool]
+) -> Provider:
+    statement = select(providers).where(providers.c.provider_id == provider_id, condition)
+    row = (await connection.execute(statement)).one_or_none()
+    if row is None:
+        raise NotFound("provider", provider_id)
+    return _provider(row)
+
+
+async def _page(
+    connection: AsyncConnection, query: PageQuery, condition: ColumnElement[bool]
+) -> Sequence[Provider]:
+    statement = select(providers).where(condition)
+    if (after := query.after(str)) is not None:
+        statement = statement.where(providers.c.provider_id > after[0])
+    statement = statement.order_by(providers.c.provider_id).limit(query.limit + 1)
+    return [_provider(row) for row in await connection.execute(statement)]
+
+
+def _provider(row: Row[*tuple[Any, ...]]) -> Provider:  # columns of every type
+    return Provider(
+        provider_id=row.provider_id,
+        name=row.name,
+        tariff=Tariff.read(row.tariff),
+        terms=row.terms,
+        state=row.state,
+        created_at=ms_to_moment(row.created_ms),
+    )

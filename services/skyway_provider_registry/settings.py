@@ -1,0 +1,15 @@
+"""What the registry reads from its environment."""
+
+from pathlib import Path
+
+from skyway.runtime.settings import ServiceSettings
+
+
+class RegistrySettings(ServiceSettings):
+    """`ServiceSettings`, and where the broker looks for its accounts."""
+
+    port: int = 8001
+    #: The broker's accounts, written by this service alone.
+    broker_password_file: Path
+    #: Where the broker writes its process id; it gets SIGHUP when the accounts have changed.
+    broker_pid_file: Path | None = None

@@ -1,0 +1,112 @@
+"""The tables of the registry; `_ms` is fleet time, `_wall_ms` wall time, in ms since 1970."""
+
+from sqlalchemy import (
+    BigInteger,
+    Boolean,
+    CheckConstraint,
+    Column,
+    Double,
+    ForeignKey,
+    Index,
+    MetaData,
+    Table,
+    Text,
+    UniqueConstraint,
+)
+
+from skyway.runtime.idempotency import idempotency_table
+
+metadata = MetaData()
+
+providers = Table(
+    "providers",
+    metadata,
+    Column("provider_id", Text, primary_key=True),
+    Column("name", Text, nullable=False),
+    Column("tariff", Text, nullable=False),  # JSON of skyway.delivery.offer.Tariff
+    Column("terms", Text),
+    Column("state", Text, nullable=False),
+    Column("created_ms", BigInteger, nullable=False),
+    CheckConstraint("state IN ('ACTIVE', 'SUSPENDED')", name="provider_state"),
+)
+
+#: Models that operators added; the library's named models are not in here.
+drone_models = Table(
+    "drone_models",
+    metadata,
+    Column("model_id", Text, primary_key=True),
+    Column("model", Text, nullable=False),  # JSON of skyway.drone.model.DroneModel
+)
+
+drones = Table(
+    "drones",
+    metadata,
+    Column("drone_id", Text, primary_key=True),
+    Column("provider_id", Text, ForeignKey("providers.provider_id"), nullable=False),
+    Column("model_id", Text, nullable=False),
+    Column("home_station_id", Text, nullable=False),
+    Column("home_longitude_deg", Double, nullable=False),
+    Column("home_latitude_deg", Double, nullable=False),
+    Column("name", Text),
+    Column("registration", Text),
+    Column("initial_soc", Double, nullable=False),
+    Column("is_in_maintenance", Boolean, nullable=False),
+    Column("created_ms", BigInteger, nullable=False),
+    # A mark is one aircraft's; across providers we cannot judge whose it is.
+    UniqueConstraint("provider_id", "registration", name="drone_registration"),
+    Index("drones_by_provider", "provider_id", "drone_id"),
+    Index("drones_by_model", "model_id"),
+)
+
+#: One row per drone from its registration on. A pair of -1 means: nothing heard yet.
+presence = Table(
+    "presence",
+    metadata,
+    Column("drone_id", Text, ForeignKey("drones.drone_id", ondelete="CASCADE"), primary_key=True),
+    Column("connection_session", BigInteger, nullable=False),
+    Column("connection_number", BigInteger, nullable=False),
+    Column("connection_rank", BigInteger, nullable=False),
+    Column("connection_status", Text),
+    Column("state_session", BigInteger, nullable=False),
+    Column("state_seq", BigInteger, nullable=False),
+    Column("state_at_ms", BigInteger),
+    Column("activity", Text),
+    Column("mission_id", Text),
+    Column("station_id", Text),
+    Column("longitude_deg", Double),
+    Column("latitude_deg", Double),
+    Column("soc", Double),
+    Column("sample_session", BigInteger, nullable=False),
+    Column("sample_seq", BigInteger, nullable=False),
+    Column("sample_at_ms", BigInteger),
+    Column("sample_longitude_deg", Double),
+    Column("sample_latitude_deg", Double),
+    Column("sample_soc", Double),
+    Column("last_seen_ms", BigInteger),
+    Column("last_seen_wall_ms", BigInteger),
+)
+
+#: What composition told of missions: a hint, composition's own index decides who is busy.
+mission_hints = Table(
+    "mission_hints",
+    metadata,
+    Column("mission_id", Text, primary_key=True),
+    Column("drone_id", Text, ForeignKey("drones.drone_id", ondelete="CASCADE"), nullable=False),
+    Column("seq", BigInteger, nullable=False),
+    Column("mission_state", Text, nullable=False),
+    Column("is_live", Boolean, nullable=False),
+    Column("reported_wall_ms", BigInteger, nullable=False),
+    Index("mission_hints_by_drone", "drone_id", "is_live"),
+)
+
+#: Accounts of drones and customers; those of services and operators come from the secrets.
+broker_accounts = Table(
+    "broker_accounts",
+    metadata,
+    Column("user_name", Text, primary_key=True),
+    Column("kind", Text, nullable=False),
+    Column("password_hash", Text, nullable=False),
+    CheckConstraint("kind IN ('DRONE', 'CUSTOMER')", name="broker_account_kind"),
+)
+
+idempotency = idempotency_table(metadata)
