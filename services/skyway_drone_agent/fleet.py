@@ -38,10 +38,7 @@ async def host_fleet(
 async def _keep_flying(
     drone: EnrolledDrone, folder: JournalFolder, *, clock: KeptClock, mqtt_url: str
 ) -> Never:
-    def make_link(
-        will: Callable[[], tuple[Address[Any], Message]],
-        on_connected: Callable[[], Awaitable[None]],
-    ) -> MqttClient:
+    def make_link(will: Will, on_connected: Callable[[], Awaitable[None]]) -> MqttClient:
         return MqttClient(
             mqtt_url,
             client_id=drone.mqtt.user_name,
