@@ -1,8 +1,8 @@
 """A drone as its provider registers it, changes it and sees it."""
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, TypeVar
 
-from pydantic import AwareDatetime, Field, model_validator
+from pydantic import AwareDatetime, Field, field_validator
 
 from skyway.contracts.message import Soc
 from skyway.drone.model import DroneModel
@@ -11,6 +11,8 @@ from skyway.ids import DroneId, DroneModelId, MissionId, ProviderId, StationId
 from skyway.json_model import JsonModel
 from skyway_provider_registry.fleets.states import DroneStateName
 from skyway_provider_registry.presence.known import Activity
+
+T = TypeVar("T")
 
 #: Most drones that one call registers.
 MAX_NEW_DRONES = 5_000
@@ -39,12 +41,12 @@ class DroneChange(JsonModel):
     home_station_id: StationId | None = None
     state: Literal["MAINTENANCE", "AVAILABLE"] | None = None
 
-    @model_validator(mode="after")
-    def _only_names_may_go(self) -> Self:
-        for field in self.model_fields_set & {"home_station_id", "state"}:
-            if getattr(self, field) is None:
-                raise ValueError(f"{field} may be left out, but not null")
-        return self
+    @field_validator("home_station_id", "state")
+    @classmethod
+    def _stays(cls, value: T | None) -> T:
+        if value is None:
+            raise ValueError("may be left out, but not null")
+        return value
 
 
 class MqttAccount(JsonModel):

@@ -1,12 +1,14 @@
 """A provider: its name, its tariff and its terms."""
 
-from typing import Annotated, Literal, Self
+from typing import Annotated, Literal, TypeVar
 
-from pydantic import AwareDatetime, Field, model_validator
+from pydantic import AwareDatetime, Field, field_validator
 
 from skyway.delivery.offer import Tariff
 from skyway.ids import ProviderId
 from skyway.json_model import JsonModel
+
+T = TypeVar("T")
 
 #: A SUSPENDED provider keeps its drones, which get no new missions.
 ProviderState = Literal["ACTIVE", "SUSPENDED"]
@@ -31,12 +33,12 @@ class ProviderChange(JsonModel):
     terms: Terms | None = None
     state: ProviderState | None = None
 
-    @model_validator(mode="after")
-    def _only_terms_may_go(self) -> Self:
-        for field in self.model_fields_set - {"terms"}:
-            if getattr(self, field) is None:
-                raise ValueError(f"{field} may be left out, but not null")
-        return self
+    @field_validator("name", "tariff", "state")
+    @classmethod
+    def _stays(cls, value: T | None) -> T:
+        if value is None:
+            raise ValueError("may be left out, but not null")
+        return value
 
 
 class ProviderCard(JsonModel):

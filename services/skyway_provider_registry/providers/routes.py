@@ -12,6 +12,7 @@ from skyway.runtime.idempotency import Answer, once
 from skyway.runtime.identity import Caller, ServiceGate
 from skyway.runtime.minting import Mint
 from skyway.runtime.paging import Page, PageQuery, page_of
+from skyway.units import moment_to_ms, ms_to_moment
 from skyway_provider_registry.providers import store
 from skyway_provider_registry.providers.provider import (
     NewProvider,
@@ -40,7 +41,8 @@ def provider_routes(*, db: Database, gate: ServiceGate, clock: FleetClock, mint:
             tariff=wanted.tariff,
             terms=wanted.terms,
             state="ACTIVE",
-            created_at=clock.now(),
+            # What is answered now is what is read later: the table keeps milliseconds.
+            created_at=ms_to_moment(moment_to_ms(clock.now())),
         )
 
         async def keep(tx: Tx) -> Answer:
@@ -68,9 +70,12 @@ def provider_routes(*, db: Database, gate: ServiceGate, clock: FleetClock, mint:
         async with db.read() as connection:
             if caller.role == "customer":
                 every = await store.page_of_all(connection, query)
-                return page_of(every, query, item=_card, sort_key=_sort_key)
+                cards = page_of(every, query, item=_card, sort_key=_sort_key)
+                return Page[ProviderCard](items=cards.items, next_cursor=cards.next_cursor)
             own = await store.page_of_caller(connection, caller, query)
-        return page_of(own, query, item=_itself, sort_key=_sort_key)
+        whole = page_of(own, query, item=_itself, sort_key=_sort_key)
+        # Of its own kind each: FastAPI would take a plain Page for the page of cards.
+        return Page[Provider](items=whole.items, next_cursor=whole.next_cursor)
 
     @router.get("/v1/providers/{provider_id}")
     async def get_provider(
