@@ -1,0 +1,69 @@
+"""Which clients a topic finds."""
+
+import pytest
+from skyway_broker.subscriptions import Subscriptions, is_filter, matches
+
+
+@pytest.mark.parametrize(
+    ("wanted", "topic"),
+    [
+        ("a/b", "a/b"),
+        ("a/+", "a/b"),
+        ("+/+", "a/b"),
+        ("#", "a/b"),
+        ("a/#", "a"),
+        ("a/#", "a/b/c"),
+        ("a/+", "a/"),
+    ],
+)
+def test_a_filter_matches(wanted, topic):
+    assert matches(wanted.split("/"), topic.split("/"))
+
+
+@pytest.mark.parametrize(
+    ("wanted", "topic"), [("a/+", "a"), ("a/+", "a/b/c"), ("a/b/#", "a"), ("+", "/a"), ("a", "b")]
+)
+def test_a_filter_does_not_match(wanted, topic):
+    assert not matches(wanted.split("/"), topic.split("/"))
+
+
+@pytest.mark.parametrize("wanted", ["", "a#", "a+/b", "#/a", "a/#/b"])
+def test_what_is_no_filter_is_told(wanted):
+    assert not is_filter(wanted)
+
+
+@pytest.mark.parametrize("wanted", ["a", "+", "#", "a/+/b", "a/#", "/"])
+def test_what_is_a_filter_is_told(wanted):
+    assert is_filter(wanted)
+
+
+def test_overlapping_filters_find_a_client_once_at_its_highest_qos():
+    wanted = Subscriptions()
+    wanted.add("c", "a/b", 0)
+    wanted.add("c", "a/+", 1)
+    wanted.add("c", "#", 0)
+
+    assert wanted.matching("a/b") == {"c": 1}
+
+
+def test_a_removed_filter_finds_nobody_and_leaves_the_others():
+    wanted = Subscriptions()
+    wanted.add("c", "a/b", 1)
+    wanted.add("c", "a/+", 1)
+    wanted.add("d", "a/+", 1)
+
+    wanted.remove("c", "a/+")
+    wanted.remove("c", "never/there")
+
+    assert wanted.matching("a/b") == {"c": 1, "d": 1}
+    assert wanted.matching("a/x") == {"d": 1}
+
+
+def test_a_dropped_client_is_found_no_more():
+    wanted = Subscriptions()
+    wanted.add("c", "a/b", 1)
+    wanted.add("c", "#", 1)
+
+    wanted.drop("c")
+
+    assert wanted.matching("a/b") == {}

@@ -1,0 +1,132 @@
+"""The rights of every account, and that Mosquitto's file says the same."""
+
+from itertools import product
+
+import pytest
+
+from skyway.contracts.broker_rules import SERVICE_ACCOUNTS, BrokerRules
+from skyway.contracts.topics import (
+    ACKS,
+    CLOCK,
+    CONNECTION,
+    DELIVERY_EVENTS,
+    EVENTS,
+    INSTRUCTIONS,
+    NETWORK_VERSION,
+    STATE,
+    STATION_STATE,
+    TELEMETRY,
+    TOPICS,
+)
+
+RULES = BrokerRules()
+ACCOUNTS = ("drone-1", "drone-2", "customer-1", *sorted(SERVICE_ACCOUNTS))
+
+
+def concrete_names() -> list[str]:
+    """Every topic, with every account's name and a stranger's in every place."""
+    ids = (*ACCOUNTS, "else", "stations")
+    names = {
+        topic(*chosen).name
+        for topic in TOPICS
+        for chosen in product(ids, repeat=topic.template.count("{"))
+    }
+    return sorted(names | {"skyway", "other/topic", "skyway/v1/p/drone-1/unknown", "$SYS/uptime"})
+
+
+def allows(acl: str, user_name: str, access: str, topic: str) -> bool:
+    """What Mosquitto makes of an ACL file: denials first, then user lines and patterns."""
+    section = ""
+    allowed = []
+    for line in acl.splitlines():
+        match line.split():
+            case ["user", name]:
+                section = name
+            case ["pattern", given, wanted]:
+                allowed.append((given, wanted.replace("%u", user_name)))
+            case ["topic", given, wanted] if section == user_name:
+                allowed.append((given, wanted))
+    if any(given == "deny" and mqtt_matches(wanted, topic) for given, wanted in allowed):
+        return False
+    return any(given == access and mqtt_matches(wanted, topic) for given, wanted in allowed)
+
+
+def mqtt_matches(wanted: str, topic: str) -> bool:
+    parts, levels = wanted.split("/"), topic.split("/")
+    if parts[-1] == "#":
+        return len(levels) >= len(parts) - 1 and all(
+            part in ("+", level) for part, level in zip(parts[:-1], levels, strict=False)
+        )
+    return len(parts) == len(levels) and all(
+        part in ("+", level) for part, level in zip(parts, levels, strict=True)
+    )
+
+
+@pytest.mark.parametrize("account", ACCOUNTS)
+def test_the_file_for_mosquitto_gives_the_same_rights(account):
+    acl = RULES.mosquitto_acl()
+
+    differing = [
+        (access, name)
+        for name in concrete_names()
+        for access, ours in (("read", RULES.may_read), ("write", RULES.may_write))
+        if ours(account, name) != allows(acl, account, access, name)
+    ]
+
+    assert differing == []
+
+
+@pytest.mark.parametrize("topic", [ACKS, EVENTS, STATE, TELEMETRY, CONNECTION])
+def test_a_drone_writes_its_own_reports_and_nobody_elses(topic):
+    assert RULES.may_write("drone-1", topic("p", "drone-1").name)
+    assert not RULES.may_write("drone-1", topic("p", "drone-2").name)
+    assert not RULES.may_read("drone-1", topic("p", "drone-2").name)
+
+
+def test_a_drone_reads_its_own_instructions_and_writes_none():
+    assert RULES.may_read("drone-1", INSTRUCTIONS("p", "drone-1").name)
+    assert not RULES.may_read("drone-1", INSTRUCTIONS("p", "drone-2").name)
+    assert not RULES.may_write("drone-1", INSTRUCTIONS("p", "drone-1").name)
+
+
+def test_a_customer_reads_its_own_delivery_events_alone():
+    assert RULES.may_read("customer-1", DELIVERY_EVENTS("customer-1", "d").name)
+    assert not RULES.may_read("customer-1", DELIVERY_EVENTS("customer-2", "d").name)
+    assert not RULES.may_write("customer-1", DELIVERY_EVENTS("customer-1", "d").name)
+
+
+@pytest.mark.parametrize("topic", [CLOCK(), STATION_STATE("s"), NETWORK_VERSION("n")])
+def test_everybody_reads_what_is_about_the_world_and_no_drone_writes_it(topic):
+    assert all(RULES.may_read(account, topic.name) for account in ACCOUNTS)
+    assert not RULES.may_write("drone-1", topic.name)
+
+
+def test_the_operator_reads_every_topic_and_writes_none():
+    names = [topic(*["x"] * topic.template.count("{")).name for topic in TOPICS]
+
+    assert all(RULES.may_read("operator", name) for name in names)
+    assert not any(RULES.may_write("operator", name) for name in concrete_names())
+
+
+def test_each_topic_is_written_by_its_writer_and_no_other_service():
+    for topic in TOPICS:
+        name = topic(*["x"] * topic.template.count("{")).name
+        writers = {account for account in SERVICE_ACCOUNTS if RULES.may_write(account, name)}
+
+        assert writers == {topic.writer} - {"drone"}
+
+
+def test_a_service_is_no_drone_of_its_name():
+    assert not RULES.may_write("gateway", STATE("p", "gateway").name)
+    assert not RULES.may_read("registry", INSTRUCTIONS("p", "registry").name)
+
+
+@pytest.mark.parametrize("user_name", ["+", "#", "drone-1/x", "", "%u"])
+def test_an_account_named_like_a_wildcard_may_nothing(user_name):
+    assert not RULES.may_read(user_name, INSTRUCTIONS("p", "drone-1").name)
+    assert not RULES.may_write(user_name, STATE("p", user_name).name)
+
+
+@pytest.mark.parametrize("topic", ["skyway/v1/+/drone-1/state", "skyway/v1/#/drone-1/state"])
+def test_a_filter_is_no_topic_to_publish_on(topic):
+    assert not RULES.may_write("drone-1", topic)
