@@ -7,7 +7,7 @@ from collections.abc import Awaitable, Callable
 from typing import Never
 
 from skyway.runtime.minting import mint
-from skyway.runtime.mqtt import MqttClient
+from skyway.runtime.mqtt import MqttClient, Will
 from skyway_drone_agent.agent import DroneAgent
 from skyway_drone_agent.clock_keeper import KeptClock
 from skyway_drone_agent.enrolled_drone import EnrolledDrone
