@@ -8,11 +8,10 @@ PostgreSQL has a connection per block.
 import asyncio
 from collections.abc import AsyncIterator
 from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager
-from typing import Final, Self
+from typing import Self
 
 from asyncpg import PostgresError
-from sqlalchemy import Table, event, text
-from sqlalchemy.engine import Connection
+from sqlalchemy import Table, text
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
@@ -23,9 +22,6 @@ from skyway.runtime.sqlite_writer import SqliteWriter
 from skyway.runtime.transaction import Tx
 
 __all__ = ["Database", "Tx"]
-
-#: Marks the one commit that `write` makes itself.
-_MAY_COMMIT: Final = "skyway_may_commit"
 
 
 class Database:
@@ -55,7 +51,6 @@ class Database:
             self._pool = sqlite_reader_engine(self._url)
         else:
             self._pool = postgresql_engine(self._url)
-            event.listen(self._pool.sync_engine, "commit", _refuse_foreign_commit)
         self._opened.push_async_callback(self._pool.dispose)
         return self
 
@@ -129,9 +124,3 @@ class Database:
     async def _begin_on_postgresql(self) -> AsyncIterator[AsyncConnection]:
         async with self._connect() as connection, connection.begin():
             yield connection
-            connection.sync_connection.info[_MAY_COMMIT] = True  # type: ignore[union-attr]
-
-
-def _refuse_foreign_commit(connection: Connection) -> None:
-    if not connection.info.pop(_MAY_COMMIT, False):
-        raise RuntimeError("only leaving a write block commits")

@@ -37,6 +37,8 @@ class Answer:
     status: int
     body: bytes
     headers: Mapping[str, str] = field(default_factory=dict)
+    #: Whether it was remembered, and nothing happened this time.
+    is_replayed: bool = field(default=False, compare=False)
 
 
 #: What a request does, inside the transaction it is given.
@@ -146,7 +148,7 @@ class _Note:
 
     def unseal(self, sealed: bytes) -> Answer:
         status, body, headers = json.loads(self._fernet().decrypt(sealed))
-        return Answer(status, b64decode(body), headers)
+        return Answer(status, b64decode(body), headers, is_replayed=True)
 
     def _fernet(self) -> Fernet:
         return Fernet(urlsafe_b64encode(self.answer_key))

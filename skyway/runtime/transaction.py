@@ -23,6 +23,18 @@ MessageT = TypeVar("MessageT", bound=Message)
 Row = Mapping[str, Any]
 
 
+class BlockConnection(AsyncConnection):
+    """The connection of a write block, to read what it has written; it cannot end the block."""
+
+    async def commit(self) -> None:
+        """Refuse: half of a block must never be kept."""
+        raise RuntimeError("only leaving a write block commits")
+
+    async def rollback(self) -> None:
+        """Refuse: on SQLite that would undo the other blocks of the same COMMIT."""
+        raise RuntimeError("only an error rolls a write block back")
+
+
 class Tx:
     """What `Database.write` lends to a block; it ends with the block.
 
@@ -33,7 +45,7 @@ class Tx:
     def __init__(
         self, connection: AsyncConnection, *, dialect: Dialect, outbox: Table | None
     ) -> None:
-        self.connection = connection
+        self.connection = BlockConnection(connection.engine, connection.sync_connection)
         self.dialect = dialect
         self._outbox = outbox
         self._leaving: list[Row] = []

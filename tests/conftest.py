@@ -1,0 +1,120 @@
+"""Fixtures for all tests: a throw-away PostgreSQL, and a new database on either dialect."""
+
+import os
+import pwd
+import secrets
+import shutil
+import subprocess
+import tempfile
+from collections.abc import AsyncIterator, Iterator
+from datetime import UTC, datetime
+from pathlib import Path
+
+import asyncpg
+import pytest
+
+from skyway.runtime.clock import ManualClock
+from skyway.runtime.database import Database
+
+_BINARIES = ("initdb", "pg_ctl", "postgres")
+#: Waits for its input to close, then stops the cluster and removes its folder.
+_REAP = 'cat; "$1" -D "$2" -w -m immediate stop; rm -rf "$3"'
+#: Whom PostgreSQL runs as when the tests run as root, which it refuses to be.
+_UNPRIVILEGED = ("postgres", "nobody")
+_OPTIONS = (
+    "-c listen_addresses='' -c unix_socket_directories={folder} -c fsync=off"
+    " -c max_connections=200 -c shared_buffers=16MB"
+)
+
+
+@pytest.fixture(scope="session")
+def postgresql_server() -> Iterator[str]:
+    """The URL of an empty PostgreSQL cluster that lives as long as the tests do.
+
+    It listens on a socket in a folder of its own; its user may create databases.
+    """
+    binaries = _postgresql_binaries()
+    if binaries is None:
+        pytest.skip("PostgreSQL is not installed (no initdb on PATH or in /usr/lib/postgresql)")
+    # A socket's path may have about 100 characters, so not in pytest's deep folders.
+    folder = Path(tempfile.mkdtemp(prefix="skyway-pg-"))
+    data = folder / "data"
+    user = _postgresql_user()
+    if user is not None:
+        os.chown(folder, user.pw_uid, user.pw_gid)
+    log = (folder / "commands.log").open("ab")
+
+    def start(*command: str | Path) -> subprocess.Popen[bytes]:
+        return subprocess.Popen(
+            [str(part) for part in command],
+            user=None if user is None else user.pw_uid,
+            group=None if user is None else user.pw_gid,
+            extra_groups=None if user is None else [],
+            cwd=folder,
+            stdin=subprocess.PIPE,
+            stdout=log,
+            stderr=log,
+            start_new_session=True,
+        )
+
+    def run(*command: str | Path) -> None:
+        with start(*command) as process:
+            assert process.wait() == 0, (folder / "commands.log").read_text()
+
+    # However pytest ends, its end of this pipe closes, and the cluster goes.
+    with start("sh", "-c", _REAP, "sh", binaries / "pg_ctl", data, folder), log:
+        run(binaries / "initdb", "-D", data, "-U", "skyway", "-A", "trust", "-N", "-E", "UTF8")
+        options = _OPTIONS.format(folder=folder)
+        run(binaries / "pg_ctl", "-D", data, "-w", "-l", folder / "log", "-o", options, "start")
+        yield f"postgresql://skyway@/postgres?host={folder}"
+
+
+def _postgresql_binaries() -> Path | None:
+    on_path = shutil.which("initdb")
+    folders = [Path(on_path).resolve().parent] if on_path else []
+    folders += sorted(Path("/usr/lib/postgresql").glob("*/bin"), reverse=True)
+    complete = (dir_ for dir_ in folders if all((dir_ / name).exists() for name in _BINARIES))
+    return next(complete, None)
+
+
+def _postgresql_user() -> pwd.struct_passwd | None:
+    if os.geteuid() != 0:
+        return None
+    known = {user.pw_name: user for user in pwd.getpwall()}
+    return next(known[name] for name in _UNPRIVILEGED if name in known)
+
+
+@pytest.fixture(
+    params=["sqlite", pytest.param("postgresql", marks=pytest.mark.integration)],
+)
+async def database_url(request: pytest.FixtureRequest, tmp_path: Path) -> AsyncIterator[str]:
+    """The URL of a new, empty database, once on SQLite and once on PostgreSQL."""
+    if request.param == "sqlite":
+        yield f"sqlite:///{tmp_path}/service.db"
+        return
+    server = request.getfixturevalue("postgresql_server")
+    name = f"t_{secrets.token_hex(6)}"
+    await _on_server(server, f"CREATE DATABASE {name}")
+    yield server.replace("/postgres?", f"/{name}?")
+    await _on_server(server, f"DROP DATABASE {name} WITH (FORCE)")
+
+
+@pytest.fixture
+async def database(database_url: str) -> AsyncIterator[Database]:
+    """A new, empty database, open."""
+    async with Database(database_url) as opened:
+        yield opened
+
+
+@pytest.fixture
+def clock() -> ManualClock:
+    """A fleet clock that stands still at a known moment until it is advanced."""
+    return ManualClock(datetime(2026, 3, 1, 12, tzinfo=UTC))
+
+
+async def _on_server(url: str, statement: str) -> None:
+    connection = await asyncpg.connect(url)
+    try:
+        await connection.execute(statement)
+    finally:
+        await connection.close()
