@@ -5,6 +5,7 @@
     │   ├── InvalidStateOfCharge
     │   ├── InvalidNetwork
     │   └── InvalidProblem
+    ├── PlanRejected            raised by `skyway.planner`: a plan breaks its problem's rules
     └── Unreachable...          raised by `skyway.runtime`, which draws its own branch
 
 An expected outcome (no plan exists) is a value, never one of these.

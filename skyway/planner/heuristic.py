@@ -1,8 +1,8 @@
 """The paper's heuristic composition, with the widening that it leaves to future work.
 
-The sector is widened, up to the whole network, while it holds no plan, and while its best plan has
-to wait for a pad or for something closed: plans avoid congestion, and the way around may lie
-outside.
+The sector is widened, up to the whole network, while it holds no plan. If its best plan has to wait
+for a pad or for something closed, the whole network is searched for a way around as well: plans
+avoid congestion.
 
 Notes
 -----
@@ -38,23 +38,31 @@ _MAX_ROUTES = 8
 
 
 def heuristic(situation: Situation, effort: Effort) -> Findings:
-    """The best plan of the narrowest sector that holds one, or of wider ones if it has to wait."""
-    problem = situation.problem
+    """The best plan of the narrowest sector that holds one, and a way around if it has to wait."""
     whole = Subnetwork.whole(situation)
-    best: Itinerary | None = None
-    searched = 0
-    for stations in widening_sectors(
-        situation.network, problem.source, targets=situation.destinations
-    ):
+    best, sector = _in_narrowest_sector(situation, whole, effort)
+    if best is None or not best.hindrances or sector is whole:
+        return Findings(best, len(sector.stations))
+    around = _best_in_sector(situation, whole, approach=whole, effort=effort)
+    if around is not None and is_better(situation, around, best):
+        best = around
+    return Findings(best, len(whole.stations))
+
+
+def _in_narrowest_sector(
+    situation: Situation, whole: Subnetwork, effort: Effort
+) -> tuple[Itinerary | None, Subnetwork]:
+    """Widen the sector until it holds a plan; the last one is the whole network."""
+    sectors = widening_sectors(
+        situation.network, situation.problem.source, targets=situation.destinations
+    )
+    for stations in sectors:
         is_whole = len(stations) == len(whole.stations)
         sector = whole if is_whole else Subnetwork(situation, stations)
-        found = _best_in_sector(situation, sector, approach=whole, effort=effort)
-        searched = len(stations)
-        if found is not None and is_better(situation, found, best):
-            best = found
-        if (best is not None and not best.hindrances) or effort.stop(effort.labels):
-            break
-    return Findings(best, searched)
+        best = _best_in_sector(situation, sector, approach=whole, effort=effort)
+        if best is not None or effort.stop(effort.labels):
+            return best, sector
+    return None, whole
 
 
 def _best_in_sector(

@@ -5,13 +5,11 @@ bounds: no recharging is faster than the charge curve just above the reserve, an
 """
 
 import math
-from collections.abc import Sequence
 from functools import cache
 
 from skyway.drone.charging import fastest_s_per_soc
 from skyway.drone.flight import flight_energy_j, flight_time_s
-from skyway.ids import StationId
-from skyway.planner.orders import SOURCE, orders_by_cost
+from skyway.planner.orders import orders_by_cost
 from skyway.planner.situation import Situation
 from skyway.planner.subnetwork import Subnetwork
 
@@ -22,28 +20,29 @@ class TimeMatrix:
     Destinations go by their number in `situation.destinations`, sets of them by their bits.
     """
 
-    def __init__(self, situation: Situation, subnetwork: Subnetwork, *, approach: Subnetwork):
+    def __init__(
+        self, situation: Situation, subnetwork: Subnetwork, *, approach: Subnetwork
+    ) -> None:
         self._situation = situation
         model, problem = situation.model, situation.problem
-        self._lengths = [subnetwork.lengths_to_m(target) for target in situation.destinations]
-        self._load_kg = cache(self._load_of)
+        #: ``(n + 1, n)`` metres, row = from, the last row (number -1) the source.
+        self._lengths_m = _lengths_m(situation, subnetwork)
+        self._s_per_m = cache(self._flight_s_per_m)
+        self._j_per_m = cache(self._flight_j_per_m)
         self._s_per_j = fastest_s_per_soc(model) / model.battery_j
         self._usable_j = (problem.drone.soc - model.reserve_soc) * model.battery_j
         self._before = self._before_the_first_leg(approach)
+        self._each_end_s = model.stop_s + problem.dropoff_s
+        self._each_end_and_recharge_s = self._each_end_s + model.stop_j * self._s_per_j
 
     def flight_s(self, at: int, to: int, undelivered: int) -> float:
         """Time of a leg without recharging, its landing and hand-over included."""
-        model, problem = self._situation.model, self._situation.problem
-        length_m, load_kg = self._length_m(at, to), self._load_kg(undelivered)
-        flight_s = flight_time_s(model, length_m=length_m, load_kg=load_kg)
-        return flight_s + model.stop_s + problem.dropoff_s
+        return self._lengths_m[at][to] * self._s_per_m(undelivered) + self._each_end_s
 
     def flight_and_recharge_s(self, at: int, to: int, undelivered: int) -> float:
         """Time of a leg, with recharging what it uses."""
-        model = self._situation.model
-        length_m, load_kg = self._length_m(at, to), self._load_kg(undelivered)
-        energy_j = flight_energy_j(model, length_m=length_m, load_kg=load_kg) + model.stop_j
-        return self.flight_s(at, to, undelivered) + energy_j * self._s_per_j
+        s_per_m = self._s_per_m(undelivered) + self._j_per_m(undelivered) * self._s_per_j
+        return self._lengths_m[at][to] * s_per_m + self._each_end_and_recharge_s
 
     def delivery_bound_s(self, flight_and_recharge_s: float) -> float:
         """No delivery is over earlier whose legs sum up to this."""
@@ -72,15 +71,25 @@ class TimeMatrix:
             before_s += problem.dropoff_s
         return before_s, before_j
 
-    def _length_m(self, at: int, to: int) -> float:
-        destinations: Sequence[StationId] = self._situation.destinations
-        start = self._situation.problem.source if at == SOURCE else destinations[at]
-        return self._lengths[to].get(start, math.inf)
+    def _flight_s_per_m(self, undelivered: int) -> float:
+        load_kg = self._load_kg(undelivered)
+        return flight_time_s(self._situation.model, length_m=1.0, load_kg=load_kg)
 
-    def _load_of(self, undelivered: int) -> float:
+    def _flight_j_per_m(self, undelivered: int) -> float:
+        load_kg = self._load_kg(undelivered)
+        return flight_energy_j(self._situation.model, length_m=1.0, load_kg=load_kg)
+
+    def _load_kg(self, undelivered: int) -> float:
         waiting = {
             station_id
             for number, station_id in enumerate(self._situation.destinations)
             if undelivered >> number & 1
         }
         return self._situation.load_kg(waiting)
+
+
+def _lengths_m(situation: Situation, subnetwork: Subnetwork) -> list[list[float]]:
+    """The length of the shortest way of every leg, infinite without one."""
+    trees = [subnetwork.lengths_to_m(target) for target in situation.destinations]
+    starts = (*situation.destinations, situation.problem.source)
+    return [[tree.get(start, math.inf) for tree in trees] for start in starts]
