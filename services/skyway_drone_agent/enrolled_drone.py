@@ -1,5 +1,6 @@
 """A drone as its provider enrolled it, and the file that holds one or many of them."""
 
+import json
 from pathlib import Path
 
 from pydantic import Field, TypeAdapter, ValidationError
@@ -36,13 +37,7 @@ class EnrolledDrone(WireModel):
         return Logbook(station_id=self.home_station_id, position=self.home_position, soc=self.soc)
 
 
-class _Fleet(WireModel):
-    items: tuple[EnrolledDrone, ...]
-
-
-_FILE: TypeAdapter[_Fleet | tuple[EnrolledDrone, ...] | EnrolledDrone] = TypeAdapter(
-    _Fleet | tuple[EnrolledDrone, ...] | EnrolledDrone
-)
+_DRONES: TypeAdapter[tuple[EnrolledDrone, ...]] = TypeAdapter(tuple[EnrolledDrone, ...])
 
 
 def read_fleet(path: Path) -> tuple[EnrolledDrone, ...]:
@@ -54,7 +49,12 @@ def read_fleet(path: Path) -> tuple[EnrolledDrone, ...]:
         The file does not hold the answer of POST /v1/providers/{id}/drones.
     """
     try:
-        found = _FILE.validate_json(path.read_bytes())
+        content = json.loads(path.read_bytes())
+        if isinstance(content, dict):
+            content = content.get("items", [content])
+        return _DRONES.validate_python(content)
+    except json.JSONDecodeError as error:
+        raise InvalidInput(str(path), f"not JSON: {error}") from error
     except ValidationError as error:
         first = error.errors(include_url=False, include_input=False)[0]
         place = ".".join(str(part) for part in first["loc"])
@@ -62,6 +62,3 @@ def read_fleet(path: Path) -> tuple[EnrolledDrone, ...]:
             str(path),
             f"not the answer of POST /v1/providers/{{id}}/drones: {place}: {first['msg']}",
         ) from error
-    if isinstance(found, _Fleet):
-        return found.items
-    return (found,) if isinstance(found, EnrolledDrone) else found

@@ -100,8 +100,10 @@ def _answered(logbook: Logbook, record: InstructionAnswered) -> Logbook:
     if isinstance(instruction, MissionInstruction):
         mission = mission_with(logbook, instruction, answer=answer, at=record.answered_at)
         return logbook.model_copy(update={"mission": mission})
-    if isinstance(instruction, CancelInstruction) and logbook.mission is not None:
-        return _without_mission(logbook)
+    before = logbook.mission
+    if isinstance(instruction, CancelInstruction) and before is not None:
+        # A cancel of a mission that the drone does not have is accepted too, and changes nothing.
+        return _without_mission(logbook) if before.mission_id == instruction.mission_id else logbook
     return logbook
 
 

@@ -10,6 +10,14 @@ from types import TracebackType
 from typing import Any, Self
 
 import pytest
+from skyway_drone_agent.agent import DroneAgent
+from skyway_drone_agent.enrolled_drone import BrokerLogin, EnrolledDrone
+from skyway_drone_agent.journal import Journal
+from skyway_drone_agent.logbook import Logbook
+from skyway_drone_agent.memory_journal import MemoryJournal
+from skyway_drone_agent.records import Record
+from skyway_drone_agent.simulated_vehicle import SimulatedVehicle
+
 from skyway.contracts.drone_report import Ack, DroneEvent, DroneState
 from skyway.contracts.flight_step import (
     DeliverStep,
@@ -40,13 +48,6 @@ from skyway.ids import (
 from skyway.runtime.errors import MqttUnavailable
 from skyway.runtime.minting import CountingMint
 from skyway.runtime.mqtt import Received, Will
-from skyway_drone_agent.agent import DroneAgent
-from skyway_drone_agent.enrolled_drone import BrokerLogin, EnrolledDrone
-from skyway_drone_agent.journal import Journal
-from skyway_drone_agent.logbook import Logbook
-from skyway_drone_agent.memory_journal import MemoryJournal
-from skyway_drone_agent.records import Record
-from skyway_drone_agent.simulated_vehicle import SimulatedVehicle
 
 START = datetime(2026, 3, 1, 12, tzinfo=UTC)
 
@@ -163,9 +164,7 @@ class FakeLink:
             self._world.published.append((self._will_now[0].topic, self._will_now[1]))
         self._up.clear()
 
-    async def publish(
-        self, address: Address[Any], message: Any, *, timeout_s: float = 5.0
-    ) -> None:
+    async def publish(self, address: Address[Any], message: Any, *, timeout_s: float = 5.0) -> None:
         if not self._up.is_set():
             raise MqttUnavailable("cut")
         self._world.trace.append(f"publish {address.topic.template.rsplit('/', 1)[1]}")
@@ -196,7 +195,7 @@ class FakeLink:
         self._has_news.set()
 
 
-class PowerCut(Exception):  # noqa: N818 - it happens, nobody is at fault
+class PowerCut(Exception):
     """The process dies here."""
 
 

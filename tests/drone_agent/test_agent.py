@@ -1,9 +1,11 @@
 """A whole agent with a fake broker, a fake cloud and a virtual clock."""
 
 from datetime import timedelta
+from itertools import pairwise
 from typing import Any
 
 import pytest
+
 from skyway.contracts.topics import ACKS, CONNECTION, STATE, TELEMETRY
 
 PRE_START = timedelta(minutes=10)
@@ -316,7 +318,7 @@ async def test_telemetry_comes_at_most_once_a_wall_second_and_only_when_it_moves
     await world.pass_time(timedelta(hours=2))
 
     moments = [sample.at for sample in world.messages(TELEMETRY)]
-    gaps = [later - earlier for earlier, later in zip(moments, moments[1:], strict=False)]
+    gaps = [later - earlier for earlier, later in pairwise(moments)]
     assert 3 <= len(moments) <= 6
     assert min(gaps) >= timedelta(seconds=600)
     assert max(moments) <= trip[-1].planned_end_at
@@ -383,9 +385,7 @@ async def test_a_pad_that_is_over_on_arrival_is_lost(world: Any, steps: Any) -> 
     trip.made[1] = trip.made[1].model_copy(
         update={"not_after_at": trip.made[0].planned_start_at + timedelta(seconds=300)}
     )
-    trip.made[1] = trip.made[1].model_copy(
-        update={"not_before_at": trip.made[0].planned_start_at}
-    )
+    trip.made[1] = trip.made[1].model_copy(update={"not_before_at": trip.made[0].planned_start_at})
     await world.start()
     await world.send(world.mission(trip.made))
 

@@ -1,0 +1,70 @@
+"""The fleet clock as the cloud tells it."""
+
+import asyncio
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+from skyway_drone_agent.clock_keeper import KeptClock
+
+from skyway.contracts.world import ClockAnchor
+
+NOON = datetime(2026, 3, 1, 12, tzinfo=UTC)
+
+
+def anchor(rate: float, fleet_at: datetime = NOON) -> ClockAnchor:
+    return ClockAnchor(
+        message_id="msg_1", sent_at=NOON, fleet_at=fleet_at, wall_at=datetime.now(UTC), rate=rate
+    )
+
+
+async def test_without_a_word_from_the_cloud_fleet_time_is_unknown(tmp_path: Path) -> None:
+    waiting = asyncio.ensure_future(KeptClock(tmp_path / "clock.json").wait_known())
+
+    done, _ = await asyncio.wait([waiting], timeout=0.02)
+
+    assert not done
+    waiting.cancel()
+
+
+async def test_fleet_time_is_the_anchors(tmp_path: Path) -> None:
+    clock = KeptClock(tmp_path / "clock.json")
+
+    clock.keep(anchor(rate=600.0))
+
+    await clock.wait_known()
+    assert clock.rate == 600.0
+    assert NOON <= clock.now() < NOON + timedelta(hours=1)
+
+
+async def test_after_a_restart_without_the_cloud_the_kept_anchor_counts(tmp_path: Path) -> None:
+    KeptClock(tmp_path / "clock.json").keep(anchor(rate=60.0))
+
+    restarted = KeptClock(tmp_path / "clock.json", patience_s=0.01)
+    await restarted.wait_known()
+
+    assert restarted.rate == 60.0
+    assert NOON <= restarted.now() < NOON + timedelta(hours=1)
+
+
+async def test_the_clouds_word_comes_before_the_kept_anchor(tmp_path: Path) -> None:
+    KeptClock(tmp_path / "clock.json").keep(anchor(rate=60.0))
+
+    restarted = KeptClock(tmp_path / "clock.json", patience_s=60.0)
+    waiting = asyncio.ensure_future(restarted.wait_known())
+    await asyncio.sleep(0)
+    restarted.keep(anchor(rate=1.0, fleet_at=NOON + timedelta(days=1)))
+    await waiting
+
+    assert restarted.rate == 1.0
+    assert restarted.now() >= NOON + timedelta(days=1)
+
+
+async def test_a_new_anchor_wakes_who_sleeps_past_it(tmp_path: Path) -> None:
+    clock = KeptClock(tmp_path / "clock.json")
+    clock.keep(anchor(rate=1.0))
+    sleeping = asyncio.ensure_future(clock.sleep_until(NOON + timedelta(hours=5)))
+    await asyncio.sleep(0)
+
+    clock.keep(anchor(rate=1.0, fleet_at=NOON + timedelta(hours=6)))
+
+    await asyncio.wait_for(sleeping, timeout=5)

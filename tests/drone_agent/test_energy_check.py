@@ -1,0 +1,63 @@
+"""The battery must last from one recharge to the next."""
+
+from typing import Any
+
+import pytest
+from skyway_drone_agent.energy_check import shortfall_of, stretch_of
+
+
+def there_and_back(steps: Any, *, until_soc: float) -> Any:
+    return (
+        steps()
+        .fly("home", "shop", length_m=40_000, duration_s=1)
+        .recharge("shop", until_soc=until_soc, duration_s=1)
+        .fly("shop", "farm", length_m=20_000, duration_s=1)
+        .fly("farm", "home", length_m=20_000, duration_s=1)
+        .made
+    )
+
+
+def test_a_recharge_that_gives_enough_carries_on(world: Any, steps: Any) -> None:
+    made = there_and_back(steps, until_soc=0.7)
+
+    assert shortfall_of(made, model=world.drone.model, soc=1.0, packages=()) is None
+
+
+def test_the_need_is_that_of_the_whole_stretch(world: Any, steps: Any) -> None:
+    made = there_and_back(steps, until_soc=0.6)
+
+    shortfall = shortfall_of(made, model=world.drone.model, soc=1.0, packages=())
+
+    assert shortfall is not None
+    assert shortfall.step == made[3]
+    assert shortfall.need_j == pytest.approx(2 * (1000 * 100 + 1000))
+    assert shortfall.have_j == pytest.approx(0.5 * 360_000)
+
+
+def test_a_drone_with_more_than_asked_keeps_it(world: Any, steps: Any) -> None:
+    made = (
+        steps()
+        .recharge("home", until_soc=0.2, duration_s=1)
+        .fly("home", "shop", length_m=40_000, duration_s=1)
+        .made
+    )
+
+    assert shortfall_of(made, model=world.drone.model, soc=0.9, packages=()) is None
+
+
+def test_what_is_on_board_already_weighs_too(world: Any, steps: Any) -> None:
+    made = steps().fly("home", "shop", length_m=60_000, duration_s=1).made
+    (picked_up,) = steps().pick_up("home", p1=0.5).made
+
+    empty = shortfall_of(made, model=world.drone.model, soc=1.0, packages=())
+    loaded = shortfall_of(made, model=world.drone.model, soc=1.0, packages=picked_up.packages)
+
+    assert empty is None
+    assert loaded is not None
+
+
+def test_a_stretch_ends_before_the_next_recharge(steps: Any) -> None:
+    made = there_and_back(steps, until_soc=0.6)
+
+    assert stretch_of(tuple(made)) == (made[0],)
+    assert stretch_of(tuple(made[2:])) == (made[2], made[3])

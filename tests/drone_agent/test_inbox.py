@@ -1,0 +1,272 @@
+"""What a drone refuses, what it takes, and in which order."""
+
+import json
+from collections.abc import Callable
+from datetime import timedelta
+from typing import Any
+
+import pytest
+from skyway_drone_agent.flight_recorder import FlightRecorder
+from skyway_drone_agent.inbox import Inbox
+from skyway_drone_agent.memory_journal import MemoryJournal
+from skyway_drone_agent.records import Answer
+
+from skyway.contracts.drone_report import RefusalCode
+
+
+class Desk:
+    """An inbox, and what it answered."""
+
+    def __init__(self, world: Any) -> None:
+        self.world = world
+        self.journal = MemoryJournal()
+        self.recorder = FlightRecorder(self.journal, at_first=world.drone.at_first())
+        self.received_ids: list[str] = []
+        self.answers: list[Answer] = []
+        self.resent_after: list[int] = []
+        self.inbox = Inbox(
+            self.recorder, world.clock, model=world.drone.model, answers=self, events=self
+        )
+
+    def received(self, answer: Answer) -> None:
+        self.received_ids.append(answer.instruction_id)
+
+    def answered(self, answer: Answer) -> None:
+        self.answers.append(answer)
+
+    def resend_after(self, seq: int) -> None:
+        self.resent_after.append(seq)
+
+    def take(self, instruction: Any) -> Answer:
+        self.inbox.take(json.loads(instruction.model_dump_json()))
+        return self.answers[-1]
+
+    def take_raw(self, instruction: Any, change: Callable[[dict[str, Any]], object]) -> Answer:
+        raw = json.loads(instruction.model_dump_json())
+        change(raw)
+        self.inbox.take(raw)
+        return self.answers[-1]
+
+    def drone_is(self, **changes: Any) -> None:
+        self.recorder.logbook = self.recorder.logbook.model_copy(update=changes)
+
+
+@pytest.fixture
+def desk(world: Any) -> Desk:
+    return Desk(world)
+
+
+def cancel(world: Any, mission_id: str) -> dict[str, Any]:
+    raw: dict[str, Any] = json.loads(world.report_request(0).model_dump_json())
+    raw |= {"kind": "CANCEL", "mission_id": mission_id, "mission_revision": 1, "reason": "test"}
+    return raw
+
+
+def test_a_mission_the_drone_can_fly_is_accepted(desk: Desk, trip: Any) -> None:
+    answer = desk.take(desk.world.mission(trip))
+
+    assert answer.status == "ACCEPTED"
+    assert desk.received_ids == [answer.instruction_id]
+
+
+def test_steps_that_do_not_follow_are_malformed(desk: Desk, trip: Any) -> None:
+    answer = desk.take(desk.world.mission([trip[0], *trip[2:]]))
+
+    assert answer.code == RefusalCode.MALFORMED
+    assert answer.detail == "step 1 is followed by step 3"
+
+
+def test_an_unreadable_field_is_malformed_and_named(desk: Desk, trip: Any) -> None:
+    answer = desk.take_raw(
+        desk.world.mission(trip), lambda raw: raw["steps"][1].update(length_m=-5)
+    )
+
+    assert answer.code == RefusalCode.MALFORMED
+    assert "length_m" in str(answer.detail)
+
+
+def test_a_kind_of_instruction_of_a_later_version_is_malformed(desk: Desk, trip: Any) -> None:
+    answer = desk.take_raw(desk.world.mission(trip), lambda raw: raw.update(kind="DIVERT"))
+
+    assert answer.code == RefusalCode.MALFORMED
+
+
+def test_a_kind_of_step_of_a_later_version_is_unsupported(desk: Desk, trip: Any) -> None:
+    answer = desk.take_raw(
+        desk.world.mission(trip), lambda raw: raw["steps"][3].update(kind="WINCH")
+    )
+
+    assert answer.code == RefusalCode.UNSUPPORTED_STEP
+
+
+def test_what_has_no_identity_is_dropped(desk: Desk) -> None:
+    desk.inbox.take({"kind": "MISSION"})
+
+    assert desk.answers == []
+    assert desk.journal.records == []
+
+
+def test_an_expired_instruction_is_refused_and_uses_up_its_number(desk: Desk, trip: Any) -> None:
+    past = desk.world.clock.now() - timedelta(seconds=1)
+    late = desk.take(desk.world.mission(trip, expires_at=past))
+    next_one = desk.take(desk.world.mission(trip))
+
+    assert late.code == RefusalCode.EXPIRED
+    assert next_one.status == "ACCEPTED"
+
+
+def test_a_second_mission_is_refused_while_one_is_not_over(desk: Desk, trip: Any) -> None:
+    desk.take(desk.world.mission(trip))
+
+    answer = desk.take(desk.world.mission(trip, mission_id="msn_2"))
+
+    assert answer.code == RefusalCode.OTHER_MISSION_ACTIVE
+    assert answer.data == {"mission_id": "msn_1"}
+
+
+def test_a_revision_that_is_not_newer_is_stale(desk: Desk, trip: Any) -> None:
+    desk.take(desk.world.mission(trip, revision=2))
+
+    answer = desk.take(desk.world.mission(trip, revision=2))
+
+    assert answer.code == RefusalCode.STALE_REVISION
+
+
+def test_a_revision_of_a_mission_that_is_over_is_stale(desk: Desk, trip: Any) -> None:
+    desk.drone_is(ended_mission_ids=("msn_1",))
+
+    answer = desk.take(desk.world.mission(trip, revision=2))
+
+    assert answer.code == RefusalCode.STALE_REVISION
+
+
+def test_a_mission_that_begins_elsewhere_is_refused(desk: Desk, trip: Any) -> None:
+    desk.drone_is(station_id="shop")
+
+    answer = desk.take(desk.world.mission(trip))
+
+    assert answer.code == RefusalCode.NOT_AT_START
+    assert answer.data == {"station_id": "shop"}
+
+
+def test_too_heavy_a_load_is_refused_with_its_limit(desk: Desk, steps: Any) -> None:
+    heavy = steps().pick_up("home", p1=1.5, p2=0.6)
+
+    answer = desk.take(desk.world.mission(heavy.made))
+
+    assert answer.code == RefusalCode.OVERWEIGHT
+    assert answer.data["mass_kg"] == pytest.approx(2.1)
+    assert answer.data["limit_kg"] == 2.0
+
+
+def test_a_stretch_beyond_the_battery_is_refused_with_its_numbers(desk: Desk, trip: Any) -> None:
+    desk.drone_is(soc=0.35)
+
+    answer = desk.take(desk.world.mission(trip))
+
+    assert answer.code == RefusalCode.INSUFFICIENT_ENERGY
+    assert answer.data["have_j"] == pytest.approx(0.25 * 360_000)
+    assert answer.data["need_j"] == pytest.approx(2 * 400 * 100 * 1.25**1.5 + 1000)
+    assert answer.data["step_id"] == 3
+
+
+def test_a_plan_that_arrives_exactly_at_the_reserve_is_accepted(desk: Desk, trip: Any) -> None:
+    needed = (2 * 400 * 100 * 1.25**1.5 + 1000) / 360_000
+    desk.drone_is(soc=0.1 + needed)
+
+    assert desk.take(desk.world.mission(trip)).status == "ACCEPTED"
+
+
+def test_a_gap_is_refused_without_end_and_then_filled(desk: Desk, trip: Any) -> None:
+    first, second = desk.world.report_request(0), desk.world.mission(trip)
+
+    early = desk.take(second)
+    assert (early.code, early.data["expected_seq"]) == (RefusalCode.SEQUENCE_GAP, 1)
+    assert desk.journal.records == []
+
+    assert desk.take(first).status == "ACCEPTED"
+    assert desk.take(second).status == "ACCEPTED"
+
+
+def test_a_duplicate_gets_the_same_answer_and_is_not_journaled(desk: Desk, trip: Any) -> None:
+    mission = desk.world.mission(trip)
+    first = desk.take(mission)
+
+    again = desk.take(mission)
+
+    assert again == first
+    assert len(desk.journal.records) == 1
+    assert len(desk.received_ids) == 1
+
+
+def test_a_refusal_is_repeated_too(desk: Desk, trip: Any) -> None:
+    desk.drone_is(station_id="shop")
+    mission = desk.world.mission(trip)
+    first = desk.take(mission)
+    desk.drone_is(station_id="home")
+
+    assert desk.take(mission) == first
+
+
+def test_another_instruction_under_a_number_already_used_is_refused(desk: Desk, trip: Any) -> None:
+    desk.take(desk.world.report_request(0))
+
+    answer = desk.take(desk.world.mission(trip, seq=1))
+
+    assert answer.code == RefusalCode.STALE_REVISION
+    assert desk.recorder.logbook.mission is None
+
+
+def test_a_new_stream_begins_at_one_on_an_empty_journal(desk: Desk, trip: Any) -> None:
+    too_far_on = desk.take(desk.world.mission(trip, stream=3, seq=7))
+    first = desk.take(desk.world.mission(trip, stream=3, seq=1))
+
+    assert too_far_on.code == RefusalCode.SEQUENCE_GAP
+    assert too_far_on.data["expected_seq"] == 1
+    assert first.status == "ACCEPTED"
+    assert (desk.recorder.logbook.stream, desk.recorder.logbook.last_instruction_seq) == (3, 1)
+
+
+def test_an_earlier_stream_is_over(desk: Desk, trip: Any) -> None:
+    desk.take(desk.world.report_request(0, stream=3, seq=1))
+
+    answer = desk.take(desk.world.mission(trip, stream=2, seq=2))
+
+    assert answer.code == RefusalCode.STALE_REVISION
+
+
+def test_a_report_request_has_events_sent_again(desk: Desk) -> None:
+    assert desk.take(desk.world.report_request(after_seq=5)).status == "ACCEPTED"
+
+    assert desk.resent_after == [5]
+
+
+def test_a_mission_that_has_not_begun_can_be_cancelled(desk: Desk, trip: Any) -> None:
+    desk.take(desk.world.mission(trip))
+
+    desk.inbox.take(cancel(desk.world, "msn_1"))
+
+    assert desk.answers[-1].status == "ACCEPTED"
+    assert desk.recorder.logbook.mission is None
+    assert desk.take(desk.world.mission(trip, mission_id="msn_2")).status == "ACCEPTED"
+
+
+def test_a_mission_that_has_begun_cannot_be_cancelled(desk: Desk, trip: Any) -> None:
+    desk.take(desk.world.mission(trip))
+    mission = desk.recorder.logbook.mission
+    assert mission is not None
+    desk.drone_is(mission=mission.model_copy(update={"released_through": 1}))
+
+    desk.inbox.take(cancel(desk.world, "msn_1"))
+
+    assert desk.answers[-1].code == RefusalCode.STEP_RELEASED
+    assert desk.recorder.logbook.mission is not None
+
+
+def test_a_cancel_of_another_mission_leaves_the_current_one(desk: Desk, trip: Any) -> None:
+    desk.take(desk.world.mission(trip))
+
+    desk.inbox.take(cancel(desk.world, "msn_0"))
+
+    assert desk.answers[-1].status == "ACCEPTED"
+    assert desk.recorder.logbook.mission is not None
