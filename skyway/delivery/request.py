@@ -1,8 +1,9 @@
 """The delivery request: packages, places and the QoS that annotates it."""
 
+from collections import Counter
 from typing import Annotated, Literal, Self
 
-from pydantic import AwareDatetime, Field, model_validator
+from pydantic import AwareDatetime, Field, field_validator, model_validator
 
 from skyway.ids import PackageId, ProviderId, StationId
 from skyway.json_model import JsonModel
@@ -105,23 +106,29 @@ class DeliveryRequest(JsonModel):
     """What a customer POSTs (contracts.md)."""
 
     pickup: Place
-    packages: Annotated[tuple[Package, ...], Field(min_length=1, max_length=MAX_PACKAGES)]
+    # At least one is checked below: pydantic would count only those that are themselves valid.
+    packages: Annotated[
+        tuple[Package, ...],
+        Field(max_length=MAX_PACKAGES, json_schema_extra={"minItems": 1}),
+    ]
     qos: QoS = QoS()
     earliest_pickup_at: AwareDatetime | None = None
     reference: Annotated[str, Field(max_length=200)] | None = None
 
-    @model_validator(mode="after")
-    def _packages_and_places_are_distinct(self) -> Self:
-        package_ids = [package.package_id for package in self.packages]
-        for package_id in package_ids:
-            if package_ids.count(package_id) > 1:
-                raise ValueError(f"package_id {package_id!r} is given more than once")
-        if len(self.destinations) > MAX_DESTINATIONS:
+    @field_validator("packages")
+    @classmethod
+    def _packages_are_some_and_distinct(cls, packages: tuple[Package, ...]) -> tuple[Package, ...]:
+        if not packages:
+            raise ValueError("at least one package must be given")
+        for package_id, times in Counter(package.package_id for package in packages).items():
+            if times > 1:
+                raise ValueError(f"package_id {package_id!r} is given {times} times")
+        destinations = {package.destination.station_id for package in packages}
+        if len(destinations) > MAX_DESTINATIONS:
             raise ValueError(
-                f"{len(self.destinations)} distinct destinations exceed the limit of "
-                f"{MAX_DESTINATIONS}"
+                f"{len(destinations)} distinct destinations exceed the limit of {MAX_DESTINATIONS}"
             )
-        return self
+        return packages
 
     @property
     def destinations(self) -> tuple[StationId, ...]:

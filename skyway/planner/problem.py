@@ -18,6 +18,7 @@ from pydantic import (
     model_validator,
 )
 
+from skyway.delivery.request import MAX_DESTINATIONS, MAX_PACKAGES
 from skyway.drone.model import DroneModel
 from skyway.errors import InvalidNetwork, InvalidProblem
 from skyway.ids import PackageId, StationId
@@ -25,11 +26,6 @@ from skyway.json_model import JsonModel
 from skyway.network.geojson import read_network, write_network
 from skyway.network.network import Network
 from skyway.units import CHARGE_TOLERANCE
-
-#: Most distinct destinations of one problem (planner.md, section 3).
-MAX_DESTINATIONS = 12
-#: Most packages of one problem (planner.md, section 3).
-MAX_PACKAGES = 100
 
 #: Seconds, about three centuries: no moment or duration of a problem lies further away.
 MAX_SECONDS = 1e10
