@@ -215,6 +215,32 @@ async def test_a_drone_under_anothers_client_id_does_not_disturb_it(broker, conn
     thief.close()
 
 
+async def test_a_drones_next_connection_replaces_its_former_one(broker, connect, cable):
+    composition = await connect(broker.service_port, "composition")
+    told = composition.batches(CONNECTION)
+    await all_connected(composition)
+    wire = await cable(broker.port)
+    await all_connected(
+        await connect(
+            wire.port,
+            "drone-1",
+            will=lambda: (CONNECTION("p", "drone-1"), make_connection(1, "LOST")),
+        )
+    )
+    wire.go_silent()
+
+    drone = await connect(broker.port, "drone-1")
+    arrived = drone.batches(INSTRUCTIONS("p", "drone-1"))
+    await all_connected(drone)
+    await drone.publish(CONNECTION("p", "drone-1"), make_connection(2))
+    await composition.publish(INSTRUCTIONS("p", "drone-1"), make_instruction(1))
+
+    await take(arrived, 1)
+    received = [one.message for one in await take(told, 2)]
+    assert [one.connection_number for one in received] == [1, 2]
+    assert [one.status for one in received] == ["LOST", "ONLINE"]
+
+
 async def test_replicas_of_a_service_share_its_account(broker, connect):
     first = await connect(broker.service_port, "composition", client_id="composition-1")
     second = await connect(broker.service_port, "composition", client_id="composition-2")

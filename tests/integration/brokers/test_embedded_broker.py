@@ -101,7 +101,8 @@ async def test_a_last_will_goes_no_further_than_its_writers_rights(embedded, con
     await connected(registry)
     await connected(witness)
     wire = await cable(embedded.port)
-    forged = RawMessage(CONNECTION("p", "drone-2").name, b"forged", 1, True)
+    payload = ONLINE.model_dump_json().encode()
+    forged = RawMessage(CONNECTION("p", "drone-2").name, payload, 1, True)
     drone = Listening("drone-1", will=forged)
     await drone.open(wire.port)
 
