@@ -7,6 +7,7 @@ from sqlalchemy import event, make_url
 from sqlalchemy.engine import URL, Connection, ExceptionContext
 from sqlalchemy.engine.interfaces import DBAPIConnection
 from sqlalchemy.ext.asyncio import AsyncEngine, create_async_engine
+from sqlalchemy.pool import AsyncAdaptedQueuePool
 
 from skyway.errors import InvalidInput
 from skyway.runtime.errors import UnsafeDatabase
@@ -46,6 +47,7 @@ def sqlite_engine(url: URL) -> AsyncEngine:
         url.set(drivername="sqlite+aiosqlite"),
         # Without an isolation level the driver begins nothing by itself.
         connect_args={"timeout": _BUSY_TIMEOUT_S, "isolation_level": None},
+        poolclass=AsyncAdaptedQueuePool,
         pool_size=4,
         max_overflow=12,
     )

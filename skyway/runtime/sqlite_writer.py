@@ -49,6 +49,10 @@ class _Turn:
             self.settled.set_exception(error)
 
 
+class _NotCommitted(Exception):
+    """A group was rolled back, and each of its blocks told so."""
+
+
 class SqliteWriter:
     """Runs write blocks on one connection; `async with` starts and drains it."""
 
@@ -105,35 +109,34 @@ class SqliteWriter:
         turn.ended.set_result(is_kept)
 
     async def _run(self) -> None:
-        while True:
+        while await self._has_work():
+            await self._serve()
+
+    async def _has_work(self) -> bool:
+        """Wait until a block has come; False when none has and none will."""
+        while not self._queue and not self._is_closing:
+            self._arrived.clear()
             await self._arrived.wait()
-            if self._queue:
-                await self._serve()
-            elif self._is_closing:
-                return
-            else:
-                self._arrived.clear()
+        return bool(self._queue)
 
     async def _serve(self) -> None:
         """Commit groups on one connection until closing; after an error, leave it for another."""
         try:
             async with self._engine.connect() as connection:
-                while self._queue or not self._is_closing:
-                    self._arrived.clear()
-                    if self._queue:
-                        await self._commit_group(connection)
-                    else:
-                        await self._arrived.wait()
+                while await self._has_work():
+                    await self._commit_group(connection)
+        except _NotCommitted:
+            # Leaving the connection rolled the group back; who came after it is served next.
+            log.exception("group not committed")
         except Exception as error:
-            # Leaving the connection rolled back what it had begun.
-            log.exception("sqlite writer lost its connection")
+            log.exception("sqlite cannot be written")
             while self._queue:
                 self._queue.popleft().refuse(ServiceUnavailable("database", str(error)))
 
     async def _commit_group(self, connection: AsyncConnection) -> None:
         group: list[_Turn] = []
+        await _control(connection, "BEGIN IMMEDIATE")
         try:
-            await _control(connection, "BEGIN IMMEDIATE")
             while self._queue and len(group) < _LARGEST_GROUP:
                 group.append(self._queue.popleft())
                 await self._run_block(group[-1], connection)
@@ -141,7 +144,7 @@ class SqliteWriter:
         except (sqlite3.Error, DBAPIError, OSError) as error:
             for turn in group:
                 turn.refuse(ServiceUnavailable("database", f"not committed: {error}"))
-            raise
+            raise _NotCommitted from error
         for turn in group:
             if turn.is_kept and not turn.settled.done():
                 turn.settled.set_result(None)
