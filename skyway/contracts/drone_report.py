@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from skyway.contracts.flight_step import StepKind
-from skyway.contracts.message import DroneMessage, FleetMoment, Message, Soc
+from skyway.contracts.message import Count, DroneMessage, FleetMoment, Message, Soc
 from skyway.geo import Position
 from skyway.ids import InstructionId, MissionId, PackageId, StationId
 
@@ -30,8 +30,8 @@ class Ack(DroneMessage):
     """The drone's answer to one instruction: RECEIVED once journaled, then ACCEPTED or REJECTED."""
 
     instruction_id: InstructionId
-    instruction_seq: int
-    stream: int
+    instruction_seq: Count
+    stream: Count
     status: Literal["RECEIVED", "ACCEPTED", "REJECTED"]
     code: RefusalCode | None = None
     detail: str | None = None
@@ -46,10 +46,10 @@ class DroneEvent(DroneMessage):
     """
 
     event: Literal["STEP_ENDED", "STEP_FAILED", "MISSION_ENDED", "ALARM"]
-    stream: int
+    stream: Count
     mission_id: MissionId | None = None
-    mission_revision: int | None = None
-    step_id: int | None = None
+    mission_revision: Count | None = None
+    step_id: Count | None = None
     step_kind: StepKind | None = None
     started_at: FleetMoment | None = None
     ended_at: FleetMoment
@@ -72,13 +72,13 @@ class DroneState(DroneMessage):
 
     at: FleetMoment
     activity: Literal["IDLE", "LOADING", "FLYING", "WAITING", "RECHARGING", "DELIVERING"]
-    stream: Annotated[int, Field(ge=0)]
-    last_instruction_seq: Annotated[int, Field(ge=0)]
-    last_event_seq: Annotated[int, Field(ge=0)]
+    stream: Count
+    last_instruction_seq: Count
+    last_event_seq: Count
     mission_id: MissionId | None = None
-    mission_revision: int | None = None
-    step_id: int | None = None
-    released_through: int | None = None
+    mission_revision: Count | None = None
+    step_id: Count | None = None
+    released_through: Count | None = None
     station_id: StationId | None = None
     position: Position
     soc: Soc
@@ -102,6 +102,6 @@ class Connection(Message):
     Ordered by (session, connection_number) alone: a last will is fixed at CONNECT.
     """
 
-    session: Annotated[int, Field(ge=0)]
-    connection_number: Annotated[int, Field(ge=0)]
+    session: Count
+    connection_number: Count
     status: Literal["ONLINE", "OFFLINE", "LOST"]

@@ -10,6 +10,8 @@ from skyway.json_model import WireModel
 FleetMoment = Annotated[AwareDatetime, Field(description="RFC 3339 UTC, fleet time")]
 WallMoment = Annotated[AwareDatetime, Field(description="RFC 3339 UTC, wall time")]
 Soc = Annotated[float, Field(ge=0.0, le=1.0, description="state of charge")]
+#: A whole number that every reader of JSON and every database holds exactly.
+Count = Annotated[int, Field(ge=0, le=2**53 - 1)]
 
 
 class Message(WireModel):
@@ -27,8 +29,8 @@ class DroneMessage(Message):
     `session` is max(the journal's last + 1, wall-clock seconds at boot).
     """
 
-    session: Annotated[int, Field(ge=0)]
-    seq: Annotated[int, Field(ge=0)]
+    session: Count
+    seq: Count
 
 
 def is_newer(candidate: tuple[int, int], known: tuple[int, int] | None) -> bool:
