@@ -19,9 +19,6 @@ from skyway.errors import SkywayError
 _DEATHS_TO_GIVE_UP = 4
 _DEATHS_WITHIN_S = 30.0
 
-#: How long a child may take to leave after SIGTERM before it is killed.
-_LEAVE_S = 5.0
-
 
 class ProcessKeepsDying(SkywayError):
     """A child died too often; the message says which, and where its log is."""
@@ -45,9 +42,13 @@ class Child:
 
 
 class Supervisor:
-    """Runs children until it is left; they leave by themselves should this process be killed."""
+    """Runs children until it is left; they leave by themselves should this process be killed.
 
-    def __init__(self) -> None:
+    `leave_within_s`: how long a child may take after SIGTERM before it is killed.
+    """
+
+    def __init__(self, *, leave_within_s: float = 5.0) -> None:
+        self._leave_within_s = leave_within_s
         self._processes: dict[str, asyncio.subprocess.Process] = {}
         self._keepers: dict[str, asyncio.Task[None]] = {}
         self._failure: asyncio.Future[None] | None = None
@@ -84,7 +85,7 @@ class Supervisor:
             await keeper
         process = self._processes.pop(name, None)
         if process is not None and process.returncode is None:
-            await _end(process)
+            await _end(process, within_s=self._leave_within_s)
 
     def pid(self, name: str) -> int | None:
         """The process id of a child, None between two lives."""
@@ -133,11 +134,11 @@ class Supervisor:
             )
 
 
-async def _end(process: asyncio.subprocess.Process) -> None:
+async def _end(process: asyncio.subprocess.Process, *, within_s: float) -> None:
     with suppress(ProcessLookupError):
         process.send_signal(signal.SIGTERM)
     try:
-        async with asyncio.timeout(_LEAVE_S):
+        async with asyncio.timeout(within_s):
             await process.wait()
     except TimeoutError:
         with suppress(ProcessLookupError):

@@ -1,0 +1,51 @@
+from skyway.delivery.offer import OfferValues, Tariff, price_of, rank_offers
+from skyway.delivery.request import Weights
+from skyway.ids import DroneId, ProviderId
+
+
+def make_offer(
+    provider: str, time_s: float = 100.0, price: int = 100, energy_j: float = 100.0
+) -> OfferValues:
+    return OfferValues(time_s, price, energy_j, ProviderId(provider), DroneId(f"drn_{provider}"))
+
+
+def test_a_price_adds_up_base_distance_mass_and_recharging() -> None:
+    tariff = Tariff(base=500, per_km=20, per_kg=100, per_recharge_minute=2)
+
+    price = price_of(tariff, distance_m=10_500, payload_kg=2.5, recharging_s=600)
+
+    assert (price.amount, price.currency) == (500 + 210 + 250 + 20, "USD")
+
+
+def test_a_price_is_never_below_the_minimum() -> None:
+    tariff = Tariff(base=1, minimum=700)
+
+    assert price_of(tariff, distance_m=0, payload_kg=0, recharging_s=0).amount == 700
+
+
+def test_each_objective_picks_its_own_best_offer() -> None:
+    offers = [
+        make_offer("fast", time_s=50, price=300, energy_j=300),
+        make_offer("cheap", time_s=300, price=50, energy_j=300),
+        make_offer("green", time_s=300, price=300, energy_j=50),
+    ]
+
+    assert rank_offers(offers, Weights(time=1))[0] == 0
+    assert rank_offers(offers, Weights(price=1))[0] == 1
+    assert rank_offers(offers, Weights(energy=1))[0] == 2
+
+
+def test_ties_go_to_the_lower_price_then_to_the_provider() -> None:
+    offers = [make_offer("b"), make_offer("a"), make_offer("c", price=90)]
+
+    assert rank_offers(offers, Weights(time=1)) == [2, 1, 0]
+
+
+def test_a_free_offer_beats_all_others_on_price() -> None:
+    offers = [make_offer("a", price=1), make_offer("b", price=0)]
+
+    assert rank_offers(offers, Weights(price=1)) == [1, 0]
+
+
+def test_no_offers_rank_to_nothing() -> None:
+    assert rank_offers([], Weights(time=1)) == []

@@ -1,0 +1,91 @@
+from typing import Any
+
+import pytest
+from pydantic import ValidationError
+
+from skyway.delivery.request import DeliveryRequest, ProviderChoice, QoS
+from skyway.ids import ProviderId
+
+
+def make_request(**changes: Any) -> dict[str, Any]:
+    return {
+        "pickup": {"station_id": "a"},
+        "packages": [make_package()],
+        **changes,
+    }
+
+
+def make_package(
+    package_id: str = "p1", mass_kg: object = 1.0, destination: str = "b"
+) -> dict[str, Any]:
+    place = {"station_id": destination}
+    return {"package_id": package_id, "mass_kg": mass_kg, "destination": place}
+
+
+@pytest.mark.parametrize(
+    ("changes", "field", "limit"),
+    [
+        ({"packages": []}, "packages", "at least one"),
+        ({"packages": [make_package(f"p{n}") for n in range(101)]}, "packages", "100"),
+        ({"packages": [make_package(), make_package()]}, "packages", "'p1' is given 2 times"),
+        (
+            {"packages": [make_package(f"p{n}", destination=f"d{n}") for n in range(13)]},
+            "packages",
+            "limit of 12",
+        ),
+        ({"packages": [make_package(mass_kg=-0.1)]}, "packages.0.mass_kg", "equal to 0"),
+        ({"packages": [make_package(mass_kg=1001)]}, "packages.0.mass_kg", "1000"),
+        ({"packages": [make_package(mass_kg=float("nan"))]}, "packages.0.mass_kg", "finite"),
+        ({"pickup": {"station_id": "no spaces"}}, "pickup.station_id", "pattern"),
+        ({"qos": {"objective": "soonest"}}, "qos.objective", "fastest"),
+        ({"qos": {"objective": "fastest", "weights": {"time": 1}}}, "qos", "exclude"),
+        ({"qos": {"weights": {"time": 0}}}, "qos.weights", "above 0"),
+        ({"qos": {"providers": {"pinned": "x", "denied": ["x"]}}}, "qos.providers", "denied"),
+        ({"colour": "red"}, "colour", "not permitted"),
+    ],
+)
+def test_a_bad_request_names_its_field_and_limit(
+    changes: dict[str, Any], field: str, limit: str
+) -> None:
+    with pytest.raises(ValidationError) as refused:
+        DeliveryRequest.model_validate(make_request(**changes))
+
+    faults = refused.value.errors()
+    assert [".".join(map(str, fault["loc"])) for fault in faults] == [field]
+    assert limit in faults[0]["msg"]
+
+
+def test_destinations_are_distinct_and_in_order() -> None:
+    packages = [
+        make_package("p1", 1.0, "c"),
+        make_package("p2", 2.0, "b"),
+        make_package("p3", 0, "c"),
+    ]
+
+    request = DeliveryRequest.model_validate(make_request(packages=packages))
+
+    assert request.destinations == ("c", "b")
+    assert request.payload_kg == 3.0
+
+
+@pytest.mark.parametrize(
+    ("choice", "is_admitted"),
+    [
+        ({}, True),
+        ({"pinned": "x"}, True),
+        ({"pinned": "y"}, False),
+        ({"allowed": ["y"]}, False),
+        ({"allowed": []}, False),
+        ({"denied": ["x"]}, False),
+    ],
+)
+def test_a_provider_is_admitted_as_chosen(choice: dict[str, Any], is_admitted: bool) -> None:
+    chosen = ProviderChoice.model_validate(choice)
+
+    assert chosen.admits(ProviderId("x")) is is_admitted
+
+
+def test_the_fastest_is_wanted_when_nothing_is_said() -> None:
+    ranking = QoS().ranking
+
+    assert (ranking.time, ranking.price, ranking.energy) == (1.0, 0.0, 0.0)
