@@ -8,6 +8,7 @@ from typing import Any, Never, Protocol, Self
 from skyway.contracts.drone_report import Connection
 from skyway.contracts.topic import Address
 from skyway.contracts.topics import CLOCK
+from skyway.contracts.world import ClockAnchor
 from skyway.runtime.errors import MqttUnavailable
 from skyway.runtime.loops import Loops
 from skyway.runtime.minting import Mint
@@ -66,7 +67,7 @@ class DroneAgent:
         self._vehicle = vehicle
         self._clock = clock
         self._mint = mint
-        self._recorder = FlightRecorder(journal, at_first=drone.at_first())
+        self._recorder = FlightRecorder(journal, drone_id=drone.drone_id, at_first=drone.at_first())
         self._recorder.begin_session(clock.wall_now())
         self._presence = Presence(
             clock,
@@ -76,23 +77,24 @@ class DroneAgent:
             mint=mint,
         )
         self._link = make_link(self._presence.last_will, self._connected)
-        self._inbox: Inbox | None = None
         self._watch: LinkWatch | None = None
         self._state: StateSender | None = None
 
     async def run(self) -> None:
         """Serve the drone; a leave on purpose is told to the cloud."""
         here = (self._drone.provider_id, self._drone.drone_id)
-        batches = self._link.batches(RAW_INSTRUCTIONS(*here), CLOCK())
+        anchors = self._link.batches(CLOCK())
+        instructions = self._link.batches(RAW_INSTRUCTIONS(*here))
         async with self._link, Loops() as loops:
-            loops.start("listen", self._listen(batches))
+            loops.start("clock", self._keep_time(anchors))
             try:
+                # Without fleet time nothing can be judged; what arrives meanwhile waits.
                 await self._clock.wait_known()
-                await self._fly(loops)
+                await self._fly(instructions, loops)
             finally:
                 await self._say_goodbye()
 
-    async def _fly(self, loops: Loops) -> Never:
+    async def _fly(self, instructions: AsyncIterator[list[Received[Any]]], loops: Loops) -> Never:
         """Everything that needs fleet time."""
         clock, recorder, vehicle = self._clock, self._recorder, self._vehicle
         uplink = Uplink(
@@ -108,29 +110,38 @@ class DroneAgent:
         watch = LinkWatch(self._link, clock, on_change=recorder.tell_watchers)
         state = StateSender(uplink, recorder, vehicle, clock)
         telemetry = TelemetrySender(uplink, recorder, vehicle, clock)
+        inbox = Inbox(recorder, clock, model=vehicle.model, answers=acks, events=events)
         pilot = Pilot(
             recorder, vehicle, clock, gates=lambda: self._gates(watch, acks), uplink=uplink
         )
         self._watch, self._state = watch, state
-        self._inbox = Inbox(recorder, clock, model=vehicle.model, answers=acks, events=events)
+        if self._link.is_connected:
+            await self._say_online()
         for part in (acks, events, watch, state, telemetry):
             loops.start(type(part).__name__, part.run())
+        loops.start("inbox", self._take(instructions, inbox))
         await pilot.run()
 
-    async def _listen(self, batches: AsyncIterator[list[Received[Any]]]) -> None:
+    async def _keep_time(self, batches: AsyncIterator[list[Received[ClockAnchor]]]) -> None:
+        async for batch in batches:
+            self._clock.keep(batch[-1].message)
+
+    async def _take(self, batches: AsyncIterator[list[Received[Any]]], inbox: Inbox) -> None:
         async for batch in batches:
             for received in batch:
-                if received.topic is CLOCK:
-                    self._clock.keep(received.message)
-                # Without a clock nothing can be judged: the cloud sends it again.
-                elif self._inbox is not None:
-                    self._inbox.take(received.message)
+                inbox.take(received.message)
 
     async def _connected(self) -> None:
-        await self._link.publish(self._presence.address, self._presence.online())
-        if self._watch is not None and self._state is not None:
-            self._watch.came_up()
-            self._state.send_anew()
+        """Be present, once instructions can be taken."""
+        if self._watch is None or self._state is None:
+            return
+        await self._say_online()
+        self._watch.came_up()
+        self._state.send_anew()
+
+    async def _say_online(self) -> None:
+        with contextlib.suppress(MqttUnavailable):
+            await self._link.publish(self._presence.address, self._presence.online())
 
     def _gates(self, watch: LinkWatch, acks: AckQueue) -> Gates:
         mission = self._recorder.logbook.mission

@@ -3,6 +3,7 @@
 import asyncio
 from datetime import datetime
 
+from skyway.ids import DroneId
 from skyway_drone_agent.journal import Journal
 from skyway_drone_agent.logbook import Logbook, logbook_after
 from skyway_drone_agent.records import Record
@@ -11,7 +12,8 @@ from skyway_drone_agent.records import Record
 class FlightRecorder:
     """The only writer of a drone's journal; `logbook` is always what the journal says."""
 
-    def __init__(self, journal: Journal, *, at_first: Logbook) -> None:
+    def __init__(self, journal: Journal, *, drone_id: DroneId, at_first: Logbook) -> None:
+        self.drone_id = drone_id
         self._journal = journal
         self._watchers: list[asyncio.Event] = []
         self.logbook = journal.read(at_first=at_first)

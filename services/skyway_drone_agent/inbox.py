@@ -87,7 +87,10 @@ class Inbox:
         try:
             envelope = _Envelope.model_validate(raw)
         except ValidationError:
-            log.warning("instruction without identity dropped")
+            log.warning(
+                "instruction without identity dropped",
+                extra={"drone_id": self._recorder.drone_id},
+            )
             return
         logbook = self._recorder.logbook
         expected_seq = 1
@@ -112,6 +115,7 @@ class Inbox:
         log.info(
             "instruction answered",
             extra={
+                "drone_id": self._recorder.drone_id,
                 "instruction_id": answer.instruction_id,
                 "status": answer.status,
                 "code": answer.code,

@@ -122,6 +122,7 @@ class Pilot:
         log.info(
             "drone event",
             extra={
+                "drone_id": self._recorder.drone_id,
                 "event_kind": event.event,
                 "mission_id": event.mission_id,
                 "step_id": event.step_id,

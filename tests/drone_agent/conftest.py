@@ -174,12 +174,14 @@ class FakeLink:
     def batches(
         self, *subscriptions: Topic[Any] | Address[Any]
     ) -> AsyncIterator[list[Received[Any]]]:
-        instructions = next(
-            one.topic
-            for one in subscriptions
-            if isinstance(one, Address) and one.topic.template == INSTRUCTIONS.template
-        )
-        return self._drain(instructions)
+        (address,) = subscriptions
+        assert isinstance(address, Address)
+        topic = address.topic
+        return self._drain(topic) if topic.template == INSTRUCTIONS.template else self._silence()
+
+    async def _silence(self) -> AsyncIterator[list[Received[Any]]]:
+        await asyncio.Event().wait()
+        yield []
 
     async def _drain(self, topic: Topic[Any]) -> AsyncIterator[list[Received[Any]]]:
         while True:

@@ -20,7 +20,9 @@ class Desk:
     def __init__(self, world: Any) -> None:
         self.world = world
         self.journal = MemoryJournal()
-        self.recorder = FlightRecorder(self.journal, at_first=world.drone.at_first())
+        self.recorder = FlightRecorder(
+            self.journal, drone_id=world.drone.drone_id, at_first=world.drone.at_first()
+        )
         self.received_ids: list[str] = []
         self.answers: list[Answer] = []
         self.resent_after: list[int] = []

@@ -13,7 +13,7 @@ from skyway_drone_agent.records import Answer, EventRecorded, InstructionAnswere
 
 from skyway.contracts.drone_report import DroneEvent
 from skyway.geo import Position
-from skyway.ids import InstructionId, StationId
+from skyway.ids import DroneId, InstructionId, StationId
 
 NOON = datetime(2026, 3, 1, 12, tzinfo=UTC)
 HOME = Logbook(station_id=StationId("home"), position=Position(-98.0, 30.0), soc=1.0)
@@ -136,9 +136,9 @@ def test_a_crash_while_compacting_leaves_the_old_journal(tmp_path: Path) -> None
 def test_a_session_is_above_the_last_one_and_above_the_wall_clock() -> None:
     journal: Any = MemoryJournal()
 
-    first = FlightRecorder(journal, at_first=HOME)
+    first = FlightRecorder(journal, drone_id=DroneId("drn_1"), at_first=HOME)
     first.begin_session(NOON)
-    second = FlightRecorder(journal, at_first=HOME)
+    second = FlightRecorder(journal, drone_id=DroneId("drn_1"), at_first=HOME)
     second.begin_session(NOON)
 
     assert first.logbook.session == int(NOON.timestamp())
