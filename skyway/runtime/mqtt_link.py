@@ -86,7 +86,7 @@ class MqttLink:
         paho.on_message = self._arrived
         paho.on_socket_open = lambda _c, _u, sock: self._loop.add_reader(sock, self._read)
         paho.on_socket_close = lambda _c, _u, sock: self._stop_reading(sock)
-        paho.on_socket_register_write = lambda _c, _u, _s: self._loop.call_soon(self._write)
+        paho.on_socket_register_write = lambda _c, _u, _s: self._write_soon()
         paho.on_socket_unregister_write = lambda _c, _u, sock: self._stop_watching_writes(sock)
         return paho
 
@@ -167,7 +167,7 @@ class MqttLink:
             self._acknowledged(_GREETING)
 
     def _arrived(self, _client: Client, _data: object, message: MQTTMessage) -> None:
-        self._on_message(message.topic, message.payload, message.retain)
+        self._on_message(message.topic, bytes(message.payload), message.retain)
 
     def _has_lost(self, reason: str) -> None:
         """Tell everyone who waits for this connection that no answer comes any more."""
@@ -186,6 +186,10 @@ class MqttLink:
         # What TLS has decrypted already never shows as readable again.
         while isinstance(sock, ssl.SSLSocket) and sock.fileno() != -1 and sock.pending():
             self._paho.loop_read()
+
+    def _write_soon(self) -> None:
+        """Write once the present callback is done: packets made together leave together."""
+        self._loop.call_soon(self._write)
 
     def _write(self) -> None:
         """Write at once; the selector is asked only when the socket takes no more."""
