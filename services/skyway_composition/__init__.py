@@ -1,0 +1,5 @@
+"""Composition: what is flown. It owns networks, reservations of pads and drones, and missions.
+
+Rooms: `networks` (versions of skyway networks), `pads` (who holds which pad when), `planning` (how
+a request could be flown: heavy, changes nothing), `missions` (booking a plan and flying it).
+"""

@@ -7,7 +7,7 @@ from pydantic import Field
 from skyway.contracts.candidate import Candidate, ProviderReason
 from skyway.contracts.message import FleetMoment, Soc
 from skyway.delivery.offer import Price
-from skyway.delivery.plan import Plan
+from skyway.delivery.plan import Plan, Recharge
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import (
     DeliveryId,
@@ -39,8 +39,9 @@ class Mission(WireModel):
     """A plan being flown: what a delivery shows of it, and what operators see.
 
     `plan` ends with the last delivery and counts seconds from `start_at`; `home_plan` takes the
-    empty drone home from there, counting from the end of `plan`; `released_at` is when the drone
-    is planned to be free again.
+    empty drone home from there, and `home_recharge` charges it there to the top, both counting from
+    the end of `plan`; `released_at` is when the drone is planned to be free again. All of these are
+    of the present revision: after a re-composition `plan` holds only what was left to deliver then.
     """
 
     mission_id: MissionId
@@ -58,6 +59,7 @@ class Mission(WireModel):
     packages: tuple[PackageEta, ...]
     plan: Plan
     home_plan: Plan | None = None
+    home_recharge: Recharge | None = None
 
 
 class BookMissions(WireModel):

@@ -1,0 +1,191 @@
+"""The one place where composition is put together."""
+
+import secrets
+from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack, asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from fastapi import FastAPI
+
+from skyway.runtime.clock import FleetClock, load_clock
+from skyway.runtime.database import Database
+from skyway.runtime.http import ServiceClient
+from skyway.runtime.http_app import Lifespan, Readiness, body_limits, create_app
+from skyway.runtime.identity import ServiceGate, ServiceIdentity, read_secret
+from skyway.runtime.loops import Loops, Wake, repeat
+from skyway.runtime.migrations import migrate
+from skyway.runtime.minting import Mint, mint
+from skyway.runtime.mqtt import MqttClient
+from skyway.runtime.outbox import MqttSender, ReportSender
+from skyway_composition.missions.book import Bookings
+from skyway_composition.missions.follow import Follower
+from skyway_composition.missions.overdue import Overdue
+from skyway_composition.missions.recompose import Recomposer
+from skyway_composition.missions.routes import mission_routes
+from skyway_composition.networks.announce import NetworkVersions
+from skyway_composition.networks.prepared import PreparedNetworks
+from skyway_composition.networks.routes import NETWORK_LIMIT_BYTES, network_routes
+from skyway_composition.pads.routes import pad_routes
+from skyway_composition.pads.station_states import StationStates
+from skyway_composition.planning.known_network import KnownNetworks
+from skyway_composition.planning.routes import COMPOSITION_LIMIT_BYTES, composition_routes
+from skyway_composition.planning.solver_pool import SolverPool
+from skyway_composition.settings import CompositionSettings
+from skyway_composition.tables import outbox
+
+SERVICE: Final = "composition"
+PACKAGE: Final = "skyway_composition"
+
+#: Seconds of wall time between two looks of a loop that nothing has woken.
+_LOOK_EVERY_S: Final = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """What the rooms are made of; `Wake`s tell one room's loop what another has done."""
+
+    db: Database
+    gate: ServiceGate
+    clock: FleetClock
+    mint: Mint
+    networks: PreparedNetworks
+    solver: SolverPool
+    pads_changed: Wake
+    published: Wake
+    stuck: Wake
+
+    @property
+    def bookings(self) -> Bookings:
+        """Books missions."""
+        return Bookings(
+            self.db, self.networks, self.solver, self.clock, self.mint, self.pads_changed
+        )
+
+
+def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> FastAPI:
+    """All rooms' routes on these parts, which the lifespan opens."""
+    db, gate, clock, networks = parts.db, parts.gate, parts.clock, parts.networks
+    known = KnownNetworks(db, networks, clock)
+    return create_app(
+        service=SERVICE,
+        title="Skyway composition",
+        description="What is flown: networks, pads, planning, missions.",
+        routers=[
+            network_routes(
+                db=db, gate=gate, networks=networks, clock=clock, published=parts.published
+            ),
+            pad_routes(db=db, gate=gate, clock=clock),
+            composition_routes(gate=gate, known=known, solver=parts.solver),
+            mission_routes(db=db, gate=gate, bookings=parts.bookings),
+        ],
+        lifespan=lifespan,
+        readiness=readiness,
+        body_limit=body_limits(
+            {
+                "PUT /v1/networks/{network_id}": NETWORK_LIMIT_BYTES,
+                "POST /v1/compositions": COMPOSITION_LIMIT_BYTES,
+            }
+        ),
+    )
+
+
+def build_app(settings: CompositionSettings) -> FastAPI:
+    """Composition as it runs; everything is opened by the app's lifespan."""
+    parts = _parts(settings)
+    replica = f"{SERVICE}-{secrets.token_hex(8)}"
+    identity = ServiceIdentity(SERVICE, settings.secrets_dir)
+    clients = {
+        "gateway": ServiceClient("gateway", settings.gateway_url, identity),
+        "registry": ServiceClient("registry", settings.registry_url, identity),
+    }
+
+    async def on_connected() -> None:
+        states.forget()
+        versions.forget()
+        parts.pads_changed.set()
+        parts.published.set()
+        await follower.ask_live_drones()
+
+    mqtt = MqttClient(
+        settings.mqtt_url,
+        client_id=replica,
+        user_name=SERVICE,
+        password=read_secret(settings.secrets_dir, f"mqtt_{SERVICE}"),
+        on_connected=on_connected,
+    )
+    states = StationStates(parts.db, mqtt, parts.clock, parts.mint)
+    versions = NetworkVersions(parts.db, mqtt, parts.clock, parts.mint)
+    follower = Follower(parts.db, mqtt, clock=parts.clock, mint=parts.mint, stuck=parts.stuck)
+    overdue = Overdue(parts.db, parts.clock, parts.mint, parts.pads_changed)
+    recomposer = Recomposer(
+        parts.db,
+        parts.networks,
+        parts.solver,
+        parts.clock,
+        parts.mint,
+        replica,
+        parts.pads_changed,
+    )
+
+    @asynccontextmanager
+    async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
+        await migrate(settings.database_url, PACKAGE)
+        async with AsyncExitStack() as opened:
+            await opened.enter_async_context(parts.db)
+            await opened.enter_async_context(parts.solver)
+            for client in clients.values():
+                await opened.enter_async_context(client)
+            await opened.enter_async_context(mqtt)
+            loops = await opened.enter_async_context(Loops())
+            loops.start("instructions", MqttSender(parts.db, mqtt, parts.clock).run())
+            loops.start("reports", ReportSender(parts.db, clients, parts.clock).run())
+            loops.start("follow", follower.run())
+            for name, step, wake in (
+                ("recompose", recomposer.step, parts.stuck),
+                ("overdue", overdue.step, Wake()),
+                ("station states", states.step, parts.pads_changed),
+                ("network versions", versions.step, parts.published),
+            ):
+                loops.start(name, repeat(name, step, every_s=_LOOK_EVERY_S, wake=wake))
+            yield
+
+    async def readiness() -> dict[str, bool]:
+        return {"database": await parts.db.is_answering(), "mqtt": mqtt.is_connected}
+
+    return composition_app(parts, lifespan=lifespan, readiness=readiness)
+
+
+def openapi_app() -> FastAPI:
+    """Composition's routes for its OpenAPI document; nothing in it can be opened."""
+    nowhere = Path("not-opened")
+    settings = CompositionSettings(
+        database_url=f"sqlite:///{nowhere}", mqtt_url="mqtt://not-opened", secrets_dir=nowhere
+    )
+
+    @asynccontextmanager
+    async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
+        yield
+
+    async def readiness() -> dict[str, bool]:
+        return {}
+
+    return composition_app(_parts(settings), lifespan=lifespan, readiness=readiness)
+
+
+def _parts(settings: CompositionSettings) -> Parts:
+    db = Database(settings.database_url, outbox=outbox)
+    return Parts(
+        db=db,
+        gate=ServiceGate(settings.secrets_dir, allowed=("gateway", "registry")),
+        clock=load_clock(settings.clock_file),
+        mint=mint,
+        networks=PreparedNetworks(db),
+        solver=SolverPool(
+            threads=settings.solver_threads, time_limit_s=settings.solver_time_limit_s
+        ),
+        pads_changed=Wake(),
+        published=Wake(),
+        stuck=Wake(),
+    )

@@ -1,0 +1,81 @@
+"""Sends instructions: numbered without gaps, kept, and handed to the outbox, in one transaction."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from datetime import datetime
+from functools import partial
+from typing import Final
+
+from skyway.contracts.instruction import (
+    CancelInstruction,
+    MissionInstruction,
+    ReportInstruction,
+)
+from skyway.contracts.topics import INSTRUCTIONS
+from skyway.ids import InstructionId
+from skyway.runtime.clock import FleetClock, fleet_margin
+from skyway.runtime.database import Tx
+from skyway.runtime.minting import Mint
+from skyway.runtime.outbox import confirm
+from skyway.units import moment_to_ms, ms_to_moment
+from skyway_composition.links import store
+from skyway_composition.links.link import DroneLink
+
+AnyInstruction = MissionInstruction | CancelInstruction | ReportInstruction
+
+#: Makes the instruction once its envelope is known: `functools.partial` of a model.
+Draft = Callable[..., AnyInstruction]
+
+#: A drone is asked for its missing events again after this much wall time.
+_ASK_AGAIN_MS: Final = 5_000
+
+
+@dataclass(frozen=True, slots=True)
+class Courier:
+    """Mints what every instruction carries; the link to the drone must be locked."""
+
+    clock: FleetClock
+    mint: Mint
+
+    def expiry(self) -> datetime:
+        """Until when an instruction sent now may be begun, in whole milliseconds."""
+        margin = fleet_margin(self.clock, fleet_s=60, wall_s=10)
+        return ms_to_moment(moment_to_ms(self.clock.now() + margin))
+
+    async def send(
+        self, tx: Tx, link: DroneLink, draft: Draft, *, expires_at: datetime
+    ) -> DroneLink:
+        """Send an instruction to the drone; the link's new state is kept, and answered."""
+        link = replace(link, stream=max(1, link.stream), last_seq=link.last_seq + 1)
+        instruction_id = InstructionId(self.mint("ins"))
+        instruction = draft(
+            message_id=instruction_id,
+            sent_at=self.clock.now(),
+            instruction_id=instruction_id,
+            stream=link.stream,
+            seq=link.last_seq,
+            events_confirmed_seq=link.last_event_seq,
+            expires_at=expires_at,
+        )
+        await store.save_link(tx, link)
+        await store.add_instruction(tx, link.drone_id, instruction)
+        address = INSTRUCTIONS(link.provider_id, link.drone_id)
+        tx.send(address, instruction, confirmed_by="receiver", stream=link.drone_id)
+        return link
+
+    async def ask_for_events(self, tx: Tx, link: DroneLink) -> DroneLink:
+        """Ask the drone for the events after the last one that we have, unless just asked."""
+        now_wall_ms = moment_to_ms(self.clock.wall_now())
+        if now_wall_ms - link.report_asked_wall_ms < _ASK_AGAIN_MS:
+            return link
+        link = replace(link, report_asked_wall_ms=now_wall_ms)
+        draft = partial(ReportInstruction, events_after_seq=link.last_event_seq)
+        return await self.send(tx, link, draft, expires_at=self.expiry())
+
+    async def withdraw_open(self, tx: Tx, link: DroneLink) -> list[store.SentInstruction]:
+        """Stop sending what the drone has not answered; what that was, in order."""
+        withdrawn = await store.open_instructions(tx, link.drone_id)
+        for instruction in withdrawn:
+            await confirm(tx, instruction.instruction_id)
+            await store.set_status(tx, instruction.instruction_id, "REISSUED")
+        return withdrawn

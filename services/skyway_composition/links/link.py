@@ -1,0 +1,77 @@
+"""What is known of a drone's link, and what follows from what it says."""
+
+from dataclasses import dataclass, replace
+
+from skyway.contracts.drone_report import Connection, DroneState
+from skyway.contracts.message import is_newer
+from skyway.ids import DroneId, ProviderId
+
+
+@dataclass(frozen=True, slots=True)
+class DroneLink:
+    """How far the talk with one drone has come.
+
+    `last_seq` counts our instructions in `stream` (0: none was ever sent), `last_event_seq` the
+    drone's events that we have. `acked_stream` is the last stream that the drone has shown to
+    know, in its session `acked_session`.
+    """
+
+    drone_id: DroneId
+    provider_id: ProviderId
+    stream: int = 0
+    last_seq: int = 0
+    acked_stream: int = 0
+    acked_session: int = 0
+    last_event_seq: int = 0
+    report_asked_wall_ms: int = 0
+    state: DroneState | None = None
+    connection: Connection | None = None
+
+    def hears_newer(self, state: DroneState) -> bool:
+        """Whether this state comes after the one that is known."""
+        known = None if self.state is None else (self.state.session, self.state.seq)
+        return is_newer((state.session, state.seq), known)
+
+    def connects_newer(self, connection: Connection) -> bool:
+        """Whether this connection comes after the known one.
+
+        ONLINE and LOST of one connection share their pair, because a last will is fixed before it
+        is known whether it will be needed: whatever follows ONLINE under the same pair counts.
+        """
+        known = self.connection
+        if known is None:
+            return True
+        pair = (connection.session, connection.connection_number)
+        known_pair = (known.session, known.connection_number)
+        return pair > known_pair or (pair == known_pair and known.status == "ONLINE")
+
+    def acked(self, stream: int, session: int) -> "DroneLink":
+        """The link once the drone has shown that it knows this stream."""
+        if stream != self.stream or stream <= 0:
+            return self
+        session = max(session, self.acked_session)
+        return replace(self, acked_stream=stream, acked_session=session)
+
+    def has_lost_its_order(self, state: DroneState) -> bool:
+        """Whether a new stream must be opened: the drone or we have forgotten the present one.
+
+        A drone that has shown our stream and, in a later session, an older one has lost its
+        journal. One that shows a later stream than ours was told so by a database we no longer
+        have.
+        """
+        forgot = state.stream < self.acked_stream and state.session > self.acked_session
+        return forgot or state.stream > self.stream
+
+    def in_new_stream(self, state: DroneState) -> "DroneLink":
+        """The link with a stream that neither side has used; events go on from what is known."""
+        return replace(
+            self,
+            stream=max(self.stream, state.stream) + 1,
+            last_seq=0,
+            last_event_seq=state.last_event_seq,
+        )
+
+    @property
+    def is_gone(self) -> bool:
+        """Whether the drone has left, or is known to be out of reach."""
+        return self.connection is not None and self.connection.status in ("LOST", "OFFLINE")

@@ -1,0 +1,172 @@
+"""All SQL of the links: how far the talk with each drone is, and what was sent to it."""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy import Row, insert, select, update
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from skyway.contracts.drone_report import Connection, DroneState
+from skyway.contracts.instruction import (
+    CancelInstruction,
+    MissionInstruction,
+    ReportInstruction,
+)
+from skyway.ids import DroneId, InstructionId, MissionId, ProviderId
+from skyway.runtime.database import Tx
+from skyway_composition.links.link import DroneLink
+from skyway_composition.tables import drone_links, instructions
+
+#: What the drone has not finally answered.
+_OPEN = ("SENT", "RECEIVED")
+
+
+@dataclass(frozen=True, slots=True)
+class SentInstruction:
+    """An instruction as it was sent, and how far its answer is."""
+
+    instruction_id: InstructionId
+    kind: str
+    mission_id: MissionId | None
+    mission_revision: int | None
+    status: str
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the drone has still to answer finally."""
+        return self.status in _OPEN
+
+
+async def lock_link(tx: Tx, drone_id: DroneId, provider_id: ProviderId) -> DroneLink:
+    """The link to a drone, begun if there was none; nobody else changes it meanwhile."""
+    await _begin(tx, drone_id, provider_id)
+    return (await lock_links(tx, [drone_id]))[drone_id]
+
+
+async def lock_links(tx: Tx, drone_ids: Collection[DroneId]) -> dict[DroneId, DroneLink]:
+    """The links to those of these drones that are known."""
+    found = await tx.execute(
+        select(drone_links)
+        .where(drone_links.c.drone_id.in_(sorted(drone_ids)))
+        .order_by(drone_links.c.drone_id)
+        .with_for_update()
+    )
+    return {row.drone_id: _link(row) for row in found}
+
+
+async def link_to(connection: AsyncConnection, drone_id: DroneId) -> DroneLink | None:
+    """The link to a drone, as it is now."""
+    found = await connection.execute(select(drone_links).where(drone_links.c.drone_id == drone_id))
+    row = found.one_or_none()
+    return None if row is None else _link(row)
+
+
+async def save_link(tx: Tx, link: DroneLink) -> None:
+    """Keep a link that is locked."""
+    values = {
+        "provider_id": link.provider_id,
+        "stream": link.stream,
+        "last_seq": link.last_seq,
+        "acked_stream": link.acked_stream,
+        "acked_session": link.acked_session,
+        "last_event_seq": link.last_event_seq,
+        "report_asked_wall_ms": link.report_asked_wall_ms,
+        "state": None if link.state is None else link.state.model_dump_json(),
+        "connection": None if link.connection is None else link.connection.model_dump_json(),
+    }
+    await tx.execute(
+        update(drone_links).where(drone_links.c.drone_id == link.drone_id).values(values)
+    )
+
+
+async def add_instruction(
+    tx: Tx,
+    drone_id: DroneId,
+    instruction: MissionInstruction | CancelInstruction | ReportInstruction,
+) -> None:
+    """Keep an instruction that is being sent."""
+    await tx.execute(
+        insert(instructions).values(
+            instruction_id=instruction.instruction_id,
+            drone_id=drone_id,
+            stream=instruction.stream,
+            seq=instruction.seq,
+            kind=instruction.kind,
+            mission_id=instruction.mission_id,
+            mission_revision=instruction.mission_revision,
+            status="SENT",
+            body=instruction.model_dump_json(),
+        )
+    )
+
+
+async def instruction(
+    tx: Tx, drone_id: DroneId, instruction_id: InstructionId
+) -> SentInstruction | None:
+    """An instruction that was sent to this drone."""
+    found = await tx.execute(
+        select(instructions).where(
+            instructions.c.instruction_id == instruction_id, instructions.c.drone_id == drone_id
+        )
+    )
+    row = found.one_or_none()
+    return None if row is None else _sent(row)
+
+
+async def open_instructions(tx: Tx, drone_id: DroneId) -> list[SentInstruction]:
+    """What this drone has not finally answered, in the order of sending."""
+    found = await tx.execute(
+        select(instructions)
+        .where(instructions.c.drone_id == drone_id, instructions.c.status.in_(_OPEN))
+        .order_by(instructions.c.stream, instructions.c.seq)
+    )
+    return [_sent(row) for row in found]
+
+
+async def set_status(tx: Tx, instruction_id: InstructionId, status: str) -> None:
+    """Note how far the drone's answer is."""
+    await tx.execute(
+        update(instructions)
+        .where(instructions.c.instruction_id == instruction_id)
+        .values(status=status)
+    )
+
+
+async def _begin(tx: Tx, drone_id: DroneId, provider_id: ProviderId) -> None:
+    fresh = DroneLink(drone_id, provider_id)
+    await tx.execute(
+        tx.insert(drone_links)
+        .values(
+            drone_id=drone_id,
+            provider_id=provider_id,
+            stream=fresh.stream,
+            last_seq=fresh.last_seq,
+            acked_stream=fresh.acked_stream,
+            acked_session=fresh.acked_session,
+            last_event_seq=fresh.last_event_seq,
+            report_asked_wall_ms=fresh.report_asked_wall_ms,
+        )
+        .on_conflict_do_nothing()
+    )
+
+
+def _link(row: Row[Any]) -> DroneLink:  # a row of drone_links
+    return DroneLink(
+        drone_id=row.drone_id,
+        provider_id=row.provider_id,
+        stream=row.stream,
+        last_seq=row.last_seq,
+        acked_stream=row.acked_stream,
+        acked_session=row.acked_session,
+        last_event_seq=row.last_event_seq,
+        report_asked_wall_ms=row.report_asked_wall_ms,
+        state=None if row.state is None else DroneState.read(row.state),
+        connection=None if row.connection is None else Connection.read(row.connection),
+    )
+
+
+def _sent(row: Row[Any]) -> SentInstruction:  # a row of instructions
+    return SentInstruction(
+        row.instruction_id, row.kind, row.mission_id, row.mission_revision, row.status
+    )

@@ -1,0 +1,1 @@
+"""Missions: booked in one transaction, sent to a drone, followed to their end."""

@@ -1,0 +1,72 @@
+"""The drone's answer to an instruction: it counts once, and ends the repeating."""
+
+import logging
+from functools import partial
+
+from skyway.contracts.drone_report import Ack, RefusalCode
+from skyway.contracts.instruction import CancelInstruction
+from skyway.runtime.outbox import confirm
+from skyway_composition.links import store as link_store
+from skyway_composition.links.link import DroneLink
+from skyway_composition.links.store import SentInstruction
+from skyway_composition.missions.ending import refuse
+from skyway_composition.missions.progress import accepted, wait_for_revision
+from skyway_composition.missions.watch import Watch
+
+log = logging.getLogger(__name__)
+
+
+async def take_ack(watch: Watch, link: DroneLink, ack: Ack) -> None:
+    """RECEIVED is noted; ACCEPTED and REJECTED are final."""
+    sent = await link_store.instruction(watch.tx, link.drone_id, ack.instruction_id)
+    if sent is None:
+        return
+    link = link.acked(ack.stream, ack.session)
+    await watch.keep_link(link)
+    if not sent.is_open or ack.code is RefusalCode.SEQUENCE_GAP:
+        # After a gap the outbox repeats from the instruction that the drone lacks.
+        return
+    await link_store.set_status(watch.tx, sent.instruction_id, ack.status)
+    if ack.status == "RECEIVED":
+        return
+    await confirm(watch.tx, sent.instruction_id)
+    if sent.kind == "MISSION" and ack.status == "ACCEPTED":
+        await _take_acceptance(watch, link, sent)
+    elif sent.kind == "MISSION":
+        await _take_refusal(watch, link, sent, ack)
+
+
+async def _take_acceptance(watch: Watch, link: DroneLink, sent: SentInstruction) -> None:
+    record = watch.missions.get(link.drone_id)
+    if record is not None and record.mission_id == sent.mission_id:
+        await watch.keep(accepted(watch, record))
+        return
+    # The mission was given up before the drone's word came: the drone must not fly it.
+    log.warning("late acceptance", extra={"mission_id": sent.mission_id})
+    draft = partial(
+        CancelInstruction,
+        mission_id=sent.mission_id,
+        mission_revision=sent.mission_revision,
+        reason="the mission was given up before it was accepted",
+    )
+    watch.links[link.drone_id] = await watch.courier.send(
+        watch.tx, link, draft, expires_at=watch.courier.expiry()
+    )
+
+
+async def _take_refusal(watch: Watch, link: DroneLink, sent: SentInstruction, ack: Ack) -> None:
+    record = watch.missions.get(link.drone_id)
+    is_current = (
+        record is not None
+        and record.mission_id == sent.mission_id
+        and record.mission.revision == sent.mission_revision
+    )
+    if record is None or not is_current:
+        return
+    code = ack.code or RefusalCode.MALFORMED
+    if record.mission.state == "BOOKED":
+        await refuse(watch, record, code=code, detail=ack.detail)
+    else:
+        await wait_for_revision(
+            watch, record, code=code, detail=ack.detail or "the drone refused the revision"
+        )

@@ -1,0 +1,44 @@
+"""Who holds each package: a chain from the pickup station to the recipient, never rewritten."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+from skyway.ids import PackageId
+
+CustodianKind = Literal["STATION", "DRONE", "RECIPIENT"]
+
+
+@dataclass(frozen=True, slots=True)
+class Custodian:
+    """Who holds a package: a station or a drone by its id, or the recipient at a station."""
+
+    kind: CustodianKind
+    custodian_id: str
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """The newest link of a package's chain."""
+
+    package_id: PackageId
+    seq: int
+    custodian: Custodian
+
+
+def may_pass(held: Held | None, to: Custodian) -> bool:
+    """Whether a package may go on to this custodian: never from the recipient, nor to itself."""
+    return held is None or (held.custodian.kind != "RECIPIENT" and held.custodian != to)
+
+
+def on_board(held: dict[PackageId, Held]) -> frozenset[PackageId]:
+    """The packages that a drone holds."""
+    return _held_by(held, "DRONE")
+
+
+def delivered(held: dict[PackageId, Held]) -> frozenset[PackageId]:
+    """The packages that their recipients have."""
+    return _held_by(held, "RECIPIENT")
+
+
+def _held_by(held: dict[PackageId, Held], kind: CustodianKind) -> frozenset[PackageId]:
+    return frozenset(each.package_id for each in held.values() if each.custodian.kind == kind)

@@ -1,0 +1,54 @@
+"""Sending a mission's steps to its drone: first, as a new revision, or again in a new stream."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from datetime import datetime
+from functools import partial
+
+from skyway.contracts.flight_step import FlightStep
+from skyway.contracts.instruction import MissionInstruction
+from skyway.contracts.mission import Mission
+from skyway.runtime.database import Tx
+from skyway.units import moment_to_ms
+from skyway_composition.links.courier import Courier
+from skyway_composition.links.link import DroneLink
+from skyway_composition.missions import store
+from skyway_composition.missions.record import MissionRecord
+from skyway_composition.missions.watch import Watch
+
+
+async def dispatch(
+    tx: Tx,
+    courier: Courier,
+    link: DroneLink,
+    *,
+    mission: Mission,
+    steps: Sequence[FlightStep],
+    expires_at: datetime,
+) -> DroneLink:
+    """Send these steps as the mission's present revision."""
+    draft = partial(
+        MissionInstruction,
+        mission_id=mission.mission_id,
+        mission_revision=mission.revision,
+        delivery_id=mission.delivery_id,
+        first_step=steps[0].step_id,
+        steps=tuple(steps),
+    )
+    return await courier.send(tx, link, draft, expires_at=expires_at)
+
+
+async def reissue(watch: Watch, record: MissionRecord) -> None:
+    """Send a mission that was not answered once more, in the link's new stream."""
+    known = await store.steps_of(watch.tx.connection, record.mission_id)
+    steps = [each.step for each in known if each.status == "PLANNED"]
+    expires_at = watch.courier.expiry()
+    watch.links[record.drone_id] = await dispatch(
+        watch.tx,
+        watch.courier,
+        watch.links[record.drone_id],
+        mission=record.mission,
+        steps=steps,
+        expires_at=expires_at,
+    )
+    await watch.keep(replace(record, expires_ms=moment_to_ms(expires_at)))

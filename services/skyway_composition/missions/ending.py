@@ -1,0 +1,98 @@
+"""The end of a mission: drone and pads are free in the same transaction (I3)."""
+
+from dataclasses import replace
+from datetime import datetime
+
+from skyway.contracts.mission import MissionState
+from skyway.ids import PackageId, StationId
+from skyway.units import moment_to_ms
+from skyway_composition.missions import store
+from skyway_composition.missions.custody import Custodian, Held, on_board
+from skyway_composition.missions.record import MissionRecord
+from skyway_composition.missions.report import report
+from skyway_composition.missions.states import moved
+from skyway_composition.missions.totals import flown_totals
+from skyway_composition.missions.watch import Watch
+from skyway_composition.pads.store import free
+
+
+async def refuse(watch: Watch, record: MissionRecord, *, code: str, detail: str | None) -> None:
+    """End a mission that its drone will not fly."""
+    record = replace(moved(record, "REFUSED"), stuck=None)
+    await free(watch.tx, record.mission_id)
+    record = report(
+        watch.tx,
+        record,
+        "REFUSED",
+        at=watch.clock.now(),
+        mint=watch.mint,
+        code=code,
+        detail=detail,
+    )
+    await watch.keep(record)
+
+
+async def complete(watch: Watch, record: MissionRecord, *, at: datetime) -> None:
+    """End a mission whose packages are all delivered and whose drone is home."""
+    await _end(watch, record, "COMPLETED", at=at, code=None, detail=None, station_id=None)
+
+
+async def abort(
+    watch: Watch,
+    record: MissionRecord,
+    *,
+    at: datetime,
+    code: str,
+    detail: str | None,
+) -> None:
+    """End a mission that cannot go on; packages on board are stranded where the drone stands."""
+    if record.mission.state == "BOOKED":
+        await refuse(watch, record, code=code, detail=detail)
+        return
+    station_id = None if record.stuck is None else record.stuck.station_id
+    link = watch.links.get(record.drone_id)
+    if station_id is None and link is not None and link.state is not None:
+        station_id = link.state.station_id
+    await _end(watch, record, "ABORTED", at=at, code=code, detail=detail, station_id=station_id)
+
+
+async def _end(
+    watch: Watch,
+    record: MissionRecord,
+    state: MissionState,
+    *,
+    at: datetime,
+    code: str | None,
+    detail: str | None,
+    station_id: StationId | None,
+) -> None:
+    stranded = await _strand(watch, record, at=at, station_id=station_id)
+    record = replace(moved(record, state), stuck=None)
+    await free(watch.tx, record.mission_id)
+    steps = await store.steps_of(watch.tx.connection, record.mission_id)
+    record = report(
+        watch.tx,
+        record,
+        "ENDED",
+        at=at,
+        mint=watch.mint,
+        code=code,
+        detail=detail,
+        station_id=station_id,
+        stranded_package_ids=stranded,
+        data={"flown": flown_totals(steps)},
+    )
+    await watch.keep(record)
+
+
+async def _strand(
+    watch: Watch, record: MissionRecord, *, at: datetime, station_id: StationId | None
+) -> tuple[PackageId, ...]:
+    """The packages left on board; where the station is known, it holds them from now on."""
+    held = await store.held_packages(watch.tx.connection, record.mission.delivery_id)
+    stranded = sorted(on_board(held))
+    if station_id is not None:
+        station = Custodian("STATION", station_id)
+        rows = [Held(each, held[each].seq + 1, station) for each in stranded]
+        await store.add_custody(watch.tx, record, rows, at_ms=moment_to_ms(at))
+    return tuple(stranded)

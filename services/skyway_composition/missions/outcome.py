@@ -1,0 +1,43 @@
+"""What a booking answers when there is no mission: busy for now, or never."""
+
+from collections.abc import Iterable
+
+from skyway.contracts.candidate import ProviderReason, ProviderReasonCode
+from skyway.contracts.mission import Booking, BookMissions
+
+
+def without_offer(wanted: BookMissions, reasons: tuple[ProviderReason, ...]) -> Booking:
+    """BUSY while something may still change, else INFEASIBLE.
+
+    Without candidates nothing is known here; the registry's reasons tell the gateway.
+    """
+    may_change = not wanted.candidates or any(reason.is_temporary for reason in reasons)
+    return Booking(outcome="BUSY" if may_change else "INFEASIBLE", reasons=reasons)
+
+
+def pickup_unknown(wanted: BookMissions) -> Booking:
+    """INFEASIBLE: the pickup station is in no network."""
+    detail = f"pickup station {wanted.request.pickup.station_id!r} is in no network"
+    reasons = _for_all(wanted, "DESTINATION_UNREACHABLE", detail, is_temporary=False)
+    return Booking(outcome="INFEASIBLE", reasons=tuple(reasons))
+
+
+def all_taken(wanted: BookMissions, reasons: tuple[ProviderReason, ...]) -> Booking:
+    """BUSY: others were faster in every round."""
+    told = {reason.provider_id for reason in reasons}
+    detail = "others took its drones or their pads meanwhile"
+    taken = [
+        reason
+        for reason in _for_all(wanted, "TAKEN", detail, is_temporary=True)
+        if reason.provider_id not in told
+    ]
+    return Booking(outcome="BUSY", reasons=(*reasons, *taken))
+
+
+def _for_all(
+    wanted: BookMissions, code: ProviderReasonCode, detail: str, *, is_temporary: bool
+) -> Iterable[ProviderReason]:
+    for provider_id in dict.fromkeys(each.provider_id for each in wanted.candidates):
+        yield ProviderReason(
+            provider_id=provider_id, code=code, detail=detail, is_temporary=is_temporary
+        )

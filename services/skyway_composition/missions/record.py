@@ -1,0 +1,60 @@
+"""A mission as composition keeps it: what the world sees of it, and what only we need."""
+
+from dataclasses import dataclass, replace
+
+from skyway.contracts.candidate import Candidate
+from skyway.contracts.message import Soc
+from skyway.contracts.mission import LIVE_MISSION_STATES, Mission, MissionState
+from skyway.delivery.request import DeliveryRequest, Package
+from skyway.ids import DroneId, MissionId, NetworkId, StationId
+from skyway.json_model import JsonModel
+
+
+class Stuck(JsonModel):
+    """Why a drone waits for a new revision, and from where it could go on.
+
+    New steps are numbered after `last_step`, which the drone has released.
+    """
+
+    code: str
+    detail: str
+    station_id: StationId
+    soc: Soc
+    last_step: int
+
+
+@dataclass(frozen=True, slots=True)
+class MissionRecord:
+    """A mission with its request, the drone as it was booked, and what was reported so far."""
+
+    mission: Mission
+    network_id: NetworkId
+    request: DeliveryRequest
+    candidate: Candidate
+    expires_ms: int
+    report_seq: int = 0
+    told: str | None = None
+    stuck: Stuck | None = None
+
+    @property
+    def mission_id(self) -> MissionId:
+        """The mission's id."""
+        return self.mission.mission_id
+
+    @property
+    def drone_id(self) -> DroneId:
+        """The drone that flies it."""
+        return self.mission.drone_id
+
+    @property
+    def is_live(self) -> bool:
+        """Whether the drone and pads are held for it."""
+        return self.mission.state in LIVE_MISSION_STATES
+
+    def packages(self, package_ids: frozenset[str]) -> tuple[Package, ...]:
+        """Those packages of the request, in its order."""
+        return tuple(each for each in self.request.packages if each.package_id in package_ids)
+
+    def moved_to(self, state: MissionState) -> "MissionRecord":
+        """The record in another state of its mission; `states` says which are allowed."""
+        return replace(self, mission=self.mission.model_copy(update={"state": state}))

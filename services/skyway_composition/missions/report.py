@@ -1,0 +1,44 @@
+"""Mission reports: what the gateway and the registry are told, in order per mission."""
+
+from dataclasses import replace
+from datetime import datetime
+from typing import Any, Final
+
+from skyway.contracts.mission import MissionReport
+from skyway.runtime.database import Tx
+from skyway.runtime.minting import Mint
+from skyway_composition.missions.record import MissionRecord
+
+_PATH: Final = "/internal/mission-reports"
+
+
+def report(
+    tx: Tx,
+    record: MissionRecord,
+    kind: str,
+    *,
+    at: datetime,
+    mint: Mint,
+    **fields: Any,  # the members of MissionReport that this kind carries, checked by the model
+) -> MissionRecord:
+    """The record after one more thing was told of its mission; the caller saves it."""
+    mission = record.mission
+    told = MissionReport.model_validate(
+        {
+            "report_id": mint("rpt"),
+            "delivery_id": mission.delivery_id,
+            "attempt": mission.attempt,
+            "trip": mission.trip,
+            "mission_id": mission.mission_id,
+            "provider_id": mission.provider_id,
+            "drone_id": mission.drone_id,
+            "seq": record.report_seq + 1,
+            "kind": kind,
+            "at": at,
+            "mission_state": mission.state,
+            **fields,
+        }
+    )
+    for service in ("gateway", "registry"):
+        tx.report(service, _PATH, told, stream=mission.mission_id)
+    return replace(record, report_seq=told.seq)

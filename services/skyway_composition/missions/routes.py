@@ -1,0 +1,138 @@
+"""Missions over REST: the gateway books them, operators and providers see them."""
+
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter, Depends, Query
+from pydantic import Field
+
+from skyway.contracts.drone_report import Connection, DroneEvent, DroneState
+from skyway.contracts.flight_step import FlightStep
+from skyway.contracts.mission import (
+    Booking,
+    BookMissions,
+    ClosedDelivery,
+    Mission,
+    MissionState,
+)
+from skyway.ids import DeliveryId, DroneId, MissionId, ProviderId
+from skyway.json_model import JsonModel
+from skyway.runtime.database import Database
+from skyway.runtime.errors import NotFound
+from skyway.runtime.http_app import internal_body
+from skyway.runtime.identity import Caller, ServiceGate
+from skyway.runtime.paging import Page, PageQuery, page_of
+from skyway_composition.links.store import link_to
+from skyway_composition.missions import store
+from skyway_composition.missions.book import Bookings
+from skyway_composition.missions.store import MissionFilter
+from skyway_composition.missions.totals import flown_totals
+
+
+class MissionQuery(PageQuery):
+    """Which missions a list shows."""
+
+    state: MissionState | None = None
+    delivery_id: Annotated[str | None, Field(max_length=64)] = None
+    drone_id: Annotated[str | None, Field(max_length=64)] = None
+
+
+class StepProgress(JsonModel):
+    """A step as it was sent to the drone, and the event that ended it."""
+
+    step: FlightStep
+    revision: int
+    status: Literal["PLANNED", "ENDED", "FAILED"]
+    event: DroneEvent | None
+
+
+class MissionProgress(JsonModel):
+    """A mission with its steps so far, and what the drone last said of itself."""
+
+    mission: Mission
+    steps: tuple[StepProgress, ...]
+    flown: dict[str, float]
+    waits_for_revision: dict[str, Any] | None  # code, detail, station_id and soc
+    drone_state: DroneState | None
+    drone_connection: Connection | None
+
+
+def mission_routes(*, db: Database, gate: ServiceGate, bookings: Bookings) -> APIRouter:
+    """/v1/missions, and the gateway's PUTs under /internal/deliveries."""
+    router = APIRouter(tags=["missions"])
+
+    @router.put("/internal/deliveries/{delivery_id}/missions")
+    async def put_missions(
+        delivery_id: DeliveryId,
+        caller: Annotated[Caller, Depends(gate)],
+        wanted: Annotated[BookMissions, Depends(internal_body(BookMissions))],
+    ) -> Booking:
+        """Book the best offer; the same attempt again answers the same missions."""
+        caller.must_be("service")
+        return await bookings.book(delivery_id, wanted)
+
+    @router.put("/internal/deliveries/{delivery_id}/closed")
+    async def put_closed(
+        delivery_id: DeliveryId, caller: Annotated[Caller, Depends(gate)]
+    ) -> ClosedDelivery:
+        """Book nothing more for a delivery, unless something is booked already."""
+        caller.must_be("service")
+        return await bookings.close(delivery_id)
+
+    @router.get("/v1/missions")
+    async def list_missions(
+        caller: Annotated[Caller, Depends(gate)], query: Annotated[MissionQuery, Query()]
+    ) -> Page[Mission]:
+        """Missions, the newest first: all for operators, its own for a provider."""
+        shown = MissionFilter(
+            provider_id=_own(caller),
+            state=query.state,
+            delivery_id=query.delivery_id,
+            drone_id=query.drone_id,
+        )
+        after = query.after(str)
+        async with db.read() as connection:
+            rows = await store.page(
+                connection,
+                shown,
+                before=str(after[0]) if after else None,
+                limit=query.limit + 1,
+            )
+        return page_of(
+            rows,
+            query,
+            item=lambda record: record.mission,
+            sort_key=lambda record: (record.mission_id,),
+        )
+
+    @router.get("/v1/missions/{mission_id}")
+    async def get_mission(
+        mission_id: MissionId, caller: Annotated[Caller, Depends(gate)]
+    ) -> MissionProgress:
+        """A mission with its progress."""
+        async with db.read() as connection:
+            record = await store.get(connection, mission_id, provider_id=_own(caller))
+            if record is None:
+                raise NotFound("mission", mission_id)
+            steps = await store.steps_of(connection, mission_id)
+            link = await link_to(connection, DroneId(record.drone_id))
+        return MissionProgress(
+            mission=record.mission,
+            steps=tuple(
+                StepProgress(
+                    step=each.step, revision=each.revision, status=each.status, event=each.event
+                )
+                for each in steps
+            ),
+            flown=flown_totals(steps),
+            waits_for_revision=None if record.stuck is None else record.stuck.model_dump(),
+            drone_state=None if link is None else link.state,
+            drone_connection=None if link is None else link.connection,
+        )
+
+    return router
+
+
+def _own(caller: Caller) -> ProviderId | None:
+    """The provider whose missions the caller may see; None for operators, who see all."""
+    caller.must_be("operator", "provider")
+    return None if caller.role == "operator" else ProviderId(caller.subject_id)

@@ -1,0 +1,87 @@
+"""States: the drone's own picture of its progress, which shows what messages were missed."""
+
+import logging
+from dataclasses import replace
+from typing import Final
+
+from skyway.contracts.drone_report import DroneState
+from skyway_composition.links.link import DroneLink
+from skyway_composition.missions import store
+from skyway_composition.missions.custody import on_board
+from skyway_composition.missions.dispatch import reissue
+from skyway_composition.missions.progress import begun, wait_for_revision
+from skyway_composition.missions.record import MissionRecord
+from skyway_composition.missions.report import report
+from skyway_composition.missions.watch import Watch
+
+log = logging.getLogger(__name__)
+
+#: What a customer is shown; loading is told by reports of its own.
+_TOLD_ACTIVITIES: Final = ("FLYING", "WAITING", "RECHARGING", "DELIVERING")
+#: A drone doing this for a mission has begun it.
+_BEGUN_ACTIVITIES: Final = ("LOADING", "FLYING", "RECHARGING", "DELIVERING")
+
+
+async def take_state(watch: Watch, link: DroneLink, state: DroneState) -> None:
+    """Take a newer state; see whether the drone lost its journal, or we lost its events."""
+    if not link.hears_newer(state):
+        return
+    must_open_stream = link.has_lost_its_order(state)
+    link = replace(link, state=state)
+    if state.stream == link.stream:
+        link = link.acked(state.stream, state.session)
+    elif link.acked_stream < link.stream:
+        # It has not taken anything of ours yet, so none of its past events is about us.
+        link = replace(link, last_event_seq=state.last_event_seq)
+    if must_open_stream:
+        await _open_stream(watch, link, state)
+        return
+    await watch.keep_link(link)
+    if state.stream == link.stream and state.last_event_seq > link.last_event_seq:
+        watch.links[link.drone_id] = await watch.courier.ask_for_events(watch.tx, link)
+    record = watch.missions.get(link.drone_id)
+    if record is not None and state.mission_id == record.mission_id:
+        await _take_progress(watch, record, state)
+
+
+async def _open_stream(watch: Watch, link: DroneLink, state: DroneState) -> None:
+    """Begin a new order of instructions; what was not answered in the old one is sent anew."""
+    log.warning(
+        "new stream", extra={"drone_id": link.drone_id, "stream": link.in_new_stream(state).stream}
+    )
+    await watch.courier.withdraw_open(watch.tx, link)
+    await watch.keep_link(link.in_new_stream(state))
+    record = watch.missions.get(link.drone_id)
+    if record is None:
+        return
+    if record.mission.state == "BOOKED":
+        await reissue(watch, record)
+    else:
+        detail = "the drone has lost its journal and with it the mission"
+        await wait_for_revision(watch, record, code="JOURNAL_LOST", detail=detail)
+
+
+async def _take_progress(watch: Watch, record: MissionRecord, state: DroneState) -> None:
+    if state.step_id is not None and state.activity in _BEGUN_ACTIVITIES:
+        record = begun(watch, record, at=state.at)
+    await watch.keep(await _told_activity(watch, record, state))
+
+
+async def _told_activity(watch: Watch, record: MissionRecord, state: DroneState) -> MissionRecord:
+    """The record once the customer is told what the drone does with the packages, if it changed."""
+    doing = f"{state.activity} {state.station_id or ''}"
+    if state.activity not in _TOLD_ACTIVITIES or doing == record.told:
+        return record
+    held = await store.held_packages(watch.tx.connection, record.mission.delivery_id)
+    if not on_board(held):
+        return record
+    return report(
+        watch.tx,
+        replace(record, told=doing),
+        "ACTIVITY",
+        at=state.at,
+        mint=watch.mint,
+        activity=state.activity,
+        station_id=state.station_id,
+        soc=state.soc,
+    )

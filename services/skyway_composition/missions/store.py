@@ -1,0 +1,347 @@
+"""All SQL of the missions: their records, steps and custody."""
+
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy import Row, and_, delete, insert, or_, select, update
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from skyway.contracts.candidate import Candidate
+from skyway.contracts.drone_report import DroneEvent
+from skyway.contracts.flight_step import FlightStep
+from skyway.contracts.mission import LIVE_MISSION_STATES, Mission
+from skyway.delivery.request import DeliveryRequest
+from skyway.ids import DeliveryId, DroneId, MissionId, PackageId, ProviderId
+from skyway.runtime.claims import FREE, claim
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.database import Database, Tx
+from skyway.units import moment_to_ms
+from skyway_composition.missions.custody import Custodian, Held
+from skyway_composition.missions.record import MissionRecord, Stuck
+from skyway_composition.missions.step_record import StepRecord, read_step
+from skyway_composition.tables import custody, deliveries, mission_steps, missions
+
+
+@dataclass(frozen=True, slots=True)
+class MissionFilter:
+    """Which missions a list shows; `provider_id` is the caller's own, None for operators."""
+
+    provider_id: ProviderId | None = None
+    state: str | None = None
+    delivery_id: str | None = None
+    drone_id: str | None = None
+
+
+async def lock_delivery(tx: Tx, delivery_id: DeliveryId) -> int | None:
+    """When the delivery was closed, None while it is open; others who ask wait for this one."""
+    await tx.execute(tx.insert(deliveries).values(delivery_id=delivery_id).on_conflict_do_nothing())
+    found = await tx.execute(
+        select(deliveries.c.closed_ms)
+        .where(deliveries.c.delivery_id == delivery_id)
+        .with_for_update()
+    )
+    closed_ms: int | None = found.scalar_one()
+    return closed_ms
+
+
+async def close_delivery(tx: Tx, delivery_id: DeliveryId, now_ms: int) -> None:
+    """Write the tombstone: nothing is booked for this delivery any more."""
+    await tx.execute(
+        update(deliveries).where(deliveries.c.delivery_id == delivery_id).values(closed_ms=now_ms)
+    )
+
+
+async def missions_of(
+    connection: AsyncConnection, delivery_id: DeliveryId, *, attempt: int
+) -> tuple[Mission, ...]:
+    """The missions that were booked for this attempt, in the order of their trips."""
+    found = await connection.execute(
+        select(missions)
+        .where(missions.c.delivery_id == delivery_id, missions.c.attempt == attempt)
+        .order_by(missions.c.trip)
+    )
+    return tuple(_record(row).mission for row in found)
+
+
+async def live_missions_of(
+    connection: AsyncConnection, delivery_id: DeliveryId
+) -> tuple[Mission, ...]:
+    """The missions that are under way for a delivery, or ended without refusing it."""
+    found = await connection.execute(
+        select(missions)
+        .where(missions.c.delivery_id == delivery_id, missions.c.state != "REFUSED")
+        .order_by(missions.c.attempt, missions.c.trip)
+    )
+    return tuple(_record(row).mission for row in found)
+
+
+async def busy_among(
+    connection: AsyncConnection, drone_ids: Collection[DroneId]
+) -> frozenset[DroneId]:
+    """Those of these drones that are on a mission."""
+    found = await connection.execute(
+        select(missions.c.drone_id).where(
+            missions.c.drone_id.in_(drone_ids), missions.c.state.in_(LIVE_MISSION_STATES)
+        )
+    )
+    return frozenset(found.scalars())
+
+
+async def add(tx: Tx, record: MissionRecord) -> None:
+    """Add a mission.
+
+    Raises
+    ------
+    Taken
+        `mission_drone`: its drone is on another one; `mission_attempt`: it was booked already.
+    """
+    mission = record.mission
+    await tx.execute(
+        insert(missions).values(
+            mission_id=mission.mission_id,
+            delivery_id=mission.delivery_id,
+            attempt=mission.attempt,
+            trip=mission.trip,
+            provider_id=mission.provider_id,
+            drone_id=mission.drone_id,
+            network_id=record.network_id,
+            expires_ms=record.expires_ms,
+            request=record.request.model_dump_json(),
+            candidate=record.candidate.model_dump_json(),
+            **_changing(record),
+        )
+    )
+
+
+async def save(tx: Tx, record: MissionRecord) -> None:
+    """Keep what changed of a mission that is locked."""
+    await tx.execute(
+        update(missions)
+        .where(missions.c.mission_id == record.mission_id)
+        .values(expires_ms=record.expires_ms, **_changing(record))
+    )
+
+
+async def lock_live(tx: Tx, drone_ids: Collection[DroneId]) -> dict[DroneId, MissionRecord]:
+    """The live missions of these drones; nobody else changes them meanwhile."""
+    found = await tx.execute(
+        select(missions)
+        .where(missions.c.drone_id.in_(drone_ids), missions.c.state.in_(LIVE_MISSION_STATES))
+        .order_by(missions.c.drone_id)
+        .with_for_update()
+    )
+    return {row.drone_id: _record(row) for row in found}
+
+
+async def get(
+    connection: AsyncConnection, mission_id: MissionId, *, provider_id: ProviderId | None
+) -> MissionRecord | None:
+    """A mission, if it is this provider's (None: whoever's)."""
+    query = select(missions).where(missions.c.mission_id == mission_id)
+    if provider_id is not None:
+        query = query.where(missions.c.provider_id == provider_id)
+    row = (await connection.execute(query)).one_or_none()
+    return None if row is None else _record(row)
+
+
+async def page(
+    connection: AsyncConnection, shown: MissionFilter, *, before: str | None, limit: int
+) -> list[MissionRecord]:
+    """Missions, the newest first, those before a given id."""
+    query = select(missions).order_by(missions.c.mission_id.desc()).limit(limit)
+    for column, value in (
+        (missions.c.provider_id, shown.provider_id),
+        (missions.c.state, shown.state),
+        (missions.c.delivery_id, shown.delivery_id),
+        (missions.c.drone_id, shown.drone_id),
+    ):
+        if value is not None:
+            query = query.where(column == value)
+    if before is not None:
+        query = query.where(missions.c.mission_id < before)
+    return [_record(row) for row in await connection.execute(query)]
+
+
+async def live_drones(connection: AsyncConnection) -> list[DroneId]:
+    """The drones that are on missions."""
+    found = await connection.execute(
+        select(missions.c.drone_id)
+        .where(missions.c.state.in_(LIVE_MISSION_STATES))
+        .order_by(missions.c.drone_id)
+    )
+    return list(found.scalars())
+
+
+async def perhaps_overdue(
+    connection: AsyncConnection, *, expired_ms: int, released_ms: int
+) -> list[DroneId]:
+    """Drones whose booking expired unanswered, or whose plan is long over."""
+    found = await connection.execute(
+        select(missions.c.drone_id)
+        .where(
+            or_(
+                and_(missions.c.state == "BOOKED", missions.c.expires_ms < expired_ms),
+                and_(
+                    missions.c.state.in_(LIVE_MISSION_STATES),
+                    missions.c.released_ms < released_ms,
+                ),
+            )
+        )
+        .order_by(missions.c.drone_id)
+    )
+    return list(found.scalars())
+
+
+async def claim_stuck(db: Database, clock: FleetClock, claimant: str) -> list[DroneId]:
+    """A few drones that wait for a new revision, now ours to plan for."""
+    rows = await claim(
+        db,
+        missions,
+        where=and_(
+            missions.c.state.in_(LIVE_MISSION_STATES),
+            missions.c.stuck.is_not(None),
+            missions.c.retry_wall_ms <= moment_to_ms(clock.wall_now()),
+        ),
+        order_by=[missions.c.retry_wall_ms],
+        limit=4,
+        claimant=claimant,
+        lease_s=30.0,
+        clock=clock,
+    )
+    return [row.drone_id for row in rows]
+
+
+async def retry_stuck(tx: Tx, mission_id: MissionId, *, at_wall_ms: int) -> None:
+    """Give up the claim of a mission that waits for a revision; look again at this moment."""
+    await tx.execute(
+        update(missions)
+        .where(missions.c.mission_id == mission_id)
+        .values(retry_wall_ms=at_wall_ms, **FREE)
+    )
+
+
+async def add_steps(
+    tx: Tx, mission_id: MissionId, steps: Iterable[FlightStep], *, revision: int
+) -> None:
+    """Add the steps of a revision; those it replaces, which never began, go."""
+    await tx.execute(
+        delete(mission_steps).where(
+            mission_steps.c.mission_id == mission_id, mission_steps.c.status == "PLANNED"
+        )
+    )
+    rows = [
+        {
+            "mission_id": mission_id,
+            "step_id": step.step_id,
+            "revision": revision,
+            "status": "PLANNED",
+            "step": step.model_dump_json(),
+        }
+        for step in steps
+    ]
+    await tx.execute(insert(mission_steps), rows)
+
+
+async def end_step(
+    tx: Tx, mission_id: MissionId, event: DroneEvent, *, status: str
+) -> FlightStep | None:
+    """The step that an event ends, unless it has ended already or was never sent."""
+    found = await tx.execute(
+        select(mission_steps.c.step).where(
+            mission_steps.c.mission_id == mission_id,
+            mission_steps.c.step_id == event.step_id,
+            mission_steps.c.status == "PLANNED",
+        )
+    )
+    text = found.scalar_one_or_none()
+    if text is None:
+        return None
+    await tx.execute(
+        update(mission_steps)
+        .where(mission_steps.c.mission_id == mission_id, mission_steps.c.step_id == event.step_id)
+        .values(
+            status=status,
+            started_ms=None if event.started_at is None else moment_to_ms(event.started_at),
+            ended_ms=moment_to_ms(event.ended_at),
+            event=event.model_dump_json(),
+        )
+    )
+    return read_step(text)
+
+
+async def steps_of(connection: AsyncConnection, mission_id: MissionId) -> list[StepRecord]:
+    """All steps of a mission, in order."""
+    found = await connection.execute(
+        select(mission_steps)
+        .where(mission_steps.c.mission_id == mission_id)
+        .order_by(mission_steps.c.step_id)
+    )
+    return [
+        StepRecord(
+            step=read_step(row.step),
+            revision=row.revision,
+            status=row.status,
+            event=None if row.event is None else DroneEvent.read(row.event),
+        )
+        for row in found
+    ]
+
+
+async def held_packages(
+    connection: AsyncConnection, delivery_id: DeliveryId
+) -> dict[PackageId, Held]:
+    """Who holds each package of a delivery now."""
+    found = await connection.execute(
+        select(custody).where(custody.c.delivery_id == delivery_id).order_by(custody.c.seq)
+    )
+    return {
+        row.package_id: Held(
+            row.package_id, row.seq, Custodian(row.custodian_kind, row.custodian_id)
+        )
+        for row in found
+    }
+
+
+async def add_custody(tx: Tx, record: MissionRecord, rows: Iterable[Held], *, at_ms: int) -> None:
+    """Pass packages on; a chain has each number once."""
+    added = [
+        {
+            "delivery_id": record.mission.delivery_id,
+            "package_id": held.package_id,
+            "seq": held.seq,
+            "custodian_kind": held.custodian.kind,
+            "custodian_id": held.custodian.custodian_id,
+            "mission_id": record.mission_id,
+            "at_ms": at_ms,
+        }
+        for held in rows
+    ]
+    if added:
+        await tx.execute(insert(custody), added)
+
+
+def _changing(record: MissionRecord) -> dict[str, Any]:  # column values of any type
+    mission = record.mission
+    return {
+        "state": mission.state,
+        "start_ms": moment_to_ms(mission.start_at),
+        "released_ms": moment_to_ms(mission.released_at),
+        "body": mission.model_dump_json(),
+        "report_seq": record.report_seq,
+        "told": record.told,
+        "stuck": None if record.stuck is None else record.stuck.model_dump_json(),
+    }
+
+
+def _record(row: Row[*tuple[Any, ...]]) -> MissionRecord:  # a row of missions
+    return MissionRecord(
+        mission=Mission.read(row.body),
+        network_id=row.network_id,
+        request=DeliveryRequest.read(row.request),
+        candidate=Candidate.read(row.candidate),
+        expires_ms=row.expires_ms,
+        report_seq=row.report_seq,
+        told=row.told,
+        stuck=None if row.stuck is None else Stuck.read(row.stuck),
+    )

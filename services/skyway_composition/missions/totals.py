@@ -1,0 +1,29 @@
+"""What a mission took, summed over the ends of its steps: to set beside what was planned."""
+
+from collections.abc import Sequence
+
+from skyway_composition.missions.step_record import StepRecord
+
+
+def flown_totals(steps: Sequence[StepRecord]) -> dict[str, float]:
+    """Seconds and joules of the steps that have ended.
+
+    Time between two steps counts as waiting: a drone that comes early to its pad waits there.
+    """
+    totals = dict.fromkeys(("flight_s", "recharging_s", "waiting_s", "energy_j"), 0.0)
+    ended = [record for record in steps if record.status == "ENDED"]
+    previous_end = None
+    for record in ended:
+        event = record.event
+        if event is None or event.started_at is None:
+            continue
+        if previous_end is not None:
+            totals["waiting_s"] += max(0.0, (event.started_at - previous_end).total_seconds())
+        previous_end = event.ended_at
+        name = {"FLY": "flight_s", "RECHARGE": "recharging_s", "WAIT": "waiting_s"}.get(
+            record.step.kind
+        )
+        if name is not None:
+            totals[name] += (event.ended_at - event.started_at).total_seconds()
+        totals["energy_j"] += event.energy_j
+    return totals

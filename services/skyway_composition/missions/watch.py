@@ -1,0 +1,52 @@
+"""The watch over some drones in one transaction: their links and live missions, locked together."""
+
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Self
+
+from skyway.ids import DroneId
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.database import Tx
+from skyway.runtime.minting import Mint
+from skyway_composition.links.courier import Courier
+from skyway_composition.links.link import DroneLink
+from skyway_composition.links.store import lock_links, save_link
+from skyway_composition.missions import store
+from skyway_composition.missions.record import MissionRecord
+
+
+@dataclass(slots=True)
+class Watch:
+    """What is known of each drone; links are locked before missions, by everybody."""
+
+    tx: Tx
+    clock: FleetClock
+    mint: Mint
+    links: dict[DroneId, DroneLink]
+    missions: dict[DroneId, MissionRecord]
+
+    @classmethod
+    async def over(
+        cls, drone_ids: Collection[DroneId], *, tx: Tx, clock: FleetClock, mint: Mint
+    ) -> Self:
+        """The watch over these drones; those that we never heard of have no link."""
+        links = await lock_links(tx, drone_ids)
+        return cls(tx, clock, mint, links, await store.lock_live(tx, drone_ids))
+
+    @property
+    def courier(self) -> Courier:
+        """Sends instructions to these drones."""
+        return Courier(self.clock, self.mint)
+
+    async def keep_link(self, link: DroneLink) -> None:
+        """Keep what changed of a link."""
+        self.links[link.drone_id] = link
+        await save_link(self.tx, link)
+
+    async def keep(self, record: MissionRecord) -> None:
+        """Keep what changed of a mission; one that has ended is no longer watched."""
+        if record.is_live:
+            self.missions[record.drone_id] = record
+        else:
+            self.missions.pop(record.drone_id, None)
+        await store.save(self.tx, record)

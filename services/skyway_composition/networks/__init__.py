@@ -1,0 +1,1 @@
+"""Skyway networks and their versions: published by operators, kept parsed for planning."""

@@ -1,0 +1,62 @@
+"""The current version of every network, told to everybody: retained, on change and connect."""
+
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from skyway.contracts.message import Message
+from skyway.contracts.topic import Address
+from skyway.contracts.topics import NETWORK_VERSION
+from skyway.contracts.world import NetworkVersion
+from skyway.ids import NetworkId
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.database import Database
+from skyway.runtime.minting import Mint
+from skyway_composition.networks.store import all_current
+
+
+class Publisher(Protocol):
+    """What telling needs of an MQTT client; Any, since each topic has a message of its own."""
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether the broker takes messages now."""
+        ...
+
+    async def publish(self, address: Address[Any], message: Message) -> None:
+        """Publish; return once the broker has it."""
+        ...
+
+
+@dataclass(slots=True)
+class NetworkVersions:
+    """Publishes the versions that it has not told yet."""
+
+    db: Database
+    mqtt: Publisher
+    clock: FleetClock
+    mint: Mint
+    _told: dict[NetworkId, int] = field(default_factory=dict)
+
+    def forget(self) -> None:
+        """Tell everything again: a broker keeps nothing over a restart."""
+        self._told.clear()
+
+    async def step(self) -> bool:
+        """Publish what is new."""
+        if not self.mqtt.is_connected:
+            return False
+        async with self.db.read() as connection:
+            rows = await all_current(connection)
+        for row in rows:
+            if self._told.get(row.network_id) != row.version:
+                message = NetworkVersion(
+                    message_id=self.mint("msg"),
+                    sent_at=self.clock.now(),
+                    network_id=row.network_id,
+                    version=row.version,
+                    sha256=row.sha256,
+                    href=f"/v1/networks/{row.network_id}?version={row.version}",
+                )
+                await self.mqtt.publish(NETWORK_VERSION(row.network_id), message)
+                self._told[row.network_id] = row.version
+        return False

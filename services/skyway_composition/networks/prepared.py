@@ -1,0 +1,114 @@
+"""Networks made ready for planning, kept in memory by (network, version): parsing is the slow part.
+
+A version never changes, so what is kept never goes stale; which one is current is asked each time.
+"""
+
+import asyncio
+import json
+from dataclasses import dataclass
+
+from skyway.geo import distance_m
+from skyway.ids import NetworkId, StationId
+from skyway.network.geojson import read_network
+from skyway.network.network import Network
+from skyway.planner.airspace import Airspace
+from skyway.runtime.database import Database
+from skyway.runtime.errors import NotFound
+from skyway_composition.networks import store
+from skyway_composition.networks.settings import NetworkSettings, settings_of
+
+#: Versions kept of one network: the current one, and the one that it replaces under way.
+_KEPT_VERSIONS = 2
+
+
+@dataclass(frozen=True, slots=True)
+class PreparedNetwork:
+    """One version of a network, with what all plans on it need.
+
+    `straightness` is the least length of a segment per metre of great circle between its ends, at
+    most 1: no way between two stations is shorter than the great circle times this.
+    """
+
+    network_id: NetworkId
+    version: int
+    network: Network
+    settings: NetworkSettings
+    airspace: Airspace
+    straightness: float
+
+
+class PreparedNetworks:
+    """The networks of this database, each parsed once."""
+
+    def __init__(self, db: Database) -> None:
+        self._db = db
+        self._kept: dict[NetworkId, dict[int, PreparedNetwork]] = {}
+        self._loading = asyncio.Lock()
+
+    async def current(self, network_id: NetworkId) -> PreparedNetwork:
+        """The current version of a network.
+
+        Raises
+        ------
+        NotFound
+            There is no such network.
+        """
+        async with self._db.read() as connection:
+            row = await store.current_version(connection, network_id)
+        if row is None:
+            raise NotFound("network", network_id)
+        return await self.version(network_id, row.version)
+
+    async def around(self, station_id: StationId) -> PreparedNetwork | None:
+        """The current version of the network that has this station; None when none has."""
+        async with self._db.read() as connection:
+            network_id = await store.network_of(connection, station_id)
+        return None if network_id is None else await self.current(network_id)
+
+    async def version(self, network_id: NetworkId, version: int) -> PreparedNetwork:
+        """One version of a network.
+
+        Raises
+        ------
+        NotFound
+            There is no such network, or no such version of it.
+        """
+        kept = self._kept.get(network_id, {}).get(version)
+        if kept is not None:
+            return kept
+        async with self._loading:
+            known = self._kept.setdefault(network_id, {})
+            if version not in known:
+                known[version] = await self._load(network_id, version)
+                for old in sorted(known)[:-_KEPT_VERSIONS]:
+                    del known[old]
+            return known.get(version) or await self._load(network_id, version)
+
+    async def _load(self, network_id: NetworkId, version: int) -> PreparedNetwork:
+        async with self._db.read() as connection:
+            content = await store.content(connection, network_id, version)
+        if content is None:
+            raise NotFound("network version", f"{network_id}/{version}")
+        return await asyncio.to_thread(_prepare, network_id, version, content)
+
+
+def _prepare(network_id: NetworkId, version: int, content: bytes) -> PreparedNetwork:
+    network = read_network(json.loads(content))
+    return PreparedNetwork(
+        network_id=network_id,
+        version=version,
+        network=network,
+        settings=settings_of(network),
+        airspace=Airspace.of(network),
+        straightness=_straightness(network),
+    )
+
+
+def _straightness(network: Network) -> float:
+    least = 1.0
+    for segment in network.segments:
+        ends = (network.stations[segment.from_id], network.stations[segment.to_id])
+        straight_m = distance_m(ends[0].position, ends[1].position)
+        if segment.length_m < least * straight_m:
+            least = segment.length_m / straight_m
+    return least

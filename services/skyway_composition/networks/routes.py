@@ -1,0 +1,272 @@
+"""Networks over REST: operators publish them, everybody reads them."""
+
+from datetime import datetime
+from typing import Annotated, Any, Final, Literal
+
+from fastapi import APIRouter, Depends, Header, Query, Request, Response
+
+from skyway.contracts.station_check import StationCheck, StationCheckQuery
+from skyway.errors import InvalidNetwork
+from skyway.geo import Position
+from skyway.ids import NetworkId, StationId, ZoneId
+from skyway.json_model import JsonModel
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.database import Database
+from skyway.runtime.errors import NotFound
+from skyway.runtime.http_app import internal_body, read_json
+from skyway.runtime.identity import Caller, ServiceGate
+from skyway.runtime.loops import Wake
+from skyway.runtime.paging import Page, PageQuery, page_of
+from skyway.units import moment_to_ms, ms_to_moment
+from skyway_composition.networks import store
+from skyway_composition.networks.prepared import PreparedNetworks
+from skyway_composition.networks.publish import etag, publish, read_content
+from skyway_composition.networks.station_check import check_stations
+from skyway_composition.networks.store import StationRow, VersionRow
+
+#: The most bytes of a network (decisions.md).
+NETWORK_LIMIT_BYTES: Final = 256 * 1024 * 1024
+
+_GEOJSON: Final = "application/geo+json"
+_GEOJSON_BODY: Final[dict[str, Any]] = {  # a part of the OpenAPI document
+    "requestBody": {
+        "required": True,
+        "content": {"application/json": {"schema": {"type": "object"}}},
+    }
+}
+
+
+class NetworkInfo(JsonModel):
+    """A version of a network; `sha256` is the hash of its content."""
+
+    network_id: NetworkId
+    version: int
+    sha256: str
+    published_at: datetime
+
+
+class StationInfo(JsonModel):
+    """A station of the current version."""
+
+    station_id: StationId
+    name: str | None
+    pads: int
+    position: Position
+
+
+class SegmentInfo(JsonModel):
+    """A segment of the current version, in one direction."""
+
+    from_id: StationId
+    to_id: StationId
+    length_m: float
+
+
+class ZoneInfo(JsonModel):
+    """A zone of the current version, as GeoJSON polygon rings."""
+
+    zone_id: ZoneId
+    type: Literal["Polygon"] = "Polygon"
+    coordinates: tuple[tuple[Position, ...], ...]
+    active_from: datetime | None
+    active_until: datetime | None
+
+
+class VersionQuery(JsonModel):
+    """Which version of a network; without it the current one."""
+
+    version: int | None = None
+
+
+def network_routes(
+    *,
+    db: Database,
+    gate: ServiceGate,
+    networks: PreparedNetworks,
+    clock: FleetClock,
+    published: Wake,
+) -> APIRouter:
+    """/v1/networks and what is below it, and POST /internal/station-checks."""
+    router = APIRouter(tags=["networks"])
+
+    @router.put(
+        "/v1/networks/{network_id}", response_model=NetworkInfo, openapi_extra=_GEOJSON_BODY
+    )
+    async def put_network(
+        network_id: NetworkId,
+        request: Request,
+        response: Response,
+        caller: Annotated[Caller, Depends(gate)],
+        if_match: Annotated[str | None, Header()] = None,
+    ) -> NetworkInfo:
+        """Publish a network as GeoJSON; the same content again is the same version."""
+        caller.must_be("operator")
+        document = read_json(await request.body())
+        if not isinstance(document, dict):
+            raise InvalidNetwork("network", "must be a GeoJSON FeatureCollection")
+        content = await read_content(document)
+        done = await publish(
+            db,
+            network_id,
+            content=content,
+            if_match=if_match,
+            now_ms=moment_to_ms(clock.now()),
+        )
+        published.set()
+        response.status_code = 201 if done.is_new else 200
+        response.headers["ETag"] = etag(done.row)
+        return _info(done.row)
+
+    @router.get("/v1/networks")
+    async def list_networks(
+        caller: Annotated[Caller, Depends(gate)], query: Annotated[PageQuery, Query()]
+    ) -> Page[NetworkInfo]:
+        """All networks, in their current versions."""
+        _must_be_somebody(caller)
+        after = query.after(str)
+        async with db.read() as connection:
+            rows = await store.current_after(
+                connection, str(after[0]) if after else "", limit=query.limit + 1
+            )
+        return page_of(rows, query, item=_info, sort_key=lambda row: (row.network_id,))
+
+    @router.get(
+        "/v1/networks/{network_id}",
+        response_class=Response,
+        responses={200: {"content": {_GEOJSON: {"schema": {"type": "object"}}}}},
+    )
+    async def get_network(
+        network_id: NetworkId,
+        caller: Annotated[Caller, Depends(gate)],
+        query: Annotated[VersionQuery, Query()],
+    ) -> Response:
+        """A network as GeoJSON, with its version as ETag."""
+        _must_be_somebody(caller)
+        current = await _current(db, network_id)
+        version = current.version if query.version is None else query.version
+        async with db.read() as connection:
+            content = await store.content(connection, network_id, version)
+            rows = await store.versions_before(connection, network_id, before=version + 1, limit=1)
+        if content is None:
+            raise NotFound("network version", f"{network_id}/{version}")
+        return Response(content, media_type=_GEOJSON, headers={"ETag": etag(rows[0])})
+
+    @router.get("/v1/networks/{network_id}/versions")
+    async def list_versions(
+        network_id: NetworkId,
+        caller: Annotated[Caller, Depends(gate)],
+        query: Annotated[PageQuery, Query()],
+    ) -> Page[NetworkInfo]:
+        """All versions of a network, the newest first."""
+        _must_be_somebody(caller)
+        current = await _current(db, network_id)
+        after = query.after(int)
+        before = int(after[0]) if after else current.version + 1
+        async with db.read() as connection:
+            rows = await store.versions_before(
+                connection, network_id, before=before, limit=query.limit + 1
+            )
+        return page_of(rows, query, item=_info, sort_key=lambda row: (row.version,))
+
+    @router.get("/v1/networks/{network_id}/stations")
+    async def list_stations(
+        network_id: NetworkId,
+        caller: Annotated[Caller, Depends(gate)],
+        query: Annotated[PageQuery, Query()],
+    ) -> Page[StationInfo]:
+        """The stations of the current version, by id."""
+        _must_be_somebody(caller)
+        await _current(db, network_id)
+        after = query.after(str)
+        async with db.read() as connection:
+            rows = await store.stations_after(
+                connection, network_id, str(after[0]) if after else "", limit=query.limit + 1
+            )
+        return page_of(rows, query, item=_station, sort_key=lambda row: (row.station_id,))
+
+    @router.get("/v1/networks/{network_id}/segments")
+    async def list_segments(
+        network_id: NetworkId,
+        caller: Annotated[Caller, Depends(gate)],
+        query: Annotated[PageQuery, Query()],
+    ) -> Page[SegmentInfo]:
+        """The segments of the current version, each direction on its own."""
+        _must_be_somebody(caller)
+        segments = (await networks.current(network_id)).network.segments
+        start = _offset(query)
+        rows = list(enumerate(segments[start : start + query.limit + 1], start))
+        return page_of(
+            rows,
+            query,
+            item=lambda row: SegmentInfo(
+                from_id=row[1].from_id, to_id=row[1].to_id, length_m=row[1].length_m
+            ),
+            sort_key=lambda row: (row[0],),
+        )
+
+    @router.get("/v1/networks/{network_id}/zones")
+    async def list_zones(
+        network_id: NetworkId,
+        caller: Annotated[Caller, Depends(gate)],
+        query: Annotated[PageQuery, Query()],
+    ) -> Page[ZoneInfo]:
+        """The zones of the current version."""
+        _must_be_somebody(caller)
+        zones = (await networks.current(network_id)).network.zones
+        start = _offset(query)
+        rows = list(enumerate(zones[start : start + query.limit + 1], start))
+        return page_of(
+            rows,
+            query,
+            item=lambda row: ZoneInfo(
+                zone_id=row[1].zone_id,
+                coordinates=row[1].rings,
+                active_from=row[1].active_from,
+                active_until=row[1].active_until,
+            ),
+            sort_key=lambda row: (row[0],),
+        )
+
+    @router.post("/internal/station-checks")
+    async def post_station_check(
+        caller: Annotated[Caller, Depends(gate)],
+        query: Annotated[StationCheckQuery, Depends(internal_body(StationCheckQuery))],
+    ) -> StationCheck:
+        """Which of these stations exist, where they are, and to which a path leads."""
+        caller.must_be("service")
+        return await check_stations(db, networks, query)
+
+    return router
+
+
+def _must_be_somebody(caller: Caller) -> None:
+    caller.must_be("customer", "provider", "operator", "service")
+
+
+async def _current(db: Database, network_id: NetworkId) -> VersionRow:
+    async with db.read() as connection:
+        current = await store.current_version(connection, network_id)
+    if current is None:
+        raise NotFound("network", network_id)
+    return current
+
+
+def _offset(query: PageQuery) -> int:
+    """The place after the last item seen, in a list that is kept in order."""
+    after = query.after(int)
+    return max(0, int(after[0]) + 1) if after else 0
+
+
+def _info(row: VersionRow) -> NetworkInfo:
+    return NetworkInfo(
+        network_id=row.network_id,
+        version=row.version,
+        sha256=row.sha256,
+        published_at=ms_to_moment(row.published_ms),
+    )
+
+
+def _station(row: StationRow) -> StationInfo:
+    return StationInfo(
+        station_id=row.station_id, name=row.name, pads=row.pads, position=row.position
+    )

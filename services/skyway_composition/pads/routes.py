@@ -1,0 +1,125 @@
+"""Pads over REST: how taken a station is, and until when."""
+
+from datetime import datetime
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Query
+
+from skyway.ids import MissionId, StationId
+from skyway.json_model import JsonModel
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.database import Database
+from skyway.runtime.errors import NotFound
+from skyway.runtime.identity import Caller, ServiceGate
+from skyway.runtime.paging import Page, PageQuery, page_of
+from skyway.units import moment_to_ms, ms_to_moment
+from skyway_composition.pads.store import Reservation, pads_of, reservations_of
+
+
+class PadNow(JsonModel):
+    """A pad, and until when the one reservation that covers this moment holds it."""
+
+    pad: int
+    taken_until_at: datetime | None
+    mission_id: MissionId | None
+
+
+class StationPads(JsonModel):
+    """The pads of a station at a moment; operators also see the missions that hold them."""
+
+    station_id: StationId
+    pads: int
+    pads_taken: int
+    at: datetime
+    items: tuple[PadNow, ...]
+
+
+class ReservationInfo(JsonModel):
+    """A pad held in [start_at, end_at); operators also see by which mission."""
+
+    station_id: StationId
+    pad: int
+    start_at: datetime
+    end_at: datetime
+    mission_id: MissionId | None
+
+
+def pad_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> APIRouter:
+    """GET /v1/stations/{station_id}/pads and .../reservations."""
+    router = APIRouter(tags=["pads"])
+
+    @router.get("/v1/stations/{station_id}/pads")
+    async def get_pads(
+        station_id: StationId, caller: Annotated[Caller, Depends(gate)]
+    ) -> StationPads:
+        """Which pads of a station are taken now."""
+        caller.must_be("customer", "provider", "operator", "service")
+        at = clock.now()
+        now_ms = moment_to_ms(at)
+        async with db.read() as connection:
+            pads = await pads_of(connection, station_id)
+            if pads is None:
+                raise NotFound("station", station_id)
+            coming = await reservations_of(
+                connection, station_id, ending_after_ms=now_ms, after=None, limit=10_000
+            )
+        taken = {each.booked.pad: each for each in coming if each.booked.start_ms <= now_ms}
+        return StationPads(
+            station_id=station_id,
+            pads=pads,
+            pads_taken=len(taken),
+            at=at,
+            items=tuple(_pad_now(pad, taken.get(pad), caller) for pad in range(pads)),
+        )
+
+    @router.get("/v1/stations/{station_id}/reservations")
+    async def list_reservations(
+        station_id: StationId,
+        caller: Annotated[Caller, Depends(gate)],
+        query: Annotated[PageQuery, Query()],
+    ) -> Page[ReservationInfo]:
+        """The reservations of a station that are not over, by their start."""
+        caller.must_be("customer", "provider", "operator", "service")
+        after = query.after(int, int)
+        async with db.read() as connection:
+            if await pads_of(connection, station_id) is None:
+                raise NotFound("station", station_id)
+            rows = await reservations_of(
+                connection,
+                station_id,
+                ending_after_ms=moment_to_ms(clock.now()),
+                after=(int(after[0]), int(after[1])) if after else None,
+                limit=query.limit + 1,
+            )
+        return page_of(
+            rows,
+            query,
+            item=lambda row: _reservation_info(row, caller),
+            sort_key=lambda row: (row.booked.start_ms, row.booked.pad),
+        )
+
+    return router
+
+
+def _pad_now(pad: int, held: Reservation | None, caller: Caller) -> PadNow:
+    if held is None:
+        return PadNow(pad=pad, taken_until_at=None, mission_id=None)
+    return PadNow(
+        pad=pad,
+        taken_until_at=ms_to_moment(held.booked.end_ms),
+        mission_id=_shown(held, caller),
+    )
+
+
+def _reservation_info(row: Reservation, caller: Caller) -> ReservationInfo:
+    return ReservationInfo(
+        station_id=row.booked.station_id,
+        pad=row.booked.pad,
+        start_at=ms_to_moment(row.booked.start_ms),
+        end_at=ms_to_moment(row.booked.end_ms),
+        mission_id=_shown(row, caller),
+    )
+
+
+def _shown(row: Reservation, caller: Caller) -> MissionId | None:
+    return row.mission_id if caller.role == "operator" else None

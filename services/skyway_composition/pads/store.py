@@ -1,0 +1,143 @@
+"""All SQL of pads: reservations, and how taken stations are."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from sqlalchemy import delete, insert, select
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from skyway.ids import MissionId, NetworkId, StationId
+from skyway.runtime.database import Tx
+from skyway_composition.pads.booked_pad import BookedPad
+from skyway_composition.tables import pad_reservations, stations
+
+
+@dataclass(frozen=True, slots=True)
+class Reservation:
+    """A booked pad and the mission that holds it."""
+
+    booked: BookedPad
+    mission_id: MissionId
+
+
+async def reserve(tx: Tx, mission_id: MissionId, booked: Sequence[BookedPad]) -> None:
+    """Reserve these pads, which are sorted, for a mission.
+
+    Raises
+    ------
+    Taken
+        Somebody else holds one of them for some of the time.
+    """
+    if not booked:
+        return
+    # Two bookings of one station wait here for each other, in sorted order; in the exclusion
+    # constraint itself they could wait for each other crosswise.
+    station_ids = sorted({each.station_id for each in booked})
+    await tx.execute(
+        select(stations.c.station_id)
+        .where(stations.c.station_id.in_(station_ids))
+        .order_by(stations.c.station_id)
+        .with_for_update()
+    )
+    rows = [
+        {
+            "station_id": each.station_id,
+            "pad": each.pad,
+            "start_ms": each.start_ms,
+            "end_ms": each.end_ms,
+            "mission_id": mission_id,
+        }
+        for each in booked
+    ]
+    await tx.execute(insert(pad_reservations), rows)
+
+
+async def free(tx: Tx, mission_id: MissionId) -> None:
+    """Give up all pads of a mission."""
+    await tx.execute(delete(pad_reservations).where(pad_reservations.c.mission_id == mission_id))
+
+
+async def booked_after(
+    connection: AsyncConnection,
+    network_id: NetworkId,
+    *,
+    moment_ms: int,
+    without_mission_id: MissionId | None = None,
+) -> tuple[BookedPad, ...]:
+    """The reservations at a network's stations that last beyond a moment."""
+    query = (
+        select(pad_reservations)
+        .join(stations, stations.c.station_id == pad_reservations.c.station_id)
+        .where(stations.c.network_id == network_id, pad_reservations.c.end_ms > moment_ms)
+        .order_by(
+            pad_reservations.c.station_id, pad_reservations.c.pad, pad_reservations.c.start_ms
+        )
+    )
+    if without_mission_id is not None:
+        query = query.where(pad_reservations.c.mission_id != without_mission_id)
+    found = await connection.execute(query)
+    return tuple(BookedPad(row.station_id, row.pad, row.start_ms, row.end_ms) for row in found)
+
+
+async def pads_of(connection: AsyncConnection, station_id: StationId) -> int | None:
+    """How many pads a station has; None when there is no such station."""
+    found = await connection.execute(
+        select(stations.c.pads).where(stations.c.station_id == station_id)
+    )
+    pads: int | None = found.scalar_one_or_none()
+    return pads
+
+
+async def reservations_of(
+    connection: AsyncConnection,
+    station_id: StationId,
+    *,
+    ending_after_ms: int,
+    after: tuple[int, int] | None,
+    limit: int,
+) -> list[Reservation]:
+    """A station's reservations by (start, pad), those after a given one."""
+    query = (
+        select(pad_reservations)
+        .where(
+            pad_reservations.c.station_id == station_id,
+            pad_reservations.c.end_ms > ending_after_ms,
+        )
+        .order_by(pad_reservations.c.start_ms, pad_reservations.c.pad)
+        .limit(limit)
+    )
+    if after is not None:
+        start_ms, pad = after
+        query = query.where(
+            (pad_reservations.c.start_ms > start_ms)
+            | ((pad_reservations.c.start_ms == start_ms) & (pad_reservations.c.pad > pad))
+        )
+    found = await connection.execute(query)
+    return [
+        Reservation(BookedPad(row.station_id, row.pad, row.start_ms, row.end_ms), row.mission_id)
+        for row in found
+    ]
+
+
+async def taken_at(connection: AsyncConnection, moment_ms: int) -> dict[StationId, list[BookedPad]]:
+    """The pads that are taken at a moment, by station."""
+    found = await connection.execute(
+        select(pad_reservations).where(
+            pad_reservations.c.start_ms <= moment_ms, pad_reservations.c.end_ms > moment_ms
+        )
+    )
+    taken: dict[StationId, list[BookedPad]] = {}
+    for row in found:
+        booked = BookedPad(row.station_id, row.pad, row.start_ms, row.end_ms)
+        taken.setdefault(row.station_id, []).append(booked)
+    return taken
+
+
+async def pads_of_all(
+    connection: AsyncConnection, station_ids: Sequence[StationId]
+) -> dict[StationId, int]:
+    """How many pads these stations have."""
+    found = await connection.execute(
+        select(stations.c.station_id, stations.c.pads).where(stations.c.station_id.in_(station_ids))
+    )
+    return {row.station_id: row.pads for row in found}

@@ -1,0 +1,1 @@
+"""How a request could be flown: problems, plans and offers. Heavy, and changes nothing."""

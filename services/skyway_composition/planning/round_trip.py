@@ -1,0 +1,117 @@
+"""A whole trip: the delivery, the way home after it, and the recharge at home."""
+
+from dataclasses import dataclass
+
+from skyway.contracts.candidate import ProviderReasonCode
+from skyway.delivery.plan import Deliver, Plan, PlanStatus, Recharge
+from skyway.drone.charging import recharge_time_s
+from skyway.ids import StationId
+from skyway.planner.pad_calendar import PadCalendar, booked_until_ms
+from skyway.planner.problem import Problem
+from skyway.units import CHARGE_TOLERANCE, moment_to_ms
+from skyway_composition.planning.problem_for import Standing, home_problem
+from skyway_composition.planning.solver_pool import SolverPool
+from skyway_composition.planning.trip import Trip, soc_after
+from skyway_composition.planning.world import World
+
+#: The plan of a drone that has nothing left to deliver.
+NOTHING_TO_DELIVER = Plan(
+    status=PlanStatus.FEASIBLE,
+    delivery_time_s=0.0,
+    energy_j=0.0,
+    flight_s=0.0,
+    waiting_s=0.0,
+    recharging_s=0.0,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class NoTrip:
+    """Why there is no trip; `is_temporary` when other reservations may be the cause."""
+
+    code: ProviderReasonCode
+    detail: str
+    is_temporary: bool
+
+
+async def round_trip(
+    solver: SolverPool, world: World, problem: Problem, *, home_station_id: StationId
+) -> Trip | NoTrip:
+    """The problem's plan with the way home from its last delivery."""
+    plan = await solver.compose(problem, airspace=world.skyway.airspace)
+    if not plan.is_flyable:
+        return _no_plan(plan)
+    standing = Standing(
+        model=problem.drone.model,
+        soc=soc_after(plan, problem.drone.soc),
+        station_id=_last_station(plan, problem.start_station_id),
+    )
+    start_ms = moment_to_ms(problem.start_at) if problem.start_at is not None else 0
+    return await way_home(
+        solver, world, plan, standing=standing, home_station_id=home_station_id, start_ms=start_ms
+    )
+
+
+async def way_home(
+    solver: SolverPool,
+    world: World,
+    plan: Plan,
+    *,
+    standing: Standing,
+    home_station_id: StationId,
+    start_ms: int,
+) -> Trip | NoTrip:
+    """The trip of a drone that ends `plan` as `standing` and then flies home and recharges."""
+    if home_station_id not in world.skyway.network.stations:
+        detail = f"home station {home_station_id!r} is not in this network"
+        return NoTrip("NO_WAY_HOME", detail, is_temporary=False)
+    home_start_ms = start_ms + booked_until_ms(plan.delivery_time_s or 0.0)
+    problem = home_problem(world, standing, home_station_id=home_station_id, start_ms=home_start_ms)
+    home_plan = await solver.compose(problem, airspace=world.skyway.airspace)
+    if not home_plan.is_flyable:
+        reason = _no_plan(home_plan)
+        detail = f"from {standing.station_id!r} to {home_station_id!r}: {reason.detail}"
+        return NoTrip("NO_WAY_HOME", detail, is_temporary=reason.is_temporary)
+    return Trip(
+        start_ms=start_ms,
+        plan=plan,
+        home_start_ms=home_start_ms,
+        home_plan=home_plan,
+        home_recharge=_recharge_at_home(problem, home_plan, home_station_id),
+    )
+
+
+def _recharge_at_home(
+    problem: Problem, home_plan: Plan, home_station_id: StationId
+) -> Recharge | None:
+    """The earliest session that charges the drone to its top; None without need or without pad."""
+    model = problem.drone.model
+    soc = soc_after(home_plan, problem.drone.soc)
+    if soc >= model.top_soc - CHARGE_TOLERANCE:
+        return None
+    duration_s = recharge_time_s(model, soc, model.top_soc)
+    session = PadCalendar(problem.network, problem.pad_reservations).earliest_session(
+        home_station_id, not_before_s=home_plan.delivery_time_s or 0.0, duration_s=duration_s
+    )
+    if session is None:
+        return None
+    return Recharge(
+        station_id=home_station_id,
+        pad=session.pad,
+        start_s=session.start_s,
+        end_s=session.start_s + duration_s,
+        soc_start=soc,
+        soc_end=model.top_soc,
+    )
+
+
+def _last_station(plan: Plan, start: StationId) -> StationId:
+    places = [step.station_id for step in plan.steps if isinstance(step, Deliver)]
+    return places[-1] if places else start
+
+
+def _no_plan(plan: Plan) -> NoTrip:
+    if plan.infeasibility is None:
+        return NoTrip("NO_PLAN_FOUND", "no plan was found in time", is_temporary=True)
+    code, detail = plan.infeasibility.code, plan.infeasibility.detail
+    return NoTrip(code, detail, is_temporary=code == "NO_PAD_IN_TIME")

@@ -1,0 +1,84 @@
+"""A trip: approach, delivery and return of one drone, placed in fleet time."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+
+from skyway.delivery.plan import Fly, Plan, Recharge, Step
+from skyway.planner.pad_calendar import booked_from_ms, booked_until_ms
+from skyway.units import ms_to_moment
+from skyway_composition.pads.booked_pad import BookedPad, merged
+
+
+@dataclass(frozen=True, slots=True)
+class PlacedStep:
+    """A step of a plan, and the moment from which its seconds count."""
+
+    base_ms: int
+    step: Step
+
+    @property
+    def start_at(self) -> datetime:
+        """When the step is planned to begin."""
+        return ms_to_moment(self.base_ms) + timedelta(seconds=self.step.start_s)
+
+    @property
+    def end_at(self) -> datetime:
+        """When the step is planned to end."""
+        return ms_to_moment(self.base_ms) + timedelta(seconds=self.step.end_s)
+
+    @property
+    def start_ms(self) -> int:
+        """The whole millisecond from which the step is booked."""
+        return self.base_ms + booked_from_ms(self.step.start_s)
+
+    @property
+    def end_ms(self) -> int:
+        """The whole millisecond until which the step is booked."""
+        return self.base_ms + booked_until_ms(self.step.end_s)
+
+
+@dataclass(frozen=True, slots=True)
+class Trip:
+    """`plan` counts from `start_ms`; `home_plan` and `home_recharge` count from `home_start_ms`.
+
+    The home plan's PICK_UP and DELIVER of a 0 kg package are not part of the trip's steps.
+    """
+
+    start_ms: int
+    plan: Plan
+    home_start_ms: int
+    home_plan: Plan
+    home_recharge: Recharge | None
+
+    def steps(self) -> Iterator[PlacedStep]:
+        """Everything the drone does, in time order."""
+        for step in self.plan.steps:
+            yield PlacedStep(self.start_ms, step)
+        for step in self.home_plan.steps:
+            if step.kind not in ("PICK_UP", "DELIVER"):
+                yield PlacedStep(self.home_start_ms, step)
+        if self.home_recharge is not None:
+            yield PlacedStep(self.home_start_ms, self.home_recharge)
+
+    @property
+    def booked_pads(self) -> tuple[BookedPad, ...]:
+        """The pads to reserve: every session rounded outward, touching ones merged, sorted."""
+        return merged(
+            BookedPad(placed.step.station_id, placed.step.pad, placed.start_ms, placed.end_ms)
+            for placed in self.steps()
+            if isinstance(placed.step, Recharge) and placed.start_ms < placed.end_ms
+        )
+
+    @property
+    def released_ms(self) -> int:
+        """The moment at which the drone is planned to be free again."""
+        return max((placed.end_ms for placed in self.steps()), default=self.home_start_ms)
+
+
+def soc_after(plan: Plan, soc: float) -> float:
+    """State of charge at the end of a plan that began with `soc`."""
+    for step in plan.steps:
+        if isinstance(step, Fly | Recharge):
+            soc = step.soc_end
+    return soc

@@ -1,0 +1,188 @@
+"""The tables of composition; `_ms` is fleet time, `_wall_ms` wall time, in ms since 1970."""
+
+from sqlalchemy import (
+    BigInteger,
+    CheckConstraint,
+    Column,
+    Double,
+    ForeignKey,
+    Index,
+    Integer,
+    LargeBinary,
+    MetaData,
+    Table,
+    Text,
+    UniqueConstraint,
+    text,
+)
+
+from skyway.runtime.claims import claim_columns
+from skyway.runtime.outbox import outbox_table
+
+metadata = MetaData()
+
+#: The current version of each network.
+networks = Table(
+    "networks",
+    metadata,
+    Column("network_id", Text, primary_key=True),
+    Column("version", Integer, nullable=False),
+    Column("sha256", Text, nullable=False),
+    Column("published_ms", BigInteger, nullable=False),
+)
+
+network_versions = Table(
+    "network_versions",
+    metadata,
+    Column("network_id", Text, ForeignKey("networks.network_id"), primary_key=True),
+    Column("version", Integer, primary_key=True),
+    Column("sha256", Text, nullable=False),
+    Column("published_ms", BigInteger, nullable=False),
+    Column("content", LargeBinary, nullable=False),  # GeoJSON
+)
+
+#: The stations of all current versions: one id belongs to one network.
+stations = Table(
+    "stations",
+    metadata,
+    Column("station_id", Text, primary_key=True),
+    Column("network_id", Text, ForeignKey("networks.network_id"), nullable=False),
+    Column("name", Text),
+    Column("pads", Integer, nullable=False),
+    Column("longitude_deg", Double, nullable=False),
+    Column("latitude_deg", Double, nullable=False),
+    Index("stations_by_network", "network_id", "station_id"),
+)
+
+#: One row per delivery that anything was booked or closed for: the lock both sides take.
+deliveries = Table(
+    "deliveries",
+    metadata,
+    Column("delivery_id", Text, primary_key=True),
+    Column("closed_ms", BigInteger),
+)
+
+missions = Table(
+    "missions",
+    metadata,
+    Column("mission_id", Text, primary_key=True),
+    Column("delivery_id", Text, ForeignKey("deliveries.delivery_id"), nullable=False),
+    Column("attempt", Integer, nullable=False),
+    Column("trip", Integer, nullable=False),
+    Column("provider_id", Text, nullable=False),
+    Column("drone_id", Text, nullable=False),
+    Column("state", Text, nullable=False),
+    Column("network_id", Text, ForeignKey("networks.network_id"), nullable=False),
+    Column("start_ms", BigInteger, nullable=False),
+    Column("released_ms", BigInteger, nullable=False),
+    Column("expires_ms", BigInteger, nullable=False),  # of its first instruction
+    Column("body", Text, nullable=False),  # JSON of skyway.contracts.mission.Mission
+    Column("request", Text, nullable=False),  # JSON of DeliveryRequest
+    Column("candidate", Text, nullable=False),  # JSON of Candidate: the drone as it was booked
+    Column("report_seq", Integer, nullable=False),
+    Column("told", Text),  # the last activity, station that was reported
+    Column("stuck", Text),  # JSON of missions.record.Stuck: why it needs a new revision
+    Column("retry_wall_ms", BigInteger, nullable=False, server_default="0"),
+    *claim_columns(),
+    UniqueConstraint("delivery_id", "attempt", "trip", name="mission_attempt"),
+    # I2: a drone is on at most one mission.
+    Index(
+        "mission_drone",
+        "drone_id",
+        unique=True,
+        sqlite_where=text("state IN ('BOOKED', 'ACCEPTED', 'ACTIVE')"),
+        postgresql_where=text("state IN ('BOOKED', 'ACCEPTED', 'ACTIVE')"),
+    ),
+    Index("missions_by_state", "state", "released_ms"),
+    Index("missions_by_provider", "provider_id", "mission_id"),
+)
+
+#: The steps of a mission through all its revisions, as they were sent, and how they ended.
+mission_steps = Table(
+    "mission_steps",
+    metadata,
+    Column("mission_id", Text, ForeignKey("missions.mission_id"), primary_key=True),
+    Column("step_id", Integer, primary_key=True),
+    Column("revision", Integer, nullable=False),
+    Column("status", Text, nullable=False),
+    Column("step", Text, nullable=False),  # JSON of FlightStep
+    Column("started_ms", BigInteger),
+    Column("ended_ms", BigInteger),
+    Column("event", Text),  # JSON of DroneEvent: the evidence
+    CheckConstraint("status IN ('PLANNED', 'ENDED', 'FAILED')", name="mission_step_status"),
+)
+
+#: Exists exactly as long as its mission lives; [start_ms, end_ms) of one pad.
+pad_reservations = Table(
+    "pad_reservations",
+    metadata,
+    Column("station_id", Text, primary_key=True),
+    Column("pad", Integer, primary_key=True),
+    Column("start_ms", BigInteger, primary_key=True),
+    Column("end_ms", BigInteger, nullable=False),
+    Column("mission_id", Text, ForeignKey("missions.mission_id"), nullable=False),
+    CheckConstraint("start_ms < end_ms", name="pad_reservation_lasts"),
+    Index("pad_reservations_by_mission", "mission_id"),
+)
+
+#: Who holds a package, from the pickup station to the recipient: rows are only added.
+custody = Table(
+    "custody",
+    metadata,
+    Column("delivery_id", Text, primary_key=True),
+    Column("package_id", Text, primary_key=True),
+    Column("seq", Integer, primary_key=True),
+    Column("custodian_kind", Text, nullable=False),
+    Column("custodian_id", Text, nullable=False),
+    Column("mission_id", Text, ForeignKey("missions.mission_id"), nullable=False),
+    Column("at_ms", BigInteger, nullable=False),
+    CheckConstraint("custodian_kind IN ('STATION', 'DRONE', 'RECIPIENT')", name="custodian_kind"),
+    # I6: delivered once.
+    Index(
+        "custody_delivered",
+        "delivery_id",
+        "package_id",
+        unique=True,
+        sqlite_where=text("custodian_kind = 'RECIPIENT'"),
+        postgresql_where=text("custodian_kind = 'RECIPIENT'"),
+    ),
+)
+
+#: What was sent to a drone, and its answer.
+instructions = Table(
+    "instructions",
+    metadata,
+    Column("instruction_id", Text, primary_key=True),
+    Column("drone_id", Text, nullable=False),
+    Column("stream", Integer, nullable=False),
+    Column("seq", Integer, nullable=False),
+    Column("kind", Text, nullable=False),
+    Column("mission_id", Text, ForeignKey("missions.mission_id")),
+    Column("mission_revision", Integer),
+    Column("status", Text, nullable=False),
+    Column("body", Text, nullable=False),  # JSON of Instruction
+    CheckConstraint(
+        "status IN ('SENT', 'RECEIVED', 'ACCEPTED', 'REJECTED', 'REISSUED')",
+        name="instruction_status",
+    ),
+    UniqueConstraint("drone_id", "stream", "seq", name="instruction_order"),
+    Index("instructions_by_mission", "mission_id"),
+)
+
+#: Per drone: the order of what goes to it, and how far we know what comes from it.
+drone_links = Table(
+    "drone_links",
+    metadata,
+    Column("drone_id", Text, primary_key=True),
+    Column("provider_id", Text, nullable=False),
+    Column("stream", Integer, nullable=False),  # 0 before the first instruction
+    Column("last_seq", Integer, nullable=False),  # of the instructions in this stream
+    Column("acked_stream", Integer, nullable=False),  # the last one that the drone has shown,
+    Column("acked_session", BigInteger, nullable=False),  # and the session in which it did
+    Column("last_event_seq", BigInteger, nullable=False),
+    Column("report_asked_wall_ms", BigInteger, nullable=False),
+    Column("state", Text),  # JSON of DroneState, the newest
+    Column("connection", Text),  # JSON of Connection, the newest
+)
+
+outbox = outbox_table(metadata)

@@ -1,0 +1,136 @@
+"""The invariants of composition's database (reliability.md I1 to I4, I6, I12)."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+from sqlalchemy import Select, and_, func, literal_column, select, text
+
+from skyway.contracts.flight_step import RechargeStep
+from skyway.contracts.mission import LIVE_MISSION_STATES
+from skyway.runtime.database import Database
+from skyway.units import moment_to_ms
+from skyway_composition.missions.step_record import read_step
+from skyway_composition.tables import (
+    custody,
+    deliveries,
+    instructions,
+    mission_steps,
+    missions,
+    network_versions,
+    networks,
+    pad_reservations,
+)
+
+_one = pad_reservations.alias("one")
+_other = pad_reservations.alias("other")
+_is_live = missions.c.state.in_(LIVE_MISSION_STATES)
+_sent = instructions.alias("sent")
+_before = instructions.alias("before")
+_link = custody.alias("link")
+_previous = custody.alias("previous")
+
+#: What must not be found: rows of (subject,) by the sentence that they make false.
+_CHECKS: Final[Mapping[str, Select[*tuple[Any, ...]]]] = {
+    "I1 no pad holds two overlapping reservations": select(_one.c.station_id).join(
+        _other,
+        and_(
+            _one.c.station_id == _other.c.station_id,
+            _one.c.pad == _other.c.pad,
+            _one.c.start_ms < _other.c.end_ms,
+            _other.c.start_ms < _one.c.end_ms,
+            (_one.c.start_ms != _other.c.start_ms) | (_one.c.mission_id != _other.c.mission_id),
+        ),
+    ),
+    "I2 a drone is on at most one mission": select(missions.c.drone_id)
+    .where(_is_live)
+    .group_by(missions.c.drone_id)
+    .having(func.count() > 1),
+    "I3 a reservation has a live mission": select(pad_reservations.c.mission_id)
+    .join(missions, missions.c.mission_id == pad_reservations.c.mission_id)
+    .where(~_is_live),
+    "I4 a mission was sent to its drone": select(missions.c.mission_id).where(
+        missions.c.mission_id.not_in(
+            select(instructions.c.mission_id).where(instructions.c.kind == "MISSION")
+        )
+    ),
+    "I4 a mission has steps": select(missions.c.mission_id).where(
+        missions.c.mission_id.not_in(select(mission_steps.c.mission_id))
+    ),
+    "a closed delivery has no live mission": select(missions.c.mission_id)
+    .join(deliveries, deliveries.c.delivery_id == missions.c.delivery_id)
+    .where(deliveries.c.closed_ms.is_not(None), _is_live),
+    "I7 instructions of a stream have no gaps": select(_sent.c.instruction_id).where(
+        _sent.c.seq > 1,
+        ~select(literal_column("1"))
+        .where(
+            _before.c.drone_id == _sent.c.drone_id,
+            _before.c.stream == _sent.c.stream,
+            _before.c.seq == _sent.c.seq - 1,
+        )
+        .exists(),
+    ),
+    "I6 a chain of custody has no gaps": select(_link.c.package_id).where(
+        _link.c.seq > 1,
+        ~select(literal_column("1"))
+        .where(
+            _previous.c.delivery_id == _link.c.delivery_id,
+            _previous.c.package_id == _link.c.package_id,
+            _previous.c.seq == _link.c.seq - 1,
+        )
+        .exists(),
+    ),
+    "I6 a package is delivered once": select(custody.c.package_id)
+    .where(custody.c.custodian_kind == "RECIPIENT")
+    .group_by(custody.c.delivery_id, custody.c.package_id)
+    .having(func.count() > 1),
+    "I6 nothing follows the recipient": select(_link.c.package_id).join(
+        _previous,
+        and_(
+            _previous.c.delivery_id == _link.c.delivery_id,
+            _previous.c.package_id == _link.c.package_id,
+            _previous.c.seq < _link.c.seq,
+            _previous.c.custodian_kind == "RECIPIENT",
+        ),
+    ),
+    "I12 a current version is kept": select(networks.c.network_id).where(
+        ~select(literal_column("1"))
+        .where(
+            network_versions.c.network_id == networks.c.network_id,
+            network_versions.c.version == networks.c.version,
+            network_versions.c.sha256 == networks.c.sha256,
+        )
+        .exists()
+    ),
+}
+
+_UNRESERVED: Final = "I3 a live mission holds the pads of its steps"
+
+
+async def violations(db: Database) -> Sequence[Mapping[str, str]]:
+    """Every violation: the rule that is broken, and by whom."""
+    found: list[Mapping[str, str]] = []
+    async with db.read() as connection:
+        if db.dialect == "postgresql":
+            # One moment's data for all checks, as SQLite's reader has anyway.
+            await connection.execute(text("SET TRANSACTION ISOLATION LEVEL REPEATABLE READ"))
+        for rule, statement in _CHECKS.items():
+            subjects = (await connection.execute(statement)).scalars()
+            found.extend({"rule": rule, "subject": str(subject)} for subject in set(subjects))
+        planned = await connection.execute(
+            select(mission_steps.c.mission_id, mission_steps.c.step)
+            .join(missions, missions.c.mission_id == mission_steps.c.mission_id)
+            .where(_is_live, mission_steps.c.status == "PLANNED", missions.c.stuck.is_(None))
+        )
+        steps = [(row.mission_id, read_step(row.step)) for row in planned]
+        held = (await connection.execute(select(pad_reservations))).all()
+    for mission_id, step in steps:
+        if isinstance(step, RechargeStep) and not any(
+            row.mission_id == mission_id
+            and row.station_id == step.station_id
+            and row.pad == step.pad
+            and row.start_ms <= moment_to_ms(step.not_before_at)
+            and row.end_ms >= moment_to_ms(step.not_after_at)
+            for row in held
+        ):
+            found.append({"rule": _UNRESERVED, "subject": str(mission_id)})
+    return found

@@ -1,0 +1,18 @@
+from alembic.autogenerate import compare_metadata
+from alembic.migration import MigrationContext
+from skyway_composition.tables import metadata
+from sqlalchemy import Connection
+
+from skyway.runtime.database import Database
+from skyway.runtime.migrations import migrate
+
+
+def differences(connection: Connection) -> list[object]:
+    return list(compare_metadata(MigrationContext.configure(connection), metadata))
+
+
+async def test_the_migrations_make_the_tables_that_the_code_knows(database_url: str) -> None:
+    await migrate(database_url, "skyway_composition")
+
+    async with Database(database_url) as db, db.read() as connection:
+        assert await connection.run_sync(differences) == []
