@@ -75,14 +75,13 @@ class BrokerAddress:
 async def _readiness(sock: socket.socket, *, for_writing: bool) -> None:
     """Return once the socket can be read from, or written to."""
     loop = asyncio.get_running_loop()
-    ready: asyncio.Future[None] = loop.create_future()
-    add, remove = (
-        (loop.add_writer, loop.remove_writer)
-        if for_writing
-        else (loop.add_reader, loop.remove_reader)
-    )
-    add(sock, lambda: ready.done() or ready.set_result(None))
+    ready = asyncio.Event()
+    if for_writing:
+        loop.add_writer(sock, ready.set)
+    else:
+        loop.add_reader(sock, ready.set)
     try:
-        await ready
+        await ready.wait()
     finally:
-        remove(sock)
+        loop.remove_writer(sock)
+        loop.remove_reader(sock)
