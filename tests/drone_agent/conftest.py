@@ -1,24 +1,14 @@
-"""A drone, a broker, a cloud and a clock in one process, so that a mission takes milliseconds."""
+"""A drone model with round numbers, trips for it, a clock, and a cloud that writes instructions."""
 
 import asyncio
-import contextlib
 import heapq
-from collections import deque
-from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
+from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
-from types import TracebackType
 from typing import Any, Self
 
 import pytest
-from skyway_drone_agent.agent import DroneAgent
 from skyway_drone_agent.enrolled_drone import BrokerLogin, EnrolledDrone
-from skyway_drone_agent.journal import Journal
-from skyway_drone_agent.logbook import Logbook
-from skyway_drone_agent.memory_journal import MemoryJournal
-from skyway_drone_agent.records import Record
-from skyway_drone_agent.simulated_vehicle import SimulatedVehicle
 
-from skyway.contracts.drone_report import Ack, DroneEvent, DroneState
 from skyway.contracts.flight_step import (
     DeliverStep,
     FlightStep,
@@ -30,8 +20,6 @@ from skyway.contracts.flight_step import (
     WaitStep,
 )
 from skyway.contracts.instruction import MissionInstruction, ReportInstruction
-from skyway.contracts.topic import Address, Topic
-from skyway.contracts.topics import ACKS, EVENTS, INSTRUCTIONS, STATE
 from skyway.contracts.world import ClockAnchor
 from skyway.drone.model import ChargePoint, DroneModel
 from skyway.geo import Position
@@ -45,9 +33,6 @@ from skyway.ids import (
     ProviderId,
     StationId,
 )
-from skyway.runtime.errors import MqttUnavailable
-from skyway.runtime.minting import CountingMint
-from skyway.runtime.mqtt import Received, Will
 
 START = datetime(2026, 3, 1, 12, tzinfo=UTC)
 
@@ -83,6 +68,8 @@ class VirtualClock:
         self._now = self._wall = START
         self._sleepers: list[tuple[datetime, int, asyncio.Future[None]]] = []
         self._count = 0
+        self.is_known = asyncio.Event()
+        self.is_known.set()
 
     def now(self) -> datetime:
         return self._now
@@ -94,7 +81,7 @@ class VirtualClock:
         raise AssertionError(f"nobody tells the time here: {anchor}")
 
     async def wait_known(self) -> None:
-        return
+        await self.is_known.wait()
 
     async def sleep_until(self, fleet_moment: datetime) -> None:
         if fleet_moment <= self._now:
@@ -118,208 +105,12 @@ class VirtualClock:
                 awake.set_result(None)
 
 
-class FakeLink:
-    """A broker connection that tests make and cut; it acknowledges at once unless told not to."""
+class Cloud:
+    """Writes instructions, numbered as composition numbers them."""
 
-    def __init__(
-        self, world: "World", will: Will, on_connected: Callable[[], Awaitable[None]]
-    ) -> None:
-        self._world = world
-        self._will = will
-        self._on_connected = on_connected
-        self._will_now: tuple[Address[Any], Any] | None = None
-        self._up = asyncio.Event()
-        self._arrived: deque[Received[Any]] = deque()
-        self._has_news = asyncio.Event()
-        self._greetings: set[asyncio.Future[None]] = set()
-
-    async def __aenter__(self) -> Self:
-        if self._world.is_broker_up:
-            self.connect()
-        return self
-
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-        /,
-    ) -> None:
-        self._up.clear()
-
-    @property
-    def is_connected(self) -> bool:
-        return self._up.is_set()
-
-    async def wait_connected(self) -> None:
-        await self._up.wait()
-
-    def connect(self) -> None:
-        self._will_now = self._will()
-        self._up.set()
-        self._greetings.add(asyncio.ensure_future(self._on_connected()))
-
-    def cut(self) -> None:
-        if self._up.is_set() and self._will_now is not None:
-            self._world.published.append((self._will_now[0].topic, self._will_now[1]))
-        self._up.clear()
-
-    async def publish(self, address: Address[Any], message: Any, *, timeout_s: float = 5.0) -> None:
-        if not self._up.is_set():
-            raise MqttUnavailable("cut")
-        self._world.trace.append(f"publish {address.topic.template.rsplit('/', 1)[1]}")
-        self._world.published.append((address.topic, message))
-        await self._world.pubacks.wait()
-
-    def batches(
-        self, *subscriptions: Topic[Any] | Address[Any]
-    ) -> AsyncIterator[list[Received[Any]]]:
-        (address,) = subscriptions
-        assert isinstance(address, Address)
-        topic = address.topic
-        return self._drain(topic) if topic.template == INSTRUCTIONS.template else self._silence()
-
-    async def _silence(self) -> AsyncIterator[list[Received[Any]]]:
-        await asyncio.Event().wait()
-        yield []
-
-    async def _drain(self, topic: Topic[Any]) -> AsyncIterator[list[Received[Any]]]:
-        while True:
-            await self._has_news.wait()
-            self._has_news.clear()
-            payloads, self._arrived = self._arrived, deque()
-            yield [
-                Received(topic, one.ids, topic.read(one.message), one.retained) for one in payloads
-            ]
-
-    def deliver(self, payload: bytes) -> None:
-        self._arrived.append(Received(INSTRUCTIONS, ("prv_1", "drn_1"), payload, False))
-        self._has_news.set()
-
-
-class PowerCut(Exception):
-    """The process dies here."""
-
-
-class MortalJournal:
-    """A journal whose process dies at one write: `dies_before` it, or `dies_after` it."""
-
-    def __init__(self, kept: Journal, trace: list[str]) -> None:
-        self._kept = kept
-        self._trace = trace
-        self.writes = 0
-        self.dies_before: int | None = None
-        self.dies_after: int | None = None
-
-    def read(self, *, at_first: Logbook) -> Logbook:
-        return self._kept.read(at_first=at_first)
-
-    def append(self, records: Sequence[Record]) -> None:
-        self.writes += 1
-        if self.writes == self.dies_before:
-            raise PowerCut
-        self._kept.append(records)
-        self._trace.extend(f"journal {record.kind}" for record in records)
-        if self.writes == self.dies_after:
-            raise PowerCut
-
-    def compact(self, logbook: Logbook) -> None:
-        self._kept.compact(logbook)
-
-
-class World:
-    """One drone and all around it."""
-
-    def __init__(self, rate: float = 600.0) -> None:
-        self.clock = VirtualClock(rate)
-        self.trace: list[str] = []
-        self.published: list[tuple[Topic[Any], Any]] = []
-        self.journal = MortalJournal(MemoryJournal(), self.trace)
-        self.is_broker_up = True
-        self.pubacks = asyncio.Event()
-        self.pubacks.set()
+    def __init__(self, clock: VirtualClock) -> None:
+        self._clock = clock
         self._seq = 0
-        self._link: FakeLink | None = None
-        self._running: asyncio.Task[None] | None = None
-        self.drone = EnrolledDrone(
-            drone_id=DroneId("drn_1"),
-            provider_id=ProviderId("prv_1"),
-            model=MODEL,
-            home_station_id=StationId("home"),
-            home_position=POSITIONS["home"],
-            soc=1.0,
-            mqtt=BrokerLogin(user_name="drn_1", password="secret"),
-        )
-        self.mint = CountingMint()
-
-    # The agent's process
-
-    async def start(self) -> None:
-        agent = DroneAgent(
-            self.drone,
-            journal=self.journal,
-            vehicle=SimulatedVehicle(MODEL, self.clock),
-            clock=self.clock,
-            make_link=self._make_link,
-            mint=self.mint,
-        )
-        self._running = asyncio.create_task(agent.run())
-        await self.settle()
-
-    def _make_link(self, will: Will, on_connected: Callable[[], Awaitable[None]]) -> FakeLink:
-        self._link = FakeLink(self, will, on_connected)
-        return self._link
-
-    @property
-    def link(self) -> FakeLink:
-        assert self._link is not None
-        return self._link
-
-    async def kill(self) -> None:
-        """As kill -9: no farewell, the broker publishes the last will."""
-        self.link.cut()
-        await self.stop()
-
-    async def stop(self) -> None:
-        if self._running is not None:
-            self._running.cancel()
-            with contextlib.suppress(asyncio.CancelledError, PowerCut, BaseExceptionGroup):
-                await self._running
-            self._running = None
-
-    @property
-    def has_died(self) -> bool:
-        return self._running is not None and self._running.done()
-
-    # Time
-
-    async def settle(self) -> None:
-        """Let everything run that can run now."""
-        for _ in range(40):
-            await asyncio.sleep(0)
-
-    async def pass_time(self, by: timedelta) -> None:
-        """Let this span of fleet time pass, sleeper by sleeper."""
-        until = self.clock.now() + by
-        await self.settle()
-        while (moment := self.clock.next_moment()) is not None and moment <= until:
-            self.clock.move_to(moment)
-            await self.settle()
-        self.clock.move_to(until)
-        await self.settle()
-
-    async def pass_until(self, claim: Callable[[], bool]) -> None:
-        """Let time pass until the claim holds."""
-        for _ in range(5_000):
-            await self.settle()
-            if claim():
-                return
-            moment = self.clock.next_moment()
-            assert moment is not None, "nobody waits for anything any more"
-            self.clock.move_to(moment)
-        raise AssertionError("the claim never held")
-
-    # The cloud
 
     def mission(
         self,
@@ -332,11 +123,11 @@ class World:
         self._seq += 1
         fields: dict[str, Any] = {
             "message_id": f"msg_{self._seq}",
-            "sent_at": self.clock.now(),
+            "sent_at": self._clock.now(),
             "instruction_id": InstructionId(f"ins_{self._seq}"),
             "stream": 1,
             "seq": self._seq,
-            "expires_at": self.clock.now() + timedelta(hours=2),
+            "expires_at": self._clock.now() + timedelta(hours=2),
             "mission_id": MissionId(mission_id),
             "mission_revision": revision,
             "delivery_id": DeliveryId("dlv_1"),
@@ -349,41 +140,14 @@ class World:
         self._seq += 1
         fields: dict[str, Any] = {
             "message_id": f"msg_{self._seq}",
-            "sent_at": self.clock.now(),
+            "sent_at": self._clock.now(),
             "instruction_id": InstructionId(f"ins_{self._seq}"),
             "stream": 1,
             "seq": self._seq,
-            "expires_at": self.clock.now() + timedelta(hours=2),
+            "expires_at": self._clock.now() + timedelta(hours=2),
             "events_after_seq": after_seq,
         }
         return ReportInstruction.model_validate(fields | other)
-
-    async def send(self, instruction: MissionInstruction | ReportInstruction) -> None:
-        self.link.deliver(instruction.model_dump_json().encode())
-        await self.settle()
-
-    def _all(self, topic: Topic[Any]) -> list[Any]:
-        return [message for known, message in self.published if known is topic]
-
-    @property
-    def acks(self) -> list[Ack]:
-        return self._all(ACKS)
-
-    @property
-    def states(self) -> list[DroneState]:
-        return self._all(STATE)
-
-    @property
-    def events(self) -> list[DroneEvent]:
-        """What the cloud knows: each event once, by its seq."""
-        return [event for _, event in sorted({one.seq: one for one in self._all(EVENTS)}.items())]
-
-    def messages(self, topic: Topic[Any]) -> list[Any]:
-        return self._all(topic)
-
-    @property
-    def is_over(self) -> bool:
-        return any(event.event == "MISSION_ENDED" for event in self.events)
 
 
 class Steps:
@@ -489,11 +253,29 @@ def round_trip() -> Steps:
 
 
 @pytest.fixture
-async def world() -> AsyncIterator[World]:
-    """A drone whose agent is not started yet; it is stopped at the end."""
-    made = World()
-    yield made
-    await made.stop()
+def drone() -> EnrolledDrone:
+    """A full drone at home that has never flown."""
+    return EnrolledDrone(
+        drone_id=DroneId("drn_1"),
+        provider_id=ProviderId("prv_1"),
+        model=MODEL,
+        home_station_id=StationId("home"),
+        home_position=POSITIONS["home"],
+        soc=1.0,
+        mqtt=BrokerLogin(user_name="drn_1", password="secret"),
+    )
+
+
+@pytest.fixture
+def virtual_clock() -> VirtualClock:
+    """A clock at rate 600 that jumps from one sleeper to the next."""
+    return VirtualClock(rate=600.0)
+
+
+@pytest.fixture
+def cloud(virtual_clock: VirtualClock) -> Cloud:
+    """Writes instructions for the drone."""
+    return Cloud(virtual_clock)
 
 
 @pytest.fixture

@@ -17,16 +17,16 @@ def there_and_back(steps: Any, *, until_soc: float) -> Any:
     )
 
 
-def test_a_recharge_that_gives_enough_carries_on(world: Any, steps: Any) -> None:
+def test_a_recharge_that_gives_enough_carries_on(drone: Any, steps: Any) -> None:
     made = there_and_back(steps, until_soc=0.7)
 
-    assert shortfall_of(made, model=world.drone.model, soc=1.0, packages=()) is None
+    assert shortfall_of(made, model=drone.model, soc=1.0, packages=()) is None
 
 
-def test_the_need_is_that_of_the_whole_stretch(world: Any, steps: Any) -> None:
+def test_the_need_is_that_of_the_whole_stretch(drone: Any, steps: Any) -> None:
     made = there_and_back(steps, until_soc=0.6)
 
-    shortfall = shortfall_of(made, model=world.drone.model, soc=1.0, packages=())
+    shortfall = shortfall_of(made, model=drone.model, soc=1.0, packages=())
 
     assert shortfall is not None
     assert shortfall.step == made[3]
@@ -34,7 +34,7 @@ def test_the_need_is_that_of_the_whole_stretch(world: Any, steps: Any) -> None:
     assert shortfall.have_j == pytest.approx(0.5 * 360_000)
 
 
-def test_a_drone_with_more_than_asked_keeps_it(world: Any, steps: Any) -> None:
+def test_a_drone_with_more_than_asked_keeps_it(drone: Any, steps: Any) -> None:
     made = (
         steps()
         .recharge("home", until_soc=0.2, duration_s=1)
@@ -42,15 +42,15 @@ def test_a_drone_with_more_than_asked_keeps_it(world: Any, steps: Any) -> None:
         .made
     )
 
-    assert shortfall_of(made, model=world.drone.model, soc=0.9, packages=()) is None
+    assert shortfall_of(made, model=drone.model, soc=0.9, packages=()) is None
 
 
-def test_what_is_on_board_already_weighs_too(world: Any, steps: Any) -> None:
+def test_what_is_on_board_already_weighs_too(drone: Any, steps: Any) -> None:
     made = steps().fly("home", "shop", length_m=60_000, duration_s=1).made
     (picked_up,) = steps().pick_up("home", p1=0.5).made
 
-    empty = shortfall_of(made, model=world.drone.model, soc=1.0, packages=())
-    loaded = shortfall_of(made, model=world.drone.model, soc=1.0, packages=picked_up.packages)
+    empty = shortfall_of(made, model=drone.model, soc=1.0, packages=())
+    loaded = shortfall_of(made, model=drone.model, soc=1.0, packages=picked_up.packages)
 
     assert empty is None
     assert loaded is not None

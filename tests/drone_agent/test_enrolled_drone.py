@@ -11,8 +11,8 @@ from skyway.errors import InvalidInput
 
 
 @pytest.fixture
-def drone(world: Any) -> dict[str, Any]:
-    made: dict[str, Any] = json.loads(world.drone.model_dump_json())
+def answer(drone: Any) -> dict[str, Any]:
+    made: dict[str, Any] = json.loads(drone.model_dump_json())
     return made | {"state": "REGISTERED", "name": "a field the agent has no use for"}
 
 
@@ -24,9 +24,9 @@ def write(tmp_path: Path, content: object) -> Path:
 
 @pytest.mark.parametrize("form", ["one", "list", "items"])
 def test_one_drone_a_list_and_a_page_are_read(
-    tmp_path: Path, drone: dict[str, Any], form: str
+    tmp_path: Path, answer: dict[str, Any], form: str
 ) -> None:
-    content: dict[str, object] = {"one": drone, "list": [drone], "items": {"items": [drone]}}
+    content: dict[str, object] = {"one": answer, "list": [answer], "items": {"items": [answer]}}
 
     (read,) = read_fleet(write(tmp_path, content[form]))
 
@@ -34,11 +34,13 @@ def test_one_drone_a_list_and_a_page_are_read(
     assert read.at_first().station_id == "home"
 
 
-def test_a_file_without_passwords_is_refused_by_name(tmp_path: Path, drone: dict[str, Any]) -> None:
-    del drone["mqtt"]
+def test_a_file_without_passwords_is_refused_by_name(
+    tmp_path: Path, answer: dict[str, Any]
+) -> None:
+    del answer["mqtt"]
 
     with pytest.raises(InvalidInput, match="mqtt"):
-        read_fleet(write(tmp_path, drone))
+        read_fleet(write(tmp_path, answer))
 
 
 def test_a_file_that_is_not_json_is_refused(tmp_path: Path) -> None:
@@ -49,7 +51,7 @@ def test_a_file_that_is_not_json_is_refused(tmp_path: Path) -> None:
         read_fleet(path)
 
 
-def test_a_password_is_not_shown(tmp_path: Path, drone: dict[str, Any]) -> None:
-    (read,) = read_fleet(write(tmp_path, drone))
+def test_a_password_is_not_shown(tmp_path: Path, answer: dict[str, Any]) -> None:
+    (read,) = read_fleet(write(tmp_path, answer))
 
     assert read.mqtt.password not in repr(read)

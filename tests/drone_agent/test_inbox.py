@@ -6,6 +6,7 @@ from datetime import timedelta
 from typing import Any
 
 import pytest
+from skyway_drone_agent.enrolled_drone import EnrolledDrone
 from skyway_drone_agent.flight_recorder import FlightRecorder
 from skyway_drone_agent.inbox import Inbox
 from skyway_drone_agent.memory_journal import MemoryJournal
@@ -17,18 +18,17 @@ from skyway.contracts.drone_report import RefusalCode
 class Desk:
     """An inbox, and what it answered."""
 
-    def __init__(self, world: Any) -> None:
-        self.world = world
+    def __init__(self, drone: EnrolledDrone, clock: Any, cloud: Any) -> None:
+        self.cloud = cloud
+        self.clock = clock
         self.journal = MemoryJournal()
         self.recorder = FlightRecorder(
-            self.journal, drone_id=world.drone.drone_id, at_first=world.drone.at_first()
+            self.journal, drone_id=drone.drone_id, at_first=drone.at_first()
         )
         self.received_ids: list[str] = []
         self.answers: list[Answer] = []
         self.resent_after: list[int] = []
-        self.inbox = Inbox(
-            self.recorder, world.clock, model=world.drone.model, answers=self, events=self
-        )
+        self.inbox = Inbox(self.recorder, clock, model=drone.model, answers=self, events=self)
 
     def received(self, answer: Answer) -> None:
         self.received_ids.append(answer.instruction_id)
@@ -54,25 +54,25 @@ class Desk:
 
 
 @pytest.fixture
-def desk(world: Any) -> Desk:
-    return Desk(world)
+def desk(drone: EnrolledDrone, virtual_clock: Any, cloud: Any) -> Desk:
+    return Desk(drone, virtual_clock, cloud)
 
 
-def cancel(world: Any, mission_id: str) -> dict[str, Any]:
-    raw: dict[str, Any] = json.loads(world.report_request(0).model_dump_json())
+def cancel(cloud: Any, mission_id: str) -> dict[str, Any]:
+    raw: dict[str, Any] = json.loads(cloud.report_request(0).model_dump_json())
     raw |= {"kind": "CANCEL", "mission_id": mission_id, "mission_revision": 1, "reason": "test"}
     return raw
 
 
 def test_a_mission_the_drone_can_fly_is_accepted(desk: Desk, trip: Any) -> None:
-    answer = desk.take(desk.world.mission(trip))
+    answer = desk.take(desk.cloud.mission(trip))
 
     assert answer.status == "ACCEPTED"
     assert desk.received_ids == [answer.instruction_id]
 
 
 def test_steps_that_do_not_follow_are_malformed(desk: Desk, trip: Any) -> None:
-    answer = desk.take(desk.world.mission([trip[0], *trip[2:]]))
+    answer = desk.take(desk.cloud.mission([trip[0], *trip[2:]]))
 
     assert answer.code == RefusalCode.MALFORMED
     assert answer.detail == "step 1 is followed by step 3"
@@ -80,7 +80,7 @@ def test_steps_that_do_not_follow_are_malformed(desk: Desk, trip: Any) -> None:
 
 def test_an_unreadable_field_is_malformed_and_named(desk: Desk, trip: Any) -> None:
     answer = desk.take_raw(
-        desk.world.mission(trip), lambda raw: raw["steps"][1].update(length_m=-5)
+        desk.cloud.mission(trip), lambda raw: raw["steps"][1].update(length_m=-5)
     )
 
     assert answer.code == RefusalCode.MALFORMED
@@ -88,14 +88,14 @@ def test_an_unreadable_field_is_malformed_and_named(desk: Desk, trip: Any) -> No
 
 
 def test_a_kind_of_instruction_of_a_later_version_is_malformed(desk: Desk, trip: Any) -> None:
-    answer = desk.take_raw(desk.world.mission(trip), lambda raw: raw.update(kind="DIVERT"))
+    answer = desk.take_raw(desk.cloud.mission(trip), lambda raw: raw.update(kind="DIVERT"))
 
     assert answer.code == RefusalCode.MALFORMED
 
 
 def test_a_kind_of_step_of_a_later_version_is_unsupported(desk: Desk, trip: Any) -> None:
     answer = desk.take_raw(
-        desk.world.mission(trip), lambda raw: raw["steps"][3].update(kind="WINCH")
+        desk.cloud.mission(trip), lambda raw: raw["steps"][3].update(kind="WINCH")
     )
 
     assert answer.code == RefusalCode.UNSUPPORTED_STEP
@@ -109,27 +109,27 @@ def test_what_has_no_identity_is_dropped(desk: Desk) -> None:
 
 
 def test_an_expired_instruction_is_refused_and_uses_up_its_number(desk: Desk, trip: Any) -> None:
-    past = desk.world.clock.now() - timedelta(seconds=1)
-    late = desk.take(desk.world.mission(trip, expires_at=past))
-    next_one = desk.take(desk.world.mission(trip))
+    past = desk.clock.now() - timedelta(seconds=1)
+    late = desk.take(desk.cloud.mission(trip, expires_at=past))
+    next_one = desk.take(desk.cloud.mission(trip))
 
     assert late.code == RefusalCode.EXPIRED
     assert next_one.status == "ACCEPTED"
 
 
 def test_a_second_mission_is_refused_while_one_is_not_over(desk: Desk, trip: Any) -> None:
-    desk.take(desk.world.mission(trip))
+    desk.take(desk.cloud.mission(trip))
 
-    answer = desk.take(desk.world.mission(trip, mission_id="msn_2"))
+    answer = desk.take(desk.cloud.mission(trip, mission_id="msn_2"))
 
     assert answer.code == RefusalCode.OTHER_MISSION_ACTIVE
     assert answer.data == {"mission_id": "msn_1"}
 
 
 def test_a_revision_that_is_not_newer_is_stale(desk: Desk, trip: Any) -> None:
-    desk.take(desk.world.mission(trip, revision=2))
+    desk.take(desk.cloud.mission(trip, revision=2))
 
-    answer = desk.take(desk.world.mission(trip, revision=2))
+    answer = desk.take(desk.cloud.mission(trip, revision=2))
 
     assert answer.code == RefusalCode.STALE_REVISION
 
@@ -137,7 +137,7 @@ def test_a_revision_that_is_not_newer_is_stale(desk: Desk, trip: Any) -> None:
 def test_a_revision_of_a_mission_that_is_over_is_stale(desk: Desk, trip: Any) -> None:
     desk.drone_is(ended_mission_ids=("msn_1",))
 
-    answer = desk.take(desk.world.mission(trip, revision=2))
+    answer = desk.take(desk.cloud.mission(trip, revision=2))
 
     assert answer.code == RefusalCode.STALE_REVISION
 
@@ -145,7 +145,7 @@ def test_a_revision_of_a_mission_that_is_over_is_stale(desk: Desk, trip: Any) ->
 def test_a_mission_that_begins_elsewhere_is_refused(desk: Desk, trip: Any) -> None:
     desk.drone_is(station_id="shop")
 
-    answer = desk.take(desk.world.mission(trip))
+    answer = desk.take(desk.cloud.mission(trip))
 
     assert answer.code == RefusalCode.NOT_AT_START
     assert answer.data == {"station_id": "shop"}
@@ -154,7 +154,7 @@ def test_a_mission_that_begins_elsewhere_is_refused(desk: Desk, trip: Any) -> No
 def test_too_heavy_a_load_is_refused_with_its_limit(desk: Desk, steps: Any) -> None:
     heavy = steps().pick_up("home", p1=1.5, p2=0.6)
 
-    answer = desk.take(desk.world.mission(heavy.made))
+    answer = desk.take(desk.cloud.mission(heavy.made))
 
     assert answer.code == RefusalCode.OVERWEIGHT
     assert answer.data["mass_kg"] == pytest.approx(2.1)
@@ -164,7 +164,7 @@ def test_too_heavy_a_load_is_refused_with_its_limit(desk: Desk, steps: Any) -> N
 def test_a_stretch_beyond_the_battery_is_refused_with_its_numbers(desk: Desk, trip: Any) -> None:
     desk.drone_is(soc=0.35)
 
-    answer = desk.take(desk.world.mission(trip))
+    answer = desk.take(desk.cloud.mission(trip))
 
     assert answer.code == RefusalCode.INSUFFICIENT_ENERGY
     assert answer.data["have_j"] == pytest.approx(0.25 * 360_000)
@@ -176,11 +176,11 @@ def test_a_plan_that_arrives_exactly_at_the_reserve_is_accepted(desk: Desk, trip
     needed = (2 * 400 * 100 * 1.25**1.5 + 1000) / 360_000
     desk.drone_is(soc=0.1 + needed)
 
-    assert desk.take(desk.world.mission(trip)).status == "ACCEPTED"
+    assert desk.take(desk.cloud.mission(trip)).status == "ACCEPTED"
 
 
 def test_a_gap_is_refused_without_end_and_then_filled(desk: Desk, trip: Any) -> None:
-    first, second = desk.world.report_request(0), desk.world.mission(trip)
+    first, second = desk.cloud.report_request(0), desk.cloud.mission(trip)
 
     early = desk.take(second)
     assert (early.code, early.data["expected_seq"]) == (RefusalCode.SEQUENCE_GAP, 1)
@@ -191,7 +191,7 @@ def test_a_gap_is_refused_without_end_and_then_filled(desk: Desk, trip: Any) -> 
 
 
 def test_a_duplicate_gets_the_same_answer_and_is_not_journaled(desk: Desk, trip: Any) -> None:
-    mission = desk.world.mission(trip)
+    mission = desk.cloud.mission(trip)
     first = desk.take(mission)
 
     again = desk.take(mission)
@@ -203,7 +203,7 @@ def test_a_duplicate_gets_the_same_answer_and_is_not_journaled(desk: Desk, trip:
 
 def test_a_refusal_is_repeated_too(desk: Desk, trip: Any) -> None:
     desk.drone_is(station_id="shop")
-    mission = desk.world.mission(trip)
+    mission = desk.cloud.mission(trip)
     first = desk.take(mission)
     desk.drone_is(station_id="home")
 
@@ -211,17 +211,17 @@ def test_a_refusal_is_repeated_too(desk: Desk, trip: Any) -> None:
 
 
 def test_another_instruction_under_a_number_already_used_is_refused(desk: Desk, trip: Any) -> None:
-    desk.take(desk.world.report_request(0))
+    desk.take(desk.cloud.report_request(0))
 
-    answer = desk.take(desk.world.mission(trip, seq=1))
+    answer = desk.take(desk.cloud.mission(trip, seq=1))
 
     assert answer.code == RefusalCode.STALE_REVISION
     assert desk.recorder.logbook.mission is None
 
 
 def test_a_new_stream_begins_at_one_on_an_empty_journal(desk: Desk, trip: Any) -> None:
-    too_far_on = desk.take(desk.world.mission(trip, stream=3, seq=7))
-    first = desk.take(desk.world.mission(trip, stream=3, seq=1))
+    too_far_on = desk.take(desk.cloud.mission(trip, stream=3, seq=7))
+    first = desk.take(desk.cloud.mission(trip, stream=3, seq=1))
 
     assert too_far_on.code == RefusalCode.SEQUENCE_GAP
     assert too_far_on.data["expected_seq"] == 1
@@ -230,45 +230,45 @@ def test_a_new_stream_begins_at_one_on_an_empty_journal(desk: Desk, trip: Any) -
 
 
 def test_an_earlier_stream_is_over(desk: Desk, trip: Any) -> None:
-    desk.take(desk.world.report_request(0, stream=3, seq=1))
+    desk.take(desk.cloud.report_request(0, stream=3, seq=1))
 
-    answer = desk.take(desk.world.mission(trip, stream=2, seq=2))
+    answer = desk.take(desk.cloud.mission(trip, stream=2, seq=2))
 
     assert answer.code == RefusalCode.STALE_REVISION
 
 
 def test_a_report_request_has_events_sent_again(desk: Desk) -> None:
-    assert desk.take(desk.world.report_request(after_seq=5)).status == "ACCEPTED"
+    assert desk.take(desk.cloud.report_request(after_seq=5)).status == "ACCEPTED"
 
     assert desk.resent_after == [5]
 
 
 def test_a_mission_that_has_not_begun_can_be_cancelled(desk: Desk, trip: Any) -> None:
-    desk.take(desk.world.mission(trip))
+    desk.take(desk.cloud.mission(trip))
 
-    desk.inbox.take(cancel(desk.world, "msn_1"))
+    desk.inbox.take(cancel(desk.cloud, "msn_1"))
 
     assert desk.answers[-1].status == "ACCEPTED"
     assert desk.recorder.logbook.mission is None
-    assert desk.take(desk.world.mission(trip, mission_id="msn_2")).status == "ACCEPTED"
+    assert desk.take(desk.cloud.mission(trip, mission_id="msn_2")).status == "ACCEPTED"
 
 
 def test_a_mission_that_has_begun_cannot_be_cancelled(desk: Desk, trip: Any) -> None:
-    desk.take(desk.world.mission(trip))
+    desk.take(desk.cloud.mission(trip))
     mission = desk.recorder.logbook.mission
     assert mission is not None
     desk.drone_is(mission=mission.model_copy(update={"released_through": 1}))
 
-    desk.inbox.take(cancel(desk.world, "msn_1"))
+    desk.inbox.take(cancel(desk.cloud, "msn_1"))
 
     assert desk.answers[-1].code == RefusalCode.STEP_RELEASED
     assert desk.recorder.logbook.mission is not None
 
 
 def test_a_cancel_of_another_mission_leaves_the_current_one(desk: Desk, trip: Any) -> None:
-    desk.take(desk.world.mission(trip))
+    desk.take(desk.cloud.mission(trip))
 
-    desk.inbox.take(cancel(desk.world, "msn_0"))
+    desk.inbox.take(cancel(desk.cloud, "msn_0"))
 
     assert desk.answers[-1].status == "ACCEPTED"
     assert desk.recorder.logbook.mission is not None

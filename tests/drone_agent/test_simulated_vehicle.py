@@ -22,11 +22,11 @@ def run_of(step: Any, *, soc: float = 1.0, load_kg: float = 0.0, late_s: float =
 
 @pytest.mark.parametrize(("load_kg", "speed_mps"), [(0.0, 20.0), (1.0, 15.0), (2.0, 10.0)])
 def test_a_loaded_drone_flies_slower(
-    world: Any, steps: Any, load_kg: float, speed_mps: float
+    drone: Any, steps: Any, load_kg: float, speed_mps: float
 ) -> None:
     (step,) = steps().fly("home", "shop", length_m=6000, duration_s=1, lands=False).made
 
-    outcome = outcome_of(run_of(step, load_kg=load_kg), world.drone.model)
+    outcome = outcome_of(run_of(step, load_kg=load_kg), drone.model)
 
     flown_s = (outcome.ended_at - step.planned_start_at).total_seconds()
     assert flown_s == pytest.approx(6000 / speed_mps)
@@ -35,68 +35,68 @@ def test_a_loaded_drone_flies_slower(
     assert outcome.soc == pytest.approx(1 - power_w * flown_s / 360_000)
 
 
-def test_a_landing_takes_its_time_and_energy(world: Any, steps: Any) -> None:
+def test_a_landing_takes_its_time_and_energy(drone: Any, steps: Any) -> None:
     (over,) = steps().fly("home", "shop", length_m=6000, duration_s=1, lands=False).made
     (lands,) = steps().fly("home", "shop", length_m=6000, duration_s=1).made
 
-    flown = outcome_of(run_of(over), world.drone.model)
-    landed = outcome_of(run_of(lands), world.drone.model)
+    flown = outcome_of(run_of(over), drone.model)
+    landed = outcome_of(run_of(lands), drone.model)
 
     assert landed.ended_at - flown.ended_at == timedelta(seconds=30)
     assert landed.energy_j - flown.energy_j == pytest.approx(1000)
 
 
-def test_a_recharge_ends_at_the_charge_asked_for(world: Any, steps: Any) -> None:
+def test_a_recharge_ends_at_the_charge_asked_for(drone: Any, steps: Any) -> None:
     (step,) = steps().recharge("shop", until_soc=0.9, duration_s=9000).made
 
-    outcome = outcome_of(run_of(step, soc=0.4), world.drone.model)
+    outcome = outcome_of(run_of(step, soc=0.4), drone.model)
 
     assert outcome.soc == 0.9
     assert outcome.code is None
     assert outcome.ended_at - step.planned_start_at == timedelta(seconds=1800 + 1800)
 
 
-def test_a_recharge_ends_with_its_reservation_and_is_short(world: Any, steps: Any) -> None:
+def test_a_recharge_ends_with_its_reservation_and_is_short(drone: Any, steps: Any) -> None:
     (step,) = steps().recharge("shop", until_soc=0.8, duration_s=1800).made
 
-    outcome = outcome_of(run_of(step, soc=0.4, late_s=900), world.drone.model)
+    outcome = outcome_of(run_of(step, soc=0.4, late_s=900), drone.model)
 
     assert outcome.ended_at == step.not_after_at
     assert outcome.soc == pytest.approx(0.4 + 900 * 0.8 / 3600)
     assert outcome.code == "SHORT_CHARGE"
 
 
-def test_a_recharge_that_lacks_less_than_a_millisecond_is_not_short(world: Any, steps: Any) -> None:
+def test_a_recharge_that_lacks_less_than_a_millisecond_is_not_short(drone: Any, steps: Any) -> None:
     (step,) = steps().recharge("shop", until_soc=0.8, duration_s=1800).made
 
-    outcome = outcome_of(run_of(step, soc=0.4, late_s=0.0005), world.drone.model)
+    outcome = outcome_of(run_of(step, soc=0.4, late_s=0.0005), drone.model)
 
     assert (outcome.soc, outcome.code) == (0.8, None)
 
 
-def test_a_full_drone_leaves_the_pad_at_once(world: Any, steps: Any) -> None:
+def test_a_full_drone_leaves_the_pad_at_once(drone: Any, steps: Any) -> None:
     (step,) = steps().recharge("shop", until_soc=0.8, duration_s=1800).made
 
-    outcome = outcome_of(run_of(step, soc=0.9), world.drone.model)
+    outcome = outcome_of(run_of(step, soc=0.9), drone.model)
 
     assert (outcome.ended_at, outcome.soc) == (step.planned_start_at, 0.9)
 
 
-def test_a_wait_ends_at_its_moment_and_not_before_it_began(world: Any, steps: Any) -> None:
+def test_a_wait_ends_at_its_moment_and_not_before_it_began(drone: Any, steps: Any) -> None:
     (step,) = steps().wait("home", duration_s=300).made
 
-    on_time = outcome_of(run_of(step, late_s=100), world.drone.model)
-    late = outcome_of(run_of(step, late_s=400), world.drone.model)
+    on_time = outcome_of(run_of(step, late_s=100), drone.model)
+    late = outcome_of(run_of(step, late_s=400), drone.model)
 
     assert on_time.ended_at == step.until_at
     assert late.ended_at == step.planned_start_at + timedelta(seconds=400)
 
 
-def test_hand_overs_take_their_planned_time(world: Any, steps: Any) -> None:
+def test_hand_overs_take_their_planned_time(drone: Any, steps: Any) -> None:
     made = steps().pick_up("home", p1=0.5).deliver("home", "p1").bring_back("home", "p1").made
 
     lasting_s = [
-        (outcome_of(run_of(step, late_s=7), world.drone.model).ended_at - step.planned_start_at)
+        (outcome_of(run_of(step, late_s=7), drone.model).ended_at - step.planned_start_at)
         / timedelta(seconds=1)
         - 7
         for step in made
@@ -105,9 +105,9 @@ def test_hand_overs_take_their_planned_time(world: Any, steps: Any) -> None:
     assert lasting_s == [60.0, 30.0, 45.0]
 
 
-def test_halfway_a_drone_is_halfway(world: Any, steps: Any) -> None:
+def test_halfway_a_drone_is_halfway(drone: Any, virtual_clock: Any, steps: Any) -> None:
     (step,) = steps().fly("home", "shop", length_m=6000, duration_s=300, lands=False).made
-    vehicle = SimulatedVehicle(world.drone.model, world.clock)
+    vehicle = SimulatedVehicle(drone.model, virtual_clock)
 
     sample = vehicle.sample(run_of(step), step.planned_start_at + timedelta(seconds=150))
 
@@ -116,9 +116,11 @@ def test_halfway_a_drone_is_halfway(world: Any, steps: Any) -> None:
     assert (sample.speed_mps, sample.power_w) == (20.0, 100.0)
 
 
-def test_a_sample_on_the_pad_shows_the_charge_so_far(world: Any, steps: Any) -> None:
+def test_a_sample_on_the_pad_shows_the_charge_so_far(
+    drone: Any, virtual_clock: Any, steps: Any
+) -> None:
     (step,) = steps().recharge("shop", until_soc=0.8, duration_s=1800).made
-    vehicle = SimulatedVehicle(world.drone.model, world.clock)
+    vehicle = SimulatedVehicle(drone.model, virtual_clock)
 
     sample = vehicle.sample(run_of(step, soc=0.4), step.planned_start_at + timedelta(seconds=900))
 

@@ -1,0 +1,88 @@
+"""What a drone tells of itself."""
+
+from datetime import timedelta
+from itertools import pairwise
+from typing import Any
+
+from skyway.contracts.topics import ACKS, TELEMETRY
+
+PRE_START = timedelta(minutes=10)
+
+
+async def test_the_state_is_told_every_30_s_of_wall_time(world: Any) -> None:
+    await world.start()
+    before = len(world.states)
+
+    await world.pass_time(timedelta(seconds=600 * 95))
+
+    assert len(world.states) == before + 3
+
+
+async def test_states_are_numbered_upwards_and_name_the_mission(
+    world: Any, cloud: Any, trip: Any
+) -> None:
+    await world.start()
+    await world.send(cloud.mission(trip))
+
+    await world.pass_until(lambda: world.is_over)
+    await world.settle()
+
+    numbers = [state.seq for state in world.states]
+    assert numbers == sorted(set(numbers))
+    activities = [state.activity for state in world.states]
+    assert [one for one in activities if one not in ("IDLE", "WAITING")] == [
+        "LOADING",
+        "FLYING",
+        "FLYING",
+        "DELIVERING",
+        "RECHARGING",
+        "FLYING",
+        "DELIVERING",
+        "FLYING",
+    ]
+    flying = next(state for state in world.states if state.activity == "FLYING")
+    assert (flying.mission_id, flying.mission_revision) == ("msn_1", 1)
+    assert (flying.step_id, flying.released_through, flying.station_id) == (2, 3, None)
+    assert world.states[-1].last_event_seq == len(world.events)
+
+
+async def test_events_are_sent_again_when_the_cloud_asks(world: Any, cloud: Any, trip: Any) -> None:
+    await world.start()
+    await world.send(cloud.mission(trip))
+    await world.pass_until(lambda: len(world.events) == 4)
+    first_time = world.events
+    world.published.clear()
+
+    await world.send(cloud.report_request(after_seq=2))
+    await world.settle()
+
+    assert world.events == first_time[2:]
+    assert [ack.status for ack in world.messages(ACKS)] == ["RECEIVED", "ACCEPTED"]
+
+
+async def test_confirmed_events_are_forgotten(world: Any, cloud: Any, trip: Any) -> None:
+    await world.start()
+    await world.send(cloud.mission(trip))
+    await world.pass_until(lambda: len(world.events) == 4)
+    world.published.clear()
+
+    await world.send(cloud.report_request(after_seq=0, events_confirmed_seq=3))
+    await world.settle()
+
+    assert [event.seq for event in world.events] == [4]
+
+
+async def test_telemetry_comes_at_most_once_a_wall_second_and_only_when_it_moves(
+    world: Any, cloud: Any, trip: Any
+) -> None:
+    await world.start()
+    await world.send(cloud.mission(trip))
+
+    await world.pass_until(lambda: world.is_over)
+    await world.pass_time(timedelta(hours=2))
+
+    moments = [sample.at for sample in world.messages(TELEMETRY)]
+    gaps = [later - earlier for earlier, later in pairwise(moments)]
+    assert 3 <= len(moments) <= 6
+    assert min(gaps) >= timedelta(seconds=600)
+    assert max(moments) <= trip[-1].planned_end_at
