@@ -1,0 +1,187 @@
+"""The gateway asks who could fly, from what the database knows now."""
+
+from collections.abc import Awaitable, Callable
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import pytest
+from skyway_provider_registry.presence.follow import record_batch
+
+from skyway.contracts.drone_report import Connection, DroneState
+from skyway.contracts.topics import CONNECTION, STATE
+from skyway.geo import Position
+from skyway.ids import MissionId, StationId
+from skyway.runtime.clock import ManualClock
+from skyway.runtime.database import Database
+from skyway.runtime.mqtt import Received
+
+AT = datetime(2026, 3, 1, 12, tzinfo=UTC)
+QUERY: dict[str, object] = {
+    "pickup_station_id": "san-marcos",
+    "pickup_position": [-97.94139, 29.88327],
+    "payload_kg": 2.0,
+    "providers": {},
+}
+
+Ready = Callable[..., Awaitable[dict[str, Any]]]
+
+
+@pytest.fixture
+def ready(api: Any, db: Database, clock: ManualClock) -> Ready:
+    """Makes a drone that has told of itself."""
+
+    async def make(
+        provider_id: str, *, station_id: str = "san-marcos", mission_id: str | None = None
+    ) -> dict[str, Any]:
+        drone: dict[str, Any] = await api.drone(provider_id)
+        ids = (provider_id, drone["drone_id"])
+        online = Connection(
+            message_id="m", sent_at=AT, session=1, connection_number=1, status="ONLINE"
+        )
+        state = DroneState(
+            message_id="m",
+            sent_at=AT,
+            session=1,
+            seq=1,
+            at=AT,
+            activity="IDLE",
+            stream=0,
+            last_instruction_seq=0,
+            last_event_seq=0,
+            station_id=StationId(station_id),
+            mission_id=None if mission_id is None else MissionId(mission_id),
+            position=Position(-97.94139, 29.88327),
+            soc=0.8,
+        )
+        batch = [Received(CONNECTION, ids, online, False), Received(STATE, ids, state, False)]
+        await record_batch(db, batch, clock=clock)
+        return drone
+
+    return make
+
+
+async def ask(api: Any, **members: object) -> Any:
+    answer = await api(None, "POST", "/internal/candidates", {**QUERY, **members})
+    assert answer.status_code == 200, answer.text
+    return answer.json()
+
+
+async def test_a_drone_that_stands_online_is_a_candidate(api: Any, ready: Ready) -> None:
+    provider_id = await api.provider()
+    drone = await ready(provider_id)
+
+    found = await ask(api)
+
+    (candidate,) = found["candidates"]
+    assert candidate["drone_id"] == drone["drone_id"]
+    assert candidate["provider_id"] == provider_id
+    assert (candidate["station_id"], candidate["soc"]) == ("san-marcos", 0.8)
+    assert candidate["home_station_id"] == "san-marcos"
+    assert candidate["tariff"]["base"] == 300
+    assert candidate["model"] == drone["model"]
+    assert found["infeasible"] == []
+
+
+async def test_a_drone_that_was_never_heard_of_is_none(api: Any) -> None:
+    await api.drone(await api.provider())
+
+    found = await ask(api)
+
+    assert found["candidates"] == []
+    assert [reason["code"] for reason in found["infeasible"]] == ["OFFLINE"]
+
+
+async def test_a_drone_that_says_it_flies_a_mission_is_busy(api: Any, ready: Ready) -> None:
+    await ready(await api.provider(), mission_id="msn_1")
+
+    found = await ask(api)
+
+    assert [reason["code"] for reason in found["infeasible"]] == ["BUSY"]
+
+
+async def test_a_drone_that_fell_silent_is_none(api: Any, ready: Ready, clock: ManualClock) -> None:
+    await ready(await api.provider())
+    clock.advance(timedelta(minutes=5))
+
+    found = await ask(api)
+
+    assert [reason["code"] for reason in found["infeasible"]] == ["OFFLINE"]
+
+
+async def test_a_drone_that_refused_is_left_out(api: Any, ready: Ready) -> None:
+    drone = await ready(await api.provider())
+
+    found = await ask(api, excluded_drone_ids=[drone["drone_id"]])
+
+    assert [reason["code"] for reason in found["infeasible"]] == ["REFUSED"]
+
+
+async def test_a_suspended_provider_has_none(api: Any, ready: Ready) -> None:
+    provider_id = await api.provider()
+    await ready(provider_id)
+    await api("operator:op", "PATCH", f"/v1/providers/{provider_id}", {"state": "SUSPENDED"})
+
+    found = await ask(api)
+
+    assert [reason["code"] for reason in found["infeasible"]] == ["NOT_ADMITTED"]
+
+
+async def test_without_providers_there_is_nobody_to_blame(api: Any) -> None:
+    assert await ask(api) == {"candidates": [], "infeasible": []}
+
+
+async def test_a_bad_query_is_told_its_field(api: Any) -> None:
+    answer = await api(None, "POST", "/internal/candidates", {**QUERY, "payload_kg": -1})
+
+    assert answer.status_code == 422
+    assert answer.json()["errors"][0]["field"] == "payload_kg"
+
+
+@pytest.mark.parametrize("path", ["/internal/candidates", "/internal/payload-limit"])
+async def test_only_services_ask(api: Any, path: str) -> None:
+    answer = await api("customer:c", "POST", path, QUERY)
+
+    assert answer.status_code == 403
+
+
+async def limit(api: Any, **choice: object) -> Any:
+    answer = await api(None, "POST", "/internal/payload-limit", {"providers": choice})
+    assert answer.status_code == 200, answer.text
+    return answer.json()
+
+
+async def test_the_payload_limit_is_that_of_the_strongest_drone(api: Any) -> None:
+    provider_id = await api.provider()
+    await api.drone(provider_id, model_id="dji-matrice-300-rtk")
+    small = await limit(api)
+    await api.drone(provider_id, model_id="paper-scenario")
+
+    assert (small["max_payload_kg"], small["drone_model_id"]) == (2.7, "dji-matrice-300-rtk")
+    assert (await limit(api))["max_payload_kg"] == 15.3
+
+
+async def test_the_payload_limit_heeds_whom_the_request_admits(api: Any) -> None:
+    small, strong = await api.provider(), await api.provider()
+    await api.drone(small, model_id="dji-matrice-300-rtk")
+    await api.drone(strong, model_id="paper-scenario")
+
+    assert (await limit(api, pinned=small))["max_payload_kg"] == 2.7
+    assert (await limit(api, denied=[strong]))["max_payload_kg"] == 2.7
+    assert (await limit(api, allowed=[strong]))["max_payload_kg"] == 15.3
+
+
+async def test_the_payload_limit_leaves_suspended_providers_out(api: Any) -> None:
+    provider_id = await api.provider()
+    await api.drone(provider_id)
+    await api("operator:op", "PATCH", f"/v1/providers/{provider_id}", {"state": "SUSPENDED"})
+
+    assert (await limit(api))["max_payload_kg"] is None
+
+
+async def test_unknown_providers_are_named(api: Any) -> None:
+    known = await api.provider()
+
+    answer = await limit(api, pinned="prv_0", allowed=["prv_0", known, "prv_1"], denied=["prv_2"])
+
+    assert answer["unknown_provider_ids"] == ["prv_0", "prv_1", "prv_2"]
+    assert answer["max_payload_kg"] is None

@@ -1,0 +1,256 @@
+"""Who could fly a request, in which order, how many, and why the others cannot."""
+
+import pytest
+from skyway_provider_registry.candidates.reasons import KnownDrone, KnownProvider
+from skyway_provider_registry.candidates.select import select
+
+from skyway.contracts.candidate import CandidateQuery
+from skyway.delivery.offer import Tariff
+from skyway.delivery.request import ProviderChoice
+from skyway.drone.models import DJI_MATRICE_300_RTK, PAPER_SCENARIO
+from skyway.geo import Position
+from skyway.ids import DroneId, ProviderId, StationId
+
+PICKUP = Position(-97.94, 29.88)
+
+
+def make_query(**members: object) -> CandidateQuery:
+    return CandidateQuery.model_validate(
+        {
+            "pickup_station_id": "pickup",
+            "pickup_position": PICKUP,
+            "payload_kg": 2.0,
+            "providers": ProviderChoice(),
+            **members,
+        }
+    )
+
+
+def make_provider(name: str, *, is_active: bool = True) -> KnownProvider:
+    tariff = Tariff(base=len(name))
+    return KnownProvider(provider_id=ProviderId(name), tariff=tariff, is_active=is_active)
+
+
+def make_drone(
+    name: str, *, provider: str = "p", away_deg: float = 0.0, **members: object
+) -> KnownDrone:
+    known: dict[str, object] = {
+        "drone_id": DroneId(name),
+        "provider_id": ProviderId(provider),
+        "model": PAPER_SCENARIO,
+        "home_station_id": StationId("home"),
+        "state": "AVAILABLE",
+        "station_id": StationId("pickup" if away_deg == 0 else "elsewhere"),
+        "position": Position(PICKUP.longitude_deg + away_deg, PICKUP.latitude_deg),
+        "soc": 0.9,
+        "is_busy": False,
+        **members,
+    }
+    return KnownDrone(**known)  # type: ignore[arg-type]
+
+
+def test_a_candidate_carries_what_composition_needs() -> None:
+    found = select(make_query(), providers=[make_provider("p")], drones=[make_drone("d")])
+
+    (candidate,) = found.candidates
+    assert (candidate.drone_id, candidate.provider_id) == ("d", "p")
+    assert (candidate.station_id, candidate.home_station_id) == ("pickup", "home")
+    assert (candidate.model, candidate.soc) == (PAPER_SCENARIO, 0.9)
+    assert candidate.tariff == Tariff(base=1)
+    assert found.infeasible == ()
+
+
+def test_the_pickup_comes_first_then_the_nearest_then_the_fullest() -> None:
+    drones = [
+        make_drone("far", away_deg=0.3),
+        make_drone("near-empty", away_deg=0.1, soc=0.5),
+        make_drone("near-full", away_deg=0.1, soc=0.8),
+        make_drone("there-empty", soc=0.3),
+        make_drone("there-full", soc=0.4),
+    ]
+
+    found = select(make_query(), providers=[make_provider("p")], drones=drones)
+
+    assert [candidate.drone_id for candidate in found.candidates] == [
+        "there-full",
+        "there-empty",
+        "near-full",
+        "near-empty",
+        "far",
+    ]
+
+
+def test_a_drone_at_the_pickup_comes_before_one_that_stands_nearer_by_its_own_word() -> None:
+    elsewhere = make_drone("elsewhere", station_id=StationId("other"))
+    there = make_drone("there", position=Position(PICKUP.longitude_deg + 0.001, 29.88))
+
+    found = select(make_query(), providers=[make_provider("p")], drones=[elsewhere, there])
+
+    assert [candidate.drone_id for candidate in found.candidates] == ["there", "elsewhere"]
+
+
+def test_equals_are_ordered_by_id_whatever_order_they_come_in() -> None:
+    drones = [make_drone(name) for name in ("c", "a", "b")]
+
+    found = select(make_query(), providers=[make_provider("p")], drones=drones)
+
+    assert [candidate.drone_id for candidate in found.candidates] == ["a", "b", "c"]
+
+
+def test_a_provider_sends_its_five_best() -> None:
+    drones = [make_drone(f"d{n}", away_deg=n / 100) for n in range(9, -1, -1)]
+
+    found = select(make_query(), providers=[make_provider("p")], drones=drones)
+
+    assert [candidate.drone_id for candidate in found.candidates] == ["d0", "d1", "d2", "d3", "d4"]
+
+
+def test_sixty_are_compared_and_everybodys_best_comes_before_anybodys_second() -> None:
+    providers = [make_provider(f"p{n:02}") for n in range(40)]
+    drones = [
+        make_drone(
+            f"{provider.provider_id}-{n}", provider=provider.provider_id, away_deg=away / 100 + n
+        )
+        for away, provider in enumerate(providers)
+        for n in range(5)
+    ]
+
+    found = select(make_query(), providers=providers, drones=drones)
+
+    names = [candidate.drone_id for candidate in found.candidates]
+    assert len(names) == 60
+    assert {candidate.provider_id for candidate in found.candidates} == {
+        provider.provider_id for provider in providers
+    }
+    assert names[:40] == [f"p{n:02}-0" for n in range(40)]
+    assert names[40:] == [f"p{n:02}-1" for n in range(20)]
+
+
+def test_with_more_than_sixty_providers_the_nearest_are_compared_and_the_rest_told() -> None:
+    providers = [make_provider(f"p{n:02}") for n in range(62)]
+    drones = [
+        make_drone(f"d{n:02}", provider=f"p{n:02}", away_deg=(62 - n) / 100) for n in range(62)
+    ]
+
+    found = select(make_query(), providers=providers, drones=drones)
+
+    assert len(found.candidates) == 60
+    told = [(reason.provider_id, reason.code, reason.is_temporary) for reason in found.infeasible]
+    assert told == [("p00", "NOT_COMPARED", True), ("p01", "NOT_COMPARED", True)]
+
+
+@pytest.mark.parametrize(
+    ("drone", "code", "is_temporary"),
+    [
+        (make_drone("d", state="RESERVED", is_busy=True), "BUSY", True),
+        (make_drone("d", state="ON_MISSION", is_busy=True), "BUSY", True),
+        (make_drone("d", station_id=None), "BUSY", True),
+        (make_drone("d", state="OFFLINE"), "OFFLINE", True),
+        (make_drone("d", state="OFFLINE", is_busy=True), "OFFLINE", True),
+        (make_drone("d", state="REGISTERED", station_id=None), "OFFLINE", True),
+        (make_drone("d", state="MAINTENANCE"), "OFFLINE", True),
+        (make_drone("refused"), "REFUSED", False),
+        (make_drone("d", model=DJI_MATRICE_300_RTK, soc=0.09), "LOW_CHARGE", True),
+    ],
+)
+def test_a_drone_that_cannot_fly_it_is_told_as_its_providers_reason(
+    drone: KnownDrone, code: str, is_temporary: bool
+) -> None:
+    query = make_query(excluded_drone_ids=("refused",))
+
+    found = select(query, providers=[make_provider("p")], drones=[drone])
+
+    assert found.candidates == ()
+    (reason,) = found.infeasible
+    assert (reason.provider_id, reason.code, reason.is_temporary) == ("p", code, is_temporary)
+
+
+def test_a_recharging_drone_that_is_on_no_mission_could_fly() -> None:
+    drone = make_drone("d", state="RECHARGING")
+
+    found = select(make_query(), providers=[make_provider("p")], drones=[drone])
+
+    assert len(found.candidates) == 1
+
+
+def test_a_charge_at_the_reserve_is_enough() -> None:
+    drone = make_drone("d", model=DJI_MATRICE_300_RTK, soc=0.1)
+
+    found = select(make_query(), providers=[make_provider("p")], drones=[drone])
+
+    assert len(found.candidates) == 1
+
+
+def test_what_ends_by_itself_is_told_before_what_does_not() -> None:
+    drones = [
+        make_drone("small", model=DJI_MATRICE_300_RTK),
+        make_drone("refused"),
+        make_drone("offline", state="OFFLINE"),
+        make_drone("busy", is_busy=True),
+    ]
+    query = make_query(payload_kg=3.0, excluded_drone_ids=("refused",))
+    codes = []
+    while drones:
+        found = select(query, providers=[make_provider("p")], drones=drones)
+        codes.append(found.infeasible[0].code)
+        drones.pop()
+
+    assert codes == ["BUSY", "OFFLINE", "REFUSED", "OVERWEIGHT"]
+
+
+def test_overweight_names_the_payload_and_the_limit_of_the_strongest() -> None:
+    drones = [make_drone("small", model=DJI_MATRICE_300_RTK), make_drone("strong")]
+
+    found = select(make_query(payload_kg=17.2), providers=[make_provider("p")], drones=drones)
+
+    (reason,) = found.infeasible
+    assert (reason.code, reason.is_temporary) == ("OVERWEIGHT", False)
+    assert (
+        reason.detail == "payload 17.2 kg exceeds the 15.3 kg limit of drone model paper-scenario"
+    )
+    assert reason.data == {"mass_kg": 17.2, "limit_kg": 15.3}
+
+
+def test_masses_that_only_add_up_above_the_limit_by_rounding_are_lifted() -> None:
+    drone = make_drone("d", model=DJI_MATRICE_300_RTK)
+
+    found = select(
+        make_query(payload_kg=2.7000000000000006), providers=[make_provider("p")], drones=[drone]
+    )
+
+    assert len(found.candidates) == 1
+
+
+def test_a_provider_without_drones_says_so() -> None:
+    found = select(make_query(), providers=[make_provider("p")], drones=[])
+
+    assert [reason.code for reason in found.infeasible] == ["NO_DRONES"]
+
+
+@pytest.mark.parametrize(
+    "choice",
+    [
+        ProviderChoice(pinned=ProviderId("good")),
+        ProviderChoice(allowed=(ProviderId("good"),)),
+        ProviderChoice(denied=(ProviderId("bad"),)),
+    ],
+)
+def test_only_providers_that_the_request_admits_are_asked(choice: ProviderChoice) -> None:
+    drones = [make_drone("d1", provider="good"), make_drone("d2", provider="bad")]
+    providers = [make_provider("good"), make_provider("bad")]
+
+    found = select(make_query(providers=choice), providers=providers, drones=drones)
+
+    assert [candidate.provider_id for candidate in found.candidates] == ["good"]
+    assert [(reason.provider_id, reason.code) for reason in found.infeasible] == [
+        ("bad", "NOT_ADMITTED")
+    ]
+
+
+def test_a_suspended_provider_gets_no_missions() -> None:
+    provider = make_provider("p", is_active=False)
+
+    found = select(make_query(), providers=[provider], drones=[make_drone("d")])
+
+    assert found.candidates == ()
+    assert [reason.code for reason in found.infeasible] == ["NOT_ADMITTED"]

@@ -1,0 +1,160 @@
+"""A whole registry on a new database, called as the gateway calls it."""
+
+import asyncio
+import shutil
+from collections.abc import AsyncIterator, Iterable
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+from fastapi import FastAPI
+from skyway_provider_registry.app import Parts, registry_app
+from skyway_provider_registry.enrolment.password_file import PasswordFile
+
+from skyway.contracts.station_check import StationCheck
+from skyway.geo import Position
+from skyway.ids import NetworkId, StationId
+from skyway.runtime.clock import ManualClock
+from skyway.runtime.database import Database
+from skyway.runtime.errors import ServiceUnavailable
+from skyway.runtime.identity import ServiceGate
+from skyway.runtime.migrations import migrate
+from skyway.runtime.minting import CountingMint
+
+STATIONS = {
+    StationId("san-marcos"): Position(-97.94139, 29.88327),
+    StationId("mcqueeney"): Position(-98.03334, 29.59217),
+}
+
+
+@dataclass
+class KnownStations:
+    """`StationLookup` that knows two stations, or is away."""
+
+    is_away: bool = False
+    asked: list[tuple[StationId, ...]] = field(default_factory=list)
+
+    async def check(self, station_ids: Iterable[StationId]) -> StationCheck:
+        asked = tuple(dict.fromkeys(station_ids))
+        self.asked.append(asked)
+        if self.is_away:
+            raise ServiceUnavailable("composition", "it cannot be reached")
+        known = {one: STATIONS[one] for one in asked if one in STATIONS}
+        return StationCheck(
+            network_ids=dict.fromkeys(known, NetworkId("texas")),
+            positions=known,
+            unknown=tuple(one for one in asked if one not in STATIONS),
+        )
+
+
+@dataclass
+class Api:
+    """The registry over HTTP, as the gateway sees it; `caller` is who it speaks for."""
+
+    client: httpx.AsyncClient
+
+    async def __call__(
+        self,
+        caller: str | None,
+        method: str,
+        path: str,
+        json: Any = None,
+        key: str | None = None,
+    ) -> httpx.Response:
+        headers = {} if caller is None else {"Skyway-Caller": caller}
+        if key is not None:
+            headers["Idempotency-Key"] = key
+        return await self.client.request(method, path, json=json, headers=headers)
+
+    async def provider(self, **members: object) -> str:
+        """The id of a new provider."""
+        body = {"name": "Hill Country Drones", "tariff": {"base": 300}, **members}
+        answer = await self("operator:op", "POST", "/v1/providers", body)
+        assert answer.status_code == 201, answer.text
+        return str(answer.json()["provider_id"])
+
+    async def drone(self, provider_id: str, **members: object) -> Any:
+        """A new drone, as its registration answers."""
+        body = {"model_id": "paper-scenario", "home_station_id": "san-marcos", **members}
+        path = f"/v1/providers/{provider_id}/drones"
+        answer = await self(f"provider:{provider_id}", "POST", path, body)
+        assert answer.status_code == 201, answer.text
+        return answer.json()
+
+
+@pytest.fixture
+def secrets_dir(tmp_path: Path) -> Path:
+    folder = tmp_path / "secrets"
+    folder.mkdir()
+    for name in ("service_gateway", "service_composition", "service_registry"):
+        (folder / name).write_text(f"secret of {name}\n")
+    for name in ("gateway", "registry", "composition", "operator"):
+        (folder / f"mqtt_{name}").write_text(f"mqtt password of {name}\n")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def migrated_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A SQLite database with the registry's tables, to be copied: migrating takes 0.2 s."""
+    path = tmp_path_factory.mktemp("registry") / "migrated.db"
+    asyncio.run(migrate(f"sqlite:///{path}", "skyway_provider_registry"))
+    return path
+
+
+@pytest.fixture
+async def db(database_url: str, migrated_file: Path) -> AsyncIterator[Database]:
+    """The registry's database, with its tables."""
+    if database_url.startswith("sqlite:///"):
+        shutil.copy(migrated_file, database_url.removeprefix("sqlite:///"))
+    else:
+        await migrate(database_url, "skyway_provider_registry")
+    async with Database(database_url) as opened:
+        yield opened
+
+
+@pytest.fixture
+def stations() -> KnownStations:
+    return KnownStations()
+
+
+@pytest.fixture
+def password_file(db: Database, secrets_dir: Path, tmp_path: Path) -> PasswordFile:
+    return PasswordFile(
+        tmp_path / "passwords", db=db, secrets_dir=secrets_dir, broker_pid_file=None
+    )
+
+
+@pytest.fixture
+async def api(
+    db: Database,
+    clock: ManualClock,
+    secrets_dir: Path,
+    stations: KnownStations,
+    password_file: PasswordFile,
+) -> AsyncIterator[Api]:
+    parts = Parts(
+        db=db,
+        gate=ServiceGate(secrets_dir, allowed=("gateway", "composition")),
+        clock=clock,
+        mint=CountingMint(),
+        stations=stations,
+        password_file=password_file,
+    )
+
+    @asynccontextmanager
+    async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
+        yield
+
+    async def readiness() -> dict[str, bool]:
+        return {"database": await db.is_answering()}
+
+    app = registry_app(parts, lifespan=lifespan, readiness=readiness)
+    async with httpx.AsyncClient(
+        transport=httpx.ASGITransport(app),
+        base_url="http://registry",
+        headers={"Authorization": "Bearer secret of service_gateway"},
+    ) as client:
+        yield Api(client)

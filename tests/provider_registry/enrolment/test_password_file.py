@@ -1,0 +1,150 @@
+"""The password file holds every account there is, and the broker is told of changes."""
+
+import asyncio
+import signal
+import stat
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from skyway_provider_registry.enrolment import store
+from skyway_provider_registry.enrolment.password_file import PasswordFile
+
+from skyway.ids import SubjectId
+from skyway.runtime.broker_passwords import hash_password, matches, read_password_file
+from skyway.runtime.database import Database
+from skyway.runtime.errors import InvalidSettings, ServiceUnavailable
+
+#: Says that it is ready, and which signal came.
+BROKER = """
+import signal, sys
+signal.signal(signal.SIGHUP, lambda *_: (print("SIGHUP", flush=True), sys.exit(0)))
+print("ready", flush=True)
+signal.pause()
+"""
+
+
+@pytest.fixture
+def broker() -> Iterator["subprocess.Popen[str]"]:
+    with subprocess.Popen(
+        [sys.executable, "-c", BROKER], stdout=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout is not None
+        assert process.stdout.readline() == "ready\n"
+        yield process
+        process.kill()
+
+
+async def put_customer(db: Database, name: str) -> None:
+    async with db.write() as tx:
+        await store.put_customer(
+            tx, SubjectId(name), password_hash=hash_password(f"password of {name}")
+        )
+
+
+async def test_our_own_processes_log_in_with_their_secrets(
+    password_file: PasswordFile, tmp_path: Path
+) -> None:
+    await password_file.refresh()
+
+    accounts = read_password_file(tmp_path / "passwords")
+    assert sorted(accounts) == ["composition", "gateway", "operator", "registry"]
+    assert all(matches(f"mqtt password of {name}", accounts[name]) for name in accounts)
+
+
+async def test_the_file_is_ours_alone_to_read(password_file: PasswordFile, tmp_path: Path) -> None:
+    await password_file.refresh()
+
+    assert stat.S_IMODE((tmp_path / "passwords").stat().st_mode) == 0o600
+
+
+async def test_a_reader_sees_the_old_file_or_the_new_one(
+    db: Database, password_file: PasswordFile, tmp_path: Path
+) -> None:
+    await password_file.refresh()
+    with (tmp_path / "passwords").open() as old:
+        await put_customer(db, "ann")
+        await password_file.refresh()
+
+        assert "ann" not in old.read()
+    assert "ann" in read_password_file(tmp_path / "passwords")
+
+
+async def test_calls_at_once_all_find_their_account_in_the_file(
+    db: Database, password_file: PasswordFile, tmp_path: Path
+) -> None:
+    async def register(name: str) -> bool:
+        await put_customer(db, name)
+        await password_file.refresh()
+        return name in read_password_file(tmp_path / "passwords")
+
+    found = await asyncio.gather(*(register(f"customer-{n}") for n in range(20)))
+
+    assert all(found)
+
+
+async def test_a_file_that_cannot_be_written_is_written_later(
+    db: Database, secrets_dir: Path, tmp_path: Path
+) -> None:
+    path = tmp_path / "later" / "passwords"
+    password_file = PasswordFile(path, db=db, secrets_dir=secrets_dir, broker_pid_file=None)
+
+    with pytest.raises(ServiceUnavailable):
+        await password_file.refresh()
+    path.parent.mkdir()
+    await password_file.step()
+
+    assert "gateway" in read_password_file(path)
+
+
+async def test_nothing_is_written_when_nothing_has_changed(
+    password_file: PasswordFile, tmp_path: Path
+) -> None:
+    await password_file.refresh()
+    (tmp_path / "passwords").unlink()
+
+    await password_file.step()
+
+    assert not (tmp_path / "passwords").exists()
+
+
+async def test_a_missing_secret_is_named(db: Database, secrets_dir: Path, tmp_path: Path) -> None:
+    (secrets_dir / "mqtt_operator").unlink()
+    path = tmp_path / "passwords"
+    password_file = PasswordFile(path, db=db, secrets_dir=secrets_dir, broker_pid_file=None)
+
+    with pytest.raises(InvalidSettings, match="mqtt_operator"):
+        await password_file.refresh()
+
+
+async def test_the_broker_is_told_by_sighup(
+    db: Database, secrets_dir: Path, tmp_path: Path, broker: "subprocess.Popen[str]"
+) -> None:
+    pid_file = tmp_path / "broker.pid"
+    pid_file.write_text(f"{broker.pid}\n")
+    password_file = PasswordFile(
+        tmp_path / "passwords", db=db, secrets_dir=secrets_dir, broker_pid_file=pid_file
+    )
+
+    await password_file.refresh()
+
+    told, _ = await asyncio.to_thread(broker.communicate, timeout=10)
+    assert told == f"{signal.SIGHUP.name}\n"
+
+
+@pytest.mark.parametrize("content", [None, "", "mosquitto", "0", "-1", "1", "999999999"])
+async def test_a_broker_that_is_not_there_is_no_error(
+    db: Database, secrets_dir: Path, tmp_path: Path, content: str | None
+) -> None:
+    pid_file = tmp_path / "broker.pid"
+    if content is not None:
+        pid_file.write_text(content)
+    password_file = PasswordFile(
+        tmp_path / "passwords", db=db, secrets_dir=secrets_dir, broker_pid_file=pid_file
+    )
+
+    await password_file.refresh()
+
+    assert (tmp_path / "passwords").exists()

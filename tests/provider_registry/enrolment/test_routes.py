@@ -1,0 +1,61 @@
+"""The gateway opens and closes customers' broker accounts, and no others."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from skyway.runtime.broker_passwords import matches, read_password_file
+
+PASSWORD = "a password of thirty-two letters"
+PATH = "/internal/broker-accounts"
+
+
+async def test_a_customer_logs_in_with_the_last_password(api: Any, tmp_path: Path) -> None:
+    await api(None, "PUT", f"{PATH}/newcomer", {"password": "an earlier password"})
+
+    answer = await api(None, "PUT", f"{PATH}/newcomer", {"password": PASSWORD})
+
+    assert answer.status_code == 204
+    assert matches(PASSWORD, read_password_file(tmp_path / "passwords")["newcomer"])
+
+
+async def test_a_removed_customer_cannot_log_in(api: Any, tmp_path: Path) -> None:
+    await api(None, "PUT", f"{PATH}/newcomer", {"password": PASSWORD})
+
+    first = await api(None, "DELETE", f"{PATH}/newcomer")
+    again = await api(None, "DELETE", f"{PATH}/newcomer")
+
+    assert (first.status_code, again.status_code) == (204, 204)
+    assert "newcomer" not in read_password_file(tmp_path / "passwords")
+
+
+@pytest.mark.parametrize("method", ["PUT", "DELETE"])
+@pytest.mark.parametrize(
+    "name", ["gateway", "registry", "composition", "operator", "drn_000001", "a b", "x" * 65]
+)
+async def test_accounts_of_our_own_processes_are_out_of_reach(
+    api: Any, method: str, name: str
+) -> None:
+    body = {"password": PASSWORD} if method == "PUT" else None
+
+    answer = await api(None, method, f"{PATH}/{name}", body)
+
+    assert answer.status_code == 422
+    assert answer.json()["errors"][0]["field"] == "user_name"
+
+
+@pytest.mark.parametrize("caller", ["customer:newcomer", "operator:op", "provider:prv_1"])
+async def test_only_services_write_accounts(api: Any, caller: str) -> None:
+    put = await api(caller, "PUT", f"{PATH}/newcomer", {"password": PASSWORD})
+    delete = await api(caller, "DELETE", f"{PATH}/newcomer")
+
+    assert (put.status_code, delete.status_code) == (403, 403)
+
+
+@pytest.mark.parametrize("body", [{}, {"password": "short"}, {"password": "x" * 201}])
+async def test_a_bad_password_is_refused_by_its_field(api: Any, body: dict[str, str]) -> None:
+    answer = await api(None, "PUT", f"{PATH}/newcomer", body)
+
+    assert answer.status_code == 422
+    assert answer.json()["errors"][0]["field"] == "password"

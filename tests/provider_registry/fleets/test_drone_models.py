@@ -1,0 +1,93 @@
+"""Drone models: the library's own are always there, operators add others."""
+
+from typing import Any
+
+import pytest
+
+from skyway.drone.models import DRONE_MODELS
+
+MODEL = {
+    "model_id": "pelican",
+    "empty_mass_kg": 5.0,
+    "max_payload_kg": 3.0,
+    "battery_j": 1e6,
+    "speed_empty_mps": 20.0,
+    "speed_full_mps": 15.0,
+    "power_empty_w": 500.0,
+    "charge_curve": [[0, 0], [3600, 1]],
+}
+
+
+async def test_the_named_models_are_always_there(api: Any) -> None:
+    listed = await api("customer:c", "GET", "/v1/drone-models")
+
+    assert {item["model_id"] for item in listed.json()["items"]} == set(DRONE_MODELS)
+
+
+async def test_a_new_model_can_be_flown(api: Any) -> None:
+    provider_id = await api.provider()
+
+    made = await api("operator:op", "PUT", "/v1/drone-models/pelican", MODEL)
+
+    drone = await api.drone(provider_id, model_id="pelican")
+    read = await api(f"provider:{provider_id}", "GET", "/v1/drone-models/pelican")
+    assert made.status_code == 201
+    assert read.json() == made.json() == drone["model"]
+
+
+async def test_the_same_model_again_is_no_new_one(api: Any) -> None:
+    await api("operator:op", "PUT", "/v1/drone-models/pelican", MODEL)
+
+    again = await api("operator:op", "PUT", "/v1/drone-models/pelican", MODEL)
+
+    assert again.status_code == 200
+
+
+async def test_a_model_may_change_until_a_drone_is_of_it(api: Any) -> None:
+    provider_id = await api.provider()
+    heavier = {**MODEL, "max_payload_kg": 4.0}
+    await api("operator:op", "PUT", "/v1/drone-models/pelican", MODEL)
+
+    early = await api("operator:op", "PUT", "/v1/drone-models/pelican", heavier)
+    await api.drone(provider_id, model_id="pelican")
+    late = await api("operator:op", "PUT", "/v1/drone-models/pelican", MODEL)
+
+    assert early.json()["max_payload_kg"] == 4.0
+    assert (late.status_code, late.json()["code"]) == (409, "MODEL_IN_USE")
+
+
+async def test_a_named_model_cannot_be_replaced(api: Any) -> None:
+    body = {**MODEL, "model_id": "paper-scenario"}
+
+    answer = await api("operator:op", "PUT", "/v1/drone-models/paper-scenario", body)
+
+    assert (answer.status_code, answer.json()["code"]) == (409, "NAMED_MODEL")
+
+
+@pytest.mark.parametrize(
+    ("change", "field"),
+    [
+        ({"model_id": "other"}, "model_id"),
+        ({"battery_j": -1}, "battery_j"),
+        ({"colour": "red"}, "colour"),
+    ],
+)
+async def test_a_bad_model_is_told_its_field(
+    api: Any, change: dict[str, object], field: str
+) -> None:
+    answer = await api("operator:op", "PUT", "/v1/drone-models/pelican", {**MODEL, **change})
+
+    assert answer.status_code == 422
+    assert [problem["field"] for problem in answer.json()["errors"]] == [field]
+
+
+async def test_only_operators_add_models(api: Any) -> None:
+    answer = await api("provider:prv_1", "PUT", "/v1/drone-models/pelican", MODEL)
+
+    assert answer.status_code == 403
+
+
+async def test_an_unknown_model_is_not_there(api: Any) -> None:
+    answer = await api("customer:c", "GET", "/v1/drone-models/paper-plane")
+
+    assert answer.status_code == 404

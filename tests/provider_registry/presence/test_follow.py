@@ -1,0 +1,225 @@
+"""Presence in the database: never backwards, and under the drone's own provider only."""
+
+import asyncio
+import random
+from collections.abc import AsyncIterator, Callable
+from datetime import timedelta
+from typing import Any
+
+import pytest
+from skyway_provider_registry.presence.follow import PresenceFollower, record_batch
+
+from skyway.contracts.drone_report import Connection, DroneState, Telemetry
+from skyway.contracts.topics import CONNECTION, STATE, TELEMETRY
+from skyway.runtime.clock import ManualClock
+from skyway.runtime.database import Database
+from skyway.runtime.errors import ServiceUnavailable
+from skyway.runtime.metrics import COUNTERS
+from skyway.runtime.mqtt import Received
+
+TOPICS = {Connection: CONNECTION, DroneState: STATE, Telemetry: TELEMETRY}
+
+
+class Fleet:
+    """One provider's drone, and what the registry shows of it."""
+
+    def __init__(self, api: Any, db: Database, clock: ManualClock) -> None:
+        self.api, self.db, self.clock = api, db, clock
+        self.provider_id = ""
+
+    async def drone(self) -> str:
+        self.provider_id = self.provider_id or await self.api.provider()
+        return str((await self.api.drone(self.provider_id))["drone_id"])
+
+    async def hears(self, drone_id: str, *messages: Any, under: str | None = None) -> None:
+        provider_id = under or self.provider_id
+        batch = [
+            Received(TOPICS[type(message)], (provider_id, drone_id), message, False)
+            for message in messages
+        ]
+        await record_batch(self.db, batch, clock=self.clock)
+
+    async def shows(self, drone_id: str) -> dict[str, Any]:
+        path = f"/v1/providers/{self.provider_id}/drones/{drone_id}"
+        answer = await self.api("operator:op", "GET", path)
+        shown: dict[str, Any] = answer.json()
+        return shown
+
+
+@pytest.fixture
+def fleet(api: Any, db: Database, clock: ManualClock) -> Fleet:
+    return Fleet(api, db, clock)
+
+
+Maker = Callable[..., Any]
+
+
+async def test_a_drone_that_tells_of_itself_is_shown(
+    fleet: Fleet, clock: ManualClock, online: Maker, state: Maker
+) -> None:
+    drone_id = await fleet.drone()
+    clock.advance(timedelta(minutes=1))
+
+    await fleet.hears(drone_id, online(7, 1), state(7, 1, soc=0.8, activity="WAITING"))
+
+    shown = await fleet.shows(drone_id)
+    assert shown["state"] == "AVAILABLE"
+    assert (shown["station_id"], shown["soc"]) == ("san-marcos", 0.8)
+    assert (shown["position"], shown["activity"]) == ([-97.9, 29.9], "WAITING")
+    assert shown["last_seen_at"] == "2026-03-01T12:01:00Z"
+
+
+async def test_a_flying_drone_is_where_its_telemetry_says(
+    fleet: Fleet, online: Maker, state: Maker, sample: Maker
+) -> None:
+    drone_id = await fleet.drone()
+    flying = state(7, 1, activity="FLYING", station_id=None, mission_id="msn_1")
+
+    await fleet.hears(drone_id, online(7, 1), flying, sample(7, 1, later_s=5))
+
+    shown = await fleet.shows(drone_id)
+    assert (shown["position"], shown["soc"]) == ([-98.0, 29.5], 0.5)
+    assert (shown["state"], shown["mission_id"]) == ("ON_MISSION", "msn_1")
+
+
+@pytest.mark.parametrize(
+    ("first", "late"),
+    [((7, 5), (7, 4)), ((7, 5), (7, 5)), ((8, 1), (7, 900))],
+)
+async def test_an_older_state_changes_nothing(
+    fleet: Fleet, state: Maker, first: tuple[int, int], late: tuple[int, int]
+) -> None:
+    drone_id = await fleet.drone()
+
+    await fleet.hears(drone_id, state(*first, soc=0.7))
+    await fleet.hears(drone_id, state(*late, soc=0.1))
+
+    assert (await fleet.shows(drone_id))["soc"] == 0.7
+
+
+async def test_a_drone_whose_clock_is_wrong_is_ordered_by_its_numbers(
+    fleet: Fleet, clock: ManualClock, state: Maker
+) -> None:
+    drone_id = await fleet.drone()
+    ahead, behind = clock.now() + timedelta(days=9), clock.now() - timedelta(days=9)
+
+    await fleet.hears(drone_id, state(7, 1, soc=0.1, at=ahead, sent_at=ahead))
+    await fleet.hears(drone_id, state(7, 2, soc=0.7, at=behind, sent_at=behind))
+
+    assert (await fleet.shows(drone_id))["soc"] == 0.7
+
+
+async def test_the_last_will_of_an_old_connection_is_ignored(fleet: Fleet, online: Maker) -> None:
+    drone_id = await fleet.drone()
+
+    await fleet.hears(drone_id, online(7, 1), online(7, 2))
+    await fleet.hears(drone_id, online(7, 1, "LOST"))
+    still = (await fleet.shows(drone_id))["state"]
+    await fleet.hears(drone_id, online(7, 2, "LOST"))
+    lost = (await fleet.shows(drone_id))["state"]
+    await fleet.hears(drone_id, online(7, 2))
+
+    assert (still, lost) == ("REGISTERED", "OFFLINE")
+    assert (await fleet.shows(drone_id))["state"] == "OFFLINE"
+
+
+async def test_any_order_in_any_batches_ends_as_the_order_of_sending(
+    fleet: Fleet, online: Maker, state: Maker, sample: Maker
+) -> None:
+    life = [
+        message
+        for session in (7, 9)
+        for number in (1, 2)
+        for message in (
+            online(session, number),
+            state(session, 10 * number, soc=0.6),
+            sample(session, 10 * number, later_s=number),
+            state(session, 10 * number + 1, soc=0.5, activity="FLYING", station_id=None),
+            sample(session, 10 * number + 1, later_s=10 + number, soc=0.41),
+            online(session, number, "LOST"),
+        )
+    ]
+    reference = await fleet.drone()
+    await fleet.hears(reference, *life)
+    expected = await fleet.shows(reference)
+
+    for seed in range(12):
+        chance = random.Random(seed)
+        shuffled = [*life, *chance.choices(life, k=6)]
+        chance.shuffle(shuffled)
+        drone_id = await fleet.drone()
+        while shuffled:
+            size = chance.randint(1, 6)
+            await fleet.hears(drone_id, *shuffled[:size])
+            shuffled = shuffled[size:]
+
+        assert await fleet.shows(drone_id) == {**expected, "drone_id": drone_id}, seed
+
+
+async def test_batches_that_arrive_at_once_end_as_one_after_another(
+    fleet: Fleet, state: Maker
+) -> None:
+    drone_id = await fleet.drone()
+
+    await asyncio.gather(
+        *(fleet.hears(drone_id, state(7, seq, soc=seq / 100)) for seq in range(30, 0, -1))
+    )
+
+    assert (await fleet.shows(drone_id))["soc"] == 0.3
+
+
+async def test_what_comes_under_another_providers_name_is_dropped(
+    fleet: Fleet, online: Maker, state: Maker
+) -> None:
+    drone_id = await fleet.drone()
+    other = await fleet.api.provider()
+    dropped = COUNTERS.value("skyway_presence_dropped")
+
+    await fleet.hears(drone_id, online(7, 1), state(7, 9, soc=0.1), under=other)
+
+    shown = await fleet.shows(drone_id)
+    assert (shown["state"], shown["soc"]) == ("REGISTERED", 1.0)
+    assert COUNTERS.value("skyway_presence_dropped") == dropped + 2
+
+
+async def test_a_drone_that_nobody_registered_is_dropped(
+    fleet: Fleet, online: Maker, state: Maker
+) -> None:
+    known = await fleet.drone()
+
+    await fleet.hears("drn_unknown", online(7, 1), state(7, 1))
+    await fleet.hears(known, online(7, 1), state(7, 1))
+
+    assert (await fleet.shows(known))["state"] == "AVAILABLE"
+
+
+async def test_a_batch_that_cannot_be_kept_is_kept_later(
+    fleet: Fleet, database_url: str, clock: ManualClock, state: Maker
+) -> None:
+    drone_id = await fleet.drone()
+    batch = [Received(STATE, (fleet.provider_id, drone_id), state(7, 1, soc=0.4), False)]
+
+    async def batches() -> AsyncIterator[list[Received[Any]]]:
+        yield batch
+
+    late = Database(database_url)
+    follower = PresenceFollower(batches(), db=late, clock=clock)
+    with pytest.raises(ServiceUnavailable):
+        await follower.step()
+    async with late:
+        await follower.step()
+
+    assert (await fleet.shows(drone_id))["soc"] == 0.4
+
+
+@pytest.mark.parametrize("number", [2**53 - 1, 0])
+async def test_the_largest_and_smallest_numbers_can_be_kept(
+    fleet: Fleet, online: Maker, state: Maker, sample: Maker, number: int
+) -> None:
+    drone_id = await fleet.drone()
+
+    await fleet.hears(
+        drone_id, online(number, number), state(number, number), sample(number, number)
+    )
+
+    assert (await fleet.shows(drone_id))["state"] == "AVAILABLE"

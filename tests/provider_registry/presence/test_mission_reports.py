@@ -1,0 +1,164 @@
+"""Composition's reports say who is busy; told late or twice they say nothing new."""
+
+from collections.abc import Callable
+from datetime import timedelta
+from typing import Any
+
+import pytest
+from skyway_provider_registry.presence.follow import record_batch
+from skyway_provider_registry.tables import mission_hints
+from sqlalchemy import select
+
+from skyway.contracts.topics import CONNECTION, STATE
+from skyway.runtime.clock import ManualClock
+from skyway.runtime.database import Database
+from skyway.runtime.mqtt import Received
+
+Maker = Callable[..., Any]
+
+
+@pytest.fixture
+async def drone(
+    api: Any, db: Database, clock: ManualClock, online: Maker, state: Maker
+) -> dict[str, Any]:
+    """A drone that stands ready."""
+    made: dict[str, Any] = await api.drone(await api.provider())
+    ids = (made["provider_id"], made["drone_id"])
+    batch = [
+        Received(CONNECTION, ids, online(7, 1), False),
+        Received(STATE, ids, state(7, 1), False),
+    ]
+    await record_batch(db, batch, clock=clock)
+    return made
+
+
+def make_report(drone: dict[str, Any], seq: int, **members: object) -> dict[str, Any]:
+    return {
+        "report_id": f"rpt_{seq}",
+        "delivery_id": "dlv_1",
+        "attempt": 1,
+        "trip": 1,
+        "mission_id": "msn_1",
+        "provider_id": drone["provider_id"],
+        "drone_id": drone["drone_id"],
+        "seq": seq,
+        "kind": "ACCEPTED",
+        "at": "2026-03-01T12:00:00Z",
+        "mission_state": "ACCEPTED",
+        **members,
+    }
+
+
+ACTIVE = {"kind": "LOADING", "mission_state": "ACTIVE"}
+ENDED = {"kind": "ENDED", "mission_state": "COMPLETED"}
+
+
+async def tell(api: Any, *reports: dict[str, Any]) -> None:
+    for report in reports:
+        answer = await api(None, "POST", "/internal/mission-reports", report)
+        assert answer.status_code == 204, answer.text
+
+
+async def shown(api: Any, drone: dict[str, Any]) -> tuple[str, str | None]:
+    path = f"/v1/providers/{drone['provider_id']}/drones/{drone['drone_id']}"
+    body = (await api("operator:op", "GET", path)).json()
+    return body["state"], body["mission_id"]
+
+
+async def test_a_drone_is_busy_from_its_yes_to_the_end(api: Any, drone: dict[str, Any]) -> None:
+    seen = []
+    for report in (
+        make_report(drone, 1),
+        make_report(drone, 2, **ACTIVE),
+        make_report(drone, 3, **ENDED),
+    ):
+        await tell(api, report)
+        seen.append(await shown(api, drone))
+
+    assert seen == [("RESERVED", "msn_1"), ("ON_MISSION", "msn_1"), ("AVAILABLE", None)]
+
+
+async def test_a_refused_mission_leaves_the_drone_free(api: Any, drone: dict[str, Any]) -> None:
+    await tell(api, make_report(drone, 1, kind="REFUSED", mission_state="REFUSED"))
+
+    assert await shown(api, drone) == ("AVAILABLE", None)
+
+
+async def test_a_late_copy_of_a_report_revives_no_mission(api: Any, drone: dict[str, Any]) -> None:
+    await tell(api, make_report(drone, 3, **ENDED), make_report(drone, 1))
+    await tell(api, make_report(drone, 3, **ENDED), make_report(drone, 2, **ACTIVE))
+
+    assert await shown(api, drone) == ("AVAILABLE", None)
+
+
+async def test_an_ended_mission_does_not_free_a_drone_of_the_next(
+    api: Any, drone: dict[str, Any]
+) -> None:
+    await tell(api, make_report(drone, 1, mission_id="msn_2"), make_report(drone, 3, **ENDED))
+
+    assert await shown(api, drone) == ("RESERVED", "msn_2")
+
+
+async def test_a_report_under_another_provider_says_nothing(
+    api: Any, drone: dict[str, Any]
+) -> None:
+    await tell(
+        api,
+        make_report(drone, 1, provider_id="prv_other"),
+        make_report(drone, 1, drone_id="drn_unknown"),
+    )
+
+    assert await shown(api, drone) == ("AVAILABLE", None)
+
+
+async def test_fields_of_a_newer_composition_are_ignored(api: Any, drone: dict[str, Any]) -> None:
+    await tell(api, make_report(drone, 1, wind_mps=3.0))
+
+    assert await shown(api, drone) == ("RESERVED", "msn_1")
+
+
+async def test_a_mission_that_the_drone_still_names_counts_no_more_once_ended(
+    api: Any, drone: dict[str, Any], db: Database, clock: ManualClock, state: Maker
+) -> None:
+    ids = (drone["provider_id"], drone["drone_id"])
+    busy = Received(STATE, ids, state(7, 2, mission_id="msn_1", activity="FLYING"), False)
+    await record_batch(db, [busy], clock=clock)
+    before = await shown(api, drone)
+
+    await tell(api, make_report(drone, 3, kind="ENDED", mission_state="ABORTED"))
+
+    assert (before, await shown(api, drone)) == (("ON_MISSION", "msn_1"), ("AVAILABLE", None))
+
+
+async def test_a_drone_on_a_mission_cannot_be_removed(api: Any, drone: dict[str, Any]) -> None:
+    path = f"/v1/providers/{drone['provider_id']}/drones/{drone['drone_id']}"
+    await tell(api, make_report(drone, 1))
+
+    during = await api("operator:op", "DELETE", path)
+    await tell(api, make_report(drone, 2, **ENDED))
+    after = await api("operator:op", "DELETE", path)
+
+    assert (during.status_code, during.json()["code"]) == (409, "ON_MISSION")
+    assert "msn_1" in during.json()["detail"]
+    assert after.status_code == 204
+
+
+async def test_ended_missions_are_forgotten_after_a_day(
+    api: Any, drone: dict[str, Any], db: Database, clock: ManualClock
+) -> None:
+    await tell(api, make_report(drone, 1, **ENDED))
+    clock.advance(timedelta(hours=25))
+
+    await tell(api, make_report(drone, 1, mission_id="msn_2"))
+
+    async with db.read() as connection:
+        left = (await connection.execute(select(mission_hints.c.mission_id))).scalars().all()
+    assert left == ["msn_2"]
+
+
+async def test_only_services_report(api: Any, drone: dict[str, Any]) -> None:
+    answer = await api(
+        "provider:prv_000001", "POST", "/internal/mission-reports", make_report(drone, 1)
+    )
+
+    assert answer.status_code == 403

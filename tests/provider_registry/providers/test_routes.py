@@ -1,0 +1,170 @@
+"""Providers over REST: who may do what, and what a bad body is told."""
+
+from typing import Any
+
+import pytest
+
+TARIFF = {
+    "currency": "USD",
+    "base": 300,
+    "per_km": 20,
+    "per_kg": 0,
+    "per_recharge_minute": 0,
+    "minimum": 0,
+}
+
+
+async def test_a_registered_provider_is_read_as_it_was_answered(api: Any) -> None:
+    body = {"name": "Hill Country Drones", "tariff": TARIFF, "terms": "net 30"}
+
+    made = await api("operator:op", "POST", "/v1/providers", body)
+
+    read = await api("operator:op", "GET", made.headers["location"])
+    assert made.status_code == 201
+    assert read.json() == made.json()
+    assert made.json() == {
+        **body,
+        "provider_id": "prv_000001",
+        "state": "ACTIVE",
+        "created_at": "2026-03-01T12:00:00Z",
+    }
+
+
+@pytest.mark.parametrize("caller", ["provider:prv_1", "customer:c", "drone:drn_1", None])
+async def test_only_operators_register_providers(api: Any, caller: str | None) -> None:
+    answer = await api(caller, "POST", "/v1/providers", {"name": "x", "tariff": {}})
+
+    assert answer.status_code == 403
+
+
+async def test_an_unknown_service_is_refused(api: Any) -> None:
+    api.client.headers["Authorization"] = "Bearer guessed"
+
+    answer = await api("operator:op", "GET", "/v1/providers")
+
+    assert answer.status_code == 401
+
+
+@pytest.mark.parametrize(
+    ("change", "field"),
+    [
+        ({"name": ""}, "name"),
+        ({"name": "x" * 201}, "name"),
+        ({"tariff": {"base": -1}}, "tariff.base"),
+        ({"tariff": {"currency": "usd"}}, "tariff.currency"),
+        ({"tariff": None}, "tariff"),
+        ({"terms": "x" * 10_001}, "terms"),
+        ({"colour": "red"}, "colour"),
+        ({"state": "ACTIVE"}, "state"),
+    ],
+)
+async def test_a_bad_provider_is_told_its_field(
+    api: Any, change: dict[str, object], field: str
+) -> None:
+    body = {"name": "x", "tariff": {}, **change}
+
+    answer = await api("operator:op", "POST", "/v1/providers", body)
+
+    assert answer.status_code == 422
+    assert [problem["field"] for problem in answer.json()["errors"]] == [field]
+
+
+async def test_the_same_key_registers_one_provider(api: Any) -> None:
+    body = {"name": "x", "tariff": {}}
+
+    first = await api("operator:op", "POST", "/v1/providers", body, key="k")
+    again = await api("operator:op", "POST", "/v1/providers", body, key="k")
+    other = await api("operator:op", "POST", "/v1/providers", {**body, "name": "y"}, key="k")
+
+    listed = await api("operator:op", "GET", "/v1/providers")
+    assert again.json() == first.json()
+    assert other.status_code == 422
+    assert len(listed.json()["items"]) == 1
+
+
+async def test_a_provider_sees_only_itself(api: Any) -> None:
+    mine, other = await api.provider(), await api.provider()
+
+    listed = await api(f"provider:{mine}", "GET", "/v1/providers")
+    own = await api(f"provider:{mine}", "GET", f"/v1/providers/{mine}")
+    foreign = await api(f"provider:{mine}", "GET", f"/v1/providers/{other}")
+
+    assert [item["provider_id"] for item in listed.json()["items"]] == [mine]
+    assert own.status_code == 200
+    assert foreign.status_code == 404
+
+
+async def test_a_provider_changes_only_itself(api: Any) -> None:
+    mine, other = await api.provider(), await api.provider()
+
+    foreign = await api(f"provider:{mine}", "PATCH", f"/v1/providers/{other}", {"name": "mine"})
+
+    untouched = await api("operator:op", "GET", f"/v1/providers/{other}")
+    assert foreign.status_code == 404
+    assert untouched.json()["name"] == "Hill Country Drones"
+
+
+async def test_operators_see_all_and_customers_see_names_and_tariffs(api: Any) -> None:
+    provider_id = await api.provider(terms="secret terms")
+
+    whole = await api("operator:op", "GET", "/v1/providers")
+    cards = await api("customer:c", "GET", "/v1/providers")
+    card = await api("customer:c", "GET", f"/v1/providers/{provider_id}")
+
+    assert whole.json()["items"][0]["terms"] == "secret terms"
+    assert set(cards.json()["items"][0]) == {"provider_id", "name", "tariff"}
+    assert card.json() == cards.json()["items"][0]
+
+
+async def test_a_change_leaves_the_rest_as_it_was(api: Any) -> None:
+    provider_id = await api.provider(terms="old")
+    path = f"/v1/providers/{provider_id}"
+
+    answer = await api(f"provider:{provider_id}", "PATCH", path, {"tariff": {"per_km": 7}})
+
+    assert answer.json()["tariff"]["per_km"] == 7
+    assert answer.json()["tariff"]["base"] == 0
+    assert (answer.json()["terms"], answer.json()["name"]) == ("old", "Hill Country Drones")
+
+
+async def test_terms_may_be_taken_away_and_a_name_may_not(api: Any) -> None:
+    provider_id = await api.provider(terms="old")
+    path = f"/v1/providers/{provider_id}"
+
+    without_terms = await api("operator:op", "PATCH", path, {"terms": None})
+    without_name = await api("operator:op", "PATCH", path, {"name": None})
+
+    assert without_terms.json()["terms"] is None
+    assert without_name.status_code == 422
+    assert without_name.json()["errors"][0]["field"] == "name"
+
+
+async def test_only_operators_suspend_a_provider(api: Any) -> None:
+    provider_id = await api.provider()
+    path = f"/v1/providers/{provider_id}"
+
+    by_itself = await api(f"provider:{provider_id}", "PATCH", path, {"state": "SUSPENDED"})
+    by_operator = await api("operator:op", "PATCH", path, {"state": "SUSPENDED"})
+
+    assert by_itself.status_code == 403
+    assert by_operator.json()["state"] == "SUSPENDED"
+
+
+async def test_a_long_list_comes_in_pages(api: Any) -> None:
+    made = [await api.provider() for _ in range(5)]
+
+    first = (await api("operator:op", "GET", "/v1/providers?limit=3")).json()
+    rest = (
+        await api("operator:op", "GET", f"/v1/providers?limit=3&cursor={first['next_cursor']}")
+    ).json()
+
+    seen = [item["provider_id"] for item in first["items"] + rest["items"]]
+    assert seen == made
+    assert rest["next_cursor"] is None
+
+
+async def test_a_foreign_cursor_is_refused(api: Any) -> None:
+    answer = await api("operator:op", "GET", "/v1/providers?cursor=nonsense")
+
+    assert answer.status_code == 422
+    assert answer.json()["errors"][0]["field"] == "cursor"

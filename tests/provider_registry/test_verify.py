@@ -1,0 +1,38 @@
+"""Each broken invariant is found; a check that cannot fail is not a check."""
+
+from typing import Any
+
+import pytest
+from skyway_provider_registry.tables import broker_accounts, drones, presence
+from skyway_provider_registry.verify import violations
+from sqlalchemy import Executable, delete, insert, update
+
+from skyway.runtime.database import Database
+
+BREAKS: dict[str, tuple[Executable, str]] = {
+    "every drone has a broker account": (delete(broker_accounts), "drn_000001"),
+    "every drone's broker account has a drone": (
+        insert(broker_accounts).values(user_name="drn_9", kind="DRONE", password_hash=""),
+        "drn_9",
+    ),
+    "every drone has one presence": (delete(presence), "drn_000001"),
+    "every drone is of a known model": (update(drones).values(model_id="gone"), "drn_000001"),
+}
+
+
+@pytest.mark.parametrize("rule", BREAKS)
+async def test_a_broken_rule_is_found(api: Any, db: Database, rule: str) -> None:
+    await api.drone(await api.provider())
+    statement, subject = BREAKS[rule]
+
+    async with db.write() as tx:
+        await tx.execute(statement)
+
+    assert await violations(db) == [{"rule": rule, "subject": subject}]
+
+
+async def test_a_sound_database_has_no_violations(api: Any, db: Database) -> None:
+    await api.drone(await api.provider())
+    await api(None, "PUT", "/internal/broker-accounts/ann", {"password": "x" * 32})
+
+    assert await violations(db) == []
