@@ -6,6 +6,7 @@ from typing import Any, Final, Literal
 from sqlalchemy import event, make_url
 from sqlalchemy.engine import URL, Connection, ExceptionContext
 from sqlalchemy.engine.interfaces import DBAPIConnection
+from sqlalchemy.exc import ArgumentError
 from sqlalchemy.ext.asyncio import AsyncEngine, create_async_engine
 from sqlalchemy.pool import AsyncAdaptedQueuePool
 
@@ -31,7 +32,7 @@ def read_url(text: str) -> URL:
     """
     try:
         url = make_url(text)
-    except ValueError as error:
+    except (ArgumentError, ValueError) as error:
         raise InvalidInput("database_url", "not a URL") from error
     dialect = url.get_backend_name()
     if dialect not in ("sqlite", "postgresql") or (dialect == "sqlite" and not url.database):
