@@ -62,6 +62,21 @@ async def link_to(connection: AsyncConnection, drone_id: DroneId) -> DroneLink |
     return None if row is None else _link(row)
 
 
+async def occupied_among(
+    connection: AsyncConnection, drone_ids: Collection[DroneId]
+) -> frozenset[DroneId]:
+    """Those of these drones that say they have a mission, whatever we know of it."""
+    found = await connection.execute(
+        select(drone_links).where(drone_links.c.drone_id.in_(drone_ids))
+    )
+    links = [_link(row) for row in found]
+    return frozenset(
+        link.drone_id
+        for link in links
+        if link.state is not None and link.state.mission_id is not None
+    )
+
+
 async def save_link(tx: Tx, link: DroneLink) -> None:
     """Keep a link that is locked."""
     values = {

@@ -22,7 +22,7 @@ from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
 from skyway.units import moment_to_ms
 from skyway_composition.links.courier import Courier
-from skyway_composition.links.store import lock_link
+from skyway_composition.links.store import lock_link, occupied_among
 from skyway_composition.missions import store
 from skyway_composition.missions.custody import Custodian, Held
 from skyway_composition.missions.dispatch import dispatch
@@ -182,8 +182,11 @@ class Bookings:
             raise _Outdated
 
     async def _busy(self, wanted: BookMissions) -> frozenset[DroneId]:
+        drone_ids = [candidate.drone_id for candidate in wanted.candidates]
         async with self.db.read() as connection:
-            return await store.busy_among(connection, [c.drone_id for c in wanted.candidates])
+            busy = await store.busy_among(connection, drone_ids)
+            # A drone that was given up on may still be out there with its mission.
+            return busy | await occupied_among(connection, drone_ids)
 
     def _start_ms(self, wanted: BookMissions, round_number: int) -> int:
         """When the mission begins: late enough to plan it and to reach the drone."""

@@ -38,6 +38,18 @@ def flight_steps(
     )
 
 
+def wait_there(station_id: StationId, at_ms: int, *, step_id: int) -> WaitStep:
+    """A wait that is over at once."""
+    at = ms_to_moment(at_ms)
+    return WaitStep(
+        step_id=step_id,
+        planned_start_at=at,
+        planned_end_at=at,
+        station_id=station_id,
+        until_at=at,
+    )
+
+
 def _flight_step(
     network: Network,
     placed: PlacedStep,

@@ -22,7 +22,7 @@ from skyway_composition.missions import store
 from skyway_composition.missions.custody import Held, delivered, on_board
 from skyway_composition.missions.dispatch import dispatch
 from skyway_composition.missions.ending import abort
-from skyway_composition.missions.instruct import flight_steps
+from skyway_composition.missions.instruct import flight_steps, wait_there
 from skyway_composition.missions.record import MissionRecord, Stuck
 from skyway_composition.missions.report import report
 from skyway_composition.missions.revision import next_revision
@@ -204,6 +204,9 @@ class Recomposer:
         placed = [
             each for each in trip.steps() if not (on_board(held) and isinstance(each.step, PickUp))
         ]
+        if not placed and record.stuck is not None:
+            # Home and charged: the drone still has to hear that nothing is left, to end it.
+            return (wait_there(record.stuck.station_id, trip.start_ms, step_id=last_step + 1),)
         return flight_steps(
             world.skyway.network,
             placed,

@@ -1,0 +1,393 @@
+"""A whole composition service on a new database, with drones that say what a test makes them."""
+
+import asyncio
+import shutil
+from collections.abc import AsyncIterator, Sequence
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+from datetime import timedelta
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+from fastapi import FastAPI
+from skyway_composition.app import Parts, composition_app
+from skyway_composition.missions.follow import Follower
+from skyway_composition.missions.overdue import Overdue
+from skyway_composition.missions.recompose import Recomposer
+from skyway_composition.networks.prepared import PreparedNetworks
+from skyway_composition.planning.solver_pool import SolverPool
+from skyway_composition.tables import outbox
+from skyway_composition.verify import violations
+from sqlalchemy import select, text
+
+from skyway.contracts.candidate import Candidate
+from skyway.contracts.drone_report import Ack, Connection, DroneEvent, DroneState
+from skyway.contracts.instruction import Instruction, MissionInstruction
+from skyway.contracts.mission import BookMissions, Booking, MissionReport
+from skyway.contracts.topic import Topic
+from skyway.contracts.topics import ACKS, CONNECTION, EVENTS, STATE
+from skyway.delivery.offer import Tariff
+from skyway.delivery.request import DeliveryRequest
+from skyway.drone.models import DRONE_MODELS
+from skyway.geo import Position
+from skyway.ids import DeliveryId, DroneId, DroneModelId, ProviderId, StationId
+from skyway.runtime.clock import ManualClock
+from skyway.runtime.database import Database
+from skyway.runtime.identity import ServiceGate
+from skyway.runtime.loops import Wake
+from skyway.runtime.migrations import migrate
+from skyway.runtime.minting import CountingMint
+from skyway.runtime.mqtt import Received
+
+#: With the paper's drone a flight of 20 km has to be followed by a recharge.
+SCENARIO_MODEL = DRONE_MODELS[DroneModelId("paper-scenario")]
+
+#: Degrees of longitude that are 20 km on the equator.
+STEP_DEG = 0.17986
+
+OPERATOR = "operator:op"
+GATEWAY = "service:gateway"
+
+
+def make_network(
+    *, pads: dict[str, int] | None = None, stations: str = "abcde", **settings: object
+) -> dict[str, Any]:
+    """Stations in a row, 20 km apart, each connected to its neighbours; 2 pads but for `pads`."""
+    points = [
+        {
+            "type": "Feature",
+            "geometry": {"type": "Point", "coordinates": [(ord(name) - 97) * STEP_DEG, 0.0]},
+            "properties": {
+                "kind": "station",
+                "station_id": name,
+                "pads": (pads or {}).get(name, 2),
+            },
+        }
+        for name in stations
+    ]
+    lines = [
+        {
+            "type": "Feature",
+            "geometry": {
+                "type": "LineString",
+                "coordinates": [
+                    before["geometry"]["coordinates"],  # type: ignore[index]
+                    after["geometry"]["coordinates"],  # type: ignore[index]
+                ],
+            },
+            "properties": {
+                "kind": "segment",
+                "from": before["properties"]["station_id"],  # type: ignore[index]
+                "to": after["properties"]["station_id"],  # type: ignore[index]
+            },
+        }
+        for before, after in zip(points, points[1:], strict=False)
+    ]
+    return {"type": "FeatureCollection", "features": points + lines, "settings": settings}
+
+
+def make_candidate(number: int = 1, **members: Any) -> Candidate:
+    """Drone `number` of provider 1, full and at home in a."""
+    values = {
+        "provider_id": "prv_1",
+        "drone_id": f"drn_{number}",
+        "model": SCENARIO_MODEL,
+        "soc": 1.0,
+        "station_id": "a",
+        "home_station_id": "a",
+        "tariff": Tariff(base=100, per_km=10),
+        **members,
+    }
+    return Candidate.model_validate(values)
+
+
+def make_request(
+    *destinations: str, mass_kg: float = 0.4, pickup: str = "a", **members: Any
+) -> DeliveryRequest:
+    """One package for each destination."""
+    return DeliveryRequest.model_validate(
+        {
+            "pickup": {"station_id": pickup},
+            "packages": [
+                {
+                    "package_id": f"p{number}",
+                    "mass_kg": mass_kg,
+                    "destination": {"station_id": destination},
+                }
+                for number, destination in enumerate(destinations, 1)
+            ],
+            **members,
+        }
+    )
+
+
+@dataclass
+class SilentSubscriber:
+    """`Subscriber` on which nothing arrives: tests hand batches over themselves."""
+
+    async def batches(self, *_: Topic[Any]) -> AsyncIterator[list[Received[Any]]]:
+        await asyncio.Event().wait()
+        yield []
+
+
+@dataclass
+class DroneVoice:
+    """What one drone says, with the numbers that its agent would give."""
+
+    composition: "Composition"
+    drone_id: str = "drn_1"
+    provider_id: str = "prv_1"
+    session: int = 1
+    stream: int = 1
+    event_seq: int = 0
+    sent: int = 0
+
+    def ack(self, instruction: Any, status: str = "ACCEPTED", **members: Any) -> Received[Any]:
+        values = {
+            "instruction_id": instruction.instruction_id,
+            "instruction_seq": instruction.seq,
+            "stream": instruction.stream,
+            "status": status,
+            **members,
+        }
+        return self._received(ACKS, Ack.model_validate(self._envelope() | values))
+
+    def event(self, event: str, **members: Any) -> Received[Any]:
+        self.event_seq += 1
+        values = {
+            "seq": self.event_seq,
+            "event": event,
+            "stream": self.stream,
+            "ended_at": self.composition.clock.now(),
+            "position": (0.0, 0.0),
+            "soc": 0.5,
+            **members,
+        }
+        return self._received(EVENTS, DroneEvent.model_validate(self._envelope() | values))
+
+    def state(self, **members: Any) -> Received[Any]:
+        values = {
+            "at": self.composition.clock.now(),
+            "activity": "IDLE",
+            "stream": self.stream,
+            "last_instruction_seq": 0,
+            "last_event_seq": self.event_seq,
+            "station_id": "a",
+            "position": (0.0, 0.0),
+            "soc": 1.0,
+            **members,
+        }
+        return self._received(STATE, DroneState.model_validate(self._envelope() | values))
+
+    def connection(self, status: str, number: int = 1) -> Received[Any]:
+        message = Connection.model_validate(
+            {
+                "message_id": f"con{number}",
+                "sent_at": self.composition.clock.now(),
+                "session": self.session,
+                "connection_number": number,
+                "status": status,
+            }
+        )
+        return self._received(CONNECTION, message)
+
+    def flown(self, instruction: MissionInstruction) -> list[Received[Any]]:
+        """The end of each step as planned, and of the mission."""
+        events = [
+            self.event(
+                "STEP_ENDED",
+                mission_id=instruction.mission_id,
+                mission_revision=instruction.mission_revision,
+                step_id=step.step_id,
+                step_kind=step.kind,
+                started_at=step.planned_start_at,
+                ended_at=step.planned_end_at,
+                energy_j=1000.0 if step.kind == "FLY" else 0.0,
+            )
+            for step in instruction.steps
+        ]
+        last = instruction.steps[-1].planned_end_at
+        ended = self.event("MISSION_ENDED", mission_id=instruction.mission_id, ended_at=last)
+        return [*events, ended]
+
+    def _envelope(self) -> dict[str, Any]:
+        self.sent += 1
+        return {
+            "message_id": f"m{self.sent}",
+            "sent_at": self.composition.clock.now(),
+            "session": self.session,
+            "seq": self.sent,
+        }
+
+    def _received(self, topic: Topic[Any], message: Any) -> Received[Any]:
+        return Received(topic, (self.provider_id, self.drone_id), message, retained=False)
+
+
+@dataclass
+class Composition:
+    """The service's parts and its REST face, as the gateway sees it."""
+
+    client: httpx.AsyncClient
+    parts: Parts
+    clock: ManualClock
+    follower: Follower
+    overdue: Overdue
+    recomposer: Recomposer
+    deliveries: int = field(default=0)
+
+    @property
+    def db(self) -> Database:
+        return self.parts.db
+
+    async def __call__(
+        self, caller: str | None, method: str, path: str, json: Any = None, **headers: str
+    ) -> httpx.Response:
+        named = {} if caller is None else {"Skyway-Caller": caller}
+        sent = {name.replace("_", "-"): value for name, value in headers.items()}
+        return await self.client.request(method, path, json=json, headers=named | sent)
+
+    async def publish(self, network: dict[str, Any] | None = None) -> None:
+        answer = await self(OPERATOR, "PUT", "/v1/networks/row", network or make_network())
+        assert answer.is_success, answer.text
+
+    async def book(
+        self,
+        *candidates: Candidate,
+        delivery_id: str = "dlv_1",
+        attempt: int = 1,
+        request: DeliveryRequest | None = None,
+    ) -> Booking:
+        body = BookMissions(
+            attempt=attempt,
+            request=request or make_request("c"),
+            candidates=candidates or (make_candidate(),),
+        )
+        path = f"/internal/deliveries/{delivery_id}/missions"
+        answer = await self(GATEWAY, "PUT", path, body.model_dump(mode="json"))
+        assert answer.status_code == 200, answer.text
+        return Booking.model_validate_json(answer.content)
+
+    async def take(self, *batch: Received[Any]) -> None:
+        await self.follower.take(batch)
+
+    async def sent(self, drone_id: str = "drn_1") -> list[Any]:
+        """The instructions that the outbox still sends to a drone, in order."""
+        rows = await self._outbox("mqtt", stream=drone_id)
+        topic = _instruction_topic()
+        return [topic.read(row.payload) for row in rows]
+
+    async def reports(self, service: str = "gateway") -> list[MissionReport]:
+        """The mission reports on their way to a service, in order."""
+        rows = await self._outbox(service)
+        return [MissionReport.model_validate_json(row.payload) for row in rows]
+
+    async def reservations(self) -> Sequence[Any]:
+        return await self.rows(
+            "SELECT station_id, pad, start_ms, end_ms, mission_id FROM pad_reservations "
+            "ORDER BY station_id, pad, start_ms"
+        )
+
+    async def rows(self, sql: str) -> Sequence[Any]:
+        async with self.db.read() as connection:
+            return (await connection.execute(text(sql))).all()
+
+    async def state_of(self, mission_id: str) -> str:
+        answer = await self(OPERATOR, "GET", f"/v1/missions/{mission_id}")
+        return str(answer.json()["mission"]["state"])
+
+    async def broken(self) -> list[Any]:
+        return list(await violations(self.db))
+
+    async def _outbox(self, channel: str, stream: str | None = None) -> Sequence[Any]:
+        query = select(outbox).where(outbox.c.channel == channel).order_by(outbox.c.id)
+        if stream is not None:
+            query = query.where(outbox.c.stream == stream)
+        async with self.db.read() as connection:
+            return (await connection.execute(query)).all()
+
+
+def _instruction_topic() -> Topic[Any]:
+    return Topic(
+        "{d}", Instruction, mqtt_qos=1, retained=False, writer="composition", readers=(), about=""
+    )
+
+
+@pytest.fixture
+def secrets_dir(tmp_path: Path) -> Path:
+    folder = tmp_path / "secrets"
+    folder.mkdir()
+    for name in ("gateway", "registry", "composition"):
+        (folder / f"service_{name}").write_text(f"secret of {name}\n")
+        (folder / f"mqtt_{name}").write_text(f"mqtt password of {name}\n")
+    return folder
+
+
+@pytest.fixture(scope="session")
+def migrated_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A SQLite database with composition's tables, to be copied: migrating takes a while."""
+    path = tmp_path_factory.mktemp("composition") / "migrated.db"
+    asyncio.run(migrate(f"sqlite:///{path}", "skyway_composition"))
+    return path
+
+
+@pytest.fixture
+async def db(database_url: str, migrated_file: Path) -> AsyncIterator[Database]:
+    """Composition's database, with its tables."""
+    if database_url.startswith("sqlite:///"):
+        shutil.copy(migrated_file, database_url.removeprefix("sqlite:///"))
+    else:
+        await migrate(database_url, "skyway_composition")
+    async with Database(database_url, outbox=outbox) as opened:
+        yield opened
+
+
+@pytest.fixture
+async def composition(
+    db: Database, clock: ManualClock, secrets_dir: Path
+) -> AsyncIterator[Composition]:
+    """Composition with its network published."""
+    mint = CountingMint()
+    async with SolverPool(threads=2, time_limit_s=5.0) as solver:
+        parts = Parts(
+            db=db,
+            gate=ServiceGate(secrets_dir, allowed=("gateway", "registry")),
+            clock=clock,
+            mint=mint,
+            networks=PreparedNetworks(db),
+            solver=solver,
+            pads_changed=Wake(),
+            published=Wake(),
+            stuck=Wake(),
+        )
+        app = composition_app(parts, lifespan=_no_lifespan, readiness=_ready)
+        async with httpx.AsyncClient(
+            transport=httpx.ASGITransport(app),
+            base_url="http://composition",
+            headers={"Authorization": "Bearer secret of gateway"},
+        ) as client:
+            follower = Follower(
+                db, SilentSubscriber(), clock=clock, mint=mint, stuck=parts.stuck
+            )
+            overdue = Overdue(db, clock, mint, parts.pads_changed)
+            recomposer = Recomposer(
+                db, parts.networks, solver, clock, mint, "test", parts.pads_changed
+            )
+            whole = Composition(client, parts, clock, follower, overdue, recomposer)
+            await whole.publish()
+            yield whole
+
+
+@pytest.fixture
+def drone(composition: Composition) -> DroneVoice:
+    return DroneVoice(composition)
+
+
+@asynccontextmanager
+async def _no_lifespan(_app: FastAPI) -> AsyncIterator[None]:
+    yield
+
+
+async def _ready() -> dict[str, bool]:
+    return {}
