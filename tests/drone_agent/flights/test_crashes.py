@@ -112,3 +112,16 @@ async def test_a_revision_of_a_released_step_is_refused_and_the_flight_goes_on(
 
     assert (world.acks[-1].status, world.acks[-1].code) == ("REJECTED", "STEP_RELEASED")
     assert [event.step_id for event in world.events] == [*range(1, 9), None]
+
+
+async def test_a_mission_accepted_before_a_crash_is_flown_without_being_sent_again(
+    world: Any, cloud: Any, trip: Any
+) -> None:
+    await world.start()
+    await world.send(cloud.mission(trip))
+
+    await world.kill()
+    await world.start()
+    await world.pass_until(lambda: world.is_over)
+
+    assert [event.step_id for event in world.events] == [*range(1, 9), None]

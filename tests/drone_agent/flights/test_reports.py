@@ -86,3 +86,31 @@ async def test_telemetry_comes_at_most_once_a_wall_second_and_only_when_it_moves
     assert 3 <= len(moments) <= 6
     assert min(gaps) >= timedelta(seconds=600)
     assert max(moments) <= trip[-1].planned_end_at
+
+
+async def test_telemetry_rests_while_nothing_changes(world: Any, cloud: Any, steps: Any) -> None:
+    world.clock.rate = 1.0
+    short_hop = steps().fly("home", "shop", length_m=200, duration_s=40)
+    await world.start()
+    await world.send(cloud.mission(short_hop.made))
+
+    await world.pass_until(lambda: world.is_over)
+
+    assert len(world.messages(TELEMETRY)) == 11
+
+
+async def test_events_asked_for_while_one_is_sent_are_sent_too(
+    world: Any, cloud: Any, trip: Any
+) -> None:
+    await world.start()
+    await world.send(cloud.mission(trip))
+    await world.pass_until(lambda: len(world.events) == 2)
+    world.pubacks.clear()
+    await world.pass_until(lambda: len(world.events) == 3)
+    world.published.clear()
+
+    await world.send(cloud.report_request(after_seq=0))
+    world.pubacks.set()
+    await world.settle()
+
+    assert [event.seq for event in world.events][:3] == [1, 2, 3]
