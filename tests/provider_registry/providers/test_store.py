@@ -1,0 +1,25 @@
+"""Each statement of the providers is narrowed to the caller by itself (I13)."""
+
+from typing import Any
+
+import pytest
+from skyway_provider_registry.providers import store
+from skyway_provider_registry.providers.provider import ProviderChange
+
+from skyway.ids import ProviderId
+from skyway.runtime.database import Database
+from skyway.runtime.errors import NotFound
+from skyway.runtime.identity import Caller
+
+
+async def test_a_provider_is_changed_by_itself_only(api: Any, db: Database) -> None:
+    provider_id = ProviderId(await api.provider())
+    wanted = ProviderChange(name="stolen")
+
+    for caller in (Caller("provider", "prv_thief"), Caller("customer", provider_id)):
+        with pytest.raises(NotFound):
+            async with db.write() as tx:
+                await store.change(tx, caller, provider_id=provider_id, wanted=wanted)
+
+    async with db.read() as connection:
+        assert (await store.any_one(connection, provider_id)).name == "Hill Country Drones"
