@@ -1,0 +1,91 @@
+"""Who is calling, and the operators' hands on API keys."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Header, Query, Request, Response
+from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
+
+from skyway.ids import KeyId, SubjectId
+from skyway.runtime.database import Database
+from skyway.runtime.errors import Unauthenticated
+from skyway.runtime.identity import Caller
+from skyway.runtime.paging import Page, PageQuery, page_of
+from skyway_gateway.access import store
+from skyway_gateway.access.key import ApiKey, IssuedKey, KeyRole, NewKey, secret_hash
+from skyway_gateway.access.keys import Keys
+from skyway_gateway.access.store import KeyFilter
+
+_bearer = HTTPBearer(auto_error=False, description="an API key: sk_...")
+
+
+class KeyGate:
+    """A dependency that lets only known keys in, and gives whose they are."""
+
+    def __init__(self, db: Database) -> None:
+        self._db = db
+
+    async def __call__(
+        self, shown: Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)]
+    ) -> Caller:
+        """The caller whose key is shown; looked up anew each time, so a deleted one stops."""
+        if shown is None:
+            raise Unauthenticated("an API key is needed: Authorization: Bearer sk_...")
+        async with self._db.read() as connection:
+            caller = await store.caller_of(connection, secret_hash(shown.credentials))
+        if caller is None:
+            raise Unauthenticated("this API key is not known, or was deleted")
+        return caller
+
+
+class KeyListQuery(PageQuery):
+    """The query of the list of keys."""
+
+    role: KeyRole | None = None
+    subject_id: SubjectId | None = None
+
+
+def key_routes(*, db: Database, gate: KeyGate, keys: Keys) -> APIRouter:
+    """POST, GET and DELETE /v1/keys; operators only."""
+    router = APIRouter(tags=["keys"])
+
+    @router.post("/v1/keys", status_code=201, response_model=IssuedKey)
+    async def issue_key(
+        request: Request,
+        caller: Annotated[Caller, Depends(gate)],
+        wanted: NewKey,
+        idempotency_key: Annotated[str | None, Header()] = None,
+    ) -> Response:
+        """Issue an API key; its secrets are shown only in this answer."""
+        caller.must_be("operator")
+        answer = await keys.issue(
+            caller, wanted, idempotency_key=idempotency_key, body=await request.body()
+        )
+        headers = dict(answer.headers)
+        return Response(answer.body, answer.status, headers, media_type="application/json")
+
+    @router.get("/v1/keys")
+    async def list_keys(
+        caller: Annotated[Caller, Depends(gate)], query: Annotated[KeyListQuery, Query()]
+    ) -> Page[ApiKey]:
+        """All keys that are in use, without their secrets."""
+        caller.must_be("operator")
+        wanted = KeyFilter(query.role, query.subject_id)
+        async with db.read() as connection:
+            found = await store.page(connection, query, wanted)
+        return page_of(found, query, item=lambda key: key, sort_key=lambda key: (key.key_id,))
+
+    @router.get("/v1/keys/{key_id}")
+    async def get_key(key_id: KeyId, caller: Annotated[Caller, Depends(gate)]) -> ApiKey:
+        """A key, without its secret."""
+        caller.must_be("operator")
+        async with db.read() as connection:
+            return await store.one(connection, key_id)
+
+    @router.delete("/v1/keys/{key_id}", status_code=204)
+    async def delete_key(key_id: KeyId, caller: Annotated[Caller, Depends(gate)]) -> Response:
+        """Stop a key at once."""
+        caller.must_be("operator")
+        await keys.delete(key_id)
+        return Response(status_code=204)
+
+    return router

@@ -1,0 +1,154 @@
+"""All SQL of the API keys."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+from sqlalchemy import ColumnElement, Row, and_, exists, insert, select, update
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from skyway.ids import KeyId, SubjectId
+from skyway.runtime.database import Tx
+from skyway.runtime.errors import NotFound
+from skyway.runtime.identity import Caller
+from skyway.runtime.paging import PageQuery
+from skyway.units import moment_to_ms, ms_to_moment
+from skyway_gateway.access.key import ApiKey, KeyRole
+from skyway_gateway.tables import api_keys
+
+
+@dataclass(frozen=True, slots=True)
+class KeyFilter:
+    """Which keys a list shows."""
+
+    role: KeyRole | None = None
+    subject_id: SubjectId | None = None
+
+
+async def add(tx: Tx, key: ApiKey, *, key_hash: str, is_account_open: bool) -> None:
+    """Keep a new key."""
+    row = {
+        "key_id": key.key_id,
+        "key_hash": key_hash,
+        "role": key.role,
+        "subject_id": key.subject_id,
+        "created_wall_ms": moment_to_ms(key.created_at),
+        "is_account_open": is_account_open,
+    }
+    await tx.execute(insert(api_keys).values(row))
+
+
+async def add_if_new(tx: Tx, key: ApiKey, *, key_hash: str) -> None:
+    """Keep a key whose secret was made elsewhere, unless it was kept before, deleted or not."""
+    row = {
+        "key_id": key.key_id,
+        "key_hash": key_hash,
+        "role": key.role,
+        "subject_id": key.subject_id,
+        "created_wall_ms": moment_to_ms(key.created_at),
+        "is_account_open": True,
+    }
+    await tx.execute(tx.insert(api_keys).values(row).on_conflict_do_nothing())
+
+
+async def caller_of(connection: AsyncConnection, key_hash: str) -> Caller | None:
+    """Whose key this is; None when it is nobody's, or deleted."""
+    statement = select(api_keys.c.role, api_keys.c.subject_id).where(
+        api_keys.c.key_hash == key_hash, api_keys.c.deleted_wall_ms.is_(None)
+    )
+    row = (await connection.execute(statement)).one_or_none()
+    return None if row is None else Caller(row.role, row.subject_id)
+
+
+async def is_account_open(connection: AsyncConnection, key_id: KeyId) -> bool:
+    """Whether the registry has the broker account that was handed out with this key."""
+    statement = select(api_keys.c.is_account_open).where(api_keys.c.key_id == key_id)
+    return bool((await connection.execute(statement)).scalar())
+
+
+async def account_is_open(tx: Tx, key_id: KeyId) -> None:
+    """Note that the registry has the key's broker account."""
+    this = api_keys.c.key_id == key_id
+    await tx.execute(update(api_keys).where(this).values(is_account_open=True))
+
+
+async def one(connection: AsyncConnection, key_id: KeyId) -> ApiKey:
+    """A key that is not deleted.
+
+    Raises
+    ------
+    NotFound
+        There is no such key.
+    """
+    statement = select(api_keys).where(
+        api_keys.c.key_id == key_id, api_keys.c.deleted_wall_ms.is_(None)
+    )
+    row = (await connection.execute(statement)).one_or_none()
+    if row is None:
+        raise NotFound("key", key_id)
+    return _key(row)
+
+
+async def page(
+    connection: AsyncConnection, query: PageQuery, wanted: KeyFilter
+) -> Sequence[ApiKey]:
+    """Up to limit + 1 keys that are not deleted, sorted by id."""
+    statement = select(api_keys).where(api_keys.c.deleted_wall_ms.is_(None))
+    if wanted.role is not None:
+        statement = statement.where(api_keys.c.role == wanted.role)
+    if wanted.subject_id is not None:
+        statement = statement.where(api_keys.c.subject_id == wanted.subject_id)
+    if (after := query.after(str)) is not None:
+        statement = statement.where(api_keys.c.key_id > after[0])
+    statement = statement.order_by(api_keys.c.key_id).limit(query.limit + 1)
+    return [_key(row) for row in await connection.execute(statement)]
+
+
+async def delete(tx: Tx, key_id: KeyId, *, at: datetime) -> None:
+    """Stop a key, from the next call on.
+
+    Raises
+    ------
+    NotFound
+        There is no such key.
+    """
+    this = (api_keys.c.key_id == key_id) & api_keys.c.deleted_wall_ms.is_(None)
+    deleted = {"deleted_wall_ms": moment_to_ms(at)}
+    if (await tx.execute(update(api_keys).where(this).values(deleted))).rowcount == 0:
+        raise NotFound("key", key_id)
+
+
+async def orphaned_accounts(connection: AsyncConnection) -> Sequence[SubjectId]:
+    """Customers without a key whose broker account is still open."""
+    other = api_keys.alias("other")
+    has_key = exists().where(
+        other.c.role == "customer",
+        other.c.subject_id == api_keys.c.subject_id,
+        other.c.deleted_wall_ms.is_(None),
+    )
+    statement = select(api_keys.c.subject_id).distinct().where(_has_open_account(), ~has_key)
+    return list((await connection.execute(statement)).scalars())
+
+
+async def account_is_closed(tx: Tx, subject_id: SubjectId) -> None:
+    """Note that the registry has closed a customer's broker account."""
+    this = _has_open_account() & (api_keys.c.subject_id == subject_id)
+    await tx.execute(update(api_keys).where(this).values(is_account_open=False))
+
+
+def _has_open_account() -> ColumnElement[bool]:
+    return and_(
+        api_keys.c.role == "customer",
+        api_keys.c.is_account_open,
+        api_keys.c.deleted_wall_ms.is_not(None),
+    )
+
+
+def _key(row: Row[*tuple[Any, ...]]) -> ApiKey:  # columns of every type
+    return ApiKey(
+        key_id=row.key_id,
+        role=row.role,
+        subject_id=row.subject_id,
+        created_at=ms_to_moment(row.created_wall_ms),
+    )

@@ -1,0 +1,233 @@
+"""The one place where the gateway is put together."""
+
+import secrets
+from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack, asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from fastapi import FastAPI
+
+from skyway.runtime import idempotency
+from skyway.runtime.clock import AnchoredClock, load_clock
+from skyway.runtime.database import Database
+from skyway.runtime.http import ServiceClient
+from skyway.runtime.http_app import Lifespan, Readiness, body_limits, create_app
+from skyway.runtime.identity import ServiceGate, ServiceIdentity, read_secret
+from skyway.runtime.loops import Loops, Wake, repeat
+from skyway.runtime.migrations import migrate
+from skyway.runtime.minting import mint
+from skyway.runtime.mqtt import MqttClient
+from skyway.runtime.outbox import MqttSender
+from skyway_gateway.access.keys import Keys
+from skyway_gateway.access.routes import KeyGate, key_routes
+from skyway_gateway.clients import RestComposition, RestRegistry
+from skyway_gateway.deliveries import store as delivery_store
+from skyway_gateway.deliveries.accept import Acceptance
+from skyway_gateway.deliveries.book import Booker
+from skyway_gateway.deliveries.follow import Follower
+from skyway_gateway.deliveries.routes import delivery_routes, report_routes
+from skyway_gateway.forward.routes import forward_routes, provider_routes
+from skyway_gateway.forward.table import larger_bodies
+from skyway_gateway.notifications.events import Events
+from skyway_gateway.notifications.fleet_time import publish_clock
+from skyway_gateway.notifications.news import News
+from skyway_gateway.notifications.post import WebhookPost
+from skyway_gateway.notifications.routes import clock_routes, webhook_routes
+from skyway_gateway.notifications.sender import WebhookSender
+from skyway_gateway.notifications.stream import EventStream
+from skyway_gateway.notifications.targets import Targets
+from skyway_gateway.settings import GatewaySettings
+from skyway_gateway.tables import outbox
+
+SERVICE: Final = "gateway"
+PACKAGE: Final = "skyway_gateway"
+
+#: Seconds of wall time between two looks of a loop that nothing has woken.
+_QUEUE_EVERY_S: Final = 0.5
+_ACCOUNTS_EVERY_S: Final = 10.0
+_SWEEP_EVERY_S: Final = 600.0
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """What the rooms are made of; `Wake`s tell one room's loop what another has done."""
+
+    db: Database
+    clock: AnchoredClock
+    clients: dict[str, ServiceClient]
+    registry: RestRegistry
+    composition: RestComposition
+    gate: KeyGate
+    services: ServiceGate
+    keys: Keys
+    news: News
+    events: Events
+    targets: Targets
+    post: WebhookPost
+    sender: WebhookSender
+    queued: Wake
+
+    @property
+    def booker(self) -> Booker:
+        """Books queued deliveries."""
+        return Booker(
+            self.db, self.registry, self.composition, self.events, self.clock, mint, self.queued
+        )
+
+    @property
+    def acceptance(self) -> Acceptance:
+        """Accepts delivery requests."""
+        return Acceptance(
+            self.db, self.registry, self.composition, self.events, self.clock, mint, self.queued
+        )
+
+
+def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> FastAPI:
+    """All rooms' routes on these parts, which the lifespan opens."""
+    db, gate, clock, keys = parts.db, parts.gate, parts.clock, parts.keys
+    follower = Follower(db, parts.events, clock, parts.queued)
+    return create_app(
+        service=SERVICE,
+        title="Skyway",
+        description="The public face: deliveries, their events, and what operators and providers "
+        "ask of the other services.",
+        routers=[
+            delivery_routes(
+                db=db,
+                gate=gate,
+                acceptance=parts.acceptance,
+                stream=EventStream(db, parts.news),
+            ),
+            webhook_routes(
+                db=db,
+                gate=gate,
+                targets=parts.targets,
+                sender=parts.sender,
+                clock=clock,
+                mint=mint,
+            ),
+            key_routes(db=db, gate=gate, keys=keys),
+            clock_routes(gate=gate, clock=clock),
+            provider_routes(
+                db=db, gate=gate, registry=parts.clients["registry"], keys=keys, clock=clock
+            ),
+            forward_routes(gate=gate, clients=parts.clients),
+            report_routes(gate=parts.services, follower=follower),
+        ],
+        lifespan=lifespan,
+        readiness=readiness,
+        body_limit=body_limits(larger_bodies()),
+    )
+
+
+def build_app(settings: GatewaySettings) -> FastAPI:
+    """The gateway as it runs; everything is opened by the app's lifespan."""
+    parts = _parts(settings)
+
+    async def on_connected() -> None:
+        await publish_clock(mqtt, parts.clock, mint)
+
+    mqtt = MqttClient(
+        settings.mqtt_url,
+        client_id=f"{SERVICE}-{secrets.token_hex(8)}",
+        user_name=SERVICE,
+        password=read_secret(settings.secrets_dir, f"mqtt_{SERVICE}"),
+        on_connected=on_connected,
+    )
+
+    @asynccontextmanager
+    async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
+        await migrate(settings.database_url, PACKAGE)
+        async with AsyncExitStack() as opened:
+            await opened.enter_async_context(parts.db)
+            await _take_over(parts)
+            for client in parts.clients.values():
+                await opened.enter_async_context(client)
+            await opened.enter_async_context(parts.post)
+            await opened.enter_async_context(mqtt)
+            loops = await opened.enter_async_context(Loops())
+            loops.start("messages", MqttSender(parts.db, mqtt, parts.clock).run())
+            loops.start("webhooks", parts.sender.run())
+            for number in range(settings.booking_workers):
+                _start_booking(loops, parts, f"book {number}")
+            _start_sweeping(loops, parts)
+            yield
+
+    async def readiness() -> dict[str, bool]:
+        return {"database": await parts.db.is_answering(), "mqtt": mqtt.is_connected}
+
+    return gateway_app(parts, lifespan=lifespan, readiness=readiness)
+
+
+def openapi_app() -> FastAPI:
+    """The gateway's routes for its OpenAPI document; nothing in it can be opened."""
+    nowhere = Path("not-opened")
+    settings = GatewaySettings(
+        database_url=f"sqlite:///{nowhere}", mqtt_url="mqtt://not-opened", secrets_dir=nowhere
+    )
+
+    @asynccontextmanager
+    async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
+        yield
+
+    async def readiness() -> dict[str, bool]:
+        return {}
+
+    return gateway_app(_parts(settings), lifespan=lifespan, readiness=readiness)
+
+
+async def _take_over(parts: Parts) -> None:
+    """What the process before us may have left: keys to make, claims that nobody holds."""
+    await parts.keys.make_first_keys()
+    if parts.db.dialect == "sqlite":
+        async with parts.db.write() as tx:
+            await delivery_store.free_claims(tx)
+
+
+def _start_booking(loops: Loops, parts: Parts, name: str) -> None:
+    step = parts.booker.step
+    loops.start(name, repeat(name, step, every_s=_QUEUE_EVERY_S, wake=parts.queued))
+
+
+def _start_sweeping(loops: Loops, parts: Parts) -> None:
+    async def forget_old_answers() -> bool:
+        await idempotency.sweep(parts.db, parts.clock)
+        return False
+
+    keys = parts.keys
+    accounts = repeat(
+        "accounts", keys.close_orphaned_accounts, every_s=_ACCOUNTS_EVERY_S, wake=keys.wake
+    )
+    loops.start("accounts", accounts)
+    loops.start("sweep", repeat("sweep", forget_old_answers, every_s=_SWEEP_EVERY_S))
+
+
+def _parts(settings: GatewaySettings) -> Parts:
+    db = Database(settings.database_url, outbox=outbox)
+    clock, news, told = load_clock(settings.clock_file), News(), Wake()
+    identity = ServiceIdentity(SERVICE, settings.secrets_dir)
+    clients = {
+        "registry": ServiceClient("registry", settings.registry_url, identity),
+        "composition": ServiceClient("composition", settings.composition_url, identity),
+    }
+    registry = RestRegistry(clients["registry"])
+    targets = Targets(settings.webhook_allow_networks)
+    post = WebhookPost(targets)
+    return Parts(
+        db=db,
+        clock=clock,
+        clients=clients,
+        registry=registry,
+        composition=RestComposition(clients["composition"]),
+        gate=KeyGate(db),
+        services=ServiceGate(settings.secrets_dir, allowed=("composition",)),
+        keys=Keys(db, accounts=registry, secrets_dir=settings.secrets_dir, clock=clock, mint=mint),
+        news=news,
+        events=Events(clock=clock, mint=mint, news=news, webhooks=told),
+        targets=targets,
+        post=post,
+        sender=WebhookSender(db, post, told, clock, mint),
+        queued=Wake(),
+    )

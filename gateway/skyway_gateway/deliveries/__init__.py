@@ -1,0 +1,1 @@
+"""What customers asked for: accepted, booked, and followed to the last package."""

@@ -1,0 +1,187 @@
+"""Between a delivery and its rows: which column holds what.
+
+Any, for a row: its columns have the types of their table.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any, Final
+
+from pydantic import TypeAdapter
+
+from skyway.contracts.candidate import ProviderReason
+from skyway.contracts.mission import Mission
+from skyway.delivery.request import DeliveryRequest, Place
+from skyway.geo import Position
+from skyway.units import moment_to_ms, ms_to_moment
+from skyway_gateway.deliveries import told
+from skyway_gateway.deliveries.delivery import (
+    Custodian,
+    Delivery,
+    Flags,
+    PackageStatus,
+    Refusal,
+)
+
+_POSITION: Final = TypeAdapter(Position)
+_REASONS: Final = TypeAdapter(tuple[ProviderReason, ...])
+_REFUSALS: Final = TypeAdapter(tuple[Refusal, ...])
+
+Values = dict[str, object]
+
+
+@dataclass(frozen=True, slots=True)
+class Queued:
+    """A delivery in state REQUESTED, and what booking needs beside it."""
+
+    delivery: Delivery
+    pickup_position: Position
+    give_up_at: datetime
+    traceparent: str | None
+
+
+def new_delivery(queued: Queued) -> Values:
+    """The row of a delivery that was just accepted."""
+    delivery = queued.delivery
+    return {
+        "delivery_id": delivery.delivery_id,
+        "customer_id": delivery.customer_id,
+        "reference": delivery.reference,
+        "request": delivery.request.model_dump_json(),
+        "pickup_position": _POSITION.dump_json(queued.pickup_position).decode(),
+        "created_ms": moment_to_ms(delivery.created_at),
+        "give_up_ms": moment_to_ms(queued.give_up_at),
+        "last_sequence": 0,
+        "traceparent": queued.traceparent,
+        "next_try_wall_ms": 0,
+        **changing(delivery),
+    }
+
+
+def new_packages(delivery: Delivery) -> list[Values]:
+    """The rows of its packages."""
+    return [
+        {
+            "delivery_id": delivery.delivery_id,
+            "package_id": package.package_id,
+            "number": number,
+            "destination_station_id": package.destination.station_id,
+            "mass_kg": package.mass_kg,
+            "custody_seq": 1,
+            **package_values(package),
+        }
+        for number, package in enumerate(delivery.packages)
+    ]
+
+
+def reasons_text(reasons: Sequence[ProviderReason]) -> str:
+    """Reasons as JSON."""
+    return _REASONS.dump_json(tuple(reasons)).decode()
+
+
+def changing(delivery: Delivery) -> dict[str, object]:
+    """The columns of a delivery that change during its life."""
+    return {
+        "state": delivery.state,
+        "activity": delivery.activity,
+        "is_delayed": delivery.flags.delayed,
+        "is_replanning": delivery.flags.replanning,
+        "updated_ms": moment_to_ms(delivery.updated_at),
+        "attempt": delivery.attempt,
+        "refusals": _REFUSALS.dump_json(delivery.refusals).decode(),
+        "reasons": _REASONS.dump_json(delivery.reasons).decode(),
+    }
+
+
+def package_values(package: PackageStatus) -> dict[str, object]:
+    """The columns of a package that change during its life."""
+    return {
+        "state": package.state,
+        "custodian_kind": package.custodian.kind,
+        "custodian_id": package.custodian.id,
+        "promised_ms": _ms(package.promised_at),
+        "eta_ms": _ms(package.eta_at),
+        "delivered_ms": _ms(package.delivered_at),
+    }
+
+
+def custody_row(delivery: Delivery, package: PackageStatus, *, seq: int) -> dict[str, object]:
+    """One more link of a package's chain of custody."""
+    return {
+        "delivery_id": delivery.delivery_id,
+        "package_id": package.package_id,
+        "seq": seq,
+        "custodian_kind": package.custodian.kind,
+        "custodian_id": package.custodian.id,
+        "at_ms": moment_to_ms(delivery.updated_at),
+    }
+
+
+def mission_row(mission: Mission) -> dict[str, object]:
+    """The row of a mission of which nothing was reported yet."""
+    return {
+        "mission_id": mission.mission_id,
+        "delivery_id": mission.delivery_id,
+        "attempt": mission.attempt,
+        "trip": mission.trip,
+        "provider_id": mission.provider_id,
+        "drone_id": mission.drone_id,
+        "state": mission.state,
+        "report_seq": 0,
+        "body": mission.model_dump_json(),
+    }
+
+
+def delivery_of(row: Any, packed: Sequence[PackageStatus], flown: Sequence[Mission]) -> Delivery:
+    """The delivery in a row, with its parts."""
+    return Delivery(
+        delivery_id=row.delivery_id,
+        customer_id=row.customer_id,
+        state=row.state,
+        activity=row.activity,
+        flags=Flags(delayed=row.is_delayed, replanning=row.is_replanning),
+        reference=row.reference,
+        request=DeliveryRequest.read(row.request),
+        created_at=ms_to_moment(row.created_ms),
+        updated_at=ms_to_moment(row.updated_ms),
+        attempt=row.attempt,
+        price=told.price_of(flown),
+        provider_id=flown[0].provider_id if flown else None,
+        missions=tuple(flown),
+        packages=tuple(packed),
+        refusals=_REFUSALS.validate_json(row.refusals),
+        reasons=_REASONS.validate_json(row.reasons),
+    )
+
+
+def package_of(row: Any) -> PackageStatus:
+    """The package in a row."""
+    return PackageStatus(
+        package_id=row.package_id,
+        state=row.state,
+        destination=Place(station_id=row.destination_station_id),
+        mass_kg=row.mass_kg,
+        custodian=Custodian(kind=row.custodian_kind, id=row.custodian_id),
+        promised_at=_moment(row.promised_ms),
+        eta_at=_moment(row.eta_ms),
+        delivered_at=_moment(row.delivered_ms),
+    )
+
+
+def queued_of(row: Any, delivery: Delivery) -> Queued:
+    """The queued delivery in a row."""
+    return Queued(
+        delivery=delivery,
+        pickup_position=_POSITION.validate_json(row.pickup_position),
+        give_up_at=ms_to_moment(row.give_up_ms),
+        traceparent=row.traceparent,
+    )
+
+
+def _ms(moment: datetime | None) -> int | None:
+    return None if moment is None else moment_to_ms(moment)
+
+
+def _moment(moment_ms: int | None) -> datetime | None:
+    return None if moment_ms is None else ms_to_moment(moment_ms)

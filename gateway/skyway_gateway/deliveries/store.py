@@ -1,0 +1,284 @@
+"""All SQL of deliveries, their packages, custody and missions."""
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any, Final
+
+from sqlalchemy import (
+    ColumnElement,
+    Row,
+    Select,
+    and_,
+    exists,
+    false,
+    insert,
+    select,
+    true,
+    update,
+)
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from skyway.contracts.candidate import ProviderReason
+from skyway.contracts.mission import Mission
+from skyway.ids import DeliveryId, MissionId, ProviderId
+from skyway.runtime.claims import FREE, claim
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.database import Database, Tx
+from skyway.runtime.errors import NotFound
+from skyway.runtime.identity import Caller
+from skyway.runtime.paging import PageQuery
+from skyway.units import moment_to_ms
+from skyway_gateway.deliveries import rows
+from skyway_gateway.deliveries.delivery import Delivery, PackageStatus
+from skyway_gateway.deliveries.rows import Queued
+from skyway_gateway.deliveries.states import DeliveryState, may_follow
+from skyway_gateway.tables import custody, deliveries, missions, packages
+
+#: As long as one booking may take, seconds of wall time. Two that book the same are answered the
+#: same, so a claim that runs out costs a question, not a second drone.
+_LEASE_S: Final = 25.0
+
+_Row = Row[*tuple[Any, ...]]  # columns of every type
+
+
+@dataclass(frozen=True, slots=True)
+class ReportedMission:
+    """How far a mission's reports are applied."""
+
+    mission_id: MissionId
+    report_seq: int
+
+
+@dataclass(frozen=True, slots=True)
+class DeliveryFilter:
+    """Which deliveries a list shows."""
+
+    state: DeliveryState | None = None
+    reference: str | None = None
+
+
+async def add(tx: Tx, queued: Queued) -> None:
+    """Keep a new delivery: from now on it is in the queue, and its packages are in custody."""
+    delivery = queued.delivery
+    await tx.execute(insert(deliveries).values(rows.new_delivery(queued)))
+    await tx.execute(insert(packages), rows.new_packages(delivery))
+    first_links = [rows.custody_row(delivery, package, seq=1) for package in delivery.packages]
+    await tx.execute(insert(custody), first_links)
+
+
+async def claim_queued(
+    db: Database, *, limit: int, claimant: str, clock: FleetClock
+) -> Sequence[Queued]:
+    """Deliveries whose booking is due, the longest waiting first, now held by us."""
+    is_due = and_(
+        deliveries.c.state == "REQUESTED",
+        deliveries.c.next_try_wall_ms <= moment_to_ms(clock.wall_now()),
+    )
+    due = await claim(
+        db,
+        deliveries,
+        where=is_due,
+        order_by=[deliveries.c.next_try_wall_ms, deliveries.c.delivery_id],
+        limit=limit,
+        claimant=claimant,
+        lease_s=_LEASE_S,
+        clock=clock,
+    )
+    async with db.read() as connection:
+        found = await _with_parts(connection, due)
+    return [rows.queued_of(row, delivery) for row, delivery in zip(due, found, strict=True)]
+
+
+async def free_claims(tx: Tx) -> None:
+    """Let go of all that somebody held: on SQLite whoever claimed before us is dead."""
+    await tx.execute(update(deliveries).where(deliveries.c.state == "REQUESTED").values(FREE))
+
+
+async def try_later(
+    tx: Tx,
+    delivery_id: DeliveryId,
+    *,
+    next_try_at: datetime,
+    reasons: Sequence[ProviderReason] | None,
+) -> None:
+    """Leave a delivery in the queue until a moment of wall time; None keeps the known reasons."""
+    values: dict[str, object] = {"next_try_wall_ms": moment_to_ms(next_try_at), **FREE}
+    if reasons is not None:
+        values["reasons"] = rows.reasons_text(reasons)
+    this = and_(deliveries.c.delivery_id == delivery_id, deliveries.c.state == "REQUESTED")
+    await tx.execute(update(deliveries).where(this).values(values))
+
+
+async def keep_queued(tx: Tx, delivery_id: DeliveryId, *, until: datetime) -> None:
+    """Have a delivery that came back to the queue stay there until this moment."""
+    values = {"give_up_ms": moment_to_ms(until)}
+    this = and_(deliveries.c.delivery_id == delivery_id, deliveries.c.state == "REQUESTED")
+    await tx.execute(update(deliveries).where(this).values(values))
+
+
+async def note_reasons(tx: Tx, delivery_id: DeliveryId, reasons: Sequence[ProviderReason]) -> None:
+    """Keep why a delivery is about to be rejected."""
+    text = rows.reasons_text(reasons)
+    this = and_(deliveries.c.delivery_id == delivery_id, deliveries.c.state == "REQUESTED")
+    await tx.execute(update(deliveries).where(this).values(reasons=text))
+
+
+async def lock(tx: Tx, delivery_id: DeliveryId) -> Delivery:
+    """A delivery that nobody else changes until this transaction ends.
+
+    Raises
+    ------
+    NotFound
+        There is no such delivery.
+    """
+    statement = select(deliveries).where(deliveries.c.delivery_id == delivery_id)
+    found = (await tx.execute(statement.with_for_update())).all()
+    if not found:
+        raise NotFound("delivery", delivery_id)
+    [delivery] = await _with_parts(tx.connection, found)
+    return delivery
+
+
+async def save(tx: Tx, before: Delivery, after: Delivery) -> bool:
+    """Write what changed; False when the delivery is not in the state of `before` any more."""
+    if not may_follow(after.state, before.state):
+        raise RuntimeError(f"a delivery never goes from {before.state} to {after.state}")
+    this = and_(
+        deliveries.c.delivery_id == before.delivery_id,
+        deliveries.c.state == before.state,
+        deliveries.c.attempt == before.attempt,
+    )
+    values = {**rows.changing(after), "next_try_wall_ms": 0, **FREE}
+    if (await tx.execute(update(deliveries).where(this).values(values))).rowcount != 1:
+        return False
+    for package, changed in zip(before.packages, after.packages, strict=True):
+        if changed != package:
+            await _save_package(
+                tx, after, changed, has_moved=changed.custodian != package.custodian
+            )
+    known = {mission.mission_id: mission for mission in before.missions}
+    for mission in after.missions:
+        if mission.mission_id not in known:
+            await tx.execute(insert(missions).values(rows.mission_row(mission)))
+        elif mission != known[mission.mission_id]:
+            values = {"state": mission.state, "body": mission.model_dump_json()}
+            that = missions.c.mission_id == mission.mission_id
+            await tx.execute(update(missions).where(that).values(values))
+    return True
+
+
+async def reported_mission(tx: Tx, mission_id: MissionId) -> ReportedMission | None:
+    """How far a mission's reports are applied; None for a mission that is not known yet."""
+    statement = select(missions.c.mission_id, missions.c.report_seq)
+    row = (await tx.execute(statement.where(missions.c.mission_id == mission_id))).one_or_none()
+    return None if row is None else ReportedMission(row.mission_id, row.report_seq)
+
+
+async def note_report(tx: Tx, mission_id: MissionId, *, seq: int) -> None:
+    """Note that a mission's reports are applied up to this one."""
+    this = missions.c.mission_id == mission_id
+    await tx.execute(update(missions).where(this).values(report_seq=seq))
+
+
+async def one_of(connection: AsyncConnection, caller: Caller, delivery_id: DeliveryId) -> Delivery:
+    """The caller's own delivery.
+
+    Raises
+    ------
+    NotFound
+        There is no such delivery, or it is not the caller's.
+    """
+    statement = select(deliveries).where(deliveries.c.delivery_id == delivery_id, _owned(caller))
+    found = (await connection.execute(statement)).all()
+    if not found:
+        raise NotFound("delivery", delivery_id)
+    [delivery] = await _with_parts(connection, found)
+    return delivery
+
+
+async def page_of(
+    connection: AsyncConnection, caller: Caller, query: PageQuery, wanted: DeliveryFilter
+) -> Sequence[Delivery]:
+    """Up to limit + 1 of the caller's deliveries, the newest first."""
+    statement = select(deliveries).where(_owned(caller))
+    if wanted.state is not None:
+        statement = statement.where(deliveries.c.state == wanted.state)
+    if wanted.reference is not None:
+        statement = statement.where(deliveries.c.reference == wanted.reference)
+    return await _page(connection, statement, query)
+
+
+async def page_of_provider(
+    connection: AsyncConnection, provider_id: ProviderId, query: PageQuery
+) -> Sequence[Delivery]:
+    """Up to limit + 1 deliveries that a provider's drones fly, with its missions alone."""
+    is_flown = exists().where(
+        missions.c.delivery_id == deliveries.c.delivery_id,
+        missions.c.provider_id == provider_id,
+        missions.c.state != "REFUSED",
+    )
+    found = await _page(connection, select(deliveries).where(is_flown), query)
+    return [
+        delivery.model_copy(
+            update={"missions": tuple(m for m in delivery.missions if m.provider_id == provider_id)}
+        )
+        for delivery in found
+    ]
+
+
+async def _page(
+    connection: AsyncConnection, statement: Select[*tuple[Any, ...]], query: PageQuery
+) -> Sequence[Delivery]:
+    if (after := query.after(str)) is not None:
+        statement = statement.where(deliveries.c.delivery_id < after[0])
+    statement = statement.order_by(deliveries.c.delivery_id.desc()).limit(query.limit + 1)
+    return await _with_parts(connection, (await connection.execute(statement)).all())
+
+
+def _owned(caller: Caller) -> ColumnElement[bool]:
+    """Whether a delivery is the caller's to see: operators see everybody's."""
+    if caller.role == "operator":
+        return true()
+    return deliveries.c.customer_id == caller.subject_id if caller.role == "customer" else false()
+
+
+async def _with_parts(connection: AsyncConnection, found: Sequence[_Row]) -> Sequence[Delivery]:
+    """The deliveries of these rows, with their packages and missions, in the same order."""
+    ids = [row.delivery_id for row in found]
+    if not ids:
+        return []
+    of_packages = (
+        select(packages).where(packages.c.delivery_id.in_(ids)).order_by(packages.c.number)
+    )
+    # A refused mission was never flown, and is told in `refusals`.
+    of_missions = (
+        select(missions.c.delivery_id, missions.c.body)
+        .where(missions.c.delivery_id.in_(ids), missions.c.state != "REFUSED")
+        .order_by(missions.c.attempt, missions.c.trip)
+    )
+    packed: dict[str, list[PackageStatus]] = defaultdict(list)
+    for row in await connection.execute(of_packages):
+        packed[row.delivery_id].append(rows.package_of(row))
+    flown: dict[str, list[Mission]] = defaultdict(list)
+    for row in await connection.execute(of_missions):
+        flown[row.delivery_id].append(Mission.read(row.body))
+    return [rows.delivery_of(row, packed[row.delivery_id], flown[row.delivery_id]) for row in found]
+
+
+async def _save_package(
+    tx: Tx, delivery: Delivery, package: PackageStatus, *, has_moved: bool
+) -> None:
+    this = and_(
+        packages.c.delivery_id == delivery.delivery_id,
+        packages.c.package_id == package.package_id,
+    )
+    values = {
+        **rows.package_values(package),
+        "custody_seq": packages.c.custody_seq + int(has_moved),
+    }
+    statement = update(packages).where(this).values(values).returning(packages.c.custody_seq)
+    seq: int = (await tx.execute(statement)).scalar_one()
+    if has_moved:
+        await tx.execute(insert(custody).values(rows.custody_row(delivery, package, seq=seq)))

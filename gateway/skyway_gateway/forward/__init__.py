@@ -1,0 +1,1 @@
+"""Public calls that another service answers: one row of a table each."""

@@ -1,0 +1,110 @@
+"""Passes public calls on to the service that answers them, with the caller's identity."""
+
+import json
+from collections.abc import Awaitable, Callable, Mapping
+from http import HTTPStatus
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Depends, Header, Request, Response
+from fastapi.responses import StreamingResponse
+
+from skyway.ids import SubjectId
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.database import Database, Tx
+from skyway.runtime.errors import NotFound
+from skyway.runtime.http import ServiceClient
+from skyway.runtime.idempotency import Answer, once
+from skyway.runtime.identity import Caller
+from skyway_gateway.access.keys import Keys
+from skyway_gateway.access.routes import KeyGate
+from skyway_gateway.forward.table import FORWARDED, Forwarded
+
+_PROVIDERS = "/v1/providers"
+
+
+def forward_routes(*, gate: KeyGate, clients: Mapping[str, ServiceClient]) -> APIRouter:
+    """Every row of the table."""
+    router = APIRouter(tags=["forwarded"])
+    for row in FORWARDED:
+        router.add_api_route(
+            row.path,
+            _passing_on(row, gate, clients[row.service]),
+            methods=[row.method],
+            name=f"{row.method.lower()} {row.path}",
+            tags=[row.service],
+            response_class=StreamingResponse,
+            responses={200: {"content": {"application/json": {"schema": {}}}}},
+            openapi_extra=row.openapi,
+        )
+    return router
+
+
+def _passing_on(
+    row: Forwarded, gate: KeyGate, client: ServiceClient
+) -> Callable[..., Awaitable[Response]]:
+    async def pass_on(request: Request, caller: Annotated[Caller, Depends(gate)]) -> Response:
+        caller.must_be(*row.roles)
+        _refuse_foreign(caller, request)
+        path = request.scope["path"]
+        return await client.forward(request, path, caller, timeout_s=row.timeout_s)
+
+    return pass_on
+
+
+def provider_routes(
+    *, db: Database, gate: KeyGate, registry: ServiceClient, keys: Keys, clock: FleetClock
+) -> APIRouter:
+    """POST /v1/providers: forwarded, then `access` adds the provider's key."""
+    router = APIRouter(tags=["registry"])
+
+    @router.post(
+        _PROVIDERS,
+        status_code=201,
+        openapi_extra={
+            "requestBody": {"required": True, "content": {"application/json": {"schema": {}}}}
+        },
+    )
+    async def register_provider(
+        request: Request,
+        caller: Annotated[Caller, Depends(gate)],
+        idempotency_key: Annotated[str | None, Header()] = None,
+    ) -> Response:
+        """Register a provider; the answer also holds `key_id` and `key`, shown only here."""
+        caller.must_be("operator")
+        body = await request.body()
+        made = await registry.forward(request, _PROVIDERS, caller)
+        if made.status_code != HTTPStatus.CREATED or not isinstance(made, StreamingResponse):
+            return made
+        provider = json.loads(b"".join([_bytes(part) async for part in made.body_iterator]))
+
+        async def add_key(tx: Tx) -> Answer:
+            issued = await keys.add(tx, "provider", SubjectId(provider["provider_id"]))
+            told = {**provider, "key_id": issued.key_id, "key": issued.key}
+            location = {"Location": f"{_PROVIDERS}/{provider['provider_id']}"}
+            return Answer(201, json.dumps(told).encode(), location)
+
+        # The registry answers the same call the same; so does this, with the same key.
+        answer = await once(
+            db,
+            caller=str(caller),
+            route=f"POST {_PROVIDERS}",
+            key=idempotency_key,
+            body=body,
+            act=add_key,
+            clock=clock,
+        )
+        headers = dict(answer.headers)
+        return Response(answer.body, answer.status, headers, media_type="application/json")
+
+    return router
+
+
+def _refuse_foreign(caller: Caller, request: Request) -> None:
+    """A provider's own only; not theirs looks like not there."""
+    provider_id = request.path_params.get("provider_id")
+    if caller.role == "provider" and provider_id not in (None, caller.subject_id):
+        raise NotFound("provider", str(provider_id))
+
+
+def _bytes(part: Any) -> bytes:  # what a stream of Starlette's may yield: text, bytes or a view
+    return part.encode() if isinstance(part, str) else bytes(part)

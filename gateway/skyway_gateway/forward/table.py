@@ -1,0 +1,156 @@
+"""Every public call that is not the gateway's own: path, service, roles. Nothing else is passed."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final, Literal
+
+from skyway.runtime.identity import CallerRole
+
+Method = Literal["GET", "POST", "PUT", "PATCH", "DELETE"]
+Service = Literal["registry", "composition"]
+
+_ANY: Final[tuple[CallerRole, ...]] = ("customer", "provider", "operator")
+_FLEETS: Final[tuple[CallerRole, ...]] = ("provider", "operator")
+_OPERATOR: Final[tuple[CallerRole, ...]] = ("operator",)
+
+#: Bytes and wall seconds for what is large or heavy (decisions.md, Processes).
+_NETWORK_BYTES: Final = 256 * 1024 * 1024
+_FLEET_BYTES: Final = 8 * 1024 * 1024
+_HEAVY_S: Final = 180.0
+
+_PLACEHOLDER: Final = re.compile(r"{(\w+)}")
+_JSON: Final[Mapping[str, Any]] = {"application/json": {"schema": {}}}
+
+
+@dataclass(frozen=True, slots=True)
+class Forwarded:
+    """One call: who answers it, and who may make it. `{provider_id}` is a provider's own only."""
+
+    method: Method
+    path: str
+    service: Service
+    roles: tuple[CallerRole, ...]
+    about: str
+    limit_bytes: int | None = None
+    timeout_s: float = 30.0
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """The names in the path."""
+        return tuple(_PLACEHOLDER.findall(self.path))
+
+    @property
+    def openapi(self) -> dict[str, Any]:  # a part of a JSON document
+        """What the gateway's document says of it; the service's own document says the rest."""
+        described: dict[str, Any] = {
+            "summary": self.about,
+            "description": f"Answered by the {self.service}: see its document for the bodies.",
+            "parameters": [
+                {"name": name, "in": "path", "required": True, "schema": {"type": "string"}}
+                for name in self.parameters
+            ],
+        }
+        if self.method in ("POST", "PUT", "PATCH"):
+            described["requestBody"] = {"required": True, "content": dict(_JSON)}
+        return described
+
+
+#: `POST /v1/providers` is not here: `access` adds the provider's key to its answer.
+FORWARDED: Final[tuple[Forwarded, ...]] = (
+    Forwarded("GET", "/v1/providers", "registry", _ANY, "List providers"),
+    Forwarded("GET", "/v1/providers/{provider_id}", "registry", _ANY, "Show a provider"),
+    Forwarded("PATCH", "/v1/providers/{provider_id}", "registry", _FLEETS, "Change a provider"),
+    Forwarded("GET", "/v1/drone-models", "registry", _ANY, "List drone models"),
+    Forwarded("GET", "/v1/drone-models/{model_id}", "registry", _ANY, "Show a drone model"),
+    Forwarded("PUT", "/v1/drone-models/{model_id}", "registry", _OPERATOR, "Set a drone model"),
+    Forwarded(
+        "POST",
+        "/v1/providers/{provider_id}/drones",
+        "registry",
+        _FLEETS,
+        "Register one drone, or a list of them",
+        limit_bytes=_FLEET_BYTES,
+        timeout_s=_HEAVY_S,
+    ),
+    Forwarded(
+        "GET", "/v1/providers/{provider_id}/drones", "registry", _FLEETS, "List a fleet's drones"
+    ),
+    Forwarded(
+        "GET", "/v1/providers/{provider_id}/drones/{drone_id}", "registry", _FLEETS, "Show a drone"
+    ),
+    Forwarded(
+        "PATCH",
+        "/v1/providers/{provider_id}/drones/{drone_id}",
+        "registry",
+        _FLEETS,
+        "Change a drone",
+    ),
+    Forwarded(
+        "DELETE",
+        "/v1/providers/{provider_id}/drones/{drone_id}",
+        "registry",
+        _FLEETS,
+        "Remove a drone",
+    ),
+    Forwarded("GET", "/v1/networks", "composition", _ANY, "List skyway networks"),
+    Forwarded(
+        "PUT",
+        "/v1/networks/{network_id}",
+        "composition",
+        _OPERATOR,
+        "Publish a skyway network (GeoJSON)",
+        limit_bytes=_NETWORK_BYTES,
+        timeout_s=_HEAVY_S,
+    ),
+    Forwarded(
+        "GET",
+        "/v1/networks/{network_id}",
+        "composition",
+        _ANY,
+        "Show a skyway network (GeoJSON)",
+        timeout_s=_HEAVY_S,
+    ),
+    Forwarded(
+        "GET", "/v1/networks/{network_id}/versions", "composition", _ANY, "List its versions"
+    ),
+    Forwarded(
+        "GET", "/v1/networks/{network_id}/stations", "composition", _ANY, "List its stations"
+    ),
+    Forwarded(
+        "GET", "/v1/networks/{network_id}/segments", "composition", _ANY, "List its segments"
+    ),
+    Forwarded("GET", "/v1/networks/{network_id}/zones", "composition", _ANY, "List its zones"),
+    Forwarded(
+        "GET", "/v1/stations/{station_id}/pads", "composition", _ANY, "Show who holds which pad"
+    ),
+    Forwarded(
+        "GET",
+        "/v1/stations/{station_id}/reservations",
+        "composition",
+        _ANY,
+        "List a station's reservations",
+    ),
+    Forwarded(
+        "POST",
+        "/v1/compositions",
+        "composition",
+        _ANY,
+        "Compose a plan, without side effect",
+        limit_bytes=_NETWORK_BYTES,
+        timeout_s=_HEAVY_S,
+    ),
+    Forwarded("GET", "/v1/missions", "composition", _FLEETS, "List missions"),
+    Forwarded(
+        "GET", "/v1/missions/{mission_id}", "composition", _FLEETS, "Show a mission's progress"
+    ),
+)
+
+
+def larger_bodies() -> dict[str, int]:
+    """The calls whose bodies may be larger than usual, as ``PUT /v1/networks/{network_id}``."""
+    return {
+        f"{row.method} {row.path}": row.limit_bytes
+        for row in FORWARDED
+        if row.limit_bytes is not None
+    }

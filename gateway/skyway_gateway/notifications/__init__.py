@@ -1,0 +1,1 @@
+"""What customers are told: each delivery event once in sequence, by webhook, SSE and MQTT."""

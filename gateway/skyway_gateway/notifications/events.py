@@ -1,0 +1,82 @@
+"""The only writer of an event's sequence: what is told, is told to every channel at once.
+
+The event, its webhook notifications and its MQTT message are rows of the transaction of the fact
+that they tell, so that there is never one without the others.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from datetime import datetime
+from typing import Any
+
+from skyway.contracts.delivery_event import DeliveryEvent, DeliveryEventType
+from skyway.contracts.topics import DELIVERY_EVENTS
+from skyway.ids import DeliveryId, EventId, SubjectId
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.database import Tx
+from skyway.runtime.loops import Wake
+from skyway.runtime.minting import Mint
+from skyway.runtime.tracing import current_traceparent
+from skyway_gateway.notifications import store
+from skyway_gateway.notifications.news import News
+
+
+@dataclass(frozen=True, slots=True)
+class Happening:
+    """What the customer is to be told, before it has a place in the sequence."""
+
+    type: DeliveryEventType
+    occurred_at: datetime
+    #: The event's own members, each of JSON; Any, since every type has others.
+    data: dict[str, Any] = field(default_factory=dict)
+
+
+class Events:
+    """Writes events; `webhooks` is set when there is something to notify."""
+
+    def __init__(self, *, clock: FleetClock, mint: Mint, news: News, webhooks: Wake) -> None:
+        self._clock = clock
+        self._mint = mint
+        self._news = news
+        self._webhooks = webhooks
+
+    async def tell(
+        self,
+        tx: Tx,
+        happenings: Sequence[Happening],
+        *,
+        delivery_id: DeliveryId,
+        customer_id: SubjectId,
+    ) -> None:
+        """Tell the customer what happened, in this order, once the transaction is committed."""
+        if not happenings:
+            return
+        last = await store.take_sequences(tx, delivery_id, count=len(happenings))
+        first = last - len(happenings) + 1
+        events = [
+            self._event(happening, delivery_id, sequence)
+            for sequence, happening in enumerate(happenings, start=first)
+        ]
+        await store.add_events(tx, events, recorded_at=self._clock.wall_now())
+        has_webhooks = await store.notify_webhooks(
+            tx, events, customer_id=customer_id, at=self._clock.wall_now()
+        )
+        for event in events:
+            address = DELIVERY_EVENTS(customer_id, delivery_id)
+            tx.send(address, event, confirmed_by="broker", stream=delivery_id)
+        tx.after_commit(lambda: self._news.ring(delivery_id))
+        if has_webhooks:
+            tx.after_commit(self._webhooks.set)
+
+    def _event(self, happening: Happening, delivery_id: DeliveryId, sequence: int) -> DeliveryEvent:
+        return DeliveryEvent(
+            message_id=self._mint("msg"),
+            sent_at=self._clock.now(),
+            traceparent=current_traceparent(),
+            event_id=EventId(self._mint("evt")),
+            type=happening.type,
+            delivery_id=delivery_id,
+            sequence=sequence,
+            occurred_at=happening.occurred_at,
+            data=happening.data,
+        )

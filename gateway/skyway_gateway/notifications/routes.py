@@ -1,0 +1,168 @@
+"""Webhooks over REST, and the fleet clock; a delivery's own event stream is the delivery's."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Header, Query, Request, Response
+
+from skyway.ids import SubjectId, WebhookId
+from skyway.runtime.clock import AnchoredClock, FleetClock
+from skyway.runtime.database import Database, Tx
+from skyway.runtime.idempotency import Answer, once
+from skyway.runtime.identity import Caller
+from skyway.runtime.minting import Mint
+from skyway.runtime.paging import Page, PageQuery, page_of
+from skyway_gateway.access.routes import KeyGate
+from skyway_gateway.notifications import store
+from skyway_gateway.notifications.fleet_time import FleetTime, fleet_time
+from skyway_gateway.notifications.sender import WebhookSender
+from skyway_gateway.notifications.signature import new_webhook_secret
+from skyway_gateway.notifications.targets import Targets
+from skyway_gateway.notifications.webhook import (
+    IssuedWebhook,
+    NewWebhook,
+    Webhook,
+    WebhookAttempt,
+    WebhookChange,
+)
+
+
+def clock_routes(*, gate: KeyGate, clock: AnchoredClock) -> APIRouter:
+    """GET /v1/clock."""
+    router = APIRouter(tags=["clock"])
+
+    @router.get("/v1/clock")
+    async def get_clock(_caller: Annotated[Caller, Depends(gate)]) -> FleetTime:
+        """Fleet time, and the anchor from which it is computed."""
+        return fleet_time(clock)
+
+    return router
+
+
+def webhook_routes(
+    *,
+    db: Database,
+    gate: KeyGate,
+    targets: Targets,
+    sender: WebhookSender,
+    clock: FleetClock,
+    mint: Mint,
+) -> APIRouter:
+    """/v1/webhooks: POST, GET, PATCH, DELETE, and `/test` and `/attempts` of each."""
+    router = APIRouter(tags=["webhooks"])
+
+    @router.post("/v1/webhooks", status_code=201, response_model=IssuedWebhook)
+    async def add_webhook(
+        request: Request,
+        caller: Annotated[Caller, Depends(gate)],
+        wanted: NewWebhook,
+        idempotency_key: Annotated[str | None, Header()] = None,
+    ) -> Response:
+        """Be told of deliveries' events; the signing secret is shown only in this answer."""
+        caller.must_be("customer")
+        await targets.check(wanted.url)
+        webhook = IssuedWebhook(
+            webhook_id=WebhookId(mint("whk")),
+            url=wanted.url,
+            event_types=wanted.event_types,
+            state="ACTIVE",
+            disabled_reason=None,
+            created_at=clock.wall_now(),
+            secret=new_webhook_secret(),
+        )
+
+        async def keep(tx: Tx) -> Answer:
+            owner = SubjectId(caller.subject_id)
+            await store.add_webhook(tx, webhook, customer_id=owner, secret=webhook.secret)
+            location = {"Location": f"/v1/webhooks/{webhook.webhook_id}"}
+            return Answer(201, webhook.model_dump_json().encode(), location)
+
+        answer = await once(
+            db,
+            caller=str(caller),
+            route="POST /v1/webhooks",
+            key=idempotency_key,
+            body=await request.body(),
+            act=keep,
+            clock=clock,
+        )
+        headers = dict(answer.headers)
+        return Response(answer.body, answer.status, headers, media_type="application/json")
+
+    @router.get("/v1/webhooks")
+    async def list_webhooks(
+        caller: Annotated[Caller, Depends(gate)], query: Annotated[PageQuery, Query()]
+    ) -> Page[Webhook]:
+        """The caller's webhooks, without their secrets."""
+        caller.must_be("customer", "operator")
+        async with db.read() as connection:
+            found = await store.webhooks_page(connection, caller, query)
+        return page_of(found, query, item=lambda it: it, sort_key=lambda it: (it.webhook_id,))
+
+    @router.get("/v1/webhooks/{webhook_id}")
+    async def get_webhook(
+        webhook_id: WebhookId, caller: Annotated[Caller, Depends(gate)]
+    ) -> Webhook:
+        """A webhook, without its secret."""
+        caller.must_be("customer", "operator")
+        async with db.read() as connection:
+            return await store.webhook_of(connection, caller, webhook_id)
+
+    @router.patch("/v1/webhooks/{webhook_id}")
+    async def change_webhook(
+        webhook_id: WebhookId,
+        caller: Annotated[Caller, Depends(gate)],
+        wanted: WebhookChange,
+    ) -> Webhook:
+        """Change where or of what it is told, or make a disabled one active again."""
+        caller.must_be("customer")
+        if wanted.url is not None:
+            await targets.check(wanted.url)
+        async with db.write() as tx:
+            webhook = await store.webhook_of(tx.connection, caller, webhook_id)
+            changed = webhook.model_copy(update=_changes(wanted))
+            await store.change_webhook(tx, changed, at=clock.wall_now())
+        return changed
+
+    @router.delete("/v1/webhooks/{webhook_id}", status_code=204)
+    async def delete_webhook(
+        webhook_id: WebhookId, caller: Annotated[Caller, Depends(gate)]
+    ) -> Response:
+        """Be told no more; its attempts are forgotten."""
+        caller.must_be("customer")
+        async with db.write() as tx:
+            await store.webhook_of(tx.connection, caller, webhook_id)
+            await store.delete_webhook(tx, webhook_id)
+        return Response(status_code=204)
+
+    @router.post("/v1/webhooks/{webhook_id}/test")
+    async def test_webhook(
+        webhook_id: WebhookId, caller: Annotated[Caller, Depends(gate)]
+    ) -> WebhookAttempt:
+        """Send a `webhook.test` event now, once, and say how it went."""
+        caller.must_be("customer")
+        async with db.read() as connection:
+            endpoint = await store.endpoint_of(connection, caller, webhook_id)
+        return await sender.send_trial(endpoint)
+
+    @router.get("/v1/webhooks/{webhook_id}/attempts")
+    async def list_attempts(
+        webhook_id: WebhookId,
+        caller: Annotated[Caller, Depends(gate)],
+        query: Annotated[PageQuery, Query()],
+    ) -> Page[WebhookAttempt]:
+        """Each try to notify it, the newest first."""
+        caller.must_be("customer", "operator")
+        async with db.read() as connection:
+            await store.webhook_of(connection, caller, webhook_id)
+            found = await store.attempts_page(connection, webhook_id, query)
+        return page_of(found, query, item=lambda it: it, sort_key=lambda it: (it.attempt_id,))
+
+    return router
+
+
+def _changes(wanted: WebhookChange) -> dict[str, object]:
+    changes: dict[str, object] = {name: getattr(wanted, name) for name in wanted.model_fields_set}
+    if wanted.state is not None:
+        by_customer = "by its customer" if wanted.state == "DISABLED" else None
+        changes["disabled_reason"] = by_customer
+    return changes

@@ -1,0 +1,209 @@
+"""The tables of the gateway; `_ms` is fleet time, `_wall_ms` wall time, in ms since 1970."""
+
+from sqlalchemy import (
+    BigInteger,
+    Boolean,
+    CheckConstraint,
+    Column,
+    Double,
+    ForeignKey,
+    Index,
+    Integer,
+    MetaData,
+    Table,
+    Text,
+    UniqueConstraint,
+    text,
+)
+
+from skyway.runtime.claims import claim_columns
+from skyway.runtime.idempotency import idempotency_table
+from skyway.runtime.outbox import outbox_table
+
+metadata = MetaData()
+
+#: Of a key only its hash is kept; a deleted one stays, so that a restart does not revive it.
+api_keys = Table(
+    "api_keys",
+    metadata,
+    Column("key_id", Text, primary_key=True),
+    Column("key_hash", Text, nullable=False),
+    Column("role", Text, nullable=False),
+    Column("subject_id", Text, nullable=False),
+    Column("created_wall_ms", BigInteger, nullable=False),
+    Column("deleted_wall_ms", BigInteger),
+    # Whether the registry has the broker account that was handed out with the key.
+    Column("is_account_open", Boolean, nullable=False),
+    UniqueConstraint("key_hash", name="api_key_hash"),
+    CheckConstraint("role IN ('customer', 'provider', 'operator')", name="api_key_role"),
+    Index("api_keys_by_subject", "role", "subject_id"),
+)
+
+#: A row in state REQUESTED is the queue of `deliveries.book`.
+deliveries = Table(
+    "deliveries",
+    metadata,
+    Column("delivery_id", Text, primary_key=True),
+    Column("customer_id", Text, nullable=False),
+    Column("reference", Text),
+    Column("state", Text, nullable=False),
+    Column("activity", Text),
+    Column("is_delayed", Boolean, nullable=False),
+    Column("is_replanning", Boolean, nullable=False),
+    Column("request", Text, nullable=False),  # JSON of skyway.delivery.request.DeliveryRequest
+    Column("pickup_position", Text, nullable=False),  # JSON of skyway.geo.Position
+    Column("created_ms", BigInteger, nullable=False),
+    Column("updated_ms", BigInteger, nullable=False),
+    Column("give_up_ms", BigInteger, nullable=False),
+    Column("attempt", Integer, nullable=False),
+    Column("refusals", Text, nullable=False),  # JSON list of deliveries.delivery.Refusal
+    Column(
+        "reasons", Text, nullable=False
+    ),  # JSON list of ProviderReason: why not, at the last try
+    Column("last_sequence", Integer, nullable=False),  # of its events
+    Column("traceparent", Text),
+    Column("next_try_wall_ms", BigInteger, nullable=False),
+    *claim_columns(),
+    CheckConstraint(
+        "state IN ('REQUESTED', 'PLANNED', 'DISPATCHED', 'LOADING', 'IN_PROGRESS', "
+        "'COMPLETED', 'PARTIALLY_COMPLETED', 'CANCELLED', 'FAILED', 'REJECTED')",
+        name="delivery_state",
+    ),
+    Index("deliveries_by_customer", "customer_id", "delivery_id"),
+    Index("deliveries_by_state", "state", "next_try_wall_ms"),
+)
+
+packages = Table(
+    "packages",
+    metadata,
+    Column("delivery_id", Text, ForeignKey("deliveries.delivery_id"), primary_key=True),
+    Column("package_id", Text, primary_key=True),
+    Column("number", Integer, nullable=False),  # its place in the request
+    Column("state", Text, nullable=False),
+    Column("destination_station_id", Text, nullable=False),
+    Column("mass_kg", Double, nullable=False),
+    Column("custodian_kind", Text, nullable=False),
+    Column("custodian_id", Text, nullable=False),
+    Column("custody_seq", Integer, nullable=False),  # of the custodian above
+    Column("promised_ms", BigInteger),  # the first ETA of the present attempt
+    Column("eta_ms", BigInteger),
+    Column("delivered_ms", BigInteger),
+    CheckConstraint(
+        "state IN ('CREATED', 'LOADED', 'IN_TRANSIT', 'DELIVERED', 'RETURNING', 'RETURNED', "
+        "'STRANDED', 'CANCELLED')",
+        name="package_state",
+    ),
+)
+
+#: Who held a package, from the pickup station to the recipient: rows are only added.
+custody = Table(
+    "custody",
+    metadata,
+    Column("delivery_id", Text, primary_key=True),
+    Column("package_id", Text, primary_key=True),
+    Column("seq", Integer, primary_key=True),
+    Column("custodian_kind", Text, nullable=False),
+    Column("custodian_id", Text, nullable=False),
+    Column("at_ms", BigInteger, nullable=False),
+    CheckConstraint("custodian_kind IN ('STATION', 'DRONE', 'RECIPIENT')", name="custodian_kind"),
+    # I6: delivered once.
+    Index(
+        "custody_delivered",
+        "delivery_id",
+        "package_id",
+        unique=True,
+        sqlite_where=text("custodian_kind = 'RECIPIENT'"),
+        postgresql_where=text("custodian_kind = 'RECIPIENT'"),
+    ),
+)
+
+missions = Table(
+    "missions",
+    metadata,
+    Column("mission_id", Text, primary_key=True),
+    Column("delivery_id", Text, ForeignKey("deliveries.delivery_id"), nullable=False),
+    Column("attempt", Integer, nullable=False),
+    Column("trip", Integer, nullable=False),
+    Column("provider_id", Text, nullable=False),
+    Column("drone_id", Text, nullable=False),
+    Column("state", Text, nullable=False),
+    Column("report_seq", Integer, nullable=False),  # of the last report that was applied
+    Column("body", Text, nullable=False),  # JSON of skyway.contracts.mission.Mission
+    UniqueConstraint("delivery_id", "attempt", "trip", name="mission_attempt"),
+    Index("missions_by_provider", "provider_id", "delivery_id"),
+)
+
+events = Table(
+    "events",
+    metadata,
+    Column("event_id", Text, primary_key=True),
+    Column("delivery_id", Text, ForeignKey("deliveries.delivery_id"), nullable=False),
+    Column("sequence", Integer, nullable=False),
+    Column("type", Text, nullable=False),
+    Column("body", Text, nullable=False),  # JSON of DeliveryEvent, as every channel carries it
+    Column("recorded_wall_ms", BigInteger, nullable=False),
+    UniqueConstraint("delivery_id", "sequence", name="event_sequence"),
+)
+
+webhooks = Table(
+    "webhooks",
+    metadata,
+    Column("webhook_id", Text, primary_key=True),
+    Column("customer_id", Text, nullable=False),
+    Column("url", Text, nullable=False),
+    Column("event_types", Text),  # JSON list; null means all
+    Column("secret", Text, nullable=False),
+    Column("state", Text, nullable=False),
+    Column("disabled_reason", Text),
+    Column("created_wall_ms", BigInteger, nullable=False),
+    Column("changed_wall_ms", BigInteger, nullable=False),
+    CheckConstraint("state IN ('ACTIVE', 'DISABLED')", name="webhook_state"),
+    Index("webhooks_by_customer", "customer_id", "webhook_id"),
+)
+
+#: One event on its way to one webhook, written in the event's transaction.
+notifications = Table(
+    "notifications",
+    metadata,
+    # No foreign key: a webhook may be deleted while an event is told.
+    Column("webhook_id", Text, primary_key=True),
+    Column("event_id", Text, ForeignKey("events.event_id"), primary_key=True),
+    Column("delivery_id", Text, nullable=False),
+    Column("sequence", Integer, nullable=False),
+    Column("state", Text, nullable=False),
+    Column("attempts", Integer, nullable=False),
+    Column("next_try_wall_ms", BigInteger, nullable=False),
+    *claim_columns(),
+    CheckConstraint("state IN ('PENDING', 'DELIVERED', 'GIVEN_UP')", name="notification_state"),
+    Index(
+        "notifications_pending",
+        "webhook_id",
+        "delivery_id",
+        "sequence",
+        sqlite_where=text("state = 'PENDING'"),
+        postgresql_where=text("state = 'PENDING'"),
+    ),
+)
+
+#: Each try to notify a webhook; `event_id` is its webhook-id.
+webhook_attempts = Table(
+    "webhook_attempts",
+    metadata,
+    Column("attempt_id", Text, primary_key=True),
+    Column("webhook_id", Text, nullable=False),
+    Column("event_id", Text, nullable=False),
+    Column("event_type", Text, nullable=False),
+    Column("delivery_id", Text),
+    Column("number", Integer, nullable=False),
+    Column("at_wall_ms", BigInteger, nullable=False),
+    Column("duration_ms", Integer, nullable=False),
+    Column("outcome", Text, nullable=False),
+    Column("status", Integer),
+    Column("detail", Text),
+    Column("next_try_wall_ms", BigInteger),
+    CheckConstraint("outcome IN ('DELIVERED', 'FAILED', 'GIVEN_UP')", name="attempt_outcome"),
+    Index("webhook_attempts_by_webhook", "webhook_id", "attempt_id"),
+)
+
+outbox = outbox_table(metadata)
+idempotency = idempotency_table(metadata)
