@@ -1,12 +1,13 @@
 """A whole composition service on a new database, with drones that say what a test makes them."""
 
 import asyncio
+import itertools
 import shutil
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
-from datetime import timedelta
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import httpx
@@ -25,14 +26,13 @@ from sqlalchemy import select, text
 from skyway.contracts.candidate import Candidate
 from skyway.contracts.drone_report import Ack, Connection, DroneEvent, DroneState
 from skyway.contracts.instruction import Instruction, MissionInstruction
-from skyway.contracts.mission import BookMissions, Booking, MissionReport
+from skyway.contracts.mission import Booking, BookMissions, MissionReport
 from skyway.contracts.topic import Topic
 from skyway.contracts.topics import ACKS, CONNECTION, EVENTS, STATE
 from skyway.delivery.offer import Tariff
 from skyway.delivery.request import DeliveryRequest
 from skyway.drone.models import DRONE_MODELS
-from skyway.geo import Position
-from skyway.ids import DeliveryId, DroneId, DroneModelId, ProviderId, StationId
+from skyway.ids import DroneModelId
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.database import Database
 from skyway.runtime.identity import ServiceGate
@@ -83,7 +83,7 @@ def make_network(
                 "to": after["properties"]["station_id"],  # type: ignore[index]
             },
         }
-        for before, after in zip(points, points[1:], strict=False)
+        for before, after in itertools.pairwise(points)
     ]
     return {"type": "FeatureCollection", "features": points + lines, "settings": settings}
 
@@ -315,6 +315,12 @@ def _instruction_topic() -> Topic[Any]:
 
 
 @pytest.fixture
+def make() -> SimpleNamespace:
+    """What tests are made of: make.network, make.candidate, make.request."""
+    return SimpleNamespace(network=make_network, candidate=make_candidate, request=make_request)
+
+
+@pytest.fixture
 def secrets_dir(tmp_path: Path) -> Path:
     folder = tmp_path / "secrets"
     folder.mkdir()
@@ -367,9 +373,7 @@ async def composition(
             base_url="http://composition",
             headers={"Authorization": "Bearer secret of gateway"},
         ) as client:
-            follower = Follower(
-                db, SilentSubscriber(), clock=clock, mint=mint, stuck=parts.stuck
-            )
+            follower = Follower(db, SilentSubscriber(), clock=clock, mint=mint, stuck=parts.stuck)
             overdue = Overdue(db, clock, mint, parts.pads_changed)
             recomposer = Recomposer(
                 db, parts.networks, solver, clock, mint, "test", parts.pads_changed

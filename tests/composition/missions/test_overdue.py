@@ -1,0 +1,111 @@
+"""Drones that say nothing: given up in bounded time, never while they may fly."""
+
+from datetime import timedelta
+from typing import Any
+
+import pytest
+
+pytestmark = pytest.mark.parametrize("database_url", ["sqlite"], indirect=True)
+
+EXPIRY = timedelta(seconds=61)
+
+
+async def booked(composition: Any) -> Any:
+    await composition.book()
+    (instruction,) = await composition.sent()
+    return instruction
+
+
+async def sweep_after(composition: Any, span: timedelta) -> None:
+    composition.clock.advance(span)
+    await composition.overdue.step()
+
+
+async def test_a_lost_drone_that_never_answered_is_given_up(composition: Any, drone: Any) -> None:
+    instruction = await booked(composition)
+    await composition.take(drone.connection("LOST"))
+
+    await sweep_after(composition, EXPIRY)
+
+    (report,) = await composition.reports()
+    assert (report.kind, report.code) == ("REFUSED", "NO_ANSWER")
+    assert await composition.state_of(instruction.mission_id) == "REFUSED"
+    assert await composition.reservations() == []
+
+
+async def test_before_the_instruction_expires_nobody_is_given_up(
+    composition: Any, drone: Any
+) -> None:
+    instruction = await booked(composition)
+    await composition.take(drone.connection("LOST"))
+
+    await sweep_after(composition, timedelta(seconds=59))
+
+    assert await composition.state_of(instruction.mission_id) == "BOOKED"
+
+
+async def test_a_silent_drone_may_still_have_taken_the_mission(composition: Any) -> None:
+    instruction = await booked(composition)
+
+    await sweep_after(composition, EXPIRY)
+
+    assert await composition.state_of(instruction.mission_id) == "BOOKED"
+
+
+async def test_a_drone_that_does_something_else_after_the_expiry_is_free(
+    composition: Any, drone: Any
+) -> None:
+    instruction = await booked(composition)
+    composition.clock.advance(EXPIRY)
+    await composition.take(drone.state())
+
+    await composition.overdue.step()
+
+    assert await composition.state_of(instruction.mission_id) == "REFUSED"
+
+
+async def test_a_drone_that_flies_it_without_our_knowing_is_left_alone(
+    composition: Any, drone: Any
+) -> None:
+    instruction = await booked(composition)
+    composition.clock.advance(EXPIRY)
+    await composition.take(drone.state(mission_id=instruction.mission_id))
+
+    await composition.overdue.step()
+
+    assert await composition.state_of(instruction.mission_id) == "BOOKED"
+
+
+async def test_a_booking_that_nobody_ever_answers_ends_in_bounded_time(composition: Any) -> None:
+    instruction = await booked(composition)
+
+    await sweep_after(composition, timedelta(days=1))
+
+    assert await composition.state_of(instruction.mission_id) == "REFUSED"
+
+
+async def test_a_drone_silent_long_after_its_plan_is_aborted_with_what_it_carries(
+    composition: Any, drone: Any
+) -> None:
+    instruction = await booked(composition)
+    pick_up, *_ = drone.flown(instruction)
+    await composition.take(drone.ack(instruction), pick_up)
+
+    await sweep_after(composition, timedelta(days=1))
+
+    report = (await composition.reports())[-1]
+    assert (report.kind, report.code, report.mission_state) == ("ENDED", "SILENT", "ABORTED")
+    assert report.stranded_package_ids == ("p1",)
+    assert await composition.reservations() == []
+    assert await composition.broken() == []
+
+
+async def test_a_late_drone_that_still_flies_is_not_aborted(composition: Any, drone: Any) -> None:
+    instruction = await booked(composition)
+    await composition.take(drone.ack(instruction))
+    composition.clock.advance(timedelta(days=1))
+    await composition.take(drone.state(mission_id=instruction.mission_id))
+
+    await composition.overdue.step()
+
+    assert await composition.state_of(instruction.mission_id) == "ACCEPTED"

@@ -1,0 +1,164 @@
+"""Re-composition: a drone that stands and waits is given another way."""
+
+from typing import Any
+
+import pytest
+
+from skyway.contracts.flight_step import DeliverStep, PickUpStep
+
+pytestmark = pytest.mark.parametrize("database_url", ["sqlite"], indirect=True)
+
+
+async def flown_until(
+    composition: Any, drone: Any, *, failing: int, station_id: str, soc: float = 0.9
+) -> Any:
+    """The mission's instruction, after all steps before `failing` ended and that one failed."""
+    await composition.book()
+    (instruction,) = await composition.sent()
+    events = drone.flown(instruction)[: failing - 1]
+    drone.event_seq = failing - 1
+    failure = drone.event(
+        "STEP_FAILED",
+        mission_id=instruction.mission_id,
+        mission_revision=1,
+        step_id=failing,
+        station_id=station_id,
+        soc=soc,
+        code="PAD_LOST",
+        detail="came too late for the pad",
+    )
+    await composition.take(drone.ack(instruction), *events, failure)
+    return instruction
+
+
+async def test_a_failed_step_leads_to_a_revision_from_where_the_drone_stands(
+    composition: Any, drone: Any
+) -> None:
+    first = await flown_until(composition, drone, failing=3, station_id="b")
+
+    await composition.recomposer.step()
+
+    (revision,) = await composition.sent()
+    assert (revision.mission_id, revision.mission_revision) == (first.mission_id, 2)
+    assert revision.first_step == revision.steps[0].step_id == 4
+    assert not any(isinstance(step, PickUpStep) for step in revision.steps)
+    delivered = [step for step in revision.steps if isinstance(step, DeliverStep)]
+    assert [(step.station_id, step.package_ids) for step in delivered] == [("c", ("p1",))]
+    assert await composition.broken() == []
+
+
+async def test_the_customer_is_told_of_the_new_plan(composition: Any, drone: Any) -> None:
+    await flown_until(composition, drone, failing=3, station_id="b")
+
+    await composition.recomposer.step()
+
+    report = (await composition.reports())[-1]
+    assert (report.kind, report.code) == ("REPLANNED", "PAD_LOST")
+    assert report.mission.revision == 2
+    assert report.etas == report.mission.packages
+
+
+async def test_a_revision_is_flown_to_the_end(composition: Any, drone: Any) -> None:
+    await flown_until(composition, drone, failing=3, station_id="b")
+    await composition.recomposer.step()
+    (revision,) = await composition.sent()
+
+    await composition.take(drone.ack(revision), *drone.flown(revision))
+
+    reports = await composition.reports()
+    assert [report.kind for report in reports][-3:] == ["REPLANNED", "DELIVERED", "ENDED"]
+    assert await composition.state_of(revision.mission_id) == "COMPLETED"
+    assert await composition.broken() == []
+
+
+async def test_a_mission_fails_before_the_pickup_and_still_fetches_the_packages(
+    composition: Any, drone: Any, make: Any
+) -> None:
+    await composition.book(make.candidate(station_id="b"))
+    (instruction,) = await composition.sent()
+    failure = drone.event(
+        "STEP_FAILED", mission_id=instruction.mission_id, step_id=1, station_id="b", soc=0.95
+    )
+
+    await composition.take(drone.ack(instruction), failure)
+    await composition.recomposer.step()
+
+    (revision,) = await composition.sent()
+    assert any(isinstance(step, PickUpStep) for step in revision.steps)
+
+
+async def test_a_failure_on_the_way_home_is_planned_home_only(composition: Any, drone: Any) -> None:
+    await composition.book()
+    (instruction,) = await composition.sent()
+    delivered = next(step for step in instruction.steps if isinstance(step, DeliverStep))
+    events = drone.flown(instruction)[: delivered.step_id]
+    drone.event_seq = delivered.step_id
+    failure = drone.event(
+        "STEP_FAILED",
+        mission_id=instruction.mission_id,
+        step_id=delivered.step_id + 1,
+        station_id="c",
+        soc=0.1,
+    )
+
+    await composition.take(drone.ack(instruction), *events, failure)
+    await composition.recomposer.step()
+
+    (revision,) = await composition.sent()
+    assert not any(isinstance(step, DeliverStep | PickUpStep) for step in revision.steps)
+    assert revision.steps[-1].station_id == "a"
+
+
+async def test_a_refused_revision_is_planned_again_after_what_the_drone_released(
+    composition: Any, drone: Any
+) -> None:
+    first = await flown_until(composition, drone, failing=3, station_id="b")
+    await composition.recomposer.step()
+    (revision,) = await composition.sent()
+    state = drone.state(
+        mission_id=first.mission_id, station_id="b", soc=0.9, step_id=5, released_through=6
+    )
+
+    await composition.take(state, drone.ack(revision, "REJECTED", code="STEP_RELEASED"))
+    await composition.recomposer.step()
+
+    (another,) = await composition.sent()
+    assert (another.mission_revision, another.first_step) == (3, 7)
+
+
+async def test_without_any_way_the_packages_are_stranded_where_the_drone_stands(
+    composition: Any, drone: Any, make: Any
+) -> None:
+    first = await flown_until(composition, drone, failing=3, station_id="b")
+    cut_off = make.network()
+    cut_off["features"] = [
+        each for each in cut_off["features"] if each["properties"].get("from") != "b"
+    ]
+    await composition.publish(cut_off)
+
+    await composition.recomposer.step()
+
+    report = (await composition.reports())[-1]
+    assert (report.kind, report.mission_state) == ("ENDED", "ABORTED")
+    assert (report.stranded_package_ids, report.station_id) == (("p1",), "b")
+    assert await composition.reservations() == []
+    chain = await composition.rows("SELECT custodian_kind, custodian_id FROM custody")
+    assert tuple(chain[-1]) == ("STATION", "b")
+    assert await composition.state_of(first.mission_id) == "ABORTED"
+    assert await composition.broken() == []
+
+
+async def test_a_lost_journal_in_flight_leads_to_a_revision_in_a_new_stream(
+    composition: Any, drone: Any
+) -> None:
+    await composition.book()
+    (instruction,) = await composition.sent()
+    pick_up, *_ = drone.flown(instruction)
+    await composition.take(drone.ack(instruction), pick_up)
+    drone.session, drone.stream, drone.event_seq = 2, 0, 0
+
+    await composition.take(drone.state(station_id="a", soc=1.0))
+    await composition.recomposer.step()
+
+    (revision,) = await composition.sent()
+    assert (revision.stream, revision.seq, revision.mission_revision) == (2, 1, 2)
