@@ -108,7 +108,7 @@ class DroneAgent:
         acks = AckQueue(uplink, recorder, clock)
         events = EventSender(uplink, recorder)
         watch = LinkWatch(self._link, clock, on_change=recorder.tell_watchers)
-        state = StateSender(uplink, recorder, vehicle, clock)
+        state = StateSender(uplink, recorder, vehicle, clock, events=events)
         telemetry = TelemetrySender(uplink, recorder, vehicle, clock)
         inbox = Inbox(recorder, clock, model=vehicle.model, answers=acks, events=events)
         pilot = Pilot(

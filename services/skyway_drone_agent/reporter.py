@@ -27,6 +27,13 @@ class EventSender:
         self._recorder = recorder
         self._news = recorder.watch()
         self._sent_through = 0
+        self._progress = asyncio.Event()
+
+    async def wait_all_sent(self) -> None:
+        """Return once the broker has every event that has happened."""
+        while self._next() is not None:
+            self._progress.clear()
+            await self._progress.wait()
 
     def resend_after(self, seq: int) -> None:
         """Send the events after this one again."""
@@ -46,6 +53,7 @@ class EventSender:
             # The cloud may have asked for older ones meanwhile.
             if self._sent_through == before:
                 self._sent_through = event.seq
+            self._progress.set()
 
     def _next(self) -> DroneEvent | None:
         events = self._recorder.logbook.events
@@ -53,11 +61,21 @@ class EventSender:
 
 
 class StateSender:
-    """Sends the snapshot that tells the truth of progress."""
+    """Sends the snapshot that tells the truth of progress, after the events that it counts.
+
+    A state that came first would have the cloud ask for events that are on their way.
+    """
 
     def __init__(
-        self, uplink: Uplink, recorder: FlightRecorder, vehicle: Vehicle, clock: FleetClock
+        self,
+        uplink: Uplink,
+        recorder: FlightRecorder,
+        vehicle: Vehicle,
+        clock: FleetClock,
+        *,
+        events: EventSender,
     ) -> None:
+        self._events = events
         self._uplink = uplink
         self._recorder = recorder
         self._vehicle = vehicle
@@ -74,6 +92,7 @@ class StateSender:
         """Send for ever."""
         last: DroneState | None = None
         while True:
+            await self._events.wait_all_sent()
             state = self._state()
             if self._is_due or last is None or _meaning(state) != _meaning(last):
                 self._is_due = False
@@ -89,6 +108,7 @@ class StateSender:
                 await self._uplink.send(STATE, state)
             except MqttUnavailable:
                 await self._uplink.wait_to_retry()
+                await self._events.wait_all_sent()
                 state = self._state()
             else:
                 return state

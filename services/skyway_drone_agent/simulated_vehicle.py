@@ -18,8 +18,9 @@ from skyway.geo import point_between
 from skyway.runtime.clock import FleetClock
 from skyway_drone_agent.vehicle import Outcome, Sample, StepRun
 
-#: Pad reservations are whole milliseconds: a charge that lacks less than this is not short.
-_RESERVATION_GRAIN = timedelta(milliseconds=1)
+#: Planned moments and pad reservations are whole milliseconds, rounded once each: a charge that
+#: lacks less than this is not short.
+_RESERVATION_GRAIN = timedelta(milliseconds=2)
 
 
 class SimulatedVehicle:

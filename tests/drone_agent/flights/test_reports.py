@@ -4,7 +4,7 @@ from datetime import timedelta
 from itertools import pairwise
 from typing import Any
 
-from skyway.contracts.topics import ACKS, TELEMETRY
+from skyway.contracts.topics import ACKS, EVENTS, STATE, TELEMETRY
 
 PRE_START = timedelta(minutes=10)
 
@@ -114,3 +114,21 @@ async def test_events_asked_for_while_one_is_sent_are_sent_too(
     await world.settle()
 
     assert [event.seq for event in world.events][:3] == [1, 2, 3]
+
+
+async def test_a_state_never_counts_events_that_were_not_sent_before(
+    world: Any, cloud: Any, trip: Any
+) -> None:
+    await world.start()
+    await world.send(cloud.mission(trip))
+
+    await world.pass_until(lambda: world.is_over)
+    await world.settle()
+
+    sent = 0
+    for topic, message in world.published:
+        if topic is EVENTS:
+            sent = message.seq
+        if topic is STATE:
+            assert message.last_event_seq <= sent
+    assert world.states[-1].last_event_seq == 9
