@@ -39,7 +39,7 @@ class BrokerSettings:
             password_file=Path(password_file),
             host=os.environ.get("SKYWAY_BROKER_HOST", "127.0.0.1"),
             port=_number("SKYWAY_BROKER_PORT") or 0,
-            socket_fd=_number("SKYWAY_BROKER_SOCKET_FD"),
+            socket_fd=_number("SKYWAY_SOCKET_FD"),
             parent_fd=_number("SKYWAY_PARENT_FD"),
             log_level=os.environ.get("SKYWAY_LOG_LEVEL", "INFO"),
         )

@@ -21,7 +21,7 @@ class Process:
         theirs, self._ours = os.pipe()
         variables = {
             "SKYWAY_BROKER_PASSWORD_FILE": str(folder / "passwords"),
-            "SKYWAY_BROKER_SOCKET_FD": str(listener.fileno()),
+            "SKYWAY_SOCKET_FD": str(listener.fileno()),
             "SKYWAY_PARENT_FD": str(theirs),
         }
         self.running = subprocess.Popen(
