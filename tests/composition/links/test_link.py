@@ -1,0 +1,90 @@
+from typing import Any
+
+import pytest
+from skyway_composition.links.link import DroneLink
+
+from skyway.contracts.drone_report import Connection, DroneState
+from skyway.ids import DroneId, ProviderId
+
+MOMENT = "2026-03-01T12:00:00Z"
+
+
+def make_state(**members: Any) -> DroneState:
+    values = {
+        "message_id": "m",
+        "sent_at": MOMENT,
+        "at": MOMENT,
+        "session": 1,
+        "seq": 1,
+        "activity": "IDLE",
+        "stream": 1,
+        "last_instruction_seq": 0,
+        "last_event_seq": 0,
+        "position": (0.0, 0.0),
+        "soc": 1.0,
+    }
+    return DroneState.model_validate(values | members)
+
+
+def make_connection(status: str, session: int, number: int) -> Connection:
+    return Connection.model_validate(
+        {
+            "message_id": "m",
+            "sent_at": MOMENT,
+            "session": session,
+            "connection_number": number,
+            "status": status,
+        }
+    )
+
+
+def make_link(**members: Any) -> DroneLink:
+    return DroneLink(DroneId("drn_1"), ProviderId("prv_1"), **members)
+
+
+@pytest.mark.parametrize(
+    ("session", "seq", "is_newer"), [(2, 5, False), (2, 6, True), (3, 1, True), (1, 9, False)]
+)
+def test_states_are_ordered_by_session_and_number(session: int, seq: int, is_newer: bool) -> None:
+    link = make_link(state=make_state(session=2, seq=5))
+
+    assert link.hears_newer(make_state(session=session, seq=seq)) is is_newer
+
+
+@pytest.mark.parametrize(
+    ("status", "session", "number", "counts"),
+    [("LOST", 1, 2, True), ("LOST", 1, 1, False), ("ONLINE", 1, 3, True), ("ONLINE", 2, 1, True)],
+)
+def test_a_last_will_counts_for_the_present_connection_only(
+    status: str, session: int, number: int, counts: bool
+) -> None:
+    link = make_link(connection=make_connection("ONLINE", 1, 2))
+
+    assert link.connects_newer(make_connection(status, session, number)) is counts
+
+
+def test_online_after_the_last_will_of_the_same_connection_does_not_count() -> None:
+    link = make_link(connection=make_connection("LOST", 1, 2))
+
+    assert not link.connects_newer(make_connection("ONLINE", 1, 2))
+
+
+def test_an_older_stream_in_a_later_session_is_a_lost_journal() -> None:
+    link = make_link(stream=1).acked(1, 4)
+
+    assert link.has_lost_its_order(make_state(stream=0, session=5))
+    assert not link.has_lost_its_order(make_state(stream=0, session=4))
+
+
+def test_a_stream_that_the_drone_has_not_shown_cannot_be_lost() -> None:
+    link = make_link(stream=1)
+
+    assert not link.has_lost_its_order(make_state(stream=0, session=5))
+
+
+def test_a_new_stream_is_one_that_neither_side_has_used() -> None:
+    state = make_state(stream=7, last_event_seq=30)
+
+    link = make_link(stream=2, last_seq=9, last_event_seq=4).in_new_stream(state)
+
+    assert (link.stream, link.last_seq, link.last_event_seq) == (8, 0, 30)

@@ -1,0 +1,143 @@
+"""Missions over REST: providers see their own, and nobody is told of others'."""
+
+from typing import Any
+
+import pytest
+
+from skyway.drone.models import DRONE_MODELS
+from skyway.ids import DroneModelId
+
+KEEPS_A_FIFTH = DRONE_MODELS[DroneModelId("paper-scenario")].model_copy(update={"reserve_soc": 0.2})
+
+pytestmark = pytest.mark.parametrize("database_url", ["sqlite"], indirect=True)
+
+
+async def two_missions(composition: Any, make: Any) -> tuple[str, str]:
+    mine = await composition.book(make.candidate(1))
+    theirs = await composition.book(make.candidate(2, provider_id="prv_2"), delivery_id="dlv_2")
+    return mine.missions[0].mission_id, theirs.missions[0].mission_id
+
+
+async def test_a_provider_sees_its_own_missions_only(composition: Any, make: Any) -> None:
+    mine, theirs = await two_missions(composition, make)
+
+    listed = await composition("provider:prv_1", "GET", "/v1/missions")
+    own = await composition("provider:prv_1", "GET", f"/v1/missions/{mine}")
+    foreign = await composition("provider:prv_1", "GET", f"/v1/missions/{theirs}")
+
+    assert [item["mission_id"] for item in listed.json()["items"]] == [mine]
+    assert (own.status_code, foreign.status_code) == (200, 404)
+
+
+async def test_operators_see_all_missions_and_can_narrow_them(composition: Any, make: Any) -> None:
+    mine, theirs = await two_missions(composition, make)
+
+    everything = await composition("operator:op", "GET", "/v1/missions")
+    narrowed = await composition("operator:op", "GET", "/v1/missions?delivery_id=dlv_2")
+    none = await composition("operator:op", "GET", "/v1/missions?state=COMPLETED&drone_id=drn_1")
+
+    assert [item["mission_id"] for item in everything.json()["items"]] == [theirs, mine]
+    assert [item["mission_id"] for item in narrowed.json()["items"]] == [theirs]
+    assert none.json()["items"] == []
+
+
+async def test_missions_come_in_pages(composition: Any, make: Any) -> None:
+    mine, theirs = await two_missions(composition, make)
+
+    first = await composition("operator:op", "GET", "/v1/missions?limit=1")
+    second = await composition(
+        "operator:op", "GET", f"/v1/missions?limit=1&cursor={first.json()['next_cursor']}"
+    )
+
+    assert [page.json()["items"][0]["mission_id"] for page in (first, second)] == [theirs, mine]
+    assert second.json()["next_cursor"] is None
+
+
+async def test_a_mission_shows_its_steps_and_what_was_flown(composition: Any, drone: Any) -> None:
+    await composition.book()
+    (instruction,) = await composition.sent()
+    await composition.take(drone.ack(instruction), *drone.flown(instruction)[:2])
+
+    answer = await composition("operator:op", "GET", f"/v1/missions/{instruction.mission_id}")
+
+    statuses = [step["status"] for step in answer.json()["steps"]]
+    assert statuses[:3] == ["ENDED", "ENDED", "PLANNED"]
+    assert answer.json()["flown"]["flight_s"] > 0
+
+
+async def test_customers_have_no_missions_to_see(composition: Any) -> None:
+    answer = await composition("customer:c", "GET", "/v1/missions")
+
+    assert answer.status_code == 403
+
+
+async def test_only_services_book(composition: Any, make: Any) -> None:
+    body = {"attempt": 1, "request": make.request("c").model_dump(mode="json"), "candidates": []}
+
+    for path in ("missions", "closed"):
+        answer = await composition("operator:op", "PUT", f"/internal/deliveries/dlv_1/{path}", body)
+        assert answer.status_code == 403
+
+
+@pytest.mark.parametrize(
+    ("wanted", "outcome", "code"),
+    [
+        ({"qos": {"max_price": 1}}, "INFEASIBLE", "TOO_EXPENSIVE"),
+        ({"qos": {"deadline_at": "2026-03-01T12:30:00Z"}}, "INFEASIBLE", "TOO_LATE"),
+        ({"mass_kg": 20.0}, "INFEASIBLE", "OVERWEIGHT"),
+        ({"pickup": "nowhere"}, "INFEASIBLE", "DESTINATION_UNREACHABLE"),
+    ],
+)
+async def test_a_request_that_nobody_can_meet_is_told_why(
+    composition: Any, make: Any, wanted: dict[str, Any], outcome: str, code: str
+) -> None:
+    booking = await composition.book(request=make.request("c", **wanted))
+
+    assert booking.outcome == outcome
+    assert [reason.code for reason in booking.reasons] == [code]
+
+
+@pytest.mark.parametrize(
+    ("members", "outcome", "code"),
+    [
+        ({"soc": 0.1, "model": KEEPS_A_FIFTH}, "BUSY", "LOW_CHARGE"),
+        ({"tariff": {"currency": "EUR"}}, "INFEASIBLE", "OTHER_CURRENCY"),
+        ({"home_station_id": "nowhere"}, "INFEASIBLE", "NO_WAY_HOME"),
+        ({"station_id": "nowhere"}, "INFEASIBLE", "DESTINATION_UNREACHABLE"),
+    ],
+)
+async def test_a_drone_that_cannot_fly_it_is_told_why(
+    composition: Any, make: Any, members: dict[str, Any], outcome: str, code: str
+) -> None:
+    booking = await composition.book(make.candidate(**members))
+
+    assert booking.outcome == outcome
+    assert [reason.code for reason in booking.reasons] == [code]
+
+
+async def test_the_cheapest_offer_is_taken_when_price_counts(composition: Any, make: Any) -> None:
+    dear = make.candidate(1, tariff={"base": 900})
+    cheap = make.candidate(2, provider_id="prv_2", station_id="b", tariff={"base": 100})
+
+    fastest = await composition.book(dear, cheap)
+    cheapest = await composition.book(
+        make.candidate(3, tariff={"base": 900}),
+        cheap,
+        delivery_id="dlv_2",
+        request=make.request("c", qos={"objective": "cheapest"}),
+    )
+
+    assert fastest.missions[0].drone_id == "drn_1"
+    assert cheapest.missions[0].drone_id == "drn_2"
+
+
+async def test_without_candidates_the_gateway_is_told_to_ask_again(
+    composition: Any, make: Any
+) -> None:
+    body = {"attempt": 1, "request": make.request("c").model_dump(mode="json"), "candidates": []}
+
+    answer = await composition(
+        "service:gateway", "PUT", "/internal/deliveries/dlv_1/missions", body
+    )
+
+    assert answer.json()["outcome"] == "BUSY"

@@ -1,0 +1,42 @@
+"""Pads over REST."""
+
+from datetime import timedelta
+from typing import Any
+
+import pytest
+
+pytestmark = pytest.mark.parametrize("database_url", ["sqlite"], indirect=True)
+
+
+async def test_a_pad_is_taken_while_it_is_reserved(composition: Any) -> None:
+    await composition.book()
+    (first, *_) = [row for row in await composition.reservations() if row.station_id == "b"]
+    before = await composition("customer:c", "GET", "/v1/stations/b/pads")
+    start = timedelta(milliseconds=first.start_ms - 1772366400000)
+    composition.clock.advance(start)
+
+    during = await composition("operator:op", "GET", "/v1/stations/b/pads")
+
+    assert before.json()["pads_taken"] == 0
+    assert (during.json()["pads"], during.json()["pads_taken"]) == (2, 1)
+    assert during.json()["items"][first.pad]["mission_id"] == first.mission_id
+
+
+async def test_reservations_are_listed_and_only_operators_see_whose(composition: Any) -> None:
+    booking = await composition.book()
+
+    customer = await composition("customer:c", "GET", "/v1/stations/b/reservations?limit=1")
+    rest = await composition(
+        "operator:op",
+        "GET",
+        f"/v1/stations/b/reservations?cursor={customer.json()['next_cursor']}",
+    )
+
+    assert customer.json()["items"][0]["mission_id"] is None
+    assert rest.json()["items"][0]["mission_id"] == booking.missions[0].mission_id
+
+
+async def test_a_station_that_is_not_there(composition: Any) -> None:
+    for below in ("pads", "reservations"):
+        answer = await composition("operator:op", "GET", f"/v1/stations/none/{below}")
+        assert answer.status_code == 404

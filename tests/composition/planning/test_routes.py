@@ -1,0 +1,119 @@
+"""POST /v1/compositions: any problem gets a plan, a proof, or the field that is wrong."""
+
+from datetime import timedelta
+from typing import Any
+
+import pytest
+
+from skyway.drone.models import DRONE_MODELS
+from skyway.ids import DroneModelId
+
+pytestmark = pytest.mark.parametrize("database_url", ["sqlite"], indirect=True)
+
+MODEL = DRONE_MODELS[DroneModelId("paper-scenario")].model_dump(mode="json")
+
+
+def problem(network: Any, **members: Any) -> dict[str, Any]:
+    return {
+        "network": network,
+        "drone": {"model": MODEL, "soc": 1.0},
+        "source": "a",
+        "packages": [{"package_id": "p1", "mass_kg": 0.4, "destination": "c"}],
+        **members,
+    }
+
+
+async def compose(composition: Any, body: Any) -> Any:
+    return await composition("customer:c", "POST", "/v1/compositions", body)
+
+
+async def test_an_inline_network_is_composed_on(composition: Any, make: Any) -> None:
+    answer = await compose(composition, problem(make.network()))
+
+    assert answer.status_code == 200
+    assert answer.json()["status"] == "feasible"
+    assert [step["kind"] for step in answer.json()["steps"]].count("RECHARGE") == 1
+
+
+async def test_a_published_network_comes_with_the_reservations_that_are_known(
+    composition: Any, make: Any
+) -> None:
+    await composition.publish(make.network(pads={"b": 1}))
+    free = await compose(composition, problem({"network_id": "row"}))
+    await composition.book()
+    composition.clock.advance(timedelta(minutes=5))
+
+    taken = await compose(composition, problem({"network_id": "row"}))
+
+    assert free.json()["delivery_time_s"] < taken.json()["delivery_time_s"]
+
+
+async def test_given_reservations_are_added_to_the_known_ones(composition: Any, make: Any) -> None:
+    await composition.publish(make.network(pads={"b": 1}))
+    held = {"station_id": "b", "pad": 0, "start_s": 0, "end_s": 9000}
+
+    answer = await compose(
+        composition, problem({"network_id": "row", "version": 2}, pad_reservations=[held])
+    )
+
+    assert answer.json()["waiting_s"] > 0
+
+
+async def test_that_there_is_no_plan_is_an_answer(composition: Any, make: Any) -> None:
+    heavy = [{"package_id": "p1", "mass_kg": 99, "destination": "c"}]
+
+    answer = await compose(composition, problem(make.network(), packages=heavy))
+
+    assert (answer.status_code, answer.json()["status"]) == (200, "infeasible")
+    assert answer.json()["infeasibility"]["code"] == "OVERWEIGHT"
+
+
+@pytest.mark.parametrize(
+    ("members", "field"),
+    [
+        ({"source": "nowhere"}, "source"),
+        ({"packages": []}, "packages"),
+        (
+            {"packages": [{"package_id": "p", "mass_kg": -1, "destination": "c"}]},
+            "packages.0.mass_kg",
+        ),
+        ({"surprise": 1}, "surprise"),
+        ({"strategy": "magic"}, "strategy"),
+        ({"network": {"network_id": "none"}}, "network"),
+        ({"network": {"network_id": "row", "version": 9}}, "network"),
+        ({"network": {"network_id": "row", "versions": 1}}, "network.versions"),
+        ({"network": {"network_id": "row"}, "start_at": "soon"}, "start_at"),
+        ({"network": {"network_id": "row"}, "pad_reservations": 7}, "pad_reservations"),
+        ({"network": {"type": "FeatureCollection", "features": 3}}, "network.features"),
+        ({"network": None}, "network"),
+    ],
+)
+async def test_what_is_wrong_is_named(
+    composition: Any, make: Any, members: dict[str, Any], field: str
+) -> None:
+    answer = await compose(composition, problem(make.network()) | members)
+
+    assert answer.status_code == 422, answer.text
+    assert answer.json()["errors"][0]["field"].startswith(field)
+
+
+@pytest.mark.parametrize("body", [[], 7, None, "x"])
+async def test_a_body_that_is_no_problem_is_refused(composition: Any, body: Any) -> None:
+    answer = await compose(composition, body)
+
+    assert answer.status_code in (400, 422)
+
+
+async def test_broken_json_is_refused(composition: Any) -> None:
+    answer = await composition.client.post(
+        "/v1/compositions", content=b"{", headers={"Skyway-Caller": "customer:c"}
+    )
+
+    assert answer.status_code == 400
+
+
+async def test_planning_changes_nothing(composition: Any, make: Any) -> None:
+    await compose(composition, problem({"network_id": "row"}))
+
+    assert await composition.reservations() == []
+    assert await composition.rows("SELECT * FROM missions") == []

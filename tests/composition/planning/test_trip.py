@@ -1,0 +1,70 @@
+from skyway_composition.pads.booked_pad import BookedPad
+from skyway_composition.planning.round_trip import NOTHING_TO_DELIVER
+from skyway_composition.planning.trip import Trip, soc_after
+
+from skyway.delivery.plan import Deliver, Fly, PickUp, Plan, PlanStatus, Recharge
+from skyway.ids import PackageId, StationId
+
+A, B = StationId("a"), StationId("b")
+
+
+def recharge(start_s: float, end_s: float, pad: int = 0) -> Recharge:
+    return Recharge(station_id=A, pad=pad, start_s=start_s, end_s=end_s, soc_start=0.1, soc_end=0.6)
+
+
+def make_trip(*steps: Recharge, home_recharge: Recharge | None = None) -> Trip:
+    plan = Plan(status=PlanStatus.FEASIBLE, delivery_time_s=10.0, steps=steps)
+    return Trip(
+        start_ms=1_000_000,
+        plan=plan,
+        home_start_ms=1_010_000,
+        home_plan=NOTHING_TO_DELIVER,
+        home_recharge=home_recharge,
+    )
+
+
+def test_sessions_are_booked_outward_to_whole_milliseconds() -> None:
+    trip = make_trip(recharge(0.0015, 4.0001))
+
+    assert trip.booked_pads == (BookedPad(A, 0, 1_000_001, 1_004_001),)
+
+
+def test_a_moment_that_is_a_millisecond_but_for_rounding_is_that_millisecond() -> None:
+    trip = make_trip(recharge(1.001, 4.0009999999999994))
+
+    assert trip.booked_pads == (BookedPad(A, 0, 1_001_001, 1_004_001),)
+
+
+def test_sessions_that_touch_within_a_millisecond_are_booked_as_one() -> None:
+    trip = make_trip(recharge(1.0, 2.0005), recharge(2.0005, 3.0))
+
+    assert trip.booked_pads == (BookedPad(A, 0, 1_001_000, 1_003_000),)
+
+
+def test_a_session_without_length_is_not_booked() -> None:
+    assert make_trip(recharge(1.0, 1.0)).booked_pads == ()
+
+
+def test_the_drone_is_released_when_it_is_charged_at_home() -> None:
+    trip = make_trip(recharge(1.0, 2.0), home_recharge=recharge(5.0, 6.5))
+
+    assert trip.released_ms == 1_016_500
+
+
+def test_the_package_of_the_way_home_is_not_flown() -> None:
+    home = Plan(
+        status=PlanStatus.FEASIBLE,
+        delivery_time_s=3.0,
+        steps=(
+            PickUp(station_id=A, package_ids=(PackageId("home"),), start_s=0, end_s=0),
+            Fly(from_id=A, to_id=B, start_s=0, end_s=3, load_kg=0, energy_j=9, soc_end=0.4),
+            Deliver(station_id=B, package_ids=(PackageId("home"),), start_s=3, end_s=3),
+        ),
+    )
+    trip = Trip(
+        start_ms=0, plan=NOTHING_TO_DELIVER, home_start_ms=5, home_plan=home, home_recharge=None
+    )
+
+    assert [placed.step.kind for placed in trip.steps()] == ["FLY"]
+    assert trip.released_ms == 3_005
+    assert soc_after(home, 0.9) == 0.4

@@ -1,0 +1,68 @@
+"""Every invariant that `verify` names is found broken when it is."""
+
+from typing import Any
+
+import pytest
+from sqlalchemy import text
+
+BREAKS = {
+    "I1 no pad holds two overlapping reservations": [
+        "DROP TRIGGER pad_taken_on_insert",
+        (
+            "INSERT INTO pad_reservations SELECT station_id, pad, start_ms + 1, end_ms, mission_id "
+            "FROM pad_reservations WHERE station_id = 'b' AND pad = 0"
+        ),
+    ],
+    "I2 a drone is on at most one mission": [
+        "DROP INDEX mission_drone",
+        (
+            "INSERT INTO missions SELECT 'msn_x', delivery_id, 2, trip, provider_id, drone_id, state, "
+            "network_id, start_ms, released_ms, expires_ms, body, request, candidate, report_seq, "
+            "told, stuck, retry_wall_ms, claimed_by, claimed_until_ms FROM missions"
+        ),
+    ],
+    "I3 a reservation has a live mission": ["UPDATE missions SET state = 'COMPLETED'"],
+    "I3 a live mission holds the pads of its steps": [
+        "DELETE FROM pad_reservations WHERE station_id = 'c'"
+    ],
+    "I4 a mission was sent to its drone": ["DELETE FROM instructions"],
+    "I4 a mission has steps": ["DELETE FROM mission_steps"],
+    "a closed delivery has no live mission": ["UPDATE deliveries SET closed_ms = 1"],
+    "I7 instructions of a stream have no gaps": ["UPDATE instructions SET seq = 3"],
+    "I6 a chain of custody has no gaps": ["UPDATE custody SET seq = 2"],
+    "I6 a package is delivered once": [
+        "DROP INDEX custody_delivered",
+        *(
+            "INSERT INTO custody SELECT delivery_id, package_id, "
+            f"{seq}, 'RECIPIENT', 'c', mission_id, at_ms FROM custody WHERE seq = 1"
+            for seq in (2, 3)
+        ),
+    ],
+    "I6 nothing follows the recipient": [
+        (
+            "INSERT INTO custody SELECT delivery_id, package_id, 2, 'DRONE', 'd', mission_id, at_ms "
+            "FROM custody"
+        ),
+        "UPDATE custody SET custodian_kind = 'RECIPIENT' WHERE seq = 1",
+    ],
+    "I12 a current version is kept": ["UPDATE networks SET version = 7"],
+}
+
+
+async def test_a_sound_database_breaks_nothing(composition: Any) -> None:
+    await composition.book()
+
+    assert await composition.broken() == []
+
+
+@pytest.mark.parametrize("database_url", ["sqlite"], indirect=True)
+@pytest.mark.parametrize("rule", BREAKS)
+async def test_a_broken_rule_is_named(composition: Any, rule: str) -> None:
+    await composition.book()
+    async with composition.db.write() as tx:
+        for statement in BREAKS[rule]:
+            await tx.execute(text(statement))
+
+    broken = await composition.broken()
+
+    assert rule in {violation["rule"] for violation in broken}
