@@ -37,9 +37,15 @@ async def _serve(
         loop.add_signal_handler(stop, serving.cancel)
     if settings.parent_fd is not None:
         # Nobody writes on the parent's pipe: it becomes readable only when the parent is gone.
-        loop.add_reader(settings.parent_fd, serving.cancel)
+        loop.add_reader(settings.parent_fd, _leave, serving, settings.parent_fd)
     with contextlib.suppress(asyncio.CancelledError):
         await serving
+
+
+def _leave(serving: asyncio.Task[None], parent_fd: int) -> None:
+    # Once only: a closed pipe stays readable, and the farewell must not be cancelled too.
+    asyncio.get_running_loop().remove_reader(parent_fd)
+    serving.cancel()
 
 
 if __name__ == "__main__":

@@ -1,0 +1,80 @@
+"""The agent as a process."""
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+COMMAND = [sys.executable, "-m", "skyway_drone_agent"]
+
+
+@pytest.fixture
+def files(tmp_path: Path, drone: Any) -> list[str]:
+    """Arguments for one drone whose broker nobody serves."""
+    fleet = tmp_path / "fleet.json"
+    fleet.write_text(drone.model_dump_json())
+    journal = str(tmp_path / "journal")
+    return ["--fleet", str(fleet), "--journal", journal, "--mqtt-url", "mqtt://127.0.0.1:9"]
+
+
+@pytest.fixture
+def pipe() -> Iterator[tuple[int, int]]:
+    ends = os.pipe()
+    yield ends
+    for end in ends:
+        try:
+            os.close(end)
+        except OSError:
+            continue
+
+
+def wait_for_journal(tmp_path: Path, running: subprocess.Popen[str]) -> None:
+    assert running.stderr is not None
+    for line in running.stderr:
+        if "no broker" in line:
+            break
+    assert (tmp_path / "journal" / "drn_1.jsonl").exists()
+
+
+def test_wrong_settings_are_named_and_end_the_process() -> None:
+    done = subprocess.run(
+        [*COMMAND, "--fleet", "none.json", "--journal", "none"],
+        capture_output=True,
+        text=True,
+        env={key: value for key, value in os.environ.items() if key != "SKYWAY_MQTT_URL"},
+        check=False,
+        timeout=60,
+    )
+
+    assert done.returncode == 2
+    assert "SKYWAY_MQTT_URL" in done.stderr
+
+
+def test_the_agent_leaves_when_told_to(tmp_path: Path, files: list[str]) -> None:
+    with subprocess.Popen([*COMMAND, *files], stderr=subprocess.PIPE, text=True) as running:
+        wait_for_journal(tmp_path, running)
+        running.send_signal(signal.SIGTERM)
+
+        assert running.wait(timeout=30) == 0
+
+
+def test_the_agent_leaves_with_its_parent(
+    tmp_path: Path, files: list[str], pipe: tuple[int, int]
+) -> None:
+    ours, theirs = pipe[1], pipe[0]
+    with subprocess.Popen(
+        [*COMMAND, *files],
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "SKYWAY_PARENT_FD": str(theirs)},
+        pass_fds=[theirs],
+    ) as running:
+        wait_for_journal(tmp_path, running)
+        os.close(ours)
+
+        assert running.wait(timeout=30) == 0
