@@ -1,7 +1,7 @@
 """The one place where the gateway is put together."""
 
 import secrets
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Mapping
 from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,7 +10,7 @@ from typing import Final
 from fastapi import FastAPI
 
 from skyway.runtime import idempotency
-from skyway.runtime.clock import AnchoredClock, load_clock
+from skyway.runtime.clock import AnchoredClock, FleetClock, load_clock
 from skyway.runtime.database import Database
 from skyway.runtime.http import ServiceClient
 from skyway.runtime.http_app import Lifespan, Readiness, body_limits, create_app
@@ -22,7 +22,7 @@ from skyway.runtime.mqtt import MqttClient
 from skyway.runtime.outbox import MqttSender
 from skyway_gateway.access.keys import Keys
 from skyway_gateway.access.routes import KeyGate, key_routes
-from skyway_gateway.clients import RestComposition, RestRegistry
+from skyway_gateway.clients import Composition, Registry, RestComposition, RestRegistry
 from skyway_gateway.deliveries import store as delivery_store
 from skyway_gateway.deliveries.accept import Acceptance
 from skyway_gateway.deliveries.book import Booker
@@ -55,10 +55,11 @@ class Parts:
     """What the rooms are made of; `Wake`s tell one room's loop what another has done."""
 
     db: Database
-    clock: AnchoredClock
-    clients: dict[str, ServiceClient]
-    registry: RestRegistry
-    composition: RestComposition
+    clock: FleetClock
+    anchor: AnchoredClock
+    clients: Mapping[str, ServiceClient]
+    registry: Registry
+    composition: Composition
     gate: KeyGate
     services: ServiceGate
     keys: Keys
@@ -77,6 +78,11 @@ class Parts:
         )
 
     @property
+    def follower(self) -> Follower:
+        """Applies mission reports."""
+        return Follower(self.db, self.events, self.clock, self.queued)
+
+    @property
     def acceptance(self) -> Acceptance:
         """Accepts delivery requests."""
         return Acceptance(
@@ -87,7 +93,6 @@ class Parts:
 def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> FastAPI:
     """All rooms' routes on these parts, which the lifespan opens."""
     db, gate, clock, keys = parts.db, parts.gate, parts.clock, parts.keys
-    follower = Follower(db, parts.events, clock, parts.queued)
     return create_app(
         service=SERVICE,
         title="Skyway",
@@ -109,12 +114,12 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
                 mint=mint,
             ),
             key_routes(db=db, gate=gate, keys=keys),
-            clock_routes(gate=gate, clock=clock),
+            clock_routes(gate=gate, anchor=parts.anchor),
             provider_routes(
                 db=db, gate=gate, registry=parts.clients["registry"], keys=keys, clock=clock
             ),
             forward_routes(gate=gate, clients=parts.clients),
-            report_routes(gate=parts.services, follower=follower),
+            report_routes(gate=parts.services, follower=parts.follower),
         ],
         lifespan=lifespan,
         readiness=readiness,
@@ -124,10 +129,10 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
 
 def build_app(settings: GatewaySettings) -> FastAPI:
     """The gateway as it runs; everything is opened by the app's lifespan."""
-    parts = _parts(settings)
+    parts = _parts_in_life(settings)
 
     async def on_connected() -> None:
-        await publish_clock(mqtt, parts.clock, mint)
+        await publish_clock(mqtt, parts.anchor, mint)
 
     mqtt = MqttClient(
         settings.mqtt_url,
@@ -142,7 +147,7 @@ def build_app(settings: GatewaySettings) -> FastAPI:
         await migrate(settings.database_url, PACKAGE)
         async with AsyncExitStack() as opened:
             await opened.enter_async_context(parts.db)
-            await _take_over(parts)
+            await take_over(parts)
             for client in parts.clients.values():
                 await opened.enter_async_context(client)
             await opened.enter_async_context(parts.post)
@@ -175,10 +180,10 @@ def openapi_app() -> FastAPI:
     async def readiness() -> dict[str, bool]:
         return {}
 
-    return gateway_app(_parts(settings), lifespan=lifespan, readiness=readiness)
+    return gateway_app(_parts_in_life(settings), lifespan=lifespan, readiness=readiness)
 
 
-async def _take_over(parts: Parts) -> None:
+async def take_over(parts: Parts) -> None:
     """What the process before us may have left: keys to make, claims that nobody holds."""
     await parts.keys.make_first_keys()
     if parts.db.dialect == "sqlite":
@@ -204,20 +209,22 @@ def _start_sweeping(loops: Loops, parts: Parts) -> None:
     loops.start("sweep", repeat("sweep", forget_old_answers, every_s=_SWEEP_EVERY_S))
 
 
-def _parts(settings: GatewaySettings) -> Parts:
+def build_parts(
+    settings: GatewaySettings,
+    *,
+    clients: Mapping[str, ServiceClient],
+    anchor: AnchoredClock,
+    clock: FleetClock,
+) -> Parts:
+    """The parts on these clients and this clock; nothing is opened."""
     db = Database(settings.database_url, outbox=outbox)
-    clock, news, told = load_clock(settings.clock_file), News(), Wake()
-    identity = ServiceIdentity(SERVICE, settings.secrets_dir)
-    clients = {
-        "registry": ServiceClient("registry", settings.registry_url, identity),
-        "composition": ServiceClient("composition", settings.composition_url, identity),
-    }
     registry = RestRegistry(clients["registry"])
-    targets = Targets(settings.webhook_allow_networks)
+    news, told, targets = News(), Wake(), Targets(settings.webhook_allow_networks)
     post = WebhookPost(targets)
     return Parts(
         db=db,
         clock=clock,
+        anchor=anchor,
         clients=clients,
         registry=registry,
         composition=RestComposition(clients["composition"]),
@@ -231,3 +238,13 @@ def _parts(settings: GatewaySettings) -> Parts:
         sender=WebhookSender(db, post, told, clock, mint),
         queued=Wake(),
     )
+
+
+def _parts_in_life(settings: GatewaySettings) -> Parts:
+    identity = ServiceIdentity(SERVICE, settings.secrets_dir)
+    clock = load_clock(settings.clock_file)
+    clients = {
+        "registry": ServiceClient("registry", settings.registry_url, identity),
+        "composition": ServiceClient("composition", settings.composition_url, identity),
+    }
+    return build_parts(settings, clients=clients, anchor=clock, clock=clock)

@@ -6,7 +6,6 @@ from typing import Any, Final
 from sqlalchemy import ColumnElement, Select, String, and_, cast, exists, func, or_, select
 
 from skyway.runtime.database import Database
-from skyway_gateway.deliveries.states import TERMINAL_STATES
 from skyway_gateway.notifications.stream import LAST_EVENTS
 from skyway_gateway.tables import (
     custody,
@@ -21,7 +20,10 @@ from skyway_gateway.tables import (
 #: A request is overdue when events are this much younger than its last moment, fleet ms.
 _OVERDUE_MS: Final = 3_600_000
 
-_is_over = deliveries.c.state.in_(sorted(TERMINAL_STATES))
+#: The terminal states are called as their events.
+_is_over = deliveries.c.state.in_(
+    sorted(kind.removeprefix("delivery.").upper() for kind in LAST_EVENTS)
+)
 _is_last_event = events.c.type.in_(sorted(LAST_EVENTS))
 _is_own = events.c.delivery_id == deliveries.c.delivery_id
 

@@ -21,20 +21,20 @@ class FleetTime(JsonModel):
     now: AwareDatetime
 
 
-def fleet_time(clock: AnchoredClock) -> FleetTime:
+def fleet_time(anchor: AnchoredClock) -> FleetTime:
     """The anchor, and what it makes of now."""
     return FleetTime(
-        fleet_at=clock.fleet_at, wall_at=clock.wall_at, rate=clock.rate, now=clock.now()
+        fleet_at=anchor.fleet_at, wall_at=anchor.wall_at, rate=anchor.rate, now=anchor.now()
     )
 
 
-async def publish_clock(mqtt: MqttClient, clock: AnchoredClock, mint: Mint) -> None:
+async def publish_clock(mqtt: MqttClient, anchor: AnchoredClock, mint: Mint) -> None:
     """Publish the anchor, retained; due after every connect, for a broker may have forgotten it."""
-    anchor = ClockAnchor(
+    message = ClockAnchor(
         message_id=mint("msg"),
-        sent_at=clock.now(),
-        fleet_at=clock.fleet_at,
-        wall_at=clock.wall_at,
-        rate=clock.rate,
+        sent_at=anchor.now(),
+        fleet_at=anchor.fleet_at,
+        wall_at=anchor.wall_at,
+        rate=anchor.rate,
     )
-    await mqtt.publish(CLOCK(), anchor)
+    await mqtt.publish(CLOCK(), message)

@@ -26,14 +26,14 @@ from skyway_gateway.notifications.webhook import (
 )
 
 
-def clock_routes(*, gate: KeyGate, clock: AnchoredClock) -> APIRouter:
+def clock_routes(*, gate: KeyGate, anchor: AnchoredClock) -> APIRouter:
     """GET /v1/clock."""
     router = APIRouter(tags=["clock"])
 
     @router.get("/v1/clock")
     async def get_clock(_caller: Annotated[Caller, Depends(gate)]) -> FleetTime:
         """Fleet time, and the anchor from which it is computed."""
-        return fleet_time(clock)
+        return fleet_time(anchor)
 
     return router
 

@@ -1,0 +1,269 @@
+"""Accepting requests: what is wrong is named with field and limit, and never a 500."""
+
+from collections.abc import Callable
+from datetime import timedelta
+from typing import Any
+
+import pytest
+
+from skyway.contracts.candidate import PayloadLimit
+
+Change = Callable[[dict[str, Any]], object]
+
+
+def _package(**fields: object) -> dict[str, Any]:
+    package = {"package_id": "p1", "mass_kg": 1.0, "destination": {"station_id": "mcqueeney"}}
+    return {**package, **fields}
+
+
+BAD_REQUESTS: list[tuple[str, dict[str, Any], str, str]] = [
+    ("unknown pickup", {"pickup": {"station_id": "nowhere"}}, "pickup.station_id", "nowhere"),
+    (
+        "unknown destination",
+        {"packages": [_package(destination={"station_id": "atlantis"})]},
+        "packages.0.destination.station_id",
+        "atlantis",
+    ),
+    (
+        "unreachable destination",
+        {"packages": [_package(), _package(package_id="p2", destination={"station_id": "island"})]},
+        "packages.1.destination.station_id",
+        "no path of segments",
+    ),
+    ("no packages", {"packages": []}, "packages", "at least 1 item"),
+    (
+        "too many packages",
+        {"packages": [_package(package_id=f"p{n}") for n in range(101)]},
+        "packages",
+        "at most 100 items",
+    ),
+    (
+        "too many destinations",
+        {
+            "packages": [
+                _package(package_id=f"p{n}", destination={"station_id": f"s{n}"}) for n in range(13)
+            ]
+        },
+        "body",
+        "limit of 12",
+    ),
+    ("same package twice", {"packages": [_package(), _package()]}, "body", "more than once"),
+    (
+        "negative mass",
+        {"packages": [_package(mass_kg=-1)]},
+        "packages.0.mass_kg",
+        "greater than or equal to 0",
+    ),
+    (
+        "overweight package",
+        {"packages": [_package(mass_kg=5.2)]},
+        "packages.0.mass_kg",
+        "5.2 kg exceeds the 5 kg limit of drone model lifter",
+    ),
+    (
+        "overweight together",
+        {"packages": [_package(mass_kg=3), _package(package_id="p2", mass_kg=3)]},
+        "packages",
+        "together 6 kg, which exceeds the 5 kg limit",
+    ),
+    (
+        "objective and weights",
+        {"qos": {"objective": "fastest", "weights": {"time": 1}}},
+        "qos",
+        "exclude each other",
+    ),
+    (
+        "provider pinned and denied",
+        {"qos": {"providers": {"pinned": "prv_1", "denied": ["prv_1"]}}},
+        "qos.providers",
+        "denied",
+    ),
+    (
+        "deadline in the past",
+        {"qos": {"deadline_at": "2026-03-01T11:59:59Z"}},
+        "qos.deadline_at",
+        "is past",
+    ),
+    (
+        "deadline before the pickup",
+        {
+            "qos": {"deadline_at": "2026-03-01T15:00:00Z"},
+            "earliest_pickup_at": "2026-03-01T16:00:00Z",
+        },
+        "earliest_pickup_at",
+        "before the deadline",
+    ),
+    (
+        "pickup at the end of time",
+        {"earliest_pickup_at": "9999-12-31T23:59:59-14:00"},
+        "earliest_pickup_at",
+        "later than the limit",
+    ),
+    (
+        "moment without a zone",
+        {"earliest_pickup_at": "2026-03-01T16:00:00"},
+        "earliest_pickup_at",
+        "timezone",
+    ),
+    ("unknown field", {"colour": "red"}, "colour", "not permitted"),
+    ("price below zero", {"qos": {"max_price": -1}}, "qos.max_price", "greater than or equal"),
+    ("reference too long", {"reference": "x" * 201}, "reference", "at most 200 characters"),
+]
+
+
+@pytest.mark.parametrize(
+    ("changes", "field", "detail"),
+    [row[1:] for row in BAD_REQUESTS],
+    ids=[row[0] for row in BAD_REQUESTS],
+)
+async def test_a_bad_request_is_answered_with_field_and_limit(
+    gateway: Any,
+    request_body: Callable[..., dict[str, Any]],
+    changes: dict[str, Any],
+    field: str,
+    detail: str,
+) -> None:
+    answer = await gateway.post({**request_body(), **changes})
+    assert answer.status_code == 422, answer.text
+    assert answer.headers["content-type"] == "application/problem+json"
+    problem = answer.json()
+    assert problem["type"] == "urn:skyway:problem:invalid-input"
+    assert [error["field"] for error in problem["errors"]] == [field]
+    assert detail in problem["errors"][0]["detail"]
+
+
+@pytest.mark.parametrize("mass", ["NaN", "Infinity", "-Infinity", "1e999"])
+async def test_a_mass_that_is_no_number_is_refused(
+    gateway: Any, request_body: Callable[..., dict[str, Any]], mass: str
+) -> None:
+    import json
+
+    text = json.dumps(request_body()).replace("0.5", mass)
+    headers = {**gateway.customer, "content-type": "application/json"}
+    answer = await gateway.http.post("/v1/deliveries", content=text, headers=headers)
+    assert answer.status_code == 422, answer.text
+    assert answer.json()["errors"][0]["field"] == "packages.0.mass_kg"
+
+
+@pytest.mark.parametrize("field", ["pinned", "allowed", "denied"])
+async def test_a_provider_that_does_not_exist_is_named(
+    gateway: Any, request_body: Callable[..., dict[str, Any]], field: str
+) -> None:
+    gateway.registry.limit = PayloadLimit(
+        max_payload_kg=5.0, drone_model_id="lifter", unknown_provider_ids=("prv_x",)
+    )
+    chosen = "prv_x" if field == "pinned" else ["prv_1", "prv_x"]
+    answer = await gateway.post(request_body(qos={"providers": {field: chosen}}))
+    assert answer.status_code == 422
+    place = "pinned" if field == "pinned" else f"{field}.1"
+    assert answer.json()["errors"][0]["field"] == f"qos.providers.{place}"
+
+
+async def test_broken_json_is_a_400_and_a_large_body_a_413(gateway: Any) -> None:
+    headers = {**gateway.customer, "content-type": "application/json"}
+    broken = await gateway.http.post("/v1/deliveries", content=b'{"pickup": ', headers=headers)
+    assert broken.status_code == 400
+    assert broken.json()["type"] == "urn:skyway:problem:broken-json"
+    large = b'{"reference": "' + b"x" * 300_000 + b'"}'
+    answer = await gateway.http.post("/v1/deliveries", content=large, headers=headers)
+    assert answer.status_code == 413
+    assert "262144" in answer.json()["detail"]
+
+
+async def test_only_a_customer_with_a_key_requests(
+    gateway: Any, request_body: Callable[..., dict[str, Any]]
+) -> None:
+    body = request_body()
+    for headers, status in (
+        ({}, 401),
+        ({"Authorization": "Bearer sk_wrong"}, 401),
+        (gateway.provider, 403),
+        (gateway.operator, 403),
+    ):
+        answer = await gateway.http.post("/v1/deliveries", json=body, headers=headers)
+        assert answer.status_code == status
+        assert answer.headers["content-type"] == "application/problem+json"
+
+
+async def test_an_accepted_request_is_a_delivery_in_its_first_state(
+    gateway_on_both: Any, request_body: Callable[..., dict[str, Any]]
+) -> None:
+    gateway = gateway_on_both
+    answer = await gateway.post(request_body(packages=2, reference="order 7"))
+    assert answer.status_code == 202
+    delivery = answer.json()
+    assert answer.headers["location"] == f"/v1/deliveries/{delivery['delivery_id']}"
+    assert delivery == await gateway.get(delivery["delivery_id"])
+    assert delivery["state"] == "REQUESTED"
+    assert delivery["customer_id"] == "alice"
+    assert delivery["reference"] == "order 7"
+    assert delivery["flags"] == {"delayed": False, "replanning": False}
+    assert {package["state"] for package in delivery["packages"]} == {"CREATED"}
+    assert [package["custodian"] for package in delivery["packages"]] == [
+        {"kind": "STATION", "id": "san-marcos"}
+    ] * 2
+    [event] = await gateway.events(delivery["delivery_id"])
+    assert event["type"] == "delivery.requested"
+    assert event["data"]["reference"] == "order 7"
+
+
+@pytest.mark.parametrize("service", ["registry", "composition"])
+async def test_when_a_service_is_away_the_customer_may_come_again(
+    gateway: Any, request_body: Callable[..., dict[str, Any]], service: str
+) -> None:
+    getattr(gateway, service).is_away = True
+    answer = await gateway.post(request_body(), **{"Idempotency-Key": "k"})
+    assert answer.status_code == 503
+    assert int(answer.headers["retry-after"]) >= 1
+    getattr(gateway, service).is_away = False
+    assert (await gateway.post(request_body(), **{"Idempotency-Key": "k"})).status_code == 202
+
+
+async def test_the_same_key_is_the_same_delivery_whatever_has_changed(
+    gateway_on_both: Any, request_body: Callable[..., dict[str, Any]]
+) -> None:
+    gateway = gateway_on_both
+    deadline_at = (gateway.clock.now() + timedelta(hours=1)).isoformat()
+    body = request_body(qos={"deadline_at": deadline_at})
+    first = await gateway.post(body, **{"Idempotency-Key": "k"})
+    gateway.clock.advance(timedelta(hours=2))
+    gateway.composition.is_away = True
+    again = await gateway.post(body, **{"Idempotency-Key": "k"})
+    assert (again.status_code, again.json()) == (202, first.json())
+    assert again.headers["location"] == first.headers["location"]
+    assert (await gateway.post({**body, "reference": "x"}, **{"Idempotency-Key": "k"})).json()[
+        "type"
+    ] == "urn:skyway:problem:idempotency-key-reused"
+
+
+async def test_keys_of_two_customers_do_not_meet(
+    gateway: Any, request_body: Callable[..., dict[str, Any]]
+) -> None:
+    mine = await gateway.post(request_body(), **{"Idempotency-Key": "k"})
+    headers = {**gateway.other, "Idempotency-Key": "k"}
+    theirs = await gateway.http.post("/v1/deliveries", json=request_body(), headers=headers)
+    assert theirs.status_code == 202
+    assert theirs.json()["delivery_id"] != mine.json()["delivery_id"]
+
+
+async def test_without_any_fleet_no_mass_is_too_much_yet(
+    gateway: Any, request_body: Callable[..., dict[str, Any]]
+) -> None:
+    gateway.registry.limit = PayloadLimit(
+        max_payload_kg=None, drone_model_id=None, unknown_provider_ids=()
+    )
+    body = request_body(packages=1)
+    body["packages"][0]["mass_kg"] = 900
+    assert (await gateway.post(body)).status_code == 202
+
+
+async def test_masses_that_add_up_to_the_limit_are_not_too_much(
+    gateway: Any, request_body: Callable[..., dict[str, Any]]
+) -> None:
+    gateway.registry.limit = PayloadLimit(
+        max_payload_kg=0.3, drone_model_id="light", unknown_provider_ids=()
+    )
+    body = request_body(packages=3)
+    for package in body["packages"]:
+        package["mass_kg"] = 0.1  # 0.1 + 0.1 + 0.1 > 0.3 in binary
+    assert (await gateway.post(body)).status_code == 202

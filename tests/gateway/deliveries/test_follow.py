@@ -1,0 +1,292 @@
+"""Mission reports: each once, in order, and the customer is told each thing once."""
+
+import asyncio
+from collections.abc import Callable
+from datetime import timedelta
+from typing import Any
+
+import pytest
+
+
+async def _reports(gateway: Any, delivery_id: str, *kinds: str, first: int = 1) -> None:
+    for seq, kind in enumerate(kinds, start=first):
+        answer = await gateway.report(delivery_id, kind, seq=seq)
+        assert answer.status_code == 204, answer.text
+
+
+async def test_a_delivery_goes_from_dispatch_to_its_last_package(gateway_on_both: Any) -> None:
+    gateway = gateway_on_both
+    delivery_id = await gateway.planned(packages=2)
+
+    async def state() -> str:
+        return str((await gateway.get(delivery_id))["state"])
+
+    await gateway.report(delivery_id, "ACCEPTED", seq=1)
+    assert await state() == "DISPATCHED"
+    await gateway.report(delivery_id, "LOADING", seq=2)
+    assert await state() == "LOADING"
+    await gateway.report(
+        delivery_id, "LOADED", seq=3, package_ids=["p1", "p2"], station_id="san-marcos"
+    )
+    delivery = await gateway.get(delivery_id)
+    assert delivery["state"] == "IN_PROGRESS"
+    assert [package["state"] for package in delivery["packages"]] == ["LOADED", "LOADED"]
+    assert delivery["packages"][0]["custodian"] == {"kind": "DRONE", "id": "drn_1"}
+
+    await gateway.report(delivery_id, "ACTIVITY", seq=4, activity="FLYING")
+    delivery = await gateway.get(delivery_id)
+    assert delivery["activity"] == "FLYING"
+    assert [package["state"] for package in delivery["packages"]] == ["IN_TRANSIT"] * 2
+
+    gateway.clock.advance(timedelta(minutes=11))
+    first_at = gateway.clock.now()
+    await gateway.report(
+        delivery_id,
+        "DELIVERED",
+        seq=5,
+        package_ids=["p1"],
+        station_id="mcqueeney",
+        data={"weight_kg": 0.5},
+    )
+    delivery = await gateway.get(delivery_id)
+    assert delivery["state"] == "IN_PROGRESS"
+    assert delivery["packages"][0]["state"] == "DELIVERED"
+    assert delivery["packages"][0]["custodian"] == {"kind": "RECIPIENT", "id": "mcqueeney"}
+
+    gateway.clock.advance(timedelta(minutes=10))
+    await gateway.report(delivery_id, "DELIVERED", seq=6, package_ids=["p2"])
+    delivery = await gateway.get(delivery_id)
+    assert delivery["state"] == "COMPLETED"
+    assert delivery["activity"] is None
+
+    # The way home is no longer the customer's.
+    await gateway.report(delivery_id, "ACTIVITY", seq=7, activity="FLYING")
+    await gateway.report(delivery_id, "ENDED", seq=8)
+    delivery = await gateway.get(delivery_id)
+    assert delivery["state"] == "COMPLETED"
+    assert delivery["missions"][0]["state"] == "COMPLETED"
+
+    events = await gateway.events(delivery_id)
+    assert [event["type"] for event in events] == [
+        "delivery.requested",
+        "delivery.planned",
+        "delivery.dispatched",
+        "delivery.loaded",
+        "delivery.started",
+        "package.delivered",
+        "package.delivered",
+        "delivery.completed",
+    ]
+    handed_over = events[5]["data"]
+    assert handed_over["package_id"] == "p1"
+    assert handed_over["station_id"] == "mcqueeney"
+    assert handed_over["delivered_at"] == first_at.isoformat(timespec="milliseconds").replace(
+        "+00:00", "Z"
+    )
+    assert handed_over["evidence"] == {"weight_kg": 0.5}
+    completed = events[7]["data"]
+    assert completed["planned"]["delivery_time_s"] == 1200
+    assert completed["actual"]["delivery_time_s"] == 1200
+    assert [package["package_id"] for package in completed["packages"]] == ["p1", "p2"]
+
+
+async def test_a_report_that_comes_before_its_turn_is_asked_for_again(
+    gateway_on_both: Any,
+) -> None:
+    gateway = gateway_on_both
+    delivery_id = await gateway.planned()
+    for seq in (3, 2):
+        answer = await gateway.report(delivery_id, "LOADING", seq=seq)
+        assert answer.status_code == 409
+        assert answer.json()["code"] == "NOT_YET"
+    await _reports(gateway, delivery_id, "ACCEPTED", "LOADING", "LOADED")
+    assert (await gateway.get(delivery_id))["state"] == "IN_PROGRESS"
+
+
+async def test_a_repeated_report_changes_nothing(gateway_on_both: Any) -> None:
+    gateway = gateway_on_both
+    delivery_id = await gateway.planned()
+    answers = await asyncio.gather(
+        *(gateway.report(delivery_id, "ACCEPTED", seq=1) for _ in range(4))
+    )
+    assert {answer.status_code for answer in answers} == {204}
+    await _reports(gateway, delivery_id, "LOADING", "LOADED", first=2)
+    before = await gateway.get(delivery_id)
+    for seq, kind in ((1, "ACCEPTED"), (2, "LOADING"), (3, "LOADED")):
+        assert (await gateway.report(delivery_id, kind, seq=seq)).status_code == 204
+    assert await gateway.get(delivery_id) == before
+    assert (await gateway.told(delivery_id)).count("delivery.dispatched") == 1
+
+
+async def test_reports_in_every_wrong_order_end_alike(gateway: Any) -> None:
+    delivery_id = await gateway.planned()
+    waiting = [
+        (4, "DELIVERED", {"package_ids": ["p1"]}),
+        (2, "LOADING", {}),
+        (1, "ACCEPTED", {}),
+        (3, "LOADED", {}),
+    ]
+    while waiting:
+        seq, kind, fields = waiting.pop(0)
+        answer = await gateway.report(delivery_id, kind, seq=seq, **fields)
+        if answer.status_code == 409:
+            waiting.append((seq, kind, fields))
+    assert (await gateway.get(delivery_id))["state"] == "COMPLETED"
+    assert await gateway.told(delivery_id) == [
+        "delivery.requested",
+        "delivery.planned",
+        "delivery.dispatched",
+        "delivery.loaded",
+        "delivery.started",
+        "package.delivered",
+        "delivery.completed",
+    ]
+
+
+async def test_a_report_that_overtakes_the_booking_waits_for_it(
+    gateway: Any, mission: Callable[..., Any]
+) -> None:
+    delivery_id = await gateway.accepted()
+    from skyway.delivery.request import DeliveryRequest
+
+    request = DeliveryRequest.model_validate((await gateway.get(delivery_id))["request"])
+    gateway.composition.booked[delivery_id, 1] = mission(
+        request,
+        delivery_id=delivery_id,
+        attempt=1,
+        drone_id="drn_1",
+        start_at=gateway.clock.now(),
+    )
+    answer = await gateway.report(delivery_id, "ACCEPTED", seq=1)
+    assert answer.status_code == 409
+    await gateway.parts.booker.step()
+    assert (await gateway.report(delivery_id, "ACCEPTED", seq=1)).status_code == 204
+    assert (await gateway.get(delivery_id))["state"] == "DISPATCHED"
+
+
+async def test_a_report_about_a_delivery_that_is_none_of_ours_is_dropped(gateway: Any) -> None:
+    delivery_id = await gateway.planned()
+    booked = gateway.composition.booked[delivery_id, 1]
+    gateway.composition.booked["dlv_other", 1] = booked
+    assert (await gateway.report("dlv_other", "ACCEPTED", seq=1)).status_code == 404
+
+
+async def test_late_words_about_a_refused_mission_change_nothing(
+    gateway: Any, candidate: Callable[..., Any]
+) -> None:
+    gateway.registry.candidates_now = [candidate("drn_1"), candidate("drn_2")]
+    delivery_id = await gateway.planned()
+    await gateway.report(delivery_id, "REFUSED", seq=1, code="EXPIRED")
+    await gateway.parts.booker.step()
+    before = await gateway.get(delivery_id)
+    assert (await gateway.report(delivery_id, "ENDED", seq=2)).status_code == 204
+    assert await gateway.get(delivery_id) == before
+
+
+async def test_refusing_again_after_a_long_time_leaves_patience_to_ask_others(
+    gateway: Any, candidate: Callable[..., Any]
+) -> None:
+    gateway.registry.candidates_now = [candidate("drn_1"), candidate("drn_2")]
+    delivery_id = await gateway.planned()
+    gateway.clock.advance(timedelta(hours=3))
+    await gateway.report(delivery_id, "REFUSED", seq=1, code="EXPIRED")
+    await gateway.parts.booker.step()
+    assert (await gateway.get(delivery_id))["state"] == "PLANNED"
+
+
+async def test_a_mission_that_is_aborted_strands_what_it_carries(gateway_on_both: Any) -> None:
+    gateway = gateway_on_both
+    delivery_id = await gateway.planned(packages=3)
+    await _reports(gateway, delivery_id, "ACCEPTED", "LOADING", "LOADED")
+    await gateway.report(delivery_id, "DELIVERED", seq=4, package_ids=["p1"])
+    await gateway.report(
+        delivery_id,
+        "ENDED",
+        seq=5,
+        mission_state="ABORTED",
+        station_id="bulverde",
+        stranded_package_ids=["p2", "p3"],
+        code="NO_PLAN",
+        detail="the battery is too low",
+    )
+    delivery = await gateway.get(delivery_id)
+    assert delivery["state"] == "PARTIALLY_COMPLETED"
+    assert [package["state"] for package in delivery["packages"]] == [
+        "DELIVERED",
+        "STRANDED",
+        "STRANDED",
+    ]
+    assert delivery["packages"][2]["custodian"] == {"kind": "STATION", "id": "bulverde"}
+    *_, stranded, last = await gateway.events(delivery_id)
+    assert stranded["type"] == "package.stranded"
+    assert stranded["data"]["station_id"] == "bulverde"
+    assert stranded["data"]["detail"] == "the battery is too low"
+    assert last["type"] == "delivery.partially_completed"
+
+
+async def test_a_mission_that_ends_before_loading_fails_the_delivery(gateway: Any) -> None:
+    delivery_id = await gateway.planned()
+    await _reports(gateway, delivery_id, "ACCEPTED", "LOADING")
+    await gateway.report(delivery_id, "ENDED", seq=3, mission_state="ABORTED", code="LOST")
+    delivery = await gateway.get(delivery_id)
+    assert delivery["state"] == "FAILED"
+    assert delivery["packages"][0]["state"] == "CANCELLED"
+    assert delivery["packages"][0]["custodian"] == {"kind": "STATION", "id": "san-marcos"}
+    assert (await gateway.told(delivery_id))[-1] == "delivery.failed"
+
+
+async def test_packages_that_went_down_with_a_drone_stay_in_its_custody(gateway: Any) -> None:
+    delivery_id = await gateway.planned()
+    await _reports(gateway, delivery_id, "ACCEPTED", "LOADING", "LOADED")
+    await gateway.report(delivery_id, "ENDED", seq=4, mission_state="ABORTED", code="LOST")
+    [package] = (await gateway.get(delivery_id))["packages"]
+    assert package["state"] == "STRANDED"
+    assert package["custodian"] == {"kind": "DRONE", "id": "drn_1"}
+
+
+@pytest.mark.parametrize(("late_s", "is_told"), [(59, False), (61, True)])
+async def test_a_delay_is_told_when_it_is_more_than_a_minute(
+    gateway: Any, late_s: int, is_told: bool
+) -> None:
+    delivery_id = await gateway.planned(packages=2)
+    await _reports(gateway, delivery_id, "ACCEPTED", "LOADING", "LOADED")
+    mission = gateway.composition.booked[delivery_id, 1]
+    late = [
+        {"package_id": eta.package_id, "eta_at": eta.eta_at + timedelta(seconds=late_s)}
+        for eta in mission.packages
+    ]
+    await gateway.report(delivery_id, "ACTIVITY", seq=4, activity="WAITING", etas=late)
+    await gateway.report(delivery_id, "ACTIVITY", seq=5, etas=late)
+    delivery = await gateway.get(delivery_id)
+    assert delivery["flags"]["delayed"] == is_told
+    assert delivery["activity"] == "WAITING"
+    assert (await gateway.told(delivery_id)).count("delivery.delayed") == int(is_told)
+    if is_told:
+        [told] = [
+            event
+            for event in await gateway.events(delivery_id)
+            if event["type"] == "delivery.delayed"
+        ]
+        assert [one["late_s"] for one in told["data"]["packages"]] == [61, 61]
+
+
+async def test_a_new_plan_is_told_with_its_etas(gateway: Any) -> None:
+    delivery_id = await gateway.planned()
+    await _reports(gateway, delivery_id, "ACCEPTED", "LOADING", "LOADED")
+    mission = gateway.composition.booked[delivery_id, 1]
+    [eta] = mission.packages
+    later = eta.model_copy(update={"eta_at": eta.eta_at + timedelta(minutes=30)})
+    revised = mission.model_copy(update={"revision": 2, "packages": (later,), "state": "ACTIVE"})
+    await gateway.report(
+        delivery_id, "REPLANNED", seq=4, mission=revised, code="PAD_LOST", detail="pad gone"
+    )
+    delivery = await gateway.get(delivery_id)
+    assert delivery["missions"][0]["revision"] == 2
+    assert delivery["flags"]["delayed"]
+    assert (await gateway.told(delivery_id))[-2:] == ["delivery.replanned", "delivery.delayed"]
+
+
+async def test_only_a_service_reports(gateway: Any) -> None:
+    for headers in ({}, gateway.operator):
+        answer = await gateway.http.post("/internal/mission-reports", json={}, headers=headers)
+        assert answer.status_code == 401
