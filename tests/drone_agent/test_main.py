@@ -36,7 +36,7 @@ def pipe() -> Iterator[tuple[int, int]]:
 def wait_for_journal(tmp_path: Path, running: subprocess.Popen[str]) -> None:
     assert running.stderr is not None
     for line in running.stderr:
-        if "no broker" in line:
+        if "no connection to the broker" in line:
             break
     assert (tmp_path / "journal" / "drn_1.jsonl").exists()
 
