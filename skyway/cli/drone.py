@@ -2,7 +2,6 @@
 
 import json
 import os
-import subprocess
 import sys
 from itertools import cycle, islice
 from pathlib import Path
@@ -127,7 +126,7 @@ def _write(file: Path, drones: list[dict[str, Any]]) -> None:
 
 
 def _run_agent(folder: DataFolder, drones: list[dict[str, Any]]) -> NoReturn:
-    """Run the agent on these drones until it ends, and end with its exit code."""
+    """Become the agent of these drones."""
     folder.make()
     fleet_file = folder.path / f"fleet-{drones[0]['drone_id']}.json"
     _write(fleet_file, drones)
@@ -141,7 +140,5 @@ def _run_agent(folder: DataFolder, drones: list[dict[str, Any]]) -> NoReturn:
     }
     command = [sys.executable, "-m", "skyway_drone_agent", "--fleet", str(fleet_file)]
     typer.echo(f"{len(drones)} drones fly until Ctrl-C", err=True)
-    try:
-        raise typer.Exit(subprocess.run(command, env=environment, check=False).returncode)
-    except KeyboardInterrupt:
-        raise typer.Exit(0) from None
+    # In place of this process, so that who ends this one ends the agent.
+    os.execve(sys.executable, command, environment)  # noqa: S606 - there is no shell to want

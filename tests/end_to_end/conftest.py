@@ -187,6 +187,13 @@ class LocalSystem:
         )
         return found
 
+    def kill(self, package: str) -> int:
+        """kill -9 the process that runs this package; its id, once it is gone."""
+        killed = self.pid_of(package)
+        os.kill(killed, signal.SIGKILL)
+        eventually(lambda: package not in _arguments(killed), within_s=10, what=f"{package} gone")
+        return killed
+
     def pid_of(self, package: str) -> int:
         """The process that runs this package, below `skyway up` or below a fleet."""
         roots = [process.pid for process in (self.up, *self.fleets) if process is not None]

@@ -1,7 +1,5 @@
 """Every process is killed in turn while a delivery is under way, and it still completes."""
 
-import os
-import signal
 from typing import Any
 
 import pytest
@@ -26,8 +24,7 @@ def test_a_delivery_completes_while_every_process_is_killed_in_turn(system: Any)
     for package in PROCESSES:
         if package == "skyway_broker" and "SKYWAY_MQTT_URL" in system.environment:
             continue  # Mosquitto is not ours to kill: nobody would start it again
-        killed = system.pid_of(package)
-        os.kill(killed, signal.SIGKILL)
+        killed = system.kill(package)
         if package == "skyway_drone_agent":
             system.run_fleet(provider["file"])
         assert system.pid_of(package) != killed
@@ -44,7 +41,7 @@ def test_a_delivery_requested_before_a_kill_is_not_lost(system: Any) -> None:
 
     delivery_id = system.request_delivery(["s2"])
     for package in ("skyway_gateway", "skyway_composition"):
-        os.kill(system.pid_of(package), signal.SIGKILL)
+        system.kill(package)
 
     delivery = system.until_state(delivery_id, "COMPLETED", within_s=60)
     assert delivery["packages"][0]["custodian"]["kind"] == "RECIPIENT"
