@@ -9,7 +9,7 @@ import sys
 from skyway.errors import SkywayError
 from skyway.runtime.logs import configure_logs
 from skyway_drone_agent.enrolled_drone import EnrolledDrone, read_fleet
-from skyway_drone_agent.fleet import host_fleet
+from skyway_drone_agent.fleet import allow_open_files, host_fleet
 from skyway_drone_agent.journal_folder import JournalFolder
 from skyway_drone_agent.settings import AgentSettings, read_settings
 
@@ -20,7 +20,8 @@ def main() -> int:
         settings = read_settings(sys.argv[1:], os.environ)
         configure_logs("drone_agent", settings.log_level)
         drones = read_fleet(settings.fleet)
-        with JournalFolder(settings.journal) as folder:
+        allow_open_files(len(drones))
+        with JournalFolder(settings.journal, (drone.drone_id for drone in drones)) as folder:
             asyncio.run(_serve(drones, folder, settings))
     except (SkywayError, OSError) as error:
         sys.stderr.write(f"{error}\n")

@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import os
 from datetime import datetime
 from pathlib import Path
 from typing import Protocol
@@ -77,7 +78,8 @@ class KeptClock:
         clock = AnchoredClock(anchor.fleet_at, anchor.wall_at, anchor.rate)
         if self._is_known.is_set() and clock == self._clock:
             return
-        beside = self._path.with_suffix(".new")
+        # A name of its own: agents of other drones may share the folder.
+        beside = self._path.with_suffix(f".{os.getpid()}")
         beside.write_text(anchor.model_dump_json(include={"fleet_at", "wall_at", "rate"}))
         beside.replace(self._path)
         self._go_by(clock)

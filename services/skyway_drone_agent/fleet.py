@@ -19,15 +19,14 @@ log = logging.getLogger(__name__)
 #: Wall seconds before a drone whose agent failed is taken up again from its journal.
 _AGAIN_AFTER_S = 5.0
 
-#: Open files that a process needs beside one connection per drone.
-_OTHER_FILES = 64
+#: Files that a process holds open for each drone, its connection and its lock; and for itself.
+_FILES_PER_DRONE, _OTHER_FILES = 2, 64
 
 
 async def host_fleet(
     drones: tuple[EnrolledDrone, ...], folder: JournalFolder, *, mqtt_url: str
 ) -> None:
     """Serve all drones until cancelled; one that fails does not disturb the others."""
-    _allow_open_files(len(drones) + _OTHER_FILES)
     clock = KeptClock(folder.clock_file)
     async with asyncio.TaskGroup() as group:
         for drone in drones:
@@ -64,7 +63,9 @@ async def _keep_flying(
             await asyncio.sleep(_AGAIN_AFTER_S)
 
 
-def _allow_open_files(count: int) -> None:
+def allow_open_files(drones: int) -> None:
+    """Raise this process's own limit to what so many drones need, as far as the system lets it."""
+    count = drones * _FILES_PER_DRONE + _OTHER_FILES
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     if soft < count:
         wanted = count if hard == resource.RLIM_INFINITY else min(count, hard)
