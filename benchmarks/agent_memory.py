@@ -58,7 +58,7 @@ def broker(folder: Path, accounts: list[str]) -> Iterator[str]:
             [sys.executable, "-m", "skyway_broker"],
             env={
                 **ENVIRONMENT,
-                "SKYWAY_BROKER_SOCKET_FD": str(listener.fileno()),
+                "SKYWAY_SOCKET_FD": str(listener.fileno()),
                 "SKYWAY_BROKER_PASSWORD_FILE": str(passwords),
                 "SKYWAY_LOG_LEVEL": "WARNING",
             },
