@@ -1,0 +1,41 @@
+"""The README's lines work when pasted."""
+
+import json
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytestmark = pytest.mark.end_to_end
+
+README = (Path(__file__).parents[2] / "README.md").read_text()
+
+
+def test_the_readme_s_lines_take_a_delivery_to_its_end(system: Any) -> None:
+    (pasted,) = re.findall(r"```bash\n(.*?)```", README, re.DOTALL)
+    folder = system.folder.path.parent
+    (folder / ".skyway").symlink_to(system.folder.path)
+    environment = system.environment | {"PATH": f"{Path(sys.executable).parent}:/usr/bin:/bin"}
+    curl = shutil.which("curl", path=environment["PATH"])
+    if curl is None:
+        pytest.skip("curl is not installed")
+
+    done = subprocess.run(
+        ["bash", "-c", f"set -e\n{pasted}\nkill %1"],
+        cwd=folder,
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=120,
+        check=False,
+    )
+
+    assert done.returncode == 0, done.stderr
+    events = [json.loads(line[6:]) for line in done.stdout.splitlines() if line[:6] == "data: "]
+    assert events[-1]["type"] == "delivery.completed", done.stdout
+    attempts = json.loads(done.stdout.splitlines()[-1])
+    assert attempts["items"], done.stdout
