@@ -29,6 +29,7 @@ IpNetwork = IPv4Network | IPv6Network
 Resolve = Callable[[str, int], Awaitable[Sequence[str]]]
 
 _DEFAULT_PORTS: Final = {"http": 80, "https": 443}
+_LARGEST_PORT: Final = 65535
 
 #: Translation to IPv4 by the network (RFC 6052, RFC 8215): what is behind cannot be judged.
 _TRANSLATED: Final = (ip_network("64:ff9b::/96"), ip_network("64:ff9b:1::/48"))
@@ -109,8 +110,8 @@ def _parse(url: str) -> httpx.URL:
         raise ForbiddenTarget("names no host")
     if parsed.userinfo:
         raise ForbiddenTarget("must not hold a user name or password: notifications are signed")
-    if parsed.port == 0:
-        raise ForbiddenTarget("port 0 cannot be connected to")
+    if parsed.port is not None and not 0 < parsed.port <= _LARGEST_PORT:
+        raise ForbiddenTarget(f"port {parsed.port} is not between 1 and {_LARGEST_PORT}")
     return parsed
 
 

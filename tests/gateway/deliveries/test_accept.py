@@ -30,7 +30,7 @@ BAD_REQUESTS: list[tuple[str, dict[str, Any], str, str]] = [
         "packages.1.destination.station_id",
         "no path of segments",
     ),
-    ("no packages", {"packages": []}, "packages", "at least 1 item"),
+    ("no packages", {"packages": []}, "packages", "at least one package"),
     (
         "too many packages",
         {"packages": [_package(package_id=f"p{n}") for n in range(101)]},
@@ -44,10 +44,10 @@ BAD_REQUESTS: list[tuple[str, dict[str, Any], str, str]] = [
                 _package(package_id=f"p{n}", destination={"station_id": f"s{n}"}) for n in range(13)
             ]
         },
-        "body",
+        "packages",
         "limit of 12",
     ),
-    ("same package twice", {"packages": [_package(), _package()]}, "body", "more than once"),
+    ("same package twice", {"packages": [_package(), _package()]}, "packages", "is given 2 times"),
     (
         "negative mass",
         {"packages": [_package(mass_kg=-1)]},
