@@ -318,3 +318,29 @@ async def test_a_drone_that_accepts_too_late_is_told_to_forget_the_mission(
 
     (cancel,) = await composition.sent()
     assert (cancel.kind, cancel.mission_id, cancel.seq) == ("CANCEL", instruction.mission_id, 2)
+
+
+async def test_an_old_event_does_not_make_us_forget_the_newer_ones(
+    composition: Any, drone: Any
+) -> None:
+    instruction = await booked(composition)
+    await composition.take(drone.ack(instruction))
+    first, second, third, *_ = drone.flown(instruction)
+
+    await composition.take(first, second, first, third)
+
+    assert await composition.sent() == []
+    (link,) = await composition.rows("SELECT last_event_seq FROM drone_links")
+    assert link.last_event_seq == 3
+
+
+async def test_a_refusal_after_the_acceptance_changes_nothing(
+    composition: Any, drone: Any
+) -> None:
+    instruction = await booked(composition)
+    await composition.take(drone.state(), drone.ack(instruction))
+
+    await composition.take(drone.ack(instruction, "REJECTED", code="EXPIRED"))
+
+    mission = await composition("operator:op", "GET", f"/v1/missions/{instruction.mission_id}")
+    assert mission.json()["waits_for_revision"] is None
