@@ -1,0 +1,165 @@
+"""API keys: shown once, stored as hashes, stopped at once."""
+
+from typing import Any
+
+import pytest
+
+from skyway.runtime.errors import ServiceUnavailable
+
+
+async def _issue(gateway: Any, role: str, subject_id: str, **headers: str) -> Any:
+    return await gateway.http.post(
+        "/v1/keys",
+        json={"role": role, "subject_id": subject_id},
+        headers={**gateway.operator, **headers},
+    )
+
+
+def _bearer(key: str) -> dict[str, str]:
+    return {"Authorization": f"Bearer {key}"}
+
+
+async def test_a_customers_key_comes_with_a_broker_account(gateway: Any) -> None:
+    answer = await _issue(gateway, "customer", "carol")
+    assert answer.status_code == 201
+    issued = answer.json()
+    assert answer.headers["location"] == f"/v1/keys/{issued['key_id']}"
+    assert issued["key"].startswith("sk_")
+    assert issued["mqtt"]["user_name"] == "carol"
+    assert gateway.registry.accounts == {"carol": issued["mqtt"]["password"]}
+    listed = await gateway.http.get("/v1/deliveries", headers=_bearer(issued["key"]))
+    assert listed.status_code == 200
+
+
+async def test_operators_share_an_account_and_providers_have_none(gateway: Any) -> None:
+    operator = (await _issue(gateway, "operator", "olga")).json()
+    assert operator["mqtt"]["user_name"] == "operator"
+    assert operator["mqtt"]["password"] == "mqtt_operator-0123456789abcdef"
+    assert (await _issue(gateway, "provider", "prv_1")).json()["mqtt"] is None
+    assert gateway.registry.accounts == {}
+
+
+@pytest.mark.parametrize("name", ["operator", "gateway", "registry", "composition", "drn_01"])
+async def test_a_customer_cannot_be_called_like_a_process_or_a_drone(
+    gateway: Any, name: str
+) -> None:
+    answer = await _issue(gateway, "customer", name)
+    assert answer.status_code == 422
+    assert answer.json()["errors"][0]["field"] == "subject_id"
+
+
+@pytest.mark.parametrize(
+    ("body", "field"),
+    [
+        ({"role": "admin", "subject_id": "x"}, "role"),
+        ({"role": "customer", "subject_id": "a b"}, "subject_id"),
+        ({"role": "customer", "subject_id": "x" * 65}, "subject_id"),
+        ({"role": "customer"}, "subject_id"),
+    ],
+)
+async def test_a_bad_key_request_names_the_field(
+    gateway: Any, body: dict[str, str], field: str
+) -> None:
+    answer = await gateway.http.post("/v1/keys", json=body, headers=gateway.operator)
+    assert answer.status_code == 422
+    assert answer.json()["errors"][0]["field"] == field
+
+
+async def test_only_operators_handle_keys(gateway: Any) -> None:
+    for headers, status in ((gateway.customer, 403), (gateway.provider, 403), ({}, 401)):
+        for method, path in (
+            ("POST", "/v1/keys"),
+            ("GET", "/v1/keys"),
+            ("GET", "/v1/keys/key_customer"),
+            ("DELETE", "/v1/keys/key_customer"),
+        ):
+            body = {"role": "customer", "subject_id": "x"} if method == "POST" else None
+            answer = await gateway.http.request(method, path, json=body, headers=headers)
+            assert answer.status_code == status, (method, path)
+
+
+async def test_neither_keys_nor_answers_lie_readable_in_the_database(
+    gateway: Any, tmp_path: Any
+) -> None:
+    headers = {"Idempotency-Key": "k"}
+    issued = (await _issue(gateway, "customer", "carol", **headers)).json()
+    content = b"".join(path.read_bytes() for path in tmp_path.glob("gateway.db*"))
+    assert issued["key_id"].encode() in content
+    for secret in (issued["key"], issued["mqtt"]["password"]):
+        assert secret.encode() not in content
+
+
+async def test_a_deleted_key_stops_at_once_and_takes_the_account_along(gateway: Any) -> None:
+    first = (await _issue(gateway, "customer", "carol")).json()
+    second = (await _issue(gateway, "customer", "carol")).json()
+    for key, accounts in ((first, {"carol"}), (second, set())):
+        path = f"/v1/keys/{key['key_id']}"
+        assert (await gateway.http.delete(path, headers=gateway.operator)).status_code == 204
+        stopped = await gateway.http.get("/v1/deliveries", headers=_bearer(key["key"]))
+        assert stopped.status_code == 401
+        assert (await gateway.http.delete(path, headers=gateway.operator)).status_code == 404
+        await gateway.parts.keys.close_orphaned_accounts()
+        assert set(gateway.registry.accounts) == accounts
+
+
+async def test_an_account_is_closed_once_the_registry_is_back(gateway: Any) -> None:
+    issued = (await _issue(gateway, "customer", "carol")).json()
+    gateway.registry.is_away = True
+    await gateway.http.delete(f"/v1/keys/{issued['key_id']}", headers=gateway.operator)
+    with pytest.raises(ServiceUnavailable):
+        await gateway.parts.keys.close_orphaned_accounts()
+    gateway.registry.is_away = False
+    await gateway.parts.keys.close_orphaned_accounts()
+    assert gateway.registry.accounts == {}
+    gateway.registry.accounts["carol"] = "opened by somebody else"
+    await gateway.parts.keys.close_orphaned_accounts()
+    assert gateway.registry.accounts != {}, "closed once only"
+
+
+async def test_a_key_whose_account_could_not_be_opened_is_finished_by_the_same_call(
+    gateway: Any,
+) -> None:
+    headers = {"Idempotency-Key": "k"}
+    gateway.registry.is_away = True
+    assert (await _issue(gateway, "customer", "carol", **headers)).status_code == 503
+    gateway.registry.is_away = False
+    issued = (await _issue(gateway, "customer", "carol", **headers)).json()
+    assert gateway.registry.accounts == {"carol": issued["mqtt"]["password"]}
+    listed = await gateway.http.get("/v1/keys?subject_id=carol", headers=gateway.operator)
+    assert len(listed.json()["items"]) == 1
+
+
+async def test_a_repeated_call_does_not_bring_an_old_password_back(gateway: Any) -> None:
+    headers = {"Idempotency-Key": "k"}
+    old = (await _issue(gateway, "customer", "carol", **headers)).json()
+    new = (await _issue(gateway, "customer", "carol")).json()
+    assert (await _issue(gateway, "customer", "carol", **headers)).json() == old
+    assert gateway.registry.accounts == {"carol": new["mqtt"]["password"]}
+
+
+async def test_the_first_keys_are_made_once_and_stay_deleted(gateway: Any) -> None:
+    operator = _bearer("operator_key-0123456789abcdef")
+    newcomer = _bearer("customer_key-0123456789abcdef")
+    assert (await gateway.http.get("/v1/deliveries", headers=newcomer)).status_code == 200
+    listed = await gateway.http.get("/v1/keys?role=customer", headers=operator)
+    [key] = [one for one in listed.json()["items"] if one["subject_id"] == "newcomer"]
+    await gateway.http.delete(f"/v1/keys/{key['key_id']}", headers=operator)
+    await gateway.parts.keys.make_first_keys()
+    assert (await gateway.http.get("/v1/deliveries", headers=newcomer)).status_code == 401
+    (gateway.secrets_dir / "customer_key").write_text("another-0123456789abcdef")
+    await gateway.parts.keys.make_first_keys()
+    another = _bearer("another-0123456789abcdef")
+    assert (await gateway.http.get("/v1/deliveries", headers=another)).status_code == 200
+
+
+async def test_keys_are_listed_in_pages_without_secrets(gateway: Any) -> None:
+    found, cursor = [], ""
+    while cursor is not None:
+        query = f"?limit=2{f'&cursor={cursor}' if cursor else ''}"
+        page = (await gateway.http.get(f"/v1/keys{query}", headers=gateway.operator)).json()
+        found += page["items"]
+        cursor = page["next_cursor"]
+    assert len(found) == 6
+    assert all(set(key) == {"key_id", "role", "subject_id", "created_at"} for key in found)
+    one = await gateway.http.get("/v1/keys/key_customer", headers=gateway.operator)
+    assert one.json()["subject_id"] == "alice"

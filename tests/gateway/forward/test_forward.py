@@ -1,0 +1,140 @@
+"""Forwarded calls: exactly the table's, in the caller's name, whole."""
+
+import json
+from typing import Any, get_args
+
+import pytest
+from skyway_gateway.access.key import KeyRole
+from skyway_gateway.forward.table import FORWARDED, Forwarded
+
+IDS = {
+    "provider_id": "prv_1",
+    "drone_id": "drn_1",
+    "model_id": "m300",
+    "network_id": "texas",
+    "station_id": "san-marcos",
+    "mission_id": "msn_1",
+}
+CALLERS = {"customer": "customer", "provider": "provider", "operator": "operator"}
+SUBJECTS = {"customer": "alice", "provider": "prv_1", "operator": "op"}
+
+
+def path_of(row: Forwarded) -> str:
+    return row.path.format(**{name: IDS[name] for name in row.parameters})
+
+
+@pytest.mark.parametrize("row", FORWARDED, ids=lambda row: f"{row.method} {row.path}")
+async def test_a_call_reaches_its_service_for_its_roles_alone(gateway: Any, row: Forwarded) -> None:
+    path = path_of(row)
+    for role in get_args(KeyRole):
+        gateway.forwarded.clear()
+        answer = await gateway.http.request(
+            row.method, f"{path}?limit=3&x=a%20b", headers=getattr(gateway, CALLERS[role])
+        )
+        if role not in row.roles:
+            assert answer.status_code == 403
+            assert gateway.forwarded == []
+            continue
+        assert answer.status_code == 200, answer.text
+        [seen] = gateway.forwarded
+        assert (seen.service, seen.method, f"/{seen.path}") == (row.service, row.method, path)
+        assert seen.query == "limit=3&x=a%20b"
+        assert seen.headers["skyway-caller"] == f"{role}:{SUBJECTS[role]}"
+        assert seen.headers["authorization"] == "Bearer service_gateway-0123456789abcdef"
+        assert answer.headers["etag"] == '"1-abc"'
+    assert (await gateway.http.request(row.method, path)).status_code == 401
+
+
+async def test_bodies_and_conditions_are_passed_on(gateway: Any) -> None:
+    body = json.dumps({"type": "FeatureCollection", "features": ["x" * 1000] * 1000}).encode()
+    headers = {
+        **gateway.operator,
+        "content-type": "application/geo+json",
+        "if-match": '"1-abc"',
+        "idempotency-key": "k",
+        "skyway-caller": "operator:somebody-else",
+        "cookie": "not for them",
+    }
+    answer = await gateway.http.put("/v1/networks/texas", content=body, headers=headers)
+    assert answer.status_code == 200
+    [seen] = gateway.forwarded
+    assert seen.body == body
+    assert seen.headers["content-type"] == "application/geo+json"
+    assert seen.headers["if-match"] == '"1-abc"'
+    assert seen.headers["idempotency-key"] == "k"
+    assert seen.headers["skyway-caller"] == "operator:op"
+    assert "cookie" not in seen.headers
+
+
+async def test_a_provider_reaches_its_own_alone(gateway: Any) -> None:
+    for method, path in (
+        ("GET", "/v1/providers/prv_2"),
+        ("PATCH", "/v1/providers/prv_2"),
+        ("GET", "/v1/providers/prv_2/drones"),
+        ("DELETE", "/v1/providers/prv_2/drones/drn_1"),
+    ):
+        answer = await gateway.http.request(method, path, headers=gateway.provider)
+        assert answer.status_code == 404, path
+    assert gateway.forwarded == []
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/internal/candidates",
+        "/internal/deliveries/dlv_1/closed",
+        "/internal/broker-accounts/alice",
+        "/v1/networks/texas/secrets",
+        "/v1/providers/prv_1/drones/../../../../internal/candidates",
+        "/v1/networks/..%2f..%2finternal%2fcandidates",
+        "/v2/networks",
+        "/",
+    ],
+)
+async def test_nothing_else_is_passed_on(gateway: Any, path: str) -> None:
+    for method in ("GET", "POST", "PUT", "DELETE"):
+        answer = await gateway.http.request(method, path, headers=gateway.operator)
+        assert answer.status_code in (404, 405), (method, path, answer.text)
+    assert gateway.forwarded == []
+
+
+async def test_a_new_providers_key_is_in_the_answer_and_works(gateway: Any) -> None:
+    body = {"name": "Fleet One", "tariff": {"base": 100}}
+    answer = await gateway.http.post("/v1/providers", json=body, headers=gateway.operator)
+    assert answer.status_code == 201
+    made = answer.json()
+    assert made["name"] == "Fleet One"
+    assert answer.headers["location"] == "/v1/providers/prv_new"
+    headers = {"Authorization": f"Bearer {made['key']}"}
+    drones = await gateway.http.get("/v1/providers/prv_new/drones", headers=headers)
+    assert drones.status_code == 200
+    assert gateway.forwarded[-1].headers["skyway-caller"] == "provider:prv_new"
+
+
+async def test_the_same_provider_call_has_the_same_key(gateway: Any) -> None:
+    headers = {**gateway.operator, "Idempotency-Key": "k"}
+    body = {"name": "Fleet One"}
+    first = await gateway.http.post("/v1/providers", json=body, headers=headers)
+    again = await gateway.http.post("/v1/providers", json=body, headers=headers)
+    assert (again.status_code, again.json()) == (201, first.json())
+    assert [seen.headers["idempotency-key"] for seen in gateway.forwarded] == ["k", "k"]
+
+
+async def test_only_operators_make_providers(gateway: Any) -> None:
+    for headers in (gateway.customer, gateway.provider):
+        answer = await gateway.http.post("/v1/providers", json={"name": "x"}, headers=headers)
+        assert answer.status_code == 403
+    assert gateway.forwarded == []
+
+
+async def test_large_networks_may_pass_and_other_large_bodies_not(gateway: Any) -> None:
+    large = b'"' + b"x" * 300_000 + b'"'
+    headers = {**gateway.operator, "content-type": "application/json"}
+    for method, path, status in (
+        ("PUT", "/v1/networks/texas", 200),
+        ("POST", "/v1/providers/prv_1/drones", 200),
+        ("PATCH", "/v1/providers/prv_1", 413),
+        ("POST", "/v1/providers", 413),
+    ):
+        answer = await gateway.http.request(method, path, content=large, headers=headers)
+        assert answer.status_code == status, path

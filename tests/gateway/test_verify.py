@@ -1,0 +1,101 @@
+"""Each invariant of the gateway's database is checked: a check that cannot fail is not one."""
+
+from datetime import timedelta
+from typing import Any
+
+import pytest
+
+from skyway.runtime.errors import Taken
+
+COMPLETED = "SELECT delivery_id FROM deliveries WHERE state = 'COMPLETED'"
+
+DAMAGES = [
+    ("lost request", "UPDATE deliveries SET give_up_ms = 1 WHERE state = 'REQUESTED'", "I5"),
+    (
+        "finished again",
+        "UPDATE deliveries SET state = 'PLANNED' WHERE state = 'COMPLETED'",
+        "I5: a delivery that goes on has told no last event",
+    ),
+    (
+        "never said so",
+        "UPDATE events SET type = 'delivery.delayed' WHERE type = 'delivery.completed'",
+        "I5: a delivery that is over",
+    ),
+    (
+        "mission lost",
+        "UPDATE missions SET state = 'ABORTED'",
+        "I5: a delivery under way has a mission under way",
+    ),
+    (
+        "custody gap",
+        f"DELETE FROM custody WHERE seq = 2 AND delivery_id IN ({COMPLETED})",
+        "I6: a package's chain",
+    ),
+    (
+        "wrong custodian",
+        "UPDATE packages SET custodian_id = 'nobody' WHERE state = 'CREATED'",
+        "I6: a package's custodian",
+    ),
+    (
+        "delivered without a recipient",
+        "UPDATE packages SET state = 'DELIVERED' WHERE state = 'CREATED'",
+        "I6: a package is delivered once",
+    ),
+    (
+        "event lost",
+        f"UPDATE events SET sequence = 99 WHERE sequence = 2 AND delivery_id IN ({COMPLETED})",
+        "a delivery's events have no gap",
+    ),
+    (
+        "webhook not told",
+        "DELETE FROM notifications WHERE sequence = 1",
+        "I14: an event is told",
+    ),
+    (
+        "out of sequence",
+        "UPDATE notifications SET state = 'DELIVERED' WHERE sequence = 2",
+        "I14: notifications of a delivery arrive in sequence",
+    ),
+]
+
+
+@pytest.fixture
+async def lived(gateway: Any) -> Any:
+    """A gateway with a webhook, a completed, a planned and a queued delivery."""
+    body = {"url": "http://127.0.0.1:9/"}
+    await gateway.http.post("/v1/webhooks", json=body, headers=gateway.customer)
+    gateway.clock.advance(timedelta(seconds=1))
+    delivery_id = await gateway.planned()
+    for seq, kind in enumerate(("ACCEPTED", "LOADING", "LOADED"), start=1):
+        await gateway.report(delivery_id, kind, seq=seq)
+    await gateway.report(delivery_id, "DELIVERED", seq=4, package_ids=["p1"])
+    await gateway.planned()
+    await gateway.accepted()
+    assert await gateway.verified() == []
+    return gateway
+
+
+@pytest.mark.parametrize(
+    ("damage", "rule"), [row[1:] for row in DAMAGES], ids=[row[0] for row in DAMAGES]
+)
+async def test_damage_is_found(lived: Any, damage: str, rule: str) -> None:
+    lived.is_damaged = True
+    await lived.execute(damage)
+    assert any(found.startswith(rule) for found in await lived.verified())
+
+
+async def test_a_package_cannot_be_delivered_twice(lived: Any) -> None:
+    """The database itself refuses it."""
+    with pytest.raises(Taken, match="custody_delivered"):
+        await lived.execute(
+            "INSERT INTO custody SELECT delivery_id, package_id, 9, custodian_kind, custodian_id, 0"
+            " FROM custody WHERE custodian_kind = 'RECIPIENT'"
+        )
+
+
+async def test_an_event_cannot_have_the_place_of_another(lived: Any) -> None:
+    with pytest.raises(Taken, match="event_sequence"):
+        await lived.execute(
+            "INSERT INTO events SELECT 'evt_x', delivery_id, sequence, type, body, 0 FROM events"
+            " WHERE sequence = 1"
+        )
