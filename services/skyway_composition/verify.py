@@ -1,5 +1,6 @@
 """The invariants of composition's database (reliability.md I1 to I4, I6, I12)."""
 
+import json
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
@@ -9,7 +10,6 @@ from skyway.contracts.flight_step import RechargeStep
 from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.runtime.database import Database
 from skyway.units import moment_to_ms
-from skyway_composition.missions.step_record import read_step
 from skyway_composition.tables import (
     custody,
     deliveries,
@@ -121,10 +121,14 @@ async def violations(db: Database) -> Sequence[Mapping[str, str]]:
             .join(missions, missions.c.mission_id == mission_steps.c.mission_id)
             .where(_is_live, mission_steps.c.status == "PLANNED", missions.c.stuck.is_(None))
         )
-        steps = [(row.mission_id, read_step(row.step)) for row in planned]
+        sessions = [
+            (row.mission_id, RechargeStep.read(row.step))
+            for row in planned
+            if json.loads(row.step)["kind"] == "RECHARGE"
+        ]
         held = (await connection.execute(select(pad_reservations))).all()
-    for mission_id, step in steps:
-        if isinstance(step, RechargeStep) and not any(
+    for mission_id, step in sessions:
+        if not any(
             row.mission_id == mission_id
             and row.station_id == step.station_id
             and row.pad == step.pad
