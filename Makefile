@@ -19,11 +19,11 @@ up: setup
 test: setup
 	@$(BIN)/python -m pytest
 
+# The import rules are among the unit tests.
 check: setup
 	@$(BIN)/ruff format --check .
 	@$(BIN)/ruff check .
 	@$(BIN)/mypy
-	@$(BIN)/lint-imports --config import-rules.toml
 	@$(BIN)/python -m pytest -m "not integration and not end_to_end"
 
 openapi: setup

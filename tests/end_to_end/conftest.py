@@ -191,6 +191,8 @@ class LocalSystem:
         """kill -9 the process that runs this package; its id, once it is gone."""
         killed = self.pid_of(package)
         os.kill(killed, signal.SIGKILL)
+        for fleet in self.fleets:
+            fleet.poll()  # reaps the agent, if it was one
         eventually(lambda: package not in _arguments(killed), within_s=10, what=f"{package} gone")
         return killed
 
@@ -198,21 +200,23 @@ class LocalSystem:
         """The process that runs this package, below `skyway up` or below a fleet."""
         roots = [process.pid for process in (self.up, *self.fleets) if process is not None]
         found: int = eventually(
-            lambda: next((pid for pid in _descendants(roots) if package in _arguments(pid)), 0),
+            lambda: next(
+                (pid for pid in _with_descendants(roots) if package in _arguments(pid)), 0
+            ),
             within_s=10,
             what=f"a process of {package}",
         )
         return found
 
 
-def _descendants(pids: list[int]) -> Iterator[int]:
+def _with_descendants(pids: list[int]) -> Iterator[int]:
     for pid in pids:
+        yield pid
         try:
             children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
         except OSError:
             continue
-        yield from map(int, children)
-        yield from _descendants([int(child) for child in children])
+        yield from _with_descendants([int(child) for child in children])
 
 
 def _arguments(pid: int) -> list[str]:
