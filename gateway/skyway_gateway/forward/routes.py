@@ -24,13 +24,13 @@ _PROVIDERS = "/v1/providers"
 
 def forward_routes(*, gate: KeyGate, clients: Mapping[str, ServiceClient]) -> APIRouter:
     """Every row of the table."""
-    router = APIRouter(tags=["forwarded"])
+    router = APIRouter()
     for row in FORWARDED:
         router.add_api_route(
             row.path,
             _passing_on(row, gate, clients[row.service]),
             methods=[row.method],
-            name=f"{row.method.lower()} {row.path}",
+            operation_id=row.operation_id,
             tags=[row.service],
             response_class=StreamingResponse,
             responses={200: {"content": {"application/json": {"schema": {}}}}},

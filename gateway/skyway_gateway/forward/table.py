@@ -20,6 +20,7 @@ _FLEET_BYTES: Final = 8 * 1024 * 1024
 _HEAVY_S: Final = 180.0
 
 _PLACEHOLDER: Final = re.compile(r"{(\w+)}")
+_BETWEEN_WORDS: Final = re.compile(r"\W+")
 _JSON: Final[Mapping[str, Any]] = {"application/json": {"schema": {}}}
 
 
@@ -39,6 +40,11 @@ class Forwarded:
     def parameters(self) -> tuple[str, ...]:
         """The names in the path."""
         return tuple(_PLACEHOLDER.findall(self.path))
+
+    @property
+    def operation_id(self) -> str:
+        """Its name in the gateway's document: ``get_v1_networks_network_id``."""
+        return _BETWEEN_WORDS.sub("_", f"{self.method.lower()} {self.path}").strip("_")
 
     @property
     def openapi(self) -> dict[str, Any]:  # a part of a JSON document
