@@ -16,8 +16,8 @@ BREAKS = {
     "I2 a drone is on at most one mission": [
         "DROP INDEX mission_drone",
         (
-            "INSERT INTO missions SELECT 'msn_x', delivery_id, 2, trip, provider_id, drone_id, state, "
-            "network_id, start_ms, released_ms, expires_ms, body, request, candidate, report_seq, "
+            "INSERT INTO missions SELECT 'msn_x', delivery_id, 2, trip, provider_id, drone_id, "
+            "state, network_id, start_ms, released_ms, expires_ms, body, request, candidate, report_seq, "
             "told, stuck, retry_wall_ms, claimed_by, claimed_until_ms FROM missions"
         ),
     ],
@@ -40,8 +40,8 @@ BREAKS = {
     ],
     "I6 nothing follows the recipient": [
         (
-            "INSERT INTO custody SELECT delivery_id, package_id, 2, 'DRONE', 'd', mission_id, at_ms "
-            "FROM custody"
+            "INSERT INTO custody SELECT delivery_id, package_id, 2, 'DRONE', 'd', mission_id, "
+            "at_ms FROM custody"
         ),
         "UPDATE custody SET custodian_kind = 'RECIPIENT' WHERE seq = 1",
     ],

@@ -157,7 +157,8 @@ class Recomposer:
             watch = await Watch.over([planned.drone_id], tx=tx, clock=self.clock, mint=self.mint)
             record = watch.missions.get(planned.drone_id)
             is_late = trip.start_ms < moment_to_ms(self.clock.now())
-            if version != world.skyway.version or is_late or record != planned:
+            is_outdated = version != world.skyway.version or is_late
+            if record is None or is_outdated or not _waits_for(record, planned):
                 await store.retry_stuck(tx, planned.mission_id, at_wall_ms=0)
                 return
             steps = await self._steps(watch, record, world, trip, held)
@@ -226,6 +227,15 @@ class Recomposer:
             if record is not None and record.mission_id == planned.mission_id:
                 await abort(watch, record, at=self.clock.now(), code=code, detail=detail)
                 tx.after_commit(self.pads_changed.set)
+
+
+def _waits_for(record: MissionRecord, planned: MissionRecord) -> bool:
+    """Whether the mission still waits, for the same reason, for the revision that was planned."""
+    return (record.mission_id, record.mission.revision, record.stuck) == (
+        planned.mission_id,
+        planned.mission.revision,
+        planned.stuck,
+    )
 
 
 async def _held(watch: Watch, record: MissionRecord) -> dict[PackageId, Held]:

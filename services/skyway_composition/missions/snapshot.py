@@ -62,9 +62,12 @@ async def _open_stream(watch: Watch, link: DroneLink, state: DroneState) -> None
 
 
 async def _take_progress(watch: Watch, record: MissionRecord, state: DroneState) -> None:
+    known = record
     if state.step_id is not None and state.activity in _BEGUN_ACTIVITIES:
         record = begun(watch, record, at=state.at)
-    await watch.keep(await _told_activity(watch, record, state))
+    record = await _told_activity(watch, record, state)
+    if record is not known:
+        await watch.keep(record)
 
 
 async def _told_activity(watch: Watch, record: MissionRecord, state: DroneState) -> MissionRecord:

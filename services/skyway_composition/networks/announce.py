@@ -1,30 +1,15 @@
 """The current version of every network, told to everybody: retained, on change and connect."""
 
 from dataclasses import dataclass, field
-from typing import Any, Protocol
 
-from skyway.contracts.message import Message
-from skyway.contracts.topic import Address
 from skyway.contracts.topics import NETWORK_VERSION
 from skyway.contracts.world import NetworkVersion
 from skyway.ids import NetworkId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database
 from skyway.runtime.minting import Mint
+from skyway.runtime.mqtt import MqttClient
 from skyway_composition.networks.store import all_current
-
-
-class Publisher(Protocol):
-    """What telling needs of an MQTT client; Any, since each topic has a message of its own."""
-
-    @property
-    def is_connected(self) -> bool:
-        """Whether the broker takes messages now."""
-        ...
-
-    async def publish(self, address: Address[Any], message: Message) -> None:
-        """Publish; return once the broker has it."""
-        ...
 
 
 @dataclass(slots=True)
@@ -32,7 +17,7 @@ class NetworkVersions:
     """Publishes the versions that it has not told yet."""
 
     db: Database
-    mqtt: Publisher
+    mqtt: MqttClient
     clock: FleetClock
     mint: Mint
     _told: dict[NetworkId, int] = field(default_factory=dict)

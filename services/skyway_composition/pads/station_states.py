@@ -1,31 +1,16 @@
 """How taken stations are, told to everybody: retained, on change and after every connect."""
 
 from dataclasses import dataclass, field
-from typing import Any, Protocol
 
-from skyway.contracts.message import Message
-from skyway.contracts.topic import Address
 from skyway.contracts.topics import STATION_STATE
 from skyway.contracts.world import StationState
 from skyway.ids import StationId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database
 from skyway.runtime.minting import Mint
+from skyway.runtime.mqtt import MqttClient
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.pads.store import pads_of_all, taken_at
-
-
-class Publisher(Protocol):
-    """What telling needs of an MQTT client; Any, since each topic has a message of its own."""
-
-    @property
-    def is_connected(self) -> bool:
-        """Whether the broker takes messages now."""
-        ...
-
-    async def publish(self, address: Address[Any], message: Message) -> None:
-        """Publish; return once the broker has it."""
-        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +25,7 @@ class StationStates:
     """Publishes what changed since it last told; a station never reserved is told by nothing."""
 
     db: Database
-    mqtt: Publisher
+    mqtt: MqttClient
     clock: FleetClock
     mint: Mint
     _told: dict[StationId, _Taken] = field(default_factory=dict)

@@ -334,9 +334,7 @@ async def test_an_old_event_does_not_make_us_forget_the_newer_ones(
     assert link.last_event_seq == 3
 
 
-async def test_a_refusal_after_the_acceptance_changes_nothing(
-    composition: Any, drone: Any
-) -> None:
+async def test_a_refusal_after_the_acceptance_changes_nothing(composition: Any, drone: Any) -> None:
     instruction = await booked(composition)
     await composition.take(drone.state(), drone.ack(instruction))
 

@@ -1,0 +1,80 @@
+"""What is told of stations: on change, and all of it again after a connect."""
+
+from dataclasses import dataclass, field
+from datetime import timedelta
+from typing import Any
+
+import pytest
+from skyway_composition.networks.announce import NetworkVersions
+from skyway_composition.pads.station_states import StationStates
+
+pytestmark = pytest.mark.parametrize("database_url", ["sqlite"], indirect=True)
+
+
+@dataclass
+class Broker:
+    """Keeps what is published."""
+
+    is_connected: bool = True
+    published: list[tuple[str, Any]] = field(default_factory=list)
+
+    async def publish(self, address: Any, message: Any) -> None:
+        self.published.append((address.name, message))
+
+
+async def test_a_station_is_told_when_a_reservation_begins_and_ends(composition: Any) -> None:
+    parts, broker = composition.parts, Broker()
+    states = StationStates(parts.db, broker, parts.clock, parts.mint)
+    await composition.book()
+    (first, *_) = [row for row in await composition.reservations() if row.station_id == "b"]
+    now_ms = 1_772_366_400_000
+
+    await states.step()
+    before = len(broker.published)
+    parts.clock.advance(timedelta(milliseconds=first.start_ms - now_ms))
+    await states.step()
+    await states.step()
+    parts.clock.advance(timedelta(milliseconds=first.end_ms - first.start_ms))
+    await states.step()
+
+    told = [message.pads_taken for name, message in broker.published]
+    assert (before, told) == (0, [1, 0])
+    assert broker.published[0][0] == "skyway/v1/stations/b/state"
+
+
+async def test_after_a_connect_everything_is_told_again(composition: Any) -> None:
+    parts, broker = composition.parts, Broker()
+    states = StationStates(parts.db, broker, parts.clock, parts.mint)
+    versions = NetworkVersions(parts.db, broker, parts.clock, parts.mint)
+    await composition.book()
+    parts.clock.advance(timedelta(hours=1))
+
+    for _ in range(2):
+        for told in (states, versions):
+            told.forget()
+            await told.step()
+            await told.step()
+
+    names = [name for name, _ in broker.published]
+    assert names.count("skyway/v1/networks/row/version") == 2
+    assert len(names) == 2 * len(set(names))
+
+
+async def test_a_new_version_is_told(composition: Any, make: Any) -> None:
+    parts, broker = composition.parts, Broker()
+    versions = NetworkVersions(parts.db, broker, parts.clock, parts.mint)
+
+    await versions.step()
+    await composition.publish(make.network(loading_s=1))
+    await versions.step()
+
+    assert [message.version for _, message in broker.published] == [1, 2]
+
+
+async def test_without_a_broker_nothing_is_told(composition: Any) -> None:
+    parts, broker = composition.parts, Broker(is_connected=False)
+
+    await NetworkVersions(parts.db, broker, parts.clock, parts.mint).step()
+    await StationStates(parts.db, broker, parts.clock, parts.mint).step()
+
+    assert broker.published == []
