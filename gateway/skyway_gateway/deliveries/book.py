@@ -104,7 +104,8 @@ class Booker:
         self, delivery: Delivery, reasons: Sequence[ProviderReason], *, detail: str
     ) -> None:
         """Have nothing booked any more (the tombstone), and only then say REJECTED."""
-        reasons = (*refusal_reasons(delivery.refusals), *reasons)
+        refused = refusal_reasons(delivery.refusals)
+        reasons = (*refused, *(reason for reason in reasons if reason not in refused))
         # Kept first: a round that finds the tombstone of a dead one still knows why.
         async with self.db.write() as tx:
             await store.note_reasons(tx, delivery.delivery_id, reasons)

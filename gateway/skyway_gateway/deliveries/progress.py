@@ -60,6 +60,8 @@ def after_report(delivery: Delivery, report: MissionReport) -> Progress:
 
 def after_booking(delivery: Delivery, missions: Sequence[Mission], *, at: datetime) -> Progress:
     """The delivery once missions are booked for it: what they promise now is what is promised."""
+    # However far they have come by now: their reports, from the first on, will tell it in order.
+    missions = [mission.model_copy(update={"state": "BOOKED"}) for mission in missions]
     promised = {eta.package_id: eta.eta_at for mission in missions for eta in mission.packages}
     packages = tuple(
         _with(

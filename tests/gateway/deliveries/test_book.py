@@ -104,6 +104,29 @@ async def test_a_booking_whose_drone_is_no_candidate_any_more_is_still_found(
     assert gateway.composition.booking_count == 1
 
 
+async def test_a_mission_that_was_refused_before_it_was_planned_here_is_asked_anew(
+    gateway: Any, candidate: Callable[..., Any]
+) -> None:
+    """We died after booking; the drone refused before we were back."""
+    gateway.registry.candidates_now = [candidate("drn_1"), candidate("drn_2")]
+    delivery_id = await gateway.accepted()
+    [queued] = await _claimed(gateway)
+    candidates = await gateway.registry.candidates(_query(queued))
+    await gateway.parts.booker._ask_composition(queued.delivery, candidates)
+    mission = gateway.composition.booked[delivery_id, 1]
+    refused = mission.model_copy(update={"state": "REFUSED"})
+    gateway.composition.booked[delivery_id, 1] = refused
+    assert (await gateway.report(delivery_id, "REFUSED", seq=1)).status_code == 409
+
+    gateway.clock.advance(timedelta(seconds=30))
+    await gateway.parts.booker.step()
+    assert (await gateway.report(delivery_id, "REFUSED", seq=1)).status_code == 204
+    await gateway.parts.booker.step()
+    delivery = await gateway.get(delivery_id)
+    assert (delivery["state"], delivery["attempt"]) == ("PLANNED", 2)
+    assert delivery["missions"][0]["drone_id"] == "drn_2"
+
+
 async def test_two_replicas_with_the_same_delivery_plan_it_once(gateway_on_both: Any) -> None:
     gateway = gateway_on_both
     delivery_id = await gateway.accepted()
@@ -271,7 +294,12 @@ async def test_after_five_refusals_the_delivery_is_rejected(
             update={"state": "REFUSED"}
         )
         await gateway.report(delivery_id, "REFUSED", seq=1, attempt=attempt, code="EXPIRED")
+        # The fifth time the tombstone cannot be written at first.
+        gateway.composition.is_away = attempt == 5
         await gateway.parts.booker.step()
+    gateway.composition.is_away = False
+    gateway.clock.advance(timedelta(hours=2))
+    await gateway.parts.booker.step()
     delivery = await gateway.get(delivery_id)
     assert delivery["state"] == "REJECTED"
     assert gateway.composition.booking_count == 5

@@ -1,0 +1,45 @@
+"""Busy or never."""
+
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from skyway_gateway.deliveries.verdict import why_never
+
+from skyway.contracts.candidate import Candidates
+from skyway.contracts.mission import Booking
+
+BUSY, NEVER = True, False
+
+
+@pytest.mark.parametrize(
+    ("outcome", "has_candidates", "told", "is_never"),
+    [
+        ("INFEASIBLE", True, [NEVER], True),
+        ("INFEASIBLE", True, [NEVER, BUSY], False),
+        ("BUSY", True, [NEVER], False),
+        ("BUSY", True, [], False),
+        ("BUSY", False, [NEVER], True),
+        ("BUSY", False, [BUSY], False),
+        ("BUSY", False, [NEVER, BUSY], False),
+        ("BUSY", False, [], False),
+        ("INFEASIBLE", False, [], False),
+    ],
+)
+def test_only_reasons_that_last_are_never(
+    reason: Callable[..., Any],
+    candidate: Callable[..., Any],
+    outcome: Any,
+    has_candidates: bool,
+    told: list[bool],
+    is_never: bool,
+) -> None:
+    reasons = tuple(reason("NO_DRONES", is_temporary=is_temporary) for is_temporary in told)
+    found = Candidates(candidates=(candidate(),) if has_candidates else (), infeasible=reasons)
+    assert (why_never(Booking(outcome=outcome), found) is not None) == is_never
+
+
+def test_the_sentence_names_provider_code_and_detail(reason: Callable[..., Any]) -> None:
+    booking = Booking(outcome="INFEASIBLE", reasons=(reason("OUT_OF_RANGE", is_temporary=False),))
+    never = why_never(booking, Candidates(candidates=(), infeasible=()))
+    assert never == "no provider can fly it: prv_1: OUT_OF_RANGE, why OUT_OF_RANGE"
