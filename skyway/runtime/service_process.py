@@ -1,0 +1,65 @@
+"""A cloud service as a process: ``python -m PACKAGE [serve | migrate | verify]``."""
+
+import argparse
+import asyncio
+import json
+import sys
+from collections.abc import Awaitable, Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Generic, TypeVar
+
+from fastapi import FastAPI
+
+from skyway.errors import SkywayError
+from skyway.runtime.database import Database
+from skyway.runtime.logs import configure_logs
+from skyway.runtime.migrations import migrate
+from skyway.runtime.serving import serve
+from skyway.runtime.settings import DatabaseSettings, ServiceSettings
+
+S = TypeVar("S", bound=ServiceSettings)
+
+#: Anything that JSON holds: what a violation names differs from one invariant to the next.
+Violation = Mapping[str, object]
+
+
+@dataclass(frozen=True, slots=True)
+class ServiceProcess(Generic[S]):
+    """What differs between the services' processes."""
+
+    name: str
+    package: str
+    settings: type[S]
+    build_app: Callable[[S], FastAPI]
+    violations: Callable[[Database], Awaitable[Sequence[Violation]]]
+
+    def run(self, arguments: Sequence[str] | None = None) -> int:
+        """The exit code: 2 when the environment is wrong, 1 when `verify` found something."""
+        commands = {"serve": self._serve, "migrate": self._migrate, "verify": self._verify}
+        parser = argparse.ArgumentParser(prog=f"python -m {self.package}")
+        parser.add_argument("command", nargs="?", default="serve", choices=sorted(commands))
+        command = parser.parse_args(arguments).command
+        try:
+            return commands[command]()
+        except SkywayError as error:
+            sys.stderr.write(f"{self.package}: {error}\n")
+            return 2
+
+    def _serve(self) -> int:
+        settings = self.settings.load()
+        configure_logs(self.name, settings.log_level)
+        return serve(self.build_app(settings), settings)
+
+    def _migrate(self) -> int:
+        asyncio.run(migrate(DatabaseSettings.load().database_url, self.package))
+        return 0
+
+    def _verify(self) -> int:
+        return asyncio.run(self._print_violations(DatabaseSettings.load().database_url))
+
+    async def _print_violations(self, database_url: str) -> int:
+        async with Database(database_url) as db:
+            found = await self.violations(db)
+        for violation in found:
+            sys.stdout.write(json.dumps(violation) + "\n")
+        return 1 if found else 0

@@ -1,0 +1,55 @@
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+import pytest
+from fastapi import FastAPI
+
+from skyway.runtime.database import Database
+from skyway.runtime.service_process import ServiceProcess, Violation
+from skyway.runtime.settings import ServiceSettings
+
+
+def make_process(found: Sequence[Violation] = ()) -> ServiceProcess[ServiceSettings]:
+    async def violations(_db: Database) -> Sequence[Violation]:
+        return found
+
+    def build_app(_settings: ServiceSettings) -> FastAPI:
+        return FastAPI()
+
+    return ServiceProcess("tower", "skyway_tower", ServiceSettings, build_app, violations)
+
+
+@pytest.fixture
+def a_database(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("SKYWAY_DATABASE_URL", f"sqlite:///{tmp_path}/tower.db")
+
+
+@pytest.mark.usefixtures("a_database")
+def test_verify_prints_a_line_per_violation_and_exits_1(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    process = make_process([{"rule": "I1", "pad": "s1/0"}, {"rule": "I2", "drone": "d"}])
+
+    code = process.run(["verify"])
+
+    lines = [json.loads(line) for line in capsys.readouterr().out.splitlines()]
+    assert (code, [line["rule"] for line in lines]) == (1, ["I1", "I2"])
+
+
+@pytest.mark.usefixtures("a_database")
+def test_verify_finds_nothing_and_exits_0(capsys: pytest.CaptureFixture[str]) -> None:
+    code = make_process().run(["verify"])
+
+    assert (code, capsys.readouterr().out) == (0, "")
+
+
+def test_a_missing_setting_is_named(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.delenv("SKYWAY_DATABASE_URL", raising=False)
+
+    code = make_process().run(["serve"])
+
+    assert code == 2
+    assert "SKYWAY_DATABASE_URL" in capsys.readouterr().err
