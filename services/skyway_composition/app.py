@@ -1,8 +1,8 @@
 """The one place where composition is put together."""
 
 import secrets
-from collections.abc import AsyncIterator
-from contextlib import AsyncExitStack, asynccontextmanager
+from collections.abc import AsyncIterator, Mapping
+from contextlib import asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Final
@@ -91,22 +91,56 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
     )
 
 
+class Work:
+    """What composition does besides answering: it sends, follows, re-composes, sweeps, tells."""
+
+    def __init__(
+        self, parts: Parts, *, mqtt: MqttClient, clients: Mapping[str, ServiceClient], replica: str
+    ) -> None:
+        db, clock, mint = parts.db, parts.clock, parts.mint
+        self._parts = parts
+        self._instructions = MqttSender(db, mqtt, clock)
+        self._reports = ReportSender(db, clients, clock)
+        self._follower = Follower(db, mqtt, clock=clock, mint=mint, stuck=parts.stuck)
+        self._overdue = Overdue(db, clock, mint, parts.pads_changed)
+        self._recomposer = Recomposer(
+            db, parts.networks, parts.solver, clock, mint, replica, parts.pads_changed
+        )
+        self._station_states = StationStates(db, mqtt, clock, mint)
+        self._network_versions = NetworkVersions(db, mqtt, clock, mint)
+
+    async def greet(self) -> None:
+        """After every connect: tell what the broker has forgotten, ask for what we missed."""
+        self._station_states.forget()
+        self._network_versions.forget()
+        self._parts.pads_changed.set()
+        self._parts.published.set()
+        await self._follower.ask_live_drones()
+
+    def start(self, loops: Loops) -> None:
+        """Do all of it until the loops end."""
+        loops.start("instructions", self._instructions.run())
+        loops.start("reports", self._reports.run())
+        loops.start("follow", self._follower.run())
+        for name, step, wake in (
+            ("recompose", self._recomposer.step, self._parts.stuck),
+            ("overdue", self._overdue.step, Wake()),
+            ("station states", self._station_states.step, self._parts.pads_changed),
+            ("network versions", self._network_versions.step, self._parts.published),
+        ):
+            loops.start(name, repeat(name, step, every_s=_LOOK_EVERY_S, wake=wake))
+
+
 def build_app(settings: CompositionSettings) -> FastAPI:
     """Composition as it runs; everything is opened by the app's lifespan."""
     parts = _parts(settings)
     replica = f"{SERVICE}-{secrets.token_hex(8)}"
     identity = ServiceIdentity(SERVICE, settings.secrets_dir)
-    clients = {
-        "gateway": ServiceClient("gateway", settings.gateway_url, identity),
-        "registry": ServiceClient("registry", settings.registry_url, identity),
-    }
+    gateway = ServiceClient("gateway", settings.gateway_url, identity)
+    registry = ServiceClient("registry", settings.registry_url, identity)
 
     async def on_connected() -> None:
-        states.forget()
-        versions.forget()
-        parts.pads_changed.set()
-        parts.published.set()
-        await follower.ask_live_drones()
+        await work.greet()
 
     mqtt = MqttClient(
         settings.mqtt_url,
@@ -115,40 +149,14 @@ def build_app(settings: CompositionSettings) -> FastAPI:
         password=read_secret(settings.secrets_dir, f"mqtt_{SERVICE}"),
         on_connected=on_connected,
     )
-    states = StationStates(parts.db, mqtt, parts.clock, parts.mint)
-    versions = NetworkVersions(parts.db, mqtt, parts.clock, parts.mint)
-    follower = Follower(parts.db, mqtt, clock=parts.clock, mint=parts.mint, stuck=parts.stuck)
-    overdue = Overdue(parts.db, parts.clock, parts.mint, parts.pads_changed)
-    recomposer = Recomposer(
-        parts.db,
-        parts.networks,
-        parts.solver,
-        parts.clock,
-        parts.mint,
-        replica,
-        parts.pads_changed,
-    )
+    clients = {"gateway": gateway, "registry": registry}
+    work = Work(parts, mqtt=mqtt, clients=clients, replica=replica)
 
     @asynccontextmanager
     async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
         await migrate(settings.database_url, PACKAGE)
-        async with AsyncExitStack() as opened:
-            await opened.enter_async_context(parts.db)
-            await opened.enter_async_context(parts.solver)
-            for client in clients.values():
-                await opened.enter_async_context(client)
-            await opened.enter_async_context(mqtt)
-            loops = await opened.enter_async_context(Loops())
-            loops.start("instructions", MqttSender(parts.db, mqtt, parts.clock).run())
-            loops.start("reports", ReportSender(parts.db, clients, parts.clock).run())
-            loops.start("follow", follower.run())
-            for name, step, wake in (
-                ("recompose", recomposer.step, parts.stuck),
-                ("overdue", overdue.step, Wake()),
-                ("station states", states.step, parts.pads_changed),
-                ("network versions", versions.step, parts.published),
-            ):
-                loops.start(name, repeat(name, step, every_s=_LOOK_EVERY_S, wake=wake))
+        async with parts.db, parts.solver, gateway, registry, mqtt, Loops() as loops:
+            work.start(loops)
             yield
 
     async def readiness() -> dict[str, bool]:

@@ -17,8 +17,8 @@ BREAKS = {
         "DROP INDEX mission_drone",
         (
             "INSERT INTO missions SELECT 'msn_x', delivery_id, 2, trip, provider_id, drone_id, "
-            "state, network_id, start_ms, released_ms, expires_ms, body, request, candidate, report_seq, "
-            "told, stuck, retry_wall_ms, claimed_by, claimed_until_ms FROM missions"
+            "state, network_id, start_ms, released_ms, expires_ms, body, request, candidate, "
+            "report_seq, told, stuck, retry_wall_ms, claimed_by, claimed_until_ms FROM missions"
         ),
     ],
     "I3 a reservation has a live mission": ["UPDATE missions SET state = 'COMPLETED'"],

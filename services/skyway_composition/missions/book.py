@@ -9,7 +9,6 @@ again answers what was booked.
 
 import logging
 from dataclasses import dataclass, replace
-from datetime import timedelta
 from typing import Final
 
 from skyway.contracts.candidate import ProviderReason
@@ -20,7 +19,7 @@ from skyway.runtime.database import Database, Tx
 from skyway.runtime.errors import Taken
 from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
-from skyway.units import moment_to_ms
+from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.links.courier import Courier
 from skyway_composition.links.store import lock_link, occupied_among
 from skyway_composition.missions import store
@@ -29,7 +28,7 @@ from skyway_composition.missions.dispatch import dispatch
 from skyway_composition.missions.instruct import flight_steps
 from skyway_composition.missions.outcome import all_taken, pickup_unknown, without_offer
 from skyway_composition.missions.record import MissionRecord
-from skyway_composition.missions.revision import first_revision
+from skyway_composition.missions.revision import record_of
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.networks.store import share_version
 from skyway_composition.pads.store import booked_after, reserve
@@ -144,35 +143,37 @@ class Bookings:
             return Booking(outcome="BOOKED", missions=booked)
         await self._refuse_outdated(tx, world, offer)
 
-        candidate, trip = offer.candidate, offer.trip
-        link = await lock_link(tx, candidate.drone_id, candidate.provider_id)
-        link = replace(link, provider_id=candidate.provider_id)
-        mission_id = MissionId(self.mint("msn"))
-        mission = first_revision(
-            offer, mission_id=mission_id, delivery_id=delivery_id, attempt=wanted.attempt
+        drone = offer.candidate
+        link = await lock_link(tx, drone.drone_id, drone.provider_id)
+        courier = Courier(self.clock, self.mint)
+        record = record_of(
+            offer,
+            wanted,
+            mission_id=MissionId(self.mint("msn")),
+            delivery_id=delivery_id,
+            network_id=world.skyway.network_id,
+            expires_at=courier.expiry(),
         )
         steps = flight_steps(
             world.skyway.network,
-            list(trip.steps()),
+            list(offer.trip.steps()),
             masses_kg={each.package_id: each.mass_kg for each in wanted.request.packages},
             first_step=1,
         )
-        courier = Courier(self.clock, self.mint)
-        expires_at = courier.expiry()
-        record = MissionRecord(
-            mission=mission,
-            network_id=world.skyway.network_id,
-            request=wanted.request,
-            candidate=candidate,
-            expires_ms=moment_to_ms(expires_at),
-        )
         await store.add(tx, record)
-        await store.add_steps(tx, mission_id, steps, revision=1)
-        await reserve(tx, mission_id, trip.booked_pads)
+        await store.add_steps(tx, record.mission_id, steps, revision=1)
+        await reserve(tx, record.mission_id, offer.trip.booked_pads)
         await _begin_custody(tx, record)
-        await dispatch(tx, courier, link, mission=mission, steps=steps, expires_at=expires_at)
+        await dispatch(
+            tx,
+            courier,
+            replace(link, provider_id=drone.provider_id),
+            mission=record.mission,
+            steps=steps,
+            expires_at=ms_to_moment(record.expires_ms),
+        )
         tx.after_commit(self.pads_changed.set)
-        return Booking(outcome="BOOKED", missions=(mission,))
+        return Booking(outcome="BOOKED", missions=(record.mission,))
 
     async def _refuse_outdated(self, tx: Tx, world: World, offer: Offer) -> None:
         # I11: the version is read inside the transaction, and cannot change before it ends.
@@ -190,7 +191,7 @@ class Bookings:
 
     def _start_ms(self, wanted: BookMissions, round_number: int) -> int:
         """When the mission begins: late enough to plan it and to reach the drone."""
-        margin: timedelta = fleet_margin(self.clock, fleet_s=60, wall_s=2)
+        margin = fleet_margin(self.clock, fleet_s=60, wall_s=2)
         # A round that came too late leaves the next one twice the time.
         start_at = self.clock.now() + margin * 2**round_number
         earliest_at = wanted.request.earliest_pickup_at

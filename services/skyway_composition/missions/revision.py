@@ -2,24 +2,31 @@
 
 from datetime import datetime, timedelta
 
-from skyway.contracts.mission import Mission, PackageEta
+from skyway.contracts.mission import BookMissions, Mission, PackageEta
 from skyway.delivery.plan import Plan
-from skyway.ids import DeliveryId, MissionId
-from skyway.units import ms_to_moment
+from skyway.ids import DeliveryId, MissionId, NetworkId
+from skyway.units import moment_to_ms, ms_to_moment
+from skyway_composition.missions.record import MissionRecord
 from skyway_composition.planning.offers import Offer
 from skyway_composition.planning.trip import Trip
 
 
-def first_revision(
-    offer: Offer, *, mission_id: MissionId, delivery_id: DeliveryId, attempt: int
-) -> Mission:
-    """The mission of an offer."""
+def record_of(
+    offer: Offer,
+    wanted: BookMissions,
+    *,
+    mission_id: MissionId,
+    delivery_id: DeliveryId,
+    network_id: NetworkId,
+    expires_at: datetime,
+) -> MissionRecord:
+    """A new mission that takes an offer; its first instruction expires at `expires_at`."""
     candidate, trip = offer.candidate, offer.trip
     start_at = ms_to_moment(trip.start_ms)
-    return Mission(
+    mission = Mission(
         mission_id=mission_id,
         delivery_id=delivery_id,
-        attempt=attempt,
+        attempt=wanted.attempt,
         provider_id=candidate.provider_id,
         drone_id=candidate.drone_id,
         drone_model_id=candidate.model.model_id,
@@ -32,6 +39,13 @@ def first_revision(
         plan=trip.plan,
         home_plan=trip.home_plan,
         home_recharge=trip.home_recharge,
+    )
+    return MissionRecord(
+        mission=mission,
+        network_id=network_id,
+        request=wanted.request,
+        candidate=candidate,
+        expires_ms=moment_to_ms(expires_at),
     )
 
 
