@@ -1,0 +1,305 @@
+"""The registry and composition as a test says they are, reached over HTTP as in life."""
+
+import json
+import re
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass, field
+from datetime import datetime, timedelta
+
+import httpx
+
+from skyway.contracts.candidate import (
+    Candidate,
+    CandidateQuery,
+    Candidates,
+    PayloadLimit,
+    PayloadLimitQuery,
+    ProviderReason,
+)
+from skyway.contracts.mission import Booking, BookMissions, ClosedDelivery, Mission, PackageEta
+from skyway.contracts.station_check import StationCheck, StationCheckQuery
+from skyway.delivery.offer import Price, Tariff
+from skyway.delivery.plan import PackageDelivery, Plan, PlanStatus
+from skyway.delivery.request import DeliveryRequest
+from skyway.drone.models import PAPER_SCENARIO
+from skyway.geo import Position
+from skyway.json_model import JsonModel
+from skyway.runtime.clock import ManualClock
+from skyway.runtime.errors import ServiceUnavailable
+
+#: Stations of the fake network; "island" is known, but no path leads there.
+STATIONS = ("san-marcos", "mcqueeney", "bulverde", "san-antonio", "island")
+
+
+def make_candidate(drone_id: str = "drn_1", provider_id: str = "prv_1") -> Candidate:
+    return Candidate(
+        provider_id=provider_id,
+        drone_id=drone_id,
+        model=PAPER_SCENARIO,
+        soc=1.0,
+        station_id="san-marcos",
+        home_station_id="san-marcos",
+        tariff=Tariff(base=500),
+    )
+
+
+def make_reason(code: str, *, is_temporary: bool, provider_id: str = "prv_1") -> ProviderReason:
+    return ProviderReason(
+        provider_id=provider_id, code=code, detail=f"why {code}", is_temporary=is_temporary
+    )
+
+
+def make_mission(
+    request: DeliveryRequest,
+    *,
+    delivery_id: str,
+    attempt: int,
+    drone_id: str,
+    start_at: datetime,
+    provider_id: str = "prv_1",
+) -> Mission:
+    """One package every ten minutes, from the start on."""
+    deliveries = [
+        (package.package_id, package.destination.station_id, 600.0 * number)
+        for number, package in enumerate(request.packages, start=1)
+    ]
+    last_s = deliveries[-1][2]
+    return Mission(
+        mission_id=f"msn_{delivery_id[4:]}_{attempt}",
+        delivery_id=delivery_id,
+        attempt=attempt,
+        provider_id=provider_id,
+        drone_id=drone_id,
+        drone_model_id=PAPER_SCENARIO.model_id,
+        state="BOOKED",
+        revision=1,
+        start_at=start_at,
+        released_at=start_at + timedelta(seconds=2 * last_s),
+        price=Price(amount=1234, currency="USD"),
+        packages=tuple(
+            PackageEta(package_id=package_id, eta_at=start_at + timedelta(seconds=at_s))
+            for package_id, _, at_s in deliveries
+        ),
+        plan=Plan(
+            status=PlanStatus.OPTIMAL,
+            delivery_time_s=last_s,
+            energy_j=1e6,
+            flight_s=last_s,
+            waiting_s=0.0,
+            recharging_s=0.0,
+            deliveries=tuple(
+                PackageDelivery(package_id=package_id, station_id=station_id, delivered_s=at_s)
+                for package_id, station_id, at_s in deliveries
+            ),
+        ),
+    )
+
+
+@dataclass
+class FakeRegistry:
+    """Answers what a test says; `is_away` makes it unreachable."""
+
+    candidates_now: list[Candidate] = field(default_factory=lambda: [make_candidate()])
+    infeasible: list[ProviderReason] = field(default_factory=list)
+    limit: PayloadLimit = field(
+        default_factory=lambda: PayloadLimit(
+            max_payload_kg=5.0, drone_model_id="lifter", unknown_provider_ids=()
+        )
+    )
+    is_away: bool = False
+    queries: list[CandidateQuery] = field(default_factory=list)
+    accounts: dict[str, str] = field(default_factory=dict)
+
+    async def candidates(self, query: CandidateQuery) -> Candidates:
+        self._answer()
+        self.queries.append(query)
+        free = [c for c in self.candidates_now if c.drone_id not in query.excluded_drone_ids]
+        return Candidates(candidates=tuple(free), infeasible=tuple(self.infeasible))
+
+    async def payload_limit(self, query: PayloadLimitQuery) -> PayloadLimit:
+        self._answer()
+        return self.limit
+
+    async def open_account(self, user_name: str, *, password: str) -> None:
+        self._answer()
+        self.accounts[user_name] = password
+
+    async def close_account(self, user_name: str) -> None:
+        self._answer()
+        self.accounts.pop(user_name, None)
+
+    def _answer(self) -> None:
+        if self.is_away:
+            raise ServiceUnavailable("registry", "it is away in this test")
+
+
+@dataclass
+class FakeComposition:
+    """Books like the real one: once per (delivery, attempt), and nothing after the tombstone."""
+
+    clock: ManualClock
+    is_away: bool = False
+    is_busy: bool = False
+    reasons: list[ProviderReason] = field(default_factory=list)
+    booked: dict[tuple[str, int], Mission] = field(default_factory=dict)
+    closed: set[str] = field(default_factory=set)
+    #: How often something was booked anew, which must be once per attempt.
+    booking_count: int = 0
+
+    async def check_stations(self, query: StationCheckQuery) -> StationCheck:
+        self._answer()
+        known = [one for one in query.station_ids if one in STATIONS]
+        return StationCheck(
+            network_ids=dict.fromkeys(known, "corridor"),
+            positions={one: Position(-98.0, 29.0 + STATIONS.index(one)) for one in known},
+            unknown=tuple(one for one in query.station_ids if one not in STATIONS),
+            unreachable=tuple(one for one in known if one == "island"),
+        )
+
+    async def book(self, delivery_id: str, wanted: BookMissions) -> Booking:
+        self._answer()
+        if (delivery_id, wanted.attempt) in self.booked:
+            mission = self.booked[delivery_id, wanted.attempt]
+            return Booking(outcome="BOOKED", missions=(mission,))
+        if delivery_id in self.closed:
+            return Booking(outcome="CLOSED")
+        if self.is_busy or not wanted.candidates:
+            return Booking(outcome="BUSY", reasons=tuple(self.reasons))
+        if self.reasons:
+            return Booking(outcome="INFEASIBLE", reasons=tuple(self.reasons))
+        mission = make_mission(
+            wanted.request,
+            delivery_id=delivery_id,
+            attempt=wanted.attempt,
+            drone_id=wanted.candidates[0].drone_id,
+            start_at=self.clock.now() + timedelta(seconds=60),
+            provider_id=wanted.candidates[0].provider_id,
+        )
+        self.booking_count += 1
+        self.booked[delivery_id, wanted.attempt] = mission
+        return Booking(outcome="BOOKED", missions=(mission,))
+
+    async def close(self, delivery_id: str) -> ClosedDelivery:
+        self._answer()
+        live = tuple(
+            mission
+            for (booked_id, _), mission in self.booked.items()
+            if booked_id == delivery_id and mission.state == "BOOKED"
+        )
+        if live and delivery_id not in self.closed:
+            return ClosedDelivery(is_closed=False, missions=live)
+        self.closed.add(delivery_id)
+        return ClosedDelivery(is_closed=True)
+
+    def _answer(self) -> None:
+        if self.is_away:
+            raise ServiceUnavailable("composition", "it is away in this test")
+
+
+@dataclass
+class Forwarded:
+    """A request as it reached another service."""
+
+    service: str
+    method: str
+    path: str
+    query: str
+    headers: dict[str, str]
+    body: bytes
+
+
+Act = Callable[[httpx.Request, str], Awaitable[JsonModel | None]]
+
+
+@dataclass
+class Peers:
+    """Both services as transports; what they do not know is noted in `seen` and answered 200."""
+
+    registry: FakeRegistry
+    composition: FakeComposition
+    seen: list[Forwarded] = field(default_factory=list)
+
+    def transport(self, service: str) -> httpx.MockTransport:
+        """The way to one of them."""
+
+        async def answer(request: httpx.Request) -> httpx.Response:
+            await request.aread()
+            for pattern, act in self._acts():
+                found = re.fullmatch(pattern, f"{service} {request.method} {request.url.path}")
+                if found is not None:
+                    return await _answer(act, request, found)
+            return self._note(service, request)
+
+        return httpx.MockTransport(answer)
+
+    def _acts(self) -> list[tuple[str, Act]]:
+        registry, composition = self.registry, self.composition
+        account = "/internal/broker-accounts/(.*)"
+        delivery = "/internal/deliveries/(.*)"
+        return [
+            (
+                "registry POST /internal/candidates()",
+                lambda request, _: registry.candidates(CandidateQuery.read(request.content)),
+            ),
+            (
+                "registry POST /internal/payload-limit()",
+                lambda request, _: registry.payload_limit(PayloadLimitQuery.read(request.content)),
+            ),
+            (
+                f"registry PUT {account}",
+                lambda request, name: registry.open_account(
+                    name, password=json.loads(request.content)["password"]
+                ),
+            ),
+            (f"registry DELETE {account}", lambda _, name: registry.close_account(name)),
+            (
+                "composition POST /internal/station-checks()",
+                lambda request, _: composition.check_stations(
+                    StationCheckQuery.read(request.content)
+                ),
+            ),
+            (
+                f"composition PUT {delivery}/missions",
+                lambda request, delivery_id: composition.book(
+                    delivery_id, BookMissions.read(request.content)
+                ),
+            ),
+            (
+                f"composition PUT {delivery}/closed",
+                lambda _, delivery_id: composition.close(delivery_id),
+            ),
+        ]
+
+    def _note(self, service: str, request: httpx.Request) -> httpx.Response:
+        self.seen.append(
+            Forwarded(
+                service,
+                request.method,
+                request.url.path,
+                request.url.query.decode(),
+                dict(request.headers),
+                request.content,
+            )
+        )
+        if (request.method, request.url.path) == ("POST", "/v1/providers"):
+            made = {"provider_id": "prv_new", **json.loads(request.content)}
+            return _streamed(201, made)
+        return _streamed(200, {"seen": True})
+
+
+async def _answer(act: Act, request: httpx.Request, found: re.Match[str]) -> httpx.Response:
+    try:
+        answer = await act(request, found[1])
+    except ServiceUnavailable:
+        return httpx.Response(503)
+    if answer is None:
+        return httpx.Response(204)
+    return httpx.Response(200, content=answer.model_dump_json())
+
+
+def _streamed(status: int, value: object) -> httpx.Response:
+    """A response that is not read yet, as it comes from a socket."""
+    headers = {"content-type": "application/json", "etag": '"1-abc"'}
+    return httpx.Response(
+        status, headers=headers, stream=httpx.ByteStream(json.dumps(value).encode())
+    )
