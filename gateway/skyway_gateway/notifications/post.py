@@ -1,7 +1,9 @@
 """One signed POST to a customer's webhook, to an address that was judged first."""
 
 import asyncio
+import ssl
 from dataclasses import dataclass
+from functools import cache
 from http import HTTPStatus
 from types import TracebackType
 from typing import Final, Self
@@ -44,18 +46,19 @@ class WebhookPost:
 
     def __init__(self, targets: Targets) -> None:
         self._targets = targets
+        self._opened: httpx.AsyncClient | None = None
+
+    async def __aenter__(self) -> Self:
+        """Open the client; nothing is connected yet."""
         # Connections are not kept: one that was opened for a name must not serve another name
         # at the same address. No proxy of the environment either: it would resolve by itself.
-        self._client = httpx.AsyncClient(
+        self._opened = httpx.AsyncClient(
+            verify=_trusted_roots(),
             timeout=httpx.Timeout(_TIMEOUT_S, connect=_CONNECT_S),
             limits=httpx.Limits(max_connections=None, max_keepalive_connections=0),
             follow_redirects=False,
             trust_env=False,
         )
-
-    async def __aenter__(self) -> Self:
-        """Open the client; nothing is connected yet."""
-        await self._client.__aenter__()
         return self
 
     async def __aexit__(
@@ -66,6 +69,13 @@ class WebhookPost:
     ) -> None:
         """Close all connections."""
         await self._client.aclose()
+        self._opened = None
+
+    @property
+    def _client(self) -> httpx.AsyncClient:
+        if self._opened is None:
+            raise RuntimeError("notifications are posted only while the client is open")
+        return self._opened
 
     async def send(self, url: str, *, headers: dict[str, str], body: bytes) -> Reply:
         """The receiver's reply, or why there is none."""
@@ -110,3 +120,9 @@ class WebhookPost:
         await response.aclose()
         detail = None if response.is_success else f"answered {response.status_code}"
         return Reply(response.status_code, detail)
+
+
+@cache
+def _trusted_roots() -> ssl.SSLContext:
+    """Whose certificates are believed; read from disk once."""
+    return httpx.create_ssl_context(trust_env=False)
