@@ -4,7 +4,7 @@ import base64
 import binascii
 import json
 from collections.abc import Callable, Sequence
-from typing import Annotated, Generic, TypeVar
+from typing import Annotated, Final, Generic, TypeVar
 
 from pydantic import Field
 
@@ -13,6 +13,9 @@ from skyway.json_model import JsonModel
 
 T = TypeVar("T")
 R = TypeVar("R")
+
+#: The widest whole number that every database compares with.
+_MAX_INTEGER: Final = 2**63 - 1
 
 #: What a list is sorted by: the values of the last item seen, which the next page starts after.
 SortKey = tuple[str | int, ...]
@@ -56,7 +59,7 @@ def decode_cursor(cursor: str, *kinds: type[str] | type[int]) -> SortKey:
     except (binascii.Error, ValueError, RecursionError) as error:
         raise InvalidInput("cursor", "not a cursor of this list") from error
     fits = isinstance(values, list) and [type(value) for value in values] == list(kinds)
-    if not fits:
+    if not (fits and all(map(_is_comparable, values))):
         raise InvalidInput("cursor", "not a cursor of this list")
     return tuple(values)
 
@@ -75,3 +78,10 @@ def page_of(
         items=tuple(item(row) for row in shown),
         next_cursor=encode_cursor(sort_key(shown[-1])) if has_more else None,
     )
+
+
+def _is_comparable(value: str | int) -> bool:
+    """Whether a database can compare with it: a cursor is made up as easily as a body."""
+    if isinstance(value, int):
+        return abs(value) <= _MAX_INTEGER
+    return value.isprintable()

@@ -4,6 +4,7 @@ from datetime import datetime
 from typing import Annotated, Any, Final, Literal
 
 from fastapi import APIRouter, Depends, Header, Query, Request, Response
+from pydantic import Field
 
 from skyway.contracts.station_check import StationCheck, StationCheckQuery
 from skyway.errors import InvalidNetwork
@@ -26,6 +27,8 @@ from skyway_composition.networks.store import StationRow, VersionRow
 
 #: The most bytes of a network (decisions.md).
 NETWORK_LIMIT_BYTES: Final = 256 * 1024 * 1024
+#: The last version that the database can number.
+MAX_VERSION: Final = 2**31 - 1
 
 _GEOJSON: Final = "application/geo+json"
 _GEOJSON_BODY: Final[dict[str, Any]] = {  # a part of the OpenAPI document
@@ -75,7 +78,7 @@ class ZoneInfo(JsonModel):
 class VersionQuery(JsonModel):
     """Which version of a network; without it the current one."""
 
-    version: int | None = None
+    version: Annotated[int | None, Field(ge=1, le=MAX_VERSION)] = None
 
 
 def network_routes(
@@ -161,7 +164,9 @@ def network_routes(
         _must_be_somebody(caller)
         current = await _current(db, network_id)
         after = query.after(int)
-        before = int(after[0]) if after else current.version + 1
+        newest = current.version + 1
+        # A made-up cursor may lie beyond what the database can number.
+        before = max(0, min(int(after[0]), newest)) if after else newest
         async with db.read() as connection:
             rows = await store.versions_before(
                 connection, network_id, before=before, limit=query.limit + 1

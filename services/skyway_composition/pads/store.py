@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from sqlalchemy import delete, insert, select
+from sqlalchemy import BigInteger, delete, insert, literal, select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import MissionId, NetworkId, StationId
@@ -107,7 +107,8 @@ async def reservations_of(
         .limit(limit)
     )
     if after is not None:
-        start_ms, pad = after
+        start_ms = after[0]
+        pad = literal(after[1], BigInteger)  # a made-up one may be larger than any pad's number
         query = query.where(
             (pad_reservations.c.start_ms > start_ms)
             | ((pad_reservations.c.start_ms == start_ms) & (pad_reservations.c.pad > pad))

@@ -139,6 +139,13 @@ async def test_a_cursor_of_another_list_is_refused(composition: Any) -> None:
     assert answer.status_code == 422
 
 
+@pytest.mark.parametrize("version", [0, -1, 2**31, 10**30])
+async def test_a_version_that_cannot_be_is_named(composition: Any, version: int) -> None:
+    answer = await composition("customer:c", "GET", f"{PATH}?version={version}")
+
+    assert (answer.status_code, answer.json()["errors"][0]["field"]) == (422, "version")
+
+
 async def test_a_network_that_is_not_there(composition: Any) -> None:
     for below in ("", "/versions", "/stations", "/segments", "/zones"):
         answer = await composition("operator:op", "GET", f"/v1/networks/none{below}")

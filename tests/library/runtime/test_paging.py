@@ -44,11 +44,19 @@ def test_a_cursor_is_read_back() -> None:
         encode_cursor(("a", "b")),
         "e30",  # {}
         "W3RydWVd",  # [true]
+        "WyJcdWQ4MDAiXQ",  # half of a surrogate pair
+        "WyJcdTAwMDAiXQ",  # U+0000
     ],
 )
 def test_what_is_no_cursor_of_this_list_is_refused(cursor: str) -> None:
     with pytest.raises(InvalidInput, match="cursor: not a cursor of this list"):
         decode_cursor(cursor, str)
+
+
+@pytest.mark.parametrize("number", [2**63, -(2**64)])
+def test_a_number_that_no_database_holds_is_no_cursor(number: int) -> None:
+    with pytest.raises(InvalidInput, match="cursor: not a cursor of this list"):
+        decode_cursor(encode_cursor((number,)), int)
 
 
 @pytest.mark.parametrize("limit", [0, 201])
