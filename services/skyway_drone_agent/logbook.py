@@ -102,8 +102,11 @@ def _answered(logbook: Logbook, record: InstructionAnswered) -> Logbook:
         return logbook.model_copy(update={"mission": mission})
     before = logbook.mission
     if isinstance(instruction, CancelInstruction) and before is not None:
-        # A cancel of a mission that the drone does not have is accepted too, and changes nothing.
-        return _without_mission(logbook) if before.mission_id == instruction.mission_id else logbook
+        if before.mission_id != instruction.mission_id:
+            # A cancel of a mission that the drone does not have changes nothing.
+            return logbook
+        # What was still on board is stranded: it stays at the station where the drone stands.
+        return _without_mission(logbook).model_copy(update={"packages": ()})
     return logbook
 
 

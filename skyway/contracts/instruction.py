@@ -34,7 +34,10 @@ class MissionInstruction(_Instruction):
 
 
 class CancelInstruction(_Instruction):
-    """Forget a mission of which no step is released."""
+    """Forget a mission of which no step is released, or one that failed and waits.
+
+    What is still on board after a failure is left at the station where the drone stands.
+    """
 
     kind: Literal["CANCEL"] = "CANCEL"
     mission_id: MissionId

@@ -13,6 +13,8 @@ from skyway_drone_agent.memory_journal import MemoryJournal
 from skyway_drone_agent.records import Answer
 
 from skyway.contracts.drone_report import RefusalCode
+from skyway.contracts.flight_step import PackageOnBoard
+from skyway.ids import PackageId
 
 
 class Desk:
@@ -263,6 +265,24 @@ def test_a_mission_that_has_begun_cannot_be_cancelled(desk: Desk, trip: Any) -> 
 
     assert desk.answers[-1].code == RefusalCode.STEP_RELEASED
     assert desk.recorder.logbook.mission is not None
+
+
+def test_a_mission_that_failed_can_be_called_off_and_the_next_one_flown(
+    desk: Desk, trip: Any
+) -> None:
+    desk.take(desk.cloud.mission(trip))
+    mission = desk.recorder.logbook.mission
+    assert mission is not None
+    failed = mission.model_copy(update={"released_through": 1, "has_failed": True})
+    desk.drone_is(
+        mission=failed, packages=(PackageOnBoard(package_id=PackageId("p1"), mass_kg=1.0),)
+    )
+
+    desk.inbox.take(cancel(desk.cloud, "msn_1"))
+
+    assert desk.answers[-1].status == "ACCEPTED"
+    assert desk.recorder.logbook.packages == ()
+    assert desk.take(desk.cloud.mission(trip, mission_id="msn_2")).status == "ACCEPTED"
 
 
 def test_a_cancel_of_another_mission_leaves_the_current_one(desk: Desk, trip: Any) -> None:

@@ -1,14 +1,13 @@
 """The drone's answer to an instruction: it counts once, and ends the repeating."""
 
 import logging
-from functools import partial
 
 from skyway.contracts.drone_report import Ack, RefusalCode
-from skyway.contracts.instruction import CancelInstruction
 from skyway.runtime.outbox import confirm
 from skyway_composition.links import store as link_store
 from skyway_composition.links.link import DroneLink
 from skyway_composition.links.store import SentInstruction
+from skyway_composition.missions.dispatch import call_off
 from skyway_composition.missions.ending import refuse
 from skyway_composition.missions.progress import accepted, wait_for_revision
 from skyway_composition.missions.watch import Watch
@@ -41,16 +40,16 @@ async def _take_acceptance(watch: Watch, link: DroneLink, sent: SentInstruction)
     if record is not None and record.mission_id == sent.mission_id:
         await watch.keep(accepted(watch, record))
         return
+    if sent.mission_id is None or sent.mission_revision is None:
+        return
     # The mission was given up before the drone's word came: the drone must not fly it.
     log.warning("late acceptance", extra={"mission_id": sent.mission_id})
-    draft = partial(
-        CancelInstruction,
+    await call_off(
+        watch,
+        link.drone_id,
         mission_id=sent.mission_id,
-        mission_revision=sent.mission_revision,
+        revision=sent.mission_revision,
         reason="the mission was given up before it was accepted",
-    )
-    watch.links[link.drone_id] = await watch.courier.send(
-        watch.tx, link, draft, expires_at=watch.courier.expiry()
     )
 
 

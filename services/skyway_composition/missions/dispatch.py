@@ -1,4 +1,4 @@
-"""Sending a mission's steps to its drone: first, as a new revision, or again in a new stream."""
+"""Sending a mission's steps to its drone, first or again, and calling a mission off."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -6,8 +6,9 @@ from datetime import datetime
 from functools import partial
 
 from skyway.contracts.flight_step import FlightStep
-from skyway.contracts.instruction import MissionInstruction
+from skyway.contracts.instruction import CancelInstruction, MissionInstruction
 from skyway.contracts.mission import Mission
+from skyway.ids import DroneId, MissionId
 from skyway.runtime.database import Tx
 from skyway.units import moment_to_ms
 from skyway_composition.links.courier import Courier
@@ -36,6 +37,18 @@ async def dispatch(
         steps=tuple(steps),
     )
     return await courier.send(tx, link, draft, expires_at=expires_at)
+
+
+async def call_off(
+    watch: Watch, drone_id: DroneId, *, mission_id: MissionId, revision: int, reason: str
+) -> None:
+    """Have the drone forget a mission that was given up."""
+    draft = partial(
+        CancelInstruction, mission_id=mission_id, mission_revision=revision, reason=reason
+    )
+    watch.links[drone_id] = await watch.courier.send(
+        watch.tx, watch.links[drone_id], draft, expires_at=watch.courier.expiry()
+    )
 
 
 async def reissue(watch: Watch, record: MissionRecord) -> None:

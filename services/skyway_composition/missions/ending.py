@@ -8,6 +8,7 @@ from skyway.ids import PackageId, StationId
 from skyway.units import moment_to_ms
 from skyway_composition.missions import store
 from skyway_composition.missions.custody import Custodian, Held, on_board
+from skyway_composition.missions.dispatch import call_off
 from skyway_composition.missions.record import MissionRecord
 from skyway_composition.missions.report import report
 from skyway_composition.missions.states import moved
@@ -45,7 +46,10 @@ async def abort(
     code: str,
     detail: str | None,
 ) -> None:
-    """End a mission that cannot go on; packages on board are stranded where the drone stands."""
+    """End a mission that cannot go on; packages on board are stranded where the drone stands.
+
+    A drone that stands and waits is told to forget it, so that it can serve again.
+    """
     if record.mission.state == "BOOKED":
         await refuse(watch, record, code=code, detail=detail)
         return
@@ -53,6 +57,14 @@ async def abort(
     link = watch.links.get(record.drone_id)
     if station_id is None and link is not None and link.state is not None:
         station_id = link.state.station_id
+    if record.stuck is not None:
+        await call_off(
+            watch,
+            record.drone_id,
+            mission_id=record.mission_id,
+            revision=record.mission.revision,
+            reason=f"given up: {code}",
+        )
     await _end(watch, record, "ABORTED", at=at, code=code, detail=detail, station_id=station_id)
 
 

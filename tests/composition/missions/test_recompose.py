@@ -146,6 +146,8 @@ async def test_without_any_way_the_packages_are_stranded_where_the_drone_stands(
     assert tuple(chain[-1]) == ("STATION", "b")
     assert await composition.state_of(first.mission_id) == "ABORTED"
     assert await composition.broken() == []
+    (call_off,) = await composition.sent()
+    assert (call_off.kind, call_off.mission_id) == ("CANCEL", first.mission_id)
 
 
 async def test_a_lost_journal_in_flight_leads_to_a_revision_in_a_new_stream(
