@@ -13,7 +13,14 @@ from skyway.runtime import idempotency
 from skyway.runtime.clock import AnchoredClock, FleetClock, load_clock
 from skyway.runtime.database import Database
 from skyway.runtime.http import ServiceClient
-from skyway.runtime.http_app import Lifespan, Readiness, body_limits, create_app
+from skyway.runtime.http_app import (
+    Lifespan,
+    Readiness,
+    body_limits,
+    create_app,
+    nothing_to_open,
+    nothing_to_wait_for,
+)
 from skyway.runtime.identity import ServiceGate, ServiceIdentity, read_secret
 from skyway.runtime.loops import Loops, Wake, repeat
 from skyway.runtime.migrations import migrate
@@ -173,14 +180,9 @@ def openapi_app() -> FastAPI:
         database_url=f"sqlite:///{nowhere}", mqtt_url="mqtt://not-opened", secrets_dir=nowhere
     )
 
-    @asynccontextmanager
-    async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
-        yield
-
-    async def readiness() -> dict[str, bool]:
-        return {}
-
-    return gateway_app(_parts_in_life(settings), lifespan=lifespan, readiness=readiness)
+    return gateway_app(
+        _parts_in_life(settings), lifespan=nothing_to_open, readiness=nothing_to_wait_for
+    )
 
 
 async def take_over(parts: Parts) -> None:

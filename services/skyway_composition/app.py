@@ -12,7 +12,14 @@ from fastapi import FastAPI
 from skyway.runtime.clock import FleetClock, load_clock
 from skyway.runtime.database import Database
 from skyway.runtime.http import ServiceClient
-from skyway.runtime.http_app import Lifespan, Readiness, body_limits, create_app
+from skyway.runtime.http_app import (
+    Lifespan,
+    Readiness,
+    body_limits,
+    create_app,
+    nothing_to_open,
+    nothing_to_wait_for,
+)
 from skyway.runtime.identity import ServiceGate, ServiceIdentity, read_secret
 from skyway.runtime.loops import Loops, Wake, repeat
 from skyway.runtime.migrations import migrate
@@ -172,14 +179,9 @@ def openapi_app() -> FastAPI:
         database_url=f"sqlite:///{nowhere}", mqtt_url="mqtt://not-opened", secrets_dir=nowhere
     )
 
-    @asynccontextmanager
-    async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
-        yield
-
-    async def readiness() -> dict[str, bool]:
-        return {}
-
-    return composition_app(_parts(settings), lifespan=lifespan, readiness=readiness)
+    return composition_app(
+        _parts(settings), lifespan=nothing_to_open, readiness=nothing_to_wait_for
+    )
 
 
 def _parts(settings: CompositionSettings) -> Parts:

@@ -14,7 +14,14 @@ from skyway.runtime import idempotency
 from skyway.runtime.clock import FleetClock, load_clock
 from skyway.runtime.database import Database
 from skyway.runtime.http import ServiceClient
-from skyway.runtime.http_app import Lifespan, Readiness, body_limits, create_app
+from skyway.runtime.http_app import (
+    Lifespan,
+    Readiness,
+    body_limits,
+    create_app,
+    nothing_to_open,
+    nothing_to_wait_for,
+)
 from skyway.runtime.identity import ServiceGate, ServiceIdentity, read_secret
 from skyway.runtime.loops import Loops, repeat
 from skyway.runtime.migrations import migrate
@@ -136,15 +143,8 @@ def openapi_app() -> FastAPI:
         broker_password_file=nowhere,
     )
 
-    @asynccontextmanager
-    async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
-        yield
-
-    async def readiness() -> dict[str, bool]:
-        return {}
-
     parts = _parts(settings, _composition(settings))
-    return registry_app(parts, lifespan=lifespan, readiness=readiness)
+    return registry_app(parts, lifespan=nothing_to_open, readiness=nothing_to_wait_for)
 
 
 def _composition(settings: RegistrySettings) -> ServiceClient:

@@ -1,8 +1,8 @@
 """The HTTP face of every cloud service: what all of them answer alike."""
 
 import asyncio
-from collections.abc import Awaitable, Callable, Sequence
-from contextlib import AbstractAsyncContextManager
+from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
+from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from importlib.metadata import version
 from typing import Any, Final
 
@@ -107,3 +107,14 @@ def _health_routes(service: str, readiness: Readiness) -> APIRouter:
         return Response(content, headers={"Content-Type": content_type})
 
     return router
+
+
+@asynccontextmanager
+async def nothing_to_open(_app: FastAPI) -> AsyncIterator[None]:
+    """The lifespan of an app that only documents itself."""
+    yield
+
+
+async def nothing_to_wait_for() -> dict[str, bool]:
+    """The readiness of an app that needs nothing."""
+    return {}
