@@ -1,6 +1,7 @@
 """The `skyway` command: one line per subcommand."""
 
 import sys
+from typing import NoReturn
 
 import typer
 
@@ -35,9 +36,20 @@ app.add_typer(network_app, name="network")
 
 
 def main() -> None:
-    """Run a subcommand; what Skyway itself reports ends it with a message and code 1."""
+    """Run a subcommand; what Skyway itself reports ends it with a message and code 1.
+
+    So does a file that cannot be used: a wrong path is the commonest mistake of all.
+    """
     try:
         app()
     except SkywayError as error:
-        typer.echo(f"skyway: {error}", err=True)
-        sys.exit(1)
+        _end(str(error))
+    except OSError as error:
+        if error.filename is None:
+            raise
+        _end(f"{error.filename}: {error.strerror}")
+
+
+def _end(message: str) -> NoReturn:
+    typer.echo(f"skyway: {message}", err=True)
+    sys.exit(1)

@@ -12,6 +12,7 @@ import typer
 
 from skyway.cli.data_folder import data_folder
 from skyway.cli.gateway import call_gateway
+from skyway.cli.up import DataOption
 from skyway.errors import SkywayError
 from skyway.network.bundled import texas_corridor
 from skyway.network.geojson import read_network, write_network
@@ -93,27 +94,27 @@ def show(file: _FileArgument = BUNDLED) -> None:
 
 
 @network_app.command("import")
-def publish(file: _FileArgument, network_id: _NetworkIdOption) -> None:
+def publish(file: _FileArgument, network_id: _NetworkIdOption, data: DataOption = None) -> None:
     """Publish a network on the running Skyway as a new version (needs the operator's key)."""
     document = write_network(_read(file))
     answer = call_gateway(
         "PUT",
         _path(network_id),
         key_name=_OPERATOR_KEY,
-        folder=data_folder(),
+        folder=data_folder(data),
         body=json.dumps(document).encode(),
     )
     typer.echo(json.dumps(answer))
 
 
 @network_app.command("export")
-def fetch(network_id: _NetworkIdOption) -> None:
+def fetch(network_id: _NetworkIdOption, data: DataOption = None) -> None:
     """Write a network of the running Skyway to standard output as GeoJSON."""
     answer = call_gateway(
         "GET",
         _path(network_id),
         key_name=_OPERATOR_KEY,
-        folder=data_folder(),
+        folder=data_folder(data),
     )
     typer.echo(json.dumps(answer))
 

@@ -60,6 +60,8 @@ async def running_system(folder: DataFolder, *, rate: float, ports: Ports) -> As
     SkywayError
         Something does not start; the message says what, and where its log is.
     """
+    # Also in a folder that others may enter, databases and logs are its user's alone.
+    os.umask(0o077)
     make_secrets(folder)
     with ExitStack() as held:
         _hold(folder, held)

@@ -4,12 +4,14 @@ import asyncio
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import typer
 
 from skyway.cli.children import PACKAGES
 from skyway.cli.data_folder import CLOUD_SERVICES, data_folder
 from skyway.cli.databases import database_urls
+from skyway.cli.gateway import fail
 from skyway.cli.up import DataOption
 
 #: A service checks a database of millions of rows in minutes, not hours.
@@ -20,6 +22,8 @@ def verify_command(data: DataOption = None) -> None:
     """Check every invariant over the databases; exits 1 when one is violated."""
     folder = data_folder(data)
     urls = asyncio.run(database_urls(folder))
+    for url in urls.values():
+        _must_exist(url)
     violations = 0
     for service in CLOUD_SERVICES:
         checked = subprocess.run(
@@ -43,3 +47,10 @@ def verify_command(data: DataOption = None) -> None:
         violations += len(found)
     typer.echo(f"{violations} violations in {len(CLOUD_SERVICES)} databases")
     raise typer.Exit(1 if violations else 0)
+
+
+def _must_exist(url: str) -> None:
+    """SQLite would make the file that it does not find."""
+    file = url.removeprefix("sqlite:///")
+    if file != url and not Path(file).exists():
+        fail(f"there is no database {file}: no Skyway has run on this data folder")

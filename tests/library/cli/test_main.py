@@ -1,0 +1,45 @@
+"""`skyway` told something that is not so: a sentence that names it, and never a traceback."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+
+def skyway(*arguments: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-m", "skyway.cli", *(str(argument) for argument in arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+
+
+@pytest.mark.parametrize("command", ["up", "demo", "secrets"])
+def test_a_data_folder_that_is_a_file_is_named(command: str, tmp_path: Path) -> None:
+    file = tmp_path / "file"
+    file.touch()
+
+    ended = skyway(command, "--data", file)
+
+    assert ended.returncode == 1
+    assert ended.stderr.startswith(f"skyway: {file}")
+
+
+def test_a_request_s_file_that_is_not_there_is_named(tmp_path: Path) -> None:
+    ended = skyway("request", "--file", tmp_path / "nofile", "--data", tmp_path)
+
+    assert (ended.returncode, ended.stdout) == (1, "")
+    assert ended.stderr == f"skyway: {tmp_path / 'nofile'}: No such file or directory\n"
+
+
+def test_verify_of_an_empty_folder_names_the_database_and_makes_none(tmp_path: Path) -> None:
+    ended = skyway("verify", "--data", tmp_path)
+
+    assert ended.returncode == 1
+    assert f"there is no database {tmp_path / 'registry.db'}" in ended.stderr
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_network_is_published_with_the_keys_of_a_data_folder(tmp_path: Path) -> None:
+    ended = skyway("network", "import", "bundled", "--network-id", "texas", "--data", tmp_path)
+
+    assert ended.returncode == 1
+    assert str(tmp_path / "keys.env") in ended.stderr
