@@ -2,21 +2,20 @@
 
 import asyncio
 from collections import deque
-from datetime import datetime
 from typing import Literal
 
 from skyway.contracts.drone_report import Ack
 from skyway.contracts.topics import ACKS
 from skyway.runtime.clock import FleetClock
 from skyway_drone_agent.flight_recorder import FlightRecorder
-from skyway_drone_agent.records import Answer
+from skyway_drone_agent.records import AcceptanceTold, Answer
 from skyway_drone_agent.uplink import Uplink
 
 _Status = Literal["RECEIVED", "ACCEPTED", "REJECTED"]
 
 
 class AckQueue:
-    """Sends answers as acks, and knows which ACCEPTED the broker has confirmed."""
+    """Sends answers as acks, and writes down when the broker has a mission's ACCEPTED."""
 
     def __init__(self, uplink: Uplink, recorder: FlightRecorder, clock: FleetClock) -> None:
         self._uplink = uplink
@@ -24,7 +23,6 @@ class AckQueue:
         self._clock = clock
         self._waiting: deque[tuple[_Status, Answer]] = deque()
         self._has_some = asyncio.Event()
-        self._confirmed: tuple[int, int, datetime] | None = None
 
     def received(self, answer: Answer) -> None:
         """Tell that the instruction is in the journal."""
@@ -33,12 +31,6 @@ class AckQueue:
     def answered(self, answer: Answer) -> None:
         """Tell the final answer."""
         self._add(answer.status, answer)
-
-    def confirmed_at(self, answer: Answer) -> datetime | None:
-        """The fleet moment at which the broker had this ACCEPTED, or None."""
-        if self._confirmed is None or self._confirmed[:2] != (answer.stream, answer.seq):
-            return None
-        return self._confirmed[2]
 
     async def run(self) -> None:
         """Send for ever; after a restart first the ack of the mission that is not over."""
@@ -52,18 +44,16 @@ class AckQueue:
             if not self._waiting:
                 self._has_some.clear()
             if status == "ACCEPTED":
-                self._note_confirmed(answer)
+                self._note_told(answer)
 
     def _add(self, status: _Status, answer: Answer) -> None:
         self._waiting.append((status, answer))
         self._has_some.set()
 
-    def _note_confirmed(self, answer: Answer) -> None:
+    def _note_told(self, answer: Answer) -> None:
         mission = self._recorder.logbook.mission
-        if mission is not None and answer == mission.accepted_by:
-            if self.confirmed_at(answer) is None:
-                self._confirmed = (answer.stream, answer.seq, self._clock.now())
-            self._recorder.tell_watchers()
+        if mission is not None and answer == mission.accepted_by and mission.told_at is None:
+            self._recorder.record(AcceptanceTold(told_at=self._clock.now()))
 
     def _ack(self, status: _Status, answer: Answer) -> Ack:
         is_final = status != "RECEIVED"

@@ -111,9 +111,7 @@ class DroneAgent:
         state = StateSender(uplink, recorder, vehicle, clock, events=events)
         telemetry = TelemetrySender(uplink, recorder, vehicle, clock)
         inbox = Inbox(recorder, clock, model=vehicle.model, answers=acks, events=events)
-        pilot = Pilot(
-            recorder, vehicle, clock, gates=lambda: self._gates(watch, acks), uplink=uplink
-        )
+        pilot = Pilot(recorder, vehicle, clock, gates=lambda: self._gates(watch), uplink=uplink)
         self._watch, self._state = watch, state
         if self._link.is_connected:
             await self._say_online()
@@ -143,9 +141,9 @@ class DroneAgent:
         with contextlib.suppress(MqttUnavailable):
             await self._link.publish(self._presence.address, self._presence.online())
 
-    def _gates(self, watch: LinkWatch, acks: AckQueue) -> Gates:
+    def _gates(self, watch: LinkWatch) -> Gates:
         mission = self._recorder.logbook.mission
-        told_at = acks.confirmed_at(mission.accepted_by) if mission else None
+        told_at = mission.told_at if mission else None
         up_since = watch.up_since
         return Gates(
             take_off_at=watch.not_lost_since,

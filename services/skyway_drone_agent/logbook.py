@@ -17,6 +17,7 @@ from skyway.geo import Position
 from skyway.ids import DeliveryId, MissionId, StationId
 from skyway.json_model import WireModel
 from skyway_drone_agent.records import (
+    AcceptanceTold,
     Answer,
     EventRecorded,
     InstructionAnswered,
@@ -34,6 +35,7 @@ ENDED_MISSIONS_KEPT = 16
 class CurrentMission(WireModel):
     """The accepted mission: the steps that have not ended, and where the drone is in them.
 
+    `expires_at` is the accepted instruction's; `told_at` is when the broker had its ACCEPTED.
     `first_step` is the mission's, not the revision's; `free_at` is when the step before ended;
     `began_at` when the first of `steps` began, or None. After a failure nothing is flown
     until a new revision comes.
@@ -43,6 +45,8 @@ class CurrentMission(WireModel):
     revision: int
     delivery_id: DeliveryId
     accepted_by: Answer
+    expires_at: FleetMoment
+    told_at: FleetMoment | None = None
     first_step: int
     steps: tuple[FlightStep, ...]
     released_through: int
@@ -78,6 +82,8 @@ def logbook_after(logbook: Logbook, record: Record) -> Logbook:
     match record:
         case InstructionAnswered():
             return _answered(logbook, record)
+        case AcceptanceTold():
+            return _told(logbook, record)
         case StepBegun():
             return _begun(logbook, record)
         case EventRecorded():
@@ -120,6 +126,7 @@ def mission_with(
         revision=instruction.mission_revision,
         delivery_id=instruction.delivery_id,
         accepted_by=answer,
+        expires_at=instruction.expires_at,
         first_step=before.first_step if before else instruction.first_step,
         steps=(*steps_kept(before, instruction.first_step), *instruction.steps),
         released_through=before.released_through if before else instruction.first_step - 1,
@@ -133,6 +140,13 @@ def steps_kept(mission: CurrentMission | None, first_step: int) -> tuple[FlightS
     if mission is None or mission.has_failed:
         return ()
     return tuple(step for step in mission.steps if step.step_id < first_step)
+
+
+def _told(logbook: Logbook, record: AcceptanceTold) -> Logbook:
+    if logbook.mission is None:
+        return logbook
+    mission = logbook.mission.model_copy(update={"told_at": record.told_at})
+    return logbook.model_copy(update={"mission": mission})
 
 
 def _begun(logbook: Logbook, record: StepBegun) -> Logbook:

@@ -3,7 +3,8 @@
 A step begins when the one before has ended and its own planned start has come; its end is what the
 vehicle says, not when this process woke. A drone on the ground takes off only with the energy for
 all flights up to the next recharge, and not while the link is lost; it loads only while the cloud
-knows that it has accepted. Whatever begins or ends is in the journal first.
+knows that it has accepted, and only if the cloud was told before the instruction expired: after
+that it may have sent another drone. Whatever begins or ends is in the journal first.
 """
 
 from dataclasses import dataclass, field
@@ -86,7 +87,7 @@ def next_act(
         return Stand(until=earliest)
     match step:
         case PickUpStep():
-            return _load_or_stand(step, earliest, gates=gates)
+            return _load_or_not(mission, step, earliest, gates=gates)
         case FlyStep():
             return _take_off_or_not(logbook, mission, earliest, vehicle=vehicle, gates=gates)
         case RechargeStep() if earliest >= step.not_after_at:
@@ -99,7 +100,11 @@ def _not_before(step: FlightStep) -> datetime:
     return step.not_before_at if isinstance(step, RechargeStep) else step.planned_start_at
 
 
-def _load_or_stand(step: PickUpStep, earliest: datetime, *, gates: Gates) -> Act:
+def _load_or_not(
+    mission: CurrentMission, step: PickUpStep, earliest: datetime, *, gates: Gates
+) -> Act:
+    if mission.told_at is not None and mission.told_at > mission.expires_at:
+        return Fail(step, max(earliest, mission.told_at), code="EXPIRED")
     if gates.loading_at is None:
         return Stand(until=None)
     return Begin(step, max(earliest, gates.loading_at), step.step_id)

@@ -33,6 +33,13 @@ class InstructionAnswered(WireModel):
     instruction: Instruction | None
 
 
+class AcceptanceTold(WireModel):
+    """The broker has the ACCEPTED of the current mission's present revision."""
+
+    kind: Literal["TOLD"] = "TOLD"
+    told_at: FleetMoment
+
+
 class StepBegun(WireModel):
     """A step begins; steps up to `released_through` cannot be replaced any more."""
 
@@ -49,7 +56,7 @@ class EventRecorded(WireModel):
     event: DroneEvent
 
 
-Record = InstructionAnswered | StepBegun | EventRecorded
+Record = InstructionAnswered | AcceptanceTold | StepBegun | EventRecorded
 
 #: A record as a line of the journal names its kind.
 RecordLine = Annotated[Record, Field(discriminator="kind")]

@@ -151,8 +151,10 @@ def _no_way_back(instruction: CancelInstruction, logbook: Logbook) -> Refusal | 
         return Refusal(RefusalCode.STALE_REVISION, f"{instruction.mission_id} is over")
     if mission is None or mission.mission_id != instruction.mission_id:
         return None  # what is not there is forgotten already
-    # After a failure nothing is under way: the drone stands, and can leave it at that.
-    if mission.released_through >= mission.first_step and not mission.has_failed:
+    # After a failure, or between two steps with nothing on board, it can leave it at that.
+    stands = logbook.station_id is not None and mission.began_at is None
+    can_stop = mission.has_failed or (stands and not logbook.packages)
+    if mission.released_through >= mission.first_step and not can_stop:
         detail = f"steps through {mission.released_through} are released"
         return Refusal(
             RefusalCode.STEP_RELEASED, detail, {"released_through": mission.released_through}

@@ -259,12 +259,32 @@ def test_a_mission_that_has_begun_cannot_be_cancelled(desk: Desk, trip: Any) -> 
     desk.take(desk.cloud.mission(trip))
     mission = desk.recorder.logbook.mission
     assert mission is not None
-    desk.drone_is(mission=mission.model_copy(update={"released_through": 1}))
+    begun = {"released_through": 1, "began_at": desk.clock.now()}
+    desk.drone_is(mission=mission.model_copy(update=begun))
 
     desk.inbox.take(cancel(desk.cloud, "msn_1"))
 
     assert desk.answers[-1].code == RefusalCode.STEP_RELEASED
     assert desk.recorder.logbook.mission is not None
+
+
+def test_a_drone_that_has_landed_is_called_off_while_it_carries_nothing(
+    desk: Desk, trip: Any
+) -> None:
+    desk.take(desk.cloud.mission(trip))
+    mission = desk.recorder.logbook.mission
+    assert mission is not None
+    landed = mission.model_copy(update={"released_through": 1, "steps": tuple(trip[1:])})
+    desk.drone_is(mission=landed, packages=trip[0].packages)
+
+    desk.inbox.take(cancel(desk.cloud, "msn_1"))
+    assert desk.answers[-1].code == RefusalCode.STEP_RELEASED
+    desk.drone_is(packages=())
+    second = cancel(desk.cloud, "msn_1")
+    desk.inbox.take(second)
+
+    assert desk.answers[-1].status == "ACCEPTED"
+    assert desk.recorder.logbook.mission is None
 
 
 def test_a_mission_that_failed_can_be_called_off_and_the_next_one_flown(

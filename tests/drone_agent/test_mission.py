@@ -25,6 +25,8 @@ def logbook(drone: Any, trip: Any) -> Logbook:
         revision=1,
         delivery_id="dlv_1",
         accepted_by=ANSWER,
+        expires_at=START + timedelta(minutes=1),
+        told_at=START,
         first_step=1,
         steps=tuple(trip),
         released_through=0,
@@ -101,6 +103,16 @@ def test_a_flight_over_a_station_goes_on_without_the_link(
     act = decide(drone, over, at=trip[1].planned_end_at, gates=closed)
 
     assert act == Begin(trip[2], at=trip[1].planned_end_at, released_through=3)
+
+
+def test_nothing_is_loaded_when_the_cloud_was_told_after_the_expiry(
+    drone: Any, logbook: Logbook, trip: Any
+) -> None:
+    told_late = with_mission(logbook, told_at=START + timedelta(minutes=2))
+
+    act = decide(drone, told_late, at=trip[0].planned_start_at)
+
+    assert act == Fail(trip[0], at=trip[0].planned_start_at, code="EXPIRED")
 
 
 def test_a_lost_link_keeps_a_landed_drone_on_the_ground(

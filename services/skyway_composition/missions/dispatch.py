@@ -13,6 +13,7 @@ from skyway.runtime.database import Tx
 from skyway.units import moment_to_ms
 from skyway_composition.links.courier import Courier
 from skyway_composition.links.link import DroneLink
+from skyway_composition.links.store import open_instructions
 from skyway_composition.missions import store
 from skyway_composition.missions.record import MissionRecord
 from skyway_composition.missions.watch import Watch
@@ -42,7 +43,10 @@ async def dispatch(
 async def call_off(
     watch: Watch, drone_id: DroneId, *, mission_id: MissionId, revision: int, reason: str
 ) -> None:
-    """Have the drone forget a mission that was given up."""
+    """Have the drone forget a mission that was given up, unless it has still to answer that."""
+    sent = await open_instructions(watch.tx, drone_id)
+    if any(each.kind == "CANCEL" and each.mission_id == mission_id for each in sent):
+        return
     draft = partial(
         CancelInstruction, mission_id=mission_id, mission_revision=revision, reason=reason
     )

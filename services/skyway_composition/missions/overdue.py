@@ -3,6 +3,7 @@
 import logging
 from dataclasses import dataclass
 from datetime import datetime
+from typing import Final
 
 from skyway.ids import DroneId
 from skyway.runtime.clock import FleetClock, fleet_margin
@@ -18,14 +19,19 @@ from skyway_composition.missions.watch import Watch
 
 log = logging.getLogger(__name__)
 
+#: Longest time from a drone's PUBACK until its ack is taken here, wall seconds; a process that
+#: stands still for longer than this is taken for dead by the broker, and asks anew.
+_ACK_ON_ITS_WAY_S: Final = 10.0
 
-def is_known_not_to_fly(record: MissionRecord, link: DroneLink) -> bool:
-    """Whether a booking that expired unanswered is surely not flown.
 
-    The drone is gone and accepts nothing any more, or it has said since the expiry what it does,
-    and it is not this. Before that, another drone for the delivery could make two.
+def is_known_not_to_fly(record: MissionRecord, link: DroneLink, *, ack_due_at: datetime) -> bool:
+    """Whether a booking that expired unanswered is surely not loaded.
+
+    The drone is gone, and any ack that the broker had from it in time would be here: later ones
+    let no drone load. Or it has said since the expiry what it does, and it is not this. Before
+    that, another drone for the delivery could make two.
     """
-    if link.is_gone:
+    if link.is_gone and moment_to_ms(ack_due_at) > record.expires_ms:
         return True
     state = link.state
     return (
@@ -74,7 +80,8 @@ class Overdue:
             has_expired = moment_to_ms(now) > record.expires_ms
             is_long_over = record.mission.released_at < silent_since
             if record.mission.state == "BOOKED" and has_expired:
-                if is_known_not_to_fly(record, link) or is_long_over:
+                ack_due_at = now - fleet_margin(self.clock, fleet_s=0, wall_s=_ACK_ON_ITS_WAY_S)
+                if is_known_not_to_fly(record, link, ack_due_at=ack_due_at) or is_long_over:
                     expired_at = ms_to_moment(record.expires_ms)
                     detail = f"the drone did not answer until {expired_at.isoformat()}"
                     await refuse(watch, record, code="NO_ANSWER", detail=detail)

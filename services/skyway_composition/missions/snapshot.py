@@ -5,10 +5,11 @@ from dataclasses import replace
 from typing import Final
 
 from skyway.contracts.drone_report import DroneState
+from skyway.ids import DroneId, MissionId
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions import store
 from skyway_composition.missions.custody import on_board
-from skyway_composition.missions.dispatch import reissue
+from skyway_composition.missions.dispatch import call_off, reissue
 from skyway_composition.missions.progress import begun, wait_for_revision
 from skyway_composition.missions.record import MissionRecord
 from skyway_composition.missions.report import report
@@ -42,6 +43,24 @@ async def take_state(watch: Watch, link: DroneLink, state: DroneState) -> None:
     record = watch.missions.get(link.drone_id)
     if record is not None and state.mission_id == record.mission_id:
         await _take_progress(watch, record, state)
+    elif state.mission_id is not None:
+        await _call_off_if_over(watch, link.drone_id, state.mission_id, state)
+
+
+async def _call_off_if_over(
+    watch: Watch, drone_id: DroneId, mission_id: MissionId, state: DroneState
+) -> None:
+    """Have the drone forget a mission of its own that ended here without its knowing."""
+    known = await store.get(watch.tx.connection, mission_id, provider_id=None)
+    if known is not None and known.drone_id == drone_id:
+        revision = state.mission_revision or known.mission.revision
+        await call_off(
+            watch,
+            drone_id,
+            mission_id=mission_id,
+            revision=revision,
+            reason="the mission was given up without the drone's knowing",
+        )
 
 
 async def _open_stream(watch: Watch, link: DroneLink, state: DroneState) -> None:

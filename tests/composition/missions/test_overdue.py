@@ -8,6 +8,7 @@ import pytest
 pytestmark = pytest.mark.parametrize("database_url", ["sqlite"], indirect=True)
 
 EXPIRY = timedelta(seconds=61)
+ACK_ON_ITS_WAY = timedelta(seconds=10)
 
 
 async def booked(composition: Any) -> Any:
@@ -25,12 +26,25 @@ async def test_a_lost_drone_that_never_answered_is_given_up(composition: Any, dr
     instruction = await booked(composition)
     await composition.take(drone.connection("LOST"))
 
-    await sweep_after(composition, EXPIRY)
+    await sweep_after(composition, EXPIRY + ACK_ON_ITS_WAY)
 
     (report,) = await composition.reports()
     assert (report.kind, report.code) == ("REFUSED", "NO_ANSWER")
     assert await composition.state_of(instruction.mission_id) == "REFUSED"
     assert await composition.reservations() == []
+
+
+async def test_the_word_of_a_lost_drone_may_still_be_on_its_way(
+    composition: Any, drone: Any
+) -> None:
+    instruction = await booked(composition)
+    await composition.take(drone.connection("LOST"))
+
+    await sweep_after(composition, EXPIRY)
+
+    assert await composition.state_of(instruction.mission_id) == "BOOKED"
+    await composition.take(drone.ack(instruction))
+    assert await composition.state_of(instruction.mission_id) == "ACCEPTED"
 
 
 async def test_before_the_instruction_expires_nobody_is_given_up(
@@ -109,3 +123,32 @@ async def test_a_late_drone_that_still_flies_is_not_aborted(composition: Any, dr
     await composition.overdue.step()
 
     assert await composition.state_of(instruction.mission_id) == "ACCEPTED"
+
+
+async def test_a_drone_that_flies_what_was_given_up_is_called_off_again_and_again(
+    composition: Any, drone: Any
+) -> None:
+    instruction = await booked(composition)
+    await composition.take(drone.connection("LOST"))
+    await sweep_after(composition, EXPIRY + ACK_ON_ITS_WAY)
+    flying = {"mission_id": instruction.mission_id, "mission_revision": 1}
+
+    await composition.take(drone.state(**flying))
+    (_, first) = await composition.sent()
+    await composition.take(drone.state(**flying))
+    await composition.take(drone.ack(first, "REJECTED", code="STEP_RELEASED"))
+    await composition.take(drone.state(**flying))
+
+    *_, again = await composition.sent()
+    assert (first.kind, again.kind) == ("CANCEL", "CANCEL")
+    assert again.seq == first.seq + 1
+
+
+async def test_a_state_that_names_a_mission_of_nobody_calls_nothing_off(
+    composition: Any, drone: Any
+) -> None:
+    instruction = await booked(composition)
+
+    await composition.take(drone.state(mission_id="msn_of_nobody"))
+
+    assert await composition.sent() == [instruction]
