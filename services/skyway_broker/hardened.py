@@ -95,6 +95,8 @@ class HardenedBroker(Broker):  # type: ignore[misc] # amqtt has no types
         session = await self._introduction(reader, writer)
         if session is None:
             return
+        # An account just made comes in, and one just removed does not, before the next poll.
+        self._look_at_accounts()
         if not self._gate.admits(session.username, session.password):
             # Nothing of anybody else was touched before this line.
             log.info("client refused", extra={"user_name": session.username})
@@ -185,13 +187,16 @@ class HardenedBroker(Broker):  # type: ignore[misc] # amqtt has no types
                 client.deliver(topic, data, min(mqtt_qos, granted), retained=False)
 
     async def _poll_accounts(self) -> None:
-        """Put out at once whoever is not in the password file any more."""
         while True:
             await asyncio.sleep(_POLL_S)
-            if not self._gate.refresh():
-                continue
-            for client in tuple(self._clients.values()):
-                if not self._gate.admits(client.user_name, client.session.password):
-                    log.info("account revoked", extra={"client": client.place})
-                    self._leave(client, has_left=False)
-                    client.put_out()
+            self._look_at_accounts()
+
+    def _look_at_accounts(self) -> None:
+        """Put out at once whoever is not in the password file any more."""
+        if not self._gate.refresh():
+            return
+        for client in tuple(self._clients.values()):
+            if not self._gate.admits(client.user_name, client.session.password):
+                log.info("account revoked", extra={"client": client.place})
+                self._leave(client, has_left=False)
+                client.put_out()

@@ -176,3 +176,16 @@ async def test_a_packet_above_the_limit_ends_its_connection(embedded, connect):
         await drone.publish_raw(
             CONNECTION("p", "drone-1").name, bytes(2 << 20), mqtt_qos=1, retained=False
         )
+
+
+async def test_an_account_counts_from_the_moment_it_is_written(embedded, connect):
+    await connected(await connect(embedded.port, "drone-1"))
+    fresh, removed = Listening("drone-3"), Listening("drone-1")
+
+    await embedded.set_accounts(("drone-3",))
+
+    await fresh.open(embedded.port)
+    with pytest.raises(MqttUnavailable, match="refused"):
+        await removed.open(embedded.port)
+    fresh.link.close()
+    removed.link.close()
