@@ -7,7 +7,9 @@ import shutil
 import signal
 import socket
 from collections.abc import AsyncIterator, Awaitable, Callable
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any, Protocol
 
 import pytest
@@ -15,11 +17,16 @@ from skyway_broker.gate import Gate
 from skyway_broker.hardened import HardenedBroker
 
 from skyway.contracts.broker_rules import BrokerRules
+from skyway.contracts.delivery_event import DeliveryEvent, DeliveryEventType
+from skyway.contracts.drone_report import Ack, Connection
+from skyway.contracts.instruction import ReportInstruction
+from skyway.contracts.world import ClockAnchor, StationState
 from skyway.runtime.broker_passwords import hash_password, write_password_file
 from skyway.runtime.mosquitto import mosquitto_conf
-from skyway.runtime.mqtt import MqttClient
+from skyway.runtime.mqtt import MqttClient, Received
 
 SERVICES = ("operator", "gateway", "registry", "composition")
+NOW = datetime(2026, 1, 1, tzinfo=UTC)
 CLIENTS = ("drone-1", "drone-2", "customer-1", "customer-2")
 
 
@@ -153,6 +160,113 @@ def free_port() -> int:
     with socket.create_server(("127.0.0.1", 0)) as listener:
         port: int = listener.getsockname()[1]
         return port
+
+
+def make_connection(number: int, status: str = "ONLINE") -> Connection:
+    return Connection(
+        message_id="m",
+        sent_at=NOW,
+        session=1,
+        connection_number=number,
+        status=status,  # type: ignore[arg-type]
+    )
+
+
+def make_ack(seq: int) -> Ack:
+    return Ack(
+        message_id="m",
+        sent_at=NOW,
+        session=1,
+        seq=seq,
+        instruction_id="i",
+        instruction_seq=seq,
+        stream=1,
+        status="RECEIVED",
+    )
+
+
+def make_instruction(seq: int) -> ReportInstruction:
+    return ReportInstruction(
+        message_id="m",
+        sent_at=NOW,
+        instruction_id=f"i{seq}",
+        stream=1,
+        seq=seq,
+        expires_at=NOW + timedelta(minutes=1),
+        events_after_seq=0,
+    )
+
+
+def make_event(delivery_id: str) -> DeliveryEvent:
+    return DeliveryEvent(
+        message_id="m",
+        sent_at=NOW,
+        event_id="e",
+        type=DeliveryEventType.REQUESTED,
+        delivery_id=delivery_id,
+        sequence=1,
+        occurred_at=NOW,
+    )
+
+
+def make_anchor(rate: float) -> ClockAnchor:
+    return ClockAnchor(message_id="m", sent_at=NOW, fleet_at=NOW, wall_at=NOW, rate=rate)
+
+
+def make_station_state(pads_taken: int) -> StationState:
+    return StationState(message_id="m", sent_at=NOW, station_id="s", pads=2, pads_taken=pads_taken)
+
+
+async def take_exactly(
+    batches: AsyncIterator[list[Received[Any]]], wanted: int
+) -> list[Received[Any]]:
+    """The next messages, in order; fails when there are more or fewer."""
+    taken: list[Received[Any]] = []
+    async with asyncio.timeout(10):
+        while len(taken) < wanted:
+            taken += await anext(batches)
+    assert len(taken) == wanted
+    return taken
+
+
+async def wait_all_connected(*clients: Any) -> None:
+    async with asyncio.timeout(10):
+        for client in clients:
+            await client.wait_connected()
+
+
+async def wait_until(holds: Callable[[], bool]) -> None:
+    async with asyncio.timeout(10):
+        while not holds():  # noqa: ASYNC110 - the client has no event for every condition
+            await asyncio.sleep(0.001)
+
+
+@pytest.fixture
+def make() -> SimpleNamespace:
+    """What the tests send: make.ack, make.connection, and so on."""
+    return SimpleNamespace(
+        connection=make_connection,
+        ack=make_ack,
+        instruction=make_instruction,
+        event=make_event,
+        anchor=make_anchor,
+        station_state=make_station_state,
+    )
+
+
+@pytest.fixture
+def take() -> Callable[..., Awaitable[list[Received[Any]]]]:
+    return take_exactly
+
+
+@pytest.fixture
+def all_connected() -> Callable[..., Awaitable[None]]:
+    return wait_all_connected
+
+
+@pytest.fixture
+def until() -> Callable[[Callable[[], bool]], Awaitable[None]]:
+    return wait_until
 
 
 @pytest.fixture

@@ -1,0 +1,168 @@
+"""Connections that end, on either side: alike on both brokers."""
+
+from typing import Any
+
+import pytest
+
+from skyway.contracts.drone_report import Connection
+from skyway.contracts.topics import ACKS, CONNECTION, INSTRUCTIONS
+from skyway.runtime.errors import MqttUnavailable
+
+
+async def test_a_drones_next_connection_replaces_its_former_one(
+    broker, connect, cable, make, take, all_connected
+):
+    composition = await connect(broker.service_port, "composition")
+    told = composition.batches(CONNECTION)
+    await all_connected(composition)
+    wire = await cable(broker.port)
+    await all_connected(
+        await connect(
+            wire.port,
+            "drone-1",
+            will=lambda: (CONNECTION("p", "drone-1"), make.connection(1, "LOST")),
+        )
+    )
+    wire.go_silent()
+
+    drone = await connect(broker.port, "drone-1")
+    arrived = drone.batches(INSTRUCTIONS("p", "drone-1"))
+    await all_connected(drone)
+    await drone.publish(CONNECTION("p", "drone-1"), make.connection(2))
+    await composition.publish(INSTRUCTIONS("p", "drone-1"), make.instruction(1))
+
+    await take(arrived, 1)
+    received = [one.message for one in await take(told, 2)]
+    assert [one.connection_number for one in received] == [1, 2]
+    assert [one.status for one in received] == ["LOST", "ONLINE"]
+
+
+async def test_retained_topics_are_republished_after_the_broker_forgot_them(
+    broker, connect, make, take, all_connected, until
+):
+    async def republish() -> None:
+        await drone.publish(CONNECTION("p", "drone-1"), make.connection(1))
+
+    composition = await connect(broker.service_port, "composition")
+    arrived = composition.batches(CONNECTION)
+    await all_connected(composition)
+    drone = await connect(broker.port, "drone-1", on_connected=republish)
+    await take(arrived, 1)
+
+    await broker.stop()
+    await until(lambda: not drone.is_connected)
+    await broker.start()
+    await all_connected(composition, drone)
+    later = await connect(broker.service_port, "registry")
+
+    [received] = await take(later.batches(CONNECTION), 1)
+    assert received.ids == ("p", "drone-1")
+
+
+async def test_a_lost_drone_is_told_with_its_present_connection_number(
+    broker, connect, cable, make, take, all_connected, until
+):
+    wills: list[Connection] = []
+
+    def make_will() -> tuple[Any, Connection]:
+        wills.append(make.connection(len(wills) + 1, "LOST"))
+        return CONNECTION("p", "drone-1"), wills[-1]
+
+    composition = await connect(broker.service_port, "composition")
+    arrived = composition.batches(CONNECTION)
+    await all_connected(composition)
+    wire = await cable(broker.port)
+    drone = await connect(wire.port, "drone-1", will=make_will)
+    await all_connected(drone)
+
+    wire.cut()
+    [first] = await take(arrived, 1)
+    await until(lambda: len(wills) == 2)
+    await all_connected(drone)
+    wire.cut()
+    [second] = await take(arrived, 1)
+
+    assert (first.message.status, first.message.connection_number) == ("LOST", 1)
+    assert (second.message.status, second.message.connection_number) == ("LOST", 2)
+
+
+async def test_a_drone_that_says_goodbye_is_not_lost(broker, connect, make, take, all_connected):
+    composition = await connect(broker.service_port, "composition")
+    arrived = composition.batches(CONNECTION)
+    await all_connected(composition)
+    drone = await connect(
+        broker.port,
+        "drone-1",
+        will=lambda: (CONNECTION("p", "drone-1"), make.connection(1, "LOST")),
+    )
+    await all_connected(drone)
+
+    await drone.__aexit__()
+    other = await connect(broker.port, "drone-2")
+    await all_connected(other)
+    await other.publish(CONNECTION("p", "drone-2"), make.connection(1))
+
+    [received] = await take(arrived, 1)
+    assert received.ids == ("p", "drone-2")
+
+
+async def test_a_silent_client_is_lost_after_one_and_a_half_keepalives(
+    broker, connect, cable, make, take, all_connected
+):
+    composition = await connect(broker.service_port, "composition")
+    arrived = composition.batches(CONNECTION)
+    await all_connected(composition)
+    wire = await cable(broker.port)
+    drone = await connect(
+        wire.port,
+        "drone-1",
+        will=lambda: (CONNECTION("p", "drone-1"), make.connection(1, "LOST")),
+        keepalive_s=1,
+    )
+    await all_connected(drone)
+
+    wire.go_silent()
+
+    [received] = await take(arrived, 1)
+    assert received.message.status == "LOST"
+
+
+async def test_publish_says_so_when_the_broker_is_down(broker, connect, make, all_connected):
+    drone = await connect(broker.port, "drone-1")
+    await all_connected(drone)
+    await drone.publish(ACKS("p", "drone-1"), make.ack(1))
+
+    await broker.stop()
+
+    with pytest.raises(MqttUnavailable):
+        await drone.publish(ACKS("p", "drone-1"), make.ack(2))
+
+
+async def test_publish_does_not_wait_for_ever_for_a_silent_broker(
+    broker, connect, cable, make, all_connected
+):
+    wire = await cable(broker.port)
+    drone = await connect(wire.port, "drone-1")
+    await all_connected(drone)
+    wire.go_silent()
+
+    with pytest.raises(MqttUnavailable, match="no PUBACK"):
+        await drone.publish(ACKS("p", "drone-1"), make.ack(1), timeout_s=0.05)
+
+
+async def test_subscriptions_are_renewed_when_the_broker_comes_back(
+    broker, connect, make, take, all_connected, until
+):
+    composition = await connect(broker.service_port, "composition")
+    drone = await connect(broker.port, "drone-1")
+    arrived = composition.batches(ACKS)
+    await all_connected(composition, drone)
+
+    await broker.stop()
+    await until(lambda: not composition.is_connected and not drone.is_connected)
+    await broker.start()
+    await all_connected(composition, drone)
+    await drone.publish(ACKS("p", "drone-1"), make.ack(7))
+
+    [received] = await take(arrived, 1)
+    assert received.message.seq == 7

@@ -1,0 +1,168 @@
+"""Who may connect, read and write: alike on both brokers."""
+
+from contextlib import suppress
+
+import pytest
+
+from skyway.contracts.topics import ACKS, CLOCK, DELIVERY_EVENTS, INSTRUCTIONS
+from skyway.runtime.errors import MqttUnavailable
+from skyway.runtime.mqtt_address import BrokerAddress
+from skyway.runtime.mqtt_link import Login, MqttLink
+
+
+async def test_a_drone_reads_only_its_own_instructions(broker, connect, make, take, all_connected):
+    composition = await connect(broker.service_port, "composition")
+    drone = await connect(broker.port, "drone-1")
+    arrived = drone.batches(INSTRUCTIONS)
+    await all_connected(composition, drone)
+
+    await composition.publish(INSTRUCTIONS("p", "drone-2"), make.instruction(1))
+    await composition.publish(INSTRUCTIONS("p", "drone-1"), make.instruction(2))
+
+    [received] = await take(arrived, 1)
+    assert received.ids == ("p", "drone-1")
+    assert received.message.seq == 2
+
+
+async def test_a_drone_writes_only_its_own_topics(broker, connect, make, take, all_connected):
+    composition = await connect(broker.service_port, "composition")
+    drone = await connect(broker.port, "drone-1")
+    other = await connect(broker.port, "drone-2")
+    arrived = composition.batches(ACKS)
+    await all_connected(composition, drone, other)
+
+    # Mosquitto acknowledges it and hangs up, the embedded broker only hangs up.
+    with suppress(MqttUnavailable):
+        await drone.publish(ACKS("p", "drone-2"), make.ack(1))
+    await other.publish(ACKS("p", "drone-2"), make.ack(2))
+
+    [received] = await take(arrived, 1)
+    assert received.message.seq == 2
+
+
+async def test_a_customer_reads_only_its_own_delivery_events(
+    broker, connect, make, take, all_connected
+):
+    gateway = await connect(broker.service_port, "gateway")
+    customer = await connect(broker.port, "customer-1")
+    arrived = customer.batches(DELIVERY_EVENTS)
+    await all_connected(gateway, customer)
+
+    await gateway.publish(DELIVERY_EVENTS("customer-2", "d2"), make.event("d2"))
+    await gateway.publish(DELIVERY_EVENTS("customer-1", "d1"), make.event("d1"))
+
+    [received] = await take(arrived, 1)
+    assert received.message.delivery_id == "d1"
+
+
+async def test_the_operator_reads_everything_and_writes_nothing(
+    broker, connect, make, take, all_connected
+):
+    operator = await connect(broker.service_port, "operator")
+    composition = await connect(broker.service_port, "composition")
+    gateway = await connect(broker.service_port, "gateway")
+    drone = await connect(broker.port, "drone-1")
+    arrived = operator.batches(INSTRUCTIONS, ACKS, DELIVERY_EVENTS, CLOCK)
+    forged = drone.batches(INSTRUCTIONS)
+    await all_connected(operator, composition, gateway, drone)
+
+    await composition.publish(INSTRUCTIONS("p", "drone-1"), make.instruction(1))
+    await drone.publish(ACKS("p", "drone-1"), make.ack(1))
+    await gateway.publish(DELIVERY_EVENTS("customer-1", "d1"), make.event("d1"))
+    await gateway.publish(CLOCK(), make.anchor(1.0))
+
+    topics = [received.topic for received in await take(arrived, 4)]
+    assert topics == [INSTRUCTIONS, ACKS, DELIVERY_EVENTS, CLOCK]
+    with suppress(MqttUnavailable):
+        await operator.publish(INSTRUCTIONS("p", "drone-1"), make.instruction(2))
+    await composition.publish(INSTRUCTIONS("p", "drone-1"), make.instruction(3))
+    assert [received.message.seq for received in await take(forged, 2)] == [1, 3]
+
+
+@pytest.mark.parametrize("password", ["wrong", ""])
+async def test_a_wrong_password_is_refused(broker, connect, password, all_connected):
+    link = MqttLink(
+        Login("drone-1", "drone-1", password, 10), will=None, on_message=lambda *_: None
+    )
+    await all_connected(await connect(broker.port, "drone-2"))
+
+    with pytest.raises(MqttUnavailable, match="refused"):
+        await link.open(BrokerAddress("127.0.0.1", broker.port, is_encrypted=False))
+
+    link.close()
+
+
+async def test_nobody_is_anonymous(broker, connect, all_connected):
+    link = MqttLink(Login("anyone", "", "", 10), will=None, on_message=lambda *_: None)
+    await all_connected(await connect(broker.port, "drone-2"))
+
+    with pytest.raises(MqttUnavailable, match="refused"):
+        await link.open(BrokerAddress("127.0.0.1", broker.port, is_encrypted=False))
+
+    link.close()
+
+
+@pytest.mark.parametrize("password", ["drone-2", "wrong"])
+async def test_a_drone_under_anothers_client_id_does_not_disturb_it(
+    broker, connect, password, make, take, all_connected
+):
+    greetings: list[str] = []
+
+    async def greet() -> None:
+        greetings.append("connected")
+
+    composition = await connect(broker.service_port, "composition")
+    victim = await connect(broker.port, "drone-1", on_connected=greet)
+    arrived = victim.batches(INSTRUCTIONS("p", "drone-1"))
+    await all_connected(composition, victim)
+    thief = MqttLink(
+        Login("drone-1", "drone-2", password, 10), will=None, on_message=lambda *_: None
+    )
+
+    with suppress(MqttUnavailable):
+        await thief.open(BrokerAddress("127.0.0.1", broker.port, is_encrypted=False))
+        await thief.subscribe({"#": 1})
+    await composition.publish(INSTRUCTIONS("p", "drone-1"), make.instruction(1))
+
+    await take(arrived, 1)
+    assert victim.is_connected
+    assert greetings == ["connected"]
+    thief.close()
+
+
+async def test_replicas_of_a_service_share_its_account(broker, connect, make, take, all_connected):
+    first = await connect(broker.service_port, "composition", client_id="composition-1")
+    second = await connect(broker.service_port, "composition", client_id="composition-2")
+    drone = await connect(broker.port, "drone-1")
+    at_first, at_second = first.batches(ACKS), second.batches(ACKS)
+    await all_connected(first, second, drone)
+
+    await drone.publish(ACKS("p", "drone-1"), make.ack(1))
+
+    await take(at_first, 1)
+    await take(at_second, 1)
+
+
+async def test_a_new_account_connects_and_a_removed_one_is_cut_off(
+    broker, connect, make, take, all_connected
+):
+    greetings: list[str] = []
+
+    async def greet() -> None:
+        greetings.append("connected")
+
+    composition = await connect(broker.service_port, "composition", on_connected=greet)
+    removed = await connect(broker.port, "drone-1")
+    fresh = await connect(broker.port, "drone-3")
+    arrived = composition.batches(ACKS)
+    await all_connected(composition, removed)
+
+    await broker.set_accounts(("composition", "drone-2", "drone-3"))
+
+    await all_connected(fresh)
+    await fresh.publish(ACKS("p", "drone-3"), make.ack(3))
+    [received] = await take(arrived, 1)
+    assert received.ids == ("p", "drone-3")
+    with pytest.raises(MqttUnavailable):
+        await removed.publish(ACKS("p", "drone-1"), make.ack(1))
+    assert greetings == ["connected"]

@@ -1,0 +1,135 @@
+"""Bodies that are read, and those that are refused."""
+
+from collections.abc import Callable
+
+import httpx
+import pytest
+
+
+@pytest.mark.parametrize(
+    ("raw", "status", "name"),
+    [
+        (b'{"price": ', 400, "broken-json"),
+        (b"\xff\xfe{", 400, "broken-json"),
+        ('{"price": 1}'.encode("utf-16"), 400, "broken-json"),
+        (b'{"notes": {"a": "\xed\xa0\x80"}}', 400, "broken-json"),
+        (b'{"price": ' + b"9" * 5000 + b"}", 400, "broken-json"),
+        (b"[" * 100_000, 400, "broken-json"),
+        (b'"text"', 422, "invalid-input"),
+        (b"", 422, "invalid-input"),
+        (b"null", 422, "invalid-input"),
+    ],
+)
+async def test_what_is_no_body_of_ours_is_refused(
+    client: httpx.AsyncClient,
+    raw: bytes,
+    status: int,
+    name: str,
+    assert_is_problem: Callable[..., None],
+) -> None:
+    headers = {"content-type": "application/json"}
+
+    answer = await client.post("/loads", content=raw, headers=headers)
+
+    assert_is_problem(answer, status, name)
+
+
+@pytest.mark.parametrize(
+    ("raw", "field"),
+    [
+        (b'{"crates": [{"mass_kg": NaN}]}', "crates.0.mass_kg"),
+        (b'{"notes": {"a": [1, -Infinity]}}', "notes.a.1"),
+        (b'{"notes": {"a": 1e999}}', "notes.a"),
+        (b'{"price": 9223372036854775808}', "price"),
+        (b'{"notes": {"a": "\\u0000"}}', "notes.a"),
+        (b'{"notes": {"a": "\\ud800"}}', "notes.a"),
+        (b'{"notes": {"\\u0000": 1}}', "notes"),
+        (b'{"notes": ' + b'{"a":' * 200 + b"1" + b"}" * 201, "body"),
+    ],
+)
+async def test_what_no_database_holds_is_refused_with_its_field(
+    client: httpx.AsyncClient,
+    raw: bytes,
+    field: str,
+    assert_is_problem: Callable[..., None],
+    fields_at_fault: Callable[..., list[str]],
+) -> None:
+    headers = {"content-type": "application/json"}
+
+    answer = await client.post("/loads", content=raw, headers=headers)
+
+    assert_is_problem(answer, 422, "invalid-input")
+    assert fields_at_fault(answer) == [field]
+
+
+async def test_a_field_name_that_is_no_text_is_still_answered(
+    client: httpx.AsyncClient, assert_is_problem: Callable[..., None]
+) -> None:
+    headers = {"content-type": "application/json"}
+
+    answer = await client.post("/loads", content=b'{"\\ud800": 1}', headers=headers)
+
+    assert_is_problem(answer, 422, "invalid-input")
+
+
+async def test_emoji_in_escapes_pass(client: httpx.AsyncClient) -> None:
+    headers = {"content-type": "application/json"}
+
+    answer = await client.post(
+        "/loads", content=b'{"notes": {"a": "\\ud83d\\ude80"}}', headers=headers
+    )
+
+    assert answer.json()["notes"] == {"a": "\N{ROCKET}"}
+
+
+@pytest.mark.parametrize("kind", ["application/x-www-form-urlencoded", "text/plain", ""])
+async def test_a_body_of_another_type_is_refused(
+    client: httpx.AsyncClient, kind: str, assert_is_problem: Callable[..., None]
+) -> None:
+    headers = {"content-type": kind} if kind else {}
+
+    answer = await client.post("/loads", content=b'{"price": 1}', headers=headers)
+
+    assert_is_problem(answer, 415, "unsupported-media-type")
+
+
+async def test_a_route_that_reads_by_itself_complains_alike(
+    client: httpx.AsyncClient, assert_is_problem: Callable[..., None]
+) -> None:
+    assert_is_problem(await client.put("/raw", content=b"[1,"), 400, "broken-json")
+    assert_is_problem(await client.put("/raw", content=b"[NaN]"), 422, "invalid-input")
+    assert_is_problem(await client.put("/raw", content=b"[" * 100_000), 422, "invalid-input")
+
+
+async def test_an_internal_body_may_hold_unknown_fields(client: httpx.AsyncClient) -> None:
+    body = {"order_id": "o1", "newer": 1, "load": {"price": 1, "newer": {}}}
+
+    answer = await client.put("/internal/orders", json=body)
+
+    assert answer.json() == "o1"
+
+
+@pytest.mark.parametrize(
+    ("body", "status", "name"),
+    [
+        (b"{", 400, "broken-json"),
+        (b"", 400, "broken-json"),
+        (b"[" * 100_000, 400, "broken-json"),
+        (b'{"order_id": "o1", "load": {"price": "x"}}', 422, "invalid-input"),
+        (b'{"order_id": "o1", "load": {"price": ' + b"9" * 5000 + b"}}", 400, "broken-json"),
+    ],
+)
+async def test_an_internal_body_at_fault_is_a_problem(
+    client: httpx.AsyncClient,
+    body: bytes,
+    status: int,
+    name: str,
+    assert_is_problem: Callable[..., None],
+    fields_at_fault: Callable[..., list[str]],
+) -> None:
+    headers = {"content-type": "application/json"}
+
+    answer = await client.put("/internal/orders", content=body, headers=headers)
+
+    assert_is_problem(answer, status, name)
+    assert status == 400 or fields_at_fault(answer) == ["load.price"]
