@@ -129,6 +129,19 @@ async def instruction(
     return None if row is None else _sent(row)
 
 
+async def is_answered(tx: Tx, link: DroneLink, *, seq: int) -> bool:
+    """Whether the drone has finally answered this instruction of the present stream."""
+    found = await tx.execute(
+        select(instructions.c.status).where(
+            instructions.c.drone_id == link.drone_id,
+            instructions.c.stream == link.stream,
+            instructions.c.seq == seq,
+        )
+    )
+    status = found.scalar_one_or_none()
+    return status is not None and status not in _OPEN
+
+
 async def open_instructions(tx: Tx, drone_id: DroneId) -> list[SentInstruction]:
     """What this drone has not finally answered, in the order of sending."""
     found = await tx.execute(

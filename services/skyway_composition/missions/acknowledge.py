@@ -9,6 +9,7 @@ from skyway_composition.links.link import DroneLink
 from skyway_composition.links.store import SentInstruction
 from skyway_composition.missions.dispatch import call_off
 from skyway_composition.missions.ending import refuse
+from skyway_composition.missions.new_stream import open_stream
 from skyway_composition.missions.progress import accepted, wait_for_revision
 from skyway_composition.missions.watch import Watch
 
@@ -22,8 +23,10 @@ async def take_ack(watch: Watch, link: DroneLink, ack: Ack) -> None:
         return
     link = link.acked(ack.stream, ack.session)
     await watch.keep_link(link)
-    if not sent.is_open or ack.code is RefusalCode.SEQUENCE_GAP:
-        # After a gap the outbox repeats from the instruction that the drone lacks.
+    if ack.code is RefusalCode.SEQUENCE_GAP:
+        await _take_gap(watch, link, ack)
+        return
+    if not sent.is_open:
         return
     await link_store.set_status(watch.tx, sent.instruction_id, ack.status)
     if ack.status == "RECEIVED":
@@ -33,6 +36,20 @@ async def take_ack(watch: Watch, link: DroneLink, ack: Ack) -> None:
         await _take_acceptance(watch, link, sent)
     elif sent.kind == "MISSION":
         await _take_refusal(watch, link, sent, ack)
+
+
+async def _take_gap(watch: Watch, link: DroneLink, ack: Ack) -> None:
+    """The outbox repeats from the instruction that the drone lacks, unless that was answered.
+
+    Then the drone runs on an old copy of its journal, and will never hear it again.
+    """
+    state, expected_seq = link.state, ack.data.get("expected_seq")
+    # Only a state of this session tells from where its events go on.
+    is_of_now = state is not None and state.session == ack.session and ack.stream == link.stream
+    if state is None or not is_of_now or not isinstance(expected_seq, int):
+        return
+    if await link_store.is_answered(watch.tx, link, seq=expected_seq):
+        await open_stream(watch, link, state)
 
 
 async def _take_acceptance(watch: Watch, link: DroneLink, sent: SentInstruction) -> None:

@@ -94,7 +94,8 @@ async def _take_step_end(watch: Watch, record: MissionRecord, event: DroneEvent)
             package_ids = tuple(each.package_id for each in step.packages)
             drone = Custodian("DRONE", record.drone_id)
             passed = await _pass_on(watch, record, package_ids, to=drone, at=event.ended_at)
-            record = _report_step(watch, record, "LOADED", event, package_ids=passed)
+            if passed:
+                record = _report_step(watch, record, "LOADED", event, package_ids=passed)
         case DeliverStep():
             recipient = Custodian("RECIPIENT", step.station_id)
             passed = await _pass_on(

@@ -18,6 +18,7 @@ from skyway.runtime.errors import Taken
 from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
 from skyway.units import moment_to_ms
+from skyway_composition.links.link import DroneLink
 from skyway_composition.missions import store
 from skyway_composition.missions.custody import Held, delivered, on_board
 from skyway_composition.missions.dispatch import dispatch
@@ -198,12 +199,15 @@ class Recomposer:
         trip: Trip,
         held: dict[PackageId, Held],
     ) -> tuple[FlightStep, ...]:
-        """The new steps; what is on board is not picked up again."""
+        """The new steps; what is on board is picked up only by a drone that has forgotten it."""
         known = await store.steps_of(watch.tx.connection, record.mission_id)
         begun = [each.step.step_id for each in known if each.status != "PLANNED"]
         last_step = max([*begun, 0 if record.stuck is None else record.stuck.last_step])
+        knows_its_load = on_board(held) and not _has_forgotten_its_load(
+            watch.links[record.drone_id], on_board(held)
+        )
         placed = [
-            each for each in trip.steps() if not (on_board(held) and isinstance(each.step, PickUp))
+            each for each in trip.steps() if not (knows_its_load and isinstance(each.step, PickUp))
         ]
         if not placed and record.stuck is not None:
             # Home and charged: the drone still has to hear that nothing is left, to end it.
@@ -236,6 +240,14 @@ def _waits_for(record: MissionRecord, planned: MissionRecord) -> bool:
         planned.mission.revision,
         planned.stuck,
     )
+
+
+def _has_forgotten_its_load(link: DroneLink, carried: frozenset[PackageId]) -> bool:
+    """Whether the drone, of whose events none is missing, does not know of anything on board."""
+    state = link.state
+    if state is None or state.last_event_seq < link.last_event_seq:
+        return False
+    return carried.isdisjoint(state.package_ids)
 
 
 async def _held(watch: Watch, record: MissionRecord) -> dict[PackageId, Held]:

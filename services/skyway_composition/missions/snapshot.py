@@ -1,6 +1,5 @@
 """States: the drone's own picture of its progress, which shows what messages were missed."""
 
-import logging
 from dataclasses import replace
 from typing import Final
 
@@ -9,13 +8,12 @@ from skyway.ids import DroneId, MissionId
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions import store
 from skyway_composition.missions.custody import on_board
-from skyway_composition.missions.dispatch import call_off, reissue
-from skyway_composition.missions.progress import begun, wait_for_revision
+from skyway_composition.missions.dispatch import call_off
+from skyway_composition.missions.new_stream import open_stream
+from skyway_composition.missions.progress import begun
 from skyway_composition.missions.record import MissionRecord
 from skyway_composition.missions.report import report
 from skyway_composition.missions.watch import Watch
-
-log = logging.getLogger(__name__)
 
 #: What a customer is shown; loading is told by reports of its own.
 _TOLD_ACTIVITIES: Final = ("FLYING", "WAITING", "RECHARGING", "DELIVERING")
@@ -35,7 +33,7 @@ async def take_state(watch: Watch, link: DroneLink, state: DroneState) -> None:
         # It has not taken anything of ours yet, so none of its past events is about us.
         link = replace(link, last_event_seq=state.last_event_seq)
     if must_open_stream:
-        await _open_stream(watch, link, state)
+        await open_stream(watch, link, state)
         return
     await watch.keep_link(link)
     if state.stream == link.stream and state.last_event_seq > link.last_event_seq:
@@ -61,23 +59,6 @@ async def _call_off_if_over(
             revision=revision,
             reason="the mission was given up without the drone's knowing",
         )
-
-
-async def _open_stream(watch: Watch, link: DroneLink, state: DroneState) -> None:
-    """Begin a new order of instructions; what was not answered in the old one is sent anew."""
-    log.warning(
-        "new stream", extra={"drone_id": link.drone_id, "stream": link.in_new_stream(state).stream}
-    )
-    await watch.courier.withdraw_open(watch.tx, link)
-    await watch.keep_link(link.in_new_stream(state))
-    record = watch.missions.get(link.drone_id)
-    if record is None:
-        return
-    if record.mission.state == "BOOKED":
-        await reissue(watch, record)
-    else:
-        detail = "the drone has lost its journal and with it the mission"
-        await wait_for_revision(watch, record, code="JOURNAL_LOST", detail=detail)
 
 
 async def _take_progress(watch: Watch, record: MissionRecord, state: DroneState) -> None:

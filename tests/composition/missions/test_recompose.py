@@ -164,3 +164,24 @@ async def test_a_lost_journal_in_flight_leads_to_a_revision_in_a_new_stream(
 
     (revision,) = await composition.sent()
     assert (revision.stream, revision.seq, revision.mission_revision) == (2, 1, 2)
+
+
+async def test_a_drone_that_lost_its_journal_hears_what_it_carries(
+    composition: Any, drone: Any
+) -> None:
+    await composition.book()
+    (instruction,) = await composition.sent()
+    pick_up, *_ = drone.flown(instruction)
+    await composition.take(drone.ack(instruction), pick_up)
+    drone.session, drone.stream, drone.event_seq = 2, 0, 0
+    await composition.take(drone.state(station_id="a", soc=1.0))
+    await composition.recomposer.step()
+    (revision,) = await composition.sent()
+    drone.stream = 2
+
+    await composition.take(drone.ack(revision), *drone.flown(revision))
+
+    assert [step.kind for step in revision.steps[:2]] == ["PICK_UP", "FLY"]
+    kinds = [report.kind for report in await composition.reports()]
+    assert kinds == ["ACCEPTED", "LOADING", "LOADED", "REPLANNED", "DELIVERED", "ENDED"]
+    assert await composition.broken() == []
