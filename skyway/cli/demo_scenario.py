@@ -21,8 +21,8 @@ from skyway.cli.flown import Flown
 from skyway.cli.secrets import read_secret
 from skyway.cli.system import System
 from skyway.cli.webhook_receiver import WebhookReceiver
-from skyway.contracts.drone_report import DroneEvent, DroneState
-from skyway.contracts.topics import EVENTS, STATE
+from skyway.contracts.drone_report import DroneEvent, DroneState, Telemetry
+from skyway.contracts.topics import EVENTS, STATE, TELEMETRY
 from skyway.errors import SkywayError
 from skyway.runtime.mqtt import MqttClient
 
@@ -63,20 +63,25 @@ async def play(system: System, screen: DemoScreen) -> None:
 
 
 class _Watch:
-    """What an operator's eye on MQTT has seen: each drone's newest state, each mission's steps."""
+    """What an operator's eye on MQTT has seen: each drone's state and charge, the steps flown."""
 
     def __init__(self) -> None:
         self.states: dict[str, DroneState] = {}
+        self.charges: dict[str, float] = {}
         self.flown = Flown()
 
     async def look(self, mqtt: MqttClient) -> None:
-        """Take in states and events for ever."""
-        async for batch in mqtt.batches(STATE, EVENTS):
+        """Take in states, telemetry and events for ever."""
+        async for batch in mqtt.batches(STATE, TELEMETRY, EVENTS):
             for received in batch:
-                if isinstance(received.message, DroneState):
-                    self.states[received.ids[1]] = received.message
-                elif isinstance(received.message, DroneEvent):
-                    self.flown.add(received.message)
+                message = received.message
+                if isinstance(message, DroneEvent):
+                    self.flown.add(message)
+                    continue
+                if isinstance(message, DroneState):
+                    self.states[received.ids[1]] = message
+                if isinstance(message, DroneState | Telemetry):
+                    self.charges[received.ids[1]] = message.soc
 
 
 @asynccontextmanager
@@ -143,7 +148,9 @@ async def _request_and_follow(
             if planned_revision != (mission["mission_id"], mission["revision"]):
                 planned_revision = (mission["mission_id"], mission["revision"])
                 screen.plan(mission)
-            screen.progress(delivery, watch.states.get(mission["drone_id"]))
+            drone_id = mission["drone_id"]
+            if drone_id in watch.states:
+                screen.progress(delivery, watch.states[drone_id], charge=watch.charges[drone_id])
         while not receiver.notifications.empty():
             notification = receiver.notifications.get_nowait()
             screen.notified(notification)

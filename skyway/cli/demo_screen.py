@@ -77,18 +77,16 @@ class DemoScreen:
         )
         self._console.print(_plan_table(mission["plan"]))
 
-    def progress(self, delivery: dict[str, Any], state: DroneState | None) -> None:
+    def progress(self, delivery: dict[str, Any], state: DroneState, *, charge: float) -> None:
         """Show where the drone is, its battery, and what it does."""
-        if state is None:
-            return
         line = (
             f"{delivery['state']:<12} {state.activity:<10} "
             f"{'at ' + state.station_id if state.station_id else 'in the air':<22}"
         )
         if self._console.is_terminal:
-            self._live.update(Text(f"{line} {_battery(state.soc)}", style="cyan"), refresh=True)
+            self._live.update(Text(f"{line} {_battery(charge)}", style="cyan"), refresh=True)
         elif line != self._last_progress:
-            self._console.print(f"  {line} {_battery(state.soc)}", highlight=False)
+            self._console.print(f"  {line} {_battery(charge)}", highlight=False)
         self._last_progress = line
 
     def notified(self, notification: Notification) -> None:
@@ -103,6 +101,7 @@ class DemoScreen:
 
     def end(self, delivery: dict[str, Any], flown: Flown, *, wall_s: float) -> None:
         """Show what was delivered when, and planned against flown."""
+        self._live.update(Text())
         self._console.print(f"\n[bold]{delivery['state']}[/] after {wall_s:.0f} s of wall time")
         for package in delivery["packages"]:
             when = _clock(package["delivered_at"]) if package["delivered_at"] else "never"
@@ -122,9 +121,10 @@ class DemoScreen:
 
 def _plan_table(plan: dict[str, Any]) -> Table:
     table = Table(box=None, header_style="dim", padding=(0, 2))
-    for heading, justify in (("from", "right"), ("to", "right"), ("step", "left")):
-        table.add_column(heading, justify="right" if justify == "right" else "left")
-    table.add_column("where")
+    for heading in ("from", "to"):
+        table.add_column(heading, justify="right")
+    for heading in ("step", "where"):
+        table.add_column(heading)
     table.add_column("charge after", justify="right")
     for step in plan["steps"]:
         where = f"{step['from']} to {step['to']}" if step["kind"] == "FLY" else step["station_id"]
