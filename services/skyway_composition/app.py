@@ -59,6 +59,8 @@ class Parts:
     mint: Mint
     networks: PreparedNetworks
     solver: SolverPool
+    #: Plans that are only asked for; no booking waits behind them.
+    inquiries: SolverPool
     pads_changed: Wake
     published: Wake
     stuck: Wake
@@ -84,7 +86,7 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
                 db=db, gate=gate, networks=networks, clock=clock, published=parts.published
             ),
             pad_routes(db=db, gate=gate, clock=clock),
-            composition_routes(gate=gate, known=known, solver=parts.solver),
+            composition_routes(gate=gate, known=known, solver=parts.inquiries),
             mission_routes(db=db, gate=gate, bookings=parts.bookings),
         ],
         lifespan=lifespan,
@@ -162,7 +164,15 @@ def build_app(settings: CompositionSettings) -> FastAPI:
     @asynccontextmanager
     async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
         await migrate(settings.database_url, PACKAGE)
-        async with parts.db, parts.solver, gateway, registry, mqtt, Loops() as loops:
+        async with (
+            parts.db,
+            parts.solver,
+            parts.inquiries,
+            gateway,
+            registry,
+            mqtt,
+            Loops() as loops,
+        ):
             work.start(loops)
             yield
 
@@ -192,10 +202,13 @@ def _parts(settings: CompositionSettings) -> Parts:
         clock=load_clock(settings.clock_file),
         mint=mint,
         networks=PreparedNetworks(db),
-        solver=SolverPool(
-            threads=settings.solver_threads, time_limit_s=settings.solver_time_limit_s
-        ),
+        solver=_pool(settings),
+        inquiries=_pool(settings),
         pads_changed=Wake(),
         published=Wake(),
         stuck=Wake(),
     )
+
+
+def _pool(settings: CompositionSettings) -> SolverPool:
+    return SolverPool(threads=settings.solver_threads, time_limit_s=settings.solver_time_limit_s)

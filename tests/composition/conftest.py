@@ -355,7 +355,10 @@ async def composition(
 ) -> AsyncIterator[Composition]:
     """Composition with its network published."""
     mint = CountingMint()
-    async with SolverPool(threads=2, time_limit_s=5.0) as solver:
+    async with (
+        SolverPool(threads=2, time_limit_s=5.0) as solver,
+        SolverPool(threads=2, time_limit_s=60.0) as inquiries,
+    ):
         parts = Parts(
             db=db,
             gate=ServiceGate(secrets_dir, allowed=("gateway", "registry")),
@@ -363,6 +366,7 @@ async def composition(
             mint=mint,
             networks=PreparedNetworks(db),
             solver=solver,
+            inquiries=inquiries,
             pads_changed=Wake(),
             published=Wake(),
             stuck=Wake(),

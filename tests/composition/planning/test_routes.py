@@ -1,5 +1,6 @@
 """POST /v1/compositions: any problem gets a plan, a proof, or the field that is wrong."""
 
+import asyncio
 from datetime import timedelta
 from typing import Any
 
@@ -7,6 +8,8 @@ import pytest
 
 from skyway.drone.models import DRONE_MODELS
 from skyway.ids import DroneModelId
+from skyway.network.geojson import write_network
+from skyway.network.synthetic import synthetic_city
 
 pytestmark = pytest.mark.parametrize("database_url", ["sqlite"], indirect=True)
 
@@ -117,3 +120,20 @@ async def test_planning_changes_nothing(composition: Any, make: Any) -> None:
 
     assert await composition.reservations() == []
     assert await composition.rows("SELECT * FROM missions") == []
+
+
+async def test_no_booking_waits_behind_plans_that_are_only_asked_for(composition: Any) -> None:
+    city = synthetic_city(stations=60, seed=1)
+    source, *others = list(city.stations)[:9]
+    packages = [{"package_id": place, "mass_kg": 0.01, "destination": place} for place in others]
+    slow = problem(write_network(city), source=source, packages=packages, strategy="exhaustive")
+    asked = [asyncio.create_task(compose(composition, slow)) for _ in range(4)]
+    await asyncio.sleep(0)
+
+    booking = await composition.book()
+
+    assert booking.missions
+    assert not any(each.done() for each in asked)
+    for each in asked:
+        each.cancel()
+    await asyncio.gather(*asked, return_exceptions=True)
