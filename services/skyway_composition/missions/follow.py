@@ -17,6 +17,7 @@ from skyway.contracts.topics import ACKS, CONNECTION, EVENTS, STATE
 from skyway.ids import DroneId, ProviderId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database
+from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.loops import Wake, repeat
 from skyway.runtime.metrics import count
 from skyway.runtime.minting import Mint
@@ -59,7 +60,23 @@ class Follower:
 
     async def run(self) -> None:
         """Take batches for ever."""
-        await repeat("follow", self._next_batch, every_s=1.0)
+        await repeat("follow", self.step, every_s=1.0)
+
+    async def step(self) -> bool:
+        """Take the next batch; always True, since waiting for it is all the waiting there is."""
+        if not self._batch:
+            self._batch, self._tries = await anext(self._batches), 0
+        self._tries += 1
+        try:
+            if self._tries <= _TRIES:
+                await self.take(self._batch)
+            else:
+                log.error("batch dropped", extra={"messages": len(self._batch)})
+        except ServiceUnavailable:
+            self._tries -= 1  # that is not the batch's fault
+            raise
+        self._batch = []
+        return True
 
     async def take(self, batch: Sequence[Received[Any]]) -> None:
         """Take messages of any kind, in the order in which they arrived."""
@@ -83,17 +100,6 @@ class Follower:
                 watch = await Watch.over([drone_id], tx=tx, clock=self._clock, mint=self._mint)
                 if drone_id in watch.missions:
                     await watch.courier.ask_for_events(tx, watch.links[drone_id])
-
-    async def _next_batch(self) -> bool:
-        if not self._batch:
-            self._batch, self._tries = await anext(self._batches), 0
-        self._tries += 1
-        if self._tries <= _TRIES:
-            await self.take(self._batch)
-        else:
-            log.error("batch dropped", extra={"messages": len(self._batch)})
-        self._batch = []
-        return True
 
     async def _take_one(self, watch: Watch, received: Received[Any]) -> None:
         provider_id, drone_id = ProviderId(received.ids[0]), DroneId(received.ids[1])

@@ -1,11 +1,31 @@
 """Following drones whose messages come late, twice, out of order or not at all."""
 
+from collections.abc import AsyncIterator
+from dataclasses import dataclass
 from datetime import timedelta
 from typing import Any
 
 import pytest
+from skyway_composition.missions.follow import Follower
+from skyway_composition.tables import outbox
+
+from skyway.contracts.topic import Topic
+from skyway.runtime.database import Database
+from skyway.runtime.errors import ServiceUnavailable
+from skyway.runtime.loops import Wake
+from skyway.runtime.mqtt import Received
 
 pytestmark = pytest.mark.parametrize("database_url", ["sqlite"], indirect=True)
+
+
+@dataclass
+class OneBatch:
+    """`Subscriber` on which one batch arrives."""
+
+    batch: list[Received[Any]]
+
+    async def batches(self, *_: Topic[Any]) -> AsyncIterator[list[Received[Any]]]:
+        yield self.batch
 
 
 def kinds(reports: list[Any]) -> list[str]:
@@ -29,6 +49,28 @@ async def test_an_accepted_mission_is_reported_and_no_longer_sent(
     assert await composition.sent() == []
     assert kinds(await composition.reports()) == ["ACCEPTED"]
     assert kinds(await composition.reports("registry")) == ["ACCEPTED"]
+    assert await composition.state_of(instruction.mission_id) == "ACCEPTED"
+
+
+async def test_nothing_is_dropped_while_the_database_is_away(
+    composition: Any, drone: Any, database_url: str
+) -> None:
+    instruction = await booked(composition)
+    away = Database(database_url, outbox=outbox)
+    follower = Follower(
+        away,
+        OneBatch([drone.ack(instruction)]),
+        clock=composition.clock,
+        mint=composition.parts.mint,
+        stuck=Wake(),
+    )
+
+    for _ in range(10):
+        with pytest.raises(ServiceUnavailable):
+            await follower.step()
+    async with away:
+        await follower.step()
+
     assert await composition.state_of(instruction.mission_id) == "ACCEPTED"
 
 
