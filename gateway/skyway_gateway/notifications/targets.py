@@ -102,11 +102,12 @@ class Targets:
 def _parse(url: str) -> httpx.URL:
     try:
         parsed = httpx.URL(url)
+        host = parsed.host  # decoded here: not every "xn--..." is a name
     except (httpx.InvalidURL, ValueError) as error:
         raise ForbiddenTarget(f"not a URL: {error}") from error
     if parsed.scheme not in _DEFAULT_PORTS:
         raise ForbiddenTarget(f"must begin with http:// or https://, not {parsed.scheme!r}")
-    if not parsed.host:
+    if not host:
         raise ForbiddenTarget("names no host")
     if parsed.userinfo:
         raise ForbiddenTarget("must not hold a user name or password: notifications are signed")

@@ -31,6 +31,7 @@ def _resolving_to(*addresses: str) -> Targets:
         "http://example.com:0/",
         "http://example.com:99999/",
         "http://[::1",
+        "http://xn--/",
     ],
 )
 async def test_what_is_not_a_plain_http_url_is_refused(url: str) -> None:
