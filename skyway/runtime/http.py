@@ -167,7 +167,11 @@ class ServiceClient:
             request.method,
             httpx.URL(quote(path, safe=_PATH_SAFE), query=request.url.query.encode() or None),
             content=request.stream() if has_body else None,
-            headers={"accept-encoding": "identity", **passed, **self._headers(caller)},
+            # As they came: a header may hold any byte above 127.
+            headers=httpx.Headers(
+                {"accept-encoding": "identity", **passed, **self._headers(caller)},
+                encoding="latin-1",
+            ),
             timeout=httpx.Timeout(timeout_s, connect=_CONNECT_S),
         )
         is_repeatable = request.method in _REPEATABLE and not has_body

@@ -263,6 +263,17 @@ async def test_a_forwarded_request_arrives_with_what_it_needs_and_nothing_else(
     assert trace_id_of(arrived["traceparent"]) == "4bf92f3577b34da6a3ce929d0e0e4736"
 
 
+async def test_a_forwarded_header_may_hold_any_character(
+    gateway: httpx.AsyncClient, seen: list[dict[str, Any]]
+) -> None:
+    headers = {b"If-Match": '"\xff"'.encode("latin-1")}
+
+    answer = await gateway.put("/v1/a", content=b"body", headers=headers)
+
+    assert answer.status_code == 201
+    assert seen[0]["if-match"] == '"\xff"'
+
+
 async def test_an_answer_without_a_body_is_passed_on(gateway: httpx.AsyncClient) -> None:
     answer = await gateway.delete("/v1/none")
 
