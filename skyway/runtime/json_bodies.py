@@ -49,8 +49,11 @@ def require_json_type(request: Request) -> None:
         raise HTTPException(415, f"the Content-Type must be application/json; it is {kind}")
 
 
-def read_json(raw: bytes) -> Any:  # a JSON value of any type
-    """The value in a body that a route reads by itself; complaints as FastAPI makes them."""
+async def read_json(request: Request) -> Any:  # a JSON value of any type
+    """The body of a route that reads it by itself; complaints as FastAPI makes them."""
+    raw = await request.body()
+    if raw:
+        require_json_type(request)
     try:
         value = json.loads(raw)
     except RecursionError as error:

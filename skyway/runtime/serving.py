@@ -50,6 +50,7 @@ def serve(app: ASGIApp, settings: ServingSettings) -> int:
         access_log=False,
         server_header=False,
         lifespan="on",
+        ws="none",  # an Upgrade to what we do not speak is ignored, and the request answered
         timeout_graceful_shutdown=_GRACE_S,
     )
     server = _Server(config)

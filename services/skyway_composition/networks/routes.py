@@ -104,7 +104,7 @@ def network_routes(
     ) -> NetworkInfo:
         """Publish a network as GeoJSON; the same content again is the same version."""
         caller.must_be("operator")
-        document = read_json(await request.body())
+        document = await read_json(request)
         if not isinstance(document, dict):
             raise InvalidNetwork("network", "must be a GeoJSON FeatureCollection")
         content = await read_content(document)

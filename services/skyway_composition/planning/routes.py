@@ -43,7 +43,7 @@ def composition_routes(*, gate: ServiceGate, known: KnownNetworks, solver: Solve
     async def compose(request: Request, caller: Annotated[Caller, Depends(gate)]) -> Plan:
         """The plan for a problem; that there is none is an answer too."""
         caller.must_be("customer", "provider", "operator", "service")
-        document = read_json(await request.body())
+        document = await read_json(request)
         try:
             problem, airspace = await _problem(document, known)
         except ValidationError as error:

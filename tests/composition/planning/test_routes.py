@@ -109,7 +109,9 @@ async def test_a_body_that_is_no_problem_is_refused(composition: Any, body: Any)
 
 async def test_broken_json_is_refused(composition: Any) -> None:
     answer = await composition.client.post(
-        "/v1/compositions", content=b"{", headers={"Skyway-Caller": "customer:c"}
+        "/v1/compositions",
+        content=b"{",
+        headers={"Skyway-Caller": "customer:c", "Content-Type": "application/json"},
     )
 
     assert answer.status_code == 400

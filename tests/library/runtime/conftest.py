@@ -73,7 +73,7 @@ async def put_big(name: str, request: Request) -> int:
 
 @router.put("/raw")
 async def put_raw(request: Request) -> Any:
-    return read_json(await request.body())
+    return await read_json(request)
 
 
 @router.put("/internal/orders")

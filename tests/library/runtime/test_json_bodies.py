@@ -96,9 +96,27 @@ async def test_a_body_of_another_type_is_refused(
 async def test_a_route_that_reads_by_itself_complains_alike(
     client: httpx.AsyncClient, assert_is_problem: Callable[..., None]
 ) -> None:
-    assert_is_problem(await client.put("/raw", content=b"[1,"), 400, "broken-json")
-    assert_is_problem(await client.put("/raw", content=b"[NaN]"), 422, "invalid-input")
-    assert_is_problem(await client.put("/raw", content=b"[" * 100_000), 422, "invalid-input")
+    json_type = {"Content-Type": "application/json"}
+    for body, status, name in (
+        (b"", 400, "broken-json"),
+        (b"[1,", 400, "broken-json"),
+        (b"[NaN]", 422, "invalid-input"),
+        (b"[" * 100_000, 422, "invalid-input"),
+    ):
+        answer = await client.put("/raw", content=body, headers=json_type)
+        assert_is_problem(answer, status, name)
+
+
+async def test_a_body_that_a_route_reads_by_itself_must_say_that_it_is_json(
+    client: httpx.AsyncClient, assert_is_problem: Callable[..., None]
+) -> None:
+    geojson = {"Content-Type": "application/geo+json"}
+
+    assert (await client.put("/raw", content=b"[1]", headers=geojson)).json() == [1]
+    for kind in ("", "text/plain"):
+        headers = {"Content-Type": kind} if kind else {}
+        answer = await client.put("/raw", content=b"[1]", headers=headers)
+        assert_is_problem(answer, 415, "unsupported-media-type")
 
 
 async def test_an_internal_body_may_hold_unknown_fields(client: httpx.AsyncClient) -> None:

@@ -95,6 +95,17 @@ async def test_a_request_waits_through_a_kill_and_a_restart(parent: Parent) -> N
         assert (await waiting).text == str(second.pid)
 
 
+async def test_an_upgrade_to_what_is_not_spoken_is_answered_as_any_request(
+    parent: Parent,
+) -> None:
+    child = await parent.start()
+    upgrade = {"Connection": "Upgrade", "Upgrade": "websocket"}
+    async with httpx.AsyncClient(base_url=parent.url, timeout=WAIT_S, trust_env=False) as client:
+        answer = await client.get("/", headers=upgrade)
+
+    assert answer.text == str(child.pid)
+
+
 async def test_a_service_leaves_with_its_parent(parent: Parent) -> None:
     child = await parent.start()
     async with httpx.AsyncClient(base_url=parent.url, timeout=WAIT_S, trust_env=False) as client:

@@ -1,6 +1,7 @@
 """POST of drones: one, or a whole fleet at once."""
 
 import asyncio
+import json
 from typing import Annotated, Final
 
 from fastapi import APIRouter, Depends, Header, Request, Response
@@ -12,7 +13,6 @@ from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database, Tx
 from skyway.runtime.idempotency import Answer, once
 from skyway.runtime.identity import Caller, ServiceGate
-from skyway.runtime.json_bodies import read_json
 from skyway.runtime.minting import Mint
 from skyway_provider_registry.enrolment.password_file import PasswordFile
 from skyway_provider_registry.fleets.drone import (
@@ -118,7 +118,7 @@ def _refuse(faults: list[Fault], *, raw: bytes) -> None:
     """Answer faults as a validator's complaints are answered, each with its place in the body."""
     if not faults:
         return
-    body = read_json(raw)
+    body = json.loads(raw)
     complaints = [
         {
             "type": "invalid_drone",
