@@ -175,3 +175,24 @@ def test_the_document_does_not_depend_on_when_it_is_made() -> None:
     first, second = (json.dumps(asyncapi_document(TOPICS, version="1")) for _ in range(2))
 
     assert first == second
+
+
+@pytest.mark.parametrize("service", ["provider-registry", "composition"])
+def test_the_gateway_promises_the_good_answers_of_the_services_that_it_forwards_to(
+    service: str,
+) -> None:
+    gateway = document_of("gateway")["paths"]
+    for path, operations in document_of(service)["paths"].items():
+        for method, operation in operations.items():
+            if path.startswith("/v1/"):
+                promised = gateway[path][method]
+                assert good_answers(promised) == good_answers(operation), (method, path)
+
+
+def good_answers(operation: Any) -> dict[str, set[str]]:
+    """The media types of each status 2xx."""
+    return {
+        status: set(answer.get("content", ()))
+        for status, answer in operation["responses"].items()
+        if status.startswith("2")
+    }

@@ -32,8 +32,9 @@ def forward_routes(*, gate: KeyGate, clients: Mapping[str, ServiceClient]) -> AP
             methods=[row.method],
             operation_id=row.operation_id,
             tags=[row.service],
+            status_code=row.statuses[0],
             response_class=StreamingResponse,
-            responses={200: {"content": {"application/json": {"schema": {}}}}},
+            responses=row.responses,
             openapi_extra=row.openapi,
         )
     return router

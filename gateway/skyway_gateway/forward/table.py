@@ -3,6 +3,7 @@
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from http import HTTPStatus
 from typing import Any, Final, Literal
 
 from skyway.runtime.identity import CallerRole
@@ -33,6 +34,9 @@ class Forwarded:
     service: Service
     roles: tuple[CallerRole, ...]
     about: str
+    #: How it is answered when all is well, and in which form.
+    statuses: tuple[int, ...] = (200,)
+    media_type: str = "application/json"
     limit_bytes: int | None = None
     timeout_s: float = 30.0
 
@@ -45,6 +49,15 @@ class Forwarded:
     def operation_id(self) -> str:
         """Its name in the gateway's document: ``get_v1_networks_network_id``."""
         return _BETWEEN_WORDS.sub("_", f"{self.method.lower()} {self.path}").strip("_")
+
+    @property
+    def responses(self) -> dict[int | str, dict[str, Any]]:  # a part of a JSON document
+        """Its answers in the gateway's document, as FastAPI takes them."""
+        return {
+            status: {"description": HTTPStatus(status).phrase}
+            | ({} if status == HTTPStatus.NO_CONTENT else {"content": {self.media_type: {}}})
+            for status in self.statuses
+        }
 
     @property
     def openapi(self) -> dict[str, Any]:  # a part of a JSON document
@@ -69,13 +82,21 @@ FORWARDED: Final[tuple[Forwarded, ...]] = (
     Forwarded("PATCH", "/v1/providers/{provider_id}", "registry", _FLEETS, "Change a provider"),
     Forwarded("GET", "/v1/drone-models", "registry", _ANY, "List drone models"),
     Forwarded("GET", "/v1/drone-models/{model_id}", "registry", _ANY, "Show a drone model"),
-    Forwarded("PUT", "/v1/drone-models/{model_id}", "registry", _OPERATOR, "Set a drone model"),
+    Forwarded(
+        "PUT",
+        "/v1/drone-models/{model_id}",
+        "registry",
+        _OPERATOR,
+        "Set a drone model",
+        statuses=(200, 201),
+    ),
     Forwarded(
         "POST",
         "/v1/providers/{provider_id}/drones",
         "registry",
         _FLEETS,
         "Register one drone, or a list of them",
+        statuses=(201,),
         limit_bytes=_FLEET_BYTES,
         timeout_s=_HEAVY_S,
     ),
@@ -98,6 +119,7 @@ FORWARDED: Final[tuple[Forwarded, ...]] = (
         "registry",
         _FLEETS,
         "Remove a drone",
+        statuses=(204,),
     ),
     Forwarded("GET", "/v1/networks", "composition", _ANY, "List skyway networks"),
     Forwarded(
@@ -106,6 +128,7 @@ FORWARDED: Final[tuple[Forwarded, ...]] = (
         "composition",
         _OPERATOR,
         "Publish a skyway network (GeoJSON)",
+        statuses=(200, 201),
         limit_bytes=_NETWORK_BYTES,
         timeout_s=_HEAVY_S,
     ),
@@ -115,6 +138,7 @@ FORWARDED: Final[tuple[Forwarded, ...]] = (
         "composition",
         _ANY,
         "Show a skyway network (GeoJSON)",
+        media_type="application/geo+json",
         timeout_s=_HEAVY_S,
     ),
     Forwarded(

@@ -93,7 +93,10 @@ def network_routes(
     router = APIRouter(tags=["networks"])
 
     @router.put(
-        "/v1/networks/{network_id}", response_model=NetworkInfo, openapi_extra=_GEOJSON_BODY
+        "/v1/networks/{network_id}",
+        response_model=NetworkInfo,
+        responses={201: {"model": NetworkInfo}},
+        openapi_extra=_GEOJSON_BODY,
     )
     async def put_network(
         network_id: NetworkId,
