@@ -118,24 +118,6 @@ async def test_a_sequence_gap_is_no_refusal(composition: Any, drone: Any) -> Non
     assert await composition.sent() == [instruction]
 
 
-async def test_a_drone_on_an_old_copy_of_its_journal_gets_a_new_stream(
-    composition: Any, drone: Any, make: Any
-) -> None:
-    first = await booked(composition)
-    await composition.take(drone.ack(first), *drone.flown(first))
-    drone.session, drone.event_seq = 2, 0
-    await composition.take(drone.state())
-    await composition.book(make.candidate(), delivery_id="dlv_2")
-    (second,) = await composition.sent()
-    gap = {"code": "SEQUENCE_GAP", "data": {"expected_seq": first.seq, "stream": 1}}
-
-    await composition.take(drone.ack(second, "REJECTED", **gap))
-
-    (again,) = await composition.sent()
-    assert (again.stream, again.seq) == (2, 1)
-    assert again.mission_id == second.mission_id
-
-
 async def test_a_flight_is_told_to_its_end_and_frees_everything(
     composition: Any, drone: Any
 ) -> None:
