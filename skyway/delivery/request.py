@@ -28,7 +28,8 @@ class Package(JsonModel):
     """What is carried; its id is the customer's and unique within the request."""
 
     package_id: PackageId
-    mass_kg: Annotated[float, Field(ge=0, le=MAX_PACKAGE_MASS_KG)]
+    # Strict: true is not 1 kg.
+    mass_kg: Annotated[float, Field(ge=0, le=MAX_PACKAGE_MASS_KG, strict=True)]
     destination: Place
 
 

@@ -48,7 +48,7 @@ class PackageToDeliver(JsonModel):
     """A package, its mass, and the station where it is handed over."""
 
     package_id: PackageId
-    mass_kg: Annotated[float, Field(ge=0)]
+    mass_kg: Annotated[float, Field(ge=0, strict=True)]
     destination: StationId
 
 

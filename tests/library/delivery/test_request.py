@@ -36,6 +36,8 @@ def make_package(
         ({"packages": [make_package(mass_kg=-0.1)]}, "packages.0.mass_kg", "equal to 0"),
         ({"packages": [make_package(mass_kg=1001)]}, "packages.0.mass_kg", "1000"),
         ({"packages": [make_package(mass_kg=float("nan"))]}, "packages.0.mass_kg", "finite"),
+        ({"packages": [make_package(mass_kg=True)]}, "packages.0.mass_kg", "valid number"),
+        ({"packages": [make_package(mass_kg="1")]}, "packages.0.mass_kg", "valid number"),
         ({"pickup": {"station_id": "no spaces"}}, "pickup.station_id", "pattern"),
         ({"qos": {"objective": "soonest"}}, "qos.objective", "fastest"),
         ({"qos": {"objective": "fastest", "weights": {"time": 1}}}, "qos", "exclude"),
