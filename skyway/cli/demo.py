@@ -12,6 +12,7 @@ from skyway.cli.data_folder import DataFolder, data_folder
 from skyway.cli.demo_scenario import play
 from skyway.cli.demo_screen import DemoScreen
 from skyway.cli.demo_world import rehearse
+from skyway.cli.folder_lock import held
 from skyway.cli.race import first_of
 from skyway.cli.system import running_system
 from skyway.cli.up import DataOption, announce, asked_to_stop
@@ -28,11 +29,20 @@ def demo_command(
     ] = False,
 ) -> None:
     """Play the paper's scenario through real processes; ends by itself."""
-    # A folder of its own, new each time: a demo never meets what an earlier one left.
     folder = DataFolder(data_folder(data).path / "demo")
-    if folder.path.exists():
-        shutil.rmtree(folder.path)
+    _empty(folder)
     asyncio.run(_demo(folder, stay=stay))
+
+
+def _empty(folder: DataFolder) -> None:
+    """Make the folder new: a demo never meets what an earlier one left."""
+    folder.make()
+    with held(folder):
+        for path in folder.path.iterdir():
+            if path.is_dir():
+                shutil.rmtree(path)
+            elif path != folder.lock_file:
+                path.unlink()
 
 
 async def _demo(folder: DataFolder, *, stay: bool) -> None:

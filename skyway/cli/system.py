@@ -1,7 +1,6 @@
 """One local Skyway, from its first process to its last."""
 
 import asyncio
-import fcntl
 import os
 import sys
 from collections.abc import AsyncIterator, Mapping
@@ -15,6 +14,7 @@ from skyway.cli.children import Ports, bind, child, environment, service_urls
 from skyway.cli.data_folder import DataFolder
 from skyway.cli.databases import database_urls
 from skyway.cli.fleet_time import anchor_clock, keep_heartbeat
+from skyway.cli.folder_lock import held
 from skyway.cli.mosquitto_files import write_mosquitto_files
 from skyway.cli.race import first_of
 from skyway.cli.secrets import make_secrets, write_keys_file
@@ -63,10 +63,10 @@ async def running_system(folder: DataFolder, *, rate: float, ports: Ports) -> As
     # Also in a folder that others may enter, databases and logs are its user's alone.
     os.umask(0o077)
     make_secrets(folder)
-    with ExitStack() as held:
-        _hold(folder, held)
+    with ExitStack() as opened:
+        opened.enter_context(held(folder))
         anchor_clock(folder, rate=rate)
-        sockets = bind(ports, held)
+        sockets = bind(ports, opened)
         told = environment(folder, sockets)
         if "broker" not in sockets:
             write_mosquitto_files(folder)
@@ -92,14 +92,6 @@ async def running_system(folder: DataFolder, *, rate: float, ports: Ports) -> As
             heartbeat.cancel()
             with suppress(asyncio.CancelledError):
                 await heartbeat
-
-
-def _hold(folder: DataFolder, held: ExitStack) -> None:
-    lock = held.enter_context(folder.lock_file.open("w"))
-    try:
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError as error:
-        raise SkywayError(f"another Skyway runs on {folder.path}; stop it first") from error
 
 
 async def _until_ready(system: System) -> None:
