@@ -2,7 +2,6 @@
 
 import asyncio
 import itertools
-import shutil
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
@@ -37,7 +36,6 @@ from skyway.runtime.clock import ManualClock
 from skyway.runtime.database import Database
 from skyway.runtime.identity import ServiceGate
 from skyway.runtime.loops import Wake
-from skyway.runtime.migrations import migrate
 from skyway.runtime.minting import CountingMint
 from skyway.runtime.mqtt import Received
 
@@ -330,22 +328,16 @@ def secrets_dir(tmp_path: Path) -> Path:
     return folder
 
 
-@pytest.fixture(scope="session")
-def migrated_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A SQLite database with composition's tables, to be copied: migrating takes a while."""
-    path = tmp_path_factory.mktemp("composition") / "migrated.db"
-    asyncio.run(migrate(f"sqlite:///{path}", "skyway_composition"))
-    return path
+@pytest.fixture
+def package() -> str:
+    """Whose tables `migrated_url` has."""
+    return "skyway_composition"
 
 
 @pytest.fixture
-async def db(database_url: str, migrated_file: Path) -> AsyncIterator[Database]:
+async def db(migrated_url: str) -> AsyncIterator[Database]:
     """Composition's database, with its tables."""
-    if database_url.startswith("sqlite:///"):
-        shutil.copy(migrated_file, database_url.removeprefix("sqlite:///"))
-    else:
-        await migrate(database_url, "skyway_composition")
-    async with Database(database_url, outbox=outbox) as opened:
+    async with Database(migrated_url, outbox=outbox) as opened:
         yield opened
 
 

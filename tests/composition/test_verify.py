@@ -55,7 +55,7 @@ async def test_a_sound_database_breaks_nothing(composition: Any) -> None:
     assert await composition.broken() == []
 
 
-@pytest.mark.parametrize("database_url", ["sqlite"], indirect=True)
+@pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 @pytest.mark.parametrize("rule", BREAKS)
 async def test_a_broken_rule_is_named(composition: Any, rule: str) -> None:
     await composition.book()

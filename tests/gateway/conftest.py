@@ -1,9 +1,7 @@
 """A whole gateway on a new database, with a registry and a composition that tests instruct."""
 
-import asyncio
 import importlib.util
 import json
-import shutil
 import sys
 from collections.abc import AsyncIterator, Callable
 from contextlib import AsyncExitStack, asynccontextmanager
@@ -28,7 +26,6 @@ from skyway.contracts.mission import MissionReport
 from skyway.runtime.clock import AnchoredClock, ManualClock
 from skyway.runtime.http import ServiceClient
 from skyway.runtime.identity import ServiceIdentity
-from skyway.runtime.migrations import migrate
 
 START = datetime(2026, 3, 1, 12, tzinfo=UTC)
 
@@ -240,28 +237,25 @@ async def _make_callers(gateway: Gateway) -> None:
             setattr(gateway, name, {"Authorization": f"Bearer {secret}"})
 
 
-@pytest.fixture(scope="session")
-def migrated_sqlite(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A migrated SQLite file to copy: migrating anew for every test takes longer than it."""
-    path = tmp_path_factory.mktemp("gateway") / "empty.db"
-    asyncio.run(migrate(f"sqlite:///{path}", "skyway_gateway"))
-    return path
+@pytest.fixture
+def package() -> str:
+    """Whose tables `migrated_url` has."""
+    return "skyway_gateway"
 
 
 @pytest.fixture
-async def gateway(migrated_sqlite: Path, tmp_path: Path) -> AsyncIterator[Gateway]:
+async def gateway(templates: Any, package: str, tmp_path: Path) -> AsyncIterator[Gateway]:
     """A gateway on SQLite; what its invariants forbid fails the test at its end."""
     path = tmp_path / "gateway.db"
-    shutil.copy(migrated_sqlite, path)
+    await templates.copy_to(path, package)
     async with opened_gateway(f"sqlite:///{path}", tmp_path) as opened:
         yield opened
 
 
 @pytest.fixture
-async def gateway_on_both(database_url: str, tmp_path: Path) -> AsyncIterator[Gateway]:
+async def gateway_on_both(migrated_url: str, tmp_path: Path) -> AsyncIterator[Gateway]:
     """The same, once on SQLite and once on PostgreSQL."""
-    await migrate(database_url, "skyway_gateway")
-    async with opened_gateway(database_url, tmp_path) as opened:
+    async with opened_gateway(migrated_url, tmp_path) as opened:
         yield opened
 
 

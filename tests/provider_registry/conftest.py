@@ -1,7 +1,5 @@
 """A whole registry on a new database, called as the gateway calls it."""
 
-import asyncio
-import shutil
 from collections.abc import AsyncIterator, Iterable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
@@ -21,7 +19,6 @@ from skyway.runtime.clock import ManualClock
 from skyway.runtime.database import Database
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.identity import ServiceGate
-from skyway.runtime.migrations import migrate
 from skyway.runtime.minting import CountingMint
 
 STATIONS = {
@@ -96,22 +93,16 @@ def secrets_dir(tmp_path: Path) -> Path:
     return folder
 
 
-@pytest.fixture(scope="session")
-def migrated_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A SQLite database with the registry's tables, to be copied: migrating takes 0.2 s."""
-    path = tmp_path_factory.mktemp("registry") / "migrated.db"
-    asyncio.run(migrate(f"sqlite:///{path}", "skyway_provider_registry"))
-    return path
+@pytest.fixture
+def package() -> str:
+    """Whose tables `migrated_url` has."""
+    return "skyway_provider_registry"
 
 
 @pytest.fixture
-async def db(database_url: str, migrated_file: Path) -> AsyncIterator[Database]:
+async def db(migrated_url: str) -> AsyncIterator[Database]:
     """The registry's database, with its tables."""
-    if database_url.startswith("sqlite:///"):
-        shutil.copy(migrated_file, database_url.removeprefix("sqlite:///"))
-    else:
-        await migrate(database_url, "skyway_provider_registry")
-    async with Database(database_url) as opened:
+    async with Database(migrated_url) as opened:
         yield opened
 
 

@@ -1,12 +1,15 @@
 """The registry as a process, and the document of its routes."""
 
+import asyncio
 import json
+import sqlite3
 import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-from skyway_provider_registry.app import openapi_app
+from skyway_provider_registry.app import PACKAGE, openapi_app
+
+from skyway.runtime.migrations import migrate
 
 
 def test_the_document_of_the_routes_needs_nothing_opened() -> None:
@@ -38,11 +41,9 @@ def test_migrate_and_verify_need_only_a_database(tmp_path: Path) -> None:
     assert (verified.returncode, verified.stdout) == (0, "")
 
 
-def test_verify_tells_each_violation_as_a_line(tmp_path: Path, migrated_file: Path) -> None:
-    import sqlite3
-
+def test_verify_tells_each_violation_as_a_line(tmp_path: Path) -> None:
     path = tmp_path / "registry.db"
-    path.write_bytes(migrated_file.read_bytes())
+    asyncio.run(migrate(f"sqlite:///{path}", PACKAGE))
     with sqlite3.connect(path) as connection:
         connection.execute("INSERT INTO broker_accounts VALUES ('drn_9', 'DRONE', '')")
     connection.close()
@@ -51,11 +52,3 @@ def test_verify_tells_each_violation_as_a_line(tmp_path: Path, migrated_file: Pa
 
     assert verified.returncode == 1
     assert [json.loads(line)["subject"] for line in verified.stdout.splitlines()] == ["drn_9"]
-
-
-@pytest.mark.parametrize("command", ["serve", "migrate", "verify"])
-def test_a_missing_setting_is_named(command: str) -> None:
-    finished = run(command)
-
-    assert finished.returncode == 2
-    assert "SKYWAY_DATABASE_URL" in finished.stderr

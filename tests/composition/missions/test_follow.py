@@ -15,7 +15,7 @@ from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.loops import Wake
 from skyway.runtime.mqtt import Received
 
-pytestmark = pytest.mark.parametrize("database_url", ["sqlite"], indirect=True)
+pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 
 
 @dataclass
@@ -53,10 +53,10 @@ async def test_an_accepted_mission_is_reported_and_no_longer_sent(
 
 
 async def test_nothing_is_dropped_while_the_database_is_away(
-    composition: Any, drone: Any, database_url: str
+    composition: Any, drone: Any, migrated_url: str
 ) -> None:
     instruction = await booked(composition)
-    away = Database(database_url, outbox=outbox)
+    away = Database(migrated_url, outbox=outbox)
     follower = Follower(
         away,
         OneBatch([drone.ack(instruction)]),

@@ -6,7 +6,7 @@ import pytest
 
 from skyway.contracts.flight_step import DeliverStep, PickUpStep
 
-pytestmark = pytest.mark.parametrize("database_url", ["sqlite"], indirect=True)
+pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 
 
 async def flown_until(

@@ -9,7 +9,7 @@ from skyway.ids import DroneModelId
 
 KEEPS_A_FIFTH = DRONE_MODELS[DroneModelId("paper-scenario")].model_copy(update={"reserve_soc": 0.2})
 
-pytestmark = pytest.mark.parametrize("database_url", ["sqlite"], indirect=True)
+pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 
 
 async def two_missions(composition: Any, make: Any) -> tuple[str, str]:

@@ -8,7 +8,7 @@ import pytest
 from skyway_composition.networks.announce import NetworkVersions
 from skyway_composition.pads.station_states import StationStates
 
-pytestmark = pytest.mark.parametrize("database_url", ["sqlite"], indirect=True)
+pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 
 
 @dataclass

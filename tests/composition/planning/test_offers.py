@@ -13,7 +13,7 @@ from skyway.ids import DroneId, StationId
 from skyway.planner.problem import Problem
 from skyway.units import moment_to_ms
 
-pytestmark = pytest.mark.parametrize("database_url", ["sqlite"], indirect=True)
+pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 
 
 class CountingSolver(SolverPool):

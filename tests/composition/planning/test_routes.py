@@ -11,7 +11,7 @@ from skyway.ids import DroneModelId
 from skyway.network.geojson import write_network
 from skyway.network.synthetic import synthetic_city
 
-pytestmark = pytest.mark.parametrize("database_url", ["sqlite"], indirect=True)
+pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 
 MODEL = DRONE_MODELS[DroneModelId("paper-scenario")].model_dump(mode="json")
 
@@ -71,33 +71,34 @@ async def test_that_there_is_no_plan_is_an_answer(composition: Any, make: Any) -
     assert answer.json()["infeasibility"]["code"] == "OVERWEIGHT"
 
 
-@pytest.mark.parametrize(
-    ("members", "field"),
-    [
-        ({"source": "nowhere"}, "source"),
-        ({"packages": []}, "packages"),
-        (
-            {"packages": [{"package_id": "p", "mass_kg": -1, "destination": "c"}]},
-            "packages.0.mass_kg",
-        ),
-        ({"surprise": 1}, "surprise"),
-        ({"strategy": "magic"}, "strategy"),
-        ({"network": {"network_id": "none"}}, "network"),
-        ({"network": {"network_id": "row", "version": 9}}, "network"),
-        ({"network": {"network_id": "row", "versions": 1}}, "network.versions"),
-        ({"network": {"network_id": "row"}, "start_at": "soon"}, "start_at"),
-        ({"network": {"network_id": "row"}, "pad_reservations": 7}, "pad_reservations"),
-        ({"network": {"type": "FeatureCollection", "features": 3}}, "network.features"),
-        ({"network": None}, "network"),
-    ],
-)
-async def test_what_is_wrong_is_named(
-    composition: Any, make: Any, members: dict[str, Any], field: str
-) -> None:
-    answer = await compose(composition, problem(make.network()) | members)
+WRONG_MEMBERS: list[tuple[dict[str, Any], str]] = [
+    ({"source": "nowhere"}, "source"),
+    ({"packages": []}, "packages"),
+    (
+        {"packages": [{"package_id": "p", "mass_kg": -1, "destination": "c"}]},
+        "packages.0.mass_kg",
+    ),
+    ({"surprise": 1}, "surprise"),
+    ({"strategy": "magic"}, "strategy"),
+    ({"network": {"network_id": "none"}}, "network"),
+    ({"network": {"network_id": "row", "version": 9}}, "network"),
+    ({"network": {"network_id": "row", "versions": 1}}, "network.versions"),
+    ({"network": {"network_id": "row"}, "start_at": "soon"}, "start_at"),
+    ({"network": {"network_id": "row"}, "pad_reservations": 7}, "pad_reservations"),
+    ({"network": {"type": "FeatureCollection", "features": 3}}, "network.features"),
+    ({"network": None}, "network"),
+]
 
-    assert answer.status_code == 422, answer.text
-    assert answer.json()["errors"][0]["field"].startswith(field)
+
+async def test_what_is_wrong_is_named(
+    composition: Any, make: Any, subtests: pytest.Subtests
+) -> None:
+    for members, field in WRONG_MEMBERS:
+        with subtests.test(str(members)):
+            answer = await compose(composition, problem(make.network()) | members)
+
+            assert answer.status_code == 422, answer.text
+            assert answer.json()["errors"][0]["field"].startswith(field)
 
 
 @pytest.mark.parametrize("body", [[], 7, None, "x"])

@@ -44,12 +44,13 @@ def test_verify_finds_nothing_and_exits_0(capsys: pytest.CaptureFixture[str]) ->
     assert (code, capsys.readouterr().out) == (0, "")
 
 
+@pytest.mark.parametrize("command", ["serve", "migrate", "verify"])
 def test_a_missing_setting_is_named(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    command: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.delenv("SKYWAY_DATABASE_URL", raising=False)
 
-    code = make_process().run(["serve"])
+    code = make_process().run([command])
 
     assert code == 2
     assert "SKYWAY_DATABASE_URL" in capsys.readouterr().err

@@ -194,7 +194,7 @@ async def test_a_drone_that_nobody_registered_is_dropped(
 
 
 async def test_a_batch_that_cannot_be_kept_is_kept_later(
-    fleet: Fleet, database_url: str, clock: ManualClock, state: Maker
+    fleet: Fleet, migrated_url: str, clock: ManualClock, state: Maker
 ) -> None:
     drone_id = await fleet.drone()
     batch = [Received(STATE, (fleet.provider_id, drone_id), state(7, 1, soc=0.4), False)]
@@ -202,7 +202,7 @@ async def test_a_batch_that_cannot_be_kept_is_kept_later(
     async def batches() -> AsyncIterator[list[Received[Any]]]:
         yield batch
 
-    late = Database(database_url)
+    late = Database(migrated_url)
     follower = PresenceFollower(batches(), db=late, clock=clock)
     with pytest.raises(ServiceUnavailable):
         await follower.step()
