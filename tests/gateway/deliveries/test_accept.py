@@ -111,25 +111,19 @@ BAD_REQUESTS: list[tuple[str, dict[str, Any], str, str]] = [
 ]
 
 
-@pytest.mark.parametrize(
-    ("changes", "field", "detail"),
-    [row[1:] for row in BAD_REQUESTS],
-    ids=[row[0] for row in BAD_REQUESTS],
-)
 async def test_a_bad_request_is_answered_with_field_and_limit(
-    gateway: Any,
-    request_body: Callable[..., dict[str, Any]],
-    changes: dict[str, Any],
-    field: str,
-    detail: str,
+    gateway: Any, request_body: Callable[..., dict[str, Any]], subtests: pytest.Subtests
 ) -> None:
-    answer = await gateway.post({**request_body(), **changes})
-    assert answer.status_code == 422, answer.text
-    assert answer.headers["content-type"] == "application/problem+json"
-    problem = answer.json()
-    assert problem["type"] == "urn:skyway:problem:invalid-input"
-    assert [error["field"] for error in problem["errors"]] == [field]
-    assert detail in problem["errors"][0]["detail"]
+    for case, changes, field, detail in BAD_REQUESTS:
+        with subtests.test(case):
+            answer = await gateway.post({**request_body(), **changes})
+
+            assert answer.status_code == 422, answer.text
+            assert answer.headers["content-type"] == "application/problem+json"
+            problem = answer.json()
+            assert problem["type"] == "urn:skyway:problem:invalid-input"
+            assert [error["field"] for error in problem["errors"]] == [field]
+            assert detail in problem["errors"][0]["detail"]
 
 
 @pytest.mark.parametrize("mass", ["NaN", "Infinity", "-Infinity", "1e999"])

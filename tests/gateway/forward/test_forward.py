@@ -23,8 +23,16 @@ def path_of(row: Forwarded) -> str:
     return row.path.format(**{name: IDS[name] for name in row.parameters})
 
 
-@pytest.mark.parametrize("row", FORWARDED, ids=lambda row: f"{row.method} {row.path}")
-async def test_a_call_reaches_its_service_for_its_roles_alone(gateway: Any, row: Forwarded) -> None:
+# Refused and forwarded calls leave nothing in the gateway, so all rows may ask the same one.
+async def test_a_call_reaches_its_service_for_its_roles_alone(
+    gateway: Any, subtests: pytest.Subtests
+) -> None:
+    for row in FORWARDED:
+        with subtests.test(f"{row.method} {row.path}"):
+            await assert_reaches_its_service(gateway, row)
+
+
+async def assert_reaches_its_service(gateway: Any, row: Forwarded) -> None:
     path = path_of(row)
     for role in get_args(KeyRole):
         gateway.forwarded.clear()

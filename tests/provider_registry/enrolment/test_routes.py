@@ -1,5 +1,6 @@
 """The gateway opens and closes customers' broker accounts, and no others."""
 
+import itertools
 from pathlib import Path
 from typing import Any
 
@@ -30,19 +31,18 @@ async def test_a_removed_customer_cannot_log_in(api: Any, tmp_path: Path) -> Non
     assert "newcomer" not in read_password_file(tmp_path / "passwords")
 
 
-@pytest.mark.parametrize("method", ["PUT", "DELETE"])
-@pytest.mark.parametrize(
-    "name", ["gateway", "registry", "composition", "operator", "drn_000001", "a b", "x" * 65]
-)
 async def test_accounts_of_our_own_processes_are_out_of_reach(
-    api: Any, method: str, name: str
+    api: Any, subtests: pytest.Subtests
 ) -> None:
-    body = {"password": PASSWORD} if method == "PUT" else None
+    names = ("gateway", "registry", "composition", "operator", "drn_000001", "a b", "x" * 65)
+    for method, name in itertools.product(("PUT", "DELETE"), names):
+        with subtests.test(f"{method} {name}"):
+            body = {"password": PASSWORD} if method == "PUT" else None
 
-    answer = await api(None, method, f"{PATH}/{name}", body)
+            answer = await api(None, method, f"{PATH}/{name}", body)
 
-    assert answer.status_code == 422
-    assert answer.json()["errors"][0]["field"] == "user_name"
+            assert answer.status_code == 422
+            assert answer.json()["errors"][0]["field"] == "user_name"
 
 
 @pytest.mark.parametrize("caller", ["customer:newcomer", "operator:op", "provider:prv_1"])

@@ -12,6 +12,33 @@ from skyway.runtime.broker_passwords import matches, read_password_file
 
 DRONE = {"model_id": "paper-scenario", "home_station_id": "san-marcos"}
 
+BAD_DRONES: list[tuple[Any, list[str]]] = [
+    ({**DRONE, "model_id": "paper-plane"}, ["model_id"]),
+    ({**DRONE, "home_station_id": "atlantis"}, ["home_station_id"]),
+    ({**DRONE, "soc": 1.01}, ["soc"]),
+    ({**DRONE, "soc": -0.01}, ["soc"]),
+    ({**DRONE, "soc": "full"}, ["soc"]),
+    ({**DRONE, "colour": "red"}, ["colour"]),
+    ({**DRONE, "name": ""}, ["name"]),
+    ({"model_id": "paper-scenario"}, ["home_station_id"]),
+    ([DRONE, {**DRONE, "model_id": "paper-plane"}], ["1.model_id"]),
+    ([{**DRONE, "home_station_id": "atlantis"}, DRONE], ["0.home_station_id"]),
+    ([DRONE, {**DRONE, "soc": 2}], ["1.soc"]),
+    ([DRONE, {**DRONE, "colour": "red"}], ["1.colour"]),
+    ([DRONE, {}], ["1.model_id", "1.home_station_id"]),
+    (
+        [{"model_id": "paper-plane", "home_station_id": "atlantis"}],
+        ["0.model_id", "0.home_station_id"],
+    ),
+    (
+        [{**DRONE, "registration": "N1"}, DRONE, {**DRONE, "registration": "N1"}],
+        ["2.registration"],
+    ),
+    ([], ["body"]),
+    ("drone", ["body"]),
+    (None, ["body"]),
+]
+
 
 @pytest.fixture
 async def provider_id(api: Any) -> str:
@@ -68,46 +95,18 @@ async def test_drones_log_in_with_what_they_were_shown(
         assert matches(mqtt["password"], accounts[mqtt["user_name"]])
 
 
-@pytest.mark.parametrize(
-    ("body", "fields"),
-    [
-        ({**DRONE, "model_id": "paper-plane"}, ["model_id"]),
-        ({**DRONE, "home_station_id": "atlantis"}, ["home_station_id"]),
-        ({**DRONE, "soc": 1.01}, ["soc"]),
-        ({**DRONE, "soc": -0.01}, ["soc"]),
-        ({**DRONE, "soc": "full"}, ["soc"]),
-        ({**DRONE, "colour": "red"}, ["colour"]),
-        ({**DRONE, "name": ""}, ["name"]),
-        ({"model_id": "paper-scenario"}, ["home_station_id"]),
-        ([DRONE, {**DRONE, "model_id": "paper-plane"}], ["1.model_id"]),
-        ([{**DRONE, "home_station_id": "atlantis"}, DRONE], ["0.home_station_id"]),
-        ([DRONE, {**DRONE, "soc": 2}], ["1.soc"]),
-        ([DRONE, {**DRONE, "colour": "red"}], ["1.colour"]),
-        ([DRONE, {}], ["1.model_id", "1.home_station_id"]),
-        (
-            [{"model_id": "paper-plane", "home_station_id": "atlantis"}],
-            ["0.model_id", "0.home_station_id"],
-        ),
-        (
-            [{**DRONE, "registration": "N1"}, DRONE, {**DRONE, "registration": "N1"}],
-            ["2.registration"],
-        ),
-        ([], ["body"]),
-        ("drone", ["body"]),
-        (None, ["body"]),
-    ],
-)
 async def test_a_bad_drone_is_told_its_field_and_place(
-    api: Any, provider_id: str, body: object, fields: list[str]
+    api: Any, provider_id: str, subtests: pytest.Subtests
 ) -> None:
     path = f"/v1/providers/{provider_id}/drones"
+    for body, fields in BAD_DRONES:
+        with subtests.test(json.dumps(body)):
+            answer = await api("operator:op", "POST", path, body)
 
-    answer = await api("operator:op", "POST", path, body)
-
-    left = await api("operator:op", "GET", path)
-    assert answer.status_code == 422, answer.text
-    assert [problem["field"] for problem in answer.json()["errors"]] == fields
-    assert left.json()["items"] == []
+            left = await api("operator:op", "GET", path)
+            assert answer.status_code == 422, answer.text
+            assert [problem["field"] for problem in answer.json()["errors"]] == fields
+            assert left.json()["items"] == []
 
 
 async def test_more_than_5000_drones_are_refused(api: Any, provider_id: str) -> None:
