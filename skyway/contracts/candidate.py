@@ -62,9 +62,12 @@ ProviderReasonCode = Literal[
 
 
 class ProviderReason(WireModel):
-    """Why a provider makes no offer; `is_temporary` when asking again later may change it."""
+    """Why a provider makes no offer; `is_temporary` when asking again later may change it.
 
-    provider_id: ProviderId
+    `provider_id` is null where the reason is nobody's: no provider was asked in time.
+    """
+
+    provider_id: ProviderId | None
     code: ProviderReasonCode
     detail: str
     is_temporary: bool

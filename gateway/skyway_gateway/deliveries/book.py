@@ -26,7 +26,7 @@ from skyway_gateway.deliveries import store
 from skyway_gateway.deliveries.delivery import Delivery
 from skyway_gateway.deliveries.progress import Progress, after_booking, after_rejection
 from skyway_gateway.deliveries.rows import Queued
-from skyway_gateway.deliveries.verdict import most_refused, refusal_reasons, why_never
+from skyway_gateway.deliveries.verdict import most_refused, nobody_asked, refusal_reasons, why_never
 from skyway_gateway.notifications.events import Events
 
 log = logging.getLogger(__name__)
@@ -106,6 +106,7 @@ class Booker:
         """Have nothing booked any more (the tombstone), and only then say REJECTED."""
         refused = refusal_reasons(delivery.refusals)
         reasons = (*refused, *(reason for reason in reasons if reason not in refused))
+        reasons = reasons or (nobody_asked(detail),)
         # Kept first: a round that finds the tombstone of a dead one still knows why.
         async with self.db.write() as tx:
             await store.note_reasons(tx, delivery.delivery_id, reasons)

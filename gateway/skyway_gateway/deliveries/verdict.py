@@ -43,5 +43,10 @@ def refusal_reasons(refusals: Iterable[Refusal]) -> tuple[ProviderReason, ...]:
     )
 
 
+def nobody_asked(detail: str) -> ProviderReason:
+    """The reason of a delivery that ran out of time before any provider said a word."""
+    return ProviderReason(provider_id=None, code="TOO_LATE", detail=detail, is_temporary=False)
+
+
 def _in_words(reason: ProviderReason) -> str:
     return f"{reason.provider_id}: {reason.code}, {reason.detail}"

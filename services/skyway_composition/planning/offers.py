@@ -183,7 +183,7 @@ class _Refusals:
     def of_providers(self, offers: Iterable[Offer]) -> tuple[ProviderReason, ...]:
         """One reason per provider without offer; what may pass tells more than what stays."""
         with_offer = {offer.candidate.provider_id for offer in offers}
-        told: dict[ProviderId, ProviderReason] = {}
+        told: dict[ProviderId | None, ProviderReason] = {}
         for reason in self._reasons:
             known = told.get(reason.provider_id)
             if known is None or (reason.is_temporary and not known.is_temporary):

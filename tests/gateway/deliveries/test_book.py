@@ -232,7 +232,11 @@ async def test_a_request_is_given_up_at_its_deadline(gateway: Any) -> None:
     assert (await gateway.get(delivery_id))["state"] == "REQUESTED"
     gateway.clock.advance(timedelta(hours=1))
     await gateway.parts.booker.step()
-    assert (await gateway.get(delivery_id))["state"] == "REJECTED"
+    delivery = await gateway.get(delivery_id)
+    assert delivery["state"] == "REJECTED"
+    (reason,) = delivery["reasons"]
+    assert (reason["provider_id"], reason["code"]) == (None, "TOO_LATE")
+    assert "no drone could be booked before" in reason["detail"]
 
 
 async def test_what_was_booked_before_the_deadline_is_planned_after_it(gateway: Any) -> None:
