@@ -5,7 +5,7 @@ import os
 import sys
 from itertools import cycle, islice
 from pathlib import Path
-from typing import Annotated, Any, NoReturn
+from typing import Annotated, Any, NoReturn, TypeGuard
 
 import typer
 
@@ -78,9 +78,17 @@ def _read(file: Path) -> list[dict[str, Any]]:  # drones as the registry answers
         fail(f"{file} cannot be read: {error}")
     if isinstance(content, dict):
         content = content.get("items", [content])
-    if not isinstance(content, list) or not all("drone_id" in drone for drone in content):
+    if not _are_drones(content):
         fail(f"{file} is not the answer of POST /v1/providers/{{id}}/drones")
     return content
+
+
+def _are_drones(content: object) -> TypeGuard[list[dict[str, Any]]]:
+    return (
+        isinstance(content, list)
+        and len(content) > 0
+        and all(isinstance(drone, dict) and "drone_id" in drone for drone in content)
+    )
 
 
 def _all_stations(folder: DataFolder) -> list[str]:

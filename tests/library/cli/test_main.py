@@ -38,6 +38,17 @@ def test_verify_of_an_empty_folder_names_the_database_and_makes_none(tmp_path: P
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("content", ["[]", "[1]", '{"items": []}', '{"items": 3}', "7", '{"a": 1}'])
+def test_a_fleet_s_file_without_drones_is_named(content: str, tmp_path: Path) -> None:
+    file = tmp_path / "fleet.json"
+    file.write_text(content)
+
+    ended = skyway("fleet", file, "--data", tmp_path)
+
+    assert ended.returncode == 1
+    assert ended.stderr == f"{file} is not the answer of POST /v1/providers/{{id}}/drones\n"
+
+
 def test_a_network_is_published_with_the_keys_of_a_data_folder(tmp_path: Path) -> None:
     ended = skyway("network", "import", "bundled", "--network-id", "texas", "--data", tmp_path)
 
