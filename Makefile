@@ -3,6 +3,8 @@
 VENV := .venv
 BIN := $(VENV)/bin
 UV := $(shell command -v uv 2>/dev/null)
+# A worker per core, but not so many that whole systems starve each other.
+PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist worksteal
 
 setup: $(VENV)/.ready
 
@@ -17,14 +19,14 @@ up: setup
 	@$(BIN)/skyway up
 
 test: setup
-	@$(BIN)/python -m pytest
+	@$(PYTEST)
 
 # The import rules are among the unit tests.
 check: setup
 	@$(BIN)/ruff format --check .
 	@$(BIN)/ruff check .
 	@$(BIN)/mypy
-	@$(BIN)/python -m pytest -m "not integration and not end_to_end"
+	@$(PYTEST) -m "not integration and not end_to_end"
 
 openapi: setup
 	@$(BIN)/python tools/write_openapi.py

@@ -1,5 +1,6 @@
 """Fixtures for all tests: a throw-away PostgreSQL, and a new database on either dialect."""
 
+import gc
 import os
 import pwd
 import secrets
@@ -13,6 +14,7 @@ from pathlib import Path
 
 import asyncpg
 import pytest
+from hypothesis import HealthCheck, settings
 
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.database import Database
@@ -28,6 +30,18 @@ _OPTIONS = (
     "-c listen_addresses='' -c unix_socket_directories={folder} -c fsync=off"
     " -c max_connections=200 -c shared_buffers=16MB"
 )
+
+# The same examples in every run, and none that fails because the machine is busy.
+settings.register_profile(
+    "skyway", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow]
+)
+settings.load_profile("skyway")
+
+
+def pytest_collection_finish() -> None:
+    """Leave what is imported by now out of each collection of garbage: a tenth of a run's time."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(scope="session")

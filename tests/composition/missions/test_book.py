@@ -91,9 +91,9 @@ async def test_concurrent_puts_of_one_attempt_book_once(composition: Any, make: 
     assert await count(composition, "missions") == 1
 
 
-async def test_thirty_bookings_of_one_drone_make_one_mission(composition: Any) -> None:
+async def test_twelve_bookings_of_one_drone_make_one_mission(composition: Any) -> None:
     bookings = await asyncio.gather(
-        *(composition.book(delivery_id=f"dlv_{number}") for number in range(30))
+        *(composition.book(delivery_id=f"dlv_{number}") for number in range(12))
     )
 
     outcomes = [booking.outcome for booking in bookings]
@@ -103,7 +103,7 @@ async def test_thirty_bookings_of_one_drone_make_one_mission(composition: Any) -
     assert await composition.broken() == []
 
 
-async def test_thirty_bookings_through_one_pad_never_hold_it_twice(
+async def test_twelve_bookings_through_one_pad_never_hold_it_twice(
     composition: Any, make: Any
 ) -> None:
     await composition.publish(make.network(pads=dict.fromkeys("abcde", 1)))
@@ -111,7 +111,7 @@ async def test_thirty_bookings_through_one_pad_never_hold_it_twice(
     bookings = await asyncio.gather(
         *(
             composition.book(make.candidate(number), delivery_id=f"dlv_{number}")
-            for number in range(30)
+            for number in range(12)
         )
     )
 

@@ -60,7 +60,7 @@ def test_the_maker_s_drone_takes_57_percent_of_its_recharge_to_the_knee():
 
 
 @given(soc_from=st.floats(0.0, 0.99), soc_to=st.floats(0.0, 0.99))
-@settings(max_examples=50, derandomize=True, deadline=None)
+@settings(max_examples=50)
 def test_reading_the_curve_forth_and_back_gives_the_same_charge(soc_from: float, soc_to: float):
     model: DroneModel = DJI_MATRICE_300_RTK
     soc_from, soc_to = sorted((soc_from, soc_to))

@@ -4,7 +4,7 @@ from datetime import UTC, datetime
 from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from skyway.errors import InvalidNetwork
@@ -247,7 +247,6 @@ def zones(draw: st.DrawFn, name: str) -> Zone:
     return Zone(ZoneId(name), ((*ring, ring[0]),), bounds[0], bounds[1], draw(EXTRAS))
 
 
-@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(network=networks())
 def test_a_network_survives_the_way_through_json(network: Network) -> None:
     document = json.loads(json.dumps(write_network(network)))

@@ -1,4 +1,4 @@
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from skyway.geo import Position, distance_m
@@ -15,7 +15,6 @@ def make_stations(*positions: tuple[float, float]) -> dict[StationId, Station]:
     return {i: Station(i, Position(*at)) for i, at in zip(ids, positions, strict=True)}
 
 
-@settings(deadline=None)
 @given(
     positions=st.lists(POSITIONS, max_size=12) | st.lists(NEAR, max_size=12),
     reach_m=st.sampled_from([0.0, 500.0, 12_000.0, 5e6, 3e7]),

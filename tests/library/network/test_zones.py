@@ -2,7 +2,7 @@ import math
 from fractions import Fraction
 
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from skyway.geo import Position
@@ -125,7 +125,6 @@ def meets_triangle(
     return first <= last
 
 
-@settings(deadline=None)
 @given(corners=st.lists(CORNERS, min_size=3, max_size=3), start=CORNERS, end=CORNERS)
 def test_triangles_agree_with_exact_clipping(
     corners: list[tuple[int, int]], start: tuple[int, int], end: tuple[int, int]

@@ -16,7 +16,7 @@ from skyway.planner.problem import Problem
 from skyway.planner.stop import LabelLimit, never
 from skyway.planner.verify import verify
 
-BOUNDED = settings(max_examples=50, derandomize=True, deadline=None)
+BOUNDED = settings(max_examples=50)
 SEEDS = st.integers(0, 10_000)
 
 

@@ -12,7 +12,7 @@ def total(order: tuple[int, ...], costs: dict[tuple[int, int], float]) -> float:
 
 
 @given(seed=st.randoms(use_true_random=False), destinations=st.integers(0, 4))
-@settings(max_examples=50, derandomize=True, deadline=None)
+@settings(max_examples=50)
 def test_all_orders_come_once_the_cheapest_first(seed, destinations: int):
     numbers = range(destinations)
     costs = {(at, to): seed.randint(1, 9) for at in (SOURCE, *numbers) for to in numbers}
