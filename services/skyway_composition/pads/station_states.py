@@ -10,7 +10,7 @@ from skyway.runtime.database import Database
 from skyway.runtime.minting import Mint
 from skyway.runtime.mqtt import MqttClient
 from skyway.units import moment_to_ms, ms_to_moment
-from skyway_composition.pads.store import pads_of_all, taken_at
+from skyway_composition.pads.store import pads_everywhere, pads_of_all, taken_at
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,38 +22,51 @@ class _Taken:
 
 @dataclass(slots=True)
 class StationStates:
-    """Publishes what changed since it last told; a station never reserved is told by nothing."""
+    """Publishes what changed since it last told: after a connect all stations, then what changes.
+
+    All of them, because the process before this one may have left a station told as taken.
+    """
 
     db: Database
     mqtt: MqttClient
     clock: FleetClock
     mint: Mint
     _told: dict[StationId, _Taken] = field(default_factory=dict)
+    _connects: int = 1
+    _told_connects: int = 0
 
     def forget(self) -> None:
         """Tell everything again: a broker keeps nothing over a restart."""
-        self._told = {station: _Taken(-1, -1, None) for station in self._told}
+        self._told = {}
+        self._connects += 1
 
     async def step(self) -> bool:
         """Publish what is different now."""
         if not self.mqtt.is_connected:
             return False
         now = self.clock.now()
+        connects = self._connects  # a connect in the middle of this step has all told once more
         async with self.db.read() as connection:
             taken = await taken_at(connection, moment_to_ms(now))
-            known = sorted({*taken, *self._told})
-            pads = await pads_of_all(connection, known)
-        for station_id in known:
+            if self._told_connects == connects:
+                pads = await pads_of_all(connection, sorted({*taken, *self._told_as_taken()}))
+            else:
+                pads = await pads_everywhere(connection)
+        for station_id in sorted(pads):
             booked = taken.get(station_id, [])
             state = _Taken(
-                pads=pads.get(station_id, 0),
+                pads=pads[station_id],
                 pads_taken=len(booked),
                 next_free_ms=min((each.end_ms for each in booked), default=None),
             )
             if self._told.get(station_id) != state:
                 await self.mqtt.publish(STATION_STATE(station_id), self._message(station_id, state))
                 self._told[station_id] = state
+        self._told_connects = connects
         return False
+
+    def _told_as_taken(self) -> list[StationId]:
+        return [station_id for station_id, state in self._told.items() if state.pads_taken]
 
     def _message(self, station_id: StationId, state: _Taken) -> StationState:
         next_free_ms = state.next_free_ms

@@ -142,3 +142,9 @@ async def pads_of_all(
         select(stations.c.station_id, stations.c.pads).where(stations.c.station_id.in_(station_ids))
     )
     return {row.station_id: row.pads for row in found}
+
+
+async def pads_everywhere(connection: AsyncConnection) -> dict[StationId, int]:
+    """How many pads every station has."""
+    found = await connection.execute(select(stations.c.station_id, stations.c.pads))
+    return {row.station_id: row.pads for row in found}

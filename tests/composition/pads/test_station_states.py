@@ -37,9 +37,17 @@ async def test_a_station_is_told_when_a_reservation_begins_and_ends(composition:
     parts.clock.advance(timedelta(milliseconds=first.end_ms - first.start_ms))
     await states.step()
 
-    told = [message.pads_taken for name, message in broker.published]
-    assert (before, told) == (0, [1, 0])
-    assert broker.published[0][0] == "skyway/v1/stations/b/state"
+    changed = [(name, message.pads_taken) for name, message in broker.published[before:]]
+    assert changed == [("skyway/v1/stations/b/state", 1), ("skyway/v1/stations/b/state", 0)]
+
+
+async def test_a_station_that_was_left_told_as_taken_is_told_as_free(composition: Any) -> None:
+    parts, broker = composition.parts, Broker()
+
+    await StationStates(parts.db, broker, parts.clock, parts.mint).step()
+
+    told = {name: message.pads_taken for name, message in broker.published}
+    assert told["skyway/v1/stations/b/state"] == 0
 
 
 async def test_after_a_connect_everything_is_told_again(composition: Any) -> None:
