@@ -17,11 +17,15 @@ class ClockAnchor(Message):
 
 
 class StationState(Message):
-    """How taken a station's pads are now, and when the next reservation of a taken pad ends."""
+    """How taken a station's pads are now, and when the next reservation of a taken pad ends.
+
+    `queue` counts the reservations that have not begun.
+    """
 
     station_id: StationId
     pads: Annotated[int, Field(ge=0)]
     pads_taken: Annotated[int, Field(ge=0)]
+    queue: Annotated[int, Field(ge=0)] = 0
     next_free_at: FleetMoment | None = None
 
 

@@ -1,5 +1,6 @@
 """How taken stations are, told to everybody: retained, on change and after every connect."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 from skyway.contracts.topics import STATION_STATE
@@ -10,13 +11,15 @@ from skyway.runtime.database import Database
 from skyway.runtime.minting import Mint
 from skyway.runtime.mqtt import MqttClient
 from skyway.units import moment_to_ms, ms_to_moment
-from skyway_composition.pads.store import pads_everywhere, pads_of_all, taken_at
+from skyway_composition.pads.booked_pad import BookedPad
+from skyway_composition.pads.store import booked_by_station, pads_everywhere, pads_of_all
 
 
 @dataclass(frozen=True, slots=True)
 class _Taken:
     pads: int
     pads_taken: int
+    queue: int
     next_free_ms: int | None
 
 
@@ -44,29 +47,28 @@ class StationStates:
         """Publish what is different now."""
         if not self.mqtt.is_connected:
             return False
-        now = self.clock.now()
+        now_ms = moment_to_ms(self.clock.now())
         connects = self._connects  # a connect in the middle of this step has all told once more
         async with self.db.read() as connection:
-            taken = await taken_at(connection, moment_to_ms(now))
+            booked = await booked_by_station(connection, ending_after_ms=now_ms)
             if self._told_connects == connects:
-                pads = await pads_of_all(connection, sorted({*taken, *self._told_as_taken()}))
+                pads = await pads_of_all(connection, sorted({*booked, *self._told_as_booked()}))
             else:
                 pads = await pads_everywhere(connection)
         for station_id in sorted(pads):
-            booked = taken.get(station_id, [])
-            state = _Taken(
-                pads=pads[station_id],
-                pads_taken=len(booked),
-                next_free_ms=min((each.end_ms for each in booked), default=None),
-            )
+            state = _state_of(pads[station_id], booked.get(station_id, []), now_ms)
             if self._told.get(station_id) != state:
                 await self.mqtt.publish(STATION_STATE(station_id), self._message(station_id, state))
                 self._told[station_id] = state
         self._told_connects = connects
         return False
 
-    def _told_as_taken(self) -> list[StationId]:
-        return [station_id for station_id, state in self._told.items() if state.pads_taken]
+    def _told_as_booked(self) -> list[StationId]:
+        return [
+            station_id
+            for station_id, state in self._told.items()
+            if state.pads_taken or state.queue
+        ]
 
     def _message(self, station_id: StationId, state: _Taken) -> StationState:
         next_free_ms = state.next_free_ms
@@ -76,5 +78,16 @@ class StationStates:
             station_id=station_id,
             pads=state.pads,
             pads_taken=state.pads_taken,
+            queue=state.queue,
             next_free_at=None if next_free_ms is None else ms_to_moment(next_free_ms),
         )
+
+
+def _state_of(pads: int, booked: Sequence[BookedPad], now_ms: int) -> _Taken:
+    taken = [each for each in booked if each.start_ms <= now_ms]
+    return _Taken(
+        pads=pads,
+        pads_taken=len(taken),
+        queue=len(booked) - len(taken),
+        next_free_ms=min((each.end_ms for each in taken), default=None),
+    )

@@ -120,18 +120,18 @@ async def reservations_of(
     ]
 
 
-async def taken_at(connection: AsyncConnection, moment_ms: int) -> dict[StationId, list[BookedPad]]:
-    """The pads that are taken at a moment, by station."""
+async def booked_by_station(
+    connection: AsyncConnection, *, ending_after_ms: int
+) -> dict[StationId, list[BookedPad]]:
+    """The pads that are taken or will be, by station."""
     found = await connection.execute(
-        select(pad_reservations).where(
-            pad_reservations.c.start_ms <= moment_ms, pad_reservations.c.end_ms > moment_ms
-        )
+        select(pad_reservations).where(pad_reservations.c.end_ms > ending_after_ms)
     )
-    taken: dict[StationId, list[BookedPad]] = {}
+    by_station: dict[StationId, list[BookedPad]] = {}
     for row in found:
         booked = BookedPad(row.station_id, row.pad, row.start_ms, row.end_ms)
-        taken.setdefault(row.station_id, []).append(booked)
-    return taken
+        by_station.setdefault(row.station_id, []).append(booked)
+    return by_station
 
 
 async def pads_of_all(
