@@ -64,11 +64,7 @@ class StationStates:
         return False
 
     def _told_as_booked(self) -> list[StationId]:
-        return [
-            station_id
-            for station_id, state in self._told.items()
-            if state.pads_taken or state.queue
-        ]
+        return [name for name, state in self._told.items() if state.pads_taken or state.queue]
 
     def _message(self, station_id: StationId, state: _Taken) -> StationState:
         next_free_ms = state.next_free_ms
