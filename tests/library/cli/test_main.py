@@ -1,19 +1,41 @@
 """`skyway` told something that is not so: a sentence that names it, and never a traceback."""
 
-import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import NamedTuple
 
 import pytest
 
+from skyway.cli.main import main
 
-def skyway(*arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "skyway.cli", *(str(argument) for argument in arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+
+class Ended(NamedTuple):
+    returncode: int | str | None
+    stdout: str
+    stderr: str
+
+
+Skyway = Callable[..., Ended]
+
+
+@pytest.fixture
+def skyway(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Skyway:
+    """The command as the shell calls it, but in this process: starting one takes a second."""
+
+    def run(*arguments: object) -> Ended:
+        monkeypatch.setattr(sys, "argv", ["skyway", *(str(argument) for argument in arguments)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        return Ended(ended.value.code, *capsys.readouterr())
+
+    return run
 
 
 @pytest.mark.parametrize("command", ["up", "demo", "secrets"])
-def test_a_data_folder_that_is_a_file_is_named(command: str, tmp_path: Path) -> None:
+def test_a_data_folder_that_is_a_file_is_named(
+    skyway: Skyway, command: str, tmp_path: Path
+) -> None:
     file = tmp_path / "file"
     file.touch()
 
@@ -23,14 +45,16 @@ def test_a_data_folder_that_is_a_file_is_named(command: str, tmp_path: Path) -> 
     assert ended.stderr.startswith(f"skyway: {file}")
 
 
-def test_a_request_s_file_that_is_not_there_is_named(tmp_path: Path) -> None:
+def test_a_request_s_file_that_is_not_there_is_named(skyway: Skyway, tmp_path: Path) -> None:
     ended = skyway("request", "--file", tmp_path / "nofile", "--data", tmp_path)
 
     assert (ended.returncode, ended.stdout) == (1, "")
     assert ended.stderr == f"skyway: {tmp_path / 'nofile'}: No such file or directory\n"
 
 
-def test_verify_of_an_empty_folder_names_the_database_and_makes_none(tmp_path: Path) -> None:
+def test_verify_of_an_empty_folder_names_the_database_and_makes_none(
+    skyway: Skyway, tmp_path: Path
+) -> None:
     ended = skyway("verify", "--data", tmp_path)
 
     assert ended.returncode == 1
@@ -39,7 +63,9 @@ def test_verify_of_an_empty_folder_names_the_database_and_makes_none(tmp_path: P
 
 
 @pytest.mark.parametrize("content", ["[]", "[1]", '{"items": []}', '{"items": 3}', "7", '{"a": 1}'])
-def test_a_fleet_s_file_without_drones_is_named(content: str, tmp_path: Path) -> None:
+def test_a_fleet_s_file_without_drones_is_named(
+    skyway: Skyway, content: str, tmp_path: Path
+) -> None:
     file = tmp_path / "fleet.json"
     file.write_text(content)
 
@@ -49,7 +75,9 @@ def test_a_fleet_s_file_without_drones_is_named(content: str, tmp_path: Path) ->
     assert ended.stderr == f"{file} is not the answer of POST /v1/providers/{{id}}/drones\n"
 
 
-def test_a_network_is_published_with_the_keys_of_a_data_folder(tmp_path: Path) -> None:
+def test_a_network_is_published_with_the_keys_of_a_data_folder(
+    skyway: Skyway, tmp_path: Path
+) -> None:
     ended = skyway("network", "import", "bundled", "--network-id", "texas", "--data", tmp_path)
 
     assert ended.returncode == 1
