@@ -69,7 +69,8 @@ class LocalSystem:
     environment: dict[str, str]
     up: subprocess.Popen[bytes] | None = None
     fleets: list[subprocess.Popen[bytes]] = field(default_factory=list)
-    rate: float = 300.0
+    #: Fleet seconds per wall second.
+    rate: float = 900.0
 
     def start(self) -> None:
         log = (self.folder.path / "up.log").open("ab")
@@ -253,7 +254,8 @@ def system(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[LocalSyst
             "SKYWAY_MQTT_URL": f"mqtt://127.0.0.1:{free_port()}",
             "SKYWAY_MQTT_DRONE_URL": f"mqtt://127.0.0.1:{free_port()}",
         }
-    local = LocalSystem(folder, environment)
+    slower = request.node.get_closest_marker("fleet_rate")
+    local = LocalSystem(folder, environment, rate=slower.args[0] if slower else LocalSystem.rate)
     try:
         if request.param != "embedded":
             made = local.command("secrets")

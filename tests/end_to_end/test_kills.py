@@ -15,6 +15,7 @@ PROCESSES = (
 )
 
 
+@pytest.mark.fleet_rate(300.0)  # slow enough that the delivery outlasts all kills
 def test_a_delivery_completes_while_every_process_is_killed_in_turn(system: Any) -> None:
     system.publish_corridor()
     provider = system.start_fleet(["s1"])
