@@ -274,11 +274,16 @@ async def test_nothing_is_lost_when_a_sender_dies_between_sending_and_deleting(
     assert left == 2
 
 
+#: A SQLite file has one process: there are no replicas on it.
+ON_POSTGRESQL = pytest.mark.parametrize(
+    "database_url", [pytest.param("postgresql", marks=pytest.mark.integration)], indirect=True
+)
+
+
+@ON_POSTGRESQL
 async def test_two_replicas_send_each_message_once(
     db: Database, mqtt: InMemoryMqtt, clock: FleetClock
 ) -> None:
-    if db.dialect == "sqlite":
-        pytest.skip("a SQLite file has one process")
     ids = {f"m{number}" for number in range(30)}
 
     async with running(MqttSender(db, mqtt, clock)), running(MqttSender(db, mqtt, clock)):

@@ -99,9 +99,14 @@ async def test_a_row_that_breaks_another_rule_is_a_fault_of_ours(
             await tx.execute(MISSIONS.insert().values(row))
 
 
+#: SQLite has no exclusion constraints: triggers stand in for them.
+ON_POSTGRESQL = pytest.mark.parametrize(
+    "database_url", [pytest.param("postgresql", marks=pytest.mark.integration)], indirect=True
+)
+
+
+@ON_POSTGRESQL
 async def test_an_exclusion_constraint_names_itself(db: Database) -> None:
-    if db.dialect == "sqlite":
-        pytest.skip("SQLite has no exclusion constraints, triggers stand in for them")
     async with db.write() as tx:
         await tx.execute(
             text(
