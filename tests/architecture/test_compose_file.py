@@ -4,13 +4,13 @@ import re
 from pathlib import Path
 from typing import Any
 
-import click
 import pytest
 import typer
 import yaml
 from skyway_composition.settings import CompositionSettings
 from skyway_gateway.settings import GatewaySettings
 from skyway_provider_registry.settings import RegistrySettings
+from typer.core import TyperGroup
 
 from skyway.cli.main import app
 
@@ -39,13 +39,17 @@ def test_every_command_exists(name: str) -> None:
 
 
 def _parse(arguments: list[str]) -> None:
-    """Parse as the command line would, without running; click raises at an unknown option."""
-    command: click.Command = typer.main.get_command(app)
-    context = click.Context(command)
-    while isinstance(command, click.Group):
+    """Parse as the command line would, without running; an unknown name or option raises."""
+    command = typer.main.get_command(app)
+    while isinstance(command, TyperGroup):
         command = command.commands[arguments[0]]
         arguments = arguments[1:]
-    command.make_context(command.name, list(arguments), parent=context)
+    command.make_context(command.name, list(arguments))
+
+
+def test_a_command_with_a_misspelled_option_would_be_noticed() -> None:
+    with pytest.raises(Exception, match="--mosquito-host"):
+        _parse(["secrets", "--mosquito-host=0.0.0.0"])
 
 
 @pytest.mark.parametrize("name", list(SETTINGS))
