@@ -5,17 +5,20 @@ anew. Every plan passes here before it leaves the planner.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from skyway.delivery.plan import Deliver, Fly, Plan, PlanStatus, Recharge, Step, Wait
 from skyway.errors import SkywayError
+from skyway.planner.held_pads import BookedPads
 from skyway.planner.problem import Problem
-from skyway.planner.replay import Replay
+from skyway.planner.replay import Replay, time_tolerance_s
 from skyway.planner.violation import Violation
 from skyway.units import TIME_TOLERANCE_S
 
 #: Sums over a whole plan may differ by this share: each summand is rounded.
 _SUM_TOLERANCE = 1e-9
+#: What a plan adds up over its steps.
+_SUMS = ("energy_j", "flight_s", "waiting_s", "recharging_s")
 
 
 class PlanRejected(SkywayError):
@@ -26,32 +29,52 @@ class PlanRejected(SkywayError):
         self.violations = tuple(violations)
 
 
-def verify(problem: Problem, plan: Plan) -> tuple[Violation, ...]:
-    """Every rule that the plan breaks, in the order of its steps; empty for a good plan."""
+def verify(
+    problem: Problem, plan: Plan, *, booked: BookedPads | None = None
+) -> tuple[Violation, ...]:
+    """Every rule that the plan breaks, in the order of its steps; empty for a good plan.
+
+    Parameters
+    ----------
+    booked
+        Reservations known beside the problem's own, counted from the plan's start.
+    """
     if not plan.is_flyable:
-        return tuple(_of_no_plan(plan))
-    replay = Replay(problem)
+        return tuple(_of_no_plan(problem, plan))
+    unreal = [
+        Violation(number, "finite", f"{name} is {value}")
+        for number, step in enumerate(plan.steps)
+        for name, value in step
+        if isinstance(value, float) and not math.isfinite(value)
+    ]
+    if unreal:
+        return tuple(unreal)
+    replay = Replay(problem, plan.steps, booked=booked)
     for number, step in enumerate(plan.steps):
         following = plan.steps[number + 1] if number + 1 < len(plan.steps) else None
         replay.check(number, step, following)
-        if not math.isfinite(step.end_s):
-            return tuple(replay.violations)
     replay.check_end()
     return (*replay.violations, *_of_deliveries(problem, plan), *_of_sums(problem, plan))
 
 
-def _of_no_plan(plan: Plan) -> list[Violation]:
-    found = []
+def _of_no_plan(problem: Problem, plan: Plan) -> Iterator[Violation]:
     if plan.steps or plan.deliveries:
-        found.append(Violation(None, "no plan", f"{plan.status} with steps or deliveries"))
-    if plan.delivery_time_s is not None or plan.energy_j is not None:
-        found.append(Violation(None, "no plan", f"{plan.status} with times or energies"))
-    if (plan.infeasibility is None) == (plan.status is PlanStatus.INFEASIBLE):
-        found.append(Violation(None, "no plan", "only an infeasible plan names an infeasibility"))
-    return found
+        yield Violation(None, "no plan", f"{plan.status} with steps or deliveries")
+    if any(getattr(plan, name) is not None for name in ("delivery_time_s", *_SUMS)):
+        yield Violation(None, "no plan", f"{plan.status} with times or energies")
+    named = plan.infeasibility
+    if (named is None) == (plan.status is PlanStatus.INFEASIBLE):
+        yield Violation(None, "no plan", "an infeasible plan, and no other, names what makes it so")
+        return
+    mass_kg = math.fsum(package.mass_kg for package in problem.packages)
+    if named is not None and named.code == "OVERWEIGHT":
+        if mass_kg <= problem.drone.model.max_payload_kg:
+            yield Violation(None, "no plan", f"{mass_kg} kg are not overweight")
+    elif named is not None and named.code == "TOO_LATE" and problem.latest_delivery_s is None:
+        yield Violation(None, "no plan", "nothing is too late without latest_delivery_s")
 
 
-def _of_deliveries(problem: Problem, plan: Plan) -> list[Violation]:
+def _of_deliveries(problem: Problem, plan: Plan) -> Iterator[Violation]:
     """`deliveries` must say of each package once what the DELIVER steps say."""
     told = sorted((told.package_id, told.station_id, told.delivered_s) for told in plan.deliveries)
     done = sorted(
@@ -60,36 +83,46 @@ def _of_deliveries(problem: Problem, plan: Plan) -> list[Violation]:
         if isinstance(step, Deliver)
         for package_id in step.package_ids
     )
-    found = []
-    if told != done:
-        found.append(Violation(None, "deliveries", "differ from the DELIVER steps"))
+    if [one[:2] for one in told] != [one[:2] for one in done] or not all(
+        abs(told_s - done_s) <= time_tolerance_s(done_s)
+        for (*_, told_s), (*_, done_s) in zip(told, done, strict=True)
+    ):
+        yield Violation(None, "deliveries", "differ from the DELIVER steps")
     asked = sorted(package.package_id for package in problem.packages)
     if [package_id for package_id, _, _ in done] != asked:
-        found.append(Violation(None, "deliveries", "not every package is delivered exactly once"))
-    return found
+        yield Violation(None, "deliveries", "not every package is delivered exactly once")
 
 
-def _of_sums(problem: Problem, plan: Plan) -> list[Violation]:
-    found: list[Violation] = []
-    end_s = plan.steps[-1].end_s if plan.steps else 0.0
-    for name, told, expected in (
-        ("delivery_time_s", plan.delivery_time_s, end_s),
-        ("energy_j", plan.energy_j, sum(s.energy_j for s in plan.steps if isinstance(s, Fly))),
-        ("flight_s", plan.flight_s, _total_s(plan.steps, Fly)),
-        ("waiting_s", plan.waiting_s, _total_s(plan.steps, Wait)),
-        ("recharging_s", plan.recharging_s, _total_s(plan.steps, Recharge)),
-    ):
-        allowed = TIME_TOLERANCE_S + _SUM_TOLERANCE * abs(expected)
-        if told is None or not abs(told - expected) <= allowed:
-            found.append(Violation(None, name, f"{told} instead of {expected}"))
+def _of_sums(problem: Problem, plan: Plan) -> Iterator[Violation]:
+    end_s = max((step.end_s for step in plan.steps if isinstance(step, Deliver)), default=0.0)
+    expected = {
+        "delivery_time_s": end_s,
+        "energy_j": math.fsum(step.energy_j for step in plan.steps if isinstance(step, Fly)),
+        "flight_s": _total_s(plan.steps, Fly),
+        "waiting_s": _total_s(plan.steps, Wait),
+        "recharging_s": _total_s(plan.steps, Recharge),
+    }
+    for name, value in expected.items():
+        told = getattr(plan, name)
+        if told is None or not abs(told - value) <= TIME_TOLERANCE_S + _SUM_TOLERANCE * abs(value):
+            yield Violation(None, name, f"{told} instead of {value}")
     latest_s = problem.latest_delivery_s
     if latest_s is not None and end_s > latest_s + TIME_TOLERANCE_S:
-        found.append(Violation(None, "latest_delivery_s", f"{end_s} is after {latest_s}"))
+        yield Violation(None, "latest_delivery_s", f"{end_s} is after {latest_s}")
+    yield from _of_status(plan, end_s)
+
+
+def _of_status(plan: Plan, end_s: float) -> Iterator[Violation]:
+    """A plan is optimal exactly when its own time is proven to be the earliest."""
     bound_s = plan.lower_bound_s
-    if bound_s is not None and bound_s > end_s + TIME_TOLERANCE_S:
-        found.append(Violation(None, "lower_bound_s", f"{bound_s} is after {end_s}"))
-    return found
+    allowed_s = time_tolerance_s(end_s)
+    if bound_s is not None and not bound_s <= end_s + allowed_s:
+        yield Violation(None, "lower_bound_s", f"{bound_s} is after {end_s}")
+    if plan.status is PlanStatus.OPTIMAL and (bound_s is None or not bound_s >= end_s - allowed_s):
+        yield Violation(None, "status", f"optimal at {end_s}, with lower_bound_s {bound_s}")
+    if plan.infeasibility is not None:
+        yield Violation(None, "status", f"{plan.status} with an infeasibility")
 
 
 def _total_s(steps: Sequence[Step], kind: type[Step]) -> float:
-    return sum(step.end_s - step.start_s for step in steps if isinstance(step, kind))
+    return math.fsum(step.end_s - step.start_s for step in steps if isinstance(step, kind))
