@@ -11,6 +11,8 @@
 An expected outcome (no plan exists) is a value, never one of these.
 """
 
+from typing import NamedTuple
+
 
 class SkywayError(Exception):
     """Anything Skyway itself reports; the message names the value and the limit."""
@@ -41,5 +43,23 @@ class InvalidNetwork(InvalidInput):
     """A GeoJSON document or graph is not a skyway network."""
 
 
+class Fault(NamedTuple):
+    """A field at fault, by its path, and what is wrong with it as one sentence."""
+
+    field: str
+    detail: str
+
+    def __str__(self) -> str:
+        return f"{self.field}: {self.detail}"
+
+
 class InvalidProblem(InvalidInput):
-    """A composition problem contradicts itself or its network."""
+    """A composition problem breaks limits, or contradicts itself or its network.
+
+    `faults` are all that were found; `field` and `detail` are those of the first.
+    """
+
+    def __init__(self, field: str, detail: str, *others: Fault) -> None:
+        super().__init__(field, detail)
+        self.faults = (Fault(field, detail), *others)
+        self.args = ("; ".join(map(str, self.faults)),)

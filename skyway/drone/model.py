@@ -3,7 +3,7 @@
 from itertools import pairwise
 from typing import Annotated, NamedTuple, Self
 
-from pydantic import Field, model_validator
+from pydantic import FailFast, Field, model_validator
 
 from skyway.ids import DroneModelId
 from skyway.json_model import JsonModel
@@ -12,8 +12,8 @@ from skyway.json_model import JsonModel
 class ChargePoint(NamedTuple):
     """A point of a charge curve: seconds on the pad since empty, and the charge reached then."""
 
-    time_s: Annotated[float, Field(ge=0, le=1e9)]
-    soc: Annotated[float, Field(ge=0, le=1)]
+    time_s: Annotated[float, Field(ge=0, le=1e9, strict=True)]
+    soc: Annotated[float, Field(ge=0, le=1, strict=True)]
 
 
 class DroneModel(JsonModel):
@@ -25,16 +25,18 @@ class DroneModel(JsonModel):
     """
 
     model_id: DroneModelId
-    empty_mass_kg: Annotated[float, Field(ge=0.001, le=10_000)]
-    max_payload_kg: Annotated[float, Field(ge=0.001, le=10_000)]
-    battery_j: Annotated[float, Field(ge=1, le=1e12)]
-    reserve_soc: Annotated[float, Field(ge=0, lt=1)] = 0.0
-    speed_empty_mps: Annotated[float, Field(ge=0.01, le=1_000)]
-    speed_full_mps: Annotated[float, Field(ge=0.01, le=1_000)]
-    power_empty_w: Annotated[float, Field(ge=0.001, le=1e9)]
-    stop_s: Annotated[float, Field(ge=0, le=1e6)] = 0.0
-    stop_j: Annotated[float, Field(ge=0, le=1e12)] = 0.0
-    charge_curve: Annotated[tuple[ChargePoint, ...], Field(min_length=2, max_length=1_000)]
+    empty_mass_kg: Annotated[float, Field(ge=0.001, le=10_000, strict=True)]
+    max_payload_kg: Annotated[float, Field(ge=0.001, le=10_000, strict=True)]
+    battery_j: Annotated[float, Field(ge=1, le=1e12, strict=True)]
+    reserve_soc: Annotated[float, Field(ge=0, lt=1, strict=True)] = 0.0
+    speed_empty_mps: Annotated[float, Field(ge=0.01, le=1_000, strict=True)]
+    speed_full_mps: Annotated[float, Field(ge=0.01, le=1_000, strict=True)]
+    power_empty_w: Annotated[float, Field(ge=0.001, le=1e9, strict=True)]
+    stop_s: Annotated[float, Field(ge=0, le=1e6, strict=True)] = 0.0
+    stop_j: Annotated[float, Field(ge=0, le=1e12, strict=True)] = 0.0
+    charge_curve: Annotated[
+        tuple[ChargePoint, ...], Field(min_length=2, max_length=1_000), FailFast()
+    ]
 
     @model_validator(mode="after")
     def _charge_curve_is_concave(self) -> Self:

@@ -5,30 +5,26 @@ Written for `verify` alone: it looks up single sessions, where the search keeps 
 
 import math
 from collections import defaultdict
-from collections.abc import Iterable, Set
-from typing import Protocol
+from collections.abc import Set
+from typing import TYPE_CHECKING
 
 from skyway.delivery.plan import Recharge
 from skyway.ids import StationId
 from skyway.planner.problem import Problem
 from skyway.units import TIME_TOLERANCE_S
 
+if TYPE_CHECKING:
+    from skyway.planner.pad_book import PadBook
+
 _MS_PER_S = 1000
 _MS_TOLERANCE = TIME_TOLERANCE_S * _MS_PER_S
-
-
-class BookedPads(Protocol):
-    """What `verify` asks of a `PadBook`."""
-
-    def at(self, station_row: int, /) -> Iterable[tuple[int, int, int]]:
-        """Pad, start and end in whole milliseconds of each reservation of a station."""
 
 
 class HeldPads:
     """The reservations of these stations: the problem's own, and those booked beside it."""
 
     def __init__(
-        self, problem: Problem, stations: Set[StationId], *, booked: BookedPads | None
+        self, problem: Problem, stations: Set[StationId], *, booked: "PadBook | None"
     ) -> None:
         self._held_ms: dict[tuple[StationId, int], list[tuple[float, float]]] = defaultdict(list)
         for reservation in problem.pad_reservations:

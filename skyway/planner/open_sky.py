@@ -13,7 +13,7 @@ from skyway.drone.flight import flight_energy_j
 from skyway.ids import StationId
 from skyway.network.network import Zone
 from skyway.network.zones import contains, crosses
-from skyway.planner.problem import Problem, StationClosure
+from skyway.planner.problem import Problem
 from skyway.units import TIME_TOLERANCE_S
 
 #: A closed time: from its start until before its end, seconds.
@@ -30,11 +30,9 @@ class OpenSky:
         used = {step.to_id for step in flown} | {(step.from_id, step.to_id) for step in flown}
         self._closed: dict[object, list[_Interval]] = defaultdict(list)
         for closure in problem.closures:
-            is_station = isinstance(closure, StationClosure)
-            what = closure.station_id if is_station else (closure.from_id, closure.to_id)
-            if what in used:
+            if closure.closes in used:
                 end_s = math.inf if closure.end_s is None else closure.end_s
-                self._closed[what].append((closure.start_s, end_s))
+                self._closed[closure.closes].append((closure.start_s, end_s))
 
     def closed_segment(self, step: Fly, *, until_s: float) -> str | None:
         """What closes the segment at some moment of the flight, or None."""

@@ -1,15 +1,19 @@
 """What the planner is asked: a network, a drone, its packages, and what stands in the way.
 
 This is the one form of a problem: the body of `POST /v1/compositions`, the input of
-`skyway compose` and the argument of `compose`. planner.md, section 3, describes it.
+`skyway compose` and the argument of `compose`. planner.md, section 3, describes it;
+`problem_document` reads one with a complaint about all that is wrong.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sized
+from itertools import islice
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
     AwareDatetime,
+    BeforeValidator,
     Discriminator,
+    FailFast,
     Field,
     PlainSerializer,
     PlainValidator,
@@ -17,30 +21,68 @@ from pydantic import (
     WithJsonSchema,
     model_validator,
 )
+from pydantic_core import PydanticCustomError
 
-from skyway.delivery.request import MAX_DESTINATIONS, MAX_PACKAGES
+from skyway.delivery.request import MAX_PACKAGES
 from skyway.drone.model import DroneModel
 from skyway.errors import InvalidNetwork, InvalidProblem
 from skyway.ids import PackageId, StationId
 from skyway.json_model import JsonModel
 from skyway.network.geojson import read_network, write_network
-from skyway.network.network import Network
-from skyway.units import CHARGE_TOLERANCE
+from skyway.network.network import MAX_PADS, Network
+from skyway.planner.agreement import disagreements
 
 #: Seconds, about three centuries: no moment or duration of a problem lies further away.
 MAX_SECONDS = 1e10
 
+#: Kilograms; far above any drone, so that a package too heavy to fly gets a proof, not a complaint.
+MAX_PACKAGE_KG = 1e12
+
+#: Labels; the largest power of ten that a float holds exactly, as JSON may have to.
+MAX_LABELS = 10**15
+
+#: Faults that one problem is told of: a hostile document must not turn into megabytes of them.
+MAX_FAULTS = 50
+
+
+def _not_text_or_truth(value: Any) -> Any:  # any JSON value; only these two pass for numbers
+    if isinstance(value, bool | str | bytes):
+        raise PydanticCustomError("whole_number", "Input should be a whole number")
+    return value
+
+
+def _written_moment(value: Any) -> Any:  # any JSON value; seconds since 1970 would pass
+    is_written = isinstance(value, str) and value[4:5] == "-"
+    if isinstance(value, str | int | float) and not is_written:
+        raise PydanticCustomError("moment", "Input should be an RFC 3339 moment with a time zone")
+    return value
+
+
+def _few_packages(value: Any) -> Any:  # any JSON value; counted before a million are read
+    if isinstance(value, Sized) and len(value) > MAX_PACKAGES:
+        raise PydanticCustomError(
+            "too_many",
+            "{count} packages exceed the limit of {limit}",
+            {"count": len(value), "limit": MAX_PACKAGES},
+        )
+    return value
+
+
+# Strict: neither true nor "1" is a number.
 Seconds = Annotated[
-    float, Field(ge=-MAX_SECONDS, le=MAX_SECONDS, description="seconds since the plan's start")
+    float,
+    Field(
+        ge=-MAX_SECONDS, le=MAX_SECONDS, strict=True, description="seconds since the plan's start"
+    ),
 ]
-Duration = Annotated[float, Field(ge=0, le=MAX_SECONDS, description="seconds")]
+Duration = Annotated[float, Field(ge=0, le=MAX_SECONDS, strict=True, description="seconds")]
 
 
 class DroneAtStart(JsonModel):
     """The drone, its charge at time 0, and where it stands then (null: at the source)."""
 
     model: DroneModel
-    soc: Annotated[float, Field(le=1)]
+    soc: Annotated[float, Field(le=1, strict=True)]
     station_id: StationId | None = None
 
 
@@ -48,7 +90,7 @@ class PackageToDeliver(JsonModel):
     """A package, its mass, and the station where it is handed over."""
 
     package_id: PackageId
-    mass_kg: Annotated[float, Field(ge=0, strict=True)]
+    mass_kg: Annotated[float, Field(ge=0, le=MAX_PACKAGE_KG, strict=True)]
     destination: StationId
 
 
@@ -56,7 +98,7 @@ class PadReservation(JsonModel):
     """A pad that another drone holds in [start_s, end_s); without end it is out of order."""
 
     station_id: StationId
-    pad: Annotated[int, Field(ge=0)]
+    pad: Annotated[int, Field(ge=0, lt=MAX_PADS), BeforeValidator(_not_text_or_truth)]
     start_s: Seconds
     end_s: Seconds | None = None
 
@@ -68,6 +110,11 @@ class StationClosure(JsonModel):
     start_s: Seconds
     end_s: Seconds | None = None
 
+    @property
+    def closes(self) -> StationId:
+        """What is closed."""
+        return self.station_id
+
 
 class SegmentClosure(JsonModel):
     """A segment that nobody flies, in this direction, in [start_s, end_s)."""
@@ -76,6 +123,11 @@ class SegmentClosure(JsonModel):
     to_id: Annotated[StationId, Field(alias="to")]
     start_s: Seconds
     end_s: Seconds | None = None
+
+    @property
+    def closes(self) -> tuple[StationId, StationId]:
+        """What is closed, by its ends."""
+        return self.from_id, self.to_id
 
 
 def _closure_kind(closure: Any) -> str:  # whatever stands in the JSON; its model checks it
@@ -90,7 +142,8 @@ Closure = Annotated[
 ]
 
 
-def _network_of(value: Any) -> Network:  # any JSON value; read_network checks it
+def network_of(value: Any) -> Network:  # any JSON value; read_network checks it
+    """The network in a problem's `network`; what is wrong is named by its path in the problem."""
     if isinstance(value, Network):
         return value
     try:
@@ -102,7 +155,7 @@ def _network_of(value: Any) -> Network:  # any JSON value; read_network checks i
 
 NetworkAsGeoJson = Annotated[
     Network,
-    PlainValidator(_network_of),
+    PlainValidator(network_of),
     PlainSerializer(write_network, return_type=dict[str, Any]),  # GeoJSON: any JSON value
     WithJsonSchema({"type": "object", "description": "a skyway network as GeoJSON"}),
 ]
@@ -117,28 +170,32 @@ class Problem(JsonModel):
     ------
     InvalidProblem, InvalidNetwork
         The fields contradict one another; both name the field and the limit. What is wrong within
-        one field is pydantic's ValidationError.
+        one field is pydantic's ValidationError. `read_problem` raises InvalidProblem for all three.
     """
 
     network: NetworkAsGeoJson
-    start_at: AwareDatetime | None = None
+    start_at: Annotated[AwareDatetime | None, BeforeValidator(_written_moment)] = None
     drone: DroneAtStart
     source: StationId
     # At least one is checked below: pydantic would count only those that are themselves valid.
     packages: Annotated[
         tuple[PackageToDeliver, ...],
-        Field(max_length=MAX_PACKAGES, json_schema_extra={"minItems": 1}),
+        Field(json_schema_extra={"minItems": 1, "maxItems": MAX_PACKAGES}),
+        BeforeValidator(_few_packages),
     ]
-    pad_reservations: tuple[PadReservation, ...] = ()
-    closures: tuple[Closure, ...] = ()
-    strategy: str | None = None
+    # Of a list that has no limit only the first fault is told.
+    pad_reservations: Annotated[tuple[PadReservation, ...], FailFast()] = ()
+    closures: Annotated[tuple[Closure, ...], FailFast()] = ()
+    strategy: Annotated[str, Field(max_length=64)] | None = None
     recharge_policy: Literal["partial", "full"] = "partial"
     finish: Literal["recharge", "stay"] = "recharge"
     loading_s: Duration = 0.0
     dropoff_s: Duration = 0.0
     latest_delivery_s: Duration | None = None
-    time_limit_s: Annotated[float, Field(gt=0, le=MAX_SECONDS)] | None = None
-    label_limit: Annotated[int, Field(gt=0)] | None = None
+    time_limit_s: Annotated[float, Field(gt=0, le=MAX_SECONDS, strict=True)] | None = None
+    label_limit: Annotated[
+        Annotated[int, Field(gt=0, le=MAX_LABELS)] | None, BeforeValidator(_not_text_or_truth)
+    ] = None
 
     @property
     def start_station_id(self) -> StationId:
@@ -147,78 +204,7 @@ class Problem(JsonModel):
 
     @model_validator(mode="after")
     def _fields_agree(self) -> Self:
-        self._check_drone()
-        self._check_packages()
-        self._check_reservations()
-        self._check_closures()
-        if self.start_at is None:
-            for zone in self.network.zones:
-                if zone.active_from is not None or zone.active_until is not None:
-                    raise InvalidProblem(
-                        "start_at", f"is required: zone {zone.zone_id!r} has dates"
-                    )
+        faults = tuple(islice(disagreements(self), MAX_FAULTS))
+        if faults:
+            raise InvalidProblem(*faults[0], *faults[1:])
         return self
-
-    def _check_drone(self) -> None:
-        self._check_station("source", self.source)
-        if self.drone.station_id is not None:
-            self._check_station("drone.station_id", self.drone.station_id)
-        reserve = self.drone.model.reserve_soc
-        if self.drone.soc < reserve - CHARGE_TOLERANCE:
-            raise InvalidProblem("drone.soc", f"{self.drone.soc} is below reserve_soc {reserve}")
-
-    def _check_packages(self) -> None:
-        if not self.packages:
-            raise InvalidProblem("packages", "0 packages, at least 1 is needed")
-        seen: set[PackageId] = set()
-        for number, package in enumerate(self.packages):
-            self._check_station(f"packages.{number}.destination", package.destination)
-            if package.package_id in seen:
-                raise InvalidProblem(
-                    f"packages.{number}.package_id",
-                    f"a second package called {package.package_id!r}",
-                )
-            seen.add(package.package_id)
-        destinations = {package.destination for package in self.packages}
-        if len(destinations) > MAX_DESTINATIONS:
-            raise InvalidProblem(
-                "packages",
-                f"{len(destinations)} distinct destinations exceed the limit of {MAX_DESTINATIONS}",
-            )
-
-    def _check_reservations(self) -> None:
-        for number, reservation in enumerate(self.pad_reservations):
-            field = f"pad_reservations.{number}"
-            self._check_station(f"{field}.station_id", reservation.station_id)
-            pads = self.network.stations[reservation.station_id].pads
-            if reservation.pad >= pads:
-                raise InvalidProblem(
-                    f"{field}.pad",
-                    f"{reservation.pad} is not a pad of station {reservation.station_id!r}, "
-                    f"which has {pads}, numbered from 0",
-                )
-            _check_interval(field, reservation.start_s, reservation.end_s)
-
-    def _check_closures(self) -> None:
-        for number, closure in enumerate(self.closures):
-            field = f"closures.{number}"
-            if isinstance(closure, StationClosure):
-                self._check_station(f"{field}.station_id", closure.station_id)
-            else:
-                self._check_station(f"{field}.from", closure.from_id)
-                self._check_station(f"{field}.to", closure.to_id)
-                leaving = self.network.segments_from(closure.from_id)
-                if all(segment.to_id != closure.to_id for segment in leaving):
-                    raise InvalidProblem(
-                        field, f"no segment from {closure.from_id!r} to {closure.to_id!r}"
-                    )
-            _check_interval(field, closure.start_s, closure.end_s)
-
-    def _check_station(self, field: str, station_id: StationId) -> None:
-        if station_id not in self.network.stations:
-            raise InvalidProblem(field, f"no station is called {station_id!r}")
-
-
-def _check_interval(field: str, start_s: float, end_s: float | None) -> None:
-    if end_s is not None and end_s <= start_s:
-        raise InvalidProblem(f"{field}.end_s", f"{end_s} is not after start_s {start_s}")

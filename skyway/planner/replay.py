@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from skyway.delivery.plan import Deliver, Fly, PickUp, Recharge, Step, Wait
 from skyway.drone.charging import fastest_s_per_soc, soc_after_recharge
@@ -9,11 +10,14 @@ from skyway.drone.flight import flight_energy_j, flight_time_s
 from skyway.errors import InvalidStateOfCharge
 from skyway.ids import PackageId, StationId
 from skyway.network.network import Segment
-from skyway.planner.held_pads import BookedPads, HeldPads
+from skyway.planner.held_pads import HeldPads
 from skyway.planner.open_sky import OpenSky, is_pad_within_reach
 from skyway.planner.problem import Problem
 from skyway.planner.violation import Violation
 from skyway.units import CHARGE_TOLERANCE, TIME_TOLERANCE_S
+
+if TYPE_CHECKING:
+    from skyway.planner.pad_book import PadBook
 
 #: Loads closer than this many kilograms are equal: they are sums of the same masses.
 LOAD_TOLERANCE_KG = 1e-9
@@ -23,7 +27,7 @@ class Replay:
     """A drone that follows a plan; `violations` are the rules broken so far."""
 
     def __init__(
-        self, problem: Problem, steps: Sequence[Step], *, booked: BookedPads | None
+        self, problem: Problem, steps: Sequence[Step], *, booked: "PadBook | None"
     ) -> None:
         self.violations: list[Violation] = []
         self._problem = problem

@@ -6,14 +6,17 @@ anew. Every plan passes here before it leaves the planner.
 
 import math
 from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
 from skyway.delivery.plan import Deliver, Fly, Plan, PlanStatus, Recharge, Step, Wait
 from skyway.errors import SkywayError
-from skyway.planner.held_pads import BookedPads
 from skyway.planner.problem import Problem
 from skyway.planner.replay import Replay, time_tolerance_s
 from skyway.planner.violation import Violation
 from skyway.units import TIME_TOLERANCE_S
+
+if TYPE_CHECKING:
+    from skyway.planner.pad_book import PadBook
 
 #: Sums over a whole plan may differ by this share: each summand is rounded.
 _SUM_TOLERANCE = 1e-9
@@ -30,7 +33,7 @@ class PlanRejected(SkywayError):
 
 
 def verify(
-    problem: Problem, plan: Plan, *, booked: BookedPads | None = None
+    problem: Problem, plan: Plan, *, booked: "PadBook | None" = None
 ) -> tuple[Violation, ...]:
     """Every rule that the plan breaks, in the order of its steps; empty for a good plan.
 

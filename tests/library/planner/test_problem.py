@@ -98,7 +98,7 @@ def test_what_breaks_a_limit_of_one_field_is_named(make_problem, fields, where):
 def test_a_hundred_and_one_packages_are_one_too_many(make_problem):
     make_problem("a-b:1", *["b"] * 100)
 
-    with pytest.raises(ValidationError, match="at most 100 items"):
+    with pytest.raises(ValidationError, match="101 packages exceed the limit of 100"):
         make_problem("a-b:1", *["b"] * 101)
 
 

@@ -1,0 +1,131 @@
+"""Where the fields of a problem contradict one another or its network."""
+
+from collections import defaultdict
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from skyway.delivery.request import MAX_DESTINATIONS
+from skyway.errors import Fault
+from skyway.ids import PackageId, StationId
+from skyway.units import CHARGE_TOLERANCE, TIME_TOLERANCE_S
+
+if TYPE_CHECKING:
+    from skyway.planner.problem import PadReservation, Problem
+
+
+def disagreements(problem: "Problem") -> Iterator[Fault]:
+    """Each contradiction, by the path of the field at fault, in the order of the fields."""
+    if not problem.network.stations:
+        yield Fault("network.features", "0 stations, at least 1 is needed")
+        return
+    yield from _of_start(problem)
+    yield from _of_drone(problem)
+    yield from _of_packages(problem)
+    yield from _of_reservations(problem)
+    yield from _of_closures(problem)
+
+
+def _of_start(problem: "Problem") -> Iterator[Fault]:
+    if problem.start_at is None:
+        for zone in problem.network.zones:
+            if zone.active_from is not None or zone.active_until is not None:
+                yield Fault("start_at", f"is required: zone {zone.zone_id!r} has dates")
+                return
+
+
+def _of_drone(problem: "Problem") -> Iterator[Fault]:
+    drone = problem.drone
+    reserve = drone.model.reserve_soc
+    if drone.soc < reserve - CHARGE_TOLERANCE:
+        yield Fault("drone.soc", f"{drone.soc} is below reserve_soc {reserve}")
+    if drone.station_id is not None:
+        yield from _of_station(problem, "drone.station_id", drone.station_id)
+    yield from _of_station(problem, "source", problem.source)
+
+
+def _of_packages(problem: "Problem") -> Iterator[Fault]:
+    if not problem.packages:
+        yield Fault("packages", "0 packages, at least 1 is needed")
+    seen: set[PackageId] = set()
+    for number, package in enumerate(problem.packages):
+        if package.package_id in seen:
+            detail = f"a second package called {package.package_id!r}"
+            yield Fault(f"packages.{number}.package_id", detail)
+        seen.add(package.package_id)
+        yield from _of_station(problem, f"packages.{number}.destination", package.destination)
+    destinations = {package.destination for package in problem.packages}
+    if len(destinations) > MAX_DESTINATIONS:
+        yield Fault(
+            "packages",
+            f"{len(destinations)} distinct destinations exceed the limit of {MAX_DESTINATIONS}",
+        )
+
+
+def _of_reservations(problem: "Problem") -> Iterator[Fault]:
+    stations = problem.network.stations
+    by_pad: dict[tuple[StationId, int], list[int]] = defaultdict(list)
+    for number, reservation in enumerate(problem.pad_reservations):
+        field = f"pad_reservations.{number}"
+        by_pad[reservation.station_id, reservation.pad].append(number)
+        yield from _of_interval(field, reservation.start_s, reservation.end_s)
+    for (station_id, pad), numbers in by_pad.items():
+        field = f"pad_reservations.{numbers[0]}"
+        if station_id not in stations:
+            yield from _of_station(problem, f"{field}.station_id", station_id)
+        elif pad >= (pads := stations[station_id].pads):
+            detail = (
+                f"{pad} is not a pad of station {station_id!r}, which has {pads}, numbered from 0"
+            )
+            yield Fault(f"{field}.pad", detail)
+        if len(numbers) > 1:
+            yield from _of_overlaps(problem.pad_reservations, numbers)
+
+
+def _of_overlaps(reservations: "tuple[PadReservation, ...]", numbers: list[int]) -> Iterator[Fault]:
+    """Reservations of one pad may touch; who overlaps the one that lasts longest is at fault."""
+    by_start = sorted((reservations[number].start_s, number) for number in numbers)
+    holder = by_start[0][1]
+    for start_s, number in by_start[1:]:
+        holder_end_s = reservations[holder].end_s
+        if holder_end_s is None or start_s < holder_end_s - TIME_TOLERANCE_S:
+            later, earlier = max(holder, number), min(holder, number)
+            taken = reservations[earlier]
+            until = "on" if taken.end_s is None else f"to {taken.end_s} s"
+            detail = (
+                f"overlaps pad_reservations.{earlier}: pad {taken.pad} of station "
+                f"{taken.station_id!r} is reserved from {taken.start_s} s {until}"
+            )
+            yield Fault(f"pad_reservations.{later}", detail)
+        end_s = reservations[number].end_s
+        if holder_end_s is not None and (end_s is None or end_s > holder_end_s):
+            holder = number
+
+
+def _of_closures(problem: "Problem") -> Iterator[Fault]:
+    network = problem.network
+    for number, closure in enumerate(problem.closures):
+        field = f"closures.{number}"
+        match closure.closes:
+            case (from_id, to_id):
+                unknown = [
+                    *_of_station(problem, f"{field}.from", from_id),
+                    *_of_station(problem, f"{field}.to", to_id),
+                ]
+                yield from unknown
+                if not unknown and all(
+                    segment.to_id != to_id for segment in network.segments_from(from_id)
+                ):
+                    yield Fault(field, f"no segment from {from_id!r} to {to_id!r}")
+            case station_id:
+                yield from _of_station(problem, f"{field}.station_id", station_id)
+        yield from _of_interval(field, closure.start_s, closure.end_s)
+
+
+def _of_station(problem: "Problem", field: str, station_id: StationId) -> Iterator[Fault]:
+    if station_id not in problem.network.stations:
+        yield Fault(field, f"no station is called {station_id!r}")
+
+
+def _of_interval(field: str, start_s: float, end_s: float | None) -> Iterator[Fault]:
+    if end_s is not None and end_s <= start_s:
+        yield Fault(f"{field}.end_s", f"{end_s} is not after start_s {start_s}")

@@ -1,0 +1,71 @@
+"""Reads a problem from JSON, and names everything in it that is wrong."""
+
+from collections.abc import Mapping, Sequence
+from itertools import islice
+from typing import Any
+
+from pydantic import ValidationError
+
+from skyway.errors import Fault, InvalidNetwork, InvalidProblem
+from skyway.network.fields import shown
+from skyway.network.network import Network
+from skyway.planner.problem import MAX_FAULTS, Problem, network_of
+
+_UNKNOWN = "is not a known field"
+#: Characters of a field's name in a message.
+_MAX_NAME = 100
+
+
+def read_problem(document: Any) -> Problem:  # any JSON value, as json.loads gives it
+    """The problem that a JSON document describes; its `network` may also be a `Network`.
+
+    Raises
+    ------
+    InvalidProblem
+        With all faults of the document, the first `MAX_FAULTS` of them.
+    """
+    if not isinstance(document, Mapping):
+        raise InvalidProblem("problem", f"{shown(document)} is not an object")
+    unknown = (name for name in document if name not in Problem.model_fields)
+    faults = [Fault(_field([name]), _UNKNOWN) for name in islice(unknown, MAX_FAULTS)]
+    fields = {name: document[name] for name in Problem.model_fields if name in document}
+    is_network_bad = False
+    try:
+        if "network" in fields:
+            fields["network"] = network_of(fields["network"])
+    except InvalidNetwork as error:
+        faults.append(Fault(_field([error.field]), error.detail))
+        fields["network"] = Network({}, ())
+        is_network_bad = True
+    try:
+        problem = Problem.model_validate(fields)
+    except ValidationError as error:
+        complaints = error.errors(include_url=False, include_context=False)
+        faults.extend(_fault(complaint) for complaint in complaints[:MAX_FAULTS])
+    except InvalidProblem as error:
+        if not is_network_bad:
+            faults.extend(error.faults)
+    if faults:
+        raise InvalidProblem(*faults[0], *faults[1:MAX_FAULTS])
+    return problem
+
+
+def _fault(complaint: Mapping[str, Any]) -> Fault:  # pydantic's error, which has no public type
+    path = list(complaint["loc"])
+    if path[0] == "closures" and len(path) > 2:
+        del path[2]  # the arm of the union that was tried
+    field = _field(path)
+    if complaint["type"] == "missing":
+        return Fault(field, "is missing")
+    if complaint["type"] == "extra_forbidden":
+        return Fault(field, _UNKNOWN)
+    value, message = complaint["input"], complaint["msg"].removeprefix("Value error, ")
+    is_scalar = value is None or isinstance(value, bool | int | float | str)
+    return Fault(field, f"{message}, not {shown(value)}" if is_scalar else message)
+
+
+def _field(path: Sequence[int | str]) -> str:
+    """The path as text on one line, whatever names the document gives its fields."""
+    name = ".".join(map(str, path)) or "problem"
+    name = name if name.isprintable() else ascii(name)[1:-1]
+    return name if len(name) <= _MAX_NAME else f"{name[:_MAX_NAME]}..."
