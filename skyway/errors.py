@@ -18,6 +18,16 @@ class SkywayError(Exception):
     """Anything Skyway itself reports; the message names the value and the limit."""
 
 
+class Fault(NamedTuple):
+    """A field at fault, by its path, and what is wrong with it as one sentence."""
+
+    field: str
+    detail: str
+
+    def __str__(self) -> str:
+        return f"{self.field}: {self.detail}"
+
+
 class InvalidInput(SkywayError):
     """A value from outside breaks a limit.
 
@@ -33,6 +43,7 @@ class InvalidInput(SkywayError):
         super().__init__(f"{field}: {detail}")
         self.field = field
         self.detail = detail
+        self.faults: tuple[Fault, ...] = (Fault(field, detail),)
 
 
 class InvalidStateOfCharge(InvalidInput):
@@ -41,16 +52,6 @@ class InvalidStateOfCharge(InvalidInput):
 
 class InvalidNetwork(InvalidInput):
     """A GeoJSON document or graph is not a skyway network."""
-
-
-class Fault(NamedTuple):
-    """A field at fault, by its path, and what is wrong with it as one sentence."""
-
-    field: str
-    detail: str
-
-    def __str__(self) -> str:
-        return f"{self.field}: {self.detail}"
 
 
 class InvalidProblem(InvalidInput):

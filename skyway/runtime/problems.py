@@ -1,7 +1,7 @@
 """The single table from an error to its HTTP answer, an RFC 9457 problem document."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from http import HTTPStatus
 from typing import Final
@@ -78,8 +78,8 @@ def problem_of(error: SkywayError) -> ProblemDetails:
     if kind is _FAILED:
         return our_failure()
     if isinstance(error, InvalidInput):
-        at_fault = FieldProblem(field=error.field, detail=error.detail)
-        return _problem(kind, str(error), errors=(at_fault,))
+        at_fault = tuple(FieldProblem(field=one.field, detail=one.detail) for one in error.faults)
+        return _problem(kind, _summary(at_fault), errors=at_fault)
     if isinstance(error, Conflict):
         return _problem(kind, error.detail, code=error.code)
     return _problem(kind, str(error))
@@ -128,11 +128,8 @@ async def _on_invalid_request(_request: Request, error: Exception) -> Response:
     body = error.body if isinstance(error, RequestValidationError) else None
     errors = field_problems(complaints, body)
     is_broken = any(complaint["type"] == "json_invalid" for complaint in complaints)
-    detail = "; ".join(f"{problem.field}: {problem.detail}" for problem in errors[:3])
-    if len(errors) > 3:
-        detail += f"; and {len(errors) - 3} more"
     kind = _BROKEN_JSON if is_broken else _INVALID
-    return problem_response(_problem(kind, detail, errors=() if is_broken else errors))
+    return problem_response(_problem(kind, _summary(errors), errors=() if is_broken else errors))
 
 
 async def _on_http_exception(request: Request, error: Exception) -> Response:
@@ -175,6 +172,12 @@ def _problem(
         errors=errors,
         trace_id=current_trace_id(),
     )
+
+
+def _summary(errors: Sequence[FieldProblem]) -> str:
+    """The first few fields at fault, and how many more there are."""
+    detail = "; ".join(f"{problem.field}: {problem.detail}" for problem in errors[:3])
+    return f"{detail}; and {len(errors) - 3} more" if len(errors) > 3 else detail
 
 
 def _remote_problem(error: RemoteProblem) -> ProblemDetails:

@@ -1,5 +1,6 @@
 """Problems that refer to a published network: with its version, and who holds its pads."""
 
+import asyncio
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Annotated, Any, Self
@@ -11,6 +12,7 @@ from skyway.ids import NetworkId
 from skyway.json_model import JsonModel
 from skyway.planner.airspace import Airspace
 from skyway.planner.problem import Problem
+from skyway.planner.problem_document import read_problem
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database
 from skyway.runtime.errors import NotFound
@@ -59,9 +61,7 @@ class KnownNetworks:
         Raises
         ------
         InvalidProblem
-            There is no such network or version.
-        ValidationError
-            A field of the problem is wrong.
+            There is no such network or version, or fields of the problem are wrong.
         """
         try:
             skyway = (
@@ -75,15 +75,13 @@ class KnownNetworks:
         start_ms = moment_to_ms(start_at)
         async with self.db.read() as connection:
             pads = await booked_after(connection, skyway.network_id, moment_ms=start_ms)
-        known = World(skyway, pads).reservations_from(start_ms)
-        given = document.get("pad_reservations", [])
-        complete = {**document, "network": skyway.network, "start_at": start_at}
-        if isinstance(given, list):
-            # The given ones first: a complaint about one names its place in the caller's list.
-            complete["pad_reservations"] = [*given, *known]
-        if document.get("start_at") is not None:
-            complete["start_at"] = document["start_at"]
-        return Problem.model_validate(complete), skyway.airspace
+        complete = {**document, "network": skyway.network}
+        if document.get("start_at") is None:
+            complete["start_at"] = start_at
+        problem = await asyncio.to_thread(read_problem, complete)
+        # Those known may overlap those given; a pad is held while any of them holds it.
+        held = (*problem.pad_reservations, *World(skyway, pads).reservations_from(start_ms))
+        return problem.model_copy(update={"pad_reservations": held}), skyway.airspace
 
 
 def _start_at(document: dict[str, Any]) -> datetime | None:

@@ -4,12 +4,11 @@ import asyncio
 from typing import Annotated, Any, Final
 
 from fastapi import APIRouter, Depends, Request
-from fastapi.exceptions import RequestValidationError
-from pydantic import ValidationError
 
 from skyway.delivery.plan import Plan
 from skyway.planner.airspace import Airspace
 from skyway.planner.problem import Problem
+from skyway.planner.problem_document import read_problem
 from skyway.runtime.http_app import read_json
 from skyway.runtime.identity import Caller, ServiceGate
 from skyway_composition.planning.known_network import KnownNetworks, NetworkReference
@@ -43,11 +42,7 @@ def composition_routes(*, gate: ServiceGate, known: KnownNetworks, solver: Solve
     async def compose(request: Request, caller: Annotated[Caller, Depends(gate)]) -> Plan:
         """The plan for a problem; that there is none is an answer too."""
         caller.must_be("customer", "provider", "operator", "service")
-        document = await read_json(request)
-        try:
-            problem, airspace = await _problem(document, known)
-        except ValidationError as error:
-            raise _complaint(error, document) from error
+        problem, airspace = await _problem(await read_json(request), known)
         return await solver.compose(problem, airspace=airspace)
 
     return router
@@ -55,18 +50,8 @@ def composition_routes(*, gate: ServiceGate, known: KnownNetworks, solver: Solve
 
 async def _problem(document: Any, known: KnownNetworks) -> tuple[Problem, Airspace | None]:
     """The problem in any JSON value, with what is known of the network that it refers to."""
-    if not isinstance(document, dict):
-        return await asyncio.to_thread(Problem.model_validate, document), None
-    network = document.get("network")
+    network = document.get("network") if isinstance(document, dict) else None
     if isinstance(network, dict) and "network_id" in network:
         reference = NetworkReference.of(network)
         return await known.problem(document, reference)
-    return await asyncio.to_thread(Problem.model_validate, document), None
-
-
-def _complaint(error: ValidationError, document: Any) -> RequestValidationError:
-    located = [
-        {**fault, "loc": ("body", *fault["loc"])}
-        for fault in error.errors(include_url=False, include_input=False)
-    ]
-    return RequestValidationError(located, body=document)
+    return await asyncio.to_thread(read_problem, document), None
