@@ -15,11 +15,12 @@ the best is the second's.
 """
 
 from collections.abc import Sequence
+from functools import partial
 from itertools import islice
 
 from skyway.ids import StationId
 from skyway.planner.airspace import SegmentEnds
-from skyway.planner.findings import Findings, is_better
+from skyway.planner.findings import Findings, Strategy, is_better
 from skyway.planner.itinerary import Itinerary, fly
 from skyway.planner.matrix import TimeMatrix
 from skyway.planner.orders import orders_by_cost
@@ -39,8 +40,17 @@ _MAX_ROUTES = 8
 
 def heuristic(situation: Situation, effort: Effort) -> Findings:
     """The best plan of the narrowest sector that holds one, and a way around if it has to wait."""
+    return _find(situation, effort, first_sector=0)
+
+
+def heuristic_from(first_sector: int) -> Strategy:
+    """The heuristic that begins with a wider sector than the paper's, by its number."""
+    return partial(_find, first_sector=first_sector)
+
+
+def _find(situation: Situation, effort: Effort, *, first_sector: int) -> Findings:
     whole = Subnetwork.whole(situation)
-    best, sector = _in_narrowest_sector(situation, whole, effort)
+    best, sector = _in_narrowest_sector(situation, whole, effort, first_sector=first_sector)
     if best is None or not best.hindrances or sector is whole:
         return Findings(best, len(sector.stations))
     around = _best_in_sector(situation, whole, approach=whole, effort=effort)
@@ -50,11 +60,14 @@ def heuristic(situation: Situation, effort: Effort) -> Findings:
 
 
 def _in_narrowest_sector(
-    situation: Situation, whole: Subnetwork, effort: Effort
+    situation: Situation, whole: Subnetwork, effort: Effort, *, first_sector: int
 ) -> tuple[Itinerary | None, Subnetwork]:
     """Widen the sector until it holds a plan; the last one is the whole network."""
     sectors = widening_sectors(
-        situation.network, situation.problem.source, targets=situation.destinations
+        situation.network,
+        situation.problem.source,
+        targets=situation.destinations,
+        first=first_sector,
     )
     for stations in sectors:
         is_whole = len(stations) == len(whole.stations)

@@ -23,14 +23,21 @@ _WIDENINGS = (
     (math.radians(60), 1.5),
 )
 
+#: How many sectors there are before the whole network.
+WIDENINGS = len(_WIDENINGS)
+
 #: Radians and share of the radius by which a destination on the very edge still lies inside.
 _ROUNDING = 1e-9
 
 
 def widening_sectors(
-    network: Network, apex: StationId, *, targets: Sequence[StationId]
+    network: Network, apex: StationId, *, targets: Sequence[StationId], first: int = 0
 ) -> Iterator[Collection[StationId]]:
-    """The stations of the sector, then of wider ones, then of the whole network."""
+    """The stations of the sector, then of wider ones, then of the whole network.
+
+    `first` is the number of the widening to begin with: 0 is the paper's own sector,
+    `WIDENINGS` the whole network.
+    """
     whole = network.stations
     if targets:
         angle_start, angle_width = _smallest_angle(
@@ -40,7 +47,7 @@ def widening_sectors(
             distance_m(whole[apex].position, whole[target].position) for target in targets
         )
         size = 0
-        for added_rad, factor in _WIDENINGS:
+        for added_rad, factor in _WIDENINGS[first:]:
             sector = _stations_within(
                 network,
                 apex,
