@@ -1,73 +1,26 @@
 """Stations, segments, zones, and the network that they form."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from datetime import datetime
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cached_property
 from typing import Any
 
+import numpy as np
+
 from skyway.errors import InvalidNetwork
-from skyway.geo import Position
-from skyway.ids import StationId, ZoneId
+from skyway.ids import StationId
+from skyway.network.adjacency import Adjacency
+from skyway.network.columns import Columns, Rows, refuse_contradictions
+from skyway.network.parts import DEFAULT_PADS, MAX_PADS, Segment, Station, Zone
+from skyway.network.views import SegmentView, StationView
 
-#: Pads of a station that does not say how many it has (Shahzaad and Bouguettaya, section V).
-DEFAULT_PADS = 4
-
-#: Most pads of one station; a calendar is kept for each. Our own choice.
-MAX_PADS = 1_000
-
-
-@dataclass(frozen=True, slots=True)
-class Station:
-    """A rooftop where drones take off and land; `pads` drones can recharge there at a time.
-
-    `properties` are the GeoJSON properties that Skyway does not read, kept as they came.
-    """
-
-    station_id: StationId
-    position: Position
-    pads: int = DEFAULT_PADS
-    name: str | None = None
-    properties: Mapping[str, Any] = field(default_factory=dict)  # any JSON value, not ours
+__all__ = ["DEFAULT_PADS", "MAX_PADS", "Network", "Segment", "Station", "Zone"]
 
 
-@dataclass(frozen=True, slots=True)
-class Segment:
-    """A line of sight that drones fly from one station to another, in this direction only."""
-
-    from_id: StationId
-    to_id: StationId
-    length_m: float
-    properties: Mapping[str, Any] = field(default_factory=dict)  # any JSON value, not ours
-
-
-@dataclass(frozen=True, slots=True)
-class Zone:
-    """An area closed to flight while active: [active_from, active_until), a missing bound is open.
-
-    `rings` are the polygon's rings as in GeoJSON, each closed: the outer one, then its holes.
-    """
-
-    zone_id: ZoneId
-    rings: tuple[tuple[Position, ...], ...]
-    active_from: datetime | None = None
-    active_until: datetime | None = None
-    properties: Mapping[str, Any] = field(default_factory=dict)  # any JSON value, not ours
-    _box: tuple[Position, Position] = field(init=False, repr=False, compare=False)
-
-    def __post_init__(self) -> None:
-        longitudes, latitudes = zip(*self.rings[0], strict=True)
-        box = (Position(min(longitudes), min(latitudes)), Position(max(longitudes), max(latitudes)))
-        object.__setattr__(self, "_box", box)
-
-    @property
-    def box(self) -> tuple[Position, Position]:
-        """The south-west and north-east corners of the box around the outer ring."""
-        return self._box
-
-
-@dataclass(frozen=True, slots=True)
 class Network:
-    """A skyway network; `settings` is read by the services only.
+    """A skyway network, never changed once made; `settings` is read by the services only.
+
+    It is held as columns, so that a million stations are no burden: `stations` and `segments`
+    make the objects that are looked at.
 
     Raises
     ------
@@ -76,33 +29,123 @@ class Network:
         or two zones share an id.
     """
 
-    stations: Mapping[StationId, Station]
-    segments: tuple[Segment, ...]
-    zones: tuple[Zone, ...] = ()
-    settings: Mapping[str, Any] = field(default_factory=dict)  # any JSON value, see the services
-    _outgoing: Mapping[StationId, tuple[Segment, ...]] = field(init=False, repr=False)
+    def __init__(
+        self,
+        stations: Mapping[StationId, Station],
+        segments: Iterable[Segment],
+        zones: Iterable[Zone] = (),
+        settings: Mapping[str, Any] | None = None,  # any JSON value, see the services
+    ) -> None:
+        self._fill(Columns.of(stations, segments), zones, settings)
 
-    def __post_init__(self) -> None:
-        if len({zone.zone_id for zone in self.zones}) < len(self.zones):
+    @classmethod
+    def from_columns(
+        cls,
+        columns: Columns,
+        zones: Iterable[Zone] = (),
+        settings: Mapping[str, Any] | None = None,
+    ) -> "Network":
+        """The network of these columns; they are its own from now on."""
+        network = cls.__new__(cls)
+        network._fill(columns, zones, settings)
+        return network
+
+    def _fill(
+        self, columns: Columns, zones: Iterable[Zone], settings: Mapping[str, Any] | None
+    ) -> None:
+        self._columns = columns
+        self._zones = tuple(zones)
+        self._settings = {} if settings is None else settings
+        self._row_of = {station_id: row for row, station_id in enumerate(columns.station_ids)}
+        self._stations = StationView(columns, self._row_of)
+        self._leaving: dict[StationId, tuple[Segment, ...]] = {}
+        if len({zone.zone_id for zone in self._zones}) < len(self._zones):
             raise InvalidNetwork("zones", "two zones share an id")
-        ends_seen: set[tuple[StationId, StationId]] = set()
-        outgoing: dict[StationId, list[Segment]] = {station: [] for station in self.stations}
-        for number, segment in enumerate(self.segments):
-            for end in (segment.from_id, segment.to_id):
-                if end not in outgoing:
-                    raise InvalidNetwork(f"segments.{number}", f"no station is called {end!r}")
-            if segment.from_id == segment.to_id:
-                raise InvalidNetwork(f"segments.{number}", f"starts where it ends: {end!r}")
-            ends = (segment.from_id, segment.to_id)
-            if ends in ends_seen:
-                raise InvalidNetwork(
-                    f"segments.{number}", f"a second one from {ends[0]!r} to {ends[1]!r}"
-                )
-            ends_seen.add(ends)
-            outgoing[segment.from_id].append(segment)
-        frozen = {station: tuple(segments) for station, segments in outgoing.items()}
-        object.__setattr__(self, "_outgoing", frozen)
+        refuse_contradictions(columns, self._row_of)
+
+    @property
+    def columns(self) -> Columns:
+        """The stations and segments as arrays, rows in the order of the document."""
+        return self._columns
+
+    @property
+    def row_of(self) -> Mapping[StationId, int]:
+        """The row of each station in the columns."""
+        return self._row_of
+
+    @property
+    def stations(self) -> Mapping[StationId, Station]:
+        """The stations by id, in the order of the document."""
+        return self._stations
+
+    @property
+    def segments(self) -> Sequence[Segment]:
+        """The directed segments in the order of the document."""
+        return SegmentView(self._columns)
+
+    @property
+    def zones(self) -> tuple[Zone, ...]:
+        """The zones in the order of the document."""
+        return self._zones
+
+    @property
+    def settings(self) -> Mapping[str, Any]:
+        """What the services read, as it came."""
+        return self._settings
+
+    @cached_property
+    def outgoing(self) -> Adjacency:
+        """The segments that leave each station."""
+        return self._adjacency(self._columns.from_row, self._columns.to_row)
+
+    @cached_property
+    def incoming(self) -> Adjacency:
+        """The segments that reach each station."""
+        return self._adjacency(self._columns.to_row, self._columns.from_row)
 
     def segments_from(self, station_id: StationId) -> tuple[Segment, ...]:
         """The segments that leave this station, in the order of the document."""
-        return self._outgoing[station_id]
+        leaving = self._leaving.get(station_id)
+        if leaving is None:
+            row, segments = self._row_of[station_id], self.segments
+            rows = self.outgoing.segment[self.outgoing.at(row)].tolist()
+            leaving = tuple(segments[row] for row in rows)
+            self._leaving[station_id] = leaving
+        return leaving
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Network):
+            return NotImplemented
+        return (
+            self._zones == other.zones
+            and self._settings == other.settings
+            and (
+                _are_equal(self._columns, other.columns)
+                # The order of stations means nothing.
+                or (self.stations == other.stations and self.segments == other.segments)
+            )
+        )
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __repr__(self) -> str:
+        sizes = f"{len(self._row_of)} stations, {len(self._columns.length_m)} segments"
+        return f"<Network of {sizes}, {len(self._zones)} zones>"
+
+    def _adjacency(self, near_row: Rows, far_row: Rows) -> Adjacency:
+        return Adjacency.of(
+            near_row, far_row, length_m=self._columns.length_m, stations=len(self._row_of)
+        )
+
+
+def _are_equal(columns: Columns, other: Columns) -> bool:
+    return (
+        columns.station_ids == other.station_ids
+        and all(
+            np.array_equal(getattr(columns, name), getattr(other, name))
+            for name in ("longitude_deg", "latitude_deg", "pads", "from_row", "to_row", "length_m")
+        )
+        and columns.names == other.names
+        and columns.station_properties == other.station_properties
+        and columns.segment_properties == other.segment_properties
+    )
