@@ -31,9 +31,14 @@ check: setup
 openapi: setup
 	@$(BIN)/python tools/write_openapi.py
 
-benchmark: setup
+benchmark: setup $(VENV)/.peers
 	@$(BIN)/python -m benchmarks
+
+$(VENV)/.peers: requirements-peers.txt $(VENV)/.ready
+	@UV="$(UV)" VENV="$(VENV)" sh tools/install_peers.sh
 
 lock:
 	uv pip compile --universal --generate-hashes --no-emit-index-url --no-header \
 		--python-version 3.11 --extra dev pyproject.toml -o requirements.txt
+	uv pip compile --universal --generate-hashes --no-emit-index-url --no-header \
+		--python-version 3.11 --extra peers -c requirements.txt pyproject.toml -o requirements-peers.txt

@@ -1,21 +1,27 @@
-"""`make benchmark`: every benchmark, one after another, or those named."""
+"""`make benchmark`: every benchmark, one after another, or the one named with its own options."""
 
 import subprocess
 import sys
 from pathlib import Path
 
-SCRIPTS = {path.stem: path for path in sorted(Path(__file__).parent.glob("[a-z]*.py"))}
+_HERE = Path(__file__).parent
+
+#: A benchmark is a file, or a folder with a program of its own.
+NAMES = sorted(
+    [path.stem for path in _HERE.glob("[a-z]*.py")]
+    + [path.parent.name for path in _HERE.glob("*/__main__.py")]
+)
 
 
-def main(names: list[str]) -> int:
-    """Run these benchmarks; 2 when one is not known."""
-    unknown = [name for name in names if name not in SCRIPTS]
-    if unknown:
-        print(f"no benchmark is called {unknown[0]!r}; there are {', '.join(SCRIPTS)}")
+def main(arguments: list[str]) -> int:
+    """Run one or all of them; 2 when it is not known."""
+    if arguments and arguments[0] not in NAMES:
+        print(f"no benchmark is called {arguments[0]!r}; there are {', '.join(NAMES)}")
         return 2
-    for name in names or SCRIPTS:
+    for name in arguments[:1] or NAMES:
         print(f"== {name}", flush=True)
-        subprocess.run([sys.executable, SCRIPTS[name]], check=True)
+        command = [sys.executable, "-m", f"benchmarks.{name}", *arguments[1:]]
+        subprocess.run(command, check=True, cwd=_HERE.parent)
     return 0
 
 

@@ -1,0 +1,54 @@
+"""Times of several runs put together: median, p95, worst; runs cut off by a limit are no times."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+
+@dataclass(frozen=True, slots=True)
+class Distribution:
+    """Quantiles in milliseconds by nearest rank; None where the limit cut it off."""
+
+    runs: int
+    finished: int
+    median_ms: float | None
+    p95_ms: float | None
+    max_ms: float | None
+
+    @classmethod
+    def of(cls, times_ms: Sequence[float], *, cut_off: int = 0) -> Self:
+        """Of the runs that finished, and how many more did not: they are later than all."""
+        ranked = sorted(times_ms) + [math.inf] * cut_off
+        return cls(
+            runs=len(ranked),
+            finished=len(times_ms),
+            median_ms=_quantile(ranked, 0.5),
+            p95_ms=_quantile(ranked, 0.95),
+            max_ms=_quantile(ranked, 1.0),
+        )
+
+    def as_text(self) -> str:
+        """Median / p95 / worst, and how many finished if not all did."""
+        if not self.runs:
+            return "no run"
+        times = " / ".join(
+            milliseconds(time_ms) for time_ms in (self.median_ms, self.p95_ms, self.max_ms)
+        )
+        return times if self.finished == self.runs else f"{times} ({self.finished} of {self.runs})"
+
+
+def milliseconds(time_ms: float | None) -> str:
+    """Two or three digits that count; None is what the limit cut off."""
+    if time_ms is None:
+        return "limit"
+    if time_ms >= 10:
+        return f"{time_ms:,.0f}"
+    return f"{time_ms:.1f}" if time_ms >= 1 else f"{time_ms:.2f}"
+
+
+def _quantile(ranked: Sequence[float], share: float) -> float | None:
+    if not ranked:
+        return None
+    value = ranked[math.ceil(share * len(ranked)) - 1]
+    return None if value == math.inf else value

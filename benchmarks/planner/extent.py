@@ -1,0 +1,57 @@
+"""How much of everything is measured: a short run, or all of it."""
+
+from dataclasses import dataclass
+
+from benchmarks.planner.solving import Limits
+
+
+@dataclass(frozen=True, slots=True)
+class Extent:
+    """Sizes, and limits of the parts; `ordering_taken` are the shares at which peers compete."""
+
+    whole_stations: tuple[int, ...]
+    local_stations: tuple[int, ...]
+    packages: tuple[int, ...]
+    whole_taken: tuple[float, ...]
+    local_taken: tuple[float, ...]
+    full_taken: tuple[float, ...]
+    limits: Limits
+    contestant_packages: tuple[int, ...]
+    contestant_limits: Limits
+    ordering_taken: tuple[float, ...]
+    ordering_runs: int
+    charging_runs: tuple[tuple[int, int], ...]
+    starts: int
+
+
+SHORT = Extent(
+    whole_stations=(35, 1_000, 10_000, 100_000),
+    local_stations=(1_000, 100_000, 1_000_000),
+    packages=(3, 8),
+    whole_taken=(0.0, 0.5),
+    local_taken=(0.7,),
+    full_taken=(0.0,),
+    limits=Limits(runs=7, solve_s=2.0, cell_s=5.0),
+    contestant_packages=(1, 3),
+    contestant_limits=Limits(runs=3, solve_s=3.0, cell_s=8.0),
+    ordering_taken=(0.5,),
+    ordering_runs=5,
+    charging_runs=((200, 3), (1_000, 1)),
+    starts=1,
+)
+
+FULL = Extent(
+    whole_stations=(35, 1_000, 10_000, 100_000),
+    local_stations=(1_000, 10_000, 100_000, 1_000_000),
+    packages=(3, 5, 8, 12),
+    whole_taken=(0.0, 0.5, 0.7, 0.85),
+    local_taken=(0.0, 0.5, 0.7, 0.85),
+    full_taken=(0.0, 0.5, 0.7, 0.85),
+    limits=Limits(runs=30, solve_s=10.0, cell_s=30.0),
+    contestant_packages=(1, 2, 3, 5),
+    contestant_limits=Limits(runs=10, solve_s=20.0, cell_s=90.0),
+    ordering_taken=(0.0, 0.5, 0.85),
+    ordering_runs=20,
+    charging_runs=((200, 10), (1_000, 5)),
+    starts=5,
+)

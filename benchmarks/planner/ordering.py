@@ -1,0 +1,155 @@
+"""Peers that order the destinations by flight time, our planner doing the rest.
+
+The order that a peer finds is kept, path, pads and recharging are then planned to the optimum for
+this order: so each result is a true plan, and what it is later is the price of the order alone.
+"""
+
+import time
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from benchmarks.planner.cell import Cell
+from benchmarks.planner.cities import city
+from benchmarks.planner.congestion import Congestion, book
+from benchmarks.planner.distances import lengths_m
+from benchmarks.planner.distribution import Distribution
+from benchmarks.planner.extent import Extent
+from benchmarks.planner.lateness import Lateness
+from benchmarks.planner.peers.interface import OrderPeer
+from benchmarks.planner.peers.roster import label, missing, peers
+from benchmarks.planner.requests import requests, source_rows
+from benchmarks.planner.solving import solve
+from benchmarks.planner.speed import horizon_s
+from benchmarks.planner.table import Table
+from skyway.drone.flight import flight_time_s
+from skyway.ids import StationId
+from skyway.network.network import Network
+from skyway.planner.airspace import Airspace
+from skyway.planner.exact import exact, exact_with
+from skyway.planner.exact_task import Method
+from skyway.planner.findings import Strategy
+from skyway.planner.pad_book import PadBook
+from skyway.planner.problem import Problem
+from skyway.planner.situation import Situation
+from skyway.planner.stop import Effort, TimeLimit
+
+_STATIONS = 1_000
+_SOLVE_S = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class Ordered:
+    """What one competitor needed for one request, to order and then to plan, and what came out."""
+
+    order_ms: float
+    plan_ms: float
+    delivered_s: float | None
+
+
+def ordering(extent: Extent) -> Table:
+    """Times, and how much later than the optimum the plans in the peers' orders are."""
+    table = Table(
+        "ordering",
+        f"**Ordering peers**, {_STATIONS:,} stations, destinations over the whole network: median "
+        "milliseconds to order, and to plan in that order; and how much later the plans are.",
+        (
+            "packages",
+            "taken",
+            "order by",
+            "order",
+            "plan",
+            "later: mean",
+            "p95",
+            "worst",
+            "optimal",
+        ),
+    )
+    network = city(_STATIONS)
+    sources = source_rows(network, extent.ordering_runs)
+    for taken in extent.ordering_taken:
+        pads = book(network, Congestion(taken, horizon_s(_STATIONS, None)), sources=sources)
+        for packages in extent.packages:
+            cell = Cell(_STATIONS, packages)
+            _compare(table, cell, taken=taken, pads=pads, runs=extent.ordering_runs)
+    table.remarks = [
+        (
+            f"{extent.ordering_runs} seeded runs a row. exact orders and plans at once. The matrix "
+            "of flight times that the peers are given is not counted."
+        ),
+        *missing("order"),
+    ]
+    return table
+
+
+def _compare(table: Table, cell: Cell, *, taken: float, pads: PadBook, runs: int) -> None:
+    problems = list(requests(city(cell.stations), cell, runs=runs, limit_s=_SOLVE_S))
+    airspace = Airspace.of(city(cell.stations))
+    solve(problems[0], book=pads, airspace=airspace)
+    best = [_planned(exact, problem, pads) for problem in problems]
+    for name, results in (("exact", best), *_by_peers(problems, pads)):
+        order = Distribution.of([each.order_ms for each in results])
+        plan = Distribution.of([each.plan_ms for each in results])
+        late = Lateness.of(
+            [each.delivered_s for each in results], [each.delivered_s for each in best]
+        )
+        ordered_in = "" if name == "exact" else f"{order.median_ms:.1f}"
+        texts = (ordered_in, f"{plan.median_ms:.1f}", *late.as_texts())
+        table.rows.append((str(cell.packages), f"{taken:.0%}", name, *texts))
+        key = {"packages": cell.packages, "taken": taken, "name": name}
+        table.numbers.append(
+            {**key, "order": asdict(order), "plan": asdict(plan), "later": asdict(late)}
+        )
+
+
+def _by_peers(problems: list[Problem], pads: PadBook) -> Iterator[tuple[str, list[Ordered]]]:
+    matrices = [flight_ms(problem) for problem in problems]
+    for peer in peers("order"):
+        yield (
+            label(peer.package),
+            [
+                _ordered_by(peer, problem, matrix, pads)
+                for problem, matrix in zip(problems, matrices, strict=True)
+            ],
+        )
+
+
+def _ordered_by(
+    peer: OrderPeer, problem: Problem, matrix: npt.NDArray[np.int64], pads: PadBook
+) -> Ordered:
+    started = time.perf_counter()
+    numbers = peer.order(matrix)
+    order_ms = 1000 * (time.perf_counter() - started)
+    order = [destinations_of(problem)[number - 1] for number in numbers]
+    planned = _planned(exact_with(Method(), order=order), problem, pads)
+    return Ordered(order_ms, planned.plan_ms, planned.delivered_s)
+
+
+def _planned(strategy: Strategy, problem: Problem, pads: PadBook) -> Ordered:
+    started = time.perf_counter()
+    situation = Situation.of(problem, Airspace.of(problem.network), pads)
+    findings = strategy(situation, Effort(TimeLimit(_SOLVE_S)))
+    elapsed_ms = 1000 * (time.perf_counter() - started)
+    itinerary = findings.itinerary
+    return Ordered(0.0, elapsed_ms, None if itinerary is None else itinerary.delivered_s)
+
+
+def destinations_of(problem: Problem) -> list[StationId]:
+    """The destinations in the order of the packages."""
+    return [package.destination for package in problem.packages]
+
+
+def flight_ms(problem: Problem) -> npt.NDArray[np.int64]:
+    """Milliseconds of the shortest flights, ``(k + 1, k + 1)``; 0 is the source.
+
+    The model flies as fast with packages as without; the way back to the source is free.
+    """
+    network: Network = problem.network
+    stops = [network.row_of[each] for each in (problem.source, *destinations_of(problem))]
+    metres = lengths_m(network, stops)[:, stops]
+    s_per_m = flight_time_s(problem.drone.model, length_m=1.0, load_kg=0.0)
+    matrix = np.rint(1000 * s_per_m * metres).astype(np.int64)
+    matrix[:, 0] = 0
+    return matrix

@@ -1,0 +1,1 @@
+"""Solvers from PyPI, each in a file of its own, on the part of the problem that it can do."""

@@ -1,0 +1,100 @@
+"""A cell measured: its requests planned one after another, within a time."""
+
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from benchmarks.planner.distribution import Distribution
+from benchmarks.planner.memory import peak_growth_mib
+from skyway.delivery.plan import Plan, PlanStatus, Recharge
+from skyway.planner import compose
+from skyway.planner.airspace import Airspace
+from skyway.planner.pad_book import PadBook
+from skyway.planner.problem import Problem
+
+
+@dataclass(frozen=True, slots=True)
+class Limits:
+    """How many requests a cell has, and when one of them and the whole cell are given up."""
+
+    runs: int
+    solve_s: float
+    cell_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Solved:
+    """One request planned: how long that took as the caller sees it, and what came out."""
+
+    problem: Problem
+    elapsed_ms: float
+    plan: Plan
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether no limit cut it off: it is proven, or the contestant came to its end."""
+        limit_s = self.problem.time_limit_s
+        is_proven = self.plan.status in (PlanStatus.OPTIMAL, PlanStatus.INFEASIBLE)
+        return is_proven or limit_s is None or self.elapsed_ms < 1000 * limit_s
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """What the runs of a cell have in common; the limit cut off those that did not finish."""
+
+    times: Distribution
+    limit_ms: float
+    proven: int
+    labels: float
+    recharges: float
+    peak_mib: float | None
+
+
+def solve(problem: Problem, *, book: PadBook, airspace: Airspace) -> Solved:
+    """Plan one request: search, plan and verification, nothing prepared for this request."""
+    started = time.perf_counter()
+    plan = compose(problem, airspace=airspace, booked=book)
+    return Solved(problem, 1000 * (time.perf_counter() - started), plan)
+
+
+def solve_all(problems: Iterable[Problem], *, book: PadBook, limits: Limits) -> list[Solved]:
+    """Plan these requests, until the cell's time is over.
+
+    The first is planned once before, uncounted: what is looked up on a network for the first time
+    is a matter of the service's start, which has a table of its own.
+    """
+    solved: list[Solved] = []
+    deadline = time.perf_counter() + limits.cell_s
+    for number, problem in enumerate(problems):
+        if number == 0:
+            airspace = Airspace.of(problem.network)
+            solve(problem, book=book, airspace=airspace)
+        solved.append(solve(problem, book=book, airspace=airspace))
+        if time.perf_counter() > deadline:
+            break
+    return solved
+
+
+def measured(solved: list[Solved], *, book: PadBook, limits: Limits) -> Measured:
+    """The cell's numbers; the slowest request is planned again for the memory that it needs."""
+    finished_ms = [each.elapsed_ms for each in solved if each.is_finished]
+    slowest = max(solved, key=lambda each: each.elapsed_ms)
+    airspace = Airspace.of(slowest.problem.network)
+    peak_mib = peak_growth_mib(lambda: solve(slowest.problem, book=book, airspace=airspace))
+    return Measured(
+        times=Distribution.of(finished_ms, cut_off=len(solved) - len(finished_ms)),
+        limit_ms=1000 * limits.solve_s,
+        proven=sum(each.plan.status is PlanStatus.OPTIMAL for each in solved),
+        labels=_mean(float(each.plan.stats["labels"]) for each in solved),
+        recharges=_mean(float(_recharges(each.plan)) for each in solved),
+        peak_mib=peak_mib,
+    )
+
+
+def _recharges(plan: Plan) -> int:
+    return sum(isinstance(step, Recharge) for step in plan.steps)
+
+
+def _mean(values: Iterable[float]) -> float:
+    listed = list(values)
+    return sum(listed) / len(listed)
