@@ -1,6 +1,8 @@
 """Fixtures for all tests: a throw-away PostgreSQL, and a new database on either dialect."""
 
+import copy
 import gc
+import json
 import os
 import pwd
 import secrets
@@ -9,8 +11,10 @@ import subprocess
 import tempfile
 from collections.abc import AsyncIterator, Iterator
 from contextlib import asynccontextmanager
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import asyncpg
 import pytest
@@ -20,6 +24,8 @@ from skyway.runtime.clock import ManualClock
 from skyway.runtime.database import Database
 from skyway.runtime.migrations import migrate
 
+#: Tables that tests in several folders read.
+_DATA = Path(__file__).parent / "data"
 _DIALECTS = ("sqlite", pytest.param("postgresql", marks=pytest.mark.integration))
 _BINARIES = ("initdb", "pg_ctl", "postgres")
 #: Waits for its input to close, then stops the cluster and removes its folder.
@@ -187,3 +193,42 @@ async def _on_server(url: str, statement: str) -> None:
         await connection.execute(statement)
     finally:
         await connection.close()
+
+
+@dataclass(frozen=True, slots=True)
+class BadProblem:
+    """A composition problem with one fault: the field to be named, and words of the complaint."""
+
+    name: str
+    document: dict[str, Any]
+    field: str
+    told: str
+
+
+@pytest.fixture(scope="session")
+def good_problem() -> dict[str, Any]:
+    """A composition problem that has every field, and nothing wrong."""
+    document: dict[str, Any] = json.loads((_DATA / "good_problem.json").read_text())
+    return document
+
+
+@pytest.fixture(scope="session")
+def bad_problems(good_problem: dict[str, Any]) -> tuple[BadProblem, ...]:
+    """The good problem with one field after another made wrong, in every way there is."""
+    return tuple(
+        _bad_problem(copy.deepcopy(good_problem), json.loads(line))
+        for line in (_DATA / "bad_problems.jsonl").read_text().splitlines()
+    )
+
+
+def _bad_problem(document: dict[str, Any], fault: dict[str, Any]) -> BadProblem:
+    holder: Any = document
+    *parents, last = (int(part) if part.isdecimal() else part for part in fault["path"].split("."))
+    for part in parents:
+        holder = holder[part]
+    if "missing" in fault:
+        del holder[last]
+    else:
+        holder[last] = fault["value"]
+    name = f"{fault['path']} = {fault.get('value', 'missing')!r:.40}"
+    return BadProblem(name, document, fault.get("field", fault["path"]), fault["told"])

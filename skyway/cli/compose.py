@@ -1,19 +1,22 @@
 """`skyway compose`: problems in, plans out, one a line."""
 
-import json
 import sys
-from collections.abc import Iterator
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Annotated, Any, Never
+from typing import Annotated, Any
 
 import typer
-from pydantic import ValidationError
 
+from skyway.cli.problem_lines import Document, NotJson, documents
+from skyway.cli.recent_networks import RecentNetworks
 from skyway.delivery.plan import Plan, PlanStatus
-from skyway.errors import InvalidInput
+from skyway.errors import Fault, InvalidInput, InvalidNetwork
+from skyway.planner.airspace import Airspace
 from skyway.planner.compose import STRATEGIES, compose
-from skyway.planner.problem import Problem
+from skyway.planner.problem import MAX_SECONDS, Problem
+from skyway.planner.problem_document import read_problem
+from skyway.planner.verify import PlanRejected
 
 
 class _ExitCode(IntEnum):
@@ -24,21 +27,38 @@ class _ExitCode(IntEnum):
     SOME_UNKNOWN = 3
 
 
-@dataclass(frozen=True, slots=True)
-class _Overrides:
-    """What the command line puts in place of a problem's own fields."""
+@dataclass(slots=True)
+class _Composer:
+    """Composes one document after another; `overrides` replace fields of each problem."""
 
-    strategy: str | None
-    time_limit_s: float | None
+    overrides: dict[str, Any]  # any JSON value
+    _networks: RecentNetworks = field(default_factory=RecentNetworks)
 
+    def plan(self, document: Any) -> Plan:  # any JSON value; read_problem checks it
+        """The plan for a problem.
 
-class _Unreadable(Exception):
-    """A line is not a problem; `faults` name the fields at fault, and what is wrong."""
+        Raises
+        ------
+        InvalidInput
+            The document is not a problem.
+        """
+        problem, airspace = self._problem(document)
+        try:
+            return compose(problem, airspace=airspace)
+        except PlanRejected as error:
+            # A defect of the planner: such a plan must not fly, so there is none.
+            return Plan(status=PlanStatus.UNKNOWN, stats={"rejected": str(error)})
 
-    def __init__(self, faults: list[str], *, line: int) -> None:
-        super().__init__("; ".join(faults))
-        self.faults = faults
-        self.line = line
+    def _problem(self, document: Any) -> tuple[Problem, Airspace | None]:
+        if not isinstance(document, dict):
+            return read_problem(document), None
+        document = document | self.overrides
+        airspace = None
+        if "network" in document:
+            # What is wrong with a network, read_problem says, beside what else is wrong.
+            with suppress(InvalidNetwork):
+                document["network"], airspace = self._networks.prepared(document["network"])
+        return read_problem(document), airspace
 
 
 def compose_command(
@@ -55,94 +75,58 @@ def compose_command(
     ] = None,
 ) -> None:
     """Compose a plan for each problem in a file."""
-    if strategy is not None and strategy not in STRATEGIES:
-        raise typer.BadParameter(
-            f"{strategy!r} is not a strategy; there are {', '.join(STRATEGIES)}",
-            param_hint="--strategy",
-        )
-    if time_limit is not None and not time_limit > 0:
-        raise typer.BadParameter(f"{time_limit} is not above 0", param_hint="--time-limit")
-    overrides = _Overrides(strategy, time_limit)
+    composer = _Composer(_overrides(strategy, time_limit))
     exit_codes = {_ExitCode.ALL_ANSWERED}
-    for line, document in _documents(file.read()):
-        try:
-            plan = _plan_for(document, line, overrides)
-        except _Unreadable as unreadable:
-            for fault in unreadable.faults:
-                typer.echo(f"line {unreadable.line}: {fault}", err=True)
+    for number, document in enumerate(documents(file), start=1):
+        outcome = _outcome(composer, document)
+        _clear_progress()
+        if isinstance(outcome, Plan):
+            typer.echo(outcome.model_dump_json())
+            sys.stdout.flush()
+            if outcome.status is PlanStatus.UNKNOWN:
+                exit_codes.add(_ExitCode.SOME_UNKNOWN)
+        else:
             exit_codes.add(_ExitCode.SOME_UNREADABLE)
-            continue
-        if plan.status is PlanStatus.UNKNOWN:
-            exit_codes.add(_ExitCode.SOME_UNKNOWN)
-        typer.echo(plan.model_dump_json())
-        sys.stdout.flush()
+            line, faults = outcome
+            for fault in faults:
+                typer.echo(f"line {line}: {fault}", err=True)
+        _show_progress(number)
+    _clear_progress()
     for code in (_ExitCode.SOME_UNREADABLE, _ExitCode.SOME_UNKNOWN):
         if code in exit_codes:
             raise typer.Exit(code)
 
 
-def _documents(raw: bytes) -> Iterator[tuple[int, bytes]]:
-    """Each document with the number of its first line: the whole file, or every line of it."""
-    lines = raw.splitlines()
-    if not _is_json_lines(raw, lines):
-        yield 1, raw
-        return
-    for number, line in enumerate(lines, start=1):
-        if line.strip():
-            yield number, line
+def _overrides(strategy: str | None, time_limit_s: float | None) -> dict[str, Any]:
+    if strategy is not None and strategy not in STRATEGIES:
+        raise typer.BadParameter(
+            f"{strategy!r} is not a strategy; there are {', '.join(STRATEGIES)}",
+            param_hint="--strategy",
+        )
+    if time_limit_s is not None and not 0 < time_limit_s <= MAX_SECONDS:
+        raise typer.BadParameter(
+            f"{time_limit_s} is not above 0 and at most {MAX_SECONDS:g}", param_hint="--time-limit"
+        )
+    given = {"strategy": strategy, "time_limit_s": time_limit_s}
+    return {name: value for name, value in given.items() if value is not None}
 
 
-def _is_json_lines(raw: bytes, lines: list[bytes]) -> bool:
-    """Whether lines are documents; a broken single document is told by its one opening brace."""
-    if _is_json(raw):
-        return False
-    unindented = [line for line in lines if line[:1] == b"{"]
-    return len(unindented) > 1 or any(_is_json(line) for line in unindented)
-
-
-def _is_json(raw: bytes) -> bool:
+def _outcome(composer: _Composer, document: Document | NotJson) -> Plan | tuple[int, list[Fault]]:
+    """The plan; or the line, and what is wrong in it."""
+    if isinstance(document, NotJson):
+        return document.line, [Fault("problem", document.detail)]
     try:
-        json.loads(raw)
-    except (ValueError, RecursionError):
-        return False
-    return True
-
-
-def _plan_for(raw: bytes, line: int, overrides: _Overrides) -> Plan:
-    """The plan for one document; what is wrong with it is raised as `_Unreadable`."""
-    document = _document(raw, line)
-    if overrides.strategy is not None:
-        document["strategy"] = overrides.strategy
-    if overrides.time_limit_s is not None:
-        document["time_limit_s"] = overrides.time_limit_s
-    try:
-        return compose(Problem.model_validate(document))
-    except ValidationError as error:
-        faults = [
-            f"{'.'.join(map(str, fault['loc'])) or 'problem'}: {fault['msg']}"
-            for fault in error.errors(include_url=False, include_context=False)
-        ]
-        raise _Unreadable(faults, line=line) from error
+        return composer.plan(document.value)
     except InvalidInput as error:
-        raise _Unreadable([str(error)], line=line) from error
+        return document.line, list(error.faults)
 
 
-def _document(raw: bytes, line: int) -> dict[str, Any]:  # a JSON object, checked by Problem
-    if not raw.strip():
-        raise _Unreadable(["problem: nothing to read"], line=line)
-    try:
-        document = json.loads(raw, parse_constant=_refuse_constant)
-    except json.JSONDecodeError as error:
-        fault = f"problem: not JSON: {error.msg} at column {error.colno}"
-        raise _Unreadable([fault], line=line + error.lineno - 1) from error
-    except UnicodeDecodeError as error:
-        raise _Unreadable([f"problem: not UTF-8: {error.reason}"], line=line) from error
-    except (ValueError, RecursionError) as error:
-        raise _Unreadable([f"problem: not JSON: {error}"], line=line) from error
-    if not isinstance(document, dict):
-        raise _Unreadable(["problem: not a JSON object"], line=line)
-    return document
+def _show_progress(number: int) -> None:
+    """How many problems are done, for whoever looks at a terminal while plans go elsewhere."""
+    if sys.stderr.isatty() and not sys.stdout.isatty():
+        typer.echo(f"\r{number} problems done", nl=False, err=True)
 
 
-def _refuse_constant(name: str) -> Never:
-    raise ValueError(f"{name} is not a number in JSON")
+def _clear_progress() -> None:
+    if sys.stderr.isatty() and not sys.stdout.isatty():
+        typer.echo("\r\x1b[K", nl=False, err=True)

@@ -34,12 +34,19 @@ class DroneModel(JsonModel):
     power_empty_w: Annotated[float, Field(ge=0.001, le=1e9, strict=True)]
     stop_s: Annotated[float, Field(ge=0, le=1e6, strict=True)] = 0.0
     stop_j: Annotated[float, Field(ge=0, le=1e12, strict=True)] = 0.0
+    # The least number is checked below: pydantic would count only points that are valid.
     charge_curve: Annotated[
-        tuple[ChargePoint, ...], Field(min_length=2, max_length=1_000), FailFast()
+        tuple[ChargePoint, ...],
+        Field(max_length=1_000, json_schema_extra={"minItems": 2}),
+        FailFast(),
     ]
 
     @model_validator(mode="after")
     def _charge_curve_is_concave(self) -> Self:
+        if len(self.charge_curve) < 2:
+            raise ValueError(
+                f"charge_curve has {len(self.charge_curve)} points, at least 2 are due"
+            )
         slopes = []
         for before, after in pairwise(self.charge_curve):
             if after.time_s <= before.time_s or after.soc <= before.soc:
