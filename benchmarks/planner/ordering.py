@@ -144,12 +144,10 @@ def destinations_of(problem: Problem) -> list[StationId]:
 def flight_ms(problem: Problem) -> npt.NDArray[np.int64]:
     """Milliseconds of the shortest flights, ``(k + 1, k + 1)``; 0 is the source.
 
-    The model flies as fast with packages as without; the way back to the source is free.
+    The model flies as fast with packages as without.
     """
     network: Network = problem.network
     stops = [network.row_of[each] for each in (problem.source, *destinations_of(problem))]
     metres = lengths_m(network, stops)[:, stops]
     s_per_m = flight_time_s(problem.drone.model, length_m=1.0, load_kg=0.0)
-    matrix = np.rint(1000 * s_per_m * metres).astype(np.int64)
-    matrix[:, 0] = 0
-    return matrix
+    return np.rint(1000 * s_per_m * metres).astype(np.int64)

@@ -16,8 +16,8 @@ class OrderPeer(Protocol):
     def order(self, flight_ms: npt.NDArray[np.int64]) -> list[int]:
         """The destinations, 1 to k, in the order to visit them.
 
-        `flight_ms` is ``(k + 1, k + 1)``, row = from; 0 is the source, and the way back to it is
-        free.
+        `flight_ms` is ``(k + 1, k + 1)``, row = from; 0 is the source, to which nobody has to
+        return.
         """
 
 

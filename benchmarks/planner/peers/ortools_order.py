@@ -12,9 +12,11 @@ class OrToolsOrder:
 
     def order(self, flight_ms: npt.NDArray[np.int64]) -> list[int]:
         """The stops of the one vehicle."""
-        manager = pywrapcp.RoutingIndexManager(len(flight_ms), 1, 0)
+        open_ended = flight_ms.copy()
+        open_ended[:, 0] = 0
+        manager = pywrapcp.RoutingIndexManager(len(open_ended), 1, 0)
         routing = pywrapcp.RoutingModel(manager)
-        transit = routing.RegisterTransitMatrix(flight_ms.tolist())
+        transit = routing.RegisterTransitMatrix(open_ended.tolist())
         routing.SetArcCostEvaluatorOfAllVehicles(transit)
         parameters = pywrapcp.DefaultRoutingSearchParameters()
         parameters.first_solution_strategy = (

@@ -25,7 +25,7 @@ class PyVrpOrder:
         for row, leaving in enumerate(flight_ms.tolist()):
             for column, time_ms in enumerate(leaving):
                 if row != column:
-                    model.add_edge(places[row], places[column], distance=time_ms)
+                    model.add_edge(places[row], places[column], distance=time_ms if column else 0)
         result = model.solve(NoImprovement(_ITERATIONS), seed=_SEED, display=False)
         (route,) = result.best.routes()
         return [activity.idx + 1 for activity in route if activity.is_client()]
