@@ -1,14 +1,17 @@
 """A made-up city: stations scattered at random, near ones connected, the same for the same seed."""
 
 import math
-from collections.abc import Iterable
 from random import Random
+
+import numpy as np
 
 from skyway.errors import InvalidInput
 from skyway.geo import EARTH_RADIUS_M, Position
 from skyway.ids import StationId
-from skyway.network.line_of_sight import both_ways, pairs_within
-from skyway.network.network import DEFAULT_PADS, MAX_PADS, Network, Station
+from skyway.network.columns import Columns, Floats
+from skyway.network.components import components
+from skyway.network.near_pairs import Pairs, near_pairs
+from skyway.network.network import DEFAULT_PADS, MAX_PADS, Network
 
 #: The middle of the city: the paper's San Antonio (GeoNames).
 CITY_CENTRE = Position(-98.49363, 29.42412)
@@ -53,16 +56,22 @@ def synthetic_city(
     _check("pads", pads, low=0, high=MAX_PADS)
     _check("degree", degree, low=0.0, high=1_000.0)
     _check("spacing_m", spacing_m, low=1.0, high=10_000.0)
-    positions = _scattered(stations, side_m=spacing_m * math.sqrt(stations), random=Random(seed))  # noqa: S311 - reproducible chance is the point, nothing is secret
-    in_order = [
-        Station(StationId(f"s{number}"), position, pads)
-        for number, position in enumerate(positions, start=1)
-    ]
-    lines = (
-        (in_order[a], in_order[b], length_m)
-        for length_m, a, b in _connected(positions, degree=degree, spacing_m=spacing_m)
+    longitude_deg, latitude_deg = _scattered(
+        stations,
+        side_m=spacing_m * math.sqrt(stations),
+        random=Random(seed),  # noqa: S311 - reproducible chance is the point, nothing is secret
     )
-    return Network({station.station_id: station for station in in_order}, both_ways(lines))
+    lines = _connected(longitude_deg, latitude_deg, degree=degree, spacing_m=spacing_m)
+    columns = Columns(
+        station_ids=tuple(StationId(f"s{number}") for number in range(1, stations + 1)),
+        longitude_deg=longitude_deg,
+        latitude_deg=latitude_deg,
+        pads=np.full(stations, pads, np.int32),
+        from_row=np.column_stack((lines.one, lines.other)).ravel().astype(np.int32),
+        to_row=np.column_stack((lines.other, lines.one)).ravel().astype(np.int32),
+        length_m=np.repeat(lines.length_m, 2),
+    )
+    return Network.from_columns(columns)
 
 
 def _check(name: str, value: float, *, low: float, high: float) -> None:
@@ -70,44 +79,58 @@ def _check(name: str, value: float, *, low: float, high: float) -> None:
         raise InvalidInput(name, f"{value} lies outside {low:g} to {high:g}")
 
 
-def _scattered(count: int, *, side_m: float, random: Random) -> list[Position]:
+def _scattered(count: int, *, side_m: float, random: Random) -> tuple[Floats, Floats]:
+    """Longitudes and latitudes, rounded to seven digits: a centimetre."""
     half_deg = math.degrees(side_m / 2 / EARTH_RADIUS_M)
-    positions = []
-    for _ in range(count):
+    positions = np.empty((count, 2))
+    for number in range(count):
         latitude_deg = CITY_CENTRE.latitude_deg + half_deg * (2 * random.random() - 1)
         stretch = math.cos(math.radians(latitude_deg))
         longitude_deg = CITY_CENTRE.longitude_deg + half_deg * (2 * random.random() - 1) / stretch
-        positions.append(Position(round(longitude_deg, 7), round(latitude_deg, 7)))
-    return positions
+        positions[number] = round(longitude_deg, 7), round(latitude_deg, 7)
+    return positions[:, 0].copy(), positions[:, 1].copy()
 
 
 def _connected(
-    positions: list[Position], *, degree: float, spacing_m: float
-) -> list[tuple[float, int, int]]:
+    longitude_deg: Floats, latitude_deg: Floats, *, degree: float, spacing_m: float
+) -> Pairs:
     """The shortest pairs that give the degree, and the shortest others that join all."""
-    all_pairs = len(positions) * (len(positions) - 1) // 2
-    wanted = min(round(degree * len(positions) / 2), all_pairs)
+    stations = len(longitude_deg)
+    wanted = min(round(degree * stations / 2), stations * (stations - 1) // 2)
     reach_m = _REACH_SHARE * spacing_m * math.sqrt(max(degree, 1.0) / math.pi)
-    while True:
-        pairs = sorted(pairs_within(positions, reach_m=reach_m))
-        forest = _Forest(len(positions))
-        forest.join_all(pairs[:wanted])
-        joining = [pair for pair in pairs[wanted:] if forest.join(pair[1], pair[2])]
-        if len(pairs) >= wanted and forest.trees == 1:
-            return pairs[:wanted] + joining
+    pairs = near_pairs(longitude_deg, latitude_deg, reach_m=reach_m)
+    while len(pairs.one) < wanted:
         reach_m *= _REACH_GROWTH
+        pairs = near_pairs(longitude_deg, latitude_deg, reach_m=reach_m)
+    lines, others = pairs.only(slice(wanted)), pairs.only(slice(wanted, None))
+    while True:
+        lines = lines.and_also(_joining(lines, others, stations=stations))
+        root = components(lines.one, lines.other, stations=stations)
+        if not root.any():
+            return lines
+        # Most stations hang together by now; what does not looks farther.
+        reach_m *= _REACH_GROWTH
+        outside = root != np.bincount(root).argmax()
+        others = near_pairs(longitude_deg, latitude_deg, reach_m=reach_m, around=outside)
+
+
+def _joining(lines: Pairs, others: Pairs, *, stations: int) -> Pairs:
+    """The shortest of the others that join what the lines leave apart."""
+    root = components(lines.one, lines.other, stations=stations)
+    others = others.only(root[others.one] != root[others.other])
+    forest = _Forest(root.tolist())
+    joins = [
+        forest.join(one, other)
+        for one, other in zip(others.one.tolist(), others.other.tolist(), strict=True)
+    ]
+    return others.only(np.array(joins, np.bool_))
 
 
 class _Forest:
     """Which stations are connected already (union-find with path halving)."""
 
-    def __init__(self, size: int) -> None:
-        self._parents = list(range(size))
-        self.trees = size
-
-    def join_all(self, pairs: Iterable[tuple[float, int, int]]) -> None:
-        for _, one, other in pairs:
-            self.join(one, other)
+    def __init__(self, parents: list[int]) -> None:
+        self._parents = parents
 
     def join(self, one: int, other: int) -> bool:
         """Whether the two were apart; now they are not."""
@@ -115,7 +138,6 @@ class _Forest:
         if root == other_root:
             return False
         self._parents[max(root, other_root)] = min(root, other_root)
-        self.trees -= 1
         return True
 
     def _root(self, number: int) -> int:

@@ -1,0 +1,52 @@
+"""Great-circle distances by the array, each equal to the last bit to `skyway.geo.distance_m`.
+
+NumPy's own sine differs in the last bit from machine to machine, and a network's content, and with
+it its version, must not.
+"""
+
+import math
+from collections.abc import Callable
+from itertools import repeat
+
+import numpy as np
+import numpy.typing as npt
+
+from skyway.geo import EARTH_RADIUS_M
+from skyway.network.columns import Floats
+
+_RAD_PER_DEG = math.pi / 180.0
+
+
+def distances_m(
+    longitude_deg: tuple[Floats, Floats], latitude_deg: tuple[Floats, Floats]
+) -> Floats:
+    """Distance from each start to its end; all arrays ``(k,)`` float64, as (starts, ends)."""
+    latitude_1, latitude_2 = (degrees * _RAD_PER_DEG for degrees in latitude_deg)
+    half_latitude = (latitude_2 - latitude_1) / 2
+    half_longitude = (longitude_deg[1] - longitude_deg[0]) * _RAD_PER_DEG / 2
+    chord = _square(_each(math.sin, half_latitude)) + _each(math.cos, latitude_1) * _each(
+        math.cos, latitude_2
+    ) * _square(_each(math.sin, half_longitude))
+    return 2 * EARTH_RADIUS_M * _each(math.asin, np.minimum(1.0, np.sqrt(chord)))
+
+
+def unit_vectors(longitude_deg: Floats, latitude_deg: Floats) -> npt.NDArray[np.float64]:
+    """The directions from the Earth's centre, ``(n, 3)``, as `skyway.geo.unit_vector` has them."""
+    longitude, latitude = longitude_deg * _RAD_PER_DEG, latitude_deg * _RAD_PER_DEG
+    across = _each(math.cos, latitude)
+    return np.column_stack(
+        (
+            across * _each(math.cos, longitude),
+            across * _each(math.sin, longitude),
+            _each(math.sin, latitude),
+        )
+    )
+
+
+def _each(function: Callable[[float], float], values: Floats) -> Floats:
+    return np.fromiter(map(function, values.tolist()), np.float64, len(values))
+
+
+def _square(values: Floats) -> Floats:
+    # As ** does it for floats; values * values may round otherwise.
+    return np.fromiter(map(math.pow, values.tolist(), repeat(2.0)), np.float64, len(values))
