@@ -1,22 +1,20 @@
-"""`skyway compose`: problems in, plans out, one a line."""
+"""`skyway compose`: problems in, plans out, one a line.
+
+The planner is imported when a problem is there: other commands start without it.
+"""
 
 import sys
-from contextlib import suppress
-from dataclasses import dataclass, field
 from enum import IntEnum
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from skyway.cli.problem_lines import Document, NotJson, documents
-from skyway.cli.recent_networks import RecentNetworks
 from skyway.delivery.plan import Plan, PlanStatus
-from skyway.errors import Fault, InvalidInput, InvalidNetwork
-from skyway.planner.airspace import Airspace
-from skyway.planner.compose import STRATEGIES, compose
-from skyway.planner.problem import MAX_SECONDS, Problem
-from skyway.planner.problem_document import read_problem
-from skyway.planner.verify import PlanRejected
+from skyway.errors import Fault, InvalidInput
+
+if TYPE_CHECKING:
+    from skyway.cli.problem_composer import ProblemComposer
 
 
 class _ExitCode(IntEnum):
@@ -27,40 +25,6 @@ class _ExitCode(IntEnum):
     SOME_UNKNOWN = 3
 
 
-@dataclass(slots=True)
-class _Composer:
-    """Composes one document after another; `overrides` replace fields of each problem."""
-
-    overrides: dict[str, Any]  # any JSON value
-    _networks: RecentNetworks = field(default_factory=RecentNetworks)
-
-    def plan(self, document: Any) -> Plan:  # any JSON value; read_problem checks it
-        """The plan for a problem.
-
-        Raises
-        ------
-        InvalidInput
-            The document is not a problem.
-        """
-        problem, airspace = self._problem(document)
-        try:
-            return compose(problem, airspace=airspace)
-        except PlanRejected as error:
-            # A defect of the planner: such a plan must not fly, so there is none.
-            return Plan(status=PlanStatus.UNKNOWN, stats={"rejected": str(error)})
-
-    def _problem(self, document: Any) -> tuple[Problem, Airspace | None]:
-        if not isinstance(document, dict):
-            return read_problem(document), None
-        document = document | self.overrides
-        airspace = None
-        if "network" in document:
-            # What is wrong with a network, read_problem says, beside what else is wrong.
-            with suppress(InvalidNetwork):
-                document["network"], airspace = self._networks.prepared(document["network"])
-        return read_problem(document), airspace
-
-
 def compose_command(
     file: Annotated[
         typer.FileBinaryRead,
@@ -68,14 +32,16 @@ def compose_command(
     ],
     strategy: Annotated[
         str | None,
-        typer.Option(help=f"In place of the problem's own: {', '.join(STRATEGIES)}."),
+        typer.Option(help="exact, heuristic or exhaustive, in place of the problem's own."),
     ] = None,
     time_limit: Annotated[
         float | None, typer.Option(help="Seconds for one problem, in place of its own limit.")
     ] = None,
 ) -> None:
     """Compose a plan for each problem in a file."""
-    composer = _Composer(_overrides(strategy, time_limit))
+    from skyway.cli.problem_composer import ProblemComposer
+
+    composer = ProblemComposer(_overrides(strategy, time_limit))
     exit_codes = {_ExitCode.ALL_ANSWERED}
     for number, document in enumerate(documents(file), start=1):
         outcome = _outcome(composer, document)
@@ -98,6 +64,9 @@ def compose_command(
 
 
 def _overrides(strategy: str | None, time_limit_s: float | None) -> dict[str, Any]:
+    from skyway.planner.compose import STRATEGIES
+    from skyway.planner.problem import MAX_SECONDS
+
     if strategy is not None and strategy not in STRATEGIES:
         raise typer.BadParameter(
             f"{strategy!r} is not a strategy; there are {', '.join(STRATEGIES)}",
@@ -111,7 +80,9 @@ def _overrides(strategy: str | None, time_limit_s: float | None) -> dict[str, An
     return {name: value for name, value in given.items() if value is not None}
 
 
-def _outcome(composer: _Composer, document: Document | NotJson) -> Plan | tuple[int, list[Fault]]:
+def _outcome(
+    composer: "ProblemComposer", document: Document | NotJson
+) -> Plan | tuple[int, list[Fault]]:
     """The plan; or the line, and what is wrong in it."""
     if isinstance(document, NotJson):
         return document.line, [Fault("problem", document.detail)]

@@ -1,59 +1,71 @@
 """Where the fields of a problem contradict one another or its network."""
 
 from collections import defaultdict
-from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from collections.abc import Iterator, Sequence
+from datetime import datetime
 
 from skyway.delivery.request import MAX_DESTINATIONS
 from skyway.errors import Fault
 from skyway.ids import PackageId, StationId
+from skyway.network.network import Network
+from skyway.planner.problem_parts import (
+    Closure,
+    DroneAtStart,
+    PackageToDeliver,
+    PadReservation,
+)
 from skyway.units import CHARGE_TOLERANCE, TIME_TOLERANCE_S
 
-if TYPE_CHECKING:
-    from skyway.planner.problem import PadReservation, Problem
 
-
-def disagreements(problem: "Problem") -> Iterator[Fault]:
-    """Each contradiction, by the path of the field at fault, in the order of the fields."""
-    if not problem.network.stations:
+def disagreements(
+    network: Network,
+    *,
+    start_at: datetime | None,
+    drone: DroneAtStart,
+    source: StationId,
+    packages: Sequence[PackageToDeliver],
+    pad_reservations: Sequence[PadReservation],
+    closures: Sequence[Closure],
+) -> Iterator[Fault]:
+    """Each contradiction of a problem, by the path of the field at fault."""
+    if not network.stations:
         yield Fault("network.features", "0 stations, at least 1 is needed")
         return
-    yield from _of_start(problem)
-    yield from _of_drone(problem)
-    yield from _of_packages(problem)
-    yield from _of_reservations(problem)
-    yield from _of_closures(problem)
+    yield from _of_start(network, start_at)
+    yield from _of_drone(network, drone)
+    yield from _of_station(network, "source", source)
+    yield from _of_packages(network, packages)
+    yield from _of_reservations(network, pad_reservations)
+    yield from _of_closures(network, closures)
 
 
-def _of_start(problem: "Problem") -> Iterator[Fault]:
-    if problem.start_at is None:
-        for zone in problem.network.zones:
+def _of_start(network: Network, start_at: datetime | None) -> Iterator[Fault]:
+    if start_at is None:
+        for zone in network.zones:
             if zone.active_from is not None or zone.active_until is not None:
                 yield Fault("start_at", f"is required: zone {zone.zone_id!r} has dates")
                 return
 
 
-def _of_drone(problem: "Problem") -> Iterator[Fault]:
-    drone = problem.drone
+def _of_drone(network: Network, drone: DroneAtStart) -> Iterator[Fault]:
     reserve = drone.model.reserve_soc
     if drone.soc < reserve - CHARGE_TOLERANCE:
         yield Fault("drone.soc", f"{drone.soc} is below reserve_soc {reserve}")
     if drone.station_id is not None:
-        yield from _of_station(problem, "drone.station_id", drone.station_id)
-    yield from _of_station(problem, "source", problem.source)
+        yield from _of_station(network, "drone.station_id", drone.station_id)
 
 
-def _of_packages(problem: "Problem") -> Iterator[Fault]:
-    if not problem.packages:
+def _of_packages(network: Network, packages: Sequence[PackageToDeliver]) -> Iterator[Fault]:
+    if not packages:
         yield Fault("packages", "0 packages, at least 1 is needed")
     seen: set[PackageId] = set()
-    for number, package in enumerate(problem.packages):
+    for number, package in enumerate(packages):
         if package.package_id in seen:
             detail = f"a second package called {package.package_id!r}"
             yield Fault(f"packages.{number}.package_id", detail)
         seen.add(package.package_id)
-        yield from _of_station(problem, f"packages.{number}.destination", package.destination)
-    destinations = {package.destination for package in problem.packages}
+        yield from _of_station(network, f"packages.{number}.destination", package.destination)
+    destinations = {package.destination for package in packages}
     if len(destinations) > MAX_DESTINATIONS:
         yield Fault(
             "packages",
@@ -61,27 +73,27 @@ def _of_packages(problem: "Problem") -> Iterator[Fault]:
         )
 
 
-def _of_reservations(problem: "Problem") -> Iterator[Fault]:
-    stations = problem.network.stations
+def _of_reservations(network: Network, reservations: Sequence[PadReservation]) -> Iterator[Fault]:
+    stations = network.stations
     by_pad: dict[tuple[StationId, int], list[int]] = defaultdict(list)
-    for number, reservation in enumerate(problem.pad_reservations):
+    for number, reservation in enumerate(reservations):
         field = f"pad_reservations.{number}"
         by_pad[reservation.station_id, reservation.pad].append(number)
         yield from _of_interval(field, reservation.start_s, reservation.end_s)
     for (station_id, pad), numbers in by_pad.items():
         field = f"pad_reservations.{numbers[0]}"
         if station_id not in stations:
-            yield from _of_station(problem, f"{field}.station_id", station_id)
+            yield from _of_station(network, f"{field}.station_id", station_id)
         elif pad >= (pads := stations[station_id].pads):
             detail = (
                 f"{pad} is not a pad of station {station_id!r}, which has {pads}, numbered from 0"
             )
             yield Fault(f"{field}.pad", detail)
         if len(numbers) > 1:
-            yield from _of_overlaps(problem.pad_reservations, numbers)
+            yield from _of_overlaps(reservations, numbers)
 
 
-def _of_overlaps(reservations: "tuple[PadReservation, ...]", numbers: list[int]) -> Iterator[Fault]:
+def _of_overlaps(reservations: Sequence[PadReservation], numbers: list[int]) -> Iterator[Fault]:
     """Reservations of one pad may touch; who overlaps the one that lasts longest is at fault."""
     by_start = sorted((reservations[number].start_s, number) for number in numbers)
     holder = by_start[0][1]
@@ -101,15 +113,14 @@ def _of_overlaps(reservations: "tuple[PadReservation, ...]", numbers: list[int])
             holder = number
 
 
-def _of_closures(problem: "Problem") -> Iterator[Fault]:
-    network = problem.network
-    for number, closure in enumerate(problem.closures):
+def _of_closures(network: Network, closures: Sequence[Closure]) -> Iterator[Fault]:
+    for number, closure in enumerate(closures):
         field = f"closures.{number}"
         match closure.closes:
             case (from_id, to_id):
                 unknown = [
-                    *_of_station(problem, f"{field}.from", from_id),
-                    *_of_station(problem, f"{field}.to", to_id),
+                    *_of_station(network, f"{field}.from", from_id),
+                    *_of_station(network, f"{field}.to", to_id),
                 ]
                 yield from unknown
                 if not unknown and all(
@@ -117,12 +128,12 @@ def _of_closures(problem: "Problem") -> Iterator[Fault]:
                 ):
                     yield Fault(field, f"no segment from {from_id!r} to {to_id!r}")
             case station_id:
-                yield from _of_station(problem, f"{field}.station_id", station_id)
+                yield from _of_station(network, f"{field}.station_id", station_id)
         yield from _of_interval(field, closure.start_s, closure.end_s)
 
 
-def _of_station(problem: "Problem", field: str, station_id: StationId) -> Iterator[Fault]:
-    if station_id not in problem.network.stations:
+def _of_station(network: Network, field: str, station_id: StationId) -> Iterator[Fault]:
+    if station_id not in network.stations:
         yield Fault(field, f"no station is called {station_id!r}")
 
 

@@ -5,50 +5,58 @@ This is the one form of a problem: the body of `POST /v1/compositions`, the inpu
 `problem_document` reads one with a complaint about all that is wrong.
 """
 
-from collections.abc import Mapping, Sized
+from collections.abc import Iterator, Sized
 from itertools import islice
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
     AwareDatetime,
     BeforeValidator,
-    Discriminator,
     FailFast,
     Field,
     PlainSerializer,
     PlainValidator,
-    Tag,
     WithJsonSchema,
     model_validator,
 )
 from pydantic_core import PydanticCustomError
 
 from skyway.delivery.request import MAX_PACKAGES
-from skyway.drone.model import DroneModel
-from skyway.errors import InvalidNetwork, InvalidProblem
-from skyway.ids import PackageId, StationId
+from skyway.errors import Fault, InvalidNetwork, InvalidProblem
+from skyway.ids import StationId
 from skyway.json_model import JsonModel
 from skyway.network.geojson import read_network, write_network
-from skyway.network.network import MAX_PADS, Network
+from skyway.network.network import Network
 from skyway.planner.agreement import disagreements
+from skyway.planner.problem_parts import (
+    MAX_SECONDS,
+    Closure,
+    DroneAtStart,
+    Duration,
+    PackageToDeliver,
+    PadReservation,
+    SegmentClosure,
+    StationClosure,
+    not_text_or_truth,
+)
 
-#: Seconds, about three centuries: no moment or duration of a problem lies further away.
-MAX_SECONDS = 1e10
-
-#: Kilograms; far above any drone, so that a package too heavy to fly gets a proof, not a complaint.
-MAX_PACKAGE_KG = 1e12
+__all__ = [
+    "MAX_FAULTS",
+    "MAX_SECONDS",
+    "DroneAtStart",
+    "PackageToDeliver",
+    "PadReservation",
+    "Problem",
+    "SegmentClosure",
+    "StationClosure",
+    "network_of",
+]
 
 #: Labels; the largest power of ten that a float holds exactly, as JSON may have to.
 MAX_LABELS = 10**15
 
 #: Faults that one problem is told of: a hostile document must not turn into megabytes of them.
 MAX_FAULTS = 50
-
-
-def _not_text_or_truth(value: Any) -> Any:  # any JSON value; only these two pass for numbers
-    if isinstance(value, bool | str | bytes):
-        raise PydanticCustomError("whole_number", "Input should be a whole number")
-    return value
 
 
 def _written_moment(value: Any) -> Any:  # any JSON value; seconds since 1970 would pass
@@ -66,80 +74,6 @@ def _few_packages(value: Any) -> Any:  # any JSON value; counted before a millio
             {"count": len(value), "limit": MAX_PACKAGES},
         )
     return value
-
-
-# Strict: neither true nor "1" is a number.
-Seconds = Annotated[
-    float,
-    Field(
-        ge=-MAX_SECONDS, le=MAX_SECONDS, strict=True, description="seconds since the plan's start"
-    ),
-]
-Duration = Annotated[float, Field(ge=0, le=MAX_SECONDS, strict=True, description="seconds")]
-
-
-class DroneAtStart(JsonModel):
-    """The drone, its charge at time 0, and where it stands then (null: at the source)."""
-
-    model: DroneModel
-    soc: Annotated[float, Field(le=1, strict=True)]
-    station_id: StationId | None = None
-
-
-class PackageToDeliver(JsonModel):
-    """A package, its mass, and the station where it is handed over."""
-
-    package_id: PackageId
-    mass_kg: Annotated[float, Field(ge=0, le=MAX_PACKAGE_KG, strict=True)]
-    destination: StationId
-
-
-class PadReservation(JsonModel):
-    """A pad that another drone holds in [start_s, end_s); without end it is out of order."""
-
-    station_id: StationId
-    pad: Annotated[int, Field(ge=0, lt=MAX_PADS), BeforeValidator(_not_text_or_truth)]
-    start_s: Seconds
-    end_s: Seconds | None = None
-
-
-class StationClosure(JsonModel):
-    """A station where nobody lands in [start_s, end_s); a missing end is open."""
-
-    station_id: StationId
-    start_s: Seconds
-    end_s: Seconds | None = None
-
-    @property
-    def closes(self) -> StationId:
-        """What is closed."""
-        return self.station_id
-
-
-class SegmentClosure(JsonModel):
-    """A segment that nobody flies, in this direction, in [start_s, end_s)."""
-
-    from_id: Annotated[StationId, Field(alias="from")]
-    to_id: Annotated[StationId, Field(alias="to")]
-    start_s: Seconds
-    end_s: Seconds | None = None
-
-    @property
-    def closes(self) -> tuple[StationId, StationId]:
-        """What is closed, by its ends."""
-        return self.from_id, self.to_id
-
-
-def _closure_kind(closure: Any) -> str:  # whatever stands in the JSON; its model checks it
-    if isinstance(closure, Mapping):
-        return "station" if "station_id" in closure else "segment"
-    return "station" if isinstance(closure, StationClosure) else "segment"
-
-
-Closure = Annotated[
-    Annotated[StationClosure, Tag("station")] | Annotated[SegmentClosure, Tag("segment")],
-    Discriminator(_closure_kind),
-]
 
 
 def network_of(value: Any) -> Network:  # any JSON value; read_network checks it
@@ -194,7 +128,7 @@ class Problem(JsonModel):
     latest_delivery_s: Duration | None = None
     time_limit_s: Annotated[float, Field(gt=0, le=MAX_SECONDS, strict=True)] | None = None
     label_limit: Annotated[
-        Annotated[int, Field(gt=0, le=MAX_LABELS)] | None, BeforeValidator(_not_text_or_truth)
+        Annotated[int, Field(gt=0, le=MAX_LABELS)] | None, BeforeValidator(not_text_or_truth)
     ] = None
 
     @property
@@ -204,7 +138,18 @@ class Problem(JsonModel):
 
     @model_validator(mode="after")
     def _fields_agree(self) -> Self:
-        faults = tuple(islice(disagreements(self), MAX_FAULTS))
+        faults = tuple(islice(self._disagreements(), MAX_FAULTS))
         if faults:
             raise InvalidProblem(*faults[0], *faults[1:])
         return self
+
+    def _disagreements(self) -> Iterator[Fault]:
+        return disagreements(
+            self.network,
+            start_at=self.start_at,
+            drone=self.drone,
+            source=self.source,
+            packages=self.packages,
+            pad_reservations=self.pad_reservations,
+            closures=self.closures,
+        )
