@@ -52,7 +52,7 @@ __all__ = [
     "network_of",
 ]
 
-#: Labels; the largest power of ten that a float holds exactly, as JSON may have to.
+#: Labels; whole numbers up to here are exact in any JSON reader.
 MAX_LABELS = 10**15
 
 #: Faults that one problem is told of: a hostile document must not turn into megabytes of them.
