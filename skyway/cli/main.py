@@ -10,6 +10,7 @@ from skyway.cli.delivery import request_command, track_command
 from skyway.cli.demo import demo_command
 from skyway.cli.doctor import doctor_command
 from skyway.cli.drone import drone_command, fleet_command
+from skyway.cli.experiment import experiment_command
 from skyway.cli.network import network_app
 from skyway.cli.secrets_command import secrets_command
 from skyway.cli.up import up_command
@@ -25,6 +26,7 @@ app = typer.Typer(
 app.command("up")(up_command)
 app.command("demo")(demo_command)
 app.command("compose")(compose_command)
+app.command("experiment")(experiment_command)
 app.command("request")(request_command)
 app.command("track")(track_command)
 app.command("drone")(drone_command)

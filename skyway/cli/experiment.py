@@ -1,0 +1,71 @@
+"""`skyway experiment`: the paper's evaluation made again, and what lies past it."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+if TYPE_CHECKING:
+    from skyway.experiments.section import Section
+
+
+def experiment_command(
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Tiny sizes: all experiments within a minute.")
+    ] = False,
+    only: Annotated[
+        list[str] | None, typer.Option(help="Run this part alone; may be given again.")
+    ] = None,
+    out: Annotated[
+        Path, typer.Option(help="Where experiments.md and the folder experiments/ are written.")
+    ] = Path("results"),
+    seed: Annotated[int, typer.Option(help="Draws the instances; only times differ then.")] = 1,
+) -> None:
+    """Measure the planner against the paper's strategies; write a page, figures and CSV files."""
+    # Late: matplotlib, numpy and numba are heavy, and other commands do without them.
+    from skyway.experiments.figures import require_matplotlib
+    from skyway.experiments.parts import PARTS
+
+    unknown = [name for name in only or () if name not in PARTS]
+    if unknown:
+        raise typer.BadParameter(
+            f"{unknown[0]!r} is not a part; there are {', '.join(PARTS)}", param_hint="--only"
+        )
+    require_matplotlib()
+    names = [name for name in PARTS if not only or name in only]
+    sections = _run(names, is_quick=quick, folder=out / "experiments", seed=seed)
+    _show(sections)
+
+
+def _run(
+    names: Sequence[str], *, is_quick: bool, folder: Path, seed: int
+) -> Mapping[str, "Section"]:
+    """Run these parts one after the other; the page is written anew after each."""
+    from skyway.experiments.laboratory import open_laboratory
+    from skyway.experiments.page import write_fragment, write_page
+    from skyway.experiments.parts import PARTS
+    from skyway.planner.stop import stopwatch
+
+    sections = {}
+    with open_laboratory(seed=seed, is_quick=is_quick, folder=folder) as laboratory:
+        for name in names:
+            elapsed_s = stopwatch()
+            section = sections[name] = PARTS[name](laboratory)
+            write_fragment(laboratory, name, section, elapsed_s=elapsed_s())
+            page = write_page(folder)
+    typer.echo(f"{page}, figures and CSV files in {folder}", err=True)
+    return sections
+
+
+def _show(sections: Mapping[str, "Section"]) -> None:
+    """The summary: a line for every finding."""
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table("part", "question", "answer")
+    for name, section in sections.items():
+        for number, finding in enumerate(section.findings):
+            table.add_row("" if number else name, finding.question, finding.answer)
+        table.add_section()
+    Console().print(table)

@@ -1,0 +1,192 @@
+"""Why the heuristic is late: its order, its path, the amounts it charges, or its pads' timing.
+
+One choice after the other is made best: the amounts on the heuristic's route, then its pads, then
+the path for its order, then the order. What each step gains is that choice's share of the gap.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Literal
+
+from skyway.delivery.plan import Deliver
+from skyway.drone.models import DJI_MATRICE_300_RTK
+from skyway.experiments.contest import EXACT, HEURISTIC
+from skyway.experiments.figures import Axis, Stack, draw_stacks
+from skyway.experiments.instances import Setting, city_problem
+from skyway.experiments.laboratory import Laboratory
+from skyway.experiments.line_network import line_problem
+from skyway.experiments.rows import write_rows
+from skyway.experiments.sample import Estimate, Sample
+from skyway.experiments.section import Finding, Section, image
+from skyway.experiments.words import markdown_table, percent, with_interval
+from skyway.ids import StationId
+from skyway.planner.compose import compose, compose_with
+from skyway.planner.exact import exact_with
+from skyway.planner.exact_task import Method
+from skyway.planner.problem import Problem
+
+_LIMIT_S = 20.0
+_POLICIES: tuple[Literal["full", "partial"], ...] = ("full", "partial")
+_CAUSES = ("order", "path", "amount", "pads")
+_NO_PLAN = dict.fromkeys(_CAUSES)
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """One instance, by its setting and seed."""
+
+    setting: Setting
+    seed: int
+
+
+@dataclass(frozen=True, slots=True)
+class Causes:
+    """Shares of the best delivery time that each choice of the heuristic costs; they sum up.
+
+    `pads` is what the wrong moments and places of charging cost where pads are taken, beyond what
+    the amounts cost on the same route with all pads free.
+    """
+
+    order: float
+    path: float
+    amount: float
+    pads: float
+
+    @property
+    def whole(self) -> float:
+        """The heuristic's gap."""
+        return self.order + self.path + self.amount + self.pads
+
+
+def run_trial(trial: Trial) -> Causes | None:
+    """The causes on one instance, None where heuristic or `exact` has no plan."""
+    problem = city_problem(trial.setting, seed=trial.seed)
+    plan = compose(problem.model_copy(update={"strategy": HEURISTIC}))
+    best_s = _delivery_s(problem, EXACT)
+    if plan.delivery_time_s is None or best_s is None:
+        return None
+    line = line_problem(problem, plan)
+    free_line = line.model_copy(update={"pad_reservations": ()})
+    order = [step.station_id for step in plan.steps if isinstance(step, Deliver)]
+    same_order_s = _in_order_s(problem, [each for each in order if each != problem.source])
+    same_route_s = _delivery_s(line, EXACT)
+    free_s, best_free_s = _delivery_s(free_line, HEURISTIC), _delivery_s(free_line, EXACT)
+    if same_order_s is None or same_route_s is None or free_s is None or best_free_s is None:
+        return None
+    amount_s = free_s - best_free_s
+    return Causes(
+        order=(same_order_s - best_s) / best_s,
+        path=(same_route_s - same_order_s) / best_s,
+        amount=amount_s / best_s,
+        pads=(plan.delivery_time_s - same_route_s - amount_s) / best_s,
+    )
+
+
+def _delivery_s(problem: Problem, strategy: str) -> float | None:
+    limited = problem.model_copy(update={"strategy": strategy, "time_limit_s": _LIMIT_S})
+    return compose(limited).delivery_time_s
+
+
+def _in_order_s(problem: Problem, order: Sequence[StationId]) -> float | None:
+    """The earliest delivery in this order of destinations."""
+    strategy = exact_with(Method(), order=tuple(order))
+    limited = problem.model_copy(update={"time_limit_s": _LIMIT_S})
+    return compose_with(strategy, limited, name="exact, in order").delivery_time_s
+
+
+def causes(laboratory: Laboratory) -> Section:
+    """The gap split by cause: full and partial recharging, free and taken pads."""
+    cells = {
+        f"{policy}, {taken:.0%} taken": Setting(
+            stations=laboratory.size(quick=20, full=50),
+            degree=4.0,
+            spacing_m=8_000.0,
+            packages=4,
+            taken=taken,
+            model=DJI_MATRICE_300_RTK,
+            recharge_policy=policy,
+        )
+        for policy in _POLICIES
+        for taken in (0.0, 0.5, 0.8)
+    }
+    numbers = range(laboratory.size(quick=2, full=40))
+    trials = [
+        (name, Trial(setting, laboratory.seed_for("causes", setting.taken, number)))
+        for name, setting in cells.items()
+        for number in numbers
+    ]
+    results = laboratory.results("causes", run_trial, [trial for _, trial in trials])
+    rows = []
+    found: dict[str, list[Causes | None]] = {name: [] for name in cells}
+    for (name, trial), causes_of_one in zip(trials, results, strict=True):
+        found[name].append(causes_of_one)
+        shares = _NO_PLAN if causes_of_one is None else asdict(causes_of_one)
+        rows.append({"cell": name, "seed": trial.seed, **shares})
+    write_rows(laboratory.folder / "causes.csv", rows)
+    split = {name: [one for one in all_of if one is not None] for name, all_of in found.items()}
+    draw_stacks(
+        laboratory.folder / "causes.png",
+        "What makes the heuristic late",
+        x=Axis("recharging and pads"),
+        y=Axis("mean gap, %"),
+        bars=list(split),
+        stacks=[
+            Stack(cause, [100 * _mean(of_cell, cause).value for of_cell in split.values()])
+            for cause in _CAUSES
+        ],
+    )
+    return _section(found, split, cells, seed=laboratory.seed)
+
+
+def _mean(of_cell: Sequence[Causes], cause: str, *, seed: int = 0) -> Estimate:
+    if not of_cell:
+        return Estimate(0.0, 0.0, 0.0)
+    return Sample.of([getattr(one, cause) for one in of_cell]).mean(seed=seed)
+
+
+def _section(
+    found: Mapping[str, Sequence[Causes | None]],
+    split: Mapping[str, Sequence[Causes]],
+    cells: Mapping[str, Setting],
+    *,
+    seed: int,
+) -> Section:
+    rows = [
+        (
+            name,
+            f"{len(of_cell)} of {len(found[name])}",
+            *(with_interval(_mean(of_cell, cause, seed=seed), percent) for cause in _CAUSES),
+            with_interval(_mean(of_cell, "whole", seed=seed), percent),
+        )
+        for name, of_cell in split.items()
+    ]
+    findings = [Finding(f"largest cause, {name}", _largest(split[name])) for name in split]
+    setting = next(iter(cells.values()))
+    intro = (
+        f"{setting.stations} stations 8 km apart, {setting.packages} packages, "
+        f"`{setting.model.model_id}`. One choice of the heuristic after the other is made best: "
+        "how much it charges on its own route (**amount**, all pads free), when and where it takes "
+        "pads on that route (**pads**), the **path** for its order, the **order**. Each share is "
+        "the mean over the instances of the delivery time lost to it, relative to the best; the "
+        "four sum up to the whole gap. `amount` also holds where on its route it charges; under "
+        "full recharging only that is open. A share below 0 says that with taken pads the route "
+        "loses less than with free ones. Instances where the heuristic has no plan cannot be "
+        "split; they are counted."
+    )
+    header = ("recharging, pads", "split", *_CAUSES, "whole gap")
+    return Section(
+        "Why the heuristic is late",
+        [
+            intro,
+            image("causes.png", "the gap by cause"),
+            markdown_table(header, rows),
+            *(f"- {finding.question}: {finding.answer}" for finding in findings),
+        ],
+        findings,
+    )
+
+
+def _largest(of_cell: Sequence[Causes]) -> str:
+    means = {cause: _mean(of_cell, cause).value for cause in _CAUSES}
+    cause = max(means, key=lambda one: means[one])
+    return f"{cause}: {percent(means[cause])} of {percent(_mean(of_cell, 'whole').value)}"

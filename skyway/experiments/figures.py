@@ -1,0 +1,139 @@
+"""The figures, drawn by matplotlib without a screen."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from skyway.errors import SkywayError
+from skyway.experiments.sample import Estimate
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+#: Colours that people with colour blindness tell apart (Okabe and Ito 2008).
+_COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
+_MARKERS = "osD^vP*"
+_SIZE_IN = (6.4, 4.2)
+
+
+class NoMatplotlib(SkywayError):
+    """The figures need matplotlib, which is not installed."""
+
+    def __init__(self) -> None:
+        super().__init__("the figures need matplotlib: pip install 'skyway[experiments]'")
+
+
+@dataclass(frozen=True, slots=True)
+class Line:
+    """One line of a figure: estimates over x; what is censored points up, nothing hides it."""
+
+    label: str
+    xs: Sequence[float]
+    estimates: Sequence[Estimate]
+
+
+@dataclass(frozen=True, slots=True)
+class Axis:
+    """The label of an axis, and its scale."""
+
+    label: str
+    scale: str = "linear"
+
+
+@dataclass(frozen=True, slots=True)
+class Stack:
+    """One part of every bar of a figure of stacked bars."""
+
+    label: str
+    heights: Sequence[float] = field(default_factory=tuple)
+
+
+def require_matplotlib() -> None:
+    """Choose the backend that needs no screen.
+
+    Raises
+    ------
+    NoMatplotlib
+        It is not installed.
+    """
+    try:
+        import matplotlib as mpl
+    except ImportError as error:
+        raise NoMatplotlib from error
+    mpl.use("Agg")
+
+
+def draw_lines(path: Path, title: str, *, x: Axis, y: Axis, lines: Sequence[Line]) -> None:
+    """A figure of lines with their 95 % intervals as bands."""
+    figure, axes = _figure(title)
+    for number, line in enumerate(lines):
+        _draw_line(axes, line, number)
+    axes.set_xscale(x.scale)
+    axes.set_yscale(y.scale)
+    axes.set_xlabel(x.label)
+    axes.set_ylabel(y.label)
+    axes.grid(visible=True, which="major", alpha=0.3)
+    axes.legend()
+    _save(figure, path)
+
+
+def draw_stacks(
+    path: Path, title: str, *, x: Axis, y: Axis, bars: Sequence[str], stacks: Sequence[Stack]
+) -> None:
+    """A figure of stacked bars; what is below 0 is stacked downwards."""
+    figure, axes = _figure(title)
+    up, down = [0.0] * len(bars), [0.0] * len(bars)
+    for stack, colour in zip(stacks, _COLOURS, strict=False):
+        bottoms = [
+            up[bar] if height >= 0 else down[bar] for bar, height in enumerate(stack.heights)
+        ]
+        axes.bar(bars, stack.heights, bottom=bottoms, label=stack.label, color=colour)
+        for bar, height in enumerate(stack.heights):
+            if height >= 0:
+                up[bar] += height
+            else:
+                down[bar] += height
+    axes.set_xlabel(x.label)
+    axes.set_ylabel(y.label)
+    axes.legend()
+    _save(figure, path)
+
+
+def _figure(title: str) -> tuple[Any, "Axes"]:  # matplotlib's Figure, imported late
+    require_matplotlib()
+    from matplotlib import pyplot
+
+    figure, axes = pyplot.subplots(figsize=_SIZE_IN, layout="constrained")
+    axes.set_title(title, fontsize=11)
+    return figure, axes
+
+
+def _draw_line(axes: "Axes", line: Line, number: int) -> None:
+    colour = _COLOURS[number % len(_COLOURS)]
+    marker = _MARKERS[number % len(_MARKERS)]
+    shown = [
+        (x, estimate)
+        for x, estimate in zip(line.xs, line.estimates, strict=True)
+        if math.isfinite(estimate.value)
+    ]
+    xs = [x for x, _ in shown]
+    ys = [estimate.value for _, estimate in shown]
+    axes.plot(xs, ys, color=colour, marker=marker, markersize=4, label=line.label)
+    highs = [max(e.value, e.high if math.isfinite(e.high) else e.value) for _, e in shown]
+    axes.fill_between(xs, [e.low for _, e in shown], highs, color=colour, alpha=0.15, linewidth=0)
+    censored = [(x, estimate.value) for x, estimate in shown if estimate.is_at_least]
+    if censored:
+        at_x, at_y = zip(*censored, strict=True)
+        axes.scatter(
+            at_x, at_y, color=colour, marker="^", s=90, zorder=3, label=f"{line.label}: at least"
+        )
+
+
+def _save(figure: Any, path: Path) -> None:  # matplotlib's Figure, imported late
+    from matplotlib import pyplot
+
+    # No date and no version inside: the same results make the same file.
+    figure.savefig(path, dpi=110, metadata={"Software": None})
+    pyplot.close(figure)

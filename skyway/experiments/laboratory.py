@@ -1,0 +1,100 @@
+"""Where experiments run: worker processes, the seed, the sizes, and the folder for results."""
+
+import multiprocessing
+import os
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+from skyway.experiments.chance import seed_of
+from skyway.experiments.contest import EXACT, run
+from skyway.experiments.instances import Setting, city_problem
+
+Trial = TypeVar("Trial")
+Result = TypeVar("Result")
+
+#: Processes that run trials at a time: one for each core, each of one thread, at most this many,
+#: so that the times of a contest are not those of a crowd.
+_MOST_WORKERS = 2
+
+
+@dataclass(frozen=True, slots=True)
+class Laboratory:
+    """What every experiment is given.
+
+    Without an executor the trials run in this process, one after the other.
+    """
+
+    seed: int
+    is_quick: bool
+    folder: Path
+    progress: Progress
+    executor: Executor | None = None
+
+    def size(self, *, quick: Result, full: Result) -> Result:
+        """The one of the two sizes that this run has."""
+        return quick if self.is_quick else full
+
+    def seed_for(self, *parts: object) -> int:
+        """The seed of one instance of this run."""
+        return seed_of(self.seed, *parts)
+
+    def results(
+        self, what: str, function: Callable[[Trial], Result], trials: Sequence[Trial]
+    ) -> list[Result]:
+        """The function's result for every trial, in their order; a bar shows how far it is."""
+        bar = self.progress.add_task(what, total=len(trials))
+        if self.executor is None:
+            results = []
+            for trial in trials:
+                results.append(function(trial))
+                self.progress.advance(bar)
+            return results
+        futures = [self.executor.submit(function, trial) for trial in trials]
+        try:
+            for future in as_completed(futures):
+                future.result()
+                self.progress.advance(bar)
+        finally:
+            for future in futures:
+                future.cancel()
+        return [future.result() for future in futures]
+
+
+@contextmanager
+def open_laboratory(*, seed: int, is_quick: bool, folder: Path) -> Iterator[Laboratory]:
+    """A laboratory with worker processes, and a progress bar on standard error."""
+    folder.mkdir(parents=True, exist_ok=True)
+    workers = min(_MOST_WORKERS, os.cpu_count() or 1)
+    # Fresh processes: a fork would take along this one's threads and, in plain Python, its numba.
+    pool = ProcessPoolExecutor(
+        workers, mp_context=multiprocessing.get_context("spawn"), initializer=warm_up
+    )
+    with pool, progress_bars() as progress:
+        try:
+            yield Laboratory(seed, is_quick, folder, progress, pool)
+        except BaseException:
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
+
+
+def progress_bars() -> Progress:
+    """Bars on standard error, one for each experiment."""
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        console=Console(stderr=True),
+    )
+
+
+def warm_up() -> None:
+    """Load the compiled code, so that no contestant's first run pays for it."""
+    run(city_problem(Setting(stations=6), seed=1), EXACT, limit_s=60)

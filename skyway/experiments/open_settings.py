@@ -1,0 +1,119 @@
+"""What the paper leaves open: its claims in every cell of degree, spacing, packages, congestion."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+from skyway.experiments.claims import (
+    FAILS,
+    HOLDS,
+    Verdict,
+    grows_exponentially,
+    is_far_faster,
+    is_near_optimal,
+)
+from skyway.experiments.contest import EXACT, EXHAUSTIVE, HEURISTIC
+from skyway.experiments.instances import Setting
+from skyway.experiments.laboratory import Laboratory
+from skyway.experiments.section import Finding, Section
+from skyway.experiments.trials import Contest, Trial, hold
+from skyway.experiments.words import duration, markdown_table, percent
+
+CONTESTANTS = (HEURISTIC, EXHAUSTIVE, EXACT)
+
+
+@dataclass(frozen=True, slots=True)
+class Cell:
+    """A setting that differs from the first section's in one thing; `name` says in which."""
+
+    name: str
+    setting: Setting
+
+
+def open_settings(laboratory: Laboratory) -> Section:
+    """One thing varied at a time, over several sizes of network."""
+    cells = _cells(laboratory)
+    sizes = laboratory.size(quick=(8, 14), full=(10, 15, 20, 25))
+    limit_s = laboratory.size(quick=0.1, full=2.0)
+    trials = [
+        Trial(
+            replace(cell.setting, stations=stations),
+            seed=laboratory.seed_for("open settings", stations, number),
+            turn=number,
+            contestants=CONTESTANTS,
+            limit_s=limit_s,
+        )
+        for cell in cells
+        for stations in sizes
+        for number in range(laboratory.size(quick=2, full=stations // 2))
+    ]
+    contest = hold(laboratory, "open-settings", trials)
+    verdicts = {
+        cell.name: _verdicts(_of_cell(contest, cell), largest=sizes[-1], seed=laboratory.seed)
+        for cell in cells
+    }
+    finished = {
+        cell.name: _of_cell(contest, cell).times(EXHAUSTIVE).share_finished for cell in cells
+    }
+    return _section(verdicts, finished, sizes, limit_s)
+
+
+def _cells(laboratory: Laboratory) -> list[Cell]:
+    usual = Setting()
+    cells = [Cell("as above", usual)]
+    cells += [Cell(f"degree {d:g}", replace(usual, degree=d)) for d in (2.0, 3.0, 4.0)]
+    cells += [Cell(f"spacing {m / 1000:g} km", replace(usual, spacing_m=m)) for m in (2e3, 8e3)]
+    cells += [
+        Cell("1 package" if k == 1 else f"{k} packages", replace(usual, packages=k))
+        for k in (1, 3, 4)
+    ]
+    cells += [Cell(f"{t:.0%} of pads taken", replace(usual, taken=t)) for t in (0.5, 0.8)]
+    return laboratory.size(quick=cells[:2], full=cells)
+
+
+def _of_cell(contest: Contest, cell: Cell) -> Contest:
+    return contest.select(lambda setting: replace(setting, stations=30) == cell.setting)
+
+
+def _verdicts(contest: Contest, *, largest: int, seed: int) -> Sequence[Verdict]:
+    on_largest = contest.select(lambda setting: setting.stations == largest)
+    return (
+        grows_exponentially(contest, seed=seed),
+        is_far_faster(on_largest, seed=seed),
+        is_near_optimal(contest.gaps(HEURISTIC), seed=seed),
+    )
+
+
+def _section(
+    verdicts: dict[str, Sequence[Verdict]],
+    finished: dict[str, float],
+    sizes: Sequence[int],
+    limit_s: float,
+) -> Section:
+    claims = ("grows exponentially", "heuristic far faster", "heuristic near-optimal")
+    findings = []
+    for number, claim in enumerate(claims):
+        answers = [of_cell[number].answer for of_cell in verdicts.values()]
+        findings.append(
+            Finding(
+                f"{claim}",
+                f"holds in {answers.count(HOLDS)}, fails in {answers.count(FAILS)} "
+                f"of {len(answers)} cells",
+            )
+        )
+    rows = [
+        (name, percent(finished[name]), *(str(verdict) for verdict in of_cell))
+        for name, of_cell in verdicts.items()
+    ]
+    return Section(
+        "What the paper leaves open",
+        [
+            (
+                f"The claims in every cell: {sizes[0]} to {sizes[-1]} stations, one thing changed "
+                f"at a time, {duration(limit_s)} a run. Gaps are against the best plan of "
+                "heuristic, exhaustive and exact on the same instance."
+            ),
+            markdown_table(("cell", "exhaustive finished", *claims), rows),
+            *(f"- {finding.question}: {finding.answer}" for finding in findings),
+        ],
+        findings,
+    )

@@ -1,0 +1,63 @@
+"""The page of results: a fragment for each experiment, put together from what the folder holds.
+
+So an experiment can be run again alone, and the rest of the page stays as it was measured.
+"""
+
+import os
+import platform
+from pathlib import Path
+
+from skyway.experiments.laboratory import Laboratory
+from skyway.experiments.parts import PARTS
+from skyway.experiments.section import Section
+from skyway.experiments.words import duration
+
+PAGE = "experiments.md"
+
+_HEAD = """# Experiments
+
+The paper's evaluation made again, and what lies past it. `skyway experiment --out docs` wrote this
+page, the figures and a CSV row for every run (`docs/experiments/`); every number below comes from
+that run, and each section names its seed. Times are wall times of single processes, two of which
+ran at a time on two cores; all contestants are measured on the same instances, within the same
+process, one after the other. A run that its limit ended is a censored datum: it counts with its
+limit in a mean (≥), as later than any other in a median, and is never left out. Intervals are 95 %
+bootstrap intervals with a fixed seed.
+
+`heuristic` is the paper's Algorithm 1, `exhaustive` its baseline, `exact` our planner's default,
+compiled by numba; `exact, plain Python` is the same code with numba switched off, so that all
+contestants are measured in one language too. A **gap** is how much later a plan delivers than the
+best plan known for the instance, as a share of it.
+"""
+
+
+def write_fragment(
+    laboratory: Laboratory, name: str, section: Section, *, elapsed_s: float
+) -> None:
+    """Keep this section for the page."""
+    size = laboratory.size(quick="quick", full="full")
+    measured = (
+        f"*Seed {laboratory.seed}, {size} run, {duration(elapsed_s)}; {platform.machine()}, "
+        f"{os.cpu_count()} cores, Python {platform.python_version()}.*"
+    )
+    text = "\n\n".join((f"## {section.title}", *section.paragraphs, measured))
+    (laboratory.folder / f"{name}.md").write_text(_with_tight_lists(text) + "\n", encoding="utf-8")
+
+
+def write_page(folder: Path) -> Path:
+    """The page of all fragments that there are, beside the folder."""
+    fragments = [folder / f"{name}.md" for name in PARTS]
+    texts = [path.read_text(encoding="utf-8") for path in fragments if path.exists()]
+    page = folder.parent / PAGE
+    page.write_text("\n".join((_HEAD, *texts)), encoding="utf-8")
+    return page
+
+
+def _with_tight_lists(text: str) -> str:
+    """The text with its list items on lines of their own, without blank lines between them."""
+    lines: list[str] = []
+    for line in text.split("\n"):
+        if line.startswith("- ") and lines[-2:-1] and lines[-2].startswith("- ") and not lines[-1]:
+            lines.pop()
+        lines.append(line)
+    return "\n".join(lines)

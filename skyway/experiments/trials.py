@@ -1,0 +1,149 @@
+"""Contests over many instances: the trials, their runs, and what they say side by side."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
+from typing import TypeVar
+
+from skyway.experiments.contest import Run, contest
+from skyway.experiments.instances import Setting, city_problem
+from skyway.experiments.laboratory import Laboratory
+from skyway.experiments.rows import write_rows
+from skyway.experiments.sample import Sample
+from skyway.experiments.section import Row
+from skyway.planner.problem import Problem
+
+Key = TypeVar("Key")
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """One instance, on which all contestants run; `turn` says which of them begins."""
+
+    setting: Setting
+    seed: int
+    turn: int
+    contestants: tuple[str, ...]
+    limit_s: float
+    make_problem: Callable[..., Problem] = city_problem
+
+
+def run_trial(trial: Trial) -> list[Run]:
+    """The runs of all contestants, in the order in which the trial names them."""
+    problem = trial.make_problem(trial.setting, seed=trial.seed)
+    return contest(problem, trial.contestants, limit_s=trial.limit_s, turn=trial.turn)
+
+
+@dataclass(frozen=True, slots=True)
+class Contest:
+    """Trials with their runs; `select` narrows them down to a cell."""
+
+    trials: Sequence[Trial]
+    results: Sequence[Sequence[Run]]
+
+    def select(self, is_wanted: Callable[[Setting], bool]) -> "Contest":
+        """The trials whose setting is wanted."""
+        kept = [
+            (trial, runs)
+            for trial, runs in zip(self.trials, self.results, strict=True)
+            if is_wanted(trial.setting)
+        ]
+        return Contest([trial for trial, _ in kept], [runs for _, runs in kept])
+
+    def by(self, key: Callable[[Setting], Key]) -> "dict[Key, Contest]":
+        """The trials apart, by this key of their settings, in the order in which keys appear."""
+        keys = dict.fromkeys(key(trial.setting) for trial in self.trials)
+        return {one: self.select(partial(_has, key, one)) for one in keys}
+
+    def runs(self, contestant: str) -> list[Run]:
+        """The contestant's runs, one for each trial."""
+        return [run for runs in self.results for run in runs if run.contestant == contestant]
+
+    def times(self, contestant: str) -> Sample:
+        """The contestant's execution times, seconds."""
+        return Sample.of_times(self.runs(contestant))
+
+    def deliveries_h(self, contestant: str) -> Sample:
+        """The contestant's delivery times, hours; infinite where it has no plan."""
+        return Sample.of(
+            [
+                math.inf if run.delivery_s is None else run.delivery_s / 3600
+                for run in self.runs(contestant)
+            ]
+        )
+
+    def gaps(self, contestant: str) -> Sample:
+        """How much later it delivers than the best contestant of each trial, as a share of that."""
+        return Sample.of(
+            [
+                gap(run, best_s(runs))
+                for runs in self.results
+                for run in runs
+                if run.contestant == contestant
+            ]
+        )
+
+    def labels(self, contestant: str) -> Sample:
+        """The states that it looked at; at least, where its limit ended it."""
+        runs = self.runs(contestant)
+        return Sample(
+            tuple(float(run.labels) for run in runs), tuple(run.is_censored for run in runs)
+        )
+
+    def compositions(self, contestant: str) -> Sample:
+        """The whole routes that it simulated; at least, where its limit ended it."""
+        runs = self.runs(contestant)
+        return Sample(
+            tuple(float(run.compositions) for run in runs), tuple(run.is_censored for run in runs)
+        )
+
+
+def _has(key: Callable[[Setting], Key], value: Key, setting: Setting) -> bool:
+    return key(setting) == value
+
+
+def hold(
+    laboratory: Laboratory,
+    name: str,
+    trials: Sequence[Trial],
+    run: Callable[[Trial], list[Run]] = run_trial,
+) -> Contest:
+    """Run all trials, and write a row for every run to ``name.csv``."""
+    results = laboratory.results(name, run, trials)
+    rows = [_row(trial, run) for trial, runs in zip(trials, results, strict=True) for run in runs]
+    write_rows(laboratory.folder / f"{name}.csv", rows)
+    return Contest(trials, results)
+
+
+def best_s(runs: Sequence[Run]) -> float | None:
+    """The earliest delivery time of these runs, None if none has a plan."""
+    return min((run.delivery_s for run in runs if run.delivery_s is not None), default=None)
+
+
+def gap(run: Run, best_delivery_s: float | None) -> float:
+    """How much later than the best this run's plan delivers, as a share; infinite without one.
+
+    Zero where nobody has a plan: then there is nothing to be found.
+    """
+    if best_delivery_s is None:
+        return 0.0
+    if run.delivery_s is None:
+        return math.inf
+    return run.delivery_s / best_delivery_s - 1 if best_delivery_s > 0 else 0.0
+
+
+def _row(trial: Trial, run: Run) -> Row:
+    setting = trial.setting
+    own = {
+        "stations": setting.stations,
+        "degree": setting.degree,
+        "spacing_m": setting.spacing_m,
+        "packages": setting.packages,
+        "pads": setting.pads,
+        "taken": setting.taken,
+        "model": setting.model.model_id,
+        "recharge_policy": setting.recharge_policy,
+        "seed": trial.seed,
+    }
+    return {**own, **asdict(run)}
