@@ -66,7 +66,7 @@ def _of_no_plan(problem: Problem, plan: Plan) -> Iterator[Violation]:
     if any(getattr(plan, name) is not None for name in ("delivery_time_s", *_SUMS)):
         yield Violation(None, "no plan", f"{plan.status} with times or energies")
     named = plan.infeasibility
-    if (named is None) == (plan.status is PlanStatus.INFEASIBLE):
+    if (named is None) == (plan.status == PlanStatus.INFEASIBLE):
         yield Violation(None, "no plan", "an infeasible plan, and no other, names what makes it so")
         return
     mass_kg = math.fsum(package.mass_kg for package in problem.packages)
@@ -121,7 +121,7 @@ def _of_status(plan: Plan, end_s: float) -> Iterator[Violation]:
     allowed_s = time_tolerance_s(end_s)
     if bound_s is not None and not bound_s <= end_s + allowed_s:
         yield Violation(None, "lower_bound_s", f"{bound_s} is after {end_s}")
-    if plan.status is PlanStatus.OPTIMAL and (bound_s is None or not bound_s >= end_s - allowed_s):
+    if plan.status == PlanStatus.OPTIMAL and (bound_s is None or not bound_s >= end_s - allowed_s):
         yield Violation(None, "status", f"optimal at {end_s}, with lower_bound_s {bound_s}")
     if plan.infeasibility is not None:
         yield Violation(None, "status", f"{plan.status} with an infeasibility")
