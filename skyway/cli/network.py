@@ -15,7 +15,7 @@ from skyway.cli.gateway import call_gateway
 from skyway.cli.up import DataOption
 from skyway.errors import SkywayError
 from skyway.network.bundled import texas_corridor
-from skyway.network.geojson import read_network, write_network
+from skyway.network.geojson_text import network_text, read_network_text
 from skyway.network.network import Network
 from skyway.network.synthetic import synthetic_city
 from skyway.units import km_to_m, m_to_km
@@ -77,7 +77,7 @@ def build(
             )
     except SkywayError as error:
         _unreadable(str(error))
-    typer.echo(json.dumps(write_network(network)))
+    typer.echo(network_text(network))
 
 
 @network_app.command()
@@ -96,13 +96,13 @@ def show(file: _FileArgument = BUNDLED) -> None:
 @network_app.command("import")
 def publish(file: _FileArgument, network_id: _NetworkIdOption, data: DataOption = None) -> None:
     """Publish a network on the running Skyway as a new version (needs the operator's key)."""
-    document = write_network(_read(file))
+    text = network_text(_read(file))
     answer = call_gateway(
         "PUT",
         _path(network_id),
         key_name=_OPERATOR_KEY,
         folder=data_folder(data),
-        body=json.dumps(document).encode(),
+        body=text.encode(),
     )
     typer.echo(json.dumps(answer))
 
@@ -135,7 +135,7 @@ def _read(file: str) -> Network:
         return texas_corridor()
     try:
         text = sys.stdin.read() if file == "-" else Path(file).read_text(encoding="utf-8")
-        return read_network(json.loads(text))
+        return read_network_text(text)
     except (OSError, ValueError, SkywayError) as error:
         _unreadable(f"{file}: {error}")
 

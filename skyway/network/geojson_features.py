@@ -20,7 +20,8 @@ STATION_PROPERTIES = ("kind", "station_id", "name", "pads")
 SEGMENT_PROPERTIES = ("kind", "from", "to", "length_m", "one_way")
 ZONE_PROPERTIES = ("kind", "zone_id", "active_from", "active_until")
 
-_SHAPES = {"station": "Point", "segment": "LineString", "zone": "Polygon"}
+#: The geometry of each kind of feature.
+SHAPES = {"station": "Point", "segment": "LineString", "zone": "Polygon"}
 _RING_LENGTH_MIN = 4
 
 
@@ -53,11 +54,11 @@ def read_feature(value: Any, path: str) -> Feature:
     fields.constant(feature.get("type"), f"{path}.type", expected="Feature")
     properties = fields.mapping(feature.get("properties"), f"{path}.properties")
     kind = properties.get("kind")
-    if not isinstance(kind, str) or kind not in _SHAPES:
-        detail = f"{fields.shown(kind)} is none of {', '.join(_SHAPES)}"
+    if not isinstance(kind, str) or kind not in SHAPES:
+        detail = f"{fields.shown(kind)} is none of {', '.join(SHAPES)}"
         raise InvalidNetwork(f"{path}.properties.kind", detail)
     geometry = fields.mapping(feature.get("geometry"), f"{path}.geometry")
-    fields.constant(geometry.get("type"), f"{path}.geometry.type", expected=_SHAPES[kind])
+    fields.constant(geometry.get("type"), f"{path}.geometry.type", expected=SHAPES[kind])
     return Feature(path, kind, properties, geometry.get("coordinates"))
 
 
