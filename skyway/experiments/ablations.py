@@ -3,10 +3,9 @@
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from skyway.drone.models import DJI_MATRICE_300_RTK
 from skyway.experiments.contest import Run, run_strategy
 from skyway.experiments.figures import Axis, Stack, draw_stacks
-from skyway.experiments.instances import Setting, city_problem
+from skyway.experiments.instances import SHORT_RANGE, Setting, city_problem
 from skyway.experiments.laboratory import Laboratory
 from skyway.experiments.section import Finding, Section, image
 from skyway.experiments.trials import Contest, Trial, hold
@@ -47,7 +46,7 @@ def ablations(laboratory: Laboratory) -> Section:
                 spacing_m=6_000.0,
                 packages=packages,
                 taken=0.5,
-                model=DJI_MATRICE_300_RTK,
+                model=SHORT_RANGE,
                 recharge_policy="partial",
             ),
             seed=laboratory.seed_for("ablations", packages, number),
@@ -114,7 +113,6 @@ def _section(
             intro,
             image("ablations.png", "labels by method"),
             markdown_table(header, rows),
-            *(f"- {finding.question}: {finding.answer}" for finding in findings),
         ],
         findings,
     )

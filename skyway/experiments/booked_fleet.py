@@ -5,11 +5,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from skyway.delivery.plan import Plan, Recharge
-from skyway.drone.models import DJI_MATRICE_300_RTK
 from skyway.experiments.chance import chance
 from skyway.experiments.contest import EXACT, HEURISTIC
 from skyway.experiments.figures import Axis, Line, draw_lines
-from skyway.experiments.instances import Setting, city_problem, packages_for
+from skyway.experiments.instances import SHORT_RANGE, Setting, city_problem, packages_for
 from skyway.experiments.laboratory import Laboratory
 from skyway.experiments.rows import write_rows
 from skyway.experiments.sample import Sample
@@ -98,7 +97,7 @@ def booked_fleet(laboratory: Laboratory) -> Section:
         spacing_m=8_000.0,
         packages=2,
         pads=1,
-        model=DJI_MATRICE_300_RTK,
+        model=SHORT_RANGE,
         recharge_policy="partial",
     )
     fleets = [
@@ -222,7 +221,6 @@ def _section(flown: Flown, setting: Setting, *, seed: int) -> Section:
             markdown_table(
                 ("drones booked before", "planner", "mean delay", "p95", "mean delivery"), rows
             ),
-            *(f"- {finding.question}: {finding.answer}" for finding in findings),
         ],
         findings,
     )

@@ -9,10 +9,9 @@ from dataclasses import asdict, dataclass
 from typing import Literal
 
 from skyway.delivery.plan import Deliver
-from skyway.drone.models import DJI_MATRICE_300_RTK
 from skyway.experiments.contest import EXACT, HEURISTIC
 from skyway.experiments.figures import Axis, Stack, draw_stacks
-from skyway.experiments.instances import Setting, city_problem
+from skyway.experiments.instances import SHORT_RANGE, Setting, city_problem
 from skyway.experiments.laboratory import Laboratory
 from skyway.experiments.line_network import line_problem
 from skyway.experiments.rows import write_rows
@@ -103,7 +102,7 @@ def causes(laboratory: Laboratory) -> Section:
             spacing_m=8_000.0,
             packages=4,
             taken=taken,
-            model=DJI_MATRICE_300_RTK,
+            model=SHORT_RANGE,
             recharge_policy=policy,
         )
         for policy in _POLICIES
@@ -111,7 +110,7 @@ def causes(laboratory: Laboratory) -> Section:
     }
     numbers = range(laboratory.size(quick=2, full=40))
     trials = [
-        (name, Trial(setting, laboratory.seed_for("causes", setting.taken, number)))
+        (name, Trial(setting, laboratory.seed_for("causes", number)))
         for name, setting in cells.items()
         for number in numbers
     ]
@@ -180,7 +179,6 @@ def _section(
             intro,
             image("causes.png", "the gap by cause"),
             markdown_table(header, rows),
-            *(f"- {finding.question}: {finding.answer}" for finding in findings),
         ],
         findings,
     )

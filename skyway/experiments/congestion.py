@@ -2,10 +2,9 @@
 
 from collections.abc import Mapping
 
-from skyway.drone.models import DJI_MATRICE_300_RTK
 from skyway.experiments.contest import EXACT, HEURISTIC
 from skyway.experiments.figures import Axis, Line, draw_lines
-from skyway.experiments.instances import Setting
+from skyway.experiments.instances import SHORT_RANGE, Setting
 from skyway.experiments.laboratory import Laboratory
 from skyway.experiments.section import Finding, Section, image
 from skyway.experiments.trials import Contest, Trial, hold
@@ -35,7 +34,7 @@ def congestion(laboratory: Laboratory) -> Section:
                 spacing_m=8_000.0,
                 packages=3,
                 taken=taken,
-                model=DJI_MATRICE_300_RTK,
+                model=SHORT_RANGE,
                 recharge_policy="partial",
             ),
             seed=laboratory.seed_for("congestion", number),
@@ -97,9 +96,9 @@ def _section(by_share: Mapping[float, Contest], stations: int, *, seed: int) -> 
         for who in CONTESTANTS
     ]
     intro = (
-        f"{stations} stations 8 km apart with 4 pads, 3 packages, `dji-matrice-300-rtk`, partial "
+        f"{stations} stations 8 km apart, 4 pads, 3 packages, `{SHORT_RANGE.model_id}`, partial "
         "recharging. Others hold each pad for 20 to 60 minutes at a time, at random, so that the "
-        "given share of its time is taken; the requests are the same for every share."
+        "given share of its time is taken, for two days; the requests are the same for every share."
     )
     header = ("taken", "planner", "mean delivery", "median time", "labels", "gap p50", "p95", "max")
     return Section(
@@ -109,7 +108,6 @@ def _section(by_share: Mapping[float, Contest], stations: int, *, seed: int) -> 
             image("congestion-delivery.png", "delivery time against congestion"),
             image("congestion-time.png", "execution time against congestion"),
             markdown_table(header, rows),
-            *(f"- {finding.question}: {finding.answer}" for finding in findings),
         ],
         findings,
     )

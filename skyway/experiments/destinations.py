@@ -106,7 +106,6 @@ def _section(by_number: dict[int, Contest], stations: int, limit_s: float, *, se
                 ),
                 rows,
             ),
-            *(f"- {finding.question}: {finding.answer}" for finding in findings),
         ],
         findings,
     )

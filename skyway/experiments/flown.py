@@ -220,7 +220,6 @@ def _section(by_margin: Mapping[float, Sequence[Outcome]], days: int, *, seed: i
             image("flown-safe.png", "share of safe flights by margin"),
             image("flown-price.png", "price of the margin"),
             markdown_table(header, rows),
-            *(f"- {finding.question}: {finding.answer}" for finding in findings),
         ],
         findings,
     )

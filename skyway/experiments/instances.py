@@ -8,14 +8,23 @@ from random import Random
 from typing import Literal
 
 from skyway.drone.model import DroneModel
-from skyway.drone.models import PAPER_MATRICE_300
+from skyway.drone.models import DJI_MATRICE_300_RTK, PAPER_MATRICE_300
 from skyway.experiments.chance import chance
 from skyway.experiments.taken_pads import taken_pads
-from skyway.ids import PackageId, StationId
+from skyway.ids import DroneModelId, PackageId, StationId
 from skyway.network.bundled import texas_corridor
 from skyway.network.network import DEFAULT_PADS, Network
 from skyway.network.synthetic import synthetic_city
 from skyway.planner.problem import DroneAtStart, PackageToDeliver, Problem
+
+#: The maker's drone with one of its two batteries (its mass as with both): 34 km empty, 20 km
+#: with all it can carry, so that trips across a city have to recharge.
+SHORT_RANGE = DJI_MATRICE_300_RTK.model_copy(
+    update={
+        "model_id": DroneModelId("dji-matrice-300-one-battery"),
+        "battery_j": DJI_MATRICE_300_RTK.battery_j / 2,
+    }
+)
 
 #: A package weighs from this share to the whole of an equal share of the payload. Our own choice.
 _LIGHTEST_SHARE = 0.2

@@ -113,7 +113,6 @@ def _section(
                 "heuristic, exhaustive and exact on the same instance."
             ),
             markdown_table(("cell", "exhaustive finished", *claims), rows),
-            *(f"- {finding.question}: {finding.answer}" for finding in findings),
         ],
         findings,
     )

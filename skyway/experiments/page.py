@@ -40,8 +40,9 @@ def write_fragment(
         f"*Seed {laboratory.seed}, {size} run, {duration(elapsed_s)}; {platform.machine()}, "
         f"{os.cpu_count()} cores, Python {platform.python_version()}.*"
     )
-    text = "\n\n".join((f"## {section.title}", *section.paragraphs, measured))
-    (laboratory.folder / f"{name}.md").write_text(_with_tight_lists(text) + "\n", encoding="utf-8")
+    findings = "\n".join(f"- {each.question}: {each.answer}" for each in section.findings)
+    text = "\n\n".join((f"## {section.title}", findings, *section.paragraphs, measured))
+    (laboratory.folder / f"{name}.md").write_text(text + "\n", encoding="utf-8")
 
 
 def write_page(folder: Path) -> Path:
@@ -51,13 +52,3 @@ def write_page(folder: Path) -> Path:
     page = folder.parent / PAGE
     page.write_text("\n".join((_HEAD, *texts)), encoding="utf-8")
     return page
-
-
-def _with_tight_lists(text: str) -> str:
-    """The text with its list items on lines of their own, without blank lines between them."""
-    lines: list[str] = []
-    for line in text.split("\n"):
-        if line.startswith("- ") and lines[-2:-1] and lines[-2].startswith("- ") and not lines[-1]:
-            lines.pop()
-        lines.append(line)
-    return "\n".join(lines)

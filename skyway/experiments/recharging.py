@@ -150,7 +150,6 @@ def _section(cells: Mapping[tuple[float, str], Contest], *, seed: int) -> Sectio
             image("recharging.png", "delivery time saved by partial recharging"),
             markdown_table(header, rows),
             "Full and partial are median delivery times over all requests.",
-            *(f"- {finding.question}: {finding.answer}" for finding in findings),
         ],
         findings,
     )

@@ -176,7 +176,6 @@ def _section(
             intro,
             image("scale.png", "execution time against stations"),
             markdown_table(header, rows),
-            *(f"- {finding.question}: {finding.answer}" for finding in findings),
         ],
         findings,
     )

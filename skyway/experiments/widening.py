@@ -1,9 +1,8 @@
 """The paper's future work: a wider subgraph, what it costs and what it brings."""
 
-from skyway.drone.models import DJI_MATRICE_300_RTK
 from skyway.experiments.contest import EXACT, Run, run, run_strategy
 from skyway.experiments.figures import Axis, Line, draw_lines
-from skyway.experiments.instances import Setting, city_problem
+from skyway.experiments.instances import SHORT_RANGE, Setting, city_problem
 from skyway.experiments.laboratory import Laboratory
 from skyway.experiments.sample import Sample
 from skyway.experiments.section import Finding, Section, image
@@ -39,7 +38,7 @@ def widening(laboratory: Laboratory) -> Section:
                 degree=4.0,
                 packages=3,
                 taken=0.5,
-                model=DJI_MATRICE_300_RTK,
+                model=SHORT_RANGE,
                 recharge_policy="partial",
             ),
             seed=laboratory.seed_for("widening", stations, number),
@@ -109,7 +108,7 @@ def _section(by_size: dict[int, Contest], *, seed: int) -> Section:
         "The paper's second future work. The heuristic begins with its sector, or with a wider one "
         "(degrees added on both sides, factor of the radius), and widens on from there as long as "
         "it finds no plan; if its plan has to wait it looks around in the whole network, too. "
-        "3 packages, half of the pads' time taken, `dji-matrice-300-rtk`, partial recharging; "
+        f"3 packages, half of the pads' time taken, `{SHORT_RANGE.model_id}`, partial recharging; "
         "gaps are against the best plan known, which `exact` proves best."
     )
     return Section(
@@ -119,7 +118,6 @@ def _section(by_size: dict[int, Contest], *, seed: int) -> Section:
             image("widening-time.png", "time by width"),
             image("widening-gap.png", "gap by width"),
             markdown_table(header, rows),
-            *(f"- {finding.question}: {finding.answer}" for finding in findings),
         ],
         findings,
     )
