@@ -77,9 +77,9 @@ def _of_reservations(network: Network, reservations: Sequence[PadReservation]) -
     stations = network.stations
     by_pad: dict[tuple[StationId, int], list[int]] = defaultdict(list)
     for number, reservation in enumerate(reservations):
-        field = f"pad_reservations.{number}"
         by_pad[reservation.station_id, reservation.pad].append(number)
-        yield from _of_interval(field, reservation.start_s, reservation.end_s)
+        if reservation.end_s is not None and reservation.end_s <= reservation.start_s:
+            yield _reversed(f"pad_reservations.{number}", reservation)
     for (station_id, pad), numbers in by_pad.items():
         field = f"pad_reservations.{numbers[0]}"
         if station_id not in stations:
@@ -129,7 +129,8 @@ def _of_closures(network: Network, closures: Sequence[Closure]) -> Iterator[Faul
                     yield Fault(field, f"no segment from {from_id!r} to {to_id!r}")
             case station_id:
                 yield from _of_station(network, f"{field}.station_id", station_id)
-        yield from _of_interval(field, closure.start_s, closure.end_s)
+        if closure.end_s is not None and closure.end_s <= closure.start_s:
+            yield _reversed(field, closure)
 
 
 def _of_station(network: Network, field: str, station_id: StationId) -> Iterator[Fault]:
@@ -137,6 +138,5 @@ def _of_station(network: Network, field: str, station_id: StationId) -> Iterator
         yield Fault(field, f"no station is called {station_id!r}")
 
 
-def _of_interval(field: str, start_s: float, end_s: float | None) -> Iterator[Fault]:
-    if end_s is not None and end_s <= start_s:
-        yield Fault(f"{field}.end_s", f"{end_s} is not after start_s {start_s}")
+def _reversed(field: str, span: PadReservation | Closure) -> Fault:
+    return Fault(f"{field}.end_s", f"{span.end_s} is not after start_s {span.start_s}")

@@ -32,6 +32,7 @@ class Replay:
         self.violations: list[Violation] = []
         self._problem = problem
         self._model = problem.drone.model
+        self._fastest_s_per_soc = fastest_s_per_soc(self._model)
         charging = {step.station_id for step in steps if isinstance(step, Recharge)}
         self._pads = HeldPads(problem, charging, booked=booked)
         self._sky = OpenSky(problem, steps)
@@ -165,7 +166,7 @@ class Replay:
             self._note("charge", error.detail)
             return
         # The charge is read off a time, so the tolerance of time counts too, at the curve's rate.
-        by_time = time_tolerance_s(step.end_s) / fastest_s_per_soc(self._model)
+        by_time = time_tolerance_s(step.end_s) / self._fastest_s_per_soc
         if not abs(step.soc_end - soc_end) <= CHARGE_TOLERANCE + by_time:
             self._note("charge", f"ends at {step.soc_end} told, at {soc_end} by the curve")
         is_full = step.soc_end >= self._model.top_soc - CHARGE_TOLERANCE

@@ -47,7 +47,7 @@ def verify(
     unreal = [
         Violation(number, "finite", f"{name} is {value}")
         for number, step in enumerate(plan.steps)
-        for name, value in step
+        for name, value in vars(step).items()
         if isinstance(value, float) and not math.isfinite(value)
     ]
     if unreal:
