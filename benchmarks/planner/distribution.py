@@ -8,8 +8,12 @@ from typing import Self
 
 @dataclass(frozen=True, slots=True)
 class Distribution:
-    """Quantiles in milliseconds by nearest rank; None where the limit cut it off."""
+    """Quantiles in milliseconds by nearest rank; None where the limit cut it off.
 
+    `asked` is how many runs there should have been: a cell has its limit too.
+    """
+
+    asked: int
     runs: int
     finished: int
     median_ms: float | None
@@ -17,10 +21,11 @@ class Distribution:
     max_ms: float | None
 
     @classmethod
-    def of(cls, times_ms: Sequence[float], *, cut_off: int = 0) -> Self:
+    def of(cls, times_ms: Sequence[float], *, cut_off: int = 0, asked: int | None = None) -> Self:
         """Of the runs that finished, and how many more did not: they are later than all."""
         ranked = sorted(times_ms) + [math.inf] * cut_off
         return cls(
+            asked=len(ranked) if asked is None else asked,
             runs=len(ranked),
             finished=len(times_ms),
             median_ms=_quantile(ranked, 0.5),
@@ -29,13 +34,13 @@ class Distribution:
         )
 
     def as_text(self) -> str:
-        """Median / p95 / worst, and how many finished if not all did."""
+        """Median / p95 / worst, and how many finished of how many if not all that were asked did."""
         if not self.runs:
             return "no run"
         times = " / ".join(
             milliseconds(time_ms) for time_ms in (self.median_ms, self.p95_ms, self.max_ms)
         )
-        return times if self.finished == self.runs else f"{times} ({self.finished} of {self.runs})"
+        return times if self.finished == self.asked else f"{times} ({self.finished} of {self.runs})"
 
 
 def milliseconds(time_ms: float | None) -> str:

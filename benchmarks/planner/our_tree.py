@@ -8,10 +8,7 @@ from skyway.network.network import Network
 from skyway.planner.exact_memory import enlarged, new_memory
 from skyway.planner.exact_task import skyway_of
 from skyway.planner.kernels.memory import PLACES, Closed, Skyway
-from skyway.planner.kernels.places import place_of
-from skyway.planner.kernels.trees import grow, plant
-
-_EVERYWHERE = -1
+from skyway.planner.kernels.trees import plant_all
 
 
 class OurTree:
@@ -29,13 +26,17 @@ class OurTree:
         """Build what the network keeps for all searches."""
         return skyway_of(self._network)
 
-    def lengths_m(self, skyway: Skyway, source: int) -> npt.NDArray[np.float64]:
+    def lengths_m(self, graph: Skyway, source: int) -> npt.NDArray[np.float64]:
         """Metres from each station to this one, ``(n,)``: in a city the same as from it."""
+        stations = len(self._network.columns.station_ids)
+        # A tree grows until it holds what it is to hold; looking for a row that no station has, it
+        # grows over all of them.
+        nowhere = stations
         memory = new_memory(1)
-        plant(memory, 0, place_of(memory, source))
-        while not grow(skyway, self._closed, memory, 0, _EVERYWHERE, np.inf):
+        root = np.array([source], np.int32)
+        while not plant_all(graph, self._closed, memory, root, nowhere, nowhere):
             memory = enlarged(memory)
         places = memory.count[PLACES]
-        found = np.full(len(self._network.columns.station_ids), np.inf)
+        found = np.full(stations + 1, np.inf)
         found[memory.row[:places]] = memory.distance[:places, 0]
-        return found
+        return found[:stations]

@@ -82,7 +82,9 @@ def measured(solved: list[Solved], *, book: PadBook, limits: Limits) -> Measured
     airspace = Airspace.of(slowest.problem.network)
     peak_mib = peak_growth_mib(lambda: solve(slowest.problem, book=book, airspace=airspace))
     return Measured(
-        times=Distribution.of(finished_ms, cut_off=len(solved) - len(finished_ms)),
+        times=Distribution.of(
+            finished_ms, cut_off=len(solved) - len(finished_ms), asked=limits.runs
+        ),
         limit_ms=1000 * limits.solve_s,
         proven=sum(each.plan.status is PlanStatus.OPTIMAL for each in solved),
         labels=_mean(float(each.plan.stats["labels"]) for each in solved),
