@@ -59,6 +59,10 @@ class Closures:
                 closed[closure.from_id, closure.to_id].append((closure.start_s, end_s))
         return cls(closed)
 
+    def intervals(self) -> Mapping[SegmentEnds | StationId, tuple[Interval, ...]]:
+        """All closed times."""
+        return self._closed
+
     def is_closed_for_good(self, what: SegmentEnds | StationId) -> bool:
         """Whether this is closed from time 0 on, without end."""
         intervals = self._closed.get(what, ())

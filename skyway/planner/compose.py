@@ -19,28 +19,37 @@ from skyway.delivery.plan import (
 )
 from skyway.errors import InvalidProblem
 from skyway.planner.airspace import Airspace
+from skyway.planner.exact import exact
 from skyway.planner.exhaustive import exhaustive, exhaustive_with_walks
 from skyway.planner.findings import Findings, Strategy
 from skyway.planner.heuristic import heuristic
 from skyway.planner.infeasible import overweight, proof_of_infeasibility
 from skyway.planner.itinerary import Itinerary
+from skyway.planner.pad_book import NO_RESERVATIONS, PadBook
 from skyway.planner.problem import Problem
 from skyway.planner.situation import Situation
-from skyway.planner.stop import Effort, LabelLimit, Stop, TimeLimit, first_of, never, stopwatch
+from skyway.planner.stop import Effort, Stop, TimeLimit, first_of, never, stopwatch
 from skyway.planner.verify import PlanRejected, verify
 
 STRATEGIES: Mapping[str, Strategy] = MappingProxyType(
     {
+        "exact": exact,
         "heuristic": heuristic,
         "exhaustive": exhaustive,
         "exhaustive_with_walks": exhaustive_with_walks,
     }
 )
 
-DEFAULT_STRATEGY = "heuristic"
+DEFAULT_STRATEGY = "exact"
 
 
-def compose(problem: Problem, *, stop: Stop = never, airspace: Airspace | None = None) -> Plan:
+def compose(
+    problem: Problem,
+    *,
+    stop: Stop = never,
+    airspace: Airspace | None = None,
+    booked: PadBook = NO_RESERVATIONS,
+) -> Plan:
     """The plan that delivers every package as early as the problem's strategy can find.
 
     Parameters
@@ -51,6 +60,9 @@ def compose(problem: Problem, *, stop: Stop = never, airspace: Airspace | None =
         Ends the search early, besides the problem's own limits.
     airspace
         `Airspace.of(problem.network)`, for who composes more than once on one network.
+    booked
+        Pads held by others, beside the problem's own `pad_reservations`; only the stations that
+        the search meets are looked up.
 
     Returns
     -------
@@ -65,25 +77,42 @@ def compose(problem: Problem, *, stop: Stop = never, airspace: Airspace | None =
         A strategy made a plan that breaks the problem's rules: a defect of the planner.
     """
     strategy_name, strategy = _strategy_of(problem)
-    stop = _with_limits_of(problem, stop)
+    return compose_with(
+        strategy, problem, name=strategy_name, stop=stop, airspace=airspace, booked=booked
+    )
+
+
+def compose_with(
+    strategy: Strategy,
+    problem: Problem,
+    *,
+    name: str,
+    stop: Stop = never,
+    airspace: Airspace | None = None,
+    booked: PadBook = NO_RESERVATIONS,
+) -> Plan:
+    """`compose` by a strategy of the caller's own, called `name` in the plan's stats."""
+    if problem.time_limit_s is not None:
+        stop = first_of(stop, TimeLimit(problem.time_limit_s))
     elapsed_s = stopwatch()
-    effort = Effort(stop)
+    effort = Effort(stop, most_labels=problem.label_limit)
 
     too_heavy = overweight(problem)
     if too_heavy is not None:
         plan, searched = _infeasible(too_heavy), 0
     else:
-        situation = Situation.of(problem, airspace or Airspace.of(problem.network))
+        situation = Situation.of(problem, airspace or Airspace.of(problem.network), booked)
         findings = strategy(situation, effort)
         plan, searched = _plan_of(situation, findings, stop), findings.stations_searched
 
     stats = {
-        "strategy": strategy_name,
+        "strategy": name,
         "elapsed_s": elapsed_s(),
         "labels": effort.labels,
+        "compositions": effort.compositions,
         "stations_searched": searched,
     }
-    return _verified(problem, plan.model_copy(update={"stats": stats}))
+    return _verified(problem, plan.model_copy(update={"stats": stats}), booked)
 
 
 def _strategy_of(problem: Problem) -> tuple[str, Strategy]:
@@ -95,32 +124,29 @@ def _strategy_of(problem: Problem) -> tuple[str, Strategy]:
     return name, STRATEGIES[name]
 
 
-def _with_limits_of(problem: Problem, stop: Stop) -> Stop:
-    limits: list[Stop] = []
-    if problem.label_limit is not None:
-        limits.append(LabelLimit(problem.label_limit))
-    if problem.time_limit_s is not None:
-        limits.append(TimeLimit(problem.time_limit_s))
-    return first_of(stop, *limits) if limits else stop
-
-
 def _plan_of(situation: Situation, findings: Findings, stop: Stop) -> Plan:
     """The plan found; without one the proof that there is none, if it comes cheap."""
     if findings.itinerary is not None:
-        return _feasible(findings.itinerary)
-    proof = proof_of_infeasibility(situation, stop)
-    return Plan(status=PlanStatus.UNKNOWN) if proof is None else _infeasible(proof)
+        status = PlanStatus.OPTIMAL if findings.is_proven_best else PlanStatus.FEASIBLE
+        return _flyable(findings.itinerary, status, findings.lower_bound_s)
+    proof = findings.infeasibility
+    if proof is None and findings.lower_bound_s is None:
+        proof = proof_of_infeasibility(situation, stop)
+    if proof is not None:
+        return _infeasible(proof)
+    return Plan(status=PlanStatus.UNKNOWN, lower_bound_s=findings.lower_bound_s)
 
 
 def _infeasible(infeasibility: Infeasibility) -> Plan:
     return Plan(status=PlanStatus.INFEASIBLE, infeasibility=infeasibility)
 
 
-def _feasible(itinerary: Itinerary) -> Plan:
+def _flyable(itinerary: Itinerary, status: PlanStatus, lower_bound_s: float | None) -> Plan:
     steps = itinerary.steps
     return Plan(
-        status=PlanStatus.FEASIBLE,
+        status=status,
         delivery_time_s=itinerary.delivered_s,
+        lower_bound_s=lower_bound_s,
         energy_j=sum(step.energy_j for step in steps if isinstance(step, Fly)),
         flight_s=sum(step.end_s - step.start_s for step in steps if isinstance(step, Fly)),
         waiting_s=sum(step.end_s - step.start_s for step in steps if isinstance(step, Wait)),
@@ -137,8 +163,8 @@ def _feasible(itinerary: Itinerary) -> Plan:
     )
 
 
-def _verified(problem: Problem, plan: Plan) -> Plan:
-    violations = verify(problem, plan)
+def _verified(problem: Problem, plan: Plan, booked: PadBook) -> Plan:
+    violations = verify(problem, plan, booked=booked)
     if violations:
         raise PlanRejected(violations)
     return plan

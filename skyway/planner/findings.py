@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from skyway.delivery.plan import Infeasibility
 from skyway.planner.itinerary import Itinerary
 from skyway.planner.situation import Situation
 from skyway.planner.stop import Effort
@@ -11,10 +12,25 @@ from skyway.units import TIME_TOLERANCE_S
 
 @dataclass(frozen=True, slots=True)
 class Findings:
-    """The best itinerary found, None without one, and how many stations the search looked at."""
+    """The best itinerary found, None without one, and how many stations the search looked at.
+
+    `lower_bound_s` is a moment before which no plan delivers everything, None where none is
+    proven; `infeasibility` the proof that there is no plan, if the search has made one.
+    """
 
     itinerary: Itinerary | None
     stations_searched: int
+    lower_bound_s: float | None = None
+    infeasibility: Infeasibility | None = None
+
+    @property
+    def is_proven_best(self) -> bool:
+        """Whether no plan delivers earlier than the itinerary."""
+        return (
+            self.itinerary is not None
+            and self.lower_bound_s is not None
+            and self.itinerary.delivered_s <= self.lower_bound_s + TIME_TOLERANCE_S
+        )
 
 
 Strategy = Callable[[Situation, Effort], Findings]

@@ -46,6 +46,13 @@ class FlightLog:
             self.steps.append(Wait(station_id=self.here, start_s=self.now_s, end_s=until_s))
             self.now_s = until_s
 
+    def stand(self) -> None:
+        """Show that the drone has landed, where landing costs something and nothing else is done."""
+        model = self._situation.model
+        lands_for_free = model.stop_s == 0 and model.stop_j == 0
+        if self.steps and isinstance(self.steps[-1], Fly) and not lands_for_free:
+            self.steps.append(Wait(station_id=self.here, start_s=self.now_s, end_s=self.now_s))
+
     def recharge(self, *, pad: int, until_soc: float) -> None:
         """Charge on this pad until this charge."""
         end_s = self.now_s + recharge_time_s(self._situation.model, self.soc, until_soc)

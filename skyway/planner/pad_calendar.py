@@ -1,33 +1,15 @@
-"""When the pads of a station are free.
-
-Calendars are whole milliseconds: reservations and sessions are rounded outward, so what looks free
-here is free in every database that keeps whole milliseconds, and rounding never makes an overlap.
-"""
+"""When the pads of a station are free, read from the books of who holds them."""
 
 import math
-from collections import defaultdict
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 from skyway.ids import StationId
 from skyway.network.network import Network
-from skyway.planner.problem import PadReservation
+from skyway.planner.pad_book import PadBook
 from skyway.units import TIME_TOLERANCE_S
 
 _MS_PER_S = 1000
-#: A moment this close to a whole millisecond, in milliseconds, is that millisecond: 1.001 s times
-#: 1000 is 1000.9999999999999 in floats.
-_MS_TOLERANCE = TIME_TOLERANCE_S * _MS_PER_S
-
-
-def booked_from_ms(start_s: float) -> int:
-    """The whole millisecond from which a session or reservation starting now holds its pad."""
-    return math.floor(start_s * _MS_PER_S + _MS_TOLERANCE)
-
-
-def booked_until_ms(end_s: float) -> int:
-    """The whole millisecond until which a session or reservation ending now holds its pad."""
-    return math.ceil(end_s * _MS_PER_S - _MS_TOLERANCE)
 
 
 @dataclass(frozen=True, slots=True, order=True)
@@ -50,24 +32,16 @@ class Session:
 class PadCalendar:
     """The free windows of every station's pads, worked out when first asked for."""
 
-    def __init__(self, network: Network, reservations: Iterable[PadReservation]) -> None:
+    def __init__(self, network: Network, books: Iterable[PadBook]) -> None:
         self._network = network
-        self._reserved: dict[StationId, list[PadReservation]] = defaultdict(list)
-        for reservation in reservations:
-            self._reserved[reservation.station_id].append(reservation)
+        self._books = tuple(books)
         self._windows: dict[StationId, tuple[FreeWindow, ...]] = {}
 
     def free_windows(self, station_id: StationId) -> tuple[FreeWindow, ...]:
         """The free windows of all pads of this station from time 0 on, the earliest first."""
         windows = self._windows.get(station_id)
         if windows is None:
-            windows = self._windows[station_id] = tuple(
-                sorted(
-                    window
-                    for pad in range(self._network.stations[station_id].pads)
-                    for window in self._windows_of_pad(station_id, pad)
-                )
-            )
+            windows = self._windows[station_id] = tuple(sorted(self._found(station_id)))
         return windows
 
     def earliest_session(
@@ -88,19 +62,39 @@ class PadCalendar:
                 best = Session(window.pad, start_s)
         return best
 
-    def _windows_of_pad(self, station_id: StationId, pad: int) -> Iterable[FreeWindow]:
-        taken_ms = sorted(
-            (
-                booked_from_ms(reservation.start_s),
-                math.inf if reservation.end_s is None else booked_until_ms(reservation.end_s),
-            )
-            for reservation in self._reserved[station_id]
-            if reservation.pad == pad
-        )
-        free_from_ms: float = 0
-        for start_ms, end_ms in taken_ms:
-            if start_ms > free_from_ms:
-                yield FreeWindow(free_from_ms / _MS_PER_S, pad, start_ms / _MS_PER_S)
-            free_from_ms = max(free_from_ms, end_ms)
-        if free_from_ms < math.inf:
-            yield FreeWindow(free_from_ms / _MS_PER_S, pad, math.inf)
+    def windows_on_end(self, station_id: StationId, *, from_s: float) -> Iterator[FreeWindow]:
+        """The windows in which a drone can charge without a break from this moment, pad after pad.
+
+        Each begins before the one before it ends; of several the one that lasts longest is taken.
+        """
+        now_s = from_s
+        while True:
+            open_now = [
+                window
+                for window in self.free_windows(station_id)
+                if window.start_s <= now_s + TIME_TOLERANCE_S < window.end_s
+            ]
+            if not open_now:
+                return
+            longest = max(open_now, key=lambda window: (window.end_s, -window.pad))
+            yield longest
+            now_s = longest.end_s
+
+    def _found(self, station_id: StationId) -> Iterator[FreeWindow]:
+        row = self._network.row_of[station_id]
+        taken: dict[int, list[tuple[float, float]]] = {}
+        for book in self._books:
+            for pad, start_ms, end_ms in book.at(row):
+                taken.setdefault(pad, []).append((start_ms, end_ms))
+        for pad in range(self._network.stations[station_id].pads):
+            yield from _windows_of_pad(pad, sorted(taken.get(pad, ())))
+
+
+def _windows_of_pad(pad: int, taken_ms: Iterable[tuple[float, float]]) -> Iterator[FreeWindow]:
+    free_from_ms: float = 0
+    for start_ms, end_ms in taken_ms:
+        if start_ms > free_from_ms:
+            yield FreeWindow(free_from_ms / _MS_PER_S, pad, start_ms / _MS_PER_S)
+        free_from_ms = max(free_from_ms, end_ms)
+    if free_from_ms < math.inf:
+        yield FreeWindow(free_from_ms / _MS_PER_S, pad, math.inf)

@@ -10,6 +10,7 @@ from skyway.network.network import Network, Segment
 from skyway.planner.airspace import Airspace
 from skyway.planner.closures import Closures
 from skyway.planner.finish import energy_to_pad_j
+from skyway.planner.pad_book import NO_RESERVATIONS, PadBook
 from skyway.planner.pad_calendar import PadCalendar
 from skyway.planner.problem import PackageToDeliver, Problem
 
@@ -20,23 +21,28 @@ class Situation:
 
     problem: Problem
     closures: Closures
-    pads: PadCalendar
+    #: Who holds pads: the problem's own reservations, and those known beside it.
+    books: tuple[PadBook, PadBook]
+    pads: PadCalendar = field(init=False)
     #: Distinct destinations apart from the source, in the order in which packages name them.
     destinations: tuple[StationId, ...] = field(init=False)
     _pad_stations: dict[StationId, bool] = field(init=False, default_factory=dict)
     _finish_j: dict[StationId, float] = field(init=False, default_factory=dict)
 
     def __post_init__(self) -> None:
+        self.pads = PadCalendar(self.problem.network, self.books)
         named = dict.fromkeys(package.destination for package in self.problem.packages)
         self.destinations = tuple(
             station_id for station_id in named if station_id != self.problem.source
         )
 
     @classmethod
-    def of(cls, problem: Problem, airspace: Airspace) -> "Situation":
-        """The situation of this problem."""
-        calendar = PadCalendar(problem.network, problem.pad_reservations)
-        return cls(problem, Closures.of(problem, airspace), calendar)
+    def of(
+        cls, problem: Problem, airspace: Airspace, booked: PadBook = NO_RESERVATIONS
+    ) -> "Situation":
+        """The situation of this problem, with reservations known beside its own."""
+        given = PadBook.of(problem.network, problem.pad_reservations)
+        return cls(problem, Closures.of(problem, airspace), (given, booked))
 
     @property
     def network(self) -> Network:

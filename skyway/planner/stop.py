@@ -10,6 +10,9 @@ from dataclasses import dataclass
 
 Stop = Callable[[int], bool]
 
+#: More labels than fit into any memory.
+_VERY_MANY = 1 << 40
+
 
 def never(_labels: int) -> bool:
     """Let the search run to its own end."""
@@ -49,11 +52,24 @@ class Effort:
 
     stop: Stop
     labels: int = 0
+    most_labels: int | None = None
+    #: Whole routes simulated, by the strategies that simulate routes.
+    compositions: int = 0
+
+    @property
+    def room(self) -> int:
+        """How many labels may still be made; very many where there is no limit."""
+        most = _VERY_MANY if self.most_labels is None else self.most_labels
+        return max(0, most - self.labels)
 
     def is_spent(self) -> bool:
         """Count one more label; True when the search has to end."""
-        self.labels += 1
-        return self.stop(self.labels)
+        return self.has_made(1)
+
+    def has_made(self, labels: int) -> bool:
+        """Count these labels; True when the search has to end."""
+        self.labels += labels
+        return self.room == 0 or self.stop(self.labels)
 
 
 def stopwatch() -> Callable[[], float]:

@@ -6,7 +6,8 @@ from skyway.contracts.candidate import ProviderReasonCode
 from skyway.delivery.plan import Deliver, Plan, PlanStatus, Recharge
 from skyway.drone.charging import recharge_time_s
 from skyway.ids import StationId
-from skyway.planner.pad_calendar import PadCalendar, booked_until_ms
+from skyway.planner.pad_book import PadBook, booked_until_ms
+from skyway.planner.pad_calendar import PadCalendar
 from skyway.planner.problem import Problem
 from skyway.units import CHARGE_TOLERANCE, moment_to_ms
 from skyway_composition.planning.problem_for import Standing, home_problem
@@ -90,7 +91,9 @@ def _recharge_at_home(
     if soc >= model.top_soc - CHARGE_TOLERANCE:
         return None
     duration_s = recharge_time_s(model, soc, model.top_soc)
-    session = PadCalendar(problem.network, problem.pad_reservations).earliest_session(
+    session = PadCalendar(
+        problem.network, [PadBook.of(problem.network, problem.pad_reservations)]
+    ).earliest_session(
         home_station_id, not_before_s=home_plan.delivery_time_s or 0.0, duration_s=duration_s
     )
     if session is None:

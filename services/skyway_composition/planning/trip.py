@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 
 from skyway.delivery.plan import Fly, Plan, Recharge, Step
-from skyway.planner.pad_calendar import booked_from_ms, booked_until_ms
+from skyway.planner.pad_book import booked_from_ms, booked_until_ms
 from skyway.units import ms_to_moment
 from skyway_composition.pads.booked_pad import BookedPad, merged
 

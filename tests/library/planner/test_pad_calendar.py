@@ -2,13 +2,8 @@ import math
 
 import pytest
 
-from skyway.planner.pad_calendar import (
-    FreeWindow,
-    PadCalendar,
-    Session,
-    booked_from_ms,
-    booked_until_ms,
-)
+from skyway.planner.pad_book import PadBook, booked_from_ms, booked_until_ms
+from skyway.planner.pad_calendar import FreeWindow, PadCalendar, Session
 from skyway.planner.problem import PadReservation
 
 
@@ -16,13 +11,11 @@ from skyway.planner.problem import PadReservation
 def calendar_of(make_network):
     def make(*reservations, pads=1):
         network = make_network("a-b:1", pads={"b": pads})
-        return PadCalendar(
-            network,
-            [
-                PadReservation(station_id="b", pad=pad, start_s=start_s, end_s=end_s)
-                for pad, start_s, end_s in reservations
-            ],
+        reserved = (
+            PadReservation(station_id="b", pad=pad, start_s=start_s, end_s=end_s)
+            for pad, start_s, end_s in reservations
         )
+        return PadCalendar(network, [PadBook.of(network, reserved)])
 
     return make
 

@@ -1,0 +1,71 @@
+"""The proven best plan: label setting over stations and delivered sets, guided by lower bounds.
+
+The method of planner.md, section 2. How long to stay on a pad is decided only when a flight needs
+the charge, so any amount can be charged and nothing is rounded to a grid; `kernels` holds the
+search, compiled, `exact_search` its memory, `exact_itinerary` turns what it found into steps.
+"""
+
+from collections.abc import Sequence
+
+from skyway.ids import StationId
+from skyway.planner.exact_itinerary import itinerary_of
+from skyway.planner.exact_proof import proof_of_infeasibility
+from skyway.planner.exact_search import Ending, ExactSearch
+from skyway.planner.exact_task import Method
+from skyway.planner.findings import Findings, Strategy
+from skyway.planner.itinerary import Itinerary
+from skyway.planner.situation import Situation
+from skyway.planner.stop import Effort
+
+#: Labels after which a search that is not over yet looks for some plan, to have one at all.
+_PATIENCE_LABELS = 1 << 16
+
+#: By how much the bound is exaggerated to find some plan soon. Our own choice.
+_HASTE = 3.0
+
+
+def exact(situation: Situation, effort: Effort) -> Findings:
+    """The plan that delivers earliest, with its proof; or the proof that there is none."""
+    return _find(situation, effort, Method(), None)
+
+
+def exact_with(method: Method, *, order: Sequence[StationId] | None = None) -> Strategy:
+    """The exact search with another method, or for one order of the destinations.
+
+    What another method or order finds is not proven to be the best of the problem.
+    """
+    return lambda situation, effort: _find(situation, effort, method, order)
+
+
+def _find(
+    situation: Situation, effort: Effort, method: Method, order: Sequence[StationId] | None
+) -> Findings:
+    search = ExactSearch(situation, method=method, order=order)
+    ending = search.run(effort, most_labels=min(_PATIENCE_LABELS, effort.room // 2))
+    other = None
+    if ending is Ending.PAUSED:
+        hasty = ExactSearch(situation, method=method, order=order, weight=_HASTE)
+        hasty.run(effort, most_labels=min(search.labels, effort.room // 2))
+        other = _itinerary_of(situation, hasty)
+        if other is not None:
+            search.improve_on(other.delivered_s)
+        ending = search.run(effort, most_labels=effort.room)
+    itinerary = _itinerary_of(situation, search) or other
+    searched = search.stations_searched
+    if itinerary is None and ending is Ending.EXHAUSTED:
+        proof = proof_of_infeasibility(situation, effort)
+        return Findings(None, searched, infeasibility=proof)
+    bound_s = search.lower_bound_s if method == Method() and order is None else None
+    return Findings(itinerary, searched, _at_most(bound_s, itinerary))
+
+
+def _itinerary_of(situation: Situation, search: ExactSearch) -> Itinerary | None:
+    acts = search.best_acts()
+    return None if acts is None else itinerary_of(situation, acts)
+
+
+def _at_most(bound_s: float | None, itinerary: Itinerary | None) -> float | None:
+    """The bound, which sums of floats may have put a hair behind the plan's own time."""
+    if bound_s is None or itinerary is None:
+        return bound_s
+    return min(bound_s, itinerary.delivered_s)

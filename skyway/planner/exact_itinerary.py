@@ -1,0 +1,99 @@
+"""The itinerary of an exact search's best plan: its acts, flown with the charges they settled on."""
+
+import math
+from collections.abc import Sequence
+
+from skyway.drone.charging import recharge_time_s, soc_after_recharge
+from skyway.network.network import Segment
+from skyway.planner.exact_search import Act
+from skyway.planner.flight_log import FlightLog
+from skyway.planner.itinerary import Itinerary
+from skyway.planner.kernels.memory import FLOWN, HANDED_OVER, LANDED, SESSION
+from skyway.planner.situation import Situation
+
+
+def itinerary_of(situation: Situation, acts: Sequence[Act]) -> Itinerary:
+    """The steps of these acts, as early as the charges and the closures let them be."""
+    flight = _Flight(situation)
+    for act in acts:
+        flight.do(act)
+    return Itinerary(flight.log.now_s, tuple(flight.log.steps), ())
+
+
+class _Flight:
+    """A drone that does act after act; what it does in the air waits for the landing.
+
+    Nobody waits in the air: who may not fly a segment yet leaves the ground so much later.
+    """
+
+    def __init__(self, situation: Situation) -> None:
+        self.log = FlightLog(situation)
+        self._situation = situation
+        self._undelivered = set(situation.destinations)
+        self._is_loaded = False
+        self._in_air: list[tuple[Segment, float]] = []
+
+    def do(self, act: Act) -> None:
+        """Do one act."""
+        if act.segment >= 0:
+            segment = self._situation.network.segments[act.segment]
+            self._in_air.append((segment, act.not_before_s))
+        if act.kind == HANDED_OVER:
+            self._land()
+            self._hand_over()
+        elif act.kind == LANDED:
+            self._land(not_before_s=act.not_before_s)
+            self.log.stand()
+        elif act.kind == SESSION:
+            self._recharge(act)
+        elif act.kind != FLOWN and self.log.here == self._situation.problem.source:
+            self._hand_over()
+
+    def _hand_over(self) -> None:
+        self.log.hand_over()
+        self._is_loaded = True
+        self._undelivered.discard(self.log.here)
+
+    def _recharge(self, act: Act) -> None:
+        model = self._situation.model
+        until_soc = min(act.level_j / model.battery_j, model.top_soc)
+        self._land()
+        self.log.wait(until_s=act.not_before_s)
+        if until_soc <= self.log.soc:
+            self.log.stand()
+            return
+        calendar, policy = self._situation.pads, self._situation.problem.recharge_policy
+        if policy == "full":
+            duration_s = recharge_time_s(model, self.log.soc, until_soc)
+            session = calendar.earliest_session(
+                self.log.here, not_before_s=self.log.now_s, duration_s=duration_s
+            )
+            if session is not None:
+                self.log.recharge(pad=session.pad, until_soc=until_soc)
+            return
+        for window in calendar.windows_on_end(self.log.here, from_s=self.log.now_s):
+            reached_soc = soc_after_recharge(
+                model, self.log.soc, window.end_s - self.log.now_s
+            )
+            self.log.recharge(pad=window.pad, until_soc=min(until_soc, reached_soc))
+            if reached_soc >= until_soc:
+                return
+
+    def _land(self, *, not_before_s: float = -math.inf) -> None:
+        """Fly all segments in the air, leaving so late that each may be flown and the landing is.
+
+        `not_before_s` is the moment before which the drone may not touch down.
+        """
+        if not self._in_air:
+            return
+        load_kg = self._situation.load_kg(self._undelivered) if self._is_loaded else 0.0
+        after_s = 0.0
+        leave_s = self.log.now_s
+        for segment, segment_not_before_s in self._in_air:
+            leave_s = max(leave_s, segment_not_before_s - after_s)
+            after_s += self._situation.flight_s(segment, load_kg)
+        self.log.wait(until_s=max(leave_s, not_before_s - after_s))
+        last = len(self._in_air) - 1
+        for number, (segment, _) in enumerate(self._in_air):
+            self.log.fly(segment, load_kg=load_kg, lands=number == last)
+        self._in_air.clear()

@@ -1,0 +1,111 @@
+"""The notes of a search as arrays: how large they begin, and how they grow."""
+
+import numpy as np
+
+from skyway.planner.kernels.handles import handle_of
+from skyway.planner.kernels.labels import refill_state_table
+from skyway.planner.kernels.memory import (
+    ARCS,
+    BEST,
+    FULL,
+    LABELS,
+    PLACES,
+    QUEUE,
+    STATES,
+    WINDOWS,
+    Memory,
+)
+from skyway.planner.kernels.places import refill_table
+
+# Memory is only touched as far as it is used, so beginning with much costs little.
+_PLACES = 1 << 13
+_ARCS_PER_PLACE = 16
+_WINDOWS = 1 << 14
+_STATES = 1 << 14
+_LABELS = 1 << 15
+#: Labels that may be in the queue once more, because they were put back.
+_PUT_BACK = 8
+
+
+def new_memory(trees: int) -> Memory:
+    """The empty memory of a search with so many trees."""
+    memory = _sized(trees, places=_PLACES, arcs=_PLACES * _ARCS_PER_PLACE, windows=_WINDOWS)
+    memory.count[BEST] = -1
+    memory.best_s[0] = np.inf
+    memory.radius[:] = -1.0
+    return memory
+
+
+def enlarged(memory: Memory) -> Memory:
+    """The same notes with twice the room wherever half of it is in use."""
+    count = memory.count
+    larger = _sized(
+        memory.radius.size,
+        places=_room(count[PLACES], memory.row.size),
+        arcs=_room(count[ARCS], memory.arc_place.size),
+        windows=_room(count[WINDOWS], memory.window_s.shape[0]),
+        states=_room(count[STATES], memory.state.shape[0]),
+        labels=_room(count[LABELS], memory.label.shape[0]),
+    )
+    used = {
+        "row": PLACES, "arc_first": PLACES, "arc_count": PLACES, "window_first": PLACES,
+        "window_count": PLACES, "is_searched": PLACES, "distance": PLACES,
+        "arc_place": ARCS, "arc_segment": ARCS, "arc_length": ARCS, "window_s": WINDOWS,
+        "state": STATES, "state_bound": STATES, "label": LABELS, "link": LABELS,
+        "queue_key": QUEUE, "queue_label": QUEUE,
+    }  # fmt: skip
+    for name, row in used.items():
+        getattr(larger, name)[: count[row]] = getattr(memory, name)[: count[row]]
+    for name in ("count", "best_s", "radius", "reach", "tree_size"):
+        getattr(larger, name)[:] = getattr(memory, name)
+    for name in ("tree_queue", "tree_place"):
+        getattr(larger, name)[:, : count[PLACES]] = getattr(memory, name)[:, : count[PLACES]]
+    larger.count[FULL] = 0
+    notes = handle_of(larger)
+    refill_table(notes)
+    refill_state_table(notes)
+    return larger
+
+
+def _room(used: int, size: int) -> int:
+    return size * 2 if 2 * used >= size else size
+
+
+def _sized(
+    trees: int,
+    *,
+    places: int,
+    arcs: int,
+    windows: int,
+    states: int = _STATES,
+    labels: int = _LABELS,
+) -> Memory:
+    """Arrays of these sizes; only counts and tables are filled, with zeros."""
+    return Memory(
+        count=np.zeros(9, np.int64),
+        best_s=np.empty(1),
+        row=np.empty(places, np.int64),
+        table=np.zeros(2 * places, np.int64),
+        arc_first=np.empty((places, 2), np.int64),
+        arc_count=np.empty((places, 2), np.int64),
+        window_first=np.empty(places, np.int64),
+        window_count=np.empty(places, np.int64),
+        is_searched=np.empty(places, np.int64),
+        distance=np.empty((places, trees)),
+        radius=np.empty(trees),
+        reach=np.empty(trees),
+        tree_queue=np.empty((trees, places), np.int64),
+        tree_place=np.empty((trees, places), np.int64),
+        tree_size=np.zeros(trees, np.int64),
+        arc_place=np.empty(arcs, np.int64),
+        arc_segment=np.empty(arcs, np.int64),
+        arc_length=np.empty(arcs),
+        window_s=np.empty((windows, 2)),
+        state=np.empty((states, 4), np.int64),
+        state_bound=np.empty((states, 2)),
+        state_table=np.zeros(2 * states, np.int64),
+        label=np.empty((labels, 8)),
+        link=np.empty((labels, 6), np.int64),
+        queue_key=np.empty(labels + _PUT_BACK),
+        queue_label=np.empty(labels + _PUT_BACK, np.int64),
+    )

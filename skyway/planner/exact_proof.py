@@ -1,0 +1,133 @@
+"""Why the exact search found nothing: the proof, by searching again with less in the way."""
+
+import math
+
+from skyway.delivery.plan import Infeasibility
+from skyway.ids import StationId
+from skyway.planner.closures import Closures
+from skyway.planner.exact_search import Ending, ExactSearch
+from skyway.planner.exact_task import Method
+from skyway.planner.pad_book import NO_RESERVATIONS
+from skyway.planner.situation import Situation
+from skyway.planner.stop import Effort
+from skyway.units import TIME_TOLERANCE_S
+
+#: How finely the gap in range is told, as a share of the battery. Our own choice.
+_GAP_STEP = 0.05
+
+#: Labels that one look at a larger battery may make. Our own choice: some 10 ms.
+_GAP_LABELS = 1 << 14
+
+
+def proof_of_infeasibility(situation: Situation, effort: Effort) -> Infeasibility | None:
+    """What stands in the way of every plan; None when the effort ended before it was known.
+
+    The search without reservations and without deadline tells: what it finds would be flown if
+    others held no pads or time did not press; if it finds nothing the drone does not get there.
+    """
+    free = without_pressure(situation)
+    search = ExactSearch(free, method=Method())
+    ending = search.run(effort, most_labels=effort.room)
+    if ending is Ending.EXHAUSTED:
+        return (
+            _unreachable(situation, search)
+            or _closed_at_the_wrong_time(free, effort)
+            or _out_of_range(free, effort)
+        )
+    if ending is Ending.PAUSED:
+        return None
+    least_s = search.lower_bound_s
+    limit_s = situation.problem.latest_delivery_s
+    if limit_s is not None and least_s > limit_s + TIME_TOLERANCE_S:
+        return Infeasibility(
+            code="TOO_LATE",
+            detail=f"the earliest plan takes {least_s:.3f} s even with every pad free, "
+            f"{least_s - limit_s:.3f} s more than latest_delivery_s {limit_s:g}",
+        )
+    when = "ever" if limit_s is None else f"by latest_delivery_s {limit_s:g}"
+    return Infeasibility(
+        code="NO_PAD_IN_TIME",
+        detail=f"other reservations leave no pads to deliver everything {when}; "
+        f"with every pad free it would take {least_s:.3f} s",
+    )
+
+
+def without_pressure(situation: Situation) -> Situation:
+    """The same with every pad free and no deadline."""
+    problem = situation.problem.model_copy(update={"latest_delivery_s": None})
+    return Situation(problem, situation.closures, (NO_RESERVATIONS, NO_RESERVATIONS))
+
+
+def _unreachable(situation: Situation, search: ExactSearch) -> Infeasibility | None:
+    """DESTINATION_UNREACHABLE for the first place to which no path leads, or that is closed."""
+    detail = _closed_for_good(situation)
+    missing = search.missing_path
+    if detail is None and missing is not None:
+        detail = f"no path leads from {missing[0]!r} to {missing[1]!r}"
+    elif detail is None and math.isinf(search.least_flight_s):
+        detail = "no order of the destinations has a path through all of them"
+    elif detail is None:
+        return None
+    return Infeasibility(code="DESTINATION_UNREACHABLE", detail=detail)
+
+
+def _closed_for_good(situation: Situation) -> str | None:
+    problem = situation.problem
+    places: list[StationId] = list(situation.destinations)
+    if problem.start_station_id != problem.source:
+        places.insert(0, problem.source)
+    for place in places:
+        if situation.closures.is_closed_for_good(place):
+            return f"station {place!r} is closed for good"
+    return None
+
+
+def _closed_at_the_wrong_time(free: Situation, effort: Effort) -> Infeasibility | None:
+    """DESTINATION_UNREACHABLE if there would be a plan with nothing closed."""
+    if not free.closures.intervals():
+        return None
+    opened = Situation(free.problem, Closures({}), free.books)
+    search = ExactSearch(opened, method=Method())
+    if search.run(effort, most_labels=effort.room) is not Ending.PROVEN:
+        return None
+    return Infeasibility(
+        code="DESTINATION_UNREACHABLE",
+        detail="closures and zones leave no way to deliver everything; with nothing closed it "
+        f"would take {search.lower_bound_s:.3f} s",
+    )
+
+
+def _out_of_range(free: Situation, effort: Effort) -> Infeasibility:
+    """OUT_OF_RANGE, with the battery that would be enough if one of a few sizes is."""
+    model_id = free.model.model_id
+    detail = (
+        "even with every pad free and every recharge to the top of the charge curve "
+        f"the {model_id} cannot fly to all destinations in turn"
+    )
+    share = _share_of_battery_missing(free, effort)
+    if share is not None:
+        detail += f"; with about {share:.0%} more battery it could"
+    return Infeasibility(code="OUT_OF_RANGE", detail=detail)
+
+
+def _share_of_battery_missing(free: Situation, effort: Effort) -> float | None:
+    """How much larger the battery would have to be, to a twentieth; None if not twice as large."""
+    low, high = 0.0, 1.0
+    if not _reaches(free, 1.0 + high, effort):
+        return None
+    while high - low > _GAP_STEP:
+        middle = (low + high) / 2
+        if _reaches(free, 1.0 + middle, effort):
+            high = middle
+        else:
+            low = middle
+    return high
+
+
+def _reaches(free: Situation, size: float, effort: Effort) -> bool:
+    """Whether a battery of this many times the size would be enough, as far as is cheap to say."""
+    model = free.model.model_copy(update={"battery_j": free.model.battery_j * size})
+    drone = free.problem.drone.model_copy(update={"model": model})
+    problem = free.problem.model_copy(update={"drone": drone})
+    search = ExactSearch(Situation(problem, free.closures, free.books), method=Method())
+    return search.run(effort, most_labels=min(_GAP_LABELS, effort.room)) is Ending.PROVEN

@@ -1,0 +1,269 @@
+"""One exact search: its arrays, made larger when full, and its runs."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum
+
+import numpy as np
+
+from skyway.ids import StationId
+from skyway.planner.exact_task import (
+    Method,
+    book_of,
+    closed_of,
+    curve_of,
+    latest_s,
+    least_s_per_j,
+    legs_of,
+    required_before,
+    rounding_j,
+    skyway_of,
+)
+from skyway.planner.exact_memory import enlarged, new_memory
+from skyway.planner.kernels import bounds, memory, places, search, trees
+from skyway.planner.kernels.handles import handle_of
+from skyway.planner.kernels.memory import Floats, Ints, Task
+from skyway.planner.situation import Situation
+from skyway.planner.stop import Effort
+
+_NO_LABEL = -1
+
+#: Labels between two looks at the effort: some 10 ms of search.
+_LABELS_PER_RUN = 1 << 14
+
+
+class Ending(Enum):
+    """How a run of the search ended."""
+
+    PROVEN = search.PROVEN
+    EXHAUSTED = search.EXHAUSTED
+    PAUSED = search.PAUSED
+
+
+class ExactSearch:
+    """A search that can be run on, label by label, until it is proven.
+
+    Parameters
+    ----------
+    order
+        The destinations in the order in which they must be delivered; None leaves it open.
+    weight
+        At least 1, by which the bound is multiplied in the queue. Above 1 the search ends with the
+        first plan, which it finds sooner and which may be later than the best.
+    """
+
+    def __init__(
+        self,
+        situation: Situation,
+        *,
+        method: Method,
+        order: Sequence[StationId] | None = None,
+        weight: float = 1.0,
+    ) -> None:
+        self._situation = situation
+        self._method = method
+        self._weight = weight
+        row_of = situation.network.row_of
+        self._destinations = np.array([row_of[each] for each in situation.destinations], np.int32)
+        self._source = row_of[situation.problem.source]
+        self._start = row_of[situation.problem.start_station_id]
+        self._skyway = handle_of(skyway_of(situation.network))
+        self._closed = handle_of(closed_of(situation))
+        self._books = tuple(handle_of(book_of(book)) for book in situation.books)
+        trees_needed = len(self._destinations) + (self._start != self._source)
+        self._memory = new_memory(trees_needed)
+        self._notes = handle_of(self._memory)
+        self._plant_trees()
+        #: The least time in the air and at stops from the source on; inf without a path.
+        self.least_flight_s = math.inf
+        self._task = handle_of(self._make_task(required_before(situation, order)))
+        while not search.begin(*self._arguments()):
+            self._enlarge()
+
+    @property
+    def labels(self) -> int:
+        """How many labels there are."""
+        return int(self._memory.count[memory.LABELS])
+
+    @property
+    def stations_searched(self) -> int:
+        """At how many stations there are labels."""
+        return int(self._memory.count[memory.SEARCHED])
+
+    @property
+    def lower_bound_s(self) -> float:
+        """No plan delivers earlier than this; inf when there is none."""
+        least_s = float(self._memory.best_s[0])
+        if self._memory.count[memory.QUEUE] > 0:
+            least_s = min(least_s, float(self._memory.queue_key[0]))
+        return least_s
+
+    @property
+    def missing_path(self) -> tuple[StationId, StationId] | None:
+        """The first two places, in the order of a plan, between which there is no path."""
+        problem, destinations = self._situation.problem, self._situation.destinations
+        count = len(destinations)
+        if self._start != self._source and self._distance_m(self._start, count) == math.inf:
+            return problem.start_station_id, problem.source
+        for tree, destination in enumerate(destinations):
+            if self._distance_m(self._source, tree) == math.inf:
+                return problem.source, destination
+        return None
+
+    def run(self, effort: Effort, *, most_labels: int) -> Ending:
+        """Search until it is proven, so many labels are made, or the effort has to end."""
+        end = self.labels + most_labels
+        while True:
+            before = self.labels
+            ended = search.run(*self._arguments(), min(end, before + _LABELS_PER_RUN))
+            is_over = effort.has_made(self.labels - before)
+            if ended == search.OUT_OF_MEMORY:
+                self._enlarge()
+            elif ended != search.PAUSED or self.labels >= end:
+                return Ending(ended)
+            if is_over:
+                return Ending.PAUSED
+
+    def improve_on(self, delivered_s: float) -> None:
+        """Look only for plans that deliver earlier than this."""
+        self._memory.best_s[0] = min(self._memory.best_s[0], delivered_s)
+
+    def best_acts(self) -> list["Act"] | None:
+        """What the drone of the best plan so far does, from the start on; None without a plan."""
+        label = int(self._memory.count[memory.BEST])
+        if label == _NO_LABEL:
+            return None
+        links, values = self._memory.link, self._memory.label
+        chain = []
+        left_with_j = float(values[label, memory.LEVEL])
+        while label != _NO_LABEL:
+            kind, parent = int(links[label, memory.KIND]), int(links[label, memory.PARENT])
+            segment = _NO_LABEL
+            level_j = math.nan
+            if kind in (memory.FLOWN, memory.HANDED_OVER):
+                segment = int(self._memory.arc_segment[links[label, memory.DETAIL]])
+            elif kind == memory.SESSION:
+                own_j = float(values[label, memory.LEVEL])
+                # Only a lazy session's own level is where it starts, not where it ends.
+                level_j = left_with_j if self._is_lazy else own_j
+                left_with_j = own_j + float(values[parent, memory.USED])
+            chain.append(Act(kind, segment, level_j, float(values[label, memory.NOT_BEFORE])))
+            label = parent
+        return chain[::-1]
+
+    @property
+    def _is_lazy(self) -> bool:
+        is_full = self._situation.problem.recharge_policy == "full"
+        return not is_full and self._method.charging == "lazy"
+
+    def _arguments(self) -> tuple[object, ...]:
+        return (self._skyway, self._task, self._closed, *self._books, self._notes)
+
+    def _distance_m(self, row: int, tree: int) -> float:
+        place = places.place_of(self._notes, row)
+        return float(self._memory.distance[place, tree])
+
+    def _plant_trees(self) -> None:
+        roots = self._destinations
+        if self._start != self._source:
+            roots = np.append(roots, np.int32(self._source))
+        while not trees.plant_all(
+            self._skyway, self._closed, self._notes, roots, self._start, self._source
+        ):
+            self._enlarge()
+
+    def _enlarge(self) -> None:
+        self._memory = enlarged(self._memory)
+        self._notes = handle_of(self._memory)
+
+    def _make_task(self, required: Ints) -> Task:
+        situation, method = self._situation, self._method
+        problem, model = situation.problem, situation.model
+        s_per_j = 0.0
+        if method.bound == "full":
+            s_per_j = least_s_per_j(model, problem.recharge_policy)
+        legs = legs_of(situation, s_per_j)
+        finish_j = np.array([situation.finish_j(each) for each in situation.destinations])
+        loading_s = problem.loading_s
+        if situation.packages_for(problem.source):
+            loading_s += problem.dropoff_s
+        flying = self._orders(legs.s_per_m, required, finish_j, s_per_j=0.0)
+        charging = self._orders(legs.charged_s_per_m, required, finish_j, s_per_j=s_per_j)
+        self.least_flight_s = flying.least_s
+        is_guided = method.bound != "none"
+        curve_s, curve_j = curve_of(model)
+        return Task(
+            destinations=self._destinations,
+            source=self._source,
+            start=self._start,
+            s_per_m=legs.s_per_m,
+            j_per_m=legs.j_per_m,
+            flight_s_per_m=legs.s_per_m * is_guided,
+            charged_s_per_m=legs.charged_s_per_m * is_guided,
+            flight_after=flying.after if is_guided else np.where(np.isinf(flying.after), np.inf, 0),
+            charged_after=(
+                charging.after if is_guided else np.where(np.isinf(flying.after), np.inf, 0)
+            ),
+            approach_flight_after=(model.stop_s + loading_s + flying.least_s) * is_guided,
+            approach_charged_after=(
+                (model.stop_s + loading_s + model.stop_j * s_per_j + charging.least_s) * is_guided
+            ),
+            finish_j=finish_j,
+            finish_j_at_source=0.0 if situation.destinations else situation.finish_j(problem.source),
+            curve_s=curve_s,
+            curve_j=curve_j,
+            start_j=problem.drone.soc * model.battery_j,
+            reserve_j=model.reserve_soc * model.battery_j,
+            rounding_j=rounding_j(model),
+            s_per_j=s_per_j,
+            stop_s=model.stop_s,
+            stop_j=model.stop_j,
+            loading_s=loading_s,
+            dropoff_s=problem.dropoff_s,
+            latest_s=latest_s(situation),
+            recharges_fully=problem.recharge_policy == "full",
+            prunes=method.dominance == "full",
+            levels=0 if method.charging == "lazy" else method.charging,
+            weight=self._weight,
+        )
+
+    def _orders(
+        self, s_per_m: Floats, required: Ints, finish_j: Floats, *, s_per_j: float
+    ) -> "_Orders":
+        """What follows each destination at least, over all orders of the rest."""
+        situation = self._situation
+        model, count = situation.model, len(self._destinations)
+        after = np.empty((1 << count, count))
+        least_s = bounds.fill_orders(
+            trees.distances(self._notes, self._destinations, self._source, count),
+            required,
+            s_per_m,
+            model.stop_s + situation.problem.dropoff_s + model.stop_j * s_per_j,
+            np.where(np.isinf(finish_j), np.inf, finish_j * s_per_j if s_per_j else 0.0),
+            after,
+        )
+        return _Orders(after, least_s)
+
+
+@dataclass(frozen=True, slots=True)
+class Act:
+    """One thing that the drone of a plan does: a kind of label.
+
+    `segment` is the row of the segment flown, -1 without one; `level_j` the level with which it
+    leaves the pad; `not_before_s` the moment before which the flight, landing or session may not
+    begin.
+    """
+
+    kind: int
+    segment: int
+    level_j: float
+    not_before_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class _Orders:
+    """``after[mask, j]`` as in `Task`, and the least of all from the source."""
+
+    after: Floats
+    least_s: float

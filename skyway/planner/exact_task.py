@@ -1,0 +1,162 @@
+"""A situation as the arrays that the kernels read."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Literal
+
+import numpy as np
+
+from skyway.drone.flight import flight_energy_j, speed_mps
+from skyway.drone.model import DroneModel
+from skyway.ids import StationId
+from skyway.network.network import Network
+from skyway.planner.closures import Interval
+from skyway.planner.kernels.memory import Book, Closed, Floats, Ints, Skyway
+from skyway.planner.pad_book import PadBook
+from skyway.planner.situation import Situation
+from skyway.units import CHARGE_TOLERANCE, TIME_TOLERANCE_S
+
+
+@dataclass(frozen=True, slots=True)
+class Method:
+    """How the exact search works; all but the default is for finding out what a part is worth.
+
+    `bound` is what guides it: flying and charging, flying alone, or nothing. Without `dominance`
+    every label is kept. `charging` is decided as late as possible, or at once: then it is the
+    number of levels tried on each pad, and the plan is no longer proven to be the best.
+    """
+
+    bound: Literal["full", "flight", "none"] = "full"
+    dominance: Literal["full", "none"] = "full"
+    charging: Literal["lazy"] | int = "lazy"
+
+
+def skyway_of(network: Network) -> Skyway:
+    """The network's rows."""
+    incoming, outgoing = network.incoming, network.outgoing
+    return Skyway(
+        incoming.offsets,
+        incoming.station,
+        incoming.segment,
+        incoming.length_m,
+        outgoing.offsets,
+        outgoing.station,
+        outgoing.segment,
+        outgoing.length_m,
+        network.columns.pads,
+    )
+
+
+def book_of(book: PadBook) -> Book:
+    """A pad book as the kernels read it."""
+    return Book(book.station, book.pad, book.start_ms, book.end_ms, book.zero_ms)
+
+
+def closed_of(situation: Situation) -> Closed:
+    """All closures, by segment row and by station row counted on from the last segment."""
+    network = situation.network
+    first_station_key = len(network.columns.length_m)
+    rows: dict[int, tuple[Interval, ...]] = {}
+    for what, intervals in situation.closures.intervals().items():
+        if isinstance(what, tuple):
+            rows[_segment_row(network, *what)] = intervals
+        else:
+            rows[first_station_key + network.row_of[what]] = intervals
+    keys = sorted(rows)
+    flat = [interval for key in keys for interval in rows[key]]
+    times_s = np.array(flat, np.float64).reshape(-1, 2)
+    return Closed(
+        np.array(keys, np.int64),
+        np.cumsum([0, *(len(rows[key]) for key in keys)], dtype=np.int64),
+        np.ascontiguousarray(times_s[:, 0]),
+        np.ascontiguousarray(times_s[:, 1]),
+        first_station_key,
+    )
+
+
+def _segment_row(network: Network, from_id: StationId, to_id: StationId) -> int:
+    outgoing, row = network.outgoing, network.row_of[from_id]
+    leaving = slice(outgoing.offsets[row], outgoing.offsets[row + 1])
+    place = int(np.flatnonzero(outgoing.station[leaving] == network.row_of[to_id])[0])
+    return int(outgoing.segment[leaving][place])
+
+
+@dataclass(frozen=True, slots=True)
+class Legs:
+    """What flying costs by mask; ``(2**k + 1,)`` each, the last row is the approach.
+
+    `charged_s_per_m` counts the flown joules at the fastest charging there is.
+    """
+
+    s_per_m: Floats
+    j_per_m: Floats
+    charged_s_per_m: Floats
+
+
+def legs_of(situation: Situation, s_per_j: float) -> Legs:
+    """Seconds and joules per metre for every set of packages on board."""
+    model, destinations = situation.model, situation.destinations
+    masses_kg = [
+        sum(package.mass_kg for package in situation.packages_for(destination))
+        for destination in destinations
+    ]
+    full = 1 << len(destinations)
+    loads_kg = [
+        math.fsum(mass for number, mass in enumerate(masses_kg) if not mask >> number & 1)
+        for mask in range(full)
+    ]
+    loads_kg.append(0.0)
+    s_per_m = np.array([1.0 / speed_mps(model, load) for load in loads_kg])
+    j_per_m = np.array([flight_energy_j(model, length_m=1.0, load_kg=load) for load in loads_kg])
+    return Legs(s_per_m, j_per_m, s_per_m + j_per_m * s_per_j)
+
+
+def least_s_per_j(model: DroneModel, recharge_policy: str) -> float:
+    """The least charging time of a joule, on the way from the reserve to the top.
+
+    A full recharge goes on to the top, so of the whole concave curve its mean rate is the best
+    that any session has.
+    """
+    curve = model.charge_curve
+    if recharge_policy == "full":
+        times_s = [point.time_s for point in curve]
+        at_reserve_s = float(np.interp(model.reserve_soc, [p.soc for p in curve], times_s))
+        span = model.top_soc - model.reserve_soc
+        return (times_s[-1] - at_reserve_s) / (span * model.battery_j) if span > 0 else 0.0
+    rates = (
+        (after.time_s - before.time_s) / (after.soc - before.soc)
+        for before, after in pairwise(curve)
+        if after.soc > model.reserve_soc
+    )
+    return next(rates, 0.0) / model.battery_j
+
+
+def curve_of(model: DroneModel) -> tuple[Floats, Floats]:
+    """The charge curve: seconds, and joules, ``(n_points,)`` each."""
+    seconds = np.array([point.time_s for point in model.charge_curve])
+    return seconds, np.array([point.soc * model.battery_j for point in model.charge_curve])
+
+
+def required_before(situation: Situation, order: Sequence[StationId] | None) -> Ints:
+    """For each destination, as a mask, what must be delivered before it."""
+    destinations = situation.destinations
+    required = np.zeros(len(destinations), np.int32)
+    delivered = 0
+    for station_id in order or ():
+        number = destinations.index(station_id)
+        required[number] = delivered
+        delivered |= 1 << number
+    return required
+
+
+def rounding_j(model: DroneModel) -> float:
+    """Charges closer than this are equal, joules."""
+    return CHARGE_TOLERANCE * model.battery_j
+
+
+def latest_s(situation: Situation) -> float:
+    """The last moment at which everything may be delivered, with the tolerance; inf without one."""
+    limit_s = situation.problem.latest_delivery_s
+    return math.inf if limit_s is None else limit_s + TIME_TOLERANCE_S

@@ -1,0 +1,117 @@
+"""Lower bounds of the time that is left: flying alone, and flying with the charging it costs.
+
+The second counts each joule at the fastest rate that the charge curve has anywhere; what is on
+board already is taken off by the label that asks.
+"""
+
+import numpy as np
+
+from skyway.planner.kernels.compiler import entrance, kernel
+from skyway.planner.kernels.memory import Closed, Floats, Ints, Memory, Skyway, Task
+from skyway.planner.kernels.trees import grow
+
+
+@entrance
+def fill_orders(
+    apart_m: Floats,
+    required: Ints,
+    weight: Floats,
+    per_stop: float,
+    at_end: Floats,
+    after: Floats,
+) -> float:
+    """The least that follows each destination, over all orders of the rest (Held and Karp).
+
+    Parameters
+    ----------
+    apart_m
+        ``(k + 1, k)``, from destination to destination; the last row is from the source.
+    required
+        ``(k,)``: the destinations that must be delivered before this one, as a mask.
+    weight
+        ``(2**k,)``: seconds per metre with what is on board.
+    per_stop, at_end
+        Seconds of each delivery, and of having delivered this destination last.
+    after
+        ``(2**k, k)``, written: the least from reaching destination j while `mask` is delivered.
+
+    Returns
+    -------
+    float
+        The least from the source, all packages on board.
+    """
+    count = at_end.size
+    full = (1 << count) - 1
+    for mask in range(full, -1, -1):
+        for reached in range(count):
+            if mask >> reached & 1 or mask & required[reached] != required[reached]:
+                after[mask, reached] = np.inf
+                continue
+            following = mask | 1 << reached
+            least = at_end[reached] if following == full else np.inf
+            for onward in range(count):
+                if not following >> onward & 1:
+                    total = apart_m[reached, onward] * weight[following] + after[following, onward]
+                    least = min(least, total)
+            after[mask, reached] = per_stop + least
+    least = np.inf
+    for onward in range(count):
+        least = min(least, apart_m[count, onward] * weight[0] + after[0, onward])
+    return least
+
+
+@kernel
+def note_bounds(
+    skyway: Skyway, task: Task, closed: Closed, memory: Memory, state: int, place: int, mask: int
+) -> bool:
+    """Note both bounds of a state, growing the trees that decide them; False when full."""
+    count = task.destinations.size
+    if mask == 1 << count:
+        return _note_approach(skyway, task, closed, memory, state, place)
+    while True:
+        flight_s, charged_s = np.inf, np.inf
+        nearest, cheapest = -1, -1
+        for onward in range(count):
+            if task.flight_after[mask, onward] == np.inf:
+                continue
+            length_m = min(memory.distance[place, onward], memory.radius[onward])
+            total = length_m * task.flight_s_per_m[mask] + task.flight_after[mask, onward]
+            if total < flight_s:
+                flight_s, nearest = total, onward
+            total = length_m * task.charged_s_per_m[mask] + task.charged_after[mask, onward]
+            if total < charged_s:
+                charged_s, cheapest = total, onward
+        tree = nearest
+        if tree < 0 or not _can_grow(memory, tree, place):
+            tree = cheapest
+        if tree < 0 or not _can_grow(memory, tree, place):
+            memory.state_bound[state, 0] = flight_s
+            memory.state_bound[state, 1] = charged_s
+            return True
+        if not grow(skyway, closed, memory, tree, place, memory.reach[tree]):
+            return False
+
+
+@kernel
+def _note_approach(skyway, task, closed, memory, state, place):
+    tree = task.destinations.size
+    mask = 1 << tree
+    if _can_grow(memory, tree, place) and not grow(
+        skyway, closed, memory, tree, place, memory.reach[tree]
+    ):
+        return False
+    length_m = min(memory.distance[place, tree], memory.radius[tree])
+    memory.state_bound[state, 0] = length_m * task.flight_s_per_m[mask] + task.approach_flight_after
+    memory.state_bound[state, 1] = (
+        length_m * task.charged_s_per_m[mask] + task.approach_charged_after
+    )
+    return True
+
+
+@kernel
+def _can_grow(memory, tree, place):
+    """Whether this place lies beyond the tree, and the tree may still grow."""
+    return (
+        memory.distance[place, tree] > memory.radius[tree]
+        and memory.radius[tree] <= memory.reach[tree]
+    )

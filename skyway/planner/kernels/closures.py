@@ -1,0 +1,96 @@
+"""When a segment may be flown and a station be landed at."""
+
+import numpy as np
+
+from skyway.planner.kernels.compiler import kernel
+from skyway.planner.kernels.memory import Closed
+
+# A drone may leave this many seconds early because a sum of floats fell short of a closure's end.
+_ROUNDING_S = 1e-9
+
+
+@kernel
+def closures_of(closed: Closed, key: int) -> tuple[int, int]:
+    """The range of this key's closures, empty if it has none."""
+    low, high = 0, closed.keys.size
+    while low < high:
+        middle = (low + high) // 2
+        if closed.keys[middle] < key:
+            low = middle + 1
+        else:
+            high = middle
+    if low < closed.keys.size and closed.keys[low] == key:
+        return closed.offsets[low], closed.offsets[low + 1]
+    return 0, 0
+
+
+@kernel
+def is_closed_for_good(closed: Closed, key: int) -> bool:
+    """Whether this is closed from time 0 on, without end."""
+    first, end = closures_of(closed, key)
+    for index in range(first, end):
+        if closed.start_s[index] <= 0.0 and closed.end_s[index] == np.inf:
+            return True
+    return False
+
+
+@kernel
+def open_again_s(closed: Closed, key: int, start_s: float, duration_s: float) -> float:
+    """`start_s` if all the time from it meets nothing closed, else when that ends."""
+    first, end = closures_of(closed, key)
+    for index in range(first, end):
+        from_s, until_s = closed.start_s[index], closed.end_s[index]
+        # A landing is a moment when it takes no time, and a moment has to be met too.
+        meets = from_s < start_s + duration_s or from_s == start_s
+        if meets and start_s < until_s - _ROUNDING_S:
+            return until_s
+    return start_s
+
+
+@kernel
+def closes_next_s(closed: Closed, key: int, start_s: float) -> float:
+    """The start of the first closure that has not begun at this moment; inf without one."""
+    first, end = closures_of(closed, key)
+    soonest_s = np.inf
+    for index in range(first, end):
+        if closed.start_s[index] >= start_s and closed.start_s[index] < soonest_s:
+            soonest_s = closed.start_s[index]
+    return soonest_s
+
+
+@kernel
+def leave_s(
+    closed: Closed, segment: int, landing: int, not_before_s: float, flight_s: float, stop_s: float
+) -> float:
+    """The first moment to leave so that the segment, and the landing if any, meet nothing closed.
+
+    `landing` and `segment` are keys, -1 for none; inf if there is no such moment.
+    """
+    at_s = not_before_s
+    while at_s < np.inf:
+        later_s = at_s
+        if segment >= 0:
+            later_s = open_again_s(closed, segment, at_s, flight_s)
+        if later_s == at_s and landing >= 0:
+            landed_s = at_s + flight_s
+            open_s = open_again_s(closed, landing, landed_s, stop_s)
+            if open_s > landed_s:
+                later_s = max(open_s - flight_s, np.nextafter(at_s, np.inf))
+        if later_s == at_s:
+            return at_s
+        at_s = later_s
+    return np.inf
+
+
+@kernel
+def leave_latest_s(
+    closed: Closed, segment: int, landing: int, leave_at_s: float, flight_s: float, stop_s: float
+) -> float:
+    """The last moment to leave without meeting the next closure, given one that meets none."""
+    latest_s = np.inf
+    if segment >= 0:
+        latest_s = closes_next_s(closed, segment, leave_at_s) - flight_s
+    if landing >= 0:
+        landed_s = leave_at_s + flight_s
+        latest_s = min(latest_s, closes_next_s(closed, landing, landed_s) - stop_s - flight_s)
+    return max(latest_s, leave_at_s)

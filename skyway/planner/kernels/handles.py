@@ -1,0 +1,117 @@
+"""Handles: the kernels' records behind one pointer each.
+
+Compiled code takes a named tuple apart into all its arrays at every call, and compiles for minutes
+over it; a handle goes from call to call as one pointer. Handles share their arrays with the record
+that they were made from, so Python reads there what a search has noted.
+"""
+
+from typing import Any, Final, TypeVar
+
+import numba
+from numba import types
+from numba.experimental import structref
+
+from skyway.planner.kernels.compiler import entrance
+from skyway.planner.kernels.memory import Book, Closed, Memory, Skyway, Task
+
+_Record = TypeVar("_Record", Skyway, Closed, Book, Task, Memory)
+
+
+class _HandleType(types.StructRef):  # type: ignore[misc]  # numba has no types
+    def preprocess_fields(self, fields: Any) -> Any:  # numba's own pairs of name and type
+        """The fields with types that do not depend on their values."""
+        return tuple((name, types.unliteral(of_type)) for name, of_type in fields)
+
+
+@structref.register
+class SkywayType(_HandleType):
+    """The compiled type of a skyway's handle."""
+
+
+@structref.register
+class ClosedType(_HandleType):
+    """The compiled type of the closures' handle."""
+
+
+@structref.register
+class BookType(_HandleType):
+    """The compiled type of a pad book's handle."""
+
+
+@structref.register
+class TaskType(_HandleType):
+    """The compiled type of a task's handle."""
+
+
+@structref.register
+class MemoryType(_HandleType):
+    """The compiled type of a memory's handle."""
+
+
+class SkywayHandle(structref.StructRefProxy):  # type: ignore[misc]  # numba has no types
+    """A skyway behind a pointer."""
+
+
+class ClosedHandle(structref.StructRefProxy):  # type: ignore[misc]
+    """Closures behind a pointer."""
+
+
+class BookHandle(structref.StructRefProxy):  # type: ignore[misc]
+    """A pad book behind a pointer."""
+
+
+class TaskHandle(structref.StructRefProxy):  # type: ignore[misc]
+    """A task behind a pointer."""
+
+
+class MemoryHandle(structref.StructRefProxy):  # type: ignore[misc]
+    """A memory behind a pointer."""
+
+
+structref.define_proxy(SkywayHandle, SkywayType, list(Skyway._fields))
+structref.define_proxy(ClosedHandle, ClosedType, list(Closed._fields))
+structref.define_proxy(BookHandle, BookType, list(Book._fields))
+structref.define_proxy(TaskHandle, TaskType, list(Task._fields))
+structref.define_proxy(MemoryHandle, MemoryType, list(Memory._fields))
+
+
+@entrance
+def _skyway_handle(record: Skyway) -> Any:
+    return SkywayHandle(*record)
+
+
+@entrance
+def _closed_handle(record: Closed) -> Any:
+    return ClosedHandle(*record)
+
+
+@entrance
+def _book_handle(record: Book) -> Any:
+    return BookHandle(*record)
+
+
+@entrance
+def _task_handle(record: Task) -> Any:
+    return TaskHandle(*record)
+
+
+@entrance
+def _memory_handle(record: Memory) -> Any:
+    return MemoryHandle(*record)
+
+
+_MAKERS: Final = {
+    Skyway: _skyway_handle,
+    Closed: _closed_handle,
+    Book: _book_handle,
+    Task: _task_handle,
+    Memory: _memory_handle,
+}
+
+
+def handle_of(record: _Record) -> _Record:
+    """The record's handle, with the same fields for the kernels; uncompiled, the record itself."""
+    if numba.config.DISABLE_JIT:
+        return record
+    handle: _Record = _MAKERS[type(record)](record)
+    return handle

@@ -1,0 +1,90 @@
+"""Stations that the search has met, and the segments between them."""
+
+import numpy as np
+
+from skyway.planner.kernels.closures import is_closed_for_good
+from skyway.planner.kernels.compiler import entrance, kernel
+from skyway.planner.kernels.memory import ARCS, FULL, INWARD, PLACES, Closed, Memory, Skyway
+
+# Knuth's multiplicative hashing: 2**32 divided by the golden ratio.
+_GOLDEN = 2654435769
+
+
+@kernel
+def slot_of(key: int, slots: int) -> int:
+    """Where in a table of this many slots, a power of two, a key is looked for first."""
+    # A Python integer: where nothing is compiled, one of 32 bits would overflow.
+    return ((int(key) * _GOLDEN) >> 13) & (slots - 1)
+
+
+@entrance
+def place_of(memory: Memory, row: int) -> int:
+    """The place of this station row, noted if it is new; -1 when the memory is full."""
+    slot = slot_of(row, memory.table.size)
+    while memory.table[slot] != 0:
+        place = memory.table[slot] - 1
+        if memory.row[place] == row:
+            return place
+        slot = (slot + 1) & (memory.table.size - 1)
+    place = memory.count[PLACES]
+    if place >= memory.row.size:
+        memory.count[FULL] = 1
+        return -1
+    memory.table[slot] = place + 1
+    memory.row[place] = row
+    memory.arc_first[place, 0] = -1
+    memory.arc_first[place, 1] = -1
+    memory.window_first[place] = -1
+    memory.is_searched[place] = 0
+    for tree in range(memory.radius.size):
+        memory.distance[place, tree] = np.inf
+        memory.tree_place[tree, place] = -1
+    memory.count[PLACES] = place + 1
+    return place
+
+
+@entrance
+def refill_table(memory: Memory) -> None:
+    """Enter all places into an empty table."""
+    for place in range(memory.count[PLACES]):
+        slot = slot_of(memory.row[place], memory.table.size)
+        while memory.table[slot] != 0:
+            slot = (slot + 1) & (memory.table.size - 1)
+        memory.table[slot] = place + 1
+
+
+@kernel
+def arcs_of(skyway: Skyway, closed: Closed, memory: Memory, place: int, direction: int) -> int:
+    """The first arc that arrives at or leaves this place; -1 when the memory is full.
+
+    Segments closed for good are left out.
+    """
+    first = memory.arc_first[place, direction]
+    if first >= 0:
+        return first
+    row = memory.row[place]
+    if direction == INWARD:
+        offsets, stations = skyway.in_offsets, skyway.in_station
+        segments, lengths = skyway.in_segment, skyway.in_length
+    else:
+        offsets, stations = skyway.out_offsets, skyway.out_station
+        segments, lengths = skyway.out_segment, skyway.out_length
+    first = memory.count[ARCS]
+    if first + offsets[row + 1] - offsets[row] > memory.arc_place.size:
+        memory.count[FULL] = 1
+        return -1
+    end = first
+    for index in range(offsets[row], offsets[row + 1]):
+        if closed.keys.size > 0 and is_closed_for_good(closed, np.int64(segments[index])):
+            continue
+        other = place_of(memory, np.int64(stations[index]))
+        if other < 0:
+            return -1
+        memory.arc_place[end] = other
+        memory.arc_segment[end] = segments[index]
+        memory.arc_length[end] = lengths[index]
+        end += 1
+    memory.arc_first[place, direction] = first
+    memory.arc_count[place, direction] = end - first
+    memory.count[ARCS] = end
+    return first

@@ -1,0 +1,112 @@
+"""Reservations of pads as arrays: looked up station by station, never copied whole.
+
+Calendars are whole milliseconds: reservations are rounded outward, so what looks free here is free
+in every database that keeps whole milliseconds, and rounding never makes an overlap.
+"""
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Final, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from skyway.network.network import Network
+from skyway.planner.problem import PadReservation
+from skyway.units import TIME_TOLERANCE_S
+
+#: End of a reservation that has none, milliseconds.
+OPEN_MS: Final = 1 << 62
+
+_MS_PER_S = 1000
+#: A moment this close to a whole millisecond, in milliseconds, is that millisecond: 1.001 s times
+#: 1000 is 1000.9999999999999 in floats.
+_MS_TOLERANCE = TIME_TOLERANCE_S * _MS_PER_S
+
+
+def booked_from_ms(start_s: float) -> int:
+    """The whole millisecond from which a session or reservation starting now holds its pad."""
+    return math.floor(start_s * _MS_PER_S + _MS_TOLERANCE)
+
+
+def booked_until_ms(end_s: float) -> int:
+    """The whole millisecond until which a session or reservation ending now holds its pad."""
+    return math.ceil(end_s * _MS_PER_S - _MS_TOLERANCE)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PadBook:
+    """Who holds which pad from when to when; ``(n_reservations,)`` each, sorted.
+
+    `station` are rows of the network, int32; `pad` int32; `start_ms` and `end_ms` int64 on a scale
+    of the book's own, on which `zero_ms` is the moment that a reader counts from. The order is
+    by station, then pad, then start.
+    """
+
+    station: npt.NDArray[np.int32]
+    pad: npt.NDArray[np.int32]
+    start_ms: npt.NDArray[np.int64]
+    end_ms: npt.NDArray[np.int64]
+    zero_ms: int = 0
+
+    @classmethod
+    def of(cls, network: Network, reservations: Iterable[PadReservation]) -> Self:
+        """The book of these reservations; moments count from the plan's start."""
+        entries = [
+            (
+                network.row_of[each.station_id],
+                each.pad,
+                booked_from_ms(each.start_s),
+                OPEN_MS if each.end_s is None else booked_until_ms(each.end_s),
+            )
+            for each in reservations
+        ]
+        columns = np.array(entries, np.int64).reshape(-1, 4).T
+        return cls.of_arrays(
+            station=columns[0], pad=columns[1], start_ms=columns[2], end_ms=columns[3]
+        )
+
+    @classmethod
+    def of_arrays(
+        cls,
+        *,
+        station: npt.NDArray[np.integer],
+        pad: npt.NDArray[np.integer],
+        start_ms: npt.NDArray[np.integer],
+        end_ms: npt.NDArray[np.integer],
+    ) -> Self:
+        """The book of these columns, in any order; an end of `OPEN_MS` is none."""
+        order = np.lexsort((start_ms, pad, station))
+        return cls(
+            np.ascontiguousarray(station[order], np.int32),
+            np.ascontiguousarray(pad[order], np.int32),
+            np.ascontiguousarray(start_ms[order], np.int64),
+            np.ascontiguousarray(end_ms[order], np.int64),
+        )
+
+    def seen_from(self, moment_ms: int) -> Self:
+        """The same book for who counts from this moment of its scale."""
+        return replace(self, zero_ms=moment_ms)
+
+    def at(self, station_row: int) -> list[tuple[int, float, float]]:
+        """Pad, start and end of each reservation of a station, milliseconds; sorted, inf if open."""
+        # Rows of another type would have all of `station` converted for every look-up.
+        rows = np.array((station_row, station_row + 1), self.station.dtype)
+        first, end = np.searchsorted(self.station, rows)
+        return [
+            (
+                int(self.pad[index]),
+                int(self.start_ms[index]) - self.zero_ms,
+                math.inf
+                if self.end_ms[index] >= OPEN_MS
+                else int(self.end_ms[index]) - self.zero_ms,
+            )
+            for index in range(first, end)
+        ]
+
+
+#: Nobody holds any pad.
+NO_RESERVATIONS: Final = PadBook(
+    np.empty(0, np.int32), np.empty(0, np.int32), np.empty(0, np.int64), np.empty(0, np.int64)
+)
