@@ -1,0 +1,17 @@
+"""Exact plans beside what the paper's contestants find on the same problems."""
+
+import pytest
+from oracles.instances import make_problem
+from oracles.judge import disagreements_with_contestants
+
+from skyway.planner import compose
+
+
+@pytest.mark.parametrize("first", range(5000, 5100, 25))
+def test_no_contestant_delivers_earlier(first: int) -> None:
+    said = {}
+    for seed in range(first, first + 25):
+        problem = make_problem(seed)
+        said[seed] = disagreements_with_contestants(problem, compose(problem), most_labels=1000)
+
+    assert {seed: words for seed, words in said.items() if words} == {}

@@ -1,0 +1,51 @@
+"""Exact plans before the fine grid's dynamic programme, all features mixed."""
+
+import pytest
+from oracles.grid import bracket
+from oracles.instances import make_problem
+from oracles.judge import disagreements, disagreements_with_reason
+
+from skyway.planner import compose
+
+_BLOCK = 50
+
+
+@pytest.mark.parametrize("first", range(0, 400, _BLOCK))
+def test_no_plan_is_later_than_the_grids_or_earlier_than_possible(first: int) -> None:
+    said = {}
+    for seed in range(first, first + _BLOCK):
+        problem = make_problem(seed)
+        plan = compose(problem)
+        said[seed] = disagreements(problem, plan, bracket(problem, tick_s=5.0))
+
+    assert {seed: words for seed, words in said.items() if words} == {}
+
+
+def test_the_reason_why_there_is_no_plan_is_true() -> None:
+    said = {}
+    for seed in range(1000, 1150):
+        problem = make_problem(seed)
+        said[seed] = disagreements_with_reason(problem, compose(problem), tick_s=10.0)
+
+    assert {seed: words for seed, words in said.items() if words} == {}
+
+
+def test_a_fair_share_of_the_problems_has_no_plan() -> None:
+    infeasible = [seed for seed in range(200) if compose(make_problem(seed)).status == "infeasible"]
+
+    assert 20 <= len(infeasible) <= 60
+
+
+@pytest.mark.parametrize(
+    "seed",
+    [
+        # Masses that sum to the payload limit, but for the last digit.
+        454,
+        # A segment that opens again later has to be tried then, if no landing is possible before.
+        6720,
+    ],
+)
+def test_what_the_sweep_once_found_stays_right(seed: int) -> None:
+    problem = make_problem(seed)
+
+    assert disagreements(problem, compose(problem), bracket(problem, tick_s=2.0)) == []

@@ -1,0 +1,17 @@
+"""Exact plans before the mixed-integer model (HiGHS), on networks of up to 10 stations."""
+
+import pytest
+from oracles.instances import make_open_problem
+from oracles.judge import disagreements_with_milp
+
+from skyway.planner import compose
+
+#: Seeds that HiGHS settles within a second, with several recharges, windows and both policies.
+_SEEDS = (*range(40),)
+
+
+@pytest.mark.parametrize("seed", _SEEDS)
+def test_the_time_is_that_of_the_mixed_integer_model(seed: int) -> None:
+    problem = make_open_problem(seed)
+
+    assert disagreements_with_milp(problem, compose(problem)) == []

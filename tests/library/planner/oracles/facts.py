@@ -1,0 +1,225 @@
+"""A problem as plain numbers, read from planner.md anew; shares no code with the planner.
+
+States count what has happened to the packages: state `before` (the last one) while they are not on
+board, else the bit set of destinations already served. Rows of stations and segments are the
+network's own order.
+"""
+
+import math
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import pairwise
+
+from skyway.geo import Position
+from skyway.ids import StationId
+from skyway.network.network import Zone
+from skyway.planner.problem import Problem, StationClosure
+
+Interval = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Facts:
+    """The numbers; charges are shares of a full battery, times seconds."""
+
+    names: list[str]
+    #: Rows of the two ends of every segment.
+    ends: list[tuple[int, int]]
+    #: [state][segment] seconds and share of the battery of a flight.
+    flight_s: list[list[float]]
+    flight_soc: list[list[float]]
+    #: Rows of the destinations apart from the source; bit i of a state is the i-th.
+    destinations: list[int]
+    source: int
+    start: int
+    soc: float
+    reserve: float
+    stop_s: float
+    stop_soc: float
+    #: The charge curve's points, seconds and charge.
+    curve: list[tuple[float, float]]
+    #: Seconds on the ground when packages are taken on; those for the source itself included.
+    pick_up_s: float
+    dropoff_s: float
+    latest_s: float
+    #: Charge that must be left above the reserve after a last delivery at each station.
+    finish_soc: list[float]
+    is_full_policy: bool
+    #: Free times of every pad of every station, and closed times of stations and of segments.
+    free: list[list[Interval]]
+    station_closed: list[list[Interval]]
+    segment_closed: list[list[Interval]]
+
+    @property
+    def served(self) -> int:
+        """The state in which everything is delivered."""
+        return (1 << len(self.destinations)) - 1
+
+    @property
+    def before(self) -> int:
+        """The state in which the packages are not on board."""
+        return 1 << len(self.destinations)
+
+    def after_landing_at(self, state: int, station: int) -> int:
+        """The state after the hand-over that a landing here brings; the same if none."""
+        if state == self.before:
+            return 0 if station == self.source else state
+        if station in self.destinations:
+            return state | 1 << self.destinations.index(station)
+        return state
+
+    def hand_over_s(self, state: int) -> float:
+        """Seconds that the hand-over out of this state takes."""
+        return self.pick_up_s if state == self.before else self.dropoff_s
+
+
+def is_overweight(problem: Problem) -> bool:
+    """Whether the drone cannot lift all packages together."""
+    mass_kg = math.fsum(package.mass_kg for package in problem.packages)
+    return mass_kg > problem.drone.model.max_payload_kg + 1e-9
+
+
+def read_facts(problem: Problem) -> Facts:
+    """The numbers of this problem."""
+    network, model = problem.network, problem.drone.model
+    names = list(network.stations)
+    row = {name: number for number, name in enumerate(names)}
+    segments = list(network.segments)
+    wanted = dict.fromkeys(package.destination for package in problem.packages)
+    destinations = [row[name] for name in wanted if name != problem.source]
+    loads = [
+        sum(
+            package.mass_kg
+            for package in problem.packages
+            if package.destination != problem.source
+            and not state >> destinations.index(row[package.destination]) & 1
+        )
+        for state in range(1 << len(destinations))
+    ]
+    loads.append(0.0)
+
+    def speed_mps(load_kg: float) -> float:
+        gain_mps = model.speed_full_mps - model.speed_empty_mps
+        return model.speed_empty_mps + gain_mps * load_kg / model.max_payload_kg
+
+    def soc_per_s(load_kg: float) -> float:
+        lifted = (model.empty_mass_kg + load_kg) / model.empty_mass_kg
+        return float(model.power_empty_w * lifted**1.5 / model.battery_j)
+
+    flight_s = [[segment.length_m / speed_mps(kg) for segment in segments] for kg in loads]
+    return Facts(
+        names=[str(name) for name in names],
+        ends=[(row[segment.from_id], row[segment.to_id]) for segment in segments],
+        flight_s=flight_s,
+        flight_soc=[
+            [soc_per_s(kg) * seconds for seconds in times]
+            for kg, times in zip(loads, flight_s, strict=True)
+        ],
+        destinations=destinations,
+        source=row[problem.source],
+        start=row[problem.drone.station_id or problem.source],
+        soc=problem.drone.soc,
+        reserve=model.reserve_soc,
+        stop_s=model.stop_s,
+        stop_soc=model.stop_j / model.battery_j,
+        curve=[(point.time_s, point.soc) for point in model.charge_curve],
+        pick_up_s=problem.loading_s + (problem.dropoff_s if problem.source in wanted else 0.0),
+        dropoff_s=problem.dropoff_s,
+        latest_s=math.inf if problem.latest_delivery_s is None else problem.latest_delivery_s,
+        finish_soc=_finish(problem, names, soc_per_s(0.0) / model.speed_empty_mps),
+        is_full_policy=problem.recharge_policy == "full",
+        free=[_free(problem, name) for name in names],
+        station_closed=[_closed_station(problem, name) for name in names],
+        segment_closed=[
+            _closed_segment(problem, segment.from_id, segment.to_id) for segment in segments
+        ],
+    )
+
+
+def _finish(problem: Problem, names: list[StationId], soc_per_m: float) -> list[float]:
+    """Floyd and Warshall, to the nearest station with a pad."""
+    if problem.finish == "stay":
+        return [0.0] * len(names)
+    far = {(a, b): 0.0 if a == b else math.inf for a in names for b in names}
+    for segment in problem.network.segments:
+        far[segment.from_id, segment.to_id] = segment.length_m
+    for via in names:
+        for a in names:
+            for b in names:
+                far[a, b] = min(far[a, b], far[a, via] + far[via, b])
+    with_pads = [name for name in names if problem.network.stations[name].pads > 0]
+    return [soc_per_m * min((far[a, b] for b in with_pads), default=math.inf) for a in names]
+
+
+def _free(problem: Problem, name: StationId) -> list[Interval]:
+    """The free times of all pads, from 0 on; reservations hold whole milliseconds."""
+    free = []
+    for pad in range(problem.network.stations[name].pads):
+        taken = sorted(
+            (
+                math.floor(one.start_s * 1000 + 1e-3) / 1000,
+                math.inf if one.end_s is None else math.ceil(one.end_s * 1000 - 1e-3) / 1000,
+            )
+            for one in problem.pad_reservations
+            if one.station_id == name and one.pad == pad
+        )
+        edges = [(-math.inf, 0.0), *taken, (math.inf, math.inf)]
+        until = 0.0
+        for (_, end), (start, _) in pairwise(edges):
+            until = max(until, end)
+            if start > until:
+                free.append((until, start))
+    return free
+
+
+def _closed_station(problem: Problem, name: StationId) -> list[Interval]:
+    here = problem.network.stations[name].position
+    closed = [
+        (one.start_s, math.inf if one.end_s is None else one.end_s)
+        for one in problem.closures
+        if isinstance(one, StationClosure) and one.station_id == name
+    ]
+    return closed + [
+        _active(problem, zone) for zone in problem.network.zones if _in_box(zone, here, here)
+    ]
+
+
+def _closed_segment(problem: Problem, start: StationId, end: StationId) -> list[Interval]:
+    stations = problem.network.stations
+    closed = [
+        (one.start_s, math.inf if one.end_s is None else one.end_s)
+        for one in problem.closures
+        if not isinstance(one, StationClosure) and (one.from_id, one.to_id) == (start, end)
+    ]
+    return closed + [
+        _active(problem, zone)
+        for zone in problem.network.zones
+        if _in_box(zone, stations[start].position, stations[end].position)
+    ]
+
+
+def _active(problem: Problem, zone: Zone) -> Interval:
+    start_at = problem.start_at
+    if start_at is None:
+        return (-math.inf, math.inf)
+    return (
+        -math.inf if zone.active_from is None else (zone.active_from - start_at).total_seconds(),
+        math.inf if zone.active_until is None else (zone.active_until - start_at).total_seconds(),
+    )
+
+
+def _in_box(zone: Zone, start: Position, end: Position) -> bool:
+    """Whether the line meets the zone's box: clipped side by side, in exact fractions."""
+    (ring,) = zone.rings
+    first, last = Fraction(0), Fraction(1)
+    for axis in range(2):
+        low = Fraction(min(corner[axis] for corner in ring))
+        high = Fraction(max(corner[axis] for corner in ring))
+        at, step = Fraction(start[axis]), Fraction(end[axis]) - Fraction(start[axis])
+        if step == 0:
+            if not low <= at <= high:
+                return False
+            continue
+        enter, leave = sorted(((low - at) / step, (high - at) / step))
+        first, last = max(first, enter), min(last, leave)
+    return first <= last
