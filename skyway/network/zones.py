@@ -14,7 +14,7 @@ from skyway.network.network import Zone
 
 #: A turn smaller than this share of its terms is recomputed exactly: the rounding error of the
 #: three roundings on each side (Shewchuk 1997, "Adaptive precision floating-point arithmetic").
-_ROUNDING_SHARE = 4 * 2.0**-52
+ROUNDING_SHARE = 4 * 2.0**-52
 
 
 def crosses(zone: Zone, start: Position, end: Position) -> bool:
@@ -83,7 +83,7 @@ def _turn(a: Position, b: Position, c: Position) -> int:
     left = (b.longitude_deg - a.longitude_deg) * (c.latitude_deg - a.latitude_deg)
     right = (b.latitude_deg - a.latitude_deg) * (c.longitude_deg - a.longitude_deg)
     turn = left - right
-    if abs(turn) > _ROUNDING_SHARE * (abs(left) + abs(right)):
+    if abs(turn) > ROUNDING_SHARE * (abs(left) + abs(right)):
         return 1 if turn > 0 else -1
     a_x, a_y, b_x, b_y, c_x, c_y = map(Fraction, (*a, *b, *c))
     exact = (b_x - a_x) * (c_y - a_y) - (b_y - a_y) * (c_x - a_x)

@@ -1,24 +1,48 @@
 """What the zones of a network close: geometry only, the same for every problem on the network."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Self
+from functools import cached_property
+
+import numpy as np
 
 from skyway.ids import StationId
+from skyway.network.columns import Floats, Rows
 from skyway.network.network import Network, Zone
-from skyway.network.zones import contains, crosses
+from skyway.network.zone_rows import Points, which_cross, which_lie_in
 
 #: A segment by its ends; a network has at most one in each direction.
 SegmentEnds = tuple[StationId, StationId]
 
 
-@dataclass(frozen=True, slots=True)
+# Without slots: the ids are made when somebody asks for them, and kept.
+@dataclass(frozen=True, eq=False)
 class ZoneReach:
-    """The stations that lie in a zone, and the segments that meet it."""
+    """The stations that lie in a zone, and the segments that meet it.
+
+    Parameters
+    ----------
+    station_rows, segment_rows
+        ``(k,)`` int32 each, rising.
+    """
 
     zone: Zone
-    stations: tuple[StationId, ...]
-    segments: tuple[SegmentEnds, ...]
+    network: Network
+    station_rows: Rows
+    segment_rows: Rows
+
+    @cached_property
+    def stations(self) -> tuple[StationId, ...]:
+        """The stations in the order of the document."""
+        ids = self.network.columns.station_ids
+        return tuple(ids[row] for row in self.station_rows.tolist())
+
+    @cached_property
+    def segments(self) -> tuple[SegmentEnds, ...]:
+        """The segments in the order of the document."""
+        columns = self.network.columns
+        ends = (columns.from_row[self.segment_rows], columns.to_row[self.segment_rows])
+        rows = zip(ends[0].tolist(), ends[1].tolist(), strict=True)
+        return tuple((columns.station_ids[a], columns.station_ids[b]) for a, b in rows)
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,28 +52,49 @@ class Airspace:
     reaches: tuple[ZoneReach, ...]
 
     @classmethod
-    def of(cls, network: Network) -> Self:
+    def of(cls, network: Network) -> "Airspace":
         """The airspace above this network."""
-        return cls(tuple(_reach(network, zone) for zone in network.zones))
+        if not network.zones:
+            return cls(())
+        columns = network.columns
+        at = columns.longitude_deg, columns.latitude_deg
+        starts, ends = ((at[0][rows], at[1][rows]) for rows in (columns.from_row, columns.to_row))
+        stations, segments = _Boxes(at, at), _Boxes(starts, ends)
+        reaches = []
+        for zone in network.zones:
+            near, met = stations.rows_near(zone), segments.rows_near(zone)
+            inside = which_lie_in(zone, _taken(at, near))
+            crossing = which_cross(zone, _taken(starts, met), _taken(ends, met))
+            reaches.append(ZoneReach(zone, network, near[inside], met[crossing]))
+        return cls(tuple(reaches))
 
 
-def _reach(network: Network, zone: Zone) -> ZoneReach:
-    stations: Mapping[StationId, bool] = {
-        station_id: contains(zone, station.position)
-        for station_id, station in network.stations.items()
-    }
-    # Opposite segments follow the same line.
-    met: dict[SegmentEnds, bool] = {}
-    for segment in network.segments:
-        ends = (segment.from_id, segment.to_id)
-        opposite = met.get((segment.to_id, segment.from_id))
-        met[ends] = (
-            crosses(zone, *(network.stations[end].position for end in ends))
-            if opposite is None
-            else opposite
+class _Boxes:
+    """The boxes around many lines, sorted by their southern edge: what may lie near a zone."""
+
+    def __init__(self, starts: Points, ends: Points) -> None:
+        self._west, self._east = np.minimum(starts[0], ends[0]), np.maximum(starts[0], ends[0])
+        south = np.minimum(starts[1], ends[1])
+        self._north = np.maximum(starts[1], ends[1])
+        self._order = np.argsort(south).astype(np.int32)
+        self._sorted_south: Floats = south[self._order]
+        self._tallest_deg = float(np.max(self._north - south, initial=0.0))
+
+    def rows_near(self, zone: Zone) -> Rows:
+        """The rows, rising, of the boxes that meet the zone's."""
+        south_west, north_east = zone.box
+        low = south_west.latitude_deg - self._tallest_deg
+        # A shade lower, so that rounding never loses a box that only touches.
+        first = np.searchsorted(self._sorted_south, low - 1e-9)
+        last = np.searchsorted(self._sorted_south, north_east.latitude_deg, side="right")
+        rows = self._order[first:last]
+        meets = (
+            (self._north[rows] >= south_west.latitude_deg)
+            & (self._east[rows] >= south_west.longitude_deg)
+            & (self._west[rows] <= north_east.longitude_deg)
         )
-    return ZoneReach(
-        zone,
-        stations=tuple(station_id for station_id, is_inside in stations.items() if is_inside),
-        segments=tuple(ends for ends, is_met in met.items() if is_met),
-    )
+        return np.sort(rows[meets])
+
+
+def _taken(points: Points, rows: Rows) -> Points:
+    return points[0][rows], points[1][rows]
