@@ -34,7 +34,7 @@ class Distribution:
         )
 
     def as_text(self) -> str:
-        """Median / p95 / worst, and how many finished of how many if not all that were asked did."""
+        """Median / p95 / worst, and how many of the runs finished if not all asked did."""
         if not self.runs:
             return "no run"
         times = " / ".join(

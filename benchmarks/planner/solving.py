@@ -64,11 +64,11 @@ def solve_all(problems: Iterable[Problem], *, book: PadBook, limits: Limits) -> 
     is a matter of the service's start, which has a table of its own.
     """
     solved: list[Solved] = []
-    deadline = time.perf_counter() + limits.cell_s
     for number, problem in enumerate(problems):
         if number == 0:
             airspace = Airspace.of(problem.network)
             solve(problem, book=book, airspace=airspace)
+            deadline = time.perf_counter() + limits.cell_s
         solved.append(solve(problem, book=book, airspace=airspace))
         if time.perf_counter() > deadline:
             break

@@ -95,8 +95,8 @@ def _remarks(extent: Extent, *, is_local: bool) -> list[str]:
     remarks = [
         (
             f"{limits.runs} seeded runs a cell, none solved longer than {limits.solve_s:g} s, a "
-            f"cell no longer than {limits.cell_s:g} s; (n of m) proven of the runs made, where that "
-            f"is not {limits.runs} of {limits.runs}: quantiles count the others as later than all."
+            f"cell no longer than {limits.cell_s:g} s; (n of m) proven of the runs made, where "
+            f"not all {limits.runs} were: quantiles count the others as later than all."
         ),
         (
             "recharges and labels: the largest mean of the row's cells; MiB: the most memory that "
