@@ -58,7 +58,7 @@ def run(text: str | bytes, *options: str) -> tuple[int, list[dict[str, Any]], st
     )
 
 
-UNKNOWN = json.dumps(make_problem(label_limit=1))
+UNKNOWN = json.dumps(make_problem(strategy="exhaustive", label_limit=1))
 GOOD = json.dumps(make_problem())
 
 

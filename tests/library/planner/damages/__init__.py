@@ -1,0 +1,1 @@
+"""Good plans, and every way in which one can be damaged."""
