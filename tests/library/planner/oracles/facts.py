@@ -211,6 +211,8 @@ def _active(problem: Problem, zone: Zone) -> Interval:
 def _in_box(zone: Zone, start: Position, end: Position) -> bool:
     """Whether the line meets the zone's box: clipped side by side, in exact fractions."""
     (ring,) = zone.rings
+    if any(a[0] != b[0] and a[1] != b[1] for a, b in pairwise(ring)):
+        raise ValueError(f"zone {zone.zone_id!r} is not a box")
     first, last = Fraction(0), Fraction(1)
     for axis in range(2):
         low = Fraction(min(corner[axis] for corner in ring))

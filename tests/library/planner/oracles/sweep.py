@@ -27,6 +27,9 @@ from skyway.planner.compose import compose
 from skyway.planner.problem import Problem
 from skyway.planner.verify import PlanRejected
 
+#: Problems after which the sweep says how far it is.
+_PROGRESS = 5000
+
 
 @dataclass(frozen=True, slots=True)
 class _Judged:
@@ -56,6 +59,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         judged = _judge(problem, asked)
         statuses[str(judged.plan.status) if judged.plan else "rejected"] += 1
         widths_s.append(judged.width_s)
+        done = seed + 1 - asked.first
+        if done % _PROGRESS == 0:
+            _tell(f"{done} of {asked.count}, {wrong} with disagreements")
         if judged.said:
             wrong += 1
             _report(seed, problem, judged, has_problem=asked.problems)
