@@ -34,7 +34,7 @@ async def test_an_inline_network_is_composed_on(composition: Any, make: Any) -> 
     answer = await compose(composition, problem(make.network()))
 
     assert answer.status_code == 200
-    assert answer.json()["status"] == "feasible"
+    assert answer.json()["status"] == "optimal"
     assert [step["kind"] for step in answer.json()["steps"]].count("RECHARGE") == 1
 
 
