@@ -99,7 +99,7 @@ def legs_of(situation: Situation, s_per_j: float) -> Legs:
     """Seconds and joules per metre for every set of packages on board."""
     model, destinations = situation.model, situation.destinations
     masses_kg = [
-        sum(package.mass_kg for package in situation.packages_for(destination))
+        math.fsum(package.mass_kg for package in situation.packages_for(destination))
         for destination in destinations
     ]
     full = 1 << len(destinations)

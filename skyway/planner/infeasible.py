@@ -17,7 +17,7 @@ _MAX_LABELS = 50_000
 
 def overweight(problem: Problem) -> Infeasibility | None:
     """OVERWEIGHT if the drone cannot lift all packages together."""
-    mass_kg = sum(package.mass_kg for package in problem.packages)
+    mass_kg = math.fsum(package.mass_kg for package in problem.packages)
     model = problem.drone.model
     if mass_kg <= model.max_payload_kg:
         return None

@@ -1,5 +1,6 @@
 """A problem made ready for search: what every strategy asks again and again, worked out once."""
 
+import math
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
 
@@ -67,7 +68,7 @@ class Situation:
 
     def load_kg(self, undelivered: AbstractSet[StationId]) -> float:
         """The load while these destinations wait; summed anew, so that no rounding piles up."""
-        return sum(
+        return math.fsum(
             package.mass_kg
             for package in self.problem.packages
             if package.destination in undelivered

@@ -112,8 +112,9 @@ def _fly(skyway, task, closed, given, known, memory, label, mask, arc):
             used_j, min(row[LATEST], latest_s) + flight_s, not_before_s,
         ):
             return False
-        # Leaving after the next closure is worth it only for what the last pad gives meanwhile.
-        if stayed >= last_position or latest_s == np.inf:
+        # Who lands can wait there, so leaving after the next closure is worth it only for what the
+        # last pad gives meanwhile; who flies on may meet something closed that is open by then.
+        if latest_s == np.inf or (hands_over and stayed >= last_position):
             return True
         leave_at_s = np.nextafter(latest_s, np.inf)
 
