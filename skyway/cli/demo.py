@@ -9,9 +9,7 @@ from rich.console import Console
 
 from skyway.cli.children import Ports
 from skyway.cli.data_folder import DataFolder, data_folder
-from skyway.cli.demo_scenario import play
 from skyway.cli.demo_screen import DemoScreen
-from skyway.cli.demo_world import rehearse
 from skyway.cli.folder_lock import held
 from skyway.cli.race import first_of
 from skyway.cli.system import running_system
@@ -47,6 +45,10 @@ def _empty(folder: DataFolder) -> None:
 
 async def _demo(folder: DataFolder, *, stay: bool) -> None:
     console = Console()
+    # Imported late: the planner takes a second, and the other commands do without it.
+    from skyway.cli.demo_scenario import play
+    from skyway.cli.demo_world import rehearse
+
     planned_s = rehearse()
     rate = planned_s / _WALL_S
     ports = Ports() if stay else Ports(gateway=0, broker=0)
