@@ -15,6 +15,7 @@ from skyway.cli.gateway import call_gateway
 from skyway.cli.up import DataOption
 from skyway.errors import SkywayError
 from skyway.network.bundled import texas_corridor
+from skyway.network.components import component_sizes
 from skyway.network.geojson_text import network_text, read_network_text
 from skyway.network.network import Network
 from skyway.network.synthetic import synthetic_city
@@ -146,28 +147,23 @@ def _unreadable(message: str) -> NoReturn:
 
 
 def _facts(network: Network) -> list[tuple[str, str]]:
-    from networkx import strongly_connected_components
-
-    from skyway.network.nx import to_networkx
-
-    pads = [station.pads for station in network.stations.values()]
-    degrees = [len(network.segments_from(station)) for station in network.stations]
-    components = [len(c) for c in strongly_connected_components(to_networkx(network))]
+    columns = network.columns
     facts = [
         ("stations", str(len(network.stations))),
-        ("pads", str(sum(pads))),
+        ("pads", str(int(columns.pads.sum()))),
         ("segments (directed)", str(len(network.segments))),
         ("zones", str(len(network.zones))),
     ]
-    if degrees:
-        mean = sum(degrees) / len(degrees)
-        spread = f"{mean:.1f} on average, {min(degrees)} to {max(degrees)}"
+    if network.stations:
+        degrees = network.outgoing.degrees()
+        spread = f"{degrees.mean():.1f} on average, {degrees.min()} to {degrees.max()}"
+        sizes = component_sizes(network)
         facts += [
             ("segments from a station", spread),
-            ("components", f"{len(components)}, the largest of {max(components)} stations"),
+            ("components", f"{len(sizes)}, the largest of {max(sizes)} stations"),
         ]
     if network.segments:
-        longest = max(network.segments, key=lambda segment: segment.length_m)
+        longest = network.segments[int(columns.length_m.argmax())]
         ends = f"{longest.from_id} to {longest.to_id}"
         facts.append(("longest segment", f"{m_to_km(longest.length_m):.1f} km, {ends}"))
     return facts

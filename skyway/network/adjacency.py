@@ -42,3 +42,7 @@ class Adjacency:
     def at(self, row: int) -> slice:
         """Where the entries of this station stand."""
         return slice(int(self.offsets[row]), int(self.offsets[row + 1]))
+
+    def degrees(self) -> npt.NDArray[np.int64]:
+        """How many segments each station has, ``(n,)``."""
+        return np.diff(self.offsets)

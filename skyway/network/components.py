@@ -3,6 +3,10 @@
 import numpy as np
 import numpy.typing as npt
 
+from skyway.network.columns import segment_keys
+from skyway.network.network import Network
+from skyway.network.nx import to_networkx
+
 Indices = npt.NDArray[np.int64]
 
 
@@ -23,3 +27,17 @@ def components(one: Indices, other: Indices, *, stations: int) -> Indices:
         np.minimum.at(root, np.maximum(root_one, root_other), np.minimum(root_one, root_other))
         while not np.array_equal(root, flatter := root[root]):
             root = flatter
+
+
+def component_sizes(network: Network) -> list[int]:
+    """How many stations each component has: within one, there is a way from each to each."""
+    columns, stations = network.columns, len(network.columns.station_ids)
+    forth = segment_keys(columns.from_row, columns.to_row, stations=stations)
+    back = segment_keys(columns.to_row, columns.from_row, stations=stations)
+    if np.array_equal(np.sort(forth), np.sort(back)):
+        one, other = columns.from_row.astype(np.int64), columns.to_row.astype(np.int64)
+        sizes = np.bincount(components(one, other, stations=stations), minlength=stations)
+        return [size for size in sizes.tolist() if size]
+    from networkx import strongly_connected_components
+
+    return [len(component) for component in strongly_connected_components(to_networkx(network))]

@@ -30,19 +30,7 @@ def segment_features(columns: Columns) -> Iterator[dict[str, Any]]:
     """The LineStrings: one for two opposite segments of equal length and properties."""
     ids, unread = columns.station_ids, columns.segment_properties
     at = list(zip(columns.longitude_deg.tolist(), columns.latitude_deg.tolist(), strict=True))
-    opposite = _opposite_rows(columns)
-    rows = np.arange(len(opposite))
-    # The second of two is told by the first.
-    told = rows[(opposite < 0) | (rows < opposite)]
-    lines = zip(
-        told.tolist(),
-        columns.from_row[told].tolist(),
-        columns.to_row[told].tolist(),
-        columns.length_m[told].tolist(),
-        (opposite[told] < 0).tolist(),
-        strict=True,
-    )
-    for row, start, end, length_m, is_one_way in lines:
+    for row, start, end, length_m, is_one_way in lines(columns):
         properties = dict(unread[row]) if row in unread else {}
         properties["kind"] = "segment"
         properties["from"] = ids[start]
@@ -50,6 +38,22 @@ def segment_features(columns: Columns) -> Iterator[dict[str, Any]]:
         properties["length_m"] = length_m
         properties["one_way"] = is_one_way
         yield _feature("LineString", [[*at[start]], [*at[end]]], properties)
+
+
+def lines(columns: Columns) -> Iterator[tuple[int, int, int, float, bool]]:
+    """Row, row of the start, of the end, length and `one_way` of what becomes a LineString."""
+    opposite = _opposite_rows(columns)
+    rows = np.arange(len(opposite))
+    # The second of two is told by the first.
+    told = rows[(opposite < 0) | (rows < opposite)]
+    return zip(
+        told.tolist(),
+        columns.from_row[told].tolist(),
+        columns.to_row[told].tolist(),
+        columns.length_m[told].tolist(),
+        (opposite[told] < 0).tolist(),
+        strict=True,
+    )
 
 
 def zone_feature(zone: Zone) -> dict[str, Any]:

@@ -1,9 +1,17 @@
 """Skyway networks as the text of a GeoJSON document, in and out; see `skyway.network.geojson`."""
 
 import json
+from collections.abc import Iterator
+from itertools import chain
+from json.encoder import encode_basestring_ascii
+from typing import Any
+
+import numpy as np
 
 from skyway.network.collector_pause import collector_paused
-from skyway.network.geojson import read_network, write_network
+from skyway.network.columns import Columns, Floats
+from skyway.network.feature_writing import lines, segment_features, station_features, zone_feature
+from skyway.network.geojson import read_network
 from skyway.network.network import Network
 
 
@@ -22,7 +30,63 @@ def read_network_text(text: str | bytes) -> Network:
 
 
 def network_text(network: Network) -> str:
-    """The GeoJSON of this network, in one line."""
+    """The GeoJSON of this network, in one line: what `json.dumps` makes of `write_network`."""
+    columns = network.columns
     with collector_paused():
-        # Made here, so without a circle to look for.
-        return json.dumps(write_network(network), check_circular=False)
+        features = ", ".join(
+            chain(
+                _stations(columns),
+                _segments(columns),
+                map(_dumped, map(zone_feature, network.zones)),
+            )
+        )
+    settings = f', "settings": {_dumped(dict(network.settings))}' if network.settings else ""
+    return f'{{"type": "FeatureCollection", "features": [{features}]{settings}}}'
+
+
+def _stations(columns: Columns) -> Iterator[str]:
+    if columns.station_properties or not _are_finite(columns.longitude_deg, columns.latitude_deg):
+        return map(_dumped, station_features(columns))
+    ids = map(encode_basestring_ascii, columns.station_ids)
+    names = columns.names
+    longitudes, latitudes = columns.longitude_deg.tolist(), columns.latitude_deg.tolist()
+    stations = zip(ids, longitudes, latitudes, columns.pads.tolist(), strict=True)
+    return (
+        f'{{"type": "Feature", "geometry": {{"type": "Point", "coordinates": [{longitude_deg!r}, '
+        f'{latitude_deg!r}]}}, "properties": {{"kind": "station", "station_id": {station_id}, '
+        f'{_name(names[row]) if row in names else ""}"pads": {pads}}}}}'
+        for row, (station_id, longitude_deg, latitude_deg, pads) in enumerate(stations)
+    )
+
+
+def _segments(columns: Columns) -> Iterator[str]:
+    if columns.segment_properties or not _are_finite(
+        columns.longitude_deg, columns.latitude_deg, columns.length_m
+    ):
+        return map(_dumped, segment_features(columns))
+    ids = list(map(encode_basestring_ascii, columns.station_ids))
+    at = [
+        f"[{longitude_deg!r}, {latitude_deg!r}]"
+        for longitude_deg, latitude_deg in zip(
+            columns.longitude_deg.tolist(), columns.latitude_deg.tolist(), strict=True
+        )
+    ]
+    return (
+        '{"type": "Feature", "geometry": {"type": "LineString", "coordinates": '
+        f'[{at[start]}, {at[end]}]}}, "properties": {{"kind": "segment", "from": {ids[start]}, '
+        f'"to": {ids[end]}, "length_m": {length_m!r}, '
+        f'"one_way": {"true" if is_one_way else "false"}}}}}'
+        for _, start, end, length_m, is_one_way in lines(columns)
+    )
+
+
+def _name(name: str) -> str:
+    return f'"name": {encode_basestring_ascii(name)}, '
+
+
+def _dumped(value: Any) -> str:  # any JSON value
+    return json.dumps(value)
+
+
+def _are_finite(*columns: Floats) -> bool:
+    return all(np.isfinite(column).all() for column in columns)

@@ -5,19 +5,27 @@ NetworkX's own drawing uses), `pads` and `name`. Edges are segments; their attri
 Other attributes are kept as properties. `graph.graph` may hold `zones` and `settings`.
 """
 
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from skyway.errors import InvalidNetwork
 from skyway.geo import distance_m
 from skyway.ids import StationId
-from skyway.network import fields
+from skyway.network import column_fields, fields
+from skyway.network.collector_pause import collector_paused
+from skyway.network.column_fields import Doubtful
+from skyway.network.columns import Columns, Floats, Rows, first_repeated, segment_keys
 from skyway.network.geojson_features import MAX_SEGMENT_LENGTH_M
-from skyway.network.network import DEFAULT_PADS, MAX_PADS, Network, Segment, Station
+from skyway.network.network import Network
+from skyway.network.parts import DEFAULT_PADS, MAX_PADS, Segment, Station
 
 if TYPE_CHECKING:
     import networkx
 
-_STATION_ATTRIBUTES = ("pos", "pads", "name")
+_STATION_ATTRIBUTES = frozenset(("pos", "pads", "name"))
+_SEGMENT_ATTRIBUTES = frozenset(("length_m",))
 
 
 def from_networkx(graph: "networkx.Graph[Any]") -> Network:
@@ -31,6 +39,103 @@ def from_networkx(graph: "networkx.Graph[Any]") -> Network:
     InvalidNetwork
         Names the node or edge and the attribute at fault: ``nodes.s1.pos``.
     """
+    zones, settings = graph.graph.get("zones", ()), graph.graph.get("settings", {})
+    try:
+        with collector_paused():
+            columns = _columns(graph)
+    except Doubtful:
+        columns = _columns_one_by_one(graph)
+    return Network.from_columns(columns, zones, dict(settings))
+
+
+def to_networkx(network: Network) -> "networkx.DiGraph[str]":
+    """The directed graph of this network; `from_networkx` reads it back, segments reordered."""
+    import networkx
+
+    graph: networkx.DiGraph[str] = networkx.DiGraph()
+    graph.graph.update(zones=network.zones, settings=dict(network.settings))
+    columns = network.columns
+    with collector_paused():
+        graph.add_nodes_from(_nodes(columns))
+        graph.add_edges_from(_edges(columns))
+    return graph
+
+
+def _nodes(columns: Columns) -> Iterator[tuple[str, dict[str, Any]]]:
+    names, unread = columns.names, columns.station_properties
+    longitudes, latitudes = columns.longitude_deg.tolist(), columns.latitude_deg.tolist()
+    stations = zip(columns.station_ids, longitudes, latitudes, columns.pads.tolist(), strict=True)
+    for row, (station_id, longitude_deg, latitude_deg, pads) in enumerate(stations):
+        attributes = {**unread.get(row, {}), "pos": (longitude_deg, latitude_deg), "pads": pads}
+        if row in names:
+            attributes["name"] = names[row]
+        yield station_id, attributes
+
+
+def _edges(columns: Columns) -> Iterator[tuple[str, str, dict[str, Any]]]:
+    ids, unread = columns.station_ids, columns.segment_properties
+    starts, ends = columns.from_row.tolist(), columns.to_row.tolist()
+    segments = zip(starts, ends, columns.length_m.tolist(), strict=True)
+    for row, (start, end, length_m) in enumerate(segments):
+        yield ids[start], ids[end], {**unread.get(row, {}), "length_m": length_m}
+
+
+def _columns(graph: "networkx.Graph[Any]") -> Columns:
+    """The graph read by the column; `Doubtful` unless all of it is as usual."""
+    nodes, attributes = list(graph.nodes), [each for _, each in graph.nodes(data=True)]
+    if not set(map(type, nodes)) <= {str, int}:
+        raise Doubtful
+    ids = [StationId(str(node)) for node in nodes]
+    column_fields.identifiers(ids)
+    names = [each.get("name") for each in attributes]
+    column_fields.texts_or_none(names)
+    pads = [each.get("pads", DEFAULT_PADS) for each in attributes]
+    longitude_deg, latitude_deg = column_fields.positions(column_fields.member(attributes, "pos"))
+    row_of = {node: row for row, node in enumerate(nodes)}
+    from_row, to_row, length_m, unread = _edge_columns(graph, row_of)
+    return Columns(
+        station_ids=tuple(ids),
+        longitude_deg=longitude_deg,
+        latitude_deg=latitude_deg,
+        pads=column_fields.whole_numbers(pads, low=0, high=MAX_PADS).astype(np.int32),
+        from_row=from_row,
+        to_row=to_row,
+        length_m=length_m,
+        names={row: name for row, name in enumerate(names) if name is not None},
+        station_properties=column_fields.unknown_members(attributes, _STATION_ATTRIBUTES),
+        segment_properties=unread,
+    )
+
+
+def _edge_columns(
+    graph: "networkx.Graph[Any]", row_of: Mapping[Any, int]
+) -> tuple[Rows, Rows, Floats, dict[int, dict[str, Any]]]:
+    """Ends, lengths and unread attributes of the directed segments that the edges mean."""
+    edges = list(graph.edges(data=True))
+    start = np.array([row_of[one] for one, _, _ in edges], np.int32)
+    end = np.array([row_of[other] for _, other, _ in edges], np.int32)
+    length_m = column_fields.numbers(
+        column_fields.member((each for _, _, each in edges), "length_m"),
+        low=0.0,
+        high=MAX_SEGMENT_LENGTH_M,
+    )
+    unread = column_fields.unknown_members([each for _, _, each in edges], _SEGMENT_ATTRIBUTES)
+    if not graph.is_directed():
+        start, end = _alternating(start, end), _alternating(end, start)
+        length_m = np.repeat(length_m, 2)
+        unread = {2 * row + way: each for row, each in unread.items() for way in (0, 1)}
+    keys = segment_keys(start, end, stations=len(row_of))
+    if (start == end).any() or first_repeated(keys) is not None:
+        raise Doubtful
+    return start, end, length_m, unread
+
+
+def _alternating(forth: Rows, back: Rows) -> Rows:
+    return np.column_stack((forth, back)).ravel()
+
+
+def _columns_one_by_one(graph: "networkx.Graph[Any]") -> Columns:
+    """What `_columns` reads, or an error that names the attribute at fault."""
     stations: dict[StationId, Station] = {}
     for node, attributes in graph.nodes(data=True):
         station = _station(node, attributes)
@@ -46,25 +151,7 @@ def from_networkx(graph: "networkx.Graph[Any]") -> Network:
             if ends in segments:
                 raise InvalidNetwork(f"edges.{start}.{end}", "a second segment between these two")
             segments[ends] = segment
-    zones, settings = graph.graph.get("zones", ()), graph.graph.get("settings", {})
-    return Network(stations, tuple(segments.values()), tuple(zones), dict(settings))
-
-
-def to_networkx(network: Network) -> "networkx.DiGraph[str]":
-    """The directed graph of this network; `from_networkx` reads it back, segments reordered."""
-    import networkx
-
-    graph: networkx.DiGraph[str] = networkx.DiGraph()
-    graph.graph.update(zones=network.zones, settings=dict(network.settings))
-    for station in network.stations.values():
-        own: dict[str, Any] = {"pos": tuple(station.position), "pads": station.pads}
-        if station.name is not None:
-            own["name"] = station.name
-        graph.add_node(station.station_id, **{**station.properties, **own})
-    for segment in network.segments:
-        attributes = {**segment.properties, "length_m": segment.length_m}
-        graph.add_edge(segment.from_id, segment.to_id, **attributes)
-    return graph
+    return Columns.of(stations, segments.values())
 
 
 def _station(node: object, attributes: dict[str, Any]) -> Station:

@@ -66,6 +66,16 @@ def test_a_network_survives_the_way_through_networkx() -> None:
     assert sorted(map(repr, again.segments)) == sorted(map(repr, network.segments))
 
 
+@pytest.mark.parametrize("kind", [networkx.Graph, networkx.DiGraph])
+def test_a_graph_is_the_same_network_with_and_without_lengths(kind: Any) -> None:
+    with_lengths, without = make_graph(kind()), make_graph(kind())
+    here, there = Position(0.0, 0.0), Position(0.1, 0.0)
+    with_lengths.add_edge("a", "b", length_m=distance_m(here, there), wire=1)
+    without.add_edge("a", "b", wire=1)
+
+    assert from_networkx(with_lengths) == from_networkx(without)
+
+
 @pytest.mark.parametrize(
     ("nodes", "edges", "message"),
     [
