@@ -34,7 +34,14 @@ def make_open_problem(seed: int, **fields: Any) -> Problem:
     return Problem.model_validate({**made, **open_sky, **fields})
 
 
-def as_json(seed: int, *, stations: Sequence[int] = _STATIONS) -> dict[str, Any]:
+def make_stormy_problem(seed: int, **fields: Any) -> Problem:
+    """A problem in which half of all stations and segments close at times."""
+    return Problem.model_validate({**as_json(seed, closed_share=0.5), **fields})
+
+
+def as_json(
+    seed: int, *, stations: Sequence[int] = _STATIONS, closed_share: float = 0.12
+) -> dict[str, Any]:
     """The problem of this seed in its JSON form."""
     rng = Random(f"skyway {seed}")
     is_rough = rng.random() < 0.25
@@ -53,7 +60,7 @@ def as_json(seed: int, *, stations: Sequence[int] = _STATIONS) -> dict[str, Any]
         "source": source,
         "packages": packages,
         "pad_reservations": _reservations(rng, network, is_rough=is_rough),
-        "closures": _closures(rng, network),
+        "closures": _closures(rng, network, closed_share),
         "recharge_policy": rng.choice(["partial", "partial", "partial", "full"]),
         "finish": rng.choice(["recharge", "stay"]),
         "loading_s": rng.choice([0.0, 0.0, 10.0, 60.0]),
@@ -165,11 +172,11 @@ def _reservations(rng: Random, network: dict[str, Any], *, is_rough: bool) -> li
     return taken
 
 
-def _closures(rng: Random, network: dict[str, Any]) -> list[dict[str, Any]]:
+def _closures(rng: Random, network: dict[str, Any], share: float) -> list[dict[str, Any]]:
     closures: list[dict[str, Any]] = []
     for feature in network["features"]:
         properties = feature["properties"]
-        if properties["kind"] == "zone" or rng.random() >= 0.12:
+        if properties["kind"] == "zone" or rng.random() >= share:
             continue
         what = (
             {"station_id": properties["station_id"]}

@@ -2,7 +2,8 @@
 
 From tests/library/planner: ``python -m oracles.sweep --first 0 --count 10000 --tick 2``. With
 ``--contestants`` the exact plan is also measured against both contestants (minutes per thousand),
-with ``--milp`` problems without closures go before the mixed-integer model too (seconds each).
+with ``--kind open --milp`` problems without closures go before the mixed-integer model too (seconds
+each); ``--kind stormy`` closes much.
 Exit code 1 when a judge disagrees.
 """
 
@@ -15,7 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from oracles.grid import bracket
-from oracles.instances import make_open_problem, make_problem
+from oracles.instances import make_open_problem, make_problem, make_stormy_problem
 from oracles.judge import (
     disagreements,
     disagreements_with_contestants,
@@ -26,6 +27,8 @@ from skyway.delivery.plan import Plan
 from skyway.planner.compose import compose
 from skyway.planner.problem import Problem
 from skyway.planner.verify import PlanRejected
+
+_MAKERS = {"mixed": make_problem, "open": make_open_problem, "stormy": make_stormy_problem}
 
 #: Problems after which the sweep says how far it is.
 _PROGRESS = 5000
@@ -46,6 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--count", type=int, default=1000)
     parser.add_argument("--tick", type=float, default=2.0, help="seconds; 1, 2, 5 or 10")
     parser.add_argument("--strategy", default="exact")
+    parser.add_argument("--kind", choices=_MAKERS, default="mixed")
     parser.add_argument("--contestants", action="store_true")
     parser.add_argument("--milp", action="store_true")
     parser.add_argument("--problems", action="store_true", help="print problems as JSON too")
@@ -54,8 +58,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     statuses: Counter[str] = Counter()
     wrong, widths_s, started_s = 0, [], time.monotonic()
     for seed in range(asked.first, asked.first + asked.count):
-        make = make_open_problem if asked.milp else make_problem
-        problem = make(seed, strategy=asked.strategy)
+        problem = _MAKERS[asked.kind](seed, strategy=asked.strategy)
         judged = _judge(problem, asked)
         statuses[str(judged.plan.status) if judged.plan else "rejected"] += 1
         widths_s.append(judged.width_s)
