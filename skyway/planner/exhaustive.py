@@ -38,6 +38,7 @@ def _best_of_all(situation: Situation, effort: Effort, *, visits: int) -> Findin
         start = situation.problem.start_station_id
         for route in _routes(start, flights, visits=visits, effort=effort):
             itinerary = fly(situation, route)
+            effort.compositions += 1
             if is_better(situation, itinerary, best):
                 best = itinerary
     return Findings(best, len(whole.stations))

@@ -113,6 +113,7 @@ def _itineraries(
         if route is None:
             break
         itinerary = fly(situation, route)
+        effort.compositions += 1
         itineraries.append(itinerary)
         hindrance = next((met for met in itinerary.hindrances if met not in avoided), None)
         if hindrance is None:

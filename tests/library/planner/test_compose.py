@@ -207,7 +207,13 @@ def test_the_result_says_how_it_was_found(make_problem):
     stats = compose(make_problem("a-b:1 b-c:1", "c")).stats
 
     assert stats["strategy"] == "heuristic"
-    assert set(stats) == {"strategy", "elapsed_s", "labels", "stations_searched"}
+    assert set(stats) == {
+        "strategy",
+        "elapsed_s",
+        "labels",
+        "compositions",
+        "stations_searched",
+    }
 
 
 def test_a_plan_s_json_names_an_infeasibility_only_when_it_has_one(make_problem):
