@@ -37,7 +37,7 @@ def run_trial(trial: Trial) -> list[Run]:
 def ablations(laboratory: Laboratory) -> Section:
     """Labels and time of the search, with one part after the other switched off."""
     stations = laboratory.size(quick=20, full=100)
-    limit_s = laboratory.size(quick=0.3, full=5.0)
+    limit_s = laboratory.size(quick=0.3, full=2.0)
     trials = [
         Trial(
             Setting(

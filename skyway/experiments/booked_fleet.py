@@ -22,7 +22,7 @@ PLANNERS = (HEURISTIC, EXACT)
 
 #: A drone starts every so many seconds. Our own choice: the fleet meets at the pads.
 _INTERVAL_S = minutes_to_s(2)
-_LIMIT_S = 20.0
+_LIMIT_S = 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,9 +90,9 @@ def _moved(held: PadReservation, *, by_s: float) -> PadReservation:
 
 def booked_fleet(laboratory: Laboratory) -> Section:
     """How much later those deliver who come after many others."""
-    drones = laboratory.size(quick=8, full=60)
+    drones = laboratory.size(quick=8, full=40)
     setting = Setting(
-        stations=laboratory.size(quick=12, full=25),
+        stations=laboratory.size(quick=10, full=25),
         degree=4.0,
         spacing_m=8_000.0,
         packages=2,
@@ -102,7 +102,7 @@ def booked_fleet(laboratory: Laboratory) -> Section:
     )
     fleets = [
         Fleet(setting, laboratory.seed_for("fleet", number), drones, planner)
-        for number in range(laboratory.size(quick=1, full=8))
+        for number in range(laboratory.size(quick=1, full=6))
         for planner in PLANNERS
     ]
     results = laboratory.results("booked-fleet", fly_fleet, fleets)

@@ -24,7 +24,7 @@ from skyway.planner.exact import exact_with
 from skyway.planner.exact_task import Method
 from skyway.planner.problem import Problem
 
-_LIMIT_S = 20.0
+_LIMIT_S = 3.0
 _POLICIES: tuple[Literal["full", "partial"], ...] = ("full", "partial")
 _CAUSES = ("order", "path", "amount", "pads")
 _NO_PLAN = dict.fromkeys(_CAUSES)
@@ -60,7 +60,7 @@ class Causes:
 def run_trial(trial: Trial) -> Causes | None:
     """The causes on one instance, None where heuristic or `exact` has no plan."""
     problem = city_problem(trial.setting, seed=trial.seed)
-    plan = compose(problem.model_copy(update={"strategy": HEURISTIC}))
+    plan = compose(problem.model_copy(update={"strategy": HEURISTIC, "time_limit_s": _LIMIT_S}))
     best_s = _delivery_s(problem, EXACT)
     if plan.delivery_time_s is None or best_s is None:
         return None
@@ -97,18 +97,18 @@ def causes(laboratory: Laboratory) -> Section:
     """The gap split by cause: full and partial recharging, free and taken pads."""
     cells = {
         f"{policy}, {taken:.0%} taken": Setting(
-            stations=laboratory.size(quick=20, full=50),
+            stations=laboratory.size(quick=12, full=30),
             degree=4.0,
             spacing_m=8_000.0,
-            packages=4,
+            packages=3,
             taken=taken,
             model=SHORT_RANGE,
             recharge_policy=policy,
         )
         for policy in _POLICIES
-        for taken in (0.0, 0.5, 0.8)
+        for taken in (0.0, 0.6)
     }
-    numbers = range(laboratory.size(quick=2, full=40))
+    numbers = range(laboratory.size(quick=2, full=30))
     trials = [
         (name, Trial(setting, laboratory.seed_for("causes", number)))
         for name, setting in cells.items()

@@ -25,7 +25,7 @@ SHARES = (0.0, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95)
 def congestion(laboratory: Laboratory) -> Section:
     """The same requests, with ever more of the pads' time taken."""
     shares = laboratory.size(quick=(0.0, 0.7, 0.95), full=SHARES)
-    stations = laboratory.size(quick=20, full=50)
+    stations = laboratory.size(quick=12, full=35)
     trials = [
         Trial(
             Setting(
@@ -40,10 +40,10 @@ def congestion(laboratory: Laboratory) -> Section:
             seed=laboratory.seed_for("congestion", number),
             turn=number,
             contestants=CONTESTANTS,
-            limit_s=20.0,
+            limit_s=laboratory.size(quick=0.5, full=3.0),
         )
         for taken in shares
-        for number in range(laboratory.size(quick=3, full=40))
+        for number in range(laboratory.size(quick=2, full=20))
     ]
     by_share = hold(laboratory, "congestion", trials).by(lambda setting: setting.taken)
     percents = [100 * share for share in by_share]
@@ -75,6 +75,7 @@ def _section(by_share: Mapping[float, Contest], stations: int, *, seed: int) -> 
         (
             percent(share),
             who,
+            percent(contest.times(who).share_finished),
             estimated(contest.deliveries_h(who).mean(seed=seed), hours),
             estimated(contest.times(who).median(seed=seed), duration),
             estimated(contest.labels(who).median(seed=seed), count),
@@ -100,7 +101,17 @@ def _section(by_share: Mapping[float, Contest], stations: int, *, seed: int) -> 
         "recharging. Others hold each pad for 20 to 60 minutes at a time, at random, so that the "
         "given share of its time is taken, for two days; the requests are the same for every share."
     )
-    header = ("taken", "planner", "mean delivery", "median time", "labels", "gap p50", "p95", "max")
+    header = (
+        "taken",
+        "planner",
+        "finished",
+        "mean delivery",
+        "median time",
+        "labels",
+        "gap p50",
+        "p95",
+        "max",
+    )
     return Section(
         "Congestion by chance",
         [

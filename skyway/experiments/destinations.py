@@ -15,7 +15,7 @@ def destinations(laboratory: Laboratory) -> Section:
     """1 to 12 destinations on networks of one size."""
     stations = laboratory.size(quick=14, full=35)
     numbers = laboratory.size(quick=(1, 3, 5), full=(1, 2, 3, 4, 5, 6, 8, 10, 12))
-    limit_s = laboratory.size(quick=0.15, full=2.0)
+    limit_s = laboratory.size(quick=0.15, full=1.0)
     contest = hold(
         laboratory,
         "destinations",

@@ -111,11 +111,11 @@ def _with_margin(problem: Problem, margin: float) -> Problem:
 def flown(laboratory: Laboratory) -> Section:
     """Shares of safe and late flights by margin and by what disturbs them."""
     margins = laboratory.size(quick=(0.0, 0.2), full=MARGINS)
-    days = laboratory.size(quick=20, full=200)
+    days = laboratory.size(quick=20, full=100)
     trials = [
         Trial(laboratory.seed_for("flown", number), margin, days)
         for margin in margins
-        for number in range(laboratory.size(quick=6, full=80))
+        for number in range(laboratory.size(quick=3, full=50))
     ]
     results = laboratory.results("flown", run_trial, trials)
     by_margin = {

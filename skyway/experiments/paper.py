@@ -32,7 +32,7 @@ CONTESTANTS = (HEURISTIC, EXHAUSTIVE, EXACT, EXACT_PLAIN)
 def paper(laboratory: Laboratory) -> Section:
     """10 to 35 stations, as many runs as half the stations, 4 pads, the paper's drone."""
     sizes = laboratory.size(quick=(10, 15, 20), full=(10, 15, 20, 25, 30, 35))
-    limit_s = laboratory.size(quick=0.4, full=20.0)
+    limit_s = laboratory.size(quick=0.4, full=10.0)
     contest = hold(
         laboratory,
         "paper",

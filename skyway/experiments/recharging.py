@@ -46,13 +46,13 @@ def recharging(laboratory: Laboratory) -> Section:
             seed=laboratory.seed_for("recharging", number),
             turn=number,
             contestants=CONTESTANTS,
-            limit_s=20.0,
+            limit_s=3.0,
             make_problem=texas_problem,
         )
         for range_m in ranges_m
         for curve in CURVES
         for policy in _POLICIES
-        for number in range(laboratory.size(quick=3, full=40))
+        for number in range(laboratory.size(quick=2, full=30))
     ]
     contest = hold(laboratory, "recharging", trials)
     by_model = contest.by(lambda setting: setting.model.model_id)

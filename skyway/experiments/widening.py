@@ -30,7 +30,7 @@ def run_trial(trial: Trial) -> list[Run]:
 
 def widening(laboratory: Laboratory) -> Section:
     """The heuristic's time and gap by the width of the sector that it begins with."""
-    sizes = laboratory.size(quick=(20,), full=(35, 100, 300))
+    sizes = laboratory.size(quick=(12,), full=(35, 100))
     trials = [
         Trial(
             Setting(
@@ -44,10 +44,10 @@ def widening(laboratory: Laboratory) -> Section:
             seed=laboratory.seed_for("widening", stations, number),
             turn=number,
             contestants=(EXACT, *map(str, LEVELS)),
-            limit_s=20.0,
+            limit_s=laboratory.size(quick=0.5, full=3.0),
         )
         for stations in sizes
-        for number in range(laboratory.size(quick=4, full=40))
+        for number in range(laboratory.size(quick=2, full=25))
     ]
     by_size = hold(laboratory, "widening", trials, run_trial).by(lambda s: s.stations)
     for name, label, scale in (("time", "median time, s", "log"), ("gap", "mean gap, %", "linear")):
