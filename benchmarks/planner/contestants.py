@@ -16,7 +16,7 @@ from skyway.planner.pad_book import PadBook
 _TAKEN = 0.5
 #: The largest network that each contestant is asked about: enumeration ends with the paper's 35.
 _LARGEST = {"exact": 10_000, "heuristic": 10_000, "exhaustive": 35}
-_STATIONS = (12, 35, 1_000, 10_000)
+_STATIONS = (8, 35, 1_000, 10_000)
 
 
 def contestants(extent: Extent) -> Table:

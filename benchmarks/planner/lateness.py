@@ -39,5 +39,5 @@ class Lateness:
     def as_texts(self) -> tuple[str, str, str, str]:
         """Mean, p95, worst, and how many of how many are optimal."""
         shares = (self.mean, self.p95, self.worst)
-        mean, p95, worst = ("none" if share is None else f"{share:.1%}" for share in shares)
+        mean, p95, worst = ("none" if share is None else f"{share:z.1%}" for share in shares)
         return mean, p95, worst, f"{self.optimal} of {self.compared}"
