@@ -1,0 +1,22 @@
+from typer.testing import CliRunner
+
+from skyway.cli.main import app
+
+
+def test_a_part_that_is_none_is_refused():
+    result = CliRunner().invoke(app, ["experiment", "--only", "nothing"])
+
+    assert result.exit_code == 2
+    assert "'nothing' is not a part" in result.stderr
+
+
+def test_one_part_alone_writes_its_page_figures_and_rows(tmp_path):
+    arguments = ["experiment", "--quick", "--only", "congestion", "--out", str(tmp_path)]
+
+    result = CliRunner().invoke(app, arguments)
+
+    assert result.exit_code == 0
+    assert "delivery time, 0 to 95% taken" in result.stdout.replace("\n", " ") or result.stdout
+    written = {path.name for path in (tmp_path / "experiments").iterdir()}
+    assert {"congestion.csv", "congestion.md", "congestion-time.png"} <= written
+    assert "# Experiments" in (tmp_path / "experiments.md").read_text(encoding="utf-8")

@@ -1,0 +1,59 @@
+import pytest
+
+from skyway.experiments.claims import grows_exponentially, is_far_faster, is_near_optimal
+from skyway.experiments.sample import Sample
+
+SIZES = (10, 15, 20, 25, 30)
+
+
+@pytest.fixture
+def make_growth(make_run, make_contest):
+    def make(time_s):
+        return make_contest(
+            [
+                (size, [make_run("exhaustive", elapsed_s=time_s(size) * (1 + 0.01 * number))])
+                for size in SIZES
+                for number in range(6)
+            ]
+        )
+
+    return make
+
+
+def test_time_that_doubles_every_three_stations_grows_exponentially(make_growth):
+    assert grows_exponentially(make_growth(lambda size: 2 ** (size / 3)), seed=1).answer == "holds"
+
+
+def test_time_that_doubles_every_ten_stations_does_not(make_growth):
+    assert grows_exponentially(make_growth(lambda size: 2 ** (size / 10)), seed=1).answer == "fails"
+
+
+def test_slow_growth_among_censored_runs_proves_nothing(make_run, make_contest):
+    contest = make_contest(
+        [(size, [make_run("exhaustive", is_censored=True)]) for size in SIZES for _ in range(6)]
+    )
+
+    verdict = grows_exponentially(contest, seed=1)
+
+    assert verdict.answer == "open"
+    assert verdict.measured.startswith("≥")
+
+
+@pytest.mark.parametrize(("slow_s", "answer"), [(20.0, "holds"), (5.0, "fails")])
+def test_far_faster_is_ten_times(make_run, make_contest, slow_s, answer):
+    runs = [make_run("exhaustive", elapsed_s=slow_s), make_run("heuristic", elapsed_s=1.0)]
+    contest = make_contest([(20, runs)] * 6)
+
+    assert is_far_faster(contest, seed=1).answer == answer
+
+
+@pytest.mark.parametrize(
+    ("gaps", "answer"),
+    [
+        ([0.0, 0.01, 0.02, 0.03] * 5, "holds"),
+        ([0.3, 0.4] * 10, "fails"),
+        ([0.0] * 18 + [9.0, 9.0], "open"),
+    ],
+)
+def test_near_optimal_is_about_the_middle_and_the_tail(gaps, answer):
+    assert is_near_optimal(Sample.of(gaps), seed=1).answer == answer

@@ -1,0 +1,17 @@
+import csv
+
+import pytest
+
+from skyway.experiments.parts import PARTS
+
+
+@pytest.mark.parametrize("name", [name for name in PARTS if name != "paper"])
+def test_every_part_ends_with_findings_rows_and_the_figures_that_it_shows(laboratory, name):
+    section = PARTS[name](laboratory)
+
+    written = (laboratory.folder / f"{name}.csv").read_text(encoding="utf-8")
+    rows = list(csv.DictReader(written.splitlines()))
+    shown = [text.split("experiments/")[1][:-1] for text in section.paragraphs if text[:2] == "!["]
+    assert section.findings
+    assert rows
+    assert all((laboratory.folder / figure).stat().st_size > 1_000 for figure in shown)
