@@ -1,11 +1,14 @@
 """Exact plans before the fine grid's dynamic programme, all features mixed."""
 
+from collections.abc import Callable
+
 import pytest
 from oracles.grid import bracket
-from oracles.instances import make_problem
+from oracles.instances import make_busy_problem, make_problem, make_stormy_problem
 from oracles.judge import disagreements, disagreements_with_reason
 
 from skyway.planner import compose
+from skyway.planner.problem import Problem
 
 _BLOCK = 50
 
@@ -17,6 +20,16 @@ def test_no_plan_is_later_than_the_grids_or_earlier_than_possible(first: int) ->
         problem = make_problem(seed)
         plan = compose(problem)
         said[seed] = disagreements(problem, plan, bracket(problem, tick_s=5.0))
+
+    assert {seed: words for seed, words in said.items() if words} == {}
+
+
+@pytest.mark.parametrize("make", [make_busy_problem, make_stormy_problem])
+def test_nor_where_pads_are_busy_or_much_is_closed(make: Callable[[int], Problem]) -> None:
+    said = {}
+    for seed in range(60):
+        problem = make(seed)
+        said[seed] = disagreements(problem, compose(problem), bracket(problem, tick_s=5.0))
 
     assert {seed: words for seed, words in said.items() if words} == {}
 

@@ -39,6 +39,34 @@ def make_stormy_problem(seed: int, **fields: Any) -> Problem:
     return Problem.model_validate({**as_json(seed, closed_share=0.5), **fields})
 
 
+def make_busy_problem(seed: int, **fields: Any) -> Problem:
+    """A problem that starts low, on pads taken again and again: sessions have to be split."""
+    rng = Random(f"busy {seed}")
+    made = as_json(seed)
+    drone, reserve = made["drone"], made["drone"]["model"]["reserve_soc"]
+    low = round(rng.uniform(reserve, min(1.0, reserve + 0.4)), 3)
+    taken = [
+        {"station_id": one["properties"]["station_id"], "pad": pad, **times}
+        for one in made["network"]["features"]
+        if one["properties"]["kind"] == "station"
+        for pad in range(one["properties"]["pads"])
+        for times in _train(rng)
+    ]
+    busy = {"drone": {**drone, "soc": max(low, reserve)}, "pad_reservations": taken}
+    return Problem.model_validate({**made, **busy, **fields})
+
+
+def _train(rng: Random) -> list[dict[str, float]]:
+    """One reservation after another, with short gaps between."""
+    times = []
+    at_s = moment(rng, -200, 200)
+    for _ in range(rng.randint(3, 10)):
+        end_s = at_s + moment(rng, 20, 300)
+        times.append({"start_s": at_s, "end_s": end_s})
+        at_s = end_s + moment(rng, 10, 150)
+    return times
+
+
 def as_json(
     seed: int, *, stations: Sequence[int] = _STATIONS, closed_share: float = 0.12
 ) -> dict[str, Any]:

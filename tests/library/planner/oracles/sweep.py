@@ -3,7 +3,7 @@
 From tests/library/planner: ``python -m oracles.sweep --first 0 --count 10000 --tick 2``. With
 ``--contestants`` the exact plan is also measured against both contestants (minutes per thousand),
 with ``--kind open --milp`` problems without closures go before the mixed-integer model too (seconds
-each); ``--kind stormy`` closes much.
+each); ``--kind stormy`` closes much, ``--kind busy`` reserves much.
 Exit code 1 when a judge disagrees.
 """
 
@@ -16,7 +16,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from oracles.grid import bracket
-from oracles.instances import make_open_problem, make_problem, make_stormy_problem
+from oracles.instances import (
+    make_busy_problem,
+    make_open_problem,
+    make_problem,
+    make_stormy_problem,
+)
 from oracles.judge import (
     disagreements,
     disagreements_with_contestants,
@@ -28,7 +33,12 @@ from skyway.planner.compose import compose
 from skyway.planner.problem import Problem
 from skyway.planner.verify import PlanRejected
 
-_MAKERS = {"mixed": make_problem, "open": make_open_problem, "stormy": make_stormy_problem}
+_MAKERS = {
+    "mixed": make_problem,
+    "busy": make_busy_problem,
+    "open": make_open_problem,
+    "stormy": make_stormy_problem,
+}
 
 #: Problems after which the sweep says how far it is.
 _PROGRESS = 5000
