@@ -11,6 +11,10 @@ from skyway.planner.itinerary import Itinerary
 from skyway.planner.kernels.memory import FLOWN, HANDED_OVER, LANDED, SESSION
 from skyway.planner.situation import Situation
 
+#: Charges closer than this are equal here: far below the tolerance of a plan, so that what is left
+#: out over many recharges stays below it too.
+_SAME_SOC = 1e-12
+
 
 def itinerary_of(situation: Situation, acts: Sequence[Act]) -> Itinerary:
     """The steps of these acts, as early as the charges and the closures let them be."""
@@ -59,7 +63,7 @@ class _Flight:
         until_soc = min(act.level_j / model.battery_j, model.top_soc)
         self._land()
         self.log.wait(until_s=act.not_before_s)
-        if until_soc <= self.log.soc:
+        if until_soc <= self.log.soc + _SAME_SOC:
             self.log.stand()
             return
         calendar, policy = self._situation.pads, self._situation.problem.recharge_policy

@@ -49,7 +49,7 @@ def enlarged(memory: Memory) -> Memory:
     )
     used = {
         "row": PLACES, "arc_first": PLACES, "arc_count": PLACES, "window_first": PLACES,
-        "window_count": PLACES, "is_searched": PLACES, "distance": PLACES,
+        "window_count": PLACES, "is_searched": PLACES,
         "arc_place": ARCS, "arc_segment": ARCS, "arc_length": ARCS, "window_s": WINDOWS,
         "state": STATES, "state_bound": STATES, "label": LABELS, "link": LABELS,
         "queue_key": QUEUE, "queue_label": QUEUE,
@@ -58,7 +58,7 @@ def enlarged(memory: Memory) -> Memory:
         getattr(larger, name)[: count[row]] = getattr(memory, name)[: count[row]]
     for name in ("count", "best_s", "radius", "reach", "tree_size"):
         getattr(larger, name)[:] = getattr(memory, name)
-    for name in ("tree_queue", "tree_place"):
+    for name in ("distance", "tree_key", "tree_heap", "tree_slot"):
         getattr(larger, name)[:, : count[PLACES]] = getattr(memory, name)[:, : count[PLACES]]
     larger.count[FULL] = 0
     notes = handle_of(larger)
@@ -91,11 +91,12 @@ def _sized(
         window_first=np.empty(places, np.int64),
         window_count=np.empty(places, np.int64),
         is_searched=np.empty(places, np.int64),
-        distance=np.empty((places, trees)),
+        distance=np.empty((trees, places)),
         radius=np.empty(trees),
         reach=np.empty(trees),
-        tree_queue=np.empty((trees, places), np.int64),
-        tree_place=np.empty((trees, places), np.int64),
+        tree_key=np.empty((trees, places)),
+        tree_heap=np.empty((trees, places), np.int64),
+        tree_slot=np.empty((trees, places), np.int64),
         tree_size=np.zeros(trees, np.int64),
         arc_place=np.empty(arcs, np.int64),
         arc_segment=np.empty(arcs, np.int64),

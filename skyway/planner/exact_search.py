@@ -162,7 +162,7 @@ class ExactSearch:
 
     def _distance_m(self, row: int, tree: int) -> float:
         place = places.place_of(self._notes, row)
-        return float(self._memory.distance[place, tree])
+        return float(self._memory.distance[tree, place])
 
     def _plant_trees(self) -> None:
         roots = self._destinations

@@ -8,8 +8,8 @@ from typing import Literal
 
 import numpy as np
 
-from skyway.drone.flight import flight_energy_j, speed_mps
 from skyway.drone.model import DroneModel
+from skyway.drone.power import MASS_EXPONENT
 from skyway.ids import StationId
 from skyway.network.network import Network
 from skyway.planner.closures import Interval
@@ -102,14 +102,18 @@ def legs_of(situation: Situation, s_per_j: float) -> Legs:
         math.fsum(package.mass_kg for package in situation.packages_for(destination))
         for destination in destinations
     ]
-    full = 1 << len(destinations)
-    loads_kg = [
-        math.fsum(mass for number, mass in enumerate(masses_kg) if not mask >> number & 1)
-        for mask in range(full)
-    ]
-    loads_kg.append(0.0)
-    s_per_m = np.array([1.0 / speed_mps(model, load) for load in loads_kg])
-    j_per_m = np.array([flight_energy_j(model, length_m=1.0, load_kg=load) for load in loads_kg])
+    masks = np.arange(1 << len(destinations))
+    loads_kg = np.zeros(len(masks) + 1)
+    for number, mass_kg in enumerate(masses_kg):
+        loads_kg[:-1] += np.where(masks >> number & 1, 0.0, mass_kg)
+    # `skyway.drone` computes one load at a time; here are thousands, by the same formulas.
+    share_of_payload = loads_kg / model.max_payload_kg
+    speeds_mps = model.speed_empty_mps + share_of_payload * (
+        model.speed_full_mps - model.speed_empty_mps
+    )
+    powers_w = model.power_empty_w * (1.0 + loads_kg / model.empty_mass_kg) ** MASS_EXPONENT
+    s_per_m = 1.0 / speeds_mps
+    j_per_m = powers_w * s_per_m
     return Legs(s_per_m, j_per_m, s_per_m + j_per_m * s_per_j)
 
 

@@ -6,6 +6,7 @@ from skyway.drone.flight import soc_after_use
 from skyway.ids import StationId
 from skyway.network.network import Segment
 from skyway.planner.situation import Situation
+from skyway.units import TIME_TOLERANCE_S
 
 
 class FlightLog:
@@ -41,8 +42,8 @@ class FlightLog:
         self.here, self.now_s, self.soc = segment.to_id, end_s, soc
 
     def wait(self, *, until_s: float) -> None:
-        """Stand until this moment; no step if it has come."""
-        if until_s > self.now_s:
+        """Stand until this moment; no step if it has come, or as good as come."""
+        if until_s > self.now_s + TIME_TOLERANCE_S:
             self.steps.append(Wait(station_id=self.here, start_s=self.now_s, end_s=until_s))
             self.now_s = until_s
 

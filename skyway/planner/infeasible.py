@@ -9,7 +9,7 @@ from skyway.planner.problem import Problem
 from skyway.planner.situation import Situation
 from skyway.planner.stop import Effort, LabelLimit, Stop, first_of
 from skyway.planner.subnetwork import Subnetwork
-from skyway.units import TIME_TOLERANCE_S
+from skyway.units import LOAD_TOLERANCE_KG, TIME_TOLERANCE_S
 
 #: Labels after which the proof that all is out of range is given up. Our own choice: about 1 s.
 _MAX_LABELS = 50_000
@@ -19,7 +19,7 @@ def overweight(problem: Problem) -> Infeasibility | None:
     """OVERWEIGHT if the drone cannot lift all packages together."""
     mass_kg = math.fsum(package.mass_kg for package in problem.packages)
     model = problem.drone.model
-    if mass_kg <= model.max_payload_kg:
+    if mass_kg <= model.max_payload_kg + LOAD_TOLERANCE_KG:
         return None
     return Infeasibility(
         code="OVERWEIGHT",

@@ -93,16 +93,18 @@ class PadBook:
         """Pad, start and end of each reservation of a station, milliseconds; sorted, inf if open."""
         # Rows of another type would have all of `station` converted for every look-up.
         rows = np.array((station_row, station_row + 1), self.station.dtype)
-        first, end = np.searchsorted(self.station, rows)
+        if len(self.station) == 0:
+            return []
+        # Of another type than the column's they would make numpy convert the whole column.
+        rows = np.array((station_row, station_row + 1), np.int32)
+        first, end = np.searchsorted(self.station, rows).tolist()
+        starts_ms = (self.start_ms[first:end] - self.zero_ms).tolist()
+        ends_ms = self.end_ms[first:end].tolist()
         return [
-            (
-                int(self.pad[index]),
-                int(self.start_ms[index]) - self.zero_ms,
-                math.inf
-                if self.end_ms[index] >= OPEN_MS
-                else int(self.end_ms[index]) - self.zero_ms,
+            (pad, start_ms, math.inf if end_ms >= OPEN_MS else end_ms - self.zero_ms)
+            for pad, start_ms, end_ms in zip(
+                self.pad[first:end].tolist(), starts_ms, ends_ms, strict=True
             )
-            for index in range(first, end)
         ]
 
 

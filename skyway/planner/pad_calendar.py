@@ -6,8 +6,7 @@ from dataclasses import dataclass
 
 from skyway.ids import StationId
 from skyway.network.network import Network
-from skyway.planner.pad_book import PadBook
-from skyway.units import TIME_TOLERANCE_S
+from skyway.planner.pad_book import PadBook, booked_from_ms
 
 _MS_PER_S = 1000
 
@@ -63,29 +62,33 @@ class PadCalendar:
         return best
 
     def windows_on_end(self, station_id: StationId, *, from_s: float) -> Iterator[FreeWindow]:
-        """The windows in which a drone can charge without a break from this moment, pad after pad.
+        """What of the windows is left in which a drone can charge without a break, pad after pad.
 
-        Each begins before the one before it ends; of several the one that lasts longest is taken.
+        Of several pads that are free at the same moment the one that stays free longest is taken.
         """
-        now_s = from_s
+        taken = self._taken(station_id)
+        pads = self._network.stations[station_id].pads
+        now_ms = booked_from_ms(from_s)
         while True:
-            open_now = [
-                window
-                for window in self.free_windows(station_id)
-                if window.start_s <= now_s + TIME_TOLERANCE_S < window.end_s
-            ]
-            if not open_now:
+            free_until_ms = [math.inf] * pads
+            for pad, start_ms, end_ms in taken:
+                if pad < pads and end_ms > now_ms and start_ms < free_until_ms[pad]:
+                    free_until_ms[pad] = start_ms
+            longest_ms = max(free_until_ms, default=now_ms)
+            if longest_ms <= now_ms:
                 return
-            longest = max(open_now, key=lambda window: (window.end_s, -window.pad))
-            yield longest
-            now_s = longest.end_s
+            pad = free_until_ms.index(longest_ms)
+            yield FreeWindow(now_ms / _MS_PER_S, pad, longest_ms / _MS_PER_S)
+            now_ms = longest_ms
+
+    def _taken(self, station_id: StationId) -> list[tuple[int, float, float]]:
+        row = self._network.row_of[station_id]
+        return [entry for book in self._books for entry in book.at(row)]
 
     def _found(self, station_id: StationId) -> Iterator[FreeWindow]:
-        row = self._network.row_of[station_id]
         taken: dict[int, list[tuple[float, float]]] = {}
-        for book in self._books:
-            for pad, start_ms, end_ms in book.at(row):
-                taken.setdefault(pad, []).append((start_ms, end_ms))
+        for pad, start_ms, end_ms in self._taken(station_id):
+            taken.setdefault(pad, []).append((start_ms, end_ms))
         for pad in range(self._network.stations[station_id].pads):
             yield from _windows_of_pad(pad, sorted(taken.get(pad, ())))
 

@@ -14,13 +14,11 @@ from skyway.planner.held_pads import HeldPads
 from skyway.planner.open_sky import OpenSky, is_pad_within_reach
 from skyway.planner.problem import Problem
 from skyway.planner.violation import Violation
-from skyway.units import CHARGE_TOLERANCE, TIME_TOLERANCE_S
+from skyway.units import CHARGE_TOLERANCE, LOAD_TOLERANCE_KG, TIME_TOLERANCE_S
 
 if TYPE_CHECKING:
     from skyway.planner.pad_book import PadBook
 
-#: Loads closer than this many kilograms are equal: they are sums of the same masses.
-LOAD_TOLERANCE_KG = 1e-9
 
 
 class Replay:

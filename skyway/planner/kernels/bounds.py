@@ -74,7 +74,7 @@ def note_bounds(
         for onward in range(count):
             if task.flight_after[mask, onward] == np.inf:
                 continue
-            length_m = min(memory.distance[place, onward], memory.radius[onward])
+            length_m = min(memory.distance[onward, place], memory.radius[onward])
             total = length_m * task.flight_s_per_m[mask] + task.flight_after[mask, onward]
             if total < flight_s:
                 flight_s, nearest = total, onward
@@ -100,7 +100,7 @@ def _note_approach(skyway, task, closed, memory, state, place):
         skyway, closed, memory, tree, place, memory.reach[tree]
     ):
         return False
-    length_m = min(memory.distance[place, tree], memory.radius[tree])
+    length_m = min(memory.distance[tree, place], memory.radius[tree])
     memory.state_bound[state, 0] = length_m * task.flight_s_per_m[mask] + task.approach_flight_after
     memory.state_bound[state, 1] = (
         length_m * task.charged_s_per_m[mask] + task.approach_charged_after
@@ -112,6 +112,6 @@ def _note_approach(skyway, task, closed, memory, state, place):
 def _can_grow(memory, tree, place):
     """Whether this place lies beyond the tree, and the tree may still grow."""
     return (
-        memory.distance[place, tree] > memory.radius[tree]
+        memory.distance[tree, place] > memory.radius[tree]
         and memory.radius[tree] <= memory.reach[tree]
     )

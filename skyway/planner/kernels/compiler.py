@@ -1,27 +1,74 @@
-"""How the kernels are compiled: without the interpreter's lock, and kept on disk."""
+"""How the kernels are compiled: without the interpreter's lock, and kept on disk.
 
+Numba keeps what it compiled as long as the function's own file stays as it is. A kernel holds the
+code of the kernels that it calls, so here it is kept as long as all of their files do.
+"""
+
+import hashlib
 from collections.abc import Callable
+from importlib.resources import files
 from typing import Any, Final, TypeVar
 
 import numba
+from numba.core import caching, config
 
 _Function = TypeVar("_Function", bound=Callable[..., Any])
 
 _OPTIONS: Final[dict[str, Any]] = {"nogil": True, "cache": True, "error_model": "numpy"}
 
 
+def _digest_of_sources() -> bytes:
+    sources = (each for each in files(__package__).iterdir() if each.name.endswith(".py"))
+    digest = hashlib.sha256()
+    for source in sorted(sources, key=lambda each: each.name):
+        digest.update(source.read_bytes())
+    return digest.digest()
+
+
+class _StampOfAllSources:
+    """What a compiled kernel is kept for: the sources of all kernels."""
+
+    _digest: Final = _digest_of_sources()
+
+    def get_source_stamp(self) -> bytes:
+        """The digest of all sources."""
+        return self._digest
+
+
+class InFolderGiven(_StampOfAllSources, caching.UserProvidedCacheLocator):  # type: ignore[misc]
+    """Keeps compiled kernels in the folder that NUMBA_CACHE_DIR names."""
+
+
+class BesideSource(_StampOfAllSources, caching.InTreeCacheLocator):  # type: ignore[misc]
+    """Keeps compiled kernels beside their source."""
+
+
+class InHomeFolder(_StampOfAllSources, caching.UserWideCacheLocator):  # type: ignore[misc]
+    """Keeps compiled kernels in the user's cache folder, where the source cannot be written to."""
+
+
+_LOCATORS: Final = ",".join(
+    f"{each.__module__}.{each.__qualname__}" for each in (InFolderGiven, BesideSource, InHomeFolder)
+)
+
+
 def entrance(function: _Function) -> _Function:
     """Compile this function when it is first called, to be called from Python too."""
-    compiled: _Function = numba.njit(**_OPTIONS)(function)
-    return compiled
+    return _compiled(function, _OPTIONS)
 
 
 def kernel(function: _Function) -> _Function:
-    """Compile this function for other kernels alone.
+    """Compile this function for other kernels alone, without the wrappers for calls from Python."""
+    return _compiled(
+        function, {**_OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+    )
 
-    Without the wrappers through which Python calls it that takes a third of the time.
-    """
-    compiled: _Function = numba.njit(
-        no_cpython_wrapper=True, no_cfunc_wrapper=True, **_OPTIONS
-    )(function)
+
+def _compiled(function: _Function, options: dict[str, Any]) -> _Function:
+    before = config.CACHE_LOCATOR_CLASSES
+    config.CACHE_LOCATOR_CLASSES = _LOCATORS
+    try:
+        compiled: _Function = numba.njit(**options)(function)
+    finally:
+        config.CACHE_LOCATOR_CLASSES = before
     return compiled

@@ -164,8 +164,9 @@ class Memory(NamedTuple):
     distance: Floats
     radius: Floats
     reach: Floats
-    tree_queue: Longs
-    tree_place: Longs
+    tree_key: Floats
+    tree_heap: Longs
+    tree_slot: Longs
     tree_size: Longs
     arc_place: Longs
     arc_segment: Longs

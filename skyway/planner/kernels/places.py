@@ -37,8 +37,8 @@ def place_of(memory: Memory, row: int) -> int:
     memory.window_first[place] = -1
     memory.is_searched[place] = 0
     for tree in range(memory.radius.size):
-        memory.distance[place, tree] = np.inf
-        memory.tree_place[tree, place] = -1
+        memory.distance[tree, place] = np.inf
+        memory.tree_slot[tree, place] = -1
     memory.count[PLACES] = place + 1
     return place
 

@@ -1,7 +1,7 @@
 """Reverse shortest-path trees, one for each destination, grown as far as the search asks.
 
 All distances up to a tree's radius are final; beyond it the radius itself is a lower bound. An
-indexed binary heap (Dijkstra with decrease-key) keeps what a tree will settle next.
+indexed heap of four branches (Dijkstra with decrease-key) keeps what a tree will settle next.
 """
 
 import numpy as np
@@ -17,10 +17,11 @@ _REACH = 2.0
 @kernel
 def plant(memory: Memory, tree: int, place: int) -> None:
     """Start a tree at its destination."""
-    memory.distance[place, tree] = 0.0
+    memory.distance[tree, place] = 0.0
     memory.radius[tree] = 0.0
-    memory.tree_size[tree] = 0
-    _lift(memory, tree, place)
+    memory.tree_size[tree] = _lift(
+        memory.tree_key[tree], memory.tree_heap[tree], memory.tree_slot[tree], 0, place, 0.0
+    )
 
 
 @kernel
@@ -31,76 +32,80 @@ def grow(
 
     False when the memory is full; the tree can be grown on.
     """
-    distance, heap = memory.distance, memory.tree_queue[tree]
-    while memory.tree_size[tree] > 0:
-        place = heap[0]
-        here_m = distance[place, tree]
-        memory.radius[tree] = here_m
-        if place == until_place or here_m > reach_m:
-            return True
+    distance = memory.distance[tree]
+    keys, heap, slots = memory.tree_key[tree], memory.tree_heap[tree], memory.tree_slot[tree]
+    arc_place, arc_length, arc_count = memory.arc_place, memory.arc_length, memory.arc_count
+    size = memory.tree_size[tree]
+    radius_m = memory.radius[tree]
+    is_full = False
+    while size > 0:
+        place, radius_m = heap[0], keys[0]
+        if place == until_place or radius_m > reach_m:
+            break
         first = arcs_of(skyway, closed, memory, place, INWARD)
         if first < 0:
-            return False
-        _take_first(memory, tree)
-        for arc in range(first, first + memory.arc_count[place, INWARD]):
-            before = memory.arc_place[arc]
-            length_m = here_m + memory.arc_length[arc]
-            if length_m < distance[before, tree]:
-                distance[before, tree] = length_m
-                _lift(memory, tree, before)
-    memory.radius[tree] = np.inf
-    return True
-
-
-@kernel
-def _lift(memory, tree, place):
-    """Put a place into the heap, or move it up after its distance fell."""
-    heap, where = memory.tree_queue[tree], memory.tree_place[tree]
-    distance = memory.distance
-    slot = where[place]
-    if slot < 0:
-        slot = memory.tree_size[tree]
-        memory.tree_size[tree] = slot + 1
-    own = distance[place, tree]
-    while slot > 0:
-        above = (slot - 1) >> 1
-        other = heap[above]
-        if distance[other, tree] <= own:
+            is_full = True
             break
-        heap[slot] = other
-        where[other] = slot
-        slot = above
-    heap[slot] = place
-    where[place] = slot
+        size = _without_first(keys, heap, slots, size)
+        for arc in range(first, first + arc_count[place, INWARD]):
+            before = arc_place[arc]
+            length_m = radius_m + arc_length[arc]
+            if length_m < distance[before]:
+                distance[before] = length_m
+                size = _lift(keys, heap, slots, size, before, length_m)
+    memory.tree_size[tree] = size
+    memory.radius[tree] = radius_m if size > 0 else np.inf
+    return not is_full
 
 
 @kernel
-def _take_first(memory, tree):
-    """Take the nearest place out of the heap."""
-    heap, where = memory.tree_queue[tree], memory.tree_place[tree]
-    distance = memory.distance
-    where[heap[0]] = -1
-    size = memory.tree_size[tree] - 1
-    memory.tree_size[tree] = size
+def _lift(keys, heap, slots, size, place, length_m):
+    """Put a place into the heap, or move it up after its distance fell; the heap's size."""
+    slot = slots[place]
+    if slot < 0:
+        slot = size
+        size += 1
+    while slot > 0:
+        above = (slot - 1) >> 2
+        if keys[above] <= length_m:
+            break
+        keys[slot] = keys[above]
+        heap[slot] = heap[above]
+        slots[heap[slot]] = slot
+        slot = above
+    keys[slot] = length_m
+    heap[slot] = place
+    slots[place] = slot
+    return size
+
+
+@kernel
+def _without_first(keys, heap, slots, size):
+    """Take the nearest place out of the heap; the heap's size."""
+    slots[heap[0]] = -1
+    size -= 1
     if size == 0:
-        return
-    moved = heap[size]
-    own = distance[moved, tree]
+        return 0
+    length_m, place = keys[size], heap[size]
     slot = 0
     while True:
-        below = 2 * slot + 1
-        if below >= size:
+        first = 4 * slot + 1
+        if first >= size:
             break
-        if below + 1 < size and distance[heap[below + 1], tree] < distance[heap[below], tree]:
-            below += 1
-        other = heap[below]
-        if distance[other, tree] >= own:
+        below = first
+        for other in range(first + 1, min(first + 4, size)):
+            if keys[other] < keys[below]:
+                below = other
+        if keys[below] >= length_m:
             break
-        heap[slot] = other
-        where[other] = slot
+        keys[slot] = keys[below]
+        heap[slot] = heap[below]
+        slots[heap[slot]] = slot
         slot = below
-    heap[slot] = moved
-    where[moved] = slot
+    keys[slot] = length_m
+    heap[slot] = place
+    slots[place] = slot
+    return size
 
 
 @entrance
@@ -126,7 +131,7 @@ def plant_all(
             until = place_of(memory, target)
             if until < 0:
                 return False
-            if memory.distance[until, tree] > memory.radius[tree] and not grow(
+            if memory.distance[tree, until] > memory.radius[tree] and not grow(
                 skyway, closed, memory, tree, until, np.inf
             ):
                 return False
@@ -141,5 +146,5 @@ def distances(memory: Memory, roots: np.ndarray, source: int, count: int) -> np.
     for row in range(count + 1):
         place = place_of(memory, source if row == count else np.int64(roots[row]))
         for tree in range(count):
-            apart_m[row, tree] = memory.distance[place, tree]
+            apart_m[row, tree] = memory.distance[tree, place]
     return apart_m
