@@ -23,6 +23,7 @@ from skyway.planner.exact import exact
 from skyway.planner.exhaustive import exhaustive, exhaustive_with_walks
 from skyway.planner.findings import Findings, Strategy
 from skyway.planner.heuristic import heuristic
+from skyway.planner.hierarchy import Hierarchy
 from skyway.planner.infeasible import overweight, proof_of_infeasibility
 from skyway.planner.itinerary import Itinerary
 from skyway.planner.pad_book import NO_RESERVATIONS, PadBook
@@ -49,6 +50,7 @@ def compose(
     stop: Stop = never,
     airspace: Airspace | None = None,
     booked: PadBook = NO_RESERVATIONS,
+    hierarchy: Hierarchy | None = None,
 ) -> Plan:
     """The plan that delivers every package as early as the problem's strategy can find.
 
@@ -63,6 +65,8 @@ def compose(
     booked
         Pads held by others, beside the problem's own `pad_reservations`; only the stations that
         the search meets are looked up.
+    hierarchy
+        `Hierarchy.of(problem.network)`, worth making where many problems span one network.
 
     Returns
     -------
@@ -78,7 +82,7 @@ def compose(
     """
     strategy_name, strategy = _strategy_of(problem)
     return compose_with(
-        strategy, problem, name=strategy_name, stop=stop, airspace=airspace, booked=booked
+        strategy, problem, name=strategy_name, stop=stop, airspace=airspace, booked=booked, hierarchy=hierarchy
     )
 
 
@@ -90,6 +94,7 @@ def compose_with(
     stop: Stop = never,
     airspace: Airspace | None = None,
     booked: PadBook = NO_RESERVATIONS,
+    hierarchy: Hierarchy | None = None,
 ) -> Plan:
     """`compose` by a strategy of the caller's own, called `name` in the plan's stats."""
     if problem.time_limit_s is not None:
@@ -101,7 +106,9 @@ def compose_with(
     if too_heavy is not None:
         plan, searched = _infeasible(too_heavy), 0
     else:
-        situation = Situation.of(problem, airspace or Airspace.of(problem.network), booked)
+        situation = Situation.of(
+            problem, airspace or Airspace.of(problem.network), booked, hierarchy=hierarchy
+        )
         findings = strategy(situation, effort)
         plan, searched = _plan_of(situation, findings, stop), findings.stations_searched
 

@@ -27,9 +27,9 @@ _LABELS = 1 << 15
 _PUT_BACK = 8
 
 
-def new_memory(trees: int) -> Memory:
-    """The empty memory of a search with so many trees."""
-    memory = _sized(trees, places=_PLACES, arcs=_PLACES * _ARCS_PER_PLACE, windows=_WINDOWS)
+def new_memory(trees: int, ranks: int = 0) -> Memory:
+    """The empty memory of a search with so many trees, and a hierarchy of so many ranks or none."""
+    memory = _sized(trees, ranks, places=_PLACES, arcs=_PLACES * _ARCS_PER_PLACE, windows=_WINDOWS)
     memory.count[BEST] = -1
     memory.best_s[0] = np.inf
     memory.radius[:] = -1.0
@@ -41,6 +41,7 @@ def enlarged(memory: Memory) -> Memory:
     count = memory.count
     larger = _sized(
         memory.radius.size,
+        0,
         places=_room(count[PLACES], memory.row.size),
         arcs=_room(count[ARCS], memory.arc_place.size),
         windows=_room(count[WINDOWS], memory.window_s.shape[0]),
@@ -60,6 +61,9 @@ def enlarged(memory: Memory) -> Memory:
         getattr(larger, name)[:] = getattr(memory, name)
     for name in ("distance", "tree_key", "tree_heap", "tree_slot"):
         getattr(larger, name)[:, : count[PLACES]] = getattr(memory, name)[:, : count[PLACES]]
+    larger = larger._replace(
+        rank_distance=memory.rank_distance, rank_known=memory.rank_known, climb=memory.climb
+    )
     larger.count[FULL] = 0
     notes = handle_of(larger)
     refill_table(notes)
@@ -73,6 +77,7 @@ def _room(used: int, size: int) -> int:
 
 def _sized(
     trees: int,
+    ranks: int,
     *,
     places: int,
     arcs: int,
@@ -92,6 +97,9 @@ def _sized(
         window_count=np.empty(places, np.int64),
         is_searched=np.empty(places, np.int64),
         distance=np.empty((trees, places)),
+        rank_distance=np.empty((ranks, trees)),
+        rank_known=np.zeros(ranks, np.int64),
+        climb=np.empty(ranks, np.int64),
         radius=np.empty(trees),
         reach=np.empty(trees),
         tree_key=np.empty((trees, places)),

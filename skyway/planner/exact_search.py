@@ -18,12 +18,12 @@ from skyway.planner.exact_task import (
     legs_of,
     required_before,
     rounding_j,
-    skyway_of,
 )
 from skyway.planner.exact_memory import enlarged, new_memory
-from skyway.planner.kernels import bounds, memory, places, search, trees
+from skyway.planner.kernels import bounds, hierarchy, memory, places, search, trees
 from skyway.planner.kernels.handles import handle_of
 from skyway.planner.kernels.memory import Floats, Ints, Task
+from skyway.planner.network_rows import rows_of
 from skyway.planner.situation import Situation
 from skyway.planner.stop import Effort
 
@@ -68,11 +68,12 @@ class ExactSearch:
         self._destinations = np.array([row_of[each] for each in situation.destinations], np.int32)
         self._source = row_of[situation.problem.source]
         self._start = row_of[situation.problem.start_station_id]
-        self._skyway = handle_of(skyway_of(situation.network))
+        self._skyway = handle_of(rows_of(situation.network, situation.hierarchy))
         self._closed = handle_of(closed_of(situation))
         self._books = tuple(handle_of(book_of(book)) for book in situation.books)
         trees_needed = len(self._destinations) + (self._start != self._source)
-        self._memory = new_memory(trees_needed)
+        ranks = 0 if situation.hierarchy is None else len(situation.hierarchy.rank)
+        self._memory = new_memory(trees_needed, ranks)
         self._notes = handle_of(self._memory)
         self._plant_trees()
         #: The least time in the air and at stops from the source on; inf without a path.
@@ -168,6 +169,10 @@ class ExactSearch:
         roots = self._destinations
         if self._start != self._source:
             roots = np.append(roots, np.int32(self._source))
+        if self._situation.hierarchy is not None:
+            hierarchy.root_all(self._skyway, self._notes, roots)
+            self._memory.radius[:] = math.inf
+            return
         while not trees.plant_all(
             self._skyway, self._closed, self._notes, roots, self._start, self._source
         ):
@@ -236,7 +241,7 @@ class ExactSearch:
         model, count = situation.model, len(self._destinations)
         after = np.empty((1 << count, count))
         least_s = bounds.fill_orders(
-            trees.distances(self._notes, self._destinations, self._source, count),
+            trees.distances(self._skyway, self._notes, self._destinations, self._source, count),
             required,
             s_per_m,
             model.stop_s + situation.problem.dropoff_s + model.stop_j * s_per_j,

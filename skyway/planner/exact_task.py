@@ -13,7 +13,7 @@ from skyway.drone.power import MASS_EXPONENT
 from skyway.ids import StationId
 from skyway.network.network import Network
 from skyway.planner.closures import Interval
-from skyway.planner.kernels.memory import Book, Closed, Floats, Ints, Skyway
+from skyway.planner.kernels.memory import Book, Closed, Floats, Ints
 from skyway.planner.pad_book import PadBook
 from skyway.planner.situation import Situation
 from skyway.units import CHARGE_TOLERANCE, TIME_TOLERANCE_S
@@ -31,22 +31,6 @@ class Method:
     bound: Literal["full", "flight", "none"] = "full"
     dominance: Literal["full", "none"] = "full"
     charging: Literal["lazy"] | int = "lazy"
-
-
-def skyway_of(network: Network) -> Skyway:
-    """The network's rows."""
-    incoming, outgoing = network.incoming, network.outgoing
-    return Skyway(
-        incoming.offsets,
-        incoming.station,
-        incoming.segment,
-        incoming.length_m,
-        outgoing.offsets,
-        outgoing.station,
-        outgoing.segment,
-        outgoing.length_m,
-        network.columns.pads,
-    )
 
 
 def book_of(book: PadBook) -> Book:

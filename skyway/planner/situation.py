@@ -11,6 +11,7 @@ from skyway.network.network import Network, Segment
 from skyway.planner.airspace import Airspace
 from skyway.planner.closures import Closures
 from skyway.planner.finish import energy_to_pad_j
+from skyway.planner.hierarchy import Hierarchy
 from skyway.planner.pad_book import NO_RESERVATIONS, PadBook
 from skyway.planner.pad_calendar import PadCalendar
 from skyway.planner.problem import PackageToDeliver, Problem
@@ -24,6 +25,8 @@ class Situation:
     closures: Closures
     #: Who holds pads: the problem's own reservations, and those known beside it.
     books: tuple[PadBook, PadBook]
+    #: Distances prepared for the whole network, None without.
+    hierarchy: Hierarchy | None = None
     pads: PadCalendar = field(init=False)
     #: Distinct destinations apart from the source, in the order in which packages name them.
     destinations: tuple[StationId, ...] = field(init=False)
@@ -39,11 +42,16 @@ class Situation:
 
     @classmethod
     def of(
-        cls, problem: Problem, airspace: Airspace, booked: PadBook = NO_RESERVATIONS
+        cls,
+        problem: Problem,
+        airspace: Airspace,
+        booked: PadBook = NO_RESERVATIONS,
+        *,
+        hierarchy: Hierarchy | None = None,
     ) -> "Situation":
         """The situation of this problem, with reservations known beside its own."""
         given = PadBook.of(problem.network, problem.pad_reservations)
-        return cls(problem, Closures.of(problem, airspace), (given, booked))
+        return cls(problem, Closures.of(problem, airspace), (given, booked), hierarchy)
 
     @property
     def network(self) -> Network:

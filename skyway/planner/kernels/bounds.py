@@ -7,6 +7,7 @@ board already is taken off by the label that asks.
 import numpy as np
 
 from skyway.planner.kernels.compiler import entrance, kernel
+from skyway.planner.kernels.hierarchy import measure
 from skyway.planner.kernels.memory import Closed, Floats, Ints, Memory, Skyway, Task
 from skyway.planner.kernels.trees import grow
 
@@ -66,6 +67,8 @@ def note_bounds(
 ) -> bool:
     """Note both bounds of a state, growing the trees that decide them; False when full."""
     count = task.destinations.size
+    if skyway.rank.size > 0:
+        measure(skyway, memory, place)
     if mask == 1 << count:
         return _note_approach(skyway, task, closed, memory, state, place)
     while True:

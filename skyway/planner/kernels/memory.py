@@ -64,7 +64,8 @@ FIRST_IN_AIR: Final = 3
 class Skyway(NamedTuple):
     """The network's rows: who can be flown to, and from where, and how many pads there are.
 
-    `offsets` are ``(n_stations + 1,)`` int64, the rest ``(n_segments,)``; lengths in metres.
+    `offsets` are ``(n_stations + 1,)`` int64, the rest ``(n_segments,)``; lengths in metres. What
+    follows `pads` is the hierarchy (see `skyway.planner.hierarchy`), empty if there is none.
     """
 
     in_offsets: Longs
@@ -76,6 +77,11 @@ class Skyway(NamedTuple):
     out_segment: Ints
     out_length: Floats
     pads: Ints
+    rank: Longs
+    above_offsets: Longs
+    above: Longs
+    up_length: Floats
+    down_length: Floats
 
 
 class Closed(NamedTuple):
@@ -162,6 +168,9 @@ class Memory(NamedTuple):
     window_count: Longs
     is_searched: Longs
     distance: Floats
+    rank_distance: Floats
+    rank_known: Longs
+    climb: Longs
     radius: Floats
     reach: Floats
     tree_key: Floats

@@ -7,6 +7,7 @@ indexed heap of four branches (Dijkstra with decrease-key) keeps what a tree wil
 import numpy as np
 
 from skyway.planner.kernels.compiler import entrance, kernel
+from skyway.planner.kernels.hierarchy import measure
 from skyway.planner.kernels.memory import INWARD, Closed, Memory, Skyway
 from skyway.planner.kernels.places import arcs_of, place_of
 
@@ -140,11 +141,15 @@ def plant_all(
 
 
 @entrance
-def distances(memory: Memory, roots: np.ndarray, source: int, count: int) -> np.ndarray:
+def distances(
+    skyway: Skyway, memory: Memory, roots: np.ndarray, source: int, count: int
+) -> np.ndarray:
     """From each destination, and at last from the source, to each destination, metres."""
     apart_m = np.empty((count + 1, count), np.float64)
     for row in range(count + 1):
         place = place_of(memory, source if row == count else np.int64(roots[row]))
+        if skyway.rank.size > 0:
+            measure(skyway, memory, place)
         for tree in range(count):
             apart_m[row, tree] = memory.distance[tree, place]
     return apart_m

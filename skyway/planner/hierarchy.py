@@ -1,0 +1,43 @@
+"""A network prepared for requests that span it: distances without growing a tree for each.
+
+Worth making for a network on which many problems are solved; without it the planner grows its
+trees as far as each request reaches, which for local requests is as good.
+"""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from skyway.network.network import Network
+from skyway.planner.kernels.dissection import dissected
+from skyway.planner.kernels.handles import handle_of
+from skyway.planner.kernels.hierarchy import shortcut_lengths, shortcuts
+from skyway.planner.kernels.memory import Floats, Longs
+from skyway.planner.network_rows import rows_of
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Hierarchy:
+    """A contraction hierarchy of a network's segments by their length.
+
+    `rank` is by station row, ``(n_stations,)``. The ranks above rank r, with which it shares a
+    segment or shortcut, are ``above[offsets[r]:offsets[r + 1]]``, ascending; `up_length` and
+    `down_length` are the metres to and from them.
+    """
+
+    rank: Longs
+    offsets: Longs
+    above: Longs
+    up_length: Floats
+    down_length: Floats
+
+    @classmethod
+    def of(cls, network: Network) -> Self:
+        """The hierarchy of this network: under a second for 10,000 stations, seconds for 100,000."""
+        columns = network.columns
+        skyway = handle_of(rows_of(network))
+        stretch = np.cos(np.radians(columns.latitude_deg.mean())) if len(columns.pads) else 1.0
+        rank = dissected(skyway, columns.longitude_deg * stretch, columns.latitude_deg)
+        offsets, above = shortcuts(skyway, rank)
+        return cls(rank, offsets, above, *shortcut_lengths(skyway, rank, offsets, above))

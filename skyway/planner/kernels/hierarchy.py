@@ -1,0 +1,160 @@
+"""Distances through a contraction hierarchy: built once for a network, asked without any search.
+
+Stations are taken away in the order of their rank; whoever is left gets a shortcut for each path
+that is lost. Then every shortest path climbs to some rank and comes down again (Dibbelt, Strasser
+and Wagner 2016, "Customizable contraction hierarchies"): all a station needs to know is above it.
+"""
+
+import numpy as np
+
+from skyway.planner.kernels.compiler import entrance, kernel
+from skyway.planner.kernels.memory import Floats, Longs, Memory, Skyway
+
+
+@entrance
+def shortcuts(skyway: Skyway, rank: Longs) -> tuple[Longs, Longs]:
+    """Who is above whom: offsets ``(n + 1,)`` by rank, and the ranks above, ascending.
+
+    All that is above a rank is connected once the rank is gone, so it is above the lowest of it.
+    """
+    count = rank.size
+    row_at = np.empty(count, np.int64)
+    row_at[rank] = np.arange(count)
+    offsets = np.zeros(count + 1, np.int64)
+    above = np.empty(16 * count + 16, np.int64)
+    first_child = np.full(count, -1, np.int64)
+    next_child = np.full(count, -1, np.int64)
+    seen = np.full(count, -1, np.int64)
+    found = np.empty(count, np.int64)
+    for own in range(count):
+        row = row_at[own]
+        size = 0
+        for index in range(skyway.out_offsets[row], skyway.out_offsets[row + 1]):
+            size = _add(found, size, seen, own, rank[skyway.out_station[index]])
+        for index in range(skyway.in_offsets[row], skyway.in_offsets[row + 1]):
+            size = _add(found, size, seen, own, rank[skyway.in_station[index]])
+        child = first_child[own]
+        while child >= 0:
+            for index in range(offsets[child], offsets[child + 1]):
+                size = _add(found, size, seen, own, above[index])
+            child = next_child[child]
+        first = offsets[own]
+        if first + size > above.size:
+            larger = np.empty(2 * above.size + size, np.int64)
+            larger[:first] = above[:first]
+            above = larger
+        above[first : first + size] = np.sort(found[:size])
+        offsets[own + 1] = first + size
+        if size > 0:
+            parent = above[first]
+            next_child[own] = first_child[parent]
+            first_child[parent] = own
+    return offsets, above[: offsets[count]].copy()
+
+
+@kernel
+def _add(found: Longs, size: int, seen: Longs, own: int, other: int) -> int:
+    if other > own and seen[other] != own:
+        seen[other] = own
+        found[size] = other
+        return size + 1
+    return size
+
+
+@entrance
+def shortcut_lengths(
+    skyway: Skyway, rank: Longs, offsets: Longs, above: Longs
+) -> tuple[Floats, Floats]:
+    """The length of each shortcut up and down, metres; inf where there is no way."""
+    up = np.full(above.size, np.inf)
+    down = np.full(above.size, np.inf)
+    for row in range(rank.size):
+        for index in range(skyway.out_offsets[row], skyway.out_offsets[row + 1]):
+            here, there = rank[row], rank[np.int64(skyway.out_station[index])]
+            length_m = skyway.out_length[index]
+            if here < there:
+                place = _place_of(offsets, above, here, there)
+                up[place] = min(up[place], length_m)
+            else:
+                place = _place_of(offsets, above, there, here)
+                down[place] = min(down[place], length_m)
+    for own in range(rank.size):
+        end = offsets[own + 1]
+        for first in range(offsets[own], end):
+            place = offsets[above[first]]
+            for second in range(first + 1, end):
+                while above[place] < above[second]:
+                    place += 1
+                up[place] = min(up[place], down[first] + up[second])
+                down[place] = min(down[place], down[second] + up[first])
+    return up, down
+
+
+@kernel
+def _place_of(offsets: Longs, above: Longs, low: int, high: int) -> int:
+    return offsets[low] + np.searchsorted(above[offsets[low] : offsets[low + 1]], high)
+
+
+@entrance
+def root_all(skyway: Skyway, memory: Memory, roots: Longs) -> None:
+    """Note the distance to each root, coming down only, of all that is above it."""
+    for tree in range(roots.size):
+        own = skyway.rank[roots[tree]]
+        while own >= 0:
+            _touch(memory, own)
+            own = _parent(skyway, own)
+        own = skyway.rank[roots[tree]]
+        memory.rank_distance[own, tree] = 0.0
+        while own >= 0:
+            here_m = memory.rank_distance[own, tree]
+            for index in range(skyway.above_offsets[own], skyway.above_offsets[own + 1]):
+                other = skyway.above[index]
+                length_m = skyway.down_length[index] + here_m
+                if length_m < memory.rank_distance[other, tree]:
+                    memory.rank_distance[other, tree] = length_m
+            own = _parent(skyway, own)
+
+
+@kernel
+def measure(skyway: Skyway, memory: Memory, place: int) -> None:
+    """Note the distance from this place to every root, first from all that is above it."""
+    own = skyway.rank[memory.row[place]]
+    height = 0
+    while own >= 0 and memory.rank_known[own] != _MEASURED:
+        _touch(memory, own)
+        memory.climb[height] = own
+        height += 1
+        own = _parent(skyway, own)
+    distance, known, trees = memory.rank_distance, memory.rank_known, memory.radius.shape[0]
+    above, up_length = skyway.above, skyway.up_length
+    while height > 0:
+        height -= 1
+        own = memory.climb[height]
+        for index in range(skyway.above_offsets[own], skyway.above_offsets[own + 1]):
+            other, length_m = above[index], up_length[index]
+            for tree in range(trees):
+                distance[own, tree] = min(distance[own, tree], length_m + distance[other, tree])
+        known[own] = _MEASURED
+    own = skyway.rank[memory.row[place]]
+    for tree in range(trees):
+        memory.distance[tree, place] = distance[own, tree]
+
+
+# What is known of a rank: nothing yet, distances coming down, or all distances.
+_TOUCHED = 1
+_MEASURED = 2
+
+
+@kernel
+def _touch(memory: Memory, own: int) -> None:
+    if memory.rank_known[own] == 0:
+        memory.rank_known[own] = _TOUCHED
+        for tree in range(memory.radius.shape[0]):
+            memory.rank_distance[own, tree] = np.inf
+
+
+@kernel
+def _parent(skyway: Skyway, own: int) -> int:
+    """The lowest rank above; -1 at the top."""
+    first = skyway.above_offsets[own]
+    return skyway.above[first] if first < skyway.above_offsets[own + 1] else -1
