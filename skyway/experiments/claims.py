@@ -12,20 +12,21 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from skyway.experiments.censored_growth import LogTimes, growth_per_station
 from skyway.experiments.contest import EXHAUSTIVE, HEURISTIC
 from skyway.experiments.sample import Estimate, Sample
 from skyway.experiments.trials import Contest
 from skyway.experiments.words import estimated, percent
 
 #: Exponential growth: the time doubles at least with every so many stations.
-DOUBLING_STATIONS = 5.0
+DOUBLING_STATIONS = 10.0
 #: Far faster: this many times, at the median, on the largest networks.
 FAR_FASTER = 10.0
 #: Near-optimal: so much later than the best known plan at most, at the median and at p95.
 NEAR_AT_MEDIAN = 0.05
 NEAR_AT_P95 = 0.20
 
-_RESAMPLES = 1_000
+_RESAMPLES = 200
 
 HOLDS, FAILS, OPEN = "holds", "fails", "open"
 
@@ -33,7 +34,7 @@ HOW_TESTED = (
     f"Each claim is tested on its 95 % bootstrap interval; it holds when the whole interval does, "
     f"fails when none of it does, and is open otherwise. **Grows exponentially**: the exhaustive "
     f"time at least doubles every {DOUBLING_STATIONS:g} stations (slope of its logarithm over all "
-    f"runs, limits counted as times). **Far faster**: the heuristic needs at most a "
+    f"runs, by a regression for censored data). **Far faster**: the heuristic needs at most a "
     f"{FAR_FASTER:g}th of the time on the same instance, at the median over the largest networks. "
     f"**Near-optimal**: its plans deliver at most {NEAR_AT_MEDIAN:.0%} later than the best known "
     f"plan at the median and at most {NEAR_AT_P95:.0%} at p95. The thresholds are ours: the paper "
@@ -58,27 +59,25 @@ class Verdict:
 def grows_exponentially(contest: Contest, *, seed: int) -> Verdict:
     """Whether the exhaustive time doubles at least every `DOUBLING_STATIONS` stations.
 
-    The slope of ln(time) over stations, through all runs. A run that its limit ended counts with
-    the limit, which can only make the slope too small.
+    The slope of ln(time) over stations, through all runs; a run that its limit ended counts as
+    censored.
     """
-    points = np.array(
-        [
-            (trial.setting.stations, math.log(run.elapsed_s))
-            for trial, run in zip(contest.trials, contest.runs(EXHAUSTIVE), strict=True)
-        ]
+    runs = contest.runs(EXHAUSTIVE)
+    times = LogTimes(
+        np.array([float(trial.setting.stations) for trial in contest.trials]),
+        np.log([run.elapsed_s for run in runs]),
+        np.array([run.is_censored for run in runs]),
     )
+    if not times.tells_a_slope:
+        return Verdict("too few runs finished", OPEN)
     random = np.random.default_rng(seed)
-    slopes: list[float] = []
-    while len(slopes) < _RESAMPLES:
-        drawn = points[random.integers(0, len(points), len(points))]
-        if np.ptp(drawn[:, 0]) > 0:
-            slopes.append(_slope(drawn))
+    resamples = (times.drawn(random.integers(0, len(runs), len(runs))) for _ in range(_RESAMPLES))
+    slopes = [growth_per_station(drawn) for drawn in resamples if drawn.tells_a_slope]
     low, high = (float(end) for end in np.quantile(slopes, (0.025, 0.975)))
-    is_at_least = contest.times(EXHAUSTIVE).share_finished < 1
-    slope = Estimate(_slope(points), low, high, is_at_least)
-    factor = f"× {math.exp(10 * slope.value):.3g} every 10 stations"
+    slope = Estimate(growth_per_station(times), low, high)
+    factors = [f"{math.exp(10 * end):.3g}" for end in (slope.value, low, high)]
     return Verdict(
-        f"{'≥ ' if is_at_least else ''}{factor}",
+        f"× {factors[0]} every 10 stations ({factors[1]} to {factors[2]})",
         _answer(slope, at_least=math.log(2) / DOUBLING_STATIONS),
     )
 
@@ -107,10 +106,6 @@ def is_near_optimal(gaps: Sample, *, seed: int) -> Verdict:
         f"p50 {percent(median.value)}, p95 {percent(p95.value)}",
         next(answer for answer in (FAILS, OPEN, HOLDS) if answer in answers),
     )
-
-
-def _slope(points: "np.ndarray[tuple[int, int], np.dtype[np.float64]]") -> float:
-    return float(np.polyfit(points[:, 0], points[:, 1], 1)[0])
 
 
 def _answer(measured: Estimate, *, at_least: float = -math.inf, at_most: float = math.inf) -> str:

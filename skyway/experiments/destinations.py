@@ -15,7 +15,7 @@ def destinations(laboratory: Laboratory) -> Section:
     """1 to 12 destinations on networks of one size."""
     stations = laboratory.size(quick=14, full=35)
     numbers = laboratory.size(quick=(1, 3, 5), full=(1, 2, 3, 4, 5, 6, 8, 10, 12))
-    limit_s = laboratory.size(quick=0.15, full=1.0)
+    limit_s = laboratory.size(quick=0.15, full=3.0)
     contest = hold(
         laboratory,
         "destinations",
@@ -28,7 +28,7 @@ def destinations(laboratory: Laboratory) -> Section:
                 limit_s=limit_s,
             )
             for packages in numbers
-            for number in range(laboratory.size(quick=2, full=15))
+            for number in range(laboratory.size(quick=2, full=10))
         ],
     )
     by_number = contest.by(lambda setting: setting.packages)

@@ -33,7 +33,7 @@ def open_settings(laboratory: Laboratory) -> Section:
     """One thing varied at a time, over several sizes of network."""
     cells = _cells(laboratory)
     sizes = laboratory.size(quick=(8, 14), full=(10, 15, 20, 25))
-    limit_s = laboratory.size(quick=0.1, full=1.0)
+    limit_s = laboratory.size(quick=0.1, full=2.0)
     trials = [
         Trial(
             replace(cell.setting, stations=stations),

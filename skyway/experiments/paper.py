@@ -3,7 +3,10 @@
 from collections.abc import Sequence
 
 from skyway.experiments.claims import (
+    FAILS,
+    HOLDS,
     HOW_TESTED,
+    OPEN,
     grows_exponentially,
     is_far_faster,
     is_near_optimal,
@@ -25,6 +28,12 @@ from skyway.experiments.words import (
     with_interval,
 )
 from skyway.units import CHARGE_TOLERANCE
+
+_WORDS = {
+    HOLDS: "**we agree**",
+    FAILS: "**we disagree**",
+    OPEN: "**undecided** by these runs",
+}
 
 CONTESTANTS = (HEURISTIC, EXHAUSTIVE, EXACT, EXACT_PLAIN)
 
@@ -111,19 +120,14 @@ def _section(
 def _claims(contest: Contest, largest: Contest, *, seed: int) -> list[Finding]:
     """The paper's claims; one that holds is where we agree."""
     stations = largest.trials[0].setting.stations
+    claims = {
+        "exhaustive grows exponentially": grows_exponentially(contest, seed=seed),
+        f"the heuristic is far faster (at {stations} stations)": is_far_faster(largest, seed=seed),
+        "the heuristic is near-optimal": is_near_optimal(contest.gaps(HEURISTIC), seed=seed),
+    }
     return [
-        Finding(
-            "the paper says that exhaustive grows exponentially",
-            str(grows_exponentially(contest, seed=seed)),
-        ),
-        Finding(
-            f"the paper says that the heuristic is far faster (at {stations} stations)",
-            str(is_far_faster(largest, seed=seed)),
-        ),
-        Finding(
-            "the paper says that the heuristic is near-optimal",
-            str(is_near_optimal(contest.gaps(HEURISTIC), seed=seed)),
-        ),
+        Finding(f"the paper says that {claim}", f"{_WORDS[verdict.answer]}: {verdict.measured}")
+        for claim, verdict in claims.items()
     ]
 
 
