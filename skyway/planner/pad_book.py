@@ -91,8 +91,6 @@ class PadBook:
 
     def at(self, station_row: int) -> list[tuple[int, float, float]]:
         """Pad, start and end of each reservation of a station, milliseconds; sorted, inf if open."""
-        # Rows of another type would have all of `station` converted for every look-up.
-        rows = np.array((station_row, station_row + 1), self.station.dtype)
         if len(self.station) == 0:
             return []
         # Of another type than the column's they would make numpy convert the whole column.
