@@ -1,6 +1,6 @@
 """Skyway as a library: a NetworkX graph in, a plan out, drawn. No service runs.
 
-    pip install '.[experiments]'
+    pip install '.[planner]' matplotlib
     python docs/texas_corridor.py            # writes texas_corridor.png
 
 The scenario is the paper's: three packages from San Marcos to McQueeney, Bulverde and San Antonio.
