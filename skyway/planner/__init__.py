@@ -1,8 +1,15 @@
 """The composition planner: which segments, in which order, recharging where and how much.
 
-Start with `compose`; `problem` says what is asked, `skyway.delivery.plan` what comes out.
+Start with `compose`; `problem` says what is asked, `skyway.delivery.plan` what comes out. For many
+problems on one network make its `Airspace` and its `Hierarchy` once.
 """
 
+from skyway.planner.airspace import Airspace
 from skyway.planner.compose import compose
+from skyway.planner.hierarchy import Hierarchy
+from skyway.planner.pad_book import PadBook
+from skyway.planner.problem import Problem
+from skyway.planner.problem_document import read_problem
+from skyway.planner.verify import verify
 
-__all__ = ["compose"]
+__all__ = ["Airspace", "Hierarchy", "PadBook", "Problem", "compose", "read_problem", "verify"]

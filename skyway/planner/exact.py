@@ -9,7 +9,7 @@ from collections.abc import Sequence
 
 from skyway.ids import StationId
 from skyway.planner.exact_itinerary import itinerary_of
-from skyway.planner.exact_proof import proof_of_infeasibility
+from skyway.planner.exact_proof import proof_of_infeasibility, unreachable_behind_closures
 from skyway.planner.exact_search import Ending, ExactSearch
 from skyway.planner.exact_task import Method
 from skyway.planner.findings import Findings, Strategy
@@ -49,6 +49,8 @@ def _find(
         other = _itinerary_of(situation, hasty)
         if other is not None:
             search.improve_on(other.delivered_s)
+        elif (proof := unreachable_behind_closures(situation)) is not None:
+            return Findings(None, search.stations_searched, infeasibility=proof)
         ending = search.run(effort, most_labels=effort.room)
     itinerary = _itinerary_of(situation, search) or other
     searched = search.stations_searched

@@ -52,6 +52,18 @@ def proof_of_infeasibility(situation: Situation, effort: Effort) -> Infeasibilit
     )
 
 
+def unreachable_behind_closures(situation: Situation) -> Infeasibility | None:
+    """DESTINATION_UNREACHABLE if what is closed for good cuts a place off.
+
+    The hierarchy's distances know of no closures, so a search that they guide would go through all
+    the network before it is over.
+    """
+    if situation.hierarchy is None or not situation.closures.intervals():
+        return None
+    without = Situation(situation.problem, situation.closures, situation.books)
+    return _unreachable(situation, ExactSearch(without, method=Method()))
+
+
 def without_pressure(situation: Situation) -> Situation:
     """The same with every pad free and no deadline."""
     problem = situation.problem.model_copy(update={"latest_delivery_s": None})
