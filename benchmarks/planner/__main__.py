@@ -19,7 +19,7 @@ from benchmarks.planner.machine import Machine
 from benchmarks.planner.ordering import ordering
 from benchmarks.planner.page import write_page
 from benchmarks.planner.shortest_paths import shortest_paths
-from benchmarks.planner.speed import local, whole_network
+from benchmarks.planner.speed import local, unprepared, whole_network
 from benchmarks.planner.start import start
 from benchmarks.planner.table import Table
 
@@ -48,6 +48,7 @@ def main(arguments: list[str]) -> int:
 def _sections(extent: Extent) -> dict[str, Callable[[], Table]]:
     return {
         "whole-network": partial(whole_network, extent),
+        "unprepared": partial(unprepared, extent),
         "local": partial(local, extent),
         "start": partial(start, extent),
         "contestants": partial(contestants, extent),

@@ -7,11 +7,13 @@ from benchmarks.planner.cities import city
 from benchmarks.planner.congestion import Congestion, book
 from benchmarks.planner.extent import Extent
 from benchmarks.planner.lateness import Lateness
+from benchmarks.planner.prepared import Prepared
 from benchmarks.planner.requests import requests, source_rows
 from benchmarks.planner.solving import Limits, Solved, measured, solve_all
 from benchmarks.planner.speed import horizon_s
 from benchmarks.planner.table import Table
-from skyway.planner.pad_book import PadBook
+from skyway.planner.airspace import Airspace
+from skyway.planner.hierarchy import Hierarchy
 
 _TAKEN = 0.5
 #: The largest network that each contestant is asked about: enumeration ends with the paper's 35.
@@ -35,8 +37,9 @@ def contestants(extent: Extent) -> Table:
             Congestion(_TAKEN, horizon_s(stations, None)),
             sources=source_rows(network, limits.runs),
         )
+        prepared = Prepared(pads, Airspace.of(network), Hierarchy.of(network))
         for packages in extent.contestant_packages:
-            _compare(table, Cell(stations, packages), pads, limits)
+            _compare(table, Cell(stations, packages), prepared, limits)
     table.remarks = [
         (
             f"{limits.runs} seeded runs a cell, none longer than {limits.solve_s:g} s, a cell no "
@@ -51,7 +54,7 @@ def contestants(extent: Extent) -> Table:
     return table
 
 
-def _compare(table: Table, cell: Cell, pads: PadBook, limits: Limits) -> None:
+def _compare(table: Table, cell: Cell, prepared: Prepared, limits: Limits) -> None:
     best: list[Solved] = []
     for strategy, largest in _LARGEST.items():
         if cell.stations > largest:
@@ -59,13 +62,13 @@ def _compare(table: Table, cell: Cell, pads: PadBook, limits: Limits) -> None:
         problems = requests(
             city(cell.stations), cell, runs=limits.runs, limit_s=limits.solve_s, strategy=strategy
         )
-        solved = solve_all(problems, book=pads, limits=limits)
+        solved = solve_all(problems, prepared, limits=limits)
         best = best or solved
         late = Lateness.of(
             [each.plan.delivery_time_s for each in solved],
             [each.plan.delivery_time_s for each in best],
         )
-        cell_measured = measured(solved, book=pads, limits=limits)
+        cell_measured = measured(solved, prepared, limits=limits)
         names = (f"{cell.stations:,}", str(cell.packages), strategy)
         table.rows.append((*names, cell_measured.times.as_text(), *late.as_texts()))
         key = {"stations": cell.stations, "packages": cell.packages, "strategy": strategy}

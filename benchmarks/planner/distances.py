@@ -7,10 +7,11 @@ import numpy.typing as npt
 
 from benchmarks.planner.our_tree import OurTree
 from skyway.network.network import Network
-from skyway.planner.exact_task import skyway_of
+from skyway.planner.kernels.handles import handle_of
+from skyway.planner.network_rows import rows_of
 
 
 def lengths_m(network: Network, rows: Iterable[int]) -> npt.NDArray[np.float64]:
     """Metres of the shortest path from each of these rows to every station, ``(k, n)``."""
-    tree, skyway = OurTree(network), skyway_of(network)
+    tree, skyway = OurTree(network), handle_of(rows_of(network))
     return np.stack([tree.lengths_m(skyway, row) for row in rows])

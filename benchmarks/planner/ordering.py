@@ -20,6 +20,7 @@ from benchmarks.planner.extent import Extent
 from benchmarks.planner.lateness import Lateness
 from benchmarks.planner.peers.interface import OrderPeer
 from benchmarks.planner.peers.roster import label, missing, peers
+from benchmarks.planner.prepared import Prepared
 from benchmarks.planner.requests import requests, source_rows
 from benchmarks.planner.solving import solve
 from benchmarks.planner.speed import horizon_s
@@ -31,7 +32,7 @@ from skyway.planner.airspace import Airspace
 from skyway.planner.exact import exact, exact_with
 from skyway.planner.exact_task import Method
 from skyway.planner.findings import Strategy
-from skyway.planner.pad_book import PadBook
+from skyway.planner.hierarchy import Hierarchy
 from skyway.planner.problem import Problem
 from skyway.planner.situation import Situation
 from skyway.planner.stop import Effort, TimeLimit
@@ -68,12 +69,14 @@ def ordering(extent: Extent) -> Table:
         ),
     )
     network = city(_STATIONS)
+    hierarchy = Hierarchy.of(network)
     sources = source_rows(network, extent.ordering_runs)
     for taken in extent.ordering_taken:
         pads = book(network, Congestion(taken, horizon_s(_STATIONS, None)), sources=sources)
+        prepared = Prepared(pads, Airspace.of(network), hierarchy)
         for packages in extent.packages:
             cell = Cell(_STATIONS, packages)
-            _compare(table, cell, taken=taken, pads=pads, runs=extent.ordering_runs)
+            _compare(table, cell, taken=taken, prepared=prepared, runs=extent.ordering_runs)
     table.remarks = [
         (
             f"{extent.ordering_runs} seeded runs a row. exact orders and plans at once. The matrix "
@@ -84,12 +87,11 @@ def ordering(extent: Extent) -> Table:
     return table
 
 
-def _compare(table: Table, cell: Cell, *, taken: float, pads: PadBook, runs: int) -> None:
+def _compare(table: Table, cell: Cell, *, taken: float, prepared: Prepared, runs: int) -> None:
     problems = list(requests(city(cell.stations), cell, runs=runs, limit_s=_SOLVE_S))
-    airspace = Airspace.of(city(cell.stations))
-    solve(problems[0], book=pads, airspace=airspace)
-    best = [_planned(exact, problem, pads) for problem in problems]
-    for name, results in (("exact", best), *_by_peers(problems, pads)):
+    solve(problems[0], prepared)
+    best = [_planned(exact, problem, prepared) for problem in problems]
+    for name, results in (("exact", best), *_by_peers(problems, prepared)):
         order = Distribution.of([each.order_ms for each in results])
         plan = Distribution.of([each.plan_ms for each in results])
         late = Lateness.of(
@@ -104,32 +106,34 @@ def _compare(table: Table, cell: Cell, *, taken: float, pads: PadBook, runs: int
         )
 
 
-def _by_peers(problems: list[Problem], pads: PadBook) -> Iterator[tuple[str, list[Ordered]]]:
+def _by_peers(problems: list[Problem], prepared: Prepared) -> Iterator[tuple[str, list[Ordered]]]:
     matrices = [flight_ms(problem) for problem in problems]
     for peer in peers("order"):
         yield (
             label(peer.package),
             [
-                _ordered_by(peer, problem, matrix, pads)
+                _ordered_by(peer, problem, matrix, prepared)
                 for problem, matrix in zip(problems, matrices, strict=True)
             ],
         )
 
 
 def _ordered_by(
-    peer: OrderPeer, problem: Problem, matrix: npt.NDArray[np.int64], pads: PadBook
+    peer: OrderPeer, problem: Problem, matrix: npt.NDArray[np.int64], prepared: Prepared
 ) -> Ordered:
     started = time.perf_counter()
     numbers = peer.order(matrix)
     order_ms = 1000 * (time.perf_counter() - started)
     order = [destinations_of(problem)[number - 1] for number in numbers]
-    planned = _planned(exact_with(Method(), order=order), problem, pads)
+    planned = _planned(exact_with(Method(), order=order), problem, prepared)
     return Ordered(order_ms, planned.plan_ms, planned.delivered_s)
 
 
-def _planned(strategy: Strategy, problem: Problem, pads: PadBook) -> Ordered:
+def _planned(strategy: Strategy, problem: Problem, prepared: Prepared) -> Ordered:
     started = time.perf_counter()
-    situation = Situation.of(problem, Airspace.of(problem.network), pads)
+    situation = Situation.of(
+        problem, prepared.airspace, prepared.book, hierarchy=prepared.hierarchy
+    )
     findings = strategy(situation, Effort(TimeLimit(_SOLVE_S)))
     elapsed_ms = 1000 * (time.perf_counter() - started)
     itinerary = findings.itinerary

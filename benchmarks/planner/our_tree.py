@@ -6,9 +6,10 @@ import numpy.typing as npt
 from benchmarks.planner.peers.interface import PathTask
 from skyway.network.network import Network
 from skyway.planner.exact_memory import enlarged, new_memory
-from skyway.planner.exact_task import skyway_of
+from skyway.planner.kernels.handles import handle_of
 from skyway.planner.kernels.memory import PLACES, Closed, Skyway
 from skyway.planner.kernels.trees import plant_all
+from skyway.planner.network_rows import rows_of
 
 
 class OurTree:
@@ -20,11 +21,13 @@ class OurTree:
         self._network = network
         nothing_s, no_keys = np.empty(0), np.empty(0, np.int64)
         segments = network.columns.from_row.size
-        self._closed = Closed(no_keys, np.zeros(1, np.int64), nothing_s, nothing_s, segments)
+        self._closed = handle_of(
+            Closed(no_keys, np.zeros(1, np.int64), nothing_s, nothing_s, segments)
+        )
 
     def prepare(self, _task: PathTask) -> Skyway:
         """Build what the network keeps for all searches."""
-        return skyway_of(self._network)
+        return handle_of(rows_of(self._network))
 
     def lengths_m(self, graph: Skyway, source: int) -> npt.NDArray[np.float64]:
         """Metres from each station to this one, ``(n,)``: in a city the same as from it."""
@@ -34,9 +37,9 @@ class OurTree:
         nowhere = stations
         memory = new_memory(1)
         root = np.array([source], np.int32)
-        while not plant_all(graph, self._closed, memory, root, nowhere, nowhere):
+        while not plant_all(graph, self._closed, handle_of(memory), root, nowhere, nowhere):
             memory = enlarged(memory)
         places = memory.count[PLACES]
         found = np.full(stations + 1, np.inf)
-        found[memory.row[:places]] = memory.distance[:places, 0]
+        found[memory.row[:places]] = memory.distance[0, :places]
         return found[:stations]

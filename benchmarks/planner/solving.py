@@ -6,10 +6,9 @@ from dataclasses import dataclass
 
 from benchmarks.planner.distribution import Distribution
 from benchmarks.planner.memory import peak_growth_mib
+from benchmarks.planner.prepared import Prepared
 from skyway.delivery.plan import Plan, PlanStatus, Recharge
 from skyway.planner import compose
-from skyway.planner.airspace import Airspace
-from skyway.planner.pad_book import PadBook
 from skyway.planner.problem import Problem
 
 
@@ -50,14 +49,19 @@ class Measured:
     peak_mib: float | None
 
 
-def solve(problem: Problem, *, book: PadBook, airspace: Airspace) -> Solved:
+def solve(problem: Problem, prepared: Prepared) -> Solved:
     """Plan one request: search, plan and verification, nothing prepared for this request."""
     started = time.perf_counter()
-    plan = compose(problem, airspace=airspace, booked=book)
+    plan = compose(
+        problem,
+        airspace=prepared.airspace,
+        booked=prepared.book,
+        hierarchy=prepared.hierarchy,
+    )
     return Solved(problem, 1000 * (time.perf_counter() - started), plan)
 
 
-def solve_all(problems: Iterable[Problem], *, book: PadBook, limits: Limits) -> list[Solved]:
+def solve_all(problems: Iterable[Problem], prepared: Prepared, *, limits: Limits) -> list[Solved]:
     """Plan these requests, until the cell's time is over.
 
     The first is planned once before, uncounted: what is looked up on a network for the first time
@@ -66,25 +70,22 @@ def solve_all(problems: Iterable[Problem], *, book: PadBook, limits: Limits) -> 
     solved: list[Solved] = []
     for number, problem in enumerate(problems):
         if number == 0:
-            airspace = Airspace.of(problem.network)
-            solve(problem, book=book, airspace=airspace)
+            solve(problem, prepared)
             deadline = time.perf_counter() + limits.cell_s
-        solved.append(solve(problem, book=book, airspace=airspace))
+        solved.append(solve(problem, prepared))
         if time.perf_counter() > deadline:
             break
     return solved
 
 
-def measured(solved: list[Solved], *, book: PadBook, limits: Limits) -> Measured:
+def measured(solved: list[Solved], prepared: Prepared, *, limits: Limits) -> Measured:
     """The cell's numbers; the slowest request is planned again for the memory that it needs."""
     finished_ms = [each.elapsed_ms for each in solved if each.is_finished]
     slowest = max(solved, key=lambda each: each.elapsed_ms)
-    airspace = Airspace.of(slowest.problem.network)
-    peak_mib = peak_growth_mib(lambda: solve(slowest.problem, book=book, airspace=airspace))
+    peak_mib = peak_growth_mib(lambda: solve(slowest.problem, prepared))
+    cut_off = len(solved) - len(finished_ms)
     return Measured(
-        times=Distribution.of(
-            finished_ms, cut_off=len(solved) - len(finished_ms), asked=limits.runs
-        ),
+        times=Distribution.of(finished_ms, cut_off=cut_off, asked=limits.runs),
         limit_ms=1000 * limits.solve_s,
         proven=sum(each.plan.status is PlanStatus.OPTIMAL for each in solved),
         labels=_mean(float(each.plan.stats["labels"]) for each in solved),

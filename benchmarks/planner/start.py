@@ -57,6 +57,7 @@ def _measure() -> dict[str, float]:
     from benchmarks.planner.cell import LOCAL_REACH_M, Cell
     from benchmarks.planner.cities import city
     from benchmarks.planner.congestion import Congestion, book
+    from benchmarks.planner.prepared import Prepared
     from benchmarks.planner.requests import requests, source_rows
     from benchmarks.planner.solving import solve
     from benchmarks.planner.speed import horizon_s
@@ -65,8 +66,8 @@ def _measure() -> dict[str, float]:
 
     cell = Cell(_WARM_UP_STATIONS, 1)
     (small,) = requests(city(_WARM_UP_STATIONS), cell, runs=1, limit_s=60.0)
-    airspace = Airspace.of(small.network)
-    warm_up_ms, _ = _timed(lambda: solve(small, book=NO_RESERVATIONS, airspace=airspace))
+    idle = Prepared(NO_RESERVATIONS, Airspace.of(small.network))
+    warm_up_ms, _ = _timed(lambda: solve(small, idle))
 
     network = city(_STATIONS)
     cell = Cell(_STATIONS, _PACKAGES, reach_m=LOCAL_REACH_M)
@@ -74,8 +75,8 @@ def _measure() -> dict[str, float]:
     congestion = Congestion(_TAKEN, horizon_s(_STATIONS, LOCAL_REACH_M))
     pads = book(network, congestion, sources=source_rows(network, 1))
     prepared_ms, _ = _timed(lambda: (network.incoming, network.outgoing))
-    airspace = Airspace.of(network)
-    times_ms = [solve(problem, book=pads, airspace=airspace).elapsed_ms for _ in range(_PLANS)]
+    prepared = Prepared(pads, Airspace.of(network))
+    times_ms = [solve(problem, prepared).elapsed_ms for _ in range(_PLANS)]
     return {
         "warm_up_ms": warm_up_ms,
         "prepared_ms": prepared_ms,
