@@ -52,6 +52,13 @@ def read_network(document: Mapping[str, Any]) -> Network:
             columns, zone_features = read_by_column(features)
     except Doubtful:
         columns, zone_features = _read_one_by_one(features)
+    return assembled(columns, zone_features, document)
+
+
+def assembled(
+    columns: Columns, zone_features: Iterable[Feature], members: Mapping[str, Any]
+) -> Network:
+    """The network of these columns and zones, with the settings among the document's members."""
     zones: dict[ZoneId, Zone] = {}
     for feature in zone_features:
         zone = read_zone(feature)
@@ -59,7 +66,7 @@ def read_network(document: Mapping[str, Any]) -> Network:
             detail = f"a second zone called {zone.zone_id!r}"
             raise InvalidNetwork(feature.property_path("zone_id"), detail)
         zones[zone.zone_id] = zone
-    settings = dict(fields.mapping(document.get("settings", {}), "settings"))
+    settings = dict(fields.mapping(members.get("settings", {}), "settings"))
     return Network.from_columns(columns, zones.values(), settings)
 
 

@@ -9,9 +9,12 @@ from typing import Any
 import numpy as np
 
 from skyway.network.collector_pause import collector_paused
+from skyway.network.column_fields import Doubtful
 from skyway.network.columns import Columns, Floats
+from skyway.network.feature_columns import read_blocks
+from skyway.network.feature_text import FeatureText
 from skyway.network.feature_writing import lines, segment_features, station_features, zone_feature
-from skyway.network.geojson import read_network
+from skyway.network.geojson import assembled, read_network
 from skyway.network.network import Network
 
 
@@ -25,8 +28,13 @@ def read_network_text(text: str | bytes) -> Network:
     ValueError
         The text is no JSON.
     """
+    if isinstance(text, bytes):
+        text = text.decode(json.detect_encoding(text), "surrogatepass")
     with collector_paused():
-        return read_network(json.loads(text))
+        try:
+            return _read_block_by_block(text)
+        except Doubtful:
+            return read_network(json.loads(text))
 
 
 def network_text(network: Network) -> str:
@@ -42,6 +50,12 @@ def network_text(network: Network) -> str:
         )
     settings = f', "settings": {_dumped(dict(network.settings))}' if network.settings else ""
     return f'{{"type": "FeatureCollection", "features": [{features}]{settings}}}'
+
+
+def _read_block_by_block(text: str) -> Network:
+    features = FeatureText(text)
+    columns, zone_features = read_blocks(features.blocks())
+    return assembled(columns, zone_features, features.other_members())
 
 
 def _stations(columns: Columns) -> Iterator[str]:

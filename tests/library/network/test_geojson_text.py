@@ -1,4 +1,5 @@
 import json
+from collections.abc import Callable
 
 import pytest
 from hypothesis import given
@@ -8,7 +9,7 @@ from skyway.errors import InvalidNetwork
 from skyway.geo import Position
 from skyway.ids import StationId
 from skyway.network.bundled import texas_corridor
-from skyway.network.geojson import write_network
+from skyway.network.geojson import read_network, write_network
 from skyway.network.geojson_text import network_text, read_network_text
 from skyway.network.network import Network, Segment, Station
 from skyway.network.synthetic import synthetic_city
@@ -78,3 +79,39 @@ def test_a_text_that_is_no_network_is_refused_by_its_field(text: str, message: s
         read_network_text(text)
 
     assert message in str(refusal.value)
+
+
+def test_stations_may_come_blocks_after_their_segments() -> None:
+    city = synthetic_city(stations=1_000, seed=1)
+    document = write_network(city)
+    document["features"].reverse()
+
+    network = read_network_text(json.dumps(document))
+
+    assert network == read_network(document)
+    assert network.stations == city.stations
+
+
+CITY_TEXT = network_text(synthetic_city(stations=300, seed=1))
+
+
+def reading(text: str, read: Callable[[str], Network]) -> Network | str:
+    try:
+        return read(text)
+    except (ValueError, InvalidNetwork) as error:
+        return repr(error)
+
+
+@given(
+    start=st.integers(0, len(CITY_TEXT)),
+    length=st.integers(0, 60),
+    replacement=st.sampled_from(["", ",", "]", "}", '"', '{"type": "Feature"', "], [", "s1", "0"]),
+)
+def test_a_damaged_text_is_read_or_refused_as_the_whole_document_is(
+    start: int, length: int, replacement: str
+) -> None:
+    text = CITY_TEXT[:start] + replacement + CITY_TEXT[start + length :]
+
+    read = reading(text, read_network_text)
+
+    assert read == reading(text, lambda text: read_network(json.loads(text)))
