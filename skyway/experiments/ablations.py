@@ -36,8 +36,8 @@ def run_trial(trial: Trial) -> list[Run]:
 
 def ablations(laboratory: Laboratory) -> Section:
     """Labels and time of the search, with one part after the other switched off."""
-    stations = laboratory.size(quick=20, full=100)
-    limit_s = laboratory.size(quick=0.3, full=2.0)
+    stations = laboratory.size(quick=20, full=200)
+    limit_s = laboratory.size(quick=0.3, full=5.0)
     trials = [
         Trial(
             Setting(
@@ -45,7 +45,7 @@ def ablations(laboratory: Laboratory) -> Section:
                 degree=6.0,
                 spacing_m=6_000.0,
                 packages=packages,
-                taken=0.5,
+                taken=0.7,
                 model=SHORT_RANGE,
                 recharge_policy="partial",
             ),
@@ -54,7 +54,7 @@ def ablations(laboratory: Laboratory) -> Section:
             contestants=tuple(METHODS),
             limit_s=limit_s,
         )
-        for packages in laboratory.size(quick=(2,), full=(3, 6))
+        for packages in laboratory.size(quick=(2,), full=(4, 8))
         for number in range(laboratory.size(quick=2, full=12))
     ]
     by_packages = hold(laboratory, "ablations", trials, run_trial).by(lambda s: s.packages)
@@ -100,7 +100,7 @@ def _section(
         for times in (contest.times(name).median(),)
     ]
     intro = (
-        f"{stations} stations 6 km apart, half of the pads' time taken, partial recharging, "
+        f"{stations} stations 6 km apart, 70 % of the pads' time taken, partial recharging, "
         f"{duration(limit_s)} a run. **Bound**: flying and charging; flying alone; nothing. "
         "**Dominance**: labels that another one beats are dropped, or all are kept. **Levels**: "
         "instead of deciding lazily how much to charge, so many levels are tried on each pad; "

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from skyway.delivery.plan import Plan
 from skyway.experiments.plain_python import plain_python
 from skyway.planner.airspace import Airspace
-from skyway.planner.compose import compose, compose_with
+from skyway.planner.compose import STRATEGIES, compose_with
 from skyway.planner.findings import Strategy
-from skyway.planner.pad_book import NO_RESERVATIONS, PadBook
+from skyway.planner.pad_book import PadBook
 from skyway.planner.problem import Problem
 
 HEURISTIC = "heuristic"
@@ -52,19 +52,36 @@ def contest(
     return [runs[contestant] for contestant in contestants]
 
 
-def run(
-    problem: Problem, contestant: str, *, limit_s: float, booked: PadBook = NO_RESERVATIONS
+def run(problem: Problem, contestant: str, *, limit_s: float, booked: PadBook | None = None) -> Run:
+    """The run of one contestant, by its name: a strategy of the planner, or `EXACT_PLAIN`.
+
+    `booked` takes the place of the problem's own reservations.
+    """
+    if contestant != EXACT_PLAIN:
+        strategy = STRATEGIES[contestant]
+        return run_strategy(problem, contestant, strategy, limit_s=limit_s, booked=booked)
+    limited = problem.model_copy(update={"strategy": EXACT, "time_limit_s": limit_s})
+    return run_of(plain_python().compose(limited), contestant, limit_s=limit_s)
+
+
+def run_strategy(
+    problem: Problem,
+    name: str,
+    strategy: Strategy,
+    *,
+    limit_s: float,
+    booked: PadBook | None = None,
 ) -> Run:
-    """The run of one contestant, by its name: a strategy of the planner, or `EXACT_PLAIN`."""
-    is_plain = contestant == EXACT_PLAIN
-    limited = problem.model_copy(
-        update={"strategy": EXACT if is_plain else contestant, "time_limit_s": limit_s}
-    )
-    if is_plain:
-        plan = plain_python().compose(limited)
-    else:
-        plan = compose(limited, airspace=Airspace.of(limited.network), booked=booked)
-    return run_of(plan, contestant, limit_s=limit_s)
+    """The run of a strategy under this name.
+
+    The network and the reservations are made ready before, as a service keeps them.
+    """
+    if booked is None:
+        booked = PadBook.of(problem.network, problem.pad_reservations)
+    limited = problem.model_copy(update={"time_limit_s": limit_s, "pad_reservations": ()})
+    airspace = Airspace.of(problem.network)
+    plan = compose_with(strategy, limited, name=name, airspace=airspace, booked=booked)
+    return run_of(plan, name, limit_s=limit_s)
 
 
 def run_of(plan: Plan, contestant: str, *, limit_s: float) -> Run:
@@ -82,10 +99,3 @@ def run_of(plan: Plan, contestant: str, *, limit_s: float) -> Run:
         recharging_s=plan.recharging_s,
         waiting_s=plan.waiting_s,
     )
-
-
-def run_strategy(problem: Problem, name: str, strategy: Strategy, *, limit_s: float) -> Run:
-    """The run of a strategy that has no name in the planner, under this name."""
-    limited = problem.model_copy(update={"time_limit_s": limit_s})
-    plan = compose_with(strategy, limited, name=name, airspace=Airspace.of(limited.network))
-    return run_of(plan, name, limit_s=limit_s)
