@@ -31,7 +31,7 @@ from skyway_composition.missions.record import MissionRecord
 from skyway_composition.missions.revision import record_of
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.networks.store import share_version
-from skyway_composition.pads.store import booked_after, reserve
+from skyway_composition.pads.store import reserve
 from skyway_composition.planning.offers import Offer, make_offers
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.world import World
@@ -103,9 +103,7 @@ class Bookings:
         if skyway is None:
             return None
         now_ms = moment_to_ms(self.clock.now())
-        async with self.db.read() as connection:
-            pads = await booked_after(connection, skyway.network_id, moment_ms=now_ms)
-        return World(skyway, pads)
+        return World.of(skyway, self.db, after_ms=now_ms)
 
     async def _take_best(
         self,

@@ -30,7 +30,7 @@ from skyway_composition.missions.revision import next_revision
 from skyway_composition.missions.watch import Watch
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.networks.store import share_version
-from skyway_composition.pads.store import booked_after, free, reserve
+from skyway_composition.pads.store import free, reserve
 from skyway_composition.planning.problem_for import Standing, delivery_problem, onward_problem
 from skyway_composition.planning.round_trip import NOTHING_TO_DELIVER, NoTrip, round_trip, way_home
 from skyway_composition.planning.solver_pool import SolverPool
@@ -88,14 +88,12 @@ class Recomposer:
 
     async def _look(self, record: MissionRecord) -> World:
         skyway = await self.networks.current(record.network_id)
-        async with self.db.read() as connection:
-            pads = await booked_after(
-                connection,
-                skyway.network_id,
-                moment_ms=moment_to_ms(self.clock.now()),
-                without_mission_id=record.mission_id,
-            )
-        return World(skyway, pads)
+        return World.of(
+            skyway,
+            self.db,
+            after_ms=moment_to_ms(self.clock.now()),
+            without_mission_id=record.mission_id,
+        )
 
     async def _plan(
         self,

@@ -2,14 +2,21 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Final
 
-from sqlalchemy import BigInteger, delete, insert, literal, select
+from sqlalchemy import BigInteger, Select, delete, insert, literal, select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import MissionId, NetworkId, StationId
 from skyway.runtime.database import Tx
 from skyway_composition.pads.booked_pad import BookedPad
 from skyway_composition.tables import pad_reservations, stations
+
+#: A pad held in [start_ms, end_ms): station, pad, start_ms, end_ms.
+PadHeld = tuple[StationId, int, int, int]
+
+# Drivers limit the parameters of one statement: 32,766 on SQLite.
+_IDS_PER_STATEMENT: Final = 10_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,26 +64,50 @@ async def free(tx: Tx, mission_id: MissionId) -> None:
     await tx.execute(delete(pad_reservations).where(pad_reservations.c.mission_id == mission_id))
 
 
-async def booked_after(
+async def booked_at(
+    connection: AsyncConnection,
+    station_ids: Sequence[StationId],
+    *,
+    moment_ms: int,
+    without_mission_id: MissionId | None = None,
+) -> list[PadHeld]:
+    """The reservations of these stations that last beyond a moment."""
+    query = _lasting(moment_ms, without_mission_id)
+    held: list[PadHeld] = []
+    for start in range(0, len(station_ids), _IDS_PER_STATEMENT):
+        part = station_ids[start : start + _IDS_PER_STATEMENT]
+        found = await connection.execute(query.where(pad_reservations.c.station_id.in_(part)))
+        held.extend(found)
+    return held
+
+
+async def booked_everywhere(
     connection: AsyncConnection,
     network_id: NetworkId,
     *,
     moment_ms: int,
     without_mission_id: MissionId | None = None,
-) -> tuple[BookedPad, ...]:
+) -> list[PadHeld]:
     """The reservations at a network's stations that last beyond a moment."""
-    query = (
-        select(pad_reservations)
-        .join(stations, stations.c.station_id == pad_reservations.c.station_id)
-        .where(stations.c.network_id == network_id, pad_reservations.c.end_ms > moment_ms)
-        .order_by(
-            pad_reservations.c.station_id, pad_reservations.c.pad, pad_reservations.c.start_ms
+    query = _lasting(moment_ms, without_mission_id)
+    found = await connection.execute(
+        query.join(stations, stations.c.station_id == pad_reservations.c.station_id).where(
+            stations.c.network_id == network_id
         )
     )
+    return [*found]
+
+
+def _lasting(
+    moment_ms: int, without_mission_id: MissionId | None
+) -> Select[StationId, int, int, int]:
+    held = pad_reservations.c
+    query = select(held.station_id, held.pad, held.start_ms, held.end_ms).where(
+        held.end_ms > moment_ms
+    )
     if without_mission_id is not None:
-        query = query.where(pad_reservations.c.mission_id != without_mission_id)
-    found = await connection.execute(query)
-    return tuple(BookedPad(row.station_id, row.pad, row.start_ms, row.end_ms) for row in found)
+        query = query.where(held.mission_id != without_mission_id)
+    return query
 
 
 async def pads_of(connection: AsyncConnection, station_id: StationId) -> int | None:

@@ -10,7 +10,6 @@ from pydantic import AwareDatetime, Field, TypeAdapter, ValidationError
 from skyway.errors import InvalidProblem
 from skyway.ids import NetworkId
 from skyway.json_model import JsonModel
-from skyway.planner.airspace import Airspace
 from skyway.planner.problem import Problem
 from skyway.planner.problem_document import read_problem
 from skyway.runtime.clock import FleetClock
@@ -18,7 +17,6 @@ from skyway.runtime.database import Database
 from skyway.runtime.errors import NotFound
 from skyway.units import moment_to_ms
 from skyway_composition.networks.prepared import PreparedNetworks
-from skyway_composition.pads.store import booked_after
 from skyway_composition.planning.world import World
 
 
@@ -55,8 +53,8 @@ class KnownNetworks:
 
     async def problem(
         self, document: dict[str, Any], reference: NetworkReference
-    ) -> tuple[Problem, Airspace]:
-        """The problem on the network referred to; the reservations known are added to the given.
+    ) -> tuple[Problem, World]:
+        """The problem on the network referred to, and the world that holds the known pads.
 
         Raises
         ------
@@ -72,16 +70,11 @@ class KnownNetworks:
         except NotFound as error:
             raise InvalidProblem("network", str(error)) from error
         start_at = _start_at(document) or self.clock.now()
-        start_ms = moment_to_ms(start_at)
-        async with self.db.read() as connection:
-            pads = await booked_after(connection, skyway.network_id, moment_ms=start_ms)
         complete = {**document, "network": skyway.network}
         if document.get("start_at") is None:
             complete["start_at"] = start_at
         problem = await asyncio.to_thread(read_problem, complete)
-        # Those known may overlap those given; a pad is held while any of them holds it.
-        held = (*problem.pad_reservations, *World(skyway, pads).reservations_from(start_ms))
-        return problem.model_copy(update={"pad_reservations": held}), skyway.airspace
+        return problem, World.of(skyway, self.db, after_ms=moment_to_ms(start_at))
 
 
 def _start_at(document: dict[str, Any]) -> datetime | None:

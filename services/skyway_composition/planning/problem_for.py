@@ -39,7 +39,6 @@ def delivery_problem(
         drone=_at_start(drone),
         source=pickup,
         packages=_to_deliver(packages),
-        pad_reservations=tuple(world.reservations_from(start_ms)),
         loading_s=world.skyway.settings.loading_s,
         dropoff_s=world.skyway.settings.dropoff_s,
         latest_delivery_s=None if latest_ms is None else (latest_ms - start_ms) / 1000,
@@ -59,7 +58,6 @@ def onward_problem(
         drone=_at_start(drone),
         source=drone.station_id,
         packages=_to_deliver(packages),
-        pad_reservations=tuple(world.reservations_from(start_ms)),
         dropoff_s=world.skyway.settings.dropoff_s,
     )
 
@@ -75,7 +73,6 @@ def home_problem(
         drone=_at_start(drone),
         source=drone.station_id,
         packages=(nothing,),
-        pad_reservations=tuple(world.reservations_from(start_ms)),
         finish="stay",
     )
 

@@ -10,6 +10,7 @@ from skyway.planner.pad_book import PadBook, booked_until_ms
 from skyway.planner.pad_calendar import PadCalendar
 from skyway.planner.problem import Problem
 from skyway.units import CHARGE_TOLERANCE, moment_to_ms
+from skyway_composition.planning.compose_in import compose_in
 from skyway_composition.planning.problem_for import Standing, home_problem
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.trip import Trip, soc_after
@@ -17,8 +18,9 @@ from skyway_composition.planning.world import World
 
 #: The plan of a drone that has nothing left to deliver.
 NOTHING_TO_DELIVER = Plan(
-    status=PlanStatus.FEASIBLE,
+    status=PlanStatus.OPTIMAL,
     delivery_time_s=0.0,
+    lower_bound_s=0.0,
     energy_j=0.0,
     flight_s=0.0,
     waiting_s=0.0,
@@ -39,7 +41,7 @@ async def round_trip(
     solver: SolverPool, world: World, problem: Problem, *, home_station_id: StationId
 ) -> Trip | NoTrip:
     """The problem's plan with the way home from its last delivery."""
-    plan = await solver.compose(problem, airspace=world.skyway.airspace)
+    plan = await compose_in(solver, world, problem)
     if not plan.is_flyable:
         return _no_plan(plan)
     standing = Standing(
@@ -68,7 +70,7 @@ async def way_home(
         return NoTrip("NO_WAY_HOME", detail, is_temporary=False)
     home_start_ms = start_ms + booked_until_ms(plan.delivery_time_s or 0.0)
     problem = home_problem(world, standing, home_station_id=home_station_id, start_ms=home_start_ms)
-    home_plan = await solver.compose(problem, airspace=world.skyway.airspace)
+    home_plan = await compose_in(solver, world, problem)
     if not home_plan.is_flyable:
         reason = _no_plan(home_plan)
         detail = f"from {standing.station_id!r} to {home_station_id!r}: {reason.detail}"
@@ -78,23 +80,22 @@ async def way_home(
         plan=plan,
         home_start_ms=home_start_ms,
         home_plan=home_plan,
-        home_recharge=_recharge_at_home(problem, home_plan, home_station_id),
+        home_recharge=_recharge_at_home(
+            problem, home_plan, world.pads.book.seen_from(home_start_ms)
+        ),
     )
 
 
-def _recharge_at_home(
-    problem: Problem, home_plan: Plan, home_station_id: StationId
-) -> Recharge | None:
+def _recharge_at_home(problem: Problem, home_plan: Plan, booked: PadBook) -> Recharge | None:
     """The earliest session that charges the drone to its top; None without need or without pad."""
-    model = problem.drone.model
+    model, home_station_id = problem.drone.model, problem.packages[0].destination
     soc = soc_after(home_plan, problem.drone.soc)
     if soc >= model.top_soc - CHARGE_TOLERANCE:
         return None
     duration_s = recharge_time_s(model, soc, model.top_soc)
-    session = PadCalendar(
-        problem.network, [PadBook.of(problem.network, problem.pad_reservations)]
-    ).earliest_session(
-        home_station_id, not_before_s=home_plan.delivery_time_s or 0.0, duration_s=duration_s
+    arrived_s = home_plan.delivery_time_s or 0.0
+    session = PadCalendar(problem.network, [booked]).earliest_session(
+        home_station_id, not_before_s=arrived_s, duration_s=duration_s
     )
     if session is None:
         return None

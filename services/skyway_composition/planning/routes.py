@@ -6,11 +6,10 @@ from typing import Annotated, Any, Final
 from fastapi import APIRouter, Depends, Request
 
 from skyway.delivery.plan import Plan
-from skyway.planner.airspace import Airspace
-from skyway.planner.problem import Problem
 from skyway.planner.problem_document import read_problem
 from skyway.runtime.http_app import read_json
 from skyway.runtime.identity import Caller, ServiceGate
+from skyway_composition.planning.compose_in import compose_in
 from skyway_composition.planning.known_network import KnownNetworks, NetworkReference
 from skyway_composition.planning.solver_pool import SolverPool
 
@@ -42,16 +41,11 @@ def composition_routes(*, gate: ServiceGate, known: KnownNetworks, solver: Solve
     async def compose(request: Request, caller: Annotated[Caller, Depends(gate)]) -> Plan:
         """The plan for a problem; that there is none is an answer too."""
         caller.must_be("customer", "provider", "operator", "service")
-        problem, airspace = await _problem(await read_json(request), known)
-        return await solver.compose(problem, airspace=airspace)
+        document = await read_json(request)
+        network = document.get("network") if isinstance(document, dict) else None
+        if isinstance(network, dict) and "network_id" in network:
+            problem, world = await known.problem(document, NetworkReference.of(network))
+            return await compose_in(solver, world, problem)
+        return await solver.compose(await asyncio.to_thread(read_problem, document))
 
     return router
-
-
-async def _problem(document: Any, known: KnownNetworks) -> tuple[Problem, Airspace | None]:
-    """The problem in any JSON value, with what is known of the network that it refers to."""
-    network = document.get("network") if isinstance(document, dict) else None
-    if isinstance(network, dict) and "network_id" in network:
-        reference = NetworkReference.of(network)
-        return await known.problem(document, reference)
-    return await asyncio.to_thread(read_problem, document), None

@@ -10,9 +10,11 @@ from typing import Final, Self
 from skyway.delivery.plan import Plan, PlanStatus
 from skyway.planner.airspace import Airspace
 from skyway.planner.compose import compose
+from skyway.planner.pad_book import NO_RESERVATIONS, PadBook
 from skyway.planner.problem import Problem
 from skyway.planner.stop import TimeLimit, first_of
 from skyway.planner.verify import PlanRejected
+from skyway.planner.warm import warm
 from skyway.runtime.errors import ServiceUnavailable
 
 log = logging.getLogger(__name__)
@@ -44,7 +46,17 @@ class SolverPool:
             self._executor.shutdown(wait=True, cancel_futures=True)
             self._executor = None
 
-    async def compose(self, problem: Problem, *, airspace: Airspace | None = None) -> Plan:
+    async def warm(self) -> None:
+        """Have everything ready that plans are made with: compiled, or loaded from disk."""
+        await asyncio.get_running_loop().run_in_executor(self._executor, warm)
+
+    async def compose(
+        self,
+        problem: Problem,
+        *,
+        airspace: Airspace | None = None,
+        booked: PadBook = NO_RESERVATIONS,
+    ) -> Plan:
         """The plan for this problem; unknown when the time was up before one was found.
 
         Raises
@@ -59,18 +71,22 @@ class SolverPool:
         self._waiting += 1
         try:
             return await loop.run_in_executor(
-                self._executor, self._compose, problem, airspace, is_abandoned
+                self._executor, self._compose, problem, airspace, booked, is_abandoned
             )
         finally:
             self._waiting -= 1
             is_abandoned.set()
 
     def _compose(
-        self, problem: Problem, airspace: Airspace | None, is_abandoned: threading.Event
+        self,
+        problem: Problem,
+        airspace: Airspace | None,
+        booked: PadBook,
+        is_abandoned: threading.Event,
     ) -> Plan:
         stop = first_of(TimeLimit(self._time_limit_s), lambda _labels: is_abandoned.is_set())
         try:
-            return compose(problem, stop=stop, airspace=airspace)
+            return compose(problem, stop=stop, airspace=airspace, booked=booked)
         except PlanRejected as error:
             # A defect of the planner; a plan that breaks a rule must not fly, so there is none.
             log.exception("plan rejected", extra={"source": problem.source})

@@ -1,0 +1,91 @@
+"""Who holds the pads of a network's stations: read station by station, as plans come to ask."""
+
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from skyway.ids import MissionId, NetworkId, StationId
+from skyway.network.columns import Rows
+from skyway.network.network import Network
+from skyway.planner.pad_book import NO_RESERVATIONS, PadBook
+from skyway.runtime.database import Database
+from skyway_composition.pads.store import PadHeld, booked_at, booked_everywhere
+
+#: Stations above which the whole network's reservations are read: naming each takes longer.
+_MOST_NAMED: Final = 5_000
+
+
+class KnownPads:
+    """The reservations of one network's stations that last beyond a moment.
+
+    Each station is read once; a booking's transaction finds out whether they still hold.
+
+    Parameters
+    ----------
+    after_ms
+        The moment, milliseconds since 1970.
+    without_mission_id
+        A mission whose own pads count as free.
+    """
+
+    def __init__(
+        self,
+        db: Database,
+        network_id: NetworkId,
+        network: Network,
+        *,
+        after_ms: int,
+        without_mission_id: MissionId | None = None,
+    ) -> None:
+        self._db = db
+        self._network_id = network_id
+        self._network = network
+        self._after_ms = after_ms
+        self._without_mission_id = without_mission_id
+        self._is_read = np.zeros(len(network.row_of), np.bool_)
+        self._held: list[PadHeld] = []
+        #: Of the stations read so far, milliseconds since 1970.
+        self.book: PadBook = NO_RESERVATIONS
+
+    def knows(self, station_id: StationId) -> bool:
+        """Whether this station has been read."""
+        return bool(self._is_read[self._network.row_of[station_id]])
+
+    async def read(self, rows: Rows) -> None:
+        """Read the stations of these rows, as far as they have not been read."""
+        missing = rows[~self._is_read[rows]]
+        if len(missing) == 0:
+            return
+        async with self._db.read() as connection:
+            if len(missing) > _MOST_NAMED:
+                self._is_read[:] = True
+                self._held = await booked_everywhere(
+                    connection,
+                    self._network_id,
+                    moment_ms=self._after_ms,
+                    without_mission_id=self._without_mission_id,
+                )
+            else:
+                self._is_read[missing] = True
+                ids = self._network.columns.station_ids
+                self._held += await booked_at(
+                    connection,
+                    [ids[row] for row in missing.tolist()],
+                    moment_ms=self._after_ms,
+                    without_mission_id=self._without_mission_id,
+                )
+        self.book = self._book_of(self._held)
+
+    def _book_of(self, held: Sequence[PadHeld]) -> PadBook:
+        row_of, pads = self._network.row_of, self._network.columns.pads
+        # A station or pad that this version does not have is nothing to plan around.
+        entries = [
+            (row, pad, start_ms, end_ms)
+            for station_id, pad, start_ms, end_ms in held
+            if (row := row_of.get(station_id)) is not None and pad < pads[row]
+        ]
+        columns = np.array(entries, np.int64).reshape(-1, 4).T
+        return PadBook.of_arrays(
+            station=columns[0], pad=columns[1], start_ms=columns[2], end_ms=columns[3]
+        )
