@@ -70,8 +70,9 @@ def draw_lines(path: Path, title: str, *, x: Axis, y: Axis, lines: Sequence[Line
     figure, axes = _figure(title)
     for number, line in enumerate(lines):
         _draw_line(axes, line, number)
-    axes.set_xscale(x.scale)
-    axes.set_yscale(y.scale)
+    if any(math.isfinite(each.value) for line in lines for each in line.estimates):
+        axes.set_xscale(x.scale)
+        axes.set_yscale(y.scale)
     axes.set_xlabel(x.label)
     axes.set_ylabel(y.label)
     axes.grid(visible=True, which="major", alpha=0.3)

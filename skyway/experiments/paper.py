@@ -1,7 +1,5 @@
 """The paper's evaluation: execution time and delivery time against the number of stations."""
 
-from collections.abc import Sequence
-
 from skyway.experiments.claims import (
     FAILS,
     HOLDS,
@@ -15,17 +13,13 @@ from skyway.experiments.contest import EXACT, EXACT_PLAIN, EXHAUSTIVE, HEURISTIC
 from skyway.experiments.figures import Axis, Line, draw_lines
 from skyway.experiments.instances import Setting
 from skyway.experiments.laboratory import Laboratory
+from skyway.experiments.paper_tables import CONTESTANTS, table_of_gaps, table_of_times
 from skyway.experiments.sample import Sample
 from skyway.experiments.section import Finding, Section, image
 from skyway.experiments.trials import Contest, Trial, hold
 from skyway.experiments.words import (
-    count,
     duration,
-    estimated,
-    hours,
-    markdown_table,
     percent,
-    with_interval,
 )
 from skyway.units import CHARGE_TOLERANCE
 
@@ -34,8 +28,6 @@ _WORDS = {
     FAILS: "**we disagree**",
     OPEN: "**undecided** by these runs",
 }
-
-CONTESTANTS = (HEURISTIC, EXHAUSTIVE, EXACT, EXACT_PLAIN)
 
 
 def paper(laboratory: Laboratory) -> Section:
@@ -105,12 +97,12 @@ def _section(
             intro,
             image("paper-execution-time.png", "execution time"),
             image("paper-delivery-time.png", "delivery time"),
-            _table_of_times(by_size, seed=seed),
+            table_of_times(by_size, seed=seed),
             (
                 "Mean and median; ≥ where runs were ended by their limit, which counts as their "
                 "time. Labels are the states looked at, compositions the whole routes simulated."
             ),
-            _table_of_gaps(by_size, seed=seed),
+            table_of_gaps(by_size, seed=seed),
             HOW_TESTED,
         ],
         findings,
@@ -167,43 +159,3 @@ def _ratio(contest: Contest, slow: str, fast: str) -> str:
     ratio = Sample.of([one.elapsed_s / other.elapsed_s for one, other in pairs]).median().value
     is_at_least = contest.times(slow).share_finished < 1
     return f"{'≥ ' if is_at_least else ''}{ratio:.3g}"
-
-
-def _table_of_times(by_size: dict[int, Contest], *, seed: int) -> str:
-    rows: list[Sequence[str]] = []
-    for size, contest in by_size.items():
-        for who in CONTESTANTS:
-            times = contest.times(who)
-            rows.append(
-                (
-                    str(size),
-                    who,
-                    str(len(times.values)),
-                    percent(times.share_finished),
-                    estimated(times.mean(seed=seed), duration),
-                    estimated(times.median(seed=seed), duration),
-                    estimated(contest.labels(who).median(seed=seed), count),
-                    estimated(contest.compositions(who).median(seed=seed), count),
-                )
-            )
-    header = ("stations", "contestant", "runs", "finished", "mean", "median", "labels", "comp.")
-    return markdown_table(header, rows)
-
-
-def _table_of_gaps(by_size: dict[int, Contest], *, seed: int) -> str:
-    rows = [
-        (
-            str(size),
-            who,
-            *(
-                with_interval(contest.gaps(who).quantile(share, seed=seed), percent)
-                for share in (0.5, 0.95, 1.0)
-            ),
-            estimated(contest.deliveries_h(who).mean(seed=seed), hours),
-        )
-        for size, contest in by_size.items()
-        for who in (HEURISTIC, EXHAUSTIVE, EXACT)
-    ]
-    return markdown_table(
-        ("stations", "contestant", "gap p50", "gap p95", "gap max", "mean delivery"), rows
-    )

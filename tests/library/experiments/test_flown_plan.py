@@ -5,9 +5,9 @@ import pytest
 from skyway.delivery.plan import Fly, Recharge
 from skyway.experiments.chance import chance
 from skyway.experiments.disturbances import Climate, Day
-from skyway.experiments.flown import SETTING
 from skyway.experiments.flown_plan import fly_plan
 from skyway.experiments.instances import SHORT_RANGE, texas_problem
+from skyway.experiments.margin import SETTING
 from skyway.planner import compose
 
 PROBLEM = texas_problem(replace(SETTING, model=SHORT_RANGE), seed=4)
