@@ -16,7 +16,7 @@ from skyway.planner.airspace import Airspace
 from skyway.planner.hierarchy import Hierarchy
 
 _HOUR_S = 3_600.0
-_COLUMNS = "milliseconds for the whole solve, median / p95 / worst, by the share of the pads' time"
+_COLUMNS = "milliseconds for the whole solve, median / p95 / worst, by the share of pad time"
 _LABELS = "recharges and labels: the largest mean of the row's cells; MiB: the most memory that"
 
 
@@ -39,7 +39,7 @@ class _Sheet:
 def whole_network(extent: Extent) -> Table:
     """Destinations spread over the whole network, which has a hierarchy."""
     sheet = _Sheet(extent.whole_stations, extent.packages, extent.whole_shares, extent.limits)
-    caption = f"**Whole-network requests** on prepared networks: {_COLUMNS} that is taken."
+    caption = f"**Whole-network requests** on prepared networks: {_COLUMNS} taken."
     table = _empty("whole-network", caption, sheet)
     # Not counted: that the compiled code is loaded when it is first asked for.
     hierarchy_of(city(sheet.stations[0]))
@@ -62,7 +62,7 @@ def whole_network(extent: Extent) -> Table:
 def unprepared(extent: Extent) -> Table:
     """The same without a hierarchy: a tree is grown for each destination of each request."""
     sheet = _Sheet(extent.tree_stations, extent.packages, extent.tree_shares, extent.limits)
-    caption = f"**Whole-network requests** on networks without a hierarchy: {_COLUMNS}."
+    caption = f"**Whole-network requests** on networks without a hierarchy: {_COLUMNS} taken."
     table = _empty("unprepared", caption, sheet)
     for stations in sheet.stations:
         _add(table, sheet, city(stations), None)
@@ -74,7 +74,7 @@ def local(extent: Extent) -> Table:
     stations, shares = extent.local_stations, extent.local_shares
     sheet = _Sheet(stations, extent.packages, shares, extent.limits, LOCAL_REACH_M)
     caption = (
-        f"**Local requests**, destinations within {LOCAL_REACH_M / 1000:g} km: {_COLUMNS} that is "
+        f"**Local requests**, destinations within {LOCAL_REACH_M / 1000:g} km: {_COLUMNS} "
         "taken. No network is prepared with a hierarchy."
     )
     table = _empty("local", caption, sheet)
