@@ -68,7 +68,10 @@ class ExactSearch:
         self._destinations = np.array([row_of[each] for each in situation.destinations], np.int32)
         self._source = row_of[situation.problem.source]
         self._start = row_of[situation.problem.start_station_id]
-        self._skyway = handle_of(rows_of(situation.network, situation.hierarchy))
+        rows = rows_of(situation.network)
+        if situation.hierarchy is not None:
+            rows = situation.hierarchy.added_to(rows)
+        self._skyway = handle_of(rows)
         self._closed = handle_of(closed_of(situation))
         self._books = tuple(handle_of(book_of(book)) for book in situation.books)
         trees_needed = len(self._destinations) + (self._start != self._source)

@@ -13,7 +13,7 @@ from skyway.network.network import Network
 from skyway.planner.kernels.dissection import dissected
 from skyway.planner.kernels.handles import handle_of
 from skyway.planner.kernels.hierarchy import shortcut_lengths, shortcuts
-from skyway.planner.kernels.memory import Floats, Longs
+from skyway.planner.kernels.memory import Floats, Longs, Skyway
 from skyway.planner.network_rows import rows_of
 
 
@@ -41,3 +41,13 @@ class Hierarchy:
         rank = dissected(skyway, columns.longitude_deg * stretch, columns.latitude_deg)
         offsets, above = shortcuts(skyway, rank)
         return cls(rank, offsets, above, *shortcut_lengths(skyway, rank, offsets, above))
+
+    def added_to(self, rows: Skyway) -> Skyway:
+        """The network's rows, with this hierarchy for the kernels to use."""
+        return rows._replace(
+            rank=self.rank,
+            above_offsets=self.offsets,
+            above=self.above,
+            up_length=self.up_length,
+            down_length=self.down_length,
+        )
