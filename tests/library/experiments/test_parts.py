@@ -15,3 +15,14 @@ def test_every_part_ends_with_findings_rows_and_the_figures_that_it_shows(labora
     assert section.findings
     assert rows
     assert all((laboratory.folder / figure).stat().st_size > 1_000 for figure in shown)
+
+
+@pytest.mark.parametrize("name", ["booked-fleet", "causes"])
+def test_the_same_seed_gives_the_same_rows(laboratory, name):
+    file = laboratory.folder / f"{name}.csv"
+
+    PARTS[name](laboratory)
+    first = file.read_text(encoding="utf-8")
+    PARTS[name](laboratory)
+
+    assert file.read_text(encoding="utf-8") == first
