@@ -11,9 +11,12 @@ RUN /opt/skyway/bin/pip install --no-cache-dir --no-deps --no-build-isolation .
 
 FROM python:3.11-slim
 RUN useradd --uid 10001 --home-dir /var/lib/skyway --create-home skyway \
-    && install --directory --owner=skyway /var/lib/postgres-passwords
+    && install --directory --owner=skyway /var/lib/postgres-passwords /var/cache/skyway
 COPY --from=build /opt/skyway /opt/skyway
-ENV PATH=/opt/skyway/bin:$PATH PYTHONUNBUFFERED=1 SKYWAY_DATA=/var/lib/skyway
+ENV PATH=/opt/skyway/bin:$PATH PYTHONUNBUFFERED=1 SKYWAY_DATA=/var/lib/skyway \
+    NUMBA_CACHE_DIR=/var/cache/skyway
 USER skyway
+# Compiled for this processor; on another one composition compiles again before it is ready.
+RUN python -m skyway.planner.warm
 VOLUME /var/lib/skyway
 CMD ["skyway", "doctor"]

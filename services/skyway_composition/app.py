@@ -173,11 +173,16 @@ def build_app(settings: CompositionSettings) -> FastAPI:
             mqtt,
             Loops() as loops,
         ):
+            loops.start("warm", parts.solver.warm())
             work.start(loops)
             yield
 
     async def readiness() -> dict[str, bool]:
-        return {"database": await parts.db.is_answering(), "mqtt": mqtt.is_connected}
+        return {
+            "database": await parts.db.is_answering(),
+            "mqtt": mqtt.is_connected,
+            "planner": parts.solver.is_warm,
+        }
 
     return composition_app(parts, lifespan=lifespan, readiness=readiness)
 

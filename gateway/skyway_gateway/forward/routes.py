@@ -9,6 +9,7 @@ from fastapi import APIRouter, Depends, Header, Request, Response
 from fastapi.responses import StreamingResponse
 
 from skyway.ids import SubjectId
+from skyway.runtime.abandonment import while_wanted
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database, Tx
 from skyway.runtime.errors import NotFound
@@ -47,7 +48,9 @@ def _passing_on(
         caller.must_be(*row.roles)
         _refuse_foreign(caller, request)
         path = request.scope["path"]
-        return await client.forward(request, path, caller, timeout_s=row.timeout_s)
+        return await while_wanted(
+            request, lambda read: client.forward(read, path, caller, timeout_s=row.timeout_s)
+        )
 
     return pass_on
 

@@ -7,6 +7,7 @@ from fastapi import APIRouter, Depends, Request
 
 from skyway.delivery.plan import Plan
 from skyway.planner.problem_document import read_problem
+from skyway.runtime.abandonment import while_wanted
 from skyway.runtime.http_app import read_json
 from skyway.runtime.identity import Caller, ServiceGate
 from skyway_composition.planning.compose_in import compose_in
@@ -41,6 +42,9 @@ def composition_routes(*, gate: ServiceGate, known: KnownNetworks, solver: Solve
     async def compose(request: Request, caller: Annotated[Caller, Depends(gate)]) -> Plan:
         """The plan for a problem; that there is none is an answer too."""
         caller.must_be("customer", "provider", "operator", "service")
+        return await while_wanted(request, plan_for)
+
+    async def plan_for(request: Request) -> Plan:
         document = await read_json(request)
         network = document.get("network") if isinstance(document, dict) else None
         if isinstance(network, dict) and "network_id" in network:

@@ -3,6 +3,7 @@
 import asyncio
 import logging
 import threading
+import time
 from concurrent.futures import ThreadPoolExecutor
 from types import TracebackType
 from typing import Final, Self
@@ -31,6 +32,8 @@ class SolverPool:
         self._time_limit_s = time_limit_s
         self._waiting = 0
         self._executor: ThreadPoolExecutor | None = None
+        #: Whether the first plan will take no longer than the tenth.
+        self.is_warm = False
 
     async def __aenter__(self) -> Self:
         self._executor = ThreadPoolExecutor(self._threads, thread_name_prefix="solver")
@@ -47,8 +50,15 @@ class SolverPool:
             self._executor = None
 
     async def warm(self) -> None:
-        """Have everything ready that plans are made with: compiled, or loaded from disk."""
+        """Have everything ready that plans are made with: compiled, or loaded from disk.
+
+        Compiled code belongs to the process, so one pool warms all of them.
+        """
+        log.info("compiling the planner, or loading what was compiled before")
+        started_at = time.monotonic()
         await asyncio.get_running_loop().run_in_executor(self._executor, warm)
+        self.is_warm = True
+        log.info("planner ready", extra={"elapsed_s": round(time.monotonic() - started_at, 1)})
 
     async def compose(
         self,
