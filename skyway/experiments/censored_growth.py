@@ -42,17 +42,18 @@ def growth_per_station(times: LogTimes) -> float:
     """By how much ln(time) grows with every station."""
     expected = times.log_s.copy()
     spread = max(float(np.std(times.log_s)), _LEAST_SPREAD)
+    from_middle = times.stations - times.stations.mean()
     slope = 0.0
     for _ in range(_STEPS):
-        slope, start = np.polyfit(times.stations, expected, 1)
-        line = start + slope * times.stations
+        slope = float(from_middle @ expected) / float(from_middle @ from_middle)
+        line = expected.mean() + slope * from_middle
         beyond = (times.log_s - line) / spread
         hazard = _hazard(beyond)
         expected = np.where(times.is_censored, line + spread * hazard, times.log_s)
         variance = np.where(times.is_censored, spread**2 * (1 + beyond * hazard - hazard**2), 0.0)
         squares = (expected - line) ** 2 + np.maximum(variance, 0.0)
         spread = max(math.sqrt(float(squares.mean())), _LEAST_SPREAD)
-    return float(slope)
+    return slope
 
 
 def _hazard(z: Floats) -> Floats:
