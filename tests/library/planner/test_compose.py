@@ -79,6 +79,35 @@ def random_problem(make_network, make_problem, model):
     return make
 
 
+@pytest.fixture(scope="session")
+def crowded_problem(make_network, make_problem):
+    """Twelve destinations among pads that are hardly ever free: proving the best takes long."""
+    rng = random.Random(5)
+    network = make_network(_grid(8), pads={})
+    places = sorted(network.stations)
+    held = [
+        {"station_id": place, "pad": pad, "start_s": start_s, "end_s": start_s + 280}
+        for place in places
+        for pad in range(4)
+        for start_s in range(rng.randrange(-300, 0), 30_000, 300)
+    ]
+    return make_problem(
+        network, *rng.sample(places[1:], 12), source=places[0], pad_reservations=held
+    )
+
+
+def _grid(side: int) -> str:
+    """Words of a grid of so many times so many stations, 2 to 5 km apart."""
+    rng = random.Random(side)
+    name = {(x, y): f"{chr(97 + x)}{chr(97 + y)}" for x in range(side) for y in range(side)}
+    return " ".join(
+        f"{name[x, y]}-{name[x + dx, y + dy]}:{rng.randint(2, 5)}"
+        for x, y in name
+        for dx, dy in ((1, 0), (0, 1))
+        if (x + dx, y + dy) in name
+    )
+
+
 def renamed(problem: Problem) -> Problem:
     """The same problem with stations whose names sort the other way round."""
     names = sorted(problem.network.stations, reverse=True)
@@ -94,7 +123,7 @@ def renamed(problem: Problem) -> Problem:
     return Problem.model_validate(rename(problem.model_dump(mode="json", by_alias=True)))
 
 
-@pytest.mark.parametrize("strategy", ["heuristic", "exhaustive"])
+@pytest.mark.parametrize("strategy", ["exact", "heuristic", "exhaustive"])
 @given(seed=SEEDS)
 @BOUNDED
 def test_every_plan_is_accepted_by_verify(random_problem, strategy: str, seed: int):
@@ -108,18 +137,28 @@ def test_every_plan_is_accepted_by_verify(random_problem, strategy: str, seed: i
 def test_random_problems_are_a_fair_mix(random_problem):
     plans = [compose(random_problem(seed)) for seed in range(100)]
 
-    assert sum(plan.status == "feasible" for plan in plans) > 25
+    assert sum(plan.status == "optimal" for plan in plans) > 25
     assert {plan.infeasibility.code for plan in plans if plan.infeasibility} >= {
         "OUT_OF_RANGE",
         "DESTINATION_UNREACHABLE",
+        "NO_PAD_IN_TIME",
     }
+
+
+def test_the_default_strategy_always_proves_what_it_says(random_problem):
+    for seed in range(100):
+        plan = compose(random_problem(seed))
+
+        assert plan.status in ("optimal", "infeasible")
+        if plan.status == "optimal":
+            assert plan.lower_bound_s == pytest.approx(plan.delivery_time_s, abs=1e-6)
 
 
 @given(seed=SEEDS)
 @BOUNDED
 def test_the_heuristic_is_never_better_than_enumerating_all_walks(random_problem, seed: int):
     problem = random_problem(seed, stations=4, destinations=2)
-    found = compose(problem)
+    found = compose(problem.model_copy(update={"strategy": "heuristic"}))
 
     best = compose(problem.model_copy(update={"strategy": "exhaustive_with_walks"}))
 
@@ -149,7 +188,20 @@ def test_what_one_strategy_proves_impossible_none_finds(random_problem, seed: in
 
     other = compose(problem.model_copy(update={"strategy": "exhaustive"}))
 
-    assert other.status == "infeasible"
+    assert not other.is_flyable
+
+
+@given(seed=SEEDS)
+@BOUNDED
+def test_exact_is_never_later_than_any_contestant(random_problem, seed: int):
+    problem = random_problem(seed, stations=4, destinations=2)
+    exact = compose(problem)
+
+    for strategy in ("heuristic", "exhaustive_with_walks"):
+        other = compose(problem.model_copy(update={"strategy": strategy}))
+
+        if other.is_flyable:
+            assert exact.delivery_time_s <= other.delivery_time_s + 1e-6
 
 
 @given(seed=SEEDS)
@@ -174,15 +226,62 @@ def test_the_same_problem_gives_the_same_plan(random_problem, seed: int):
 
 
 def test_a_strategy_that_is_not_there_is_refused_with_the_names_of_those_that_are(make_problem):
-    with pytest.raises(InvalidProblem, match=r"strategy: 'exact' is .*; there are heuristic, exh"):
-        compose(make_problem("a-b:1", "b", strategy="exact"))
+    with pytest.raises(InvalidProblem, match=r"'best' is .*; there are exact, heuristic, exh"):
+        compose(make_problem("a-b:1", "b", strategy="best"))
 
 
 def test_a_stop_ends_the_search(make_problem):
-    problem = make_problem("a-b:1 b-c:1", "c")
+    problem = make_problem("a-b:1 b-c:1", "c", strategy="heuristic")
 
     assert compose(problem, stop=never).status == "feasible"
     assert compose(problem, stop=LabelLimit(1)).status == "unknown"
+
+
+def test_no_strategy_named_means_the_exact_one(make_problem):
+    plan = compose(make_problem("a-b:1", "b"))
+
+    assert (plan.status, plan.stats["strategy"]) == ("optimal", "exact")
+
+
+def test_a_label_limit_ends_the_exact_search_at_the_same_place_every_time(crowded_problem):
+    limited = crowded_problem.model_copy(update={"label_limit": 20_000})
+
+    plan, again = compose(limited), compose(limited)
+
+    assert plan.status == "feasible"
+    assert (again.steps, again.lower_bound_s) == (plan.steps, plan.lower_bound_s)
+    assert again.stats["labels"] == plan.stats["labels"]
+
+
+def test_a_plan_that_is_not_proven_tells_its_gap(crowded_problem):
+    limited = crowded_problem.model_copy(update={"label_limit": 20_000})
+
+    plan = compose(limited)
+
+    assert 0 < plan.lower_bound_s < plan.delivery_time_s
+
+
+def test_few_labels_leave_unknown_with_a_lower_bound(crowded_problem):
+    plan = compose(crowded_problem.model_copy(update={"label_limit": 10}))
+
+    assert (plan.status, plan.steps) == ("unknown", ())
+    assert plan.lower_bound_s > 0
+
+
+def test_a_time_limit_ends_the_exact_search_soon(crowded_problem):
+    plan = compose(crowded_problem.model_copy(update={"time_limit_s": 0.05}))
+
+    assert plan.status in ("feasible", "unknown")
+    assert plan.stats["elapsed_s"] < 1
+
+
+def test_a_stop_cancels_the_exact_search(crowded_problem):
+    looks = []
+
+    plan = compose(crowded_problem, stop=lambda labels: looks.append(labels) is None)
+
+    assert plan.status in ("feasible", "unknown")
+    assert len(looks) <= 3
 
 
 def test_a_time_limit_ends_an_enumeration_that_would_not(make_problem):
@@ -206,7 +305,7 @@ def test_an_airspace_made_before_gives_the_same_plan(random_problem):
 def test_the_result_says_how_it_was_found(make_problem):
     stats = compose(make_problem("a-b:1 b-c:1", "c")).stats
 
-    assert stats["strategy"] == "heuristic"
+    assert stats["strategy"] == "exact"
     assert set(stats) == {
         "strategy",
         "elapsed_s",
@@ -217,7 +316,8 @@ def test_the_result_says_how_it_was_found(make_problem):
 
 
 def test_a_plan_s_json_names_an_infeasibility_only_when_it_has_one(make_problem):
-    feasible = compose(make_problem("a-b:1", "b")).model_dump(mode="json")
+    problem = make_problem("a-b:1", "b", strategy="heuristic")
+    feasible = compose(problem).model_dump(mode="json")
     infeasible = compose(make_problem("a-b:11", "b")).model_dump(mode="json")
 
     assert "infeasibility" not in feasible

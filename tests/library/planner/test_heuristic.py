@@ -21,29 +21,33 @@ def told(plan: Plan) -> list[str]:
     return words
 
 
+def planned(problem):
+    return compose(problem.model_copy(update={"strategy": "heuristic"}))
+
+
 def test_it_flies_over_stations_while_the_next_pad_is_in_reach(make_problem):
-    plan = compose(make_problem("a-b:4 b-c:4", "c"))
+    plan = planned(make_problem("a-b:4 b-c:4", "c"))
 
     assert told(plan) == ["fly b", "fly c", "deliver c"]
     assert plan.delivery_time_s == 800.0
 
 
 def test_under_the_partial_policy_it_recharges_only_what_the_next_pad_asks_for(make_problem):
-    plan = compose(make_problem("a-b:8 b-c:5", "c"))
+    plan = planned(make_problem("a-b:8 b-c:5", "c"))
 
     assert told(plan) == ["fly b", "recharge 0.50", "fly c", "deliver c"]
     assert plan.delivery_time_s == pytest.approx(800 + 300 + 500)
 
 
 def test_under_the_full_policy_it_recharges_to_the_top(make_problem):
-    plan = compose(make_problem("a-b:8 b-c:5", "c", recharge_policy="full"))
+    plan = planned(make_problem("a-b:8 b-c:5", "c", recharge_policy="full"))
 
     assert told(plan) == ["fly b", "recharge 1.00", "fly c", "deliver c"]
     assert plan.delivery_time_s == pytest.approx(800 + 800 + 500)
 
 
 def test_it_recharges_early_where_the_next_station_has_no_pad(make_problem):
-    plan = compose(make_problem("a-b:6 b-c:3 c-d:5", "d", pads={"c": 0}))
+    plan = planned(make_problem("a-b:6 b-c:3 c-d:5", "d", pads={"c": 0}))
 
     assert told(plan) == ["fly b", "recharge 0.80", "fly c", "fly d", "deliver d"]
 
@@ -51,19 +55,19 @@ def test_it_recharges_early_where_the_next_station_has_no_pad(make_problem):
 def test_it_makes_a_detour_to_a_pad_where_the_shortest_path_has_none(make_problem):
     network = "a-b:6 b-c:6 a-p:5 p-q:5 q-c:5"
 
-    plan = compose(make_problem(network, "c", pads={"b": 0}))
+    plan = planned(make_problem(network, "c", pads={"b": 0}))
 
     assert [word for word in told(plan) if "fly" in word] == ["fly p", "fly q", "fly c"]
 
 
 def test_it_turns_back_to_a_pad_if_nothing_else_leads_on(make_problem):
-    plan = compose(make_problem("a-b:6 b-p:2 b-c:6", "c", pads={"b": 0}))
+    plan = planned(make_problem("a-b:6 b-p:2 b-c:6", "c", pads={"b": 0}))
 
     assert [word for word in told(plan) if "fly" in word] == ["fly b", "fly p", "fly b", "fly c"]
 
 
 def test_it_keeps_enough_to_reach_a_pad_after_a_delivery_without_one(make_problem):
-    plan = compose(make_problem("a-b:6 b-c:4", "c", soc=0.7, pads={"c": 0}))
+    plan = planned(make_problem("a-b:6 b-c:4", "c", soc=0.7, pads={"c": 0}))
 
     assert told(plan) == ["recharge 1.00", "fly b", "recharge 0.80", "fly c", "deliver c"] or told(
         plan
@@ -71,13 +75,13 @@ def test_it_keeps_enough_to_reach_a_pad_after_a_delivery_without_one(make_proble
 
 
 def test_with_the_finish_stay_it_may_end_empty(make_problem):
-    plan = compose(make_problem("a-b:6 b-c:4", "c", pads={"c": 0}, finish="stay"))
+    plan = planned(make_problem("a-b:6 b-c:4", "c", pads={"c": 0}, finish="stay"))
 
     assert told(plan) == ["fly b", "fly c", "deliver c"]
 
 
 def test_it_waits_for_a_pad_when_all_are_taken(make_problem, taken):
-    plan = compose(make_problem("a-b:8 b-c:5", "c", pad_reservations=taken("b", 0, 1000)))
+    plan = planned(make_problem("a-b:8 b-c:5", "c", pad_reservations=taken("b", 0, 1000)))
 
     assert told(plan) == ["fly b", "wait 200", "recharge 0.50", "fly c", "deliver c"]
     assert plan.waiting_s == pytest.approx(200.0)
@@ -86,7 +90,7 @@ def test_it_waits_for_a_pad_when_all_are_taken(make_problem, taken):
 def test_it_recharges_elsewhere_if_a_station_is_congested(make_problem, taken):
     network = "a-b:5 b-c:4 c-d:5"
 
-    plan = compose(make_problem(network, "d", pad_reservations=taken("c", 0, 5000)))
+    plan = planned(make_problem(network, "d", pad_reservations=taken("c", 0, 5000)))
 
     assert told(plan) == ["fly b", "recharge 0.90", "fly c", "fly d", "deliver d"]
 
@@ -94,7 +98,7 @@ def test_it_recharges_elsewhere_if_a_station_is_congested(make_problem, taken):
 def test_it_takes_another_way_round_a_congested_station(make_problem, taken):
     network = "a-b:8 b-d:8 a-c:9 c-d:9"
 
-    plan = compose(make_problem(network, "d", pad_reservations=taken("b", 0, 5000)))
+    plan = planned(make_problem(network, "d", pad_reservations=taken("b", 0, 5000)))
 
     assert told(plan) == ["fly c", "recharge 0.90", "fly d", "deliver d"]
 
@@ -102,7 +106,7 @@ def test_it_takes_another_way_round_a_congested_station(make_problem, taken):
 def test_it_waits_on_the_ground_until_a_segment_opens(make_problem):
     closures = [{"from": "b", "to": "c", "start_s": 0, "end_s": 1000}]
 
-    plan = compose(make_problem("a-b:4 b-c:4", "c", closures=closures))
+    plan = planned(make_problem("a-b:4 b-c:4", "c", closures=closures))
 
     assert told(plan) == ["wait 600", "fly b", "fly c", "deliver c"]
 
@@ -110,7 +114,7 @@ def test_it_waits_on_the_ground_until_a_segment_opens(make_problem):
 def test_it_takes_another_way_if_a_segment_closes_for_good_on_the_way(make_problem):
     closures = [{"from": "b", "to": "d", "start_s": 500, "end_s": None}]
 
-    plan = compose(make_problem("a-b:4 b-d:4 a-c:5 c-d:5", "d", closures=closures))
+    plan = planned(make_problem("a-b:4 b-d:4 a-c:5 c-d:5", "d", closures=closures))
 
     assert told(plan) == ["fly c", "fly d", "deliver d"]
 
@@ -119,13 +123,13 @@ def test_it_does_not_land_at_a_closed_station_but_flies_over_it(make_problem):
     network = "a-b:4 b-c:2 c-d:6"
     closures = [{"station_id": "c", "start_s": 0}]
 
-    plan = compose(make_problem(network, "d", closures=closures))
+    plan = planned(make_problem(network, "d", closures=closures))
 
     assert told(plan) == ["fly b", "recharge 0.80", "fly c", "fly d", "deliver d"]
 
 
 def test_it_delivers_in_the_best_order(make_problem):
-    plan = compose(make_problem("a-b:1 b-c:3 a-c:5 c-d:1", "d", "c", "b"))
+    plan = planned(make_problem("a-b:1 b-c:3 a-c:5 c-d:1", "d", "c", "b"))
 
     assert [word for word in told(plan) if "deliver" in word] == [
         "deliver b",
@@ -141,7 +145,7 @@ def test_a_heavier_load_is_slower_and_thirstier(make_problem, model):
         {"package_id": "p2", "mass_kg": 0.4, "destination": "c"},
     ]
 
-    plan = compose(make_problem("a-b:1 b-c:1", model=model, packages=packages))
+    plan = planned(make_problem("a-b:1 b-c:1", model=model, packages=packages))
 
     flights = [step for step in plan.steps if isinstance(step, Fly)]
     assert [flight.load_kg for flight in flights] == pytest.approx([1.0, 0.4])
@@ -152,7 +156,7 @@ def test_a_heavier_load_is_slower_and_thirstier(make_problem, model):
 def test_landings_cost_their_time_and_energy_and_flying_over_costs_nothing(make_problem, model):
     model = model.model_copy(update={"stop_s": 30.0, "stop_j": 1000.0})
 
-    plan = compose(make_problem("a-b:4 b-c:4", "c", model=model))
+    plan = planned(make_problem("a-b:4 b-c:4", "c", model=model))
 
     flights = [step for step in plan.steps if isinstance(step, Fly)]
     assert [flight.end_s - flight.start_s for flight in flights] == pytest.approx([400.0, 430.0])
@@ -160,7 +164,7 @@ def test_landings_cost_their_time_and_energy_and_flying_over_costs_nothing(make_
 
 
 def test_it_approaches_from_another_station_and_loads_there(make_problem):
-    plan = compose(
+    plan = planned(
         make_problem(
             "z-y:8 y-a:5 a-b:4", "b", "a", station="z", loading_s=60, dropoff_s=20, soc=0.9
         )
@@ -180,7 +184,7 @@ def test_it_approaches_from_another_station_and_loads_there(make_problem):
 
 
 def test_packages_for_the_source_are_handed_over_right_after_loading(make_problem):
-    plan = compose(make_problem("a-b:1", "a", loading_s=60, dropoff_s=20))
+    plan = planned(make_problem("a-b:1", "a", loading_s=60, dropoff_s=20))
 
     assert [step.kind for step in plan.steps] == ["PICK_UP", "DELIVER"]
     assert plan.delivery_time_s == 80.0
@@ -188,9 +192,9 @@ def test_packages_for_the_source_are_handed_over_right_after_loading(make_proble
 
 def test_a_plan_later_than_asked_for_is_no_plan(make_problem, taken):
     problem = make_problem("a-b:8 b-c:5", "c", pad_reservations=taken("b", 0, 5000))
-    assert compose(problem).status == "feasible"
+    assert planned(problem).status == "feasible"
 
-    late = compose(problem.model_copy(update={"latest_delivery_s": 3000.0}))
+    late = planned(problem.model_copy(update={"latest_delivery_s": 3000.0}))
 
     assert (late.status, late.steps) == ("unknown", ())
 
@@ -198,7 +202,7 @@ def test_a_plan_later_than_asked_for_is_no_plan(make_problem, taken):
 def test_a_label_limit_ends_the_search_at_the_same_place_every_time(make_problem):
     problem = make_problem("a-b:4 b-c:4 c-d:4 b-d:5", "c", "d", label_limit=2)
 
-    first, second = compose(problem), compose(problem)
+    first, second = planned(problem), planned(problem)
 
     assert first.status == "unknown"
     assert first.stats["labels"] == second.stats["labels"] <= 3

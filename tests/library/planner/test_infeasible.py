@@ -1,11 +1,12 @@
 import pytest
 
 from skyway.planner import compose
+from skyway.planner.pad_book import PadBook
 
 FOR_GOOD = {"start_s": 0, "end_s": None}
 
 
-@pytest.mark.parametrize("strategy", ["heuristic", "exhaustive"])
+@pytest.mark.parametrize("strategy", ["exact", "heuristic", "exhaustive"])
 @pytest.mark.parametrize(
     ("network", "destinations", "fields", "code"),
     [
@@ -50,13 +51,58 @@ def test_the_numbers_that_overweigh_are_told(make_problem):
     )
 
 
-def test_pads_that_are_all_reserved_prove_nothing(make_problem, taken):
-    plan = compose(make_problem("a-b:8 b-c:5", "c", pad_reservations=taken("b", 0, None)))
+@pytest.mark.parametrize("policy", ["partial", "full"])
+def test_pads_that_are_all_reserved_leave_no_pad_in_time(make_problem, taken, policy):
+    problem = make_problem(
+        "a-b:8 b-c:5", "c", pad_reservations=taken("b", 0, None), recharge_policy=policy
+    )
 
-    assert plan.status == "unknown"
+    plan = compose(problem)
+
+    assert (plan.status, plan.infeasibility.code) == ("infeasible", "NO_PAD_IN_TIME")
+    assert "with every pad free it would take" in plan.infeasibility.detail
 
 
-def test_the_least_time_counts_recharging_at_the_curve_s_fastest(make_problem):
-    problem = make_problem("a-b:8 b-c:5", "c", latest_delivery_s=1600.0)
+def test_pads_that_are_free_too_late_leave_no_pad_in_time(make_problem, taken):
+    held = taken("b", 0, 1000)
+    problem = make_problem("a-b:8 b-c:5", "c", pad_reservations=held, latest_delivery_s=1700.0)
 
-    assert compose(problem).status == "feasible"
+    plan = compose(problem)
+
+    assert (plan.status, plan.infeasibility.code) == ("infeasible", "NO_PAD_IN_TIME")
+
+
+def test_pads_booked_beside_the_problem_count_too(make_problem, taken):
+    problem = make_problem("a-b:8 b-c:5", "c", pad_reservations=taken("b", 0, None))
+    booked = PadBook.of(problem.network, problem.pad_reservations)
+
+    plan = compose(problem.model_copy(update={"pad_reservations": ()}), booked=booked)
+
+    assert plan.infeasibility.code == "NO_PAD_IN_TIME"
+
+
+def test_how_late_it_would_be_is_told(make_problem):
+    plan = compose(make_problem("a-b:8 b-c:5", "c", latest_delivery_s=1599.0))
+
+    assert plan.infeasibility.code == "TOO_LATE"
+    assert "1.000 s more than latest_delivery_s 1599" in plan.infeasibility.detail
+
+
+def test_the_battery_that_would_be_enough_is_told(make_problem):
+    plan = compose(make_problem("a-b:11", "b"))
+
+    assert "more battery it could" in plan.infeasibility.detail
+
+
+def test_contestants_prove_nothing_by_reserved_pads(make_problem, taken):
+    reserved = taken("b", 0, None)
+    problem = make_problem("a-b:8 b-c:5", "c", pad_reservations=reserved, strategy="heuristic")
+
+    assert compose(problem).status == "unknown"
+
+
+@pytest.mark.parametrize(("strategy", "status"), [("exact", "optimal"), ("heuristic", "feasible")])
+def test_the_least_time_counts_recharging_at_the_curve_s_fastest(make_problem, strategy, status):
+    problem = make_problem("a-b:8 b-c:5", "c", latest_delivery_s=1600.0, strategy=strategy)
+
+    assert compose(problem).status == status
