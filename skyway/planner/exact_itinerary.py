@@ -66,19 +66,18 @@ class _Flight:
         if until_soc <= self.log.soc + _SAME_SOC:
             self.log.stand()
             return
-        calendar, policy = self._situation.pads, self._situation.problem.recharge_policy
-        if policy == "full":
-            duration_s = recharge_time_s(model, self.log.soc, until_soc)
+        calendar, here = self._situation.pads, self.log.here
+        duration_s = recharge_time_s(model, self.log.soc, until_soc)
+        if self._situation.problem.recharge_policy == "full":
             session = calendar.earliest_session(
-                self.log.here, not_before_s=self.log.now_s, duration_s=duration_s
+                here, not_before_s=self.log.now_s, duration_s=duration_s
             )
             if session is not None:
                 self.log.recharge(pad=session.pad, until_soc=until_soc)
             return
-        for window in calendar.windows_on_end(self.log.here, from_s=self.log.now_s):
-            reached_soc = soc_after_recharge(
-                model, self.log.soc, window.end_s - self.log.now_s
-            )
+        until_s = self.log.now_s + duration_s
+        for window in calendar.windows_on_end(here, from_s=self.log.now_s, until_s=until_s):
+            reached_soc = soc_after_recharge(model, self.log.soc, window.end_s - self.log.now_s)
             self.log.recharge(pad=window.pad, until_soc=min(until_soc, reached_soc))
             if reached_soc >= until_soc:
                 return

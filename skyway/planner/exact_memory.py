@@ -18,11 +18,11 @@ from skyway.planner.kernels.memory import (
 from skyway.planner.kernels.places import refill_table
 
 # Memory is only touched as far as it is used, so beginning with much costs little.
-_PLACES = 1 << 13
+_PLACES = 1 << 14
 _ARCS_PER_PLACE = 16
-_WINDOWS = 1 << 14
-_STATES = 1 << 14
-_LABELS = 1 << 15
+_WINDOWS = 1 << 17
+_STATES = 1 << 15
+_LABELS = 1 << 16
 #: Labels that may be in the queue once more, because they were put back.
 _PUT_BACK = 8
 

@@ -1,7 +1,5 @@
 """Why the exact search found nothing: the proof, by searching again with less in the way."""
 
-import math
-
 from skyway.delivery.plan import Infeasibility
 from skyway.ids import StationId
 from skyway.planner.closures import Closures
@@ -76,7 +74,7 @@ def _unreachable(situation: Situation, search: ExactSearch) -> Infeasibility | N
     missing = search.missing_path
     if detail is None and missing is not None:
         detail = f"no path leads from {missing[0]!r} to {missing[1]!r}"
-    elif detail is None and math.isinf(search.least_flight_s):
+    elif detail is None and not search.has_order:
         detail = "no order of the destinations has a path through all of them"
     elif detail is None:
         return None

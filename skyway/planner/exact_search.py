@@ -9,15 +9,17 @@ import numpy as np
 
 from skyway.ids import StationId
 from skyway.planner.exact_task import (
+    Legs,
     Method,
+    Weights,
     book_of,
     closed_of,
     curve_of,
     latest_s,
-    least_s_per_j,
     legs_of,
     required_before,
     rounding_j,
+    weights_of,
 )
 from skyway.planner.exact_memory import enlarged, new_memory
 from skyway.planner.kernels import bounds, hierarchy, memory, places, search, trees
@@ -79,9 +81,12 @@ class ExactSearch:
         self._memory = new_memory(trees_needed, ranks)
         self._notes = handle_of(self._memory)
         self._plant_trees()
-        #: The least time in the air and at stops from the source on; inf without a path.
-        self.least_flight_s = math.inf
-        self._task = handle_of(self._make_task(required_before(situation, order)))
+        record = self._make_task(required_before(situation, order))
+        #: Whether there is an order of the destinations with a path through all of them.
+        self.has_order = len(self._destinations) == 0 or bool(
+            np.isfinite(record.flight_after[0]).any()
+        )
+        self._task = handle_of(record)
         while not search.begin(*self._arguments()):
             self._enlarge()
 
@@ -188,35 +193,29 @@ class ExactSearch:
     def _make_task(self, required: Ints) -> Task:
         situation, method = self._situation, self._method
         problem, model = situation.problem, situation.model
-        s_per_j = 0.0
-        if method.bound == "full":
-            s_per_j = least_s_per_j(model, problem.recharge_policy)
-        legs = legs_of(situation, s_per_j)
+        legs = legs_of(situation)
         finish_j = np.array([situation.finish_j(each) for each in situation.destinations])
         loading_s = problem.loading_s
         if situation.packages_for(problem.source):
             loading_s += problem.dropoff_s
-        flying = self._orders(legs.s_per_m, required, finish_j, s_per_j=0.0)
-        charging = self._orders(legs.charged_s_per_m, required, finish_j, s_per_j=s_per_j)
-        self.least_flight_s = flying.least_s
-        is_guided = method.bound != "none"
         curve_s, curve_j = curve_of(model)
+        flight, need = (
+            self._bound(legs, weights, required, finish_j)
+            for weights in weights_of(model, problem.recharge_policy, method)
+        )
+        first_stop_s = model.stop_s + loading_s
         return Task(
             destinations=self._destinations,
             source=self._source,
             start=self._start,
             s_per_m=legs.s_per_m,
             j_per_m=legs.j_per_m,
-            flight_s_per_m=legs.s_per_m * is_guided,
-            charged_s_per_m=legs.charged_s_per_m * is_guided,
-            flight_after=flying.after if is_guided else np.where(np.isinf(flying.after), np.inf, 0),
-            charged_after=(
-                charging.after if is_guided else np.where(np.isinf(flying.after), np.inf, 0)
-            ),
-            approach_flight_after=(model.stop_s + loading_s + flying.least_s) * is_guided,
-            approach_charged_after=(
-                (model.stop_s + loading_s + model.stop_j * s_per_j + charging.least_s) * is_guided
-            ),
+            flight_s_per_m=flight.per_m,
+            need_per_m=need.per_m,
+            flight_after=flight.after,
+            need_after=need.after,
+            approach_flight_after=flight.weights.of(first_stop_s, model.stop_j) + flight.least,
+            approach_need_after=need.weights.of(first_stop_s, model.stop_j) + need.least,
             finish_j=finish_j,
             finish_j_at_source=0.0 if situation.destinations else situation.finish_j(problem.source),
             curve_s=curve_s,
@@ -224,7 +223,7 @@ class ExactSearch:
             start_j=problem.drone.soc * model.battery_j,
             reserve_j=model.reserve_soc * model.battery_j,
             rounding_j=rounding_j(model),
-            s_per_j=s_per_j,
+            s_per_j=need.weights.per_joule,
             stop_s=model.stop_s,
             stop_j=model.stop_j,
             loading_s=loading_s,
@@ -236,22 +235,21 @@ class ExactSearch:
             weight=self._weight,
         )
 
-    def _orders(
-        self, s_per_m: Floats, required: Ints, finish_j: Floats, *, s_per_j: float
-    ) -> "_Orders":
-        """What follows each destination at least, over all orders of the rest."""
-        situation = self._situation
-        model, count = situation.model, len(self._destinations)
+    def _bound(self, legs: Legs, weights: Weights, required: Ints, finish_j: Floats) -> "_Bound":
+        """What is still to come at least, counted by these weights."""
+        model, count = self._situation.model, len(self._destinations)
+        per_m = weights.of(legs.s_per_m, legs.j_per_m)
         after = np.empty((1 << count, count))
-        least_s = bounds.fill_orders(
+        least = bounds.fill_orders(
             trees.distances(self._skyway, self._notes, self._destinations, self._source, count),
             required,
-            s_per_m,
-            model.stop_s + situation.problem.dropoff_s + model.stop_j * s_per_j,
-            np.where(np.isinf(finish_j), np.inf, finish_j * s_per_j if s_per_j else 0.0),
+            per_m,
+            weights.of(model.stop_s + self._situation.problem.dropoff_s, model.stop_j),
+            weights.of(0.0, 1.0) * np.where(np.isinf(finish_j), 0.0, finish_j)
+            + np.where(np.isinf(finish_j), np.inf, 0.0),
             after,
         )
-        return _Orders(after, least_s)
+        return _Bound(weights, per_m, after, least)
 
 
 @dataclass(frozen=True, slots=True)
@@ -270,8 +268,10 @@ class Act:
 
 
 @dataclass(frozen=True, slots=True)
-class _Orders:
-    """``after[mask, j]`` as in `Task`, and the least of all from the source."""
+class _Bound:
+    """A bound as `Task` holds it, and the least of all from the source."""
 
+    weights: Weights
+    per_m: Floats
     after: Floats
-    least_s: float
+    least: float

@@ -3,11 +3,11 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
-from typing import Literal
+from typing import Literal, TypeVar
 
 import numpy as np
 
+from skyway.drone.charging import fastest_s_per_soc
 from skyway.drone.model import DroneModel
 from skyway.drone.power import MASS_EXPONENT
 from skyway.ids import StationId
@@ -17,6 +17,9 @@ from skyway.planner.kernels.memory import Book, Closed, Floats, Ints
 from skyway.planner.pad_book import PadBook
 from skyway.planner.situation import Situation
 from skyway.units import CHARGE_TOLERANCE, TIME_TOLERANCE_S
+
+
+Number = TypeVar("Number", float, Floats)
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,17 +72,13 @@ def _segment_row(network: Network, from_id: StationId, to_id: StationId) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Legs:
-    """What flying costs by mask; ``(2**k + 1,)`` each, the last row is the approach.
-
-    `charged_s_per_m` counts the flown joules at the fastest charging there is.
-    """
+    """What flying costs by mask; ``(2**k + 1,)`` each, the last row is the approach."""
 
     s_per_m: Floats
     j_per_m: Floats
-    charged_s_per_m: Floats
 
 
-def legs_of(situation: Situation, s_per_j: float) -> Legs:
+def legs_of(situation: Situation) -> Legs:
     """Seconds and joules per metre for every set of packages on board."""
     model, destinations = situation.model, situation.destinations
     masses_kg = [
@@ -97,28 +96,36 @@ def legs_of(situation: Situation, s_per_j: float) -> Legs:
     )
     powers_w = model.power_empty_w * (1.0 + loads_kg / model.empty_mass_kg) ** MASS_EXPONENT
     s_per_m = 1.0 / speeds_mps
-    j_per_m = powers_w * s_per_m
-    return Legs(s_per_m, j_per_m, s_per_m + j_per_m * s_per_j)
+    return Legs(s_per_m, powers_w * s_per_m)
 
 
-def least_s_per_j(model: DroneModel, recharge_policy: str) -> float:
-    """The least charging time of a joule, on the way from the reserve to the top.
+@dataclass(frozen=True, slots=True)
+class Weights:
+    """By what a bound counts: so much for each second flown, so much for each joule used."""
 
-    A full recharge goes on to the top, so of the whole concave curve its mean rate is the best
-    that any session has.
+    per_second: float
+    per_joule: float
+
+    def of(self, seconds: Number, joules: Number) -> Number:
+        """The count of these seconds and joules."""
+        return self.per_second * seconds + self.per_joule * joules
+
+
+def weights_of(
+    model: DroneModel, recharge_policy: str, method: Method
+) -> tuple[Weights, Weights]:
+    """The weights of both bounds, of flying alone and of the need to charge (see `Task`).
+
+    Just above the reserve the concave curve is fastest; sessions that go on to its top are counted
+    by their joules, whose time is worked out from what is on board.
     """
-    curve = model.charge_curve
+    if method.bound == "none":
+        return Weights(0.0, 0.0), Weights(0.0, 0.0)
+    flying = Weights(1.0, 0.0)
     if recharge_policy == "full":
-        times_s = [point.time_s for point in curve]
-        at_reserve_s = float(np.interp(model.reserve_soc, [p.soc for p in curve], times_s))
-        span = model.top_soc - model.reserve_soc
-        return (times_s[-1] - at_reserve_s) / (span * model.battery_j) if span > 0 else 0.0
-    rates = (
-        (after.time_s - before.time_s) / (after.soc - before.soc)
-        for before, after in pairwise(curve)
-        if after.soc > model.reserve_soc
-    )
-    return next(rates, 0.0) / model.battery_j
+        return flying, Weights(0.0, 1.0 if method.bound == "full" else 0.0)
+    s_per_j = fastest_s_per_soc(model) / model.battery_j
+    return flying, Weights(1.0, s_per_j if method.bound == "full" else 0.0)
 
 
 def curve_of(model: DroneModel) -> tuple[Floats, Floats]:

@@ -33,13 +33,8 @@ class HeldPads:
                 self._held_ms[reservation.station_id, reservation.pad].append(
                     _outward_ms(reservation.start_s, end_s)
                 )
-        if booked is None:
-            return
-        row_of = problem.network.row_of
-        for station_id in stations:
-            if station_id in row_of:
-                for pad, start_ms, end_ms in booked.at(row_of[station_id]):
-                    self._held_ms[station_id, pad].append((start_ms, end_ms))
+        self._row_of = problem.network.row_of
+        self._booked = booked
 
     def clash(self, session: Recharge) -> tuple[float, float] | None:
         """The milliseconds of a reservation that this session overlaps, or None."""
@@ -48,6 +43,14 @@ class HeldPads:
             (session.station_id, session.pad), ()
         ):
             if start_ms < other_end_ms and other_start_ms < end_ms:
+                return other_start_ms, other_end_ms
+        row = self._row_of.get(session.station_id)
+        if self._booked is None or row is None:
+            return None
+        for pad, other_start_ms, other_end_ms in self._booked.at(
+            row, from_ms=start_ms, until_ms=end_ms
+        ):
+            if pad == session.pad:
                 return other_start_ms, other_end_ms
         return None
 

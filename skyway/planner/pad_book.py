@@ -89,21 +89,31 @@ class PadBook:
         """The same book for who counts from this moment of its scale."""
         return replace(self, zero_ms=moment_ms)
 
-    def at(self, station_row: int) -> list[tuple[int, float, float]]:
-        """Pad, start and end of each reservation of a station, milliseconds; sorted, inf if open."""
-        if len(self.station) == 0:
-            return []
+    def at(
+        self, station_row: int, *, from_ms: float = -math.inf, until_ms: float = math.inf
+    ) -> list[tuple[int, float, float]]:
+        """Pad, start and end of each reservation of a station that meets this time.
+
+        Milliseconds, by pad and start; an open end is infinite.
+        """
+        found = self._of(station_row)
+        starts_ms, ends_ms = self.start_ms[found], self.end_ms[found]
+        meets = (starts_ms < until_ms + self.zero_ms) & (ends_ms > from_ms + self.zero_ms)
+        return [
+            (pad, start_ms - self.zero_ms, math.inf if end_ms >= OPEN_MS else end_ms - self.zero_ms)
+            for pad, start_ms, end_ms in zip(
+                self.pad[found][meets].tolist(),
+                starts_ms[meets].tolist(),
+                ends_ms[meets].tolist(),
+                strict=True,
+            )
+        ]
+
+    def _of(self, station_row: int) -> slice:
         # Of another type than the column's they would make numpy convert the whole column.
         rows = np.array((station_row, station_row + 1), np.int32)
         first, end = np.searchsorted(self.station, rows).tolist()
-        starts_ms = (self.start_ms[first:end] - self.zero_ms).tolist()
-        ends_ms = self.end_ms[first:end].tolist()
-        return [
-            (pad, start_ms, math.inf if end_ms >= OPEN_MS else end_ms - self.zero_ms)
-            for pad, start_ms, end_ms in zip(
-                self.pad[first:end].tolist(), starts_ms, ends_ms, strict=True
-            )
-        ]
+        return slice(first, end)
 
 
 #: Nobody holds any pad.

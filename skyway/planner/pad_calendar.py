@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from skyway.ids import StationId
 from skyway.network.network import Network
-from skyway.planner.pad_book import PadBook, booked_from_ms
+from skyway.planner.pad_book import PadBook, booked_from_ms, booked_until_ms
 
 _MS_PER_S = 1000
 
@@ -61,18 +61,21 @@ class PadCalendar:
                 best = Session(window.pad, start_s)
         return best
 
-    def windows_on_end(self, station_id: StationId, *, from_s: float) -> Iterator[FreeWindow]:
-        """What of the windows is left in which a drone can charge without a break, pad after pad.
+    def windows_on_end(
+        self, station_id: StationId, *, from_s: float, until_s: float
+    ) -> Iterator[FreeWindow]:
+        """Windows in which a drone can charge without a break through this time, pad after pad.
 
-        Of several pads that are free at the same moment the one that stays free longest is taken.
+        Of several pads that are free at the same moment the one that stays free longest is taken;
+        what lies beyond the time does not count.
         """
-        taken = self._taken(station_id)
+        now_ms, end_ms = booked_from_ms(from_s), booked_until_ms(until_s)
+        taken = self._taken(station_id, from_ms=now_ms, until_ms=end_ms)
         pads = self._network.stations[station_id].pads
-        now_ms = booked_from_ms(from_s)
-        while True:
+        while now_ms < end_ms:
             free_until_ms = [math.inf] * pads
-            for pad, start_ms, end_ms in taken:
-                if pad < pads and end_ms > now_ms and start_ms < free_until_ms[pad]:
+            for pad, start_ms, taken_until_ms in taken:
+                if pad < pads and taken_until_ms > now_ms and start_ms < free_until_ms[pad]:
                     free_until_ms[pad] = start_ms
             longest_ms = max(free_until_ms, default=now_ms)
             if longest_ms <= now_ms:
@@ -81,9 +84,16 @@ class PadCalendar:
             yield FreeWindow(now_ms / _MS_PER_S, pad, longest_ms / _MS_PER_S)
             now_ms = longest_ms
 
-    def _taken(self, station_id: StationId) -> list[tuple[int, float, float]]:
+    def _taken(
+        self, station_id: StationId, *, from_ms: float = -math.inf, until_ms: float = math.inf
+    ) -> list[tuple[int, float, float]]:
         row = self._network.row_of[station_id]
-        return [entry for book in self._books for entry in book.at(row)]
+        return [
+            entry
+            for book in self._books
+            if len(book.station)
+            for entry in book.at(row, from_ms=from_ms, until_ms=until_ms)
+        ]
 
     def _found(self, station_id: StationId) -> Iterator[FreeWindow]:
         taken: dict[int, list[tuple[float, float]]] = {}

@@ -1,7 +1,8 @@
-"""Lower bounds of the time that is left: flying alone, and flying with the charging it costs.
+"""Lower bounds of what is left: the time in the air, and the need to charge.
 
-The second counts each joule at the fastest rate that the charge curve has anywhere; what is on
-board already is taken off by the label that asks.
+A need is counted in joules where every session goes on to the top, else in seconds of flying and
+of charging each joule at the fastest rate that the curve has anywhere. What is on board already is
+taken off by the label that asks.
 """
 
 import numpy as np
@@ -51,13 +52,14 @@ def fill_orders(
             following = mask | 1 << reached
             least = at_end[reached] if following == full else np.inf
             for onward in range(count):
-                if not following >> onward & 1:
+                if not following >> onward & 1 and apart_m[reached, onward] < np.inf:
                     total = apart_m[reached, onward] * weight[following] + after[following, onward]
                     least = min(least, total)
             after[mask, reached] = per_stop + least
     least = np.inf
     for onward in range(count):
-        least = min(least, apart_m[count, onward] * weight[0] + after[0, onward])
+        if apart_m[count, onward] < np.inf:
+            least = min(least, apart_m[count, onward] * weight[0] + after[0, onward])
     return least
 
 
@@ -72,24 +74,26 @@ def note_bounds(
     if mask == 1 << count:
         return _note_approach(skyway, task, closed, memory, state, place)
     while True:
-        flight_s, charged_s = np.inf, np.inf
+        flight_s, need = np.inf, np.inf
         nearest, cheapest = -1, -1
         for onward in range(count):
             if task.flight_after[mask, onward] == np.inf:
                 continue
             length_m = min(memory.distance[onward, place], memory.radius[onward])
+            if length_m == np.inf:
+                continue
             total = length_m * task.flight_s_per_m[mask] + task.flight_after[mask, onward]
             if total < flight_s:
                 flight_s, nearest = total, onward
-            total = length_m * task.charged_s_per_m[mask] + task.charged_after[mask, onward]
-            if total < charged_s:
-                charged_s, cheapest = total, onward
+            total = length_m * task.need_per_m[mask] + task.need_after[mask, onward]
+            if total < need:
+                need, cheapest = total, onward
         tree = nearest
         if tree < 0 or not _can_grow(memory, tree, place):
             tree = cheapest
         if tree < 0 or not _can_grow(memory, tree, place):
             memory.state_bound[state, 0] = flight_s
-            memory.state_bound[state, 1] = charged_s
+            memory.state_bound[state, 1] = need
             return True
         if not grow(skyway, closed, memory, tree, place, memory.reach[tree]):
             return False
@@ -104,9 +108,13 @@ def _note_approach(skyway, task, closed, memory, state, place):
     ):
         return False
     length_m = min(memory.distance[tree, place], memory.radius[tree])
+    if length_m == np.inf:
+        memory.state_bound[state, 0] = np.inf
+        memory.state_bound[state, 1] = np.inf
+        return True
     memory.state_bound[state, 0] = length_m * task.flight_s_per_m[mask] + task.approach_flight_after
     memory.state_bound[state, 1] = (
-        length_m * task.charged_s_per_m[mask] + task.approach_charged_after
+        length_m * task.need_per_m[mask] + task.approach_need_after
     )
     return True
 

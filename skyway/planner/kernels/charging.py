@@ -1,5 +1,7 @@
 """The charge curve as arrays, read both ways: joules over seconds on a pad."""
 
+import numpy as np
+
 from skyway.planner.kernels.compiler import kernel
 from skyway.planner.kernels.memory import Task
 
@@ -60,3 +62,22 @@ def after_raising(
     if need_j >= last_level:
         return last_position, last_level
     return position_of(task, need_j), need_j
+
+
+@kernel
+def full_sessions_s(task: Task, missing_j: float) -> float:
+    """The least time of sessions to the top that charge so many joules together.
+
+    A session's time is concave in what it charges, as the curve is slowest at its top: fewest
+    sessions from the reserve, and one for the rest, take the least.
+    """
+    if missing_j <= 0.0 or missing_j == np.inf:
+        return max(missing_j, 0.0)
+    top_j = task.curve_j[task.curve_j.size - 1]
+    whole_j = top_j - task.reserve_j
+    if whole_j <= 0.0:
+        return np.inf
+    sessions = np.floor(missing_j / whole_j)
+    top_s = position_of(task, top_j)
+    whole_s = top_s - position_of(task, task.reserve_j)
+    return sessions * whole_s + top_s - position_of(task, top_j - missing_j + sessions * whole_j)

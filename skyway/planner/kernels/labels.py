@@ -8,7 +8,7 @@ lists, those on the ground and those in the air: who stands can do all that who 
 import numpy as np
 
 from skyway.planner.kernels.bounds import note_bounds
-from skyway.planner.kernels.charging import level_at
+from skyway.planner.kernels.charging import full_sessions_s, level_at
 from skyway.planner.kernels.compiler import entrance, kernel
 from skyway.planner.kernels.memory import (
     ALIVE,
@@ -102,9 +102,12 @@ def key_of(
 
 @kernel
 def still_s(task: Task, memory: Memory, state: int, charge_j: float) -> float:
-    """The larger of both bounds of the time that is left, with this charge on board."""
-    charged_s = memory.state_bound[state, 1] - (charge_j - task.reserve_j) * task.s_per_j
-    return max(memory.state_bound[state, 0], charged_s)
+    """The least time until the last delivery, with this charge on board."""
+    flight_s, need = memory.state_bound[state, 0], memory.state_bound[state, 1]
+    usable_j = charge_j - task.reserve_j
+    if task.recharges_fully:
+        return flight_s + full_sessions_s(task, need - usable_j)
+    return max(flight_s, need - usable_j * task.s_per_j)
 
 
 @kernel

@@ -114,9 +114,11 @@ class Book(NamedTuple):
 class Task(NamedTuple):
     """The drone and its packages; energies in joules, moments in seconds.
 
-    By mask: `s_per_m` and `j_per_m` with the load; for the bounds `flight_s_per_m`, and
-    `charged_s_per_m` with the charging time that the flown joules cost at least. ``flight_after[mask, j]`` and ``charged_after[mask, j]`` bound
-    what follows once destination j is reached; inf where j may not be next.
+    By mask: `s_per_m` and `j_per_m` with the load; for the bounds `flight_s_per_m` and
+    `need_per_m`. A need is what charging is counted by: joules where sessions go on to the top,
+    else seconds of flying and of charging the flown joules. ``flight_after[mask, j]`` and
+    ``need_after[mask, j]`` bound what follows once destination j is reached; inf where j may not
+    be next. `s_per_j` is the least time that charging takes.
     """
 
     destinations: Ints
@@ -125,11 +127,11 @@ class Task(NamedTuple):
     s_per_m: Floats
     j_per_m: Floats
     flight_s_per_m: Floats
-    charged_s_per_m: Floats
+    need_per_m: Floats
     flight_after: Floats
-    charged_after: Floats
+    need_after: Floats
     approach_flight_after: float
-    approach_charged_after: float
+    approach_need_after: float
     finish_j: Floats
     finish_j_at_source: float
     curve_s: Floats
