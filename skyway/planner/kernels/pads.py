@@ -10,6 +10,8 @@ from skyway.planner.kernels.compiler import kernel
 from skyway.planner.kernels.memory import FULL, WINDOWS, Book, Memory, Skyway, Task
 
 _MS_PER_S = 1000.0
+# A reservation that ends later than this has no end: the books' open end less any zero moment.
+_OPEN_MS = 1 << 61
 
 
 @kernel
@@ -57,15 +59,13 @@ def windows_of(
         memory.window_s[first, 1] = np.inf
         count = 1
     else:
-        pad = np.empty(reserved, np.int32)
-        taken = np.empty((reserved, 2), np.int64)
-        _gather(given, first_given, end_given, 0, pad, taken)
-        _gather(known, first_known, end_known, end_given - first_given, pad, taken)
+        pad = np.empty(reserved, np.int64)
+        taken_ms = np.empty((reserved, 2), np.int64)
+        _gather(given, first_given, end_given, 0, pad, taken_ms)
+        _gather(known, first_known, end_known, end_given - first_given, pad, taken_ms)
         if first_given < end_given and first_known < end_known:
-            _sort(pad, taken)
-        count = _free(pads, pad, taken, memory.window_s, first)
-        if not task.recharges_fully:
-            count = _united(memory.window_s, first, count)
+            _sort(pad, taken_ms)
+        count = _free(pads, pad, taken_ms, not task.recharges_fully, memory.window_s, first)
     memory.window_first[place] = first
     memory.window_count[place] = count
     memory.count[WINDOWS] = first + count
@@ -100,58 +100,67 @@ def _sort(pad, taken):
 
 
 @kernel
-def _free(pads, pad, taken, window_s, first):
-    """Write the windows of all pads, the earliest first; how many they are."""
+def _free(pads, pad, taken_ms, unites, window_s, first):
+    """Write the windows of all pads, the earliest first; how many they are.
+
+    One pad after the other is merged with those before it, which keeps the windows in order.
+    """
+    before = np.empty((pad.size + pads, 2))
+    after = np.empty((pad.size + pads, 2))
     count = 0
-    index = 0
     used = 0
+    index = 0
     while index < pad.size:
-        own_pad = pad[index]
+        end = index
+        while end < pad.size and pad[end] == pad[index]:
+            end += 1
+        count = _merged(taken_ms[index:end], unites, before, count, after)
+        before, after = after, before
         used += 1
-        free_from = 0
-        while index < pad.size and pad[index] == own_pad:
-            if taken[index, 0] > free_from:
-                count = _entered(window_s, first, count, free_from, taken[index, 0])
-            free_from = max(free_from, taken[index, 1])
-            index += 1
-        if free_from < _OPEN_MS:
-            count = _entered(window_s, first, count, free_from, _NEVER_MS)
+        index = end
     if used < pads:
         # A pad that nobody has reserved is free all the time; one such pad is enough to know.
         window_s[first, 0] = 0.0
         window_s[first, 1] = np.inf
         return 1
+    window_s[first : first + count] = before[:count]
     return count
 
 
-# A reservation that ends later than this has no end: the books' open end less any zero moment.
-_OPEN_MS = 1 << 61
-_NEVER_MS = 1 << 62
+@kernel
+def _merged(taken_ms, unites, before, count, after):
+    """Merge the windows of one pad, given what takes it, with `before`; how many there are then."""
+    merged = 0
+    other = 0
+    free_from_ms = 0
+    index = 0
+    while free_from_ms < _OPEN_MS:
+        while index < taken_ms.shape[0] and taken_ms[index, 0] <= free_from_ms:
+            free_from_ms = max(free_from_ms, taken_ms[index, 1])
+            index += 1
+        if free_from_ms >= _OPEN_MS:
+            break
+        start_s = free_from_ms / _MS_PER_S
+        while other < count and before[other, 0] <= start_s:
+            merged = _append(after, merged, before[other, 0], before[other, 1], unites)
+            other += 1
+        if index == taken_ms.shape[0]:
+            merged = _append(after, merged, start_s, np.inf, unites)
+            break
+        free_from_ms = taken_ms[index, 0]
+        merged = _append(after, merged, start_s, free_from_ms / _MS_PER_S, unites)
+    while other < count:
+        merged = _append(after, merged, before[other, 0], before[other, 1], unites)
+        other += 1
+    return merged
 
 
 @kernel
-def _entered(window_s, first, count, from_ms, until_ms):
-    """Enter one window among those sorted by start; how many there are then."""
-    start_s = from_ms / _MS_PER_S
-    place = first + count
-    while place > first and window_s[place - 1, 0] > start_s:
-        window_s[place, 0] = window_s[place - 1, 0]
-        window_s[place, 1] = window_s[place - 1, 1]
-        place -= 1
-    window_s[place, 0] = start_s
-    window_s[place, 1] = np.inf if until_ms == _NEVER_MS else until_ms / _MS_PER_S
+def _append(windows, count, start_s, end_s, unites):
+    """Append a window, or lengthen the last one if they meet and may be united."""
+    if unites and count > 0 and start_s <= windows[count - 1, 1]:
+        windows[count - 1, 1] = max(windows[count - 1, 1], end_s)
+        return count
+    windows[count, 0] = start_s
+    windows[count, 1] = end_s
     return count + 1
-
-
-@kernel
-def _united(window_s, first, count):
-    """Unite windows that meet; how many are left."""
-    last = first
-    for index in range(first + 1, first + count):
-        if window_s[index, 0] <= window_s[last, 1]:
-            window_s[last, 1] = max(window_s[last, 1], window_s[index, 1])
-        else:
-            last += 1
-            window_s[last, 0] = window_s[index, 0]
-            window_s[last, 1] = window_s[index, 1]
-    return last - first + 1 if count > 0 else 0
