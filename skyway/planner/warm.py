@@ -11,6 +11,8 @@ from skyway.geo import Position
 from skyway.ids import DroneModelId, StationId
 from skyway.network.network import Network, Segment, Station
 from skyway.planner.compose import compose
+from skyway.planner.exact_memory import enlarged, new_memory
+from skyway.planner.hierarchy import Hierarchy
 from skyway.planner.pad_book import PadBook
 from skyway.planner.problem import PadReservation, Problem
 
@@ -34,8 +36,12 @@ def warm() -> None:
     """Compose small problems that need every part of the planner; takes long the first time."""
     network = _network()
     booked = PadBook.of(network, [_taken("b", pad=1)])
+    hierarchy = Hierarchy.of(network)
     for members in _problems():
-        compose(Problem.model_validate({"network": network, **members}), booked=booked)
+        problem = Problem.model_validate({"network": network, **members})
+        compose(problem, booked=booked)
+        compose(problem, booked=booked, hierarchy=hierarchy)
+    enlarged(new_memory(trees=1))
 
 
 def _problems() -> Iterator[dict[str, Any]]:
