@@ -4,18 +4,24 @@ A version never changes, so what is kept never goes stale; which one is current 
 """
 
 import asyncio
-import json
+import logging
+import time
 from dataclasses import dataclass
 
-from skyway.geo import distance_m
+import numpy as np
+
 from skyway.ids import NetworkId, StationId
-from skyway.network.geojson import read_network
+from skyway.network.columns import Floats
+from skyway.network.geojson_text import read_network_text
+from skyway.network.great_circle import distances_m
 from skyway.network.network import Network
 from skyway.planner.airspace import Airspace
 from skyway.runtime.database import Database
 from skyway.runtime.errors import NotFound
 from skyway_composition.networks import store
 from skyway_composition.networks.settings import NetworkSettings, settings_of
+
+log = logging.getLogger(__name__)
 
 #: Versions kept of one network: the current one, and the one that it replaces under way.
 _KEPT_VERSIONS = 2
@@ -93,8 +99,11 @@ class PreparedNetworks:
 
 
 def _prepare(network_id: NetworkId, version: int, content: bytes) -> PreparedNetwork:
-    network = read_network(json.loads(content))
-    return PreparedNetwork(
+    started_at = time.monotonic()
+    network = read_network_text(content)
+    # Made when first asked for; asked for here, so that no plan waits for them.
+    adjacencies = network.outgoing, network.incoming
+    prepared = PreparedNetwork(
         network_id=network_id,
         version=version,
         network=network,
@@ -102,13 +111,24 @@ def _prepare(network_id: NetworkId, version: int, content: bytes) -> PreparedNet
         airspace=Airspace.of(network),
         straightness=_straightness(network),
     )
+    log.info(
+        "network prepared",
+        extra={
+            "network_id": network_id,
+            "version": version,
+            "stations": len(network.row_of),
+            "segments": len(adjacencies[0].segment),
+            "elapsed_s": round(time.monotonic() - started_at, 2),
+        },
+    )
+    return prepared
 
 
 def _straightness(network: Network) -> float:
-    least = 1.0
-    for segment in network.segments:
-        ends = (network.stations[segment.from_id], network.stations[segment.to_id])
-        straight_m = distance_m(ends[0].position, ends[1].position)
-        if segment.length_m < least * straight_m:
-            least = segment.length_m / straight_m
-    return least
+    columns = network.columns
+    at = columns.longitude_deg, columns.latitude_deg
+    ends = columns.from_row, columns.to_row
+    straight_m = distances_m((at[0][ends[0]], at[0][ends[1]]), (at[1][ends[0]], at[1][ends[1]]))
+    apart = straight_m > 0.0
+    shares: Floats = columns.length_m[apart] / straight_m[apart]
+    return float(np.min(shares, initial=1.0))
