@@ -38,6 +38,35 @@ async def test_an_inline_network_is_composed_on(composition: Any, make: Any) -> 
     assert [step["kind"] for step in answer.json()["steps"]].count("RECHARGE") == 1
 
 
+async def test_a_plan_shows_its_proof_and_how_it_was_found(composition: Any, make: Any) -> None:
+    plan = (await compose(composition, problem(make.network()))).json()
+
+    assert plan["lower_bound_s"] == pytest.approx(plan["delivery_time_s"], abs=1e-6)
+    assert plan["stats"]["strategy"] == "exact"
+    assert plan["stats"]["labels"] > 0
+    assert plan["stats"]["stations_searched"] > 0
+
+
+async def test_a_plan_that_a_limit_ended_shows_its_gap(composition: Any, make: Any) -> None:
+    body = problem(make.network(), label_limit=1)
+
+    plan = (await compose(composition, body)).json()
+
+    assert plan["status"] in ("feasible", "unknown")
+    assert plan["lower_bound_s"] > 0
+
+
+async def test_that_other_drones_leave_no_pad_in_time_is_proven(
+    composition: Any, make: Any
+) -> None:
+    held = {"station_id": "b", "pad": 0, "start_s": 0, "end_s": None}
+    network = make.network(pads={"b": 1})
+
+    plan = (await compose(composition, problem(network, pad_reservations=[held]))).json()
+
+    assert plan["infeasibility"]["code"] == "NO_PAD_IN_TIME"
+
+
 async def test_a_published_network_comes_with_the_reservations_that_are_known(
     composition: Any, make: Any
 ) -> None:
