@@ -2,6 +2,7 @@
 
 import json
 import uuid
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -12,6 +13,7 @@ from rich.console import Console
 from skyway.cli.data_folder import DataFolder, data_folder
 from skyway.cli.gateway import call_gateway, fail
 from skyway.cli.keys import read_keys
+from skyway.cli.proof import proof_of
 from skyway.cli.up import DataOption
 
 _CUSTOMER_KEY = "SKYWAY_CUSTOMER_KEY"
@@ -21,6 +23,9 @@ _LAST_WORDS = frozenset(
     f"delivery.{end}"
     for end in ("completed", "partially_completed", "failed", "rejected", "cancelled")
 )
+
+#: After these there is a plan to look at.
+_PLANS = frozenset({"delivery.planned", "delivery.replanned"})
 
 
 def request_command(
@@ -96,15 +101,20 @@ def _follow(folder: DataFolder, delivery_id: str) -> None:
     last_type = ""
     while last_type not in _LAST_WORDS:
         try:
-            last_type = _print_events(console, url, headers)
+            for event_type in _print_events(console, url, headers):
+                last_type = event_type
+                if last_type in _PLANS:
+                    _print_proofs(console, folder, delivery_id)
         except httpx.TransportError as error:
             # The stream broke; the next one goes on after the last event that was printed.
             console.print(f"[dim]{error}; connecting again[/]")
 
 
-def _print_events(console: Console, url: str, headers: dict[str, str]) -> str:
-    """Print what comes until the stream ends; remembers the place in `headers` for the next."""
-    last_type = ""
+def _print_events(console: Console, url: str, headers: dict[str, str]) -> Iterator[str]:
+    """Print what comes until the stream ends, and give the type of each event.
+
+    Remembers the place in `headers` for the next stream.
+    """
     with httpx.stream("GET", url, headers=headers, timeout=httpx.Timeout(10, read=None)) as lines:
         for line in lines.iter_lines():
             name, _, value = line.partition(": ")
@@ -112,8 +122,17 @@ def _print_events(console: Console, url: str, headers: dict[str, str]) -> str:
                 headers["Last-Event-ID"] = value
             elif name == "data":
                 event = json.loads(value)
-                last_type = event["type"]
-                console.print(f"{event['occurred_at']}  {last_type}  {json.dumps(event['data'])}")
-                if last_type in _LAST_WORDS:
+                event_type: str = event["type"]
+                console.print(f"{event['occurred_at']}  {event_type}  {json.dumps(event['data'])}")
+                yield event_type
+                if event_type in _LAST_WORDS:
                     break
-    return last_type
+
+
+def _print_proofs(console: Console, folder: DataFolder, delivery_id: str) -> None:
+    """Say of each mission's plan whether it is proven to be the earliest."""
+    path = f"/v1/deliveries/{delivery_id}/plan"
+    planned = call_gateway("GET", path, key_name=_CUSTOMER_KEY, folder=folder)
+    for mission in planned["missions"]:
+        plan = mission["plan"]
+        console.print(f"  plan of {mission['drone_id']}: {proof_of(plan)}", highlight=False)

@@ -9,6 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from skyway.cli.flown import Flown
+from skyway.cli.proof import proof_of
 from skyway.cli.webhook_receiver import Notification
 from skyway.contracts.drone_report import DroneState
 
@@ -76,6 +77,7 @@ class DemoScreen:
             f"{price['amount'] / 100:.2f} {price['currency']}, revision {mission['revision']}"
         )
         self._console.print(_plan_table(mission["plan"]))
+        self._console.print(f"[bold green]{_proven(mission['plan'])}[/]", highlight=False)
 
     def progress(self, delivery: dict[str, Any], state: DroneState, *, charge: float) -> None:
         """Show where the drone is, its battery, and what it does."""
@@ -117,6 +119,12 @@ class DemoScreen:
             provider = self._provider_names.get(mission["provider_id"], mission["provider_id"])
             return f"{provider}, {_duration(mission['plan']['delivery_time_s'])}"
         return "waiting for a drone"
+
+
+def _proven(plan: dict[str, Any]) -> str:
+    stats = plan["stats"]
+    how = f"{stats.get('strategy', 'unknown')}, {1000 * stats.get('elapsed_s', 0.0):.1f} ms"
+    return f"{proof_of(plan)} ({_duration(plan['delivery_time_s'])}, {how})"
 
 
 def _plan_table(plan: dict[str, Any]) -> Table:

@@ -83,7 +83,7 @@ class LocalSystem:
             env=self.environment,
         )
         log.close()
-        eventually(self._is_up, within_s=60, what="skyway up")
+        eventually(self._is_up, within_s=180, what="skyway up")
 
     def _is_up(self) -> bool:
         text = (self.folder.path / "up.log").read_text()

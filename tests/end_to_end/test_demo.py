@@ -18,13 +18,14 @@ def test_the_demo_delivers_three_packages_and_leaves_nothing_running(tmp_path: P
         env=environment,
         capture_output=True,
         text=True,
-        timeout=180,
+        timeout=300,
         check=False,
     )
 
     assert done.returncode == 0, done.stdout + done.stderr
     for package in ("medicine", "camera", "books"):
         assert f"package.delivered {package}" in done.stdout
+    assert "proven optimal: no plan delivers earlier" in done.stdout
     assert "BAD SIGNATURE" not in done.stdout
     assert not _processes_using(tmp_path)
 
