@@ -7,7 +7,8 @@ from benchmarks.planner.peers.interface import PathTask
 from skyway.network.network import Network
 from skyway.planner.exact_memory import enlarged, new_memory
 from skyway.planner.kernels.handles import handle_of
-from skyway.planner.kernels.memory import PLACES, Closed, Skyway
+from skyway.planner.kernels.memory import PLACES
+from skyway.planner.kernels.records import Closed, Skyway
 from skyway.planner.kernels.trees import plant_all
 from skyway.planner.network_rows import rows_of
 
@@ -39,7 +40,7 @@ class OurTree:
         root = np.array([source], np.int32)
         while not plant_all(graph, self._closed, handle_of(memory), root, nowhere, nowhere):
             memory = enlarged(memory)
-        places = memory.count[PLACES]
+        places = memory.counts[PLACES]
         found = np.full(stations + 1, np.inf)
         found[memory.row[:places]] = memory.distance[0, :places]
         return found[:stations]

@@ -82,7 +82,13 @@ def compose(
     """
     strategy_name, strategy = _strategy_of(problem)
     return compose_with(
-        strategy, problem, name=strategy_name, stop=stop, airspace=airspace, booked=booked, hierarchy=hierarchy
+        strategy,
+        problem,
+        name=strategy_name,
+        stop=stop,
+        airspace=airspace,
+        booked=booked,
+        hierarchy=hierarchy,
     )
 
 

@@ -1,4 +1,4 @@
-"""The itinerary of an exact search's best plan: its acts, flown with the charges they settled on."""
+"""The itinerary of the best plan found: its acts, flown with the charges they settled on."""
 
 import math
 from collections.abc import Sequence

@@ -3,7 +3,6 @@
 import numpy as np
 
 from skyway.planner.kernels.handles import handle_of
-from skyway.planner.kernels.labels import refill_state_table
 from skyway.planner.kernels.memory import (
     ARCS,
     BEST,
@@ -16,6 +15,7 @@ from skyway.planner.kernels.memory import (
     Memory,
 )
 from skyway.planner.kernels.places import refill_table
+from skyway.planner.kernels.states import refill_state_table
 
 # Memory is only touched as far as it is used, so beginning with much costs little.
 _PLACES = 1 << 14
@@ -30,7 +30,7 @@ _PUT_BACK = 8
 def new_memory(trees: int, ranks: int = 0) -> Memory:
     """The empty memory of a search with so many trees, and a hierarchy of so many ranks or none."""
     memory = _sized(trees, ranks, places=_PLACES, arcs=_PLACES * _ARCS_PER_PLACE, windows=_WINDOWS)
-    memory.count[BEST] = -1
+    memory.counts[BEST] = -1
     memory.best_s[0] = np.inf
     memory.radius[:] = -1.0
     return memory
@@ -38,7 +38,7 @@ def new_memory(trees: int, ranks: int = 0) -> Memory:
 
 def enlarged(memory: Memory) -> Memory:
     """The same notes with twice the room wherever half of it is in use."""
-    count = memory.count
+    count = memory.counts
     larger = _sized(
         memory.radius.size,
         0,
@@ -57,14 +57,14 @@ def enlarged(memory: Memory) -> Memory:
     }  # fmt: skip
     for name, row in used.items():
         getattr(larger, name)[: count[row]] = getattr(memory, name)[: count[row]]
-    for name in ("count", "best_s", "radius", "reach", "tree_size"):
+    for name in ("counts", "best_s", "radius", "reach", "tree_size"):
         getattr(larger, name)[:] = getattr(memory, name)
     for name in ("distance", "tree_key", "tree_heap", "tree_slot"):
         getattr(larger, name)[:, : count[PLACES]] = getattr(memory, name)[:, : count[PLACES]]
     larger = larger._replace(
         rank_distance=memory.rank_distance, rank_known=memory.rank_known, climb=memory.climb
     )
-    larger.count[FULL] = 0
+    larger.counts[FULL] = 0
     notes = handle_of(larger)
     refill_table(notes)
     refill_state_table(notes)
@@ -87,7 +87,7 @@ def _sized(
 ) -> Memory:
     """Arrays of these sizes; only counts and tables are filled, with zeros."""
     return Memory(
-        count=np.zeros(9, np.int64),
+        counts=np.zeros(9, np.int64),
         best_s=np.empty(1),
         row=np.empty(places, np.int64),
         table=np.zeros(2 * places, np.int64),

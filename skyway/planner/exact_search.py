@@ -8,6 +8,7 @@ from enum import Enum
 import numpy as np
 
 from skyway.ids import StationId
+from skyway.planner.exact_memory import enlarged, new_memory
 from skyway.planner.exact_task import (
     Legs,
     Method,
@@ -21,10 +22,10 @@ from skyway.planner.exact_task import (
     rounding_j,
     weights_of,
 )
-from skyway.planner.exact_memory import enlarged, new_memory
 from skyway.planner.kernels import bounds, hierarchy, memory, places, search, trees
 from skyway.planner.kernels.handles import handle_of
-from skyway.planner.kernels.memory import Floats, Ints, Task
+from skyway.planner.kernels.memory import Floats, Ints
+from skyway.planner.kernels.records import Search, Task
 from skyway.planner.network_rows import rows_of
 from skyway.planner.situation import Situation
 from skyway.planner.stop import Effort
@@ -75,7 +76,7 @@ class ExactSearch:
             rows = situation.hierarchy.added_to(rows)
         self._skyway = handle_of(rows)
         self._closed = handle_of(closed_of(situation))
-        self._books = tuple(handle_of(book_of(book)) for book in situation.books)
+        self._books = [handle_of(book_of(book)) for book in situation.books]
         trees_needed = len(self._destinations) + (self._start != self._source)
         ranks = 0 if situation.hierarchy is None else len(situation.hierarchy.rank)
         self._memory = new_memory(trees_needed, ranks)
@@ -87,24 +88,24 @@ class ExactSearch:
             np.isfinite(record.flight_after[0]).any()
         )
         self._task = handle_of(record)
-        while not search.begin(*self._arguments()):
+        while not search.begin(*self._search()):
             self._enlarge()
 
     @property
     def labels(self) -> int:
         """How many labels there are."""
-        return int(self._memory.count[memory.LABELS])
+        return int(self._memory.counts[memory.LABELS])
 
     @property
     def stations_searched(self) -> int:
         """At how many stations there are labels."""
-        return int(self._memory.count[memory.SEARCHED])
+        return int(self._memory.counts[memory.SEARCHED])
 
     @property
     def lower_bound_s(self) -> float:
         """No plan delivers earlier than this; inf when there is none."""
         least_s = float(self._memory.best_s[0])
-        if self._memory.count[memory.QUEUE] > 0:
+        if self._memory.counts[memory.QUEUE] > 0:
             least_s = min(least_s, float(self._memory.queue_key[0]))
         return least_s
 
@@ -125,7 +126,7 @@ class ExactSearch:
         end = self.labels + most_labels
         while True:
             before = self.labels
-            ended = search.run(*self._arguments(), min(end, before + _LABELS_PER_RUN))
+            ended = search.run(*self._search(), min(end, before + _LABELS_PER_RUN))
             is_over = effort.has_made(self.labels - before)
             if ended == search.OUT_OF_MEMORY:
                 self._enlarge()
@@ -140,7 +141,7 @@ class ExactSearch:
 
     def best_acts(self) -> list["Act"] | None:
         """What the drone of the best plan so far does, from the start on; None without a plan."""
-        label = int(self._memory.count[memory.BEST])
+        label = int(self._memory.counts[memory.BEST])
         if label == _NO_LABEL:
             return None
         links, values = self._memory.link, self._memory.label
@@ -166,8 +167,9 @@ class ExactSearch:
         is_full = self._situation.problem.recharge_policy == "full"
         return not is_full and self._method.charging == "lazy"
 
-    def _arguments(self) -> tuple[object, ...]:
-        return (self._skyway, self._task, self._closed, *self._books, self._notes)
+    def _search(self) -> Search:
+        given, known = self._books
+        return Search(self._skyway, self._task, self._closed, given, known, self._notes)
 
     def _distance_m(self, row: int, tree: int) -> float:
         place = places.place_of(self._notes, row)
@@ -217,7 +219,9 @@ class ExactSearch:
             approach_flight_after=flight.weights.of(first_stop_s, model.stop_j) + flight.least,
             approach_need_after=need.weights.of(first_stop_s, model.stop_j) + need.least,
             finish_j=finish_j,
-            finish_j_at_source=0.0 if situation.destinations else situation.finish_j(problem.source),
+            finish_j_at_source=0.0
+            if situation.destinations
+            else situation.finish_j(problem.source),
             curve_s=curve_s,
             curve_j=curve_j,
             start_j=problem.drone.soc * model.battery_j,

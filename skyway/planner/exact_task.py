@@ -13,11 +13,11 @@ from skyway.drone.power import MASS_EXPONENT
 from skyway.ids import StationId
 from skyway.network.network import Network
 from skyway.planner.closures import Interval
-from skyway.planner.kernels.memory import Book, Closed, Floats, Ints
+from skyway.planner.kernels.memory import Floats, Ints
+from skyway.planner.kernels.records import Book, Closed
 from skyway.planner.pad_book import PadBook
 from skyway.planner.situation import Situation
 from skyway.units import CHARGE_TOLERANCE, TIME_TOLERANCE_S
-
 
 Number = TypeVar("Number", float, Floats)
 
@@ -111,9 +111,7 @@ class Weights:
         return self.per_second * seconds + self.per_joule * joules
 
 
-def weights_of(
-    model: DroneModel, recharge_policy: str, method: Method
-) -> tuple[Weights, Weights]:
+def weights_of(model: DroneModel, recharge_policy: str, method: Method) -> tuple[Weights, Weights]:
     """The weights of both bounds, of flying alone and of the need to charge (see `Task`).
 
     Just above the reserve the concave curve is fastest; sessions that go on to its top are counted

@@ -13,7 +13,8 @@ from skyway.network.network import Network
 from skyway.planner.kernels.dissection import dissected
 from skyway.planner.kernels.handles import handle_of
 from skyway.planner.kernels.hierarchy import shortcut_lengths, shortcuts
-from skyway.planner.kernels.memory import Floats, Longs, Skyway
+from skyway.planner.kernels.memory import Floats, Longs
+from skyway.planner.kernels.records import Skyway
 from skyway.planner.network_rows import rows_of
 
 
@@ -34,7 +35,7 @@ class Hierarchy:
 
     @classmethod
     def of(cls, network: Network) -> Self:
-        """The hierarchy of this network: under a second for 10,000 stations, seconds for 100,000."""
+        """The hierarchy of this network: a second for 10,000 stations, seconds for 100,000."""
         columns = network.columns
         skyway = handle_of(rows_of(network))
         stretch = np.cos(np.radians(columns.latitude_deg.mean())) if len(columns.pads) else 1.0

@@ -3,7 +3,7 @@
 import numpy as np
 
 from skyway.network.network import Network
-from skyway.planner.kernels.memory import Skyway
+from skyway.planner.kernels.records import Skyway
 
 
 def rows_of(network: Network) -> Skyway:

@@ -69,7 +69,8 @@ class PadCalendar:
         Of several pads that are free at the same moment the one that stays free longest is taken;
         what lies beyond the time does not count.
         """
-        now_ms, end_ms = booked_from_ms(from_s), booked_until_ms(until_s)
+        now_ms: float = booked_from_ms(from_s)
+        end_ms = booked_until_ms(until_s)
         taken = self._taken(station_id, from_ms=now_ms, until_ms=end_ms)
         pads = self._network.stations[station_id].pads
         while now_ms < end_ms:

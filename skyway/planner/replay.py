@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from skyway.planner.pad_book import PadBook
 
 
-
 class Replay:
     """A drone that follows a plan; `violations` are the rules broken so far."""
 

@@ -9,7 +9,8 @@ import numpy as np
 
 from skyway.planner.kernels.compiler import entrance, kernel
 from skyway.planner.kernels.hierarchy import measure
-from skyway.planner.kernels.memory import Closed, Floats, Ints, Memory, Skyway, Task
+from skyway.planner.kernels.memory import NONE, Floats, Ints, Memory, int64
+from skyway.planner.kernels.records import Search
 from skyway.planner.kernels.trees import grow
 
 
@@ -64,18 +65,17 @@ def fill_orders(
 
 
 @kernel
-def note_bounds(
-    skyway: Skyway, task: Task, closed: Closed, memory: Memory, state: int, place: int, mask: int
-) -> bool:
+def note_bounds(search: Search, state: int, place: int, mask: int) -> bool:
     """Note both bounds of a state, growing the trees that decide them; False when full."""
+    skyway, task, closed, memory = search.skyway, search.task, search.closed, search.memory
     count = task.destinations.size
     if skyway.rank.size > 0:
         measure(skyway, memory, place)
     if mask == 1 << count:
-        return _note_approach(skyway, task, closed, memory, state, place)
+        return _note_approach(search, state, place)
     while True:
         flight_s, need = np.inf, np.inf
-        nearest, cheapest = -1, -1
+        nearest, cheapest = NONE, NONE
         for onward in range(count):
             if task.flight_after[mask, onward] == np.inf:
                 continue
@@ -100,11 +100,13 @@ def note_bounds(
 
 
 @kernel
-def _note_approach(skyway, task, closed, memory, state, place):
-    tree = task.destinations.size
+def _note_approach(search: Search, state: int, place: int) -> bool:
+    """Note both bounds of a state on the approach, from the source's tree; False when full."""
+    task, memory = search.task, search.memory
+    tree = int64(task.destinations.size)
     mask = 1 << tree
     if _can_grow(memory, tree, place) and not grow(
-        skyway, closed, memory, tree, place, memory.reach[tree]
+        search.skyway, search.closed, memory, tree, place, memory.reach[tree]
     ):
         return False
     length_m = min(memory.distance[tree, place], memory.radius[tree])
@@ -113,14 +115,12 @@ def _note_approach(skyway, task, closed, memory, state, place):
         memory.state_bound[state, 1] = np.inf
         return True
     memory.state_bound[state, 0] = length_m * task.flight_s_per_m[mask] + task.approach_flight_after
-    memory.state_bound[state, 1] = (
-        length_m * task.need_per_m[mask] + task.approach_need_after
-    )
+    memory.state_bound[state, 1] = length_m * task.need_per_m[mask] + task.approach_need_after
     return True
 
 
 @kernel
-def _can_grow(memory, tree, place):
+def _can_grow(memory: Memory, tree: int, place: int) -> bool:
     """Whether this place lies beyond the tree, and the tree may still grow."""
     return (
         memory.distance[tree, place] > memory.radius[tree]

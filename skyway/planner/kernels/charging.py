@@ -1,67 +1,85 @@
 """The charge curve as arrays, read both ways: joules over seconds on a pad."""
 
+from typing import NamedTuple
+
 import numpy as np
 
 from skyway.planner.kernels.compiler import kernel
-from skyway.planner.kernels.memory import Task
+from skyway.planner.kernels.memory import Floats
+from skyway.planner.kernels.records import Task
+
+
+class Charge(NamedTuple):
+    """The level at which the last pad is left, and the most that it could still give.
+
+    Levels in joules, each with its position on the charge curve in seconds.
+    """
+
+    position: float
+    level: float
+    last_position: float
+    last_level: float
 
 
 @kernel
 def position_of(task: Task, level_j: float) -> float:
     """Where on the curve this level lies, seconds since empty; flat beyond both ends."""
-    levels, seconds = task.curve_j, task.curve_s
-    last = levels.size - 1
-    if level_j >= levels[last]:
-        return seconds[last]
-    if level_j <= levels[0]:
-        return seconds[0]
-    after = 1
-    while levels[after] < level_j:
-        after += 1
-    share = (level_j - levels[after - 1]) / (levels[after] - levels[after - 1])
-    return seconds[after - 1] + share * (seconds[after] - seconds[after - 1])
+    return _read(task.curve_j, task.curve_s, level_j)
 
 
 @kernel
 def level_at(task: Task, position_s: float) -> float:
     """The level at this position of the curve, joules; flat beyond both ends."""
-    levels, seconds = task.curve_j, task.curve_s
-    last = levels.size - 1
-    if position_s >= seconds[last]:
-        return levels[last]
-    if position_s <= seconds[0]:
-        return levels[0]
+    return _read(task.curve_s, task.curve_j, position_s)
+
+
+@kernel
+def _read(along: Floats, across: Floats, value: float) -> float:
+    """What lies across from this value along a curve of straight pieces."""
+    last = along.size - 1
+    if value >= along[last]:
+        return across[last]
+    if value <= along[0]:
+        return across[0]
     after = 1
-    while seconds[after] < position_s:
+    while along[after] < value:
         after += 1
-    share = (position_s - seconds[after - 1]) / (seconds[after] - seconds[after - 1])
-    return levels[after - 1] + share * (levels[after] - levels[after - 1])
+    share = (value - along[after - 1]) / (along[after] - along[after - 1])
+    return across[after - 1] + share * (across[after] - across[after - 1])
 
 
 @kernel
-def after_staying(
-    task: Task, position: float, level: float, last_position: float, last_level: float, stay_s: float
-) -> tuple[float, float]:
-    """Position and level after staying longer on the last pad, as far as it can give."""
-    if stay_s <= 0.0 or position >= last_position:
-        return position, level
-    if position + stay_s >= last_position:
-        return last_position, last_level
-    return position + stay_s, level_at(task, position + stay_s)
+def after_staying(task: Task, charge: Charge, stay_s: float) -> Charge:
+    """The charge after staying longer on the last pad, as far as it can give."""
+    if stay_s <= 0.0 or charge.position >= charge.last_position:
+        return charge
+    position = charge.position + stay_s
+    if position >= charge.last_position:
+        return Charge(
+            charge.last_position, charge.last_level, charge.last_position, charge.last_level
+        )
+    level = level_at(task, position)
+    return Charge(position, level, charge.last_position, charge.last_level)
 
 
 @kernel
-def after_raising(
-    task: Task, position: float, level: float, last_position: float, last_level: float, need_j: float
-) -> tuple[float, float]:
-    """Position and level after staying until the level is enough; position -1 if it never is."""
-    if level >= need_j - task.rounding_j:
-        return position, level
+def until_left(task: Task, charge: Charge, stay_s: float) -> Charge:
+    """The same charge, if the last pad has to be left after so many seconds more at the latest."""
+    most = after_staying(task, charge, stay_s)
+    return Charge(charge.position, charge.level, most.position, most.level)
+
+
+@kernel
+def after_raising(task: Task, charge: Charge, need_j: float) -> Charge:
+    """The charge after staying until the level is enough; its position is -1 if it never is."""
+    if charge.level >= need_j - task.rounding_j:
+        return charge
+    last_position, last_level = charge.last_position, charge.last_level
     if last_level < need_j - task.rounding_j:
-        return -1.0, level
+        return Charge(-1.0, charge.level, last_position, last_level)
     if need_j >= last_level:
-        return last_position, last_level
-    return position_of(task, need_j), need_j
+        return Charge(last_position, last_level, last_position, last_level)
+    return Charge(position_of(task, need_j), need_j, last_position, last_level)
 
 
 @kernel

@@ -3,7 +3,7 @@
 import numpy as np
 
 from skyway.planner.kernels.compiler import kernel
-from skyway.planner.kernels.memory import Closed
+from skyway.planner.kernels.records import Closed
 
 # A drone may leave this many seconds early because a sum of floats fell short of a closure's end.
 _ROUNDING_S = 1e-9
@@ -60,7 +60,12 @@ def closes_next_s(closed: Closed, key: int, start_s: float) -> float:
 
 @kernel
 def leave_s(
-    closed: Closed, segment: int, landing: int, not_before_s: float, flight_s: float, stop_s: float
+    closed: Closed,
+    segment: int,
+    landing: int,
+    not_before_s: float,
+    flight_s: float,
+    stop_s: float,
 ) -> float:
     """The first moment to leave so that the segment, and the landing if any, meet nothing closed.
 

@@ -59,9 +59,7 @@ def entrance(function: _Function) -> _Function:
 
 def kernel(function: _Function) -> _Function:
     """Compile this function for other kernels alone, without the wrappers for calls from Python."""
-    return _compiled(
-        function, {**_OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-    )
+    return _compiled(function, {**_OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True})
 
 
 def _compiled(function: _Function, options: dict[str, Any]) -> _Function:

@@ -7,7 +7,8 @@ that have neighbours on the other; those come last, and each half is cut again.
 import numpy as np
 
 from skyway.planner.kernels.compiler import entrance, kernel
-from skyway.planner.kernels.memory import Floats, Longs, Skyway
+from skyway.planner.kernels.memory import Floats, Longs, int64
+from skyway.planner.kernels.records import Skyway
 
 #: Halves this small are not cut again.
 _SMALL = 4
@@ -20,7 +21,7 @@ def dissected(skyway: Skyway, x: Floats, y: Floats) -> Longs:
     rows = np.arange(count)
     rank = np.empty(count, np.int64)
     side = np.full(count, -1, np.int64)
-    todo = [(np.int64(0), np.int64(count), np.int64(count))]
+    todo = [(int64(0), int64(count), int64(count))]
     cuts = 0
     while len(todo) > 0:
         low, high, rank_end = todo.pop()

@@ -5,6 +5,7 @@ over it; a handle goes from call to call as one pointer. Handles share their arr
 that they were made from, so Python reads there what a search has noted.
 """
 
+from collections.abc import Callable
 from typing import Any, Final, TypeVar
 
 import numba
@@ -12,7 +13,8 @@ from numba import types
 from numba.experimental import structref
 
 from skyway.planner.kernels.compiler import entrance
-from skyway.planner.kernels.memory import Book, Closed, Memory, Skyway, Task
+from skyway.planner.kernels.memory import Memory
+from skyway.planner.kernels.records import Book, Closed, Skyway, Task
 
 _Record = TypeVar("_Record", Skyway, Closed, Book, Task, Memory)
 
@@ -100,7 +102,7 @@ def _memory_handle(record: Memory) -> Any:
     return MemoryHandle(*record)
 
 
-_MAKERS: Final = {
+_MAKERS: Final[dict[Any, Callable[[Any], Any]]] = {
     Skyway: _skyway_handle,
     Closed: _closed_handle,
     Book: _book_handle,

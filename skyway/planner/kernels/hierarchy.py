@@ -8,7 +8,8 @@ and Wagner 2016, "Customizable contraction hierarchies"): all a station needs to
 import numpy as np
 
 from skyway.planner.kernels.compiler import entrance, kernel
-from skyway.planner.kernels.memory import Floats, Longs, Memory, Skyway
+from skyway.planner.kernels.memory import Floats, Ints, Longs, Memory, int64
+from skyway.planner.kernels.records import Skyway
 
 
 @entrance
@@ -28,7 +29,7 @@ def shortcuts(skyway: Skyway, rank: Longs) -> tuple[Longs, Longs]:
     found = np.empty(count, np.int64)
     for own in range(count):
         row = row_at[own]
-        size = 0
+        size = int64(0)
         for index in range(skyway.out_offsets[row], skyway.out_offsets[row + 1]):
             size = _add(found, size, seen, own, rank[skyway.out_station[index]])
         for index in range(skyway.in_offsets[row], skyway.in_offsets[row + 1]):
@@ -70,7 +71,7 @@ def shortcut_lengths(
     down = np.full(above.size, np.inf)
     for row in range(rank.size):
         for index in range(skyway.out_offsets[row], skyway.out_offsets[row + 1]):
-            here, there = rank[row], rank[np.int64(skyway.out_station[index])]
+            here, there = rank[row], rank[int64(skyway.out_station[index])]
             length_m = skyway.out_length[index]
             if here < there:
                 place = _place_of(offsets, above, here, there)
@@ -96,7 +97,7 @@ def _place_of(offsets: Longs, above: Longs, low: int, high: int) -> int:
 
 
 @entrance
-def root_all(skyway: Skyway, memory: Memory, roots: Longs) -> None:
+def root_all(skyway: Skyway, memory: Memory, roots: Ints) -> None:
     """Note the distance to each root, coming down only, of all that is above it."""
     for tree in range(roots.size):
         own = skyway.rank[roots[tree]]

@@ -1,4 +1,4 @@
-"""What the kernels work on: the skyway, the task, what is closed and taken, and their own notes.
+"""What the kernels note while they search, and what the numbers in it mean.
 
 A *place* is a station that the search has met, numbered in the order of meeting: all notes are
 kept by place, so what a search costs follows the request's reach and not the network's size.
@@ -6,7 +6,8 @@ A *mask* is a set of delivered destinations, bit by bit; the mask ``2**k`` stand
 with no package on board yet.
 """
 
-from typing import Final, NamedTuple
+from collections.abc import Callable
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -15,10 +16,18 @@ Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int32]
 Longs = npt.NDArray[np.int64]
 
-INWARD: Final = 0
-OUTWARD: Final = 1
+#: An int as kernels take it: of a plain 0, or an element of `Ints`, numba makes a type of its own
+#: and compiles the kernel once more for it.
+int64: Callable[[Any], int] = np.int64  # type: ignore[assignment]  # no int for mypy
 
-# Rows of `Memory.count`: how much of each array is in use, and which one ran full.
+#: No label, segment or landing.
+NONE: Final = int64(-1)
+
+# Columns of `Memory.arc_first` and `Memory.arc_count`: arcs that arrive and arcs that leave.
+INWARD: Final = int64(0)
+OUTWARD: Final = int64(1)
+
+# Rows of `Memory.counts`: how much of each array is in use, and which one ran full.
 PLACES: Final = 0
 ARCS: Final = 1
 WINDOWS: Final = 2
@@ -30,11 +39,11 @@ SEARCHED: Final = 7
 BEST: Final = 8
 
 # How a label came to be.
-START: Final = 0
-FLOWN: Final = 1
-LANDED: Final = 2
-SESSION: Final = 3
-HANDED_OVER: Final = 4
+START: Final = int64(0)
+FLOWN: Final = int64(1)
+LANDED: Final = int64(2)
+SESSION: Final = int64(3)
+HANDED_OVER: Final = int64(4)
 
 # Columns of `Memory.label`.
 TIME: Final = 0
@@ -57,110 +66,35 @@ ALIVE: Final = 5
 # Columns of `Memory.state`.
 STATE_PLACE: Final = 0
 STATE_MASK: Final = 1
-FIRST_ON_GROUND: Final = 2
-FIRST_IN_AIR: Final = 3
-
-
-class Skyway(NamedTuple):
-    """The network's rows: who can be flown to, and from where, and how many pads there are.
-
-    `offsets` are ``(n_stations + 1,)`` int64, the rest ``(n_segments,)``; lengths in metres. What
-    follows `pads` is the hierarchy (see `skyway.planner.hierarchy`), empty if there is none.
-    """
-
-    in_offsets: Longs
-    in_station: Ints
-    in_segment: Ints
-    in_length: Floats
-    out_offsets: Longs
-    out_station: Ints
-    out_segment: Ints
-    out_length: Floats
-    pads: Ints
-    rank: Longs
-    above_offsets: Longs
-    above: Longs
-    up_length: Floats
-    down_length: Floats
-
-
-class Closed(NamedTuple):
-    """Closed times by segment row, and by station row counted on from the last segment.
-
-    `keys` are sorted; the closures of ``keys[i]`` are those from ``offsets[i]`` to
-    ``offsets[i + 1]``, seconds, in any order, and may overlap.
-    """
-
-    keys: Longs
-    offsets: Longs
-    start_s: Floats
-    end_s: Floats
-    first_station_key: int
-
-
-class Book(NamedTuple):
-    """Reservations of pads, sorted by station row, pad and start; whole milliseconds.
-
-    `zero_ms` is the moment of the plan's start on the book's own scale.
-    """
-
-    station: Ints
-    pad: Ints
-    start_ms: Longs
-    end_ms: Longs
-    zero_ms: int
-
-
-class Task(NamedTuple):
-    """The drone and its packages; energies in joules, moments in seconds.
-
-    By mask: `s_per_m` and `j_per_m` with the load; for the bounds `flight_s_per_m` and
-    `need_per_m`. A need is what charging is counted by: joules where sessions go on to the top,
-    else seconds of flying and of charging the flown joules. ``flight_after[mask, j]`` and
-    ``need_after[mask, j]`` bound what follows once destination j is reached; inf where j may not
-    be next. `s_per_j` is the least time that charging takes.
-    """
-
-    destinations: Ints
-    source: int
-    start: int
-    s_per_m: Floats
-    j_per_m: Floats
-    flight_s_per_m: Floats
-    need_per_m: Floats
-    flight_after: Floats
-    need_after: Floats
-    approach_flight_after: float
-    approach_need_after: float
-    finish_j: Floats
-    finish_j_at_source: float
-    curve_s: Floats
-    curve_j: Floats
-    start_j: float
-    reserve_j: float
-    rounding_j: float
-    s_per_j: float
-    stop_s: float
-    stop_j: float
-    loading_s: float
-    dropoff_s: float
-    latest_s: float
-    recharges_fully: bool
-    prunes: bool
-    levels: int
-    weight: float
+FIRST_ON_GROUND: Final = int64(2)
+FIRST_IN_AIR: Final = int64(3)
 
 
 class Memory(NamedTuple):
     """What one search has noted; arrays that run full are made larger between two runs.
 
-    `label` holds for each label the earliest time, the charge level at which the last pad was left
-    for that time with its position on the charge curve (seconds), the most that pad could still
-    give with its position, the joules used since, the latest moment to which the arrival can be
-    put off in the air, and the moment before which the last flight or landing may not begin.
+    `counts` says how much of each is in use, `best_s` ``(1,)`` the moment of the best plan so far.
+
+    - By place: `row` of the station, `arc_first` and `arc_count` ``(places, 2)``, `window_first`
+      and `window_count`, `is_searched`. `table` finds the place of a row, plus 1; 0 is empty.
+    - By tree and place, ``(trees, places)``: `distance` in metres to the tree's root, and the heap
+      of what is settled next (`tree_key`, `tree_heap`, `tree_slot`); by tree its `tree_size`, the
+      `radius` up to which distances are final and the `reach` up to which it may grow, metres.
+    - With a hierarchy, by rank: `rank_distance` ``(ranks, trees)`` metres, `rank_known`, `climb`.
+    - By arc: `arc_place` at the other end, `arc_segment` its row, `arc_length` in metres.
+    - `window_s` ``(windows, 2)``: the free windows of a place, one after another.
+    - `state` ``(states, 4)``: its columns are above; `state_bound` ``(states, 2)``: seconds, see
+      `bounds`. `state_table` finds the state of a place and mask, plus 1.
+    - `label` ``(labels, 8)``: the earliest time, the charge level at which the last pad was left
+      for that time with its position on the charge curve (seconds), the most that pad could still
+      give with its position, the joules used since, the latest moment to which the arrival can be
+      put off in the air, and the moment before which the last flight or landing may not begin.
+    - `link` ``(labels, 6)``: the label before, its state, the next in that state's list, how it
+      came to be, by which arc or window, and whether its list holds it.
+    - `queue_key`, `queue_label`: a binary heap of labels by the earliest delivery they promise.
     """
 
-    count: Longs
+    counts: Longs
     best_s: Floats
     row: Longs
     table: Longs

@@ -7,9 +7,11 @@ of the pads' windows. A full recharge needs one pad for all of it, so the window
 import numpy as np
 
 from skyway.planner.kernels.compiler import kernel
-from skyway.planner.kernels.memory import FULL, WINDOWS, Book, Memory, Skyway, Task
+from skyway.planner.kernels.memory import FULL, NONE, WINDOWS, Floats, Longs, int64
+from skyway.planner.kernels.records import Book, Search
 
 _MS_PER_S = 1000.0
+
 # A reservation that ends later than this has no end: the books' open end less any zero moment.
 _OPEN_MS = 1 << 61
 
@@ -37,21 +39,20 @@ def end_of(book: Book, row: int, first: int) -> int:
 
 
 @kernel
-def windows_of(
-    skyway: Skyway, task: Task, given: Book, known: Book, memory: Memory, place: int
-) -> int:
+def windows_of(search: Search, place: int) -> int:
     """The first of this place's free windows; -1 when the memory is full."""
+    given, known, memory = search.given, search.known, search.memory
     if memory.window_first[place] >= 0:
         return memory.window_first[place]
     row = memory.row[place]
-    pads = skyway.pads[row]
+    pads = int64(search.skyway.pads[row])
     first_given, first_known = first_of(given, row), first_of(known, row)
     end_given, end_known = end_of(given, row, first_given), end_of(known, row, first_known)
     reserved = end_given - first_given + end_known - first_known
-    first = memory.count[WINDOWS]
+    first = memory.counts[WINDOWS]
     if first + reserved + pads > memory.window_s.shape[0]:
-        memory.count[FULL] = 1
-        return -1
+        memory.counts[FULL] = 1
+        return NONE
     if pads == 0:
         count = 0
     elif reserved == 0:
@@ -61,53 +62,57 @@ def windows_of(
     else:
         pad = np.empty(reserved, np.int64)
         taken_ms = np.empty((reserved, 2), np.int64)
-        _gather(given, first_given, end_given, 0, pad, taken_ms)
+        _gather(given, first_given, end_given, int64(0), pad, taken_ms)
         _gather(known, first_known, end_known, end_given - first_given, pad, taken_ms)
         if first_given < end_given and first_known < end_known:
             _sort(pad, taken_ms)
-        count = _free(pads, pad, taken_ms, not task.recharges_fully, memory.window_s, first)
+        unites = not search.task.recharges_fully
+        count = _free(pads, pad, taken_ms, unites, memory.window_s, first)
     memory.window_first[place] = first
     memory.window_count[place] = count
-    memory.count[WINDOWS] = first + count
+    memory.counts[WINDOWS] = first + count
     return first
 
 
 @kernel
-def _gather(book, first, end, offset, pad, taken):
+def _gather(book: Book, first: int, end: int, offset: int, pad: Longs, taken_ms: Longs) -> None:
+    """Write a book's reservations from `offset` on, start and end counted from the plan's start."""
     for index in range(first, end):
         pad[offset + index - first] = book.pad[index]
-        taken[offset + index - first, 0] = book.start_ms[index] - book.zero_ms
+        taken_ms[offset + index - first, 0] = book.start_ms[index] - book.zero_ms
         # An open end stays beyond all moments of a plan, whatever the book's zero.
-        taken[offset + index - first, 1] = book.end_ms[index] - book.zero_ms
+        taken_ms[offset + index - first, 1] = book.end_ms[index] - book.zero_ms
 
 
 @kernel
-def _sort(pad, taken):
+def _sort(pad: Longs, taken_ms: Longs) -> None:
     """By pad and start; the two books are sorted already, so little moves far."""
     for index in range(1, pad.size):
-        own_pad, start, end = pad[index], taken[index, 0], taken[index, 1]
+        own_pad, start, end = pad[index], taken_ms[index, 0], taken_ms[index, 1]
         before = index - 1
         while before >= 0 and (
-            pad[before] > own_pad or (pad[before] == own_pad and taken[before, 0] > start)
+            pad[before] > own_pad or (pad[before] == own_pad and taken_ms[before, 0] > start)
         ):
             pad[before + 1] = pad[before]
-            taken[before + 1, 0] = taken[before, 0]
-            taken[before + 1, 1] = taken[before, 1]
+            taken_ms[before + 1, 0] = taken_ms[before, 0]
+            taken_ms[before + 1, 1] = taken_ms[before, 1]
             before -= 1
         pad[before + 1] = own_pad
-        taken[before + 1, 0] = start
-        taken[before + 1, 1] = end
+        taken_ms[before + 1, 0] = start
+        taken_ms[before + 1, 1] = end
 
 
 @kernel
-def _free(pads, pad, taken_ms, unites, window_s, first):
+def _free(
+    pads: int, pad: Longs, taken_ms: Longs, unites: bool, window_s: Floats, first: int
+) -> int:
     """Write the windows of all pads, the earliest first; how many they are.
 
     One pad after the other is merged with those before it, which keeps the windows in order.
     """
     before = np.empty((pad.size + pads, 2))
     after = np.empty((pad.size + pads, 2))
-    count = 0
+    count = int64(0)
     used = 0
     index = 0
     while index < pad.size:
@@ -128,11 +133,11 @@ def _free(pads, pad, taken_ms, unites, window_s, first):
 
 
 @kernel
-def _merged(taken_ms, unites, before, count, after):
+def _merged(taken_ms: Longs, unites: bool, before: Floats, count: int, after: Floats) -> int:
     """Merge the windows of one pad, given what takes it, with `before`; how many there are then."""
-    merged = 0
+    merged = int64(0)
     other = 0
-    free_from_ms = 0
+    free_from_ms = int64(0)
     index = 0
     while free_from_ms < _OPEN_MS:
         while index < taken_ms.shape[0] and taken_ms[index, 0] <= free_from_ms:
@@ -156,7 +161,7 @@ def _merged(taken_ms, unites, before, count, after):
 
 
 @kernel
-def _append(windows, count, start_s, end_s, unites):
+def _append(windows: Floats, count: int, start_s: float, end_s: float, unites: bool) -> int:
     """Append a window, or lengthen the last one if they meet and may be united."""
     if unites and count > 0 and start_s <= windows[count - 1, 1]:
         windows[count - 1, 1] = max(windows[count - 1, 1], end_s)

@@ -4,7 +4,8 @@ import numpy as np
 
 from skyway.planner.kernels.closures import is_closed_for_good
 from skyway.planner.kernels.compiler import entrance, kernel
-from skyway.planner.kernels.memory import ARCS, FULL, INWARD, PLACES, Closed, Memory, Skyway
+from skyway.planner.kernels.memory import ARCS, FULL, INWARD, NONE, PLACES, Memory, int64
+from skyway.planner.kernels.records import Closed, Skyway
 
 # Knuth's multiplicative hashing: 2**32 divided by the golden ratio.
 _GOLDEN = 2654435769
@@ -26,10 +27,10 @@ def place_of(memory: Memory, row: int) -> int:
         if memory.row[place] == row:
             return place
         slot = (slot + 1) & (memory.table.size - 1)
-    place = memory.count[PLACES]
+    place = memory.counts[PLACES]
     if place >= memory.row.size:
-        memory.count[FULL] = 1
-        return -1
+        memory.counts[FULL] = 1
+        return NONE
     memory.table[slot] = place + 1
     memory.row[place] = row
     memory.arc_first[place, 0] = -1
@@ -39,14 +40,14 @@ def place_of(memory: Memory, row: int) -> int:
     for tree in range(memory.radius.size):
         memory.distance[tree, place] = np.inf
         memory.tree_slot[tree, place] = -1
-    memory.count[PLACES] = place + 1
+    memory.counts[PLACES] = place + 1
     return place
 
 
 @entrance
 def refill_table(memory: Memory) -> None:
     """Enter all places into an empty table."""
-    for place in range(memory.count[PLACES]):
+    for place in range(memory.counts[PLACES]):
         slot = slot_of(memory.row[place], memory.table.size)
         while memory.table[slot] != 0:
             slot = (slot + 1) & (memory.table.size - 1)
@@ -69,22 +70,22 @@ def arcs_of(skyway: Skyway, closed: Closed, memory: Memory, place: int, directio
     else:
         offsets, stations = skyway.out_offsets, skyway.out_station
         segments, lengths = skyway.out_segment, skyway.out_length
-    first = memory.count[ARCS]
+    first = memory.counts[ARCS]
     if first + offsets[row + 1] - offsets[row] > memory.arc_place.size:
-        memory.count[FULL] = 1
-        return -1
+        memory.counts[FULL] = 1
+        return NONE
     end = first
     for index in range(offsets[row], offsets[row + 1]):
-        if closed.keys.size > 0 and is_closed_for_good(closed, np.int64(segments[index])):
+        if closed.keys.size > 0 and is_closed_for_good(closed, int64(segments[index])):
             continue
-        other = place_of(memory, np.int64(stations[index]))
+        other = place_of(memory, int64(stations[index]))
         if other < 0:
-            return -1
+            return NONE
         memory.arc_place[end] = other
         memory.arc_segment[end] = segments[index]
         memory.arc_length[end] = lengths[index]
         end += 1
     memory.arc_first[place, direction] = first
     memory.arc_count[place, direction] = end - first
-    memory.count[ARCS] = end
+    memory.counts[ARCS] = end
     return first

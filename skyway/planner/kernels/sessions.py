@@ -6,53 +6,48 @@ at the next window follows when its turn in the queue has come.
 
 import numpy as np
 
-from skyway.planner.kernels.charging import after_staying, level_at, position_of
+from skyway.planner.kernels.charging import Charge, after_staying, level_at, position_of
 from skyway.planner.kernels.compiler import kernel
 from skyway.planner.kernels.labels import (
     DOMINATED,
     FULL_MEMORY,
     TOO_LATE,
+    charge_of,
     enlist,
+    enqueue,
     note,
-    push,
-    state_of,
 )
 from skyway.planner.kernels.memory import (
-    LAST_LEVEL,
+    ALIVE,
+    DETAIL,
+    FIRST_ON_GROUND,
     LAST_POSITION,
     LEVEL,
+    NONE,
+    PARENT,
     POSITION,
     SESSION,
+    STATE,
+    STATE_PLACE,
     TIME,
     USED,
-    Book,
-    Closed,
     Memory,
-    Skyway,
-    Task,
 )
 from skyway.planner.kernels.pads import windows_of
+from skyway.planner.kernels.records import Search, Task
+from skyway.planner.kernels.states import state_of
 
 
 @kernel
-def enter_sessions(
-    skyway: Skyway,
-    task: Task,
-    closed: Closed,
-    given: Book,
-    known: Book,
-    memory: Memory,
-    label: int,
-    place: int,
-    mask: int,
-) -> bool:
+def enter_sessions(search: Search, label: int, place: int, mask: int) -> bool:
     """Enter what a drone that stands here can charge; False when the memory is full."""
-    first = windows_of(skyway, task, given, known, memory, place)
+    task, memory = search.task, search.memory
+    first = windows_of(search, place)
     if first < 0:
         return False
     if memory.window_count[place] == 0:
         return True
-    state = state_of(skyway, task, closed, memory, place, mask)
+    state = state_of(search, place, mask)
     if state < 0:
         return False
     if task.recharges_fully:
@@ -61,31 +56,45 @@ def enter_sessions(
     window = first
     while window < end and memory.window_s[window, 1] <= memory.label[label, TIME]:
         window += 1
-    return enter_session(task, memory, label, state, window, end)
+    return _enter_session(task, memory, label, state, window, end)
 
 
 @kernel
-def enter_session(
+def enter_next_sessions(task: Task, memory: Memory, label: int) -> None:
+    """Enter the session at the next window: after this one, and in place of it."""
+    state = memory.link[label, STATE]
+    place = memory.state[state, STATE_PLACE]
+    window = memory.link[label, DETAIL] + 1
+    end = memory.window_first[place] + memory.window_count[place]
+    if window >= end:
+        return
+    if memory.link[label, ALIVE] == 1:
+        _enter_session(task, memory, label, state, window, end)
+    parent = memory.link[label, PARENT]
+    waited_s = memory.label[label, TIME] - memory.label[parent, TIME]
+    left_s = memory.label[parent, LAST_POSITION] - memory.label[parent, POSITION]
+    if waited_s < left_s:
+        _enter_session(task, memory, parent, state, window, end)
+
+
+@kernel
+def _enter_session(
     task: Task, memory: Memory, label: int, state: int, window: int, end: int
 ) -> bool:
     """Enter the first session from this window on that is worth it; False when full.
 
     What the drone waits for a window it may stay longer on the pad before.
     """
-    from_row = memory.label[label]
-    time_s, position, level = from_row[TIME], from_row[POSITION], from_row[LEVEL]
-    last_position, last_level = from_row[LAST_POSITION], from_row[LAST_LEVEL]
-    used_j = from_row[USED]
+    time_s, used_j = memory.label[label, TIME], memory.label[label, USED]
+    charge = charge_of(memory, label)
     top_j = task.curve_j[task.curve_j.size - 1]
     while window < end:
         start_s = max(time_s, memory.window_s[window, 0])
-        stayed, reached = after_staying(
-            task, position, level, last_position, last_level, start_s - time_s
-        )
-        charge_j = reached - used_j
+        room_s = memory.window_s[window, 1] - start_s
+        stayed = after_staying(task, charge, start_s - time_s)
+        charge_j = stayed.level - used_j
         if charge_j >= top_j - task.rounding_j:
             return True
-        room_s = memory.window_s[window, 1] - start_s
         if task.levels > 0:
             if not _enter_levels(task, memory, label, state, window, start_s, charge_j, room_s):
                 return False
@@ -96,84 +105,65 @@ def enter_session(
             if entered == TOO_LATE:
                 return True
             if entered >= 0:
-                push(task, memory, entered)
+                enqueue(task, memory, entered)
                 return True
-        if stayed >= last_position:
+        if stayed.position >= charge.last_position:
             return True
         window += 1
     return True
 
 
 @kernel
-def _enter_open(task, memory, label, state, window, start_s, charge_j, room_s):
+def _enter_open(
+    task: Task,
+    memory: Memory,
+    label: int,
+    state: int,
+    window: int,
+    start_s: float,
+    charge_j: float,
+    room_s: float,
+) -> int:
     """Enter a session whose end is open; the label, or why there is none."""
     position = position_of(task, charge_j)
     last_position = min(position + room_s, task.curve_s[task.curve_s.size - 1])
     last_level = level_at(task, last_position)
     if last_level <= charge_j + task.rounding_j:
         return DOMINATED
-    session = note(
-        memory,
-        label,
-        SESSION,
-        window,
-        start_s,
-        position,
-        charge_j,
-        last_position,
-        last_level,
-        0.0,
-        np.inf,
-        start_s,
-    )
+    charge = Charge(position, charge_j, last_position, last_level)
+    session = note(memory, label, SESSION, window, start_s, charge, 0.0, np.inf, start_s)
     if session == FULL_MEMORY:
         return FULL_MEMORY
-    return enlist(task, memory, session, state, True)
+    return enlist(task, memory, session, state, FIRST_ON_GROUND)
 
 
 @kernel
-def _enter_levels(task, memory, label, state, window, start_s, charge_j, room_s):
+def _enter_levels(
+    task: Task,
+    memory: Memory,
+    label: int,
+    state: int,
+    window: int,
+    start_s: float,
+    charge_j: float,
+    room_s: float,
+) -> bool:
     """Enter a session for each of some fixed levels: how planners charge that are not lazy."""
     position = position_of(task, charge_j)
     top_j = task.curve_j[task.curve_j.size - 1]
     for number in range(1, task.levels + 1):
-        level = task.reserve_j + (top_j - task.reserve_j) * number / task.levels
-        reached = position_of(task, level)
-        if level <= charge_j + task.rounding_j or reached - position > room_s:
+        level_j = task.reserve_j + (top_j - task.reserve_j) * number / task.levels
+        reached = position_of(task, level_j)
+        if level_j <= charge_j + task.rounding_j or reached - position > room_s:
             continue
         end_s = start_s + reached - position
-        if not _enter_until(task, memory, label, state, window, start_s, end_s, level):
+        if not _enter_until(task, memory, label, state, window, start_s, end_s, level_j):
             return False
     return True
 
 
 @kernel
-def _enter_until(task, memory, label, state, window, start_s, end_s, level):
-    """Enter a session that ends with this level; False when full."""
-    position = position_of(task, level)
-    session = note(
-        memory,
-        label,
-        SESSION,
-        window,
-        end_s,
-        position,
-        level,
-        position,
-        level,
-        0.0,
-        np.inf,
-        start_s,
-    )
-    if session == FULL_MEMORY:
-        return False
-    if enlist(task, memory, session, state, True) >= 0:
-        push(task, memory, session)
-    return True
-
-
-@kernel
-def _enter_full(task, memory, label, place, state):
+def _enter_full(task: Task, memory: Memory, label: int, place: int, state: int) -> bool:
     """Enter the session to the top that ends first; False when full."""
     row = memory.label[label]
     charge_j = row[LEVEL] - row[USED]
@@ -182,7 +172,7 @@ def _enter_full(task, memory, label, place, state):
         return True
     duration_s = position_of(task, top_j) - position_of(task, charge_j)
     soonest_s = np.inf
-    chosen = -1
+    chosen = NONE
     first = memory.window_first[place]
     for window in range(first, first + memory.window_count[place]):
         start_s = max(row[TIME], memory.window_s[window, 0])
@@ -197,3 +187,25 @@ def _enter_full(task, memory, label, place, state):
         return True
     end_s = soonest_s + duration_s
     return _enter_until(task, memory, label, state, chosen, soonest_s, end_s, top_j)
+
+
+@kernel
+def _enter_until(
+    task: Task,
+    memory: Memory,
+    label: int,
+    state: int,
+    window: int,
+    start_s: float,
+    end_s: float,
+    level_j: float,
+) -> bool:
+    """Enter a session that ends with this level; False when full."""
+    position = position_of(task, level_j)
+    charge = Charge(position, level_j, position, level_j)
+    session = note(memory, label, SESSION, window, end_s, charge, 0.0, np.inf, start_s)
+    if session == FULL_MEMORY:
+        return False
+    if enlist(task, memory, session, state, FIRST_ON_GROUND) >= 0:
+        enqueue(task, memory, session)
+    return True

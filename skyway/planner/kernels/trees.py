@@ -8,8 +8,9 @@ import numpy as np
 
 from skyway.planner.kernels.compiler import entrance, kernel
 from skyway.planner.kernels.hierarchy import measure
-from skyway.planner.kernels.memory import INWARD, Closed, Memory, Skyway
+from skyway.planner.kernels.memory import INWARD, Floats, Ints, Longs, Memory, int64
 from skyway.planner.kernels.places import arcs_of, place_of
+from skyway.planner.kernels.records import Closed, Skyway
 
 # How far a tree may grow on demand, as a multiple of the radius that it had to have.
 _REACH = 2.0
@@ -20,9 +21,8 @@ def plant(memory: Memory, tree: int, place: int) -> None:
     """Start a tree at its destination."""
     memory.distance[tree, place] = 0.0
     memory.radius[tree] = 0.0
-    memory.tree_size[tree] = _lift(
-        memory.tree_key[tree], memory.tree_heap[tree], memory.tree_slot[tree], 0, place, 0.0
-    )
+    keys, heap, slots = memory.tree_key[tree], memory.tree_heap[tree], memory.tree_slot[tree]
+    memory.tree_size[tree] = _lift(keys, heap, slots, int64(0), place, 0.0)
 
 
 @kernel
@@ -60,7 +60,7 @@ def grow(
 
 
 @kernel
-def _lift(keys, heap, slots, size, place, length_m):
+def _lift(keys: Floats, heap: Longs, slots: Longs, size: int, place: int, length_m: float) -> int:
     """Put a place into the heap, or move it up after its distance fell; the heap's size."""
     slot = slots[place]
     if slot < 0:
@@ -81,7 +81,7 @@ def _lift(keys, heap, slots, size, place, length_m):
 
 
 @kernel
-def _without_first(keys, heap, slots, size):
+def _without_first(keys: Floats, heap: Longs, slots: Longs, size: int) -> int:
     """Take the nearest place out of the heap; the heap's size."""
     slots[heap[0]] = -1
     size -= 1
@@ -111,7 +111,7 @@ def _without_first(keys, heap, slots, size):
 
 @entrance
 def plant_all(
-    skyway: Skyway, closed: Closed, memory: Memory, roots: np.ndarray, start: int, source: int
+    skyway: Skyway, closed: Closed, memory: Memory, roots: Ints, start: int, source: int
 ) -> bool:
     """Grow a tree from each root until it holds all other roots and the source.
 
@@ -120,13 +120,13 @@ def plant_all(
     tree may grow on demand: some way beyond what it had to hold.
     """
     for tree in range(roots.size):
-        place = place_of(memory, np.int64(roots[tree]))
+        place = place_of(memory, int64(roots[tree]))
         if place < 0:
             return False
         if memory.radius[tree] < 0.0:
             plant(memory, tree, place)
         for other in range(roots.size + 1):
-            target = source if other == roots.size else np.int64(roots[other])
+            target = source if other == roots.size else int64(roots[other])
             if roots[tree] == source and target != source:
                 target = start
             until = place_of(memory, target)
@@ -141,13 +141,11 @@ def plant_all(
 
 
 @entrance
-def distances(
-    skyway: Skyway, memory: Memory, roots: np.ndarray, source: int, count: int
-) -> np.ndarray:
+def distances(skyway: Skyway, memory: Memory, roots: Ints, source: int, count: int) -> Floats:
     """From each destination, and at last from the source, to each destination, metres."""
     apart_m = np.empty((count + 1, count), np.float64)
     for row in range(count + 1):
-        place = place_of(memory, source if row == count else np.int64(roots[row]))
+        place = place_of(memory, source if row == count else int64(roots[row]))
         if skyway.rank.size > 0:
             measure(skyway, memory, place)
         for tree in range(count):

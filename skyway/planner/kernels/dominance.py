@@ -1,0 +1,46 @@
+"""Dominance: which of two labels of one state is not worth keeping."""
+
+from skyway.planner.kernels.charging import level_at
+from skyway.planner.kernels.compiler import kernel
+from skyway.planner.kernels.memory import (
+    LAST_LEVEL,
+    LAST_POSITION,
+    LATEST,
+    LEVEL,
+    POSITION,
+    TIME,
+    USED,
+    Floats,
+)
+from skyway.planner.kernels.records import Task
+
+# Two moments closer than this are one, and two charges closer than this share of the tolerance of
+# charges: what dominance may lose in a whole plan stays far below the planner's own tolerances.
+_SAME_S = 1e-10
+_SAME_SHARE = 1e-3
+
+
+@kernel
+def dominates(task: Task, one: Floats, other: Floats) -> bool:
+    """Whether `one` has at least the charge of `other` at each moment of `other`.
+
+    Both are rows of `Memory.label`. With one concave charge curve for all pads nothing between the
+    first and the last moment can cross, so those two are enough.
+    """
+    later_s = other[TIME] - one[TIME]
+    if later_s < -_SAME_S or one[LATEST] < other[LATEST] - _SAME_S:
+        return False
+    least_j = task.rounding_j * _SAME_SHARE
+    lead_at_end_j = (one[LAST_LEVEL] - one[USED]) - (other[LAST_LEVEL] - other[USED])
+    if lead_at_end_j < -least_j:
+        return False
+    position = one[POSITION] + max(later_s, 0.0)
+    level = one[LAST_LEVEL]
+    if position < one[LAST_POSITION]:
+        level = one[LEVEL] if later_s <= 0.0 else level_at(task, position)
+    if level - one[USED] < other[LEVEL] - other[USED] - least_j:
+        return False
+    position += other[LAST_POSITION] - other[POSITION]
+    if position >= one[LAST_POSITION]:
+        return True
+    return level_at(task, position) - one[USED] >= other[LAST_LEVEL] - other[USED] - least_j

@@ -1,0 +1,185 @@
+"""Flying and handing over: from a label to the labels at the ends of its segments."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from skyway.planner.kernels.charging import Charge, after_raising, after_staying, until_left
+from skyway.planner.kernels.closures import leave_latest_s, leave_s
+from skyway.planner.kernels.compiler import kernel
+from skyway.planner.kernels.labels import (
+    FULL_MEMORY,
+    charge_of,
+    delist,
+    enlist,
+    enqueue,
+    note,
+    note_goal,
+)
+from skyway.planner.kernels.landings import fly_over
+from skyway.planner.kernels.memory import (
+    FIRST_ON_GROUND,
+    HANDED_OVER,
+    LATEST,
+    NONE,
+    OUTWARD,
+    POSITION,
+    STATE,
+    STATE_MASK,
+    STATE_PLACE,
+    TIME,
+    USED,
+    Memory,
+    int64,
+)
+from skyway.planner.kernels.places import arcs_of
+from skyway.planner.kernels.records import Search, Task
+from skyway.planner.kernels.sessions import enter_sessions
+from skyway.planner.kernels.states import state_of
+
+
+class _End(NamedTuple):
+    """Where an arc ends, and what is handed over there.
+
+    `reached` is the destination there that waits for its packages, or -1; `following` the mask
+    after the hand-over, of packages to it or of all packages to the drone, or -1 without one.
+    """
+
+    place: int
+    reached: int
+    following: int
+
+
+@kernel
+def expand(search: Search, label: int) -> bool:
+    """Enter all labels one segment further; False when the memory is full."""
+    memory = search.memory
+    state = memory.link[label, STATE]
+    place, mask = memory.state[state, STATE_PLACE], memory.state[state, STATE_MASK]
+    first = arcs_of(search.skyway, search.closed, memory, place, OUTWARD)
+    if first < 0:
+        return False
+    for arc in range(first, first + memory.arc_count[place, OUTWARD]):
+        if not _fly(search, label, mask, arc):
+            return False
+    return True
+
+
+@kernel
+def _fly(search: Search, label: int, mask: int, arc: int) -> bool:
+    """Enter what follows one segment, for each time that is worth it; False when full."""
+    task, closed, memory = search.task, search.closed, search.memory
+    end = _end_of(task, memory, mask, arc)
+    if end.reached >= 0 and task.flight_after[mask, end.reached] == np.inf:
+        return True
+    hands_over = end.following >= 0
+    row = memory.label[label]
+    flight_s = memory.arc_length[arc] * task.s_per_m[mask]
+    used_j = row[USED] + memory.arc_length[arc] * task.j_per_m[mask]
+    if hands_over:
+        used_j += task.stop_j
+    need_j = task.reserve_j + used_j + _left_at_end_j(task, end)
+    charge = after_raising(task, charge_of(memory, label), need_j)
+    if charge.position < 0.0:
+        return True
+    ready_s = row[TIME] + charge.position - row[POSITION]
+    if closed.keys.size == 0:
+        return _arrive(
+            search, label, mask, arc, end, ready_s + flight_s, charge, used_j, np.inf, -np.inf
+        )
+    segment = memory.arc_segment[arc]
+    landing = closed.first_station_key + memory.row[end.place] if hands_over else NONE
+    leave_at_s = ready_s
+    while True:
+        leave_at_s = leave_s(closed, segment, landing, leave_at_s, flight_s, task.stop_s)
+        if leave_at_s > row[LATEST] or leave_at_s == np.inf:
+            return True
+        latest_s = leave_latest_s(closed, segment, landing, leave_at_s, flight_s, task.stop_s)
+        stayed = after_staying(task, charge, leave_at_s - ready_s)
+        arrival_s, latest_arrival_s = leave_at_s + flight_s, min(row[LATEST], latest_s) + flight_s
+        limited = until_left(task, stayed, latest_s - leave_at_s)
+        not_before_s = leave_at_s if leave_at_s > ready_s else -np.inf
+        if not _arrive(
+            search,
+            label,
+            mask,
+            arc,
+            end,
+            arrival_s,
+            limited,
+            used_j,
+            latest_arrival_s,
+            not_before_s,
+        ):
+            return False
+        # Who lands can wait there, so leaving after the next closure is worth it only for what the
+        # last pad gives meanwhile; who flies on may meet something closed that is open by then.
+        if latest_s == np.inf or (hands_over and stayed.position >= charge.last_position):
+            return True
+        leave_at_s = np.nextafter(latest_s, np.inf)
+
+
+@kernel
+def _end_of(task: Task, memory: Memory, mask: int, arc: int) -> _End:
+    place = memory.arc_place[arc]
+    row = memory.row[place]
+    count = int64(task.destinations.size)
+    if mask == int64(1) << count:
+        return _End(place, NONE, int64(0) if row == task.source else NONE)
+    for number in range(count):
+        if task.destinations[number] == row and not mask >> number & 1:
+            return _End(place, number, mask | int64(1) << number)
+    return _End(place, NONE, NONE)
+
+
+@kernel
+def _delivers_last(task: Task, end: _End) -> bool:
+    """Whether nothing is left to deliver after this hand-over."""
+    return end.following == (1 << task.destinations.size) - 1
+
+
+@kernel
+def _left_at_end_j(task: Task, end: _End) -> float:
+    """What must be left above the reserve, because the plan ends there."""
+    if not _delivers_last(task, end):
+        return 0.0
+    return task.finish_j[end.reached] if end.reached >= 0 else task.finish_j_at_source
+
+
+@kernel
+def _arrive(
+    search: Search,
+    label: int,
+    mask: int,
+    arc: int,
+    end: _End,
+    time_s: float,
+    charge: Charge,
+    used_j: float,
+    latest_s: float,
+    not_before_s: float,
+) -> bool:
+    """Enter the label at the end of a segment and what can be done there; False when full."""
+    if end.following < 0:
+        return fly_over(
+            search, label, mask, arc, end.place, time_s, charge, used_j, latest_s, not_before_s
+        )
+    task, memory = search.task, search.memory
+    time_s += task.stop_s + (task.loading_s if end.reached < 0 else task.dropoff_s)
+    handed = note(memory, label, HANDED_OVER, arc, time_s, charge, used_j, np.inf, not_before_s)
+    if handed == FULL_MEMORY:
+        return False
+    if _delivers_last(task, end):
+        if time_s <= task.latest_s:
+            note_goal(memory, handed, time_s)
+        return True
+    state = state_of(search, end.place, end.following)
+    if state < 0:
+        return False
+    if enlist(task, memory, handed, state, FIRST_ON_GROUND) < 0:
+        return True
+    if not enter_sessions(search, handed, end.place, end.following):
+        delist(memory, handed)
+        return False
+    enqueue(task, memory, handed)
+    return True

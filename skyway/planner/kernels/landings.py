@@ -1,0 +1,133 @@
+"""Flying over a station, and landing there to recharge or to wait."""
+
+import numpy as np
+
+from skyway.planner.kernels.charging import Charge, after_raising, after_staying, until_left
+from skyway.planner.kernels.closures import leave_latest_s, leave_s
+from skyway.planner.kernels.compiler import kernel
+from skyway.planner.kernels.labels import (
+    FULL_MEMORY,
+    charge_of,
+    delist,
+    enlist,
+    enqueue,
+    note,
+)
+from skyway.planner.kernels.memory import (
+    FIRST_IN_AIR,
+    FIRST_ON_GROUND,
+    FLOWN,
+    LANDED,
+    LATEST,
+    NONE,
+    POSITION,
+    TIME,
+    USED,
+)
+from skyway.planner.kernels.records import Search
+from skyway.planner.kernels.sessions import enter_sessions
+from skyway.planner.kernels.states import state_of
+
+
+@kernel
+def fly_over(
+    search: Search,
+    label: int,
+    mask: int,
+    arc: int,
+    place: int,
+    time_s: float,
+    charge: Charge,
+    used_j: float,
+    latest_s: float,
+    not_before_s: float,
+) -> bool:
+    """Enter the label above a station, and on the ground there; False when the memory is full."""
+    task, memory = search.task, search.memory
+    state = state_of(search, place, mask)
+    if state < 0:
+        return False
+    is_free = _lands_for_free(search, place, time_s)
+    if is_free:
+        latest_s = np.inf
+    flown = note(memory, label, FLOWN, arc, time_s, charge, used_j, latest_s, not_before_s)
+    if flown == FULL_MEMORY:
+        return False
+    if enlist(task, memory, flown, state, FIRST_ON_GROUND if is_free else FIRST_IN_AIR) < 0:
+        return True
+    if is_free:
+        has_room = enter_sessions(search, flown, place, mask)
+    else:
+        has_room = _land(search, flown, place, mask, state)
+    if not has_room:
+        delist(memory, flown)
+        return False
+    enqueue(task, memory, flown)
+    return True
+
+
+@kernel
+def _lands_for_free(search: Search, place: int, time_s: float) -> bool:
+    """Whether landing costs nothing and nothing forbids it.
+
+    Then who is above the station is as good as on the ground.
+    """
+    task, closed = search.task, search.closed
+    if task.stop_s != 0.0 or task.stop_j != 0.0:
+        return False
+    if closed.keys.size == 0:
+        return True
+    landing = closed.first_station_key + search.memory.row[place]
+    return leave_latest_s(closed, NONE, landing, time_s, 0.0, 0.0) == np.inf and (
+        leave_s(closed, NONE, landing, time_s, 0.0, 0.0) == time_s
+    )
+
+
+@kernel
+def _land(search: Search, label: int, place: int, mask: int, state: int) -> bool:
+    """Enter the labels on the ground below a label in the air; False when the memory is full."""
+    task, closed, memory = search.task, search.closed, search.memory
+    row = memory.label[label]
+    used_j = row[USED] + task.stop_j
+    charge = after_raising(task, charge_of(memory, label), task.reserve_j + used_j)
+    if charge.position < 0.0:
+        return True
+    ready_s = row[TIME] + charge.position - row[POSITION]
+    landing = closed.first_station_key + memory.row[place]
+    may_be_closed = closed.keys.size > 0
+    touch_s = ready_s
+    while True:
+        latest_s = np.inf
+        if may_be_closed:
+            touch_s = leave_s(closed, NONE, landing, touch_s, 0.0, task.stop_s)
+            if touch_s > row[LATEST] or touch_s == np.inf:
+                return True
+            latest_s = leave_latest_s(closed, NONE, landing, touch_s, 0.0, task.stop_s)
+        stayed = after_staying(task, charge, touch_s - ready_s)
+        limited = until_left(task, stayed, latest_s - touch_s)
+        not_before_s = touch_s if touch_s > ready_s else -np.inf
+        landed = note(
+            memory,
+            label,
+            LANDED,
+            NONE,
+            touch_s + task.stop_s,
+            limited,
+            used_j,
+            np.inf,
+            not_before_s,
+        )
+        if landed == FULL_MEMORY:
+            return False
+        # Who stands and does not charge only waits, which is of use only where things are closed.
+        if not may_be_closed:
+            if not enter_sessions(search, landed, place, mask):
+                return False
+        elif enlist(task, memory, landed, state, FIRST_ON_GROUND) >= 0:
+            if not enter_sessions(search, landed, place, mask):
+                delist(memory, landed)
+                return False
+            enqueue(task, memory, landed)
+        if stayed.position >= charge.last_position or latest_s == np.inf:
+            return True
+        touch_s = np.nextafter(latest_s, np.inf)

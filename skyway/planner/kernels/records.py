@@ -1,0 +1,115 @@
+"""What the kernels read: the skyway, the task, what is closed and taken; and a search of it all."""
+
+from typing import NamedTuple
+
+from skyway.planner.kernels.memory import Floats, Ints, Longs, Memory
+
+
+class Skyway(NamedTuple):
+    """The network's rows: who can be flown to, and from where, and how many pads there are.
+
+    `offsets` are ``(n_stations + 1,)`` int64, the rest ``(n_segments,)``; lengths in metres. What
+    follows `pads` is the hierarchy (see `skyway.planner.hierarchy`), empty if there is none.
+    """
+
+    in_offsets: Longs
+    in_station: Ints
+    in_segment: Ints
+    in_length: Floats
+    out_offsets: Longs
+    out_station: Ints
+    out_segment: Ints
+    out_length: Floats
+    pads: Ints
+    rank: Longs
+    above_offsets: Longs
+    above: Longs
+    up_length: Floats
+    down_length: Floats
+
+
+class Closed(NamedTuple):
+    """Closed times by segment row, and by station row counted on from the last segment.
+
+    `keys` are sorted; the closures of ``keys[i]`` are those from ``offsets[i]`` to
+    ``offsets[i + 1]``, seconds, in any order, and may overlap.
+    """
+
+    keys: Longs
+    offsets: Longs
+    start_s: Floats
+    end_s: Floats
+    first_station_key: int
+
+
+class Book(NamedTuple):
+    """Reservations of pads, sorted by station row, pad and start; whole milliseconds.
+
+    `zero_ms` is the moment of the plan's start on the book's own scale.
+    """
+
+    station: Ints
+    pad: Ints
+    start_ms: Longs
+    end_ms: Longs
+    zero_ms: int
+
+
+class Task(NamedTuple):
+    """The drone and its packages; energies in joules, moments in seconds.
+
+    By mask, ``(2**k + 1,)``: `s_per_m` and `j_per_m` with the load; for the bounds
+    `flight_s_per_m` and `need_per_m`. A need is what charging is counted by: joules where sessions
+    go on to the top, else seconds of flying and of charging the flown joules. ``flight_after[mask,
+    j]`` and ``need_after[mask, j]`` bound what follows once destination j is reached, inf where j
+    may not be next; `approach_flight_after` and `approach_need_after` what follows once the source
+    is. `s_per_j` is the least time that charging takes.
+
+    `finish_j` is what must be left above the reserve after a last delivery. The charge curve leads
+    through `curve_s`, `curve_j`. `levels` are the levels tried on each pad, 0 if charging is
+    decided as late as possible. Only with `prunes` are dominated labels left out.
+    """
+
+    destinations: Ints
+    source: int
+    start: int
+    s_per_m: Floats
+    j_per_m: Floats
+    flight_s_per_m: Floats
+    need_per_m: Floats
+    flight_after: Floats
+    need_after: Floats
+    approach_flight_after: float
+    approach_need_after: float
+    finish_j: Floats
+    finish_j_at_source: float
+    curve_s: Floats
+    curve_j: Floats
+    start_j: float
+    reserve_j: float
+    rounding_j: float
+    s_per_j: float
+    stop_s: float
+    stop_j: float
+    loading_s: float
+    dropoff_s: float
+    latest_s: float
+    recharges_fully: bool
+    prunes: bool
+    levels: int
+    weight: float
+
+
+class Search(NamedTuple):
+    """All that one search works on, as handles.
+
+    `given` and `known` are the pads held by others: of the problem, and known beside it. Python
+    hands over the handles one by one: of a tuple numba works the type out anew at every call.
+    """
+
+    skyway: Skyway
+    task: Task
+    closed: Closed
+    given: Book
+    known: Book
+    memory: Memory

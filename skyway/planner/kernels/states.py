@@ -1,0 +1,72 @@
+"""States: a place and a mask, with the bounds of the time that is left from there."""
+
+from skyway.planner.kernels.bounds import note_bounds
+from skyway.planner.kernels.charging import full_sessions_s
+from skyway.planner.kernels.compiler import entrance, kernel
+from skyway.planner.kernels.memory import (
+    FIRST_IN_AIR,
+    FIRST_ON_GROUND,
+    FULL,
+    NONE,
+    SEARCHED,
+    STATE_MASK,
+    STATE_PLACE,
+    STATES,
+    Memory,
+    int64,
+)
+from skyway.planner.kernels.places import slot_of
+from skyway.planner.kernels.records import Search, Task
+
+# A mask of 12 destinations and the approach fits into so many bits.
+_MASK_BITS = 13
+
+
+@kernel
+def state_of(search: Search, place: int, mask: int) -> int:
+    """The state of this place and mask, noted with its bounds if new; -1 when full."""
+    memory = search.memory
+    key = (int64(place) << _MASK_BITS) | mask
+    slot = slot_of(key, memory.state_table.size)
+    while memory.state_table[slot] != 0:
+        state = memory.state_table[slot] - 1
+        if memory.state[state, STATE_PLACE] == place and memory.state[state, STATE_MASK] == mask:
+            return state
+        slot = (slot + 1) & (memory.state_table.size - 1)
+    state = memory.counts[STATES]
+    if state >= memory.state.shape[0]:
+        memory.counts[FULL] = 1
+        return NONE
+    if not note_bounds(search, state, place, mask):
+        return NONE
+    memory.state_table[slot] = state + 1
+    memory.state[state, STATE_PLACE] = place
+    memory.state[state, STATE_MASK] = mask
+    memory.state[state, FIRST_ON_GROUND] = NONE
+    memory.state[state, FIRST_IN_AIR] = NONE
+    memory.counts[STATES] = state + 1
+    if memory.is_searched[place] == 0:
+        memory.is_searched[place] = 1
+        memory.counts[SEARCHED] += 1
+    return state
+
+
+@entrance
+def refill_state_table(memory: Memory) -> None:
+    """Enter all states into an empty table."""
+    for state in range(memory.counts[STATES]):
+        place, mask = memory.state[state, STATE_PLACE], memory.state[state, STATE_MASK]
+        slot = slot_of((int64(place) << _MASK_BITS) | mask, memory.state_table.size)
+        while memory.state_table[slot] != 0:
+            slot = (slot + 1) & (memory.state_table.size - 1)
+        memory.state_table[slot] = state + 1
+
+
+@kernel
+def still_s(task: Task, memory: Memory, state: int, charge_j: float) -> float:
+    """The least time until the last delivery, with this charge on board."""
+    flight_s, need = memory.state_bound[state, 0], memory.state_bound[state, 1]
+    usable_j = charge_j - task.reserve_j
+    if task.recharges_fully:
+        return flight_s + full_sessions_s(task, need - usable_j)
+    return max(flight_s, need - usable_j * task.s_per_j)
