@@ -33,8 +33,8 @@ def endless(make: Any) -> dict[str, Any]:
 
 
 def easy(document: dict[str, Any]) -> dict[str, Any]:
-    """The same problem by the exact search."""
-    return {**document, "strategy": "exact"}
+    """The same problem by a search that is over soon, also where nothing is compiled yet."""
+    return {**document, "strategy": "heuristic"}
 
 
 def searches() -> int:
@@ -84,7 +84,7 @@ async def test_a_customer_who_hangs_up_ends_the_search(composition: Any, make: A
         await asyncio.gather(*(post_and_leave(composition, body) for _ in range(INQUIRY_THREADS)))
         answer = await composition("customer:c", "POST", "/v1/compositions", easy(document))
 
-    assert answer.json()["status"] == "optimal"
+    assert answer.json()["status"] == "feasible"
 
 
 async def test_a_cancelled_search_leaves_its_thread_to_the_next(
@@ -98,7 +98,7 @@ async def test_a_cancelled_search_leaves_its_thread_to_the_next(
 
         plan = await solver.compose(other)
 
-    assert plan.status == "optimal"
+    assert plan.status == "feasible"
 
 
 async def test_other_calls_are_answered_while_plans_are_made(composition: Any, make: Any) -> None:
