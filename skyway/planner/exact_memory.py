@@ -1,5 +1,8 @@
 """The notes of a search as arrays: how large they begin, and how they grow."""
 
+from dataclasses import dataclass
+from typing import Final
+
 import numpy as np
 
 from skyway.planner.kernels.handles import handle_of
@@ -17,19 +20,34 @@ from skyway.planner.kernels.memory import (
 from skyway.planner.kernels.places import refill_table
 from skyway.planner.kernels.states import refill_state_table
 
-# Memory is only touched as far as it is used, so beginning with much costs little.
-_PLACES = 1 << 14
-_ARCS_PER_PLACE = 16
-_WINDOWS = 1 << 17
-_STATES = 1 << 15
-_LABELS = 1 << 16
 #: Labels that may be in the queue once more, because they were put back.
 _PUT_BACK = 8
 
 
-def new_memory(trees: int, ranks: int = 0) -> Memory:
-    """The empty memory of a search with so many trees, and a hierarchy of so many ranks or none."""
-    memory = _sized(trees, ranks, places=_PLACES, arcs=_PLACES * _ARCS_PER_PLACE, windows=_WINDOWS)
+@dataclass(frozen=True, slots=True)
+class Room:
+    """For how many places, arcs and so on there is room before the first enlargement.
+
+    Memory is only touched as far as it is used, so beginning with much costs little.
+    """
+
+    places: int = 1 << 14
+    arcs: int = 1 << 18
+    windows: int = 1 << 17
+    states: int = 1 << 15
+    labels: int = 1 << 16
+
+
+#: What local requests hardly ever fill.
+AMPLE: Final = Room()
+
+
+def new_memory(trees: int, ranks: int = 0, *, room: Room = AMPLE) -> Memory:
+    """The empty memory of a search with so many trees, and a hierarchy of so many ranks or none.
+
+    Places and states have to be powers of two.
+    """
+    memory = _sized(trees, ranks, room)
     memory.counts[BEST] = -1
     memory.best_s[0] = np.inf
     memory.radius[:] = -1.0
@@ -39,15 +57,7 @@ def new_memory(trees: int, ranks: int = 0) -> Memory:
 def enlarged(memory: Memory) -> Memory:
     """The same notes with twice the room wherever half of it is in use."""
     count = memory.counts
-    larger = _sized(
-        memory.radius.size,
-        0,
-        places=_room(count[PLACES], memory.row.size),
-        arcs=_room(count[ARCS], memory.arc_place.size),
-        windows=_room(count[WINDOWS], memory.window_s.shape[0]),
-        states=_room(count[STATES], memory.state.shape[0]),
-        labels=_room(count[LABELS], memory.label.shape[0]),
-    )
+    larger = _sized(memory.radius.size, 0, _larger_room(memory))
     used = {
         "row": PLACES, "arc_first": PLACES, "arc_count": PLACES, "window_first": PLACES,
         "window_count": PLACES, "is_searched": PLACES,
@@ -71,21 +81,20 @@ def enlarged(memory: Memory) -> Memory:
     return larger
 
 
-def _room(used: int, size: int) -> int:
-    return size * 2 if 2 * used >= size else size
+def _larger_room(memory: Memory) -> Room:
+    sized = (memory.row, memory.arc_place, memory.window_s, memory.state, memory.label)
+    sizes = np.array([len(each) for each in sized])
+    used = memory.counts[[PLACES, ARCS, WINDOWS, STATES, LABELS]]
+    grows = 2 * used >= sizes
+    if not grows.any():
+        # One station asked for more arcs or windows at once than were left.
+        grows[:] = True
+    return Room(*np.where(grows, 2 * sizes, sizes).tolist())
 
 
-def _sized(
-    trees: int,
-    ranks: int,
-    *,
-    places: int,
-    arcs: int,
-    windows: int,
-    states: int = _STATES,
-    labels: int = _LABELS,
-) -> Memory:
+def _sized(trees: int, ranks: int, room: Room) -> Memory:
     """Arrays of these sizes; only counts and tables are filled, with zeros."""
+    places, arcs, states, labels = room.places, room.arcs, room.states, room.labels
     return Memory(
         counts=np.zeros(9, np.int64),
         best_s=np.empty(1),
@@ -109,7 +118,7 @@ def _sized(
         arc_place=np.empty(arcs, np.int64),
         arc_segment=np.empty(arcs, np.int64),
         arc_length=np.empty(arcs),
-        window_s=np.empty((windows, 2)),
+        window_s=np.empty((room.windows, 2)),
         state=np.empty((states, 4), np.int64),
         state_bound=np.empty((states, 2)),
         state_table=np.zeros(2 * states, np.int64),

@@ -8,7 +8,7 @@ from enum import Enum
 import numpy as np
 
 from skyway.ids import StationId
-from skyway.planner.exact_memory import enlarged, new_memory
+from skyway.planner.exact_memory import AMPLE, Room, enlarged, new_memory
 from skyway.planner.exact_task import (
     Legs,
     Method,
@@ -54,6 +54,8 @@ class ExactSearch:
     weight
         At least 1, by which the bound is multiplied in the queue. Above 1 the search ends with the
         first plan, which it finds sooner and which may be later than the best.
+    room
+        How much its memory holds before it is made larger for the first time.
     """
 
     def __init__(
@@ -63,6 +65,7 @@ class ExactSearch:
         method: Method,
         order: Sequence[StationId] | None = None,
         weight: float = 1.0,
+        room: Room = AMPLE,
     ) -> None:
         self._situation = situation
         self._method = method
@@ -79,7 +82,7 @@ class ExactSearch:
         self._books = [handle_of(book_of(book)) for book in situation.books]
         trees_needed = len(self._destinations) + (self._start != self._source)
         ranks = 0 if situation.hierarchy is None else len(situation.hierarchy.rank)
-        self._memory = new_memory(trees_needed, ranks)
+        self._memory = new_memory(trees_needed, ranks, room=room)
         self._notes = handle_of(self._memory)
         self._plant_trees()
         record = self._make_task(required_before(situation, order))

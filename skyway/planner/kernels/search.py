@@ -5,7 +5,7 @@ import numpy as np
 from skyway.planner.kernels.charging import Charge, position_of
 from skyway.planner.kernels.compiler import entrance
 from skyway.planner.kernels.flights import expand
-from skyway.planner.kernels.labels import FULL_MEMORY, enlist, enqueue, note, note_goal
+from skyway.planner.kernels.labels import FULL_MEMORY, delist, enlist, enqueue, note, note_goal
 from skyway.planner.kernels.memory import (
     ALIVE,
     BEST,
@@ -62,6 +62,7 @@ def begin(
     if enlist(task, memory, label, state, FIRST_ON_GROUND) < 0:
         return True
     if not enter_sessions(search, label, place, mask):
+        delist(memory, label)
         return False
     enqueue(task, memory, label)
     return True
