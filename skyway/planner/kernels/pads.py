@@ -62,8 +62,9 @@ def windows_of(search: Search, place: int) -> int:
     else:
         pad = np.empty(reserved, np.int64)
         taken_ms = np.empty((reserved, 2), np.int64)
-        _gather(given, first_given, end_given, int64(0), pad, taken_ms)
-        _gather(known, first_known, end_known, end_given - first_given, pad, taken_ms)
+        end = _gather(given, first_given, end_given, pads, int64(0), pad, taken_ms)
+        end = _gather(known, first_known, end_known, pads, end, pad, taken_ms)
+        pad, taken_ms = pad[:end], taken_ms[:end]
         if first_given < end_given and first_known < end_known:
             _sort(pad, taken_ms)
         unites = not search.task.recharges_fully
@@ -75,13 +76,22 @@ def windows_of(search: Search, place: int) -> int:
 
 
 @kernel
-def _gather(book: Book, first: int, end: int, offset: int, pad: Longs, taken_ms: Longs) -> None:
-    """Write a book's reservations from `offset` on, start and end counted from the plan's start."""
+def _gather(
+    book: Book, first: int, end: int, pads: int, offset: int, pad: Longs, taken_ms: Longs
+) -> int:
+    """Write a book's reservations from `offset` on, counted from the plan's start; the end.
+
+    Left out are pads that the station does not have: books may be older than the network.
+    """
     for index in range(first, end):
-        pad[offset + index - first] = book.pad[index]
-        taken_ms[offset + index - first, 0] = book.start_ms[index] - book.zero_ms
+        if book.pad[index] >= pads:
+            continue
+        pad[offset] = book.pad[index]
+        taken_ms[offset, 0] = book.start_ms[index] - book.zero_ms
         # An open end stays beyond all moments of a plan, whatever the book's zero.
-        taken_ms[offset + index - first, 1] = book.end_ms[index] - book.zero_ms
+        taken_ms[offset, 1] = book.end_ms[index] - book.zero_ms
+        offset += 1
+    return offset
 
 
 @kernel

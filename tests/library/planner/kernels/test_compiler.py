@@ -1,0 +1,35 @@
+"""Compiled kernels are kept until a source of any kernel changes."""
+
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import skyway.planner.kernels
+from skyway.planner.kernels import search, trees
+from skyway.planner.warm import warm
+
+
+def test_the_stamp_changes_with_any_source(tmp_path: Path) -> None:
+    package = tmp_path / "kernels"
+    (source,) = skyway.planner.kernels.__path__
+    shutil.copytree(source, package, ignore=shutil.ignore_patterns("__pycache__"))
+
+    before, again = _stamp(tmp_path), _stamp(tmp_path)
+    with (package / "charging.py").open("a") as file:
+        file.write("\n")
+
+    assert before == again
+    assert _stamp(tmp_path) != before
+
+
+def test_every_entrance_is_compiled_for_one_signature() -> None:
+    warm()
+
+    assert [len(each.signatures) for each in (search.begin, search.run, trees.plant_all)] == [1] * 3
+
+
+def _stamp(folder: Path) -> str:
+    code = "from kernels.compiler import _digest_of_sources; print(_digest_of_sources().hex())"
+    command = [sys.executable, "-c", code]
+    return subprocess.run(command, cwd=folder, capture_output=True, check=True, text=True).stdout
