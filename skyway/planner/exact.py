@@ -9,7 +9,11 @@ from collections.abc import Sequence
 
 from skyway.ids import StationId
 from skyway.planner.exact_itinerary import itinerary_of
-from skyway.planner.exact_proof import proof_of_infeasibility, unreachable_behind_closures
+from skyway.planner.exact_proof import (
+    closed_for_good,
+    proof_of_infeasibility,
+    unreachable_behind_closures,
+)
 from skyway.planner.exact_search import Ending, ExactSearch
 from skyway.planner.exact_task import Method
 from skyway.planner.findings import Findings, Strategy
@@ -40,6 +44,9 @@ def exact_with(method: Method, *, order: Sequence[StationId] | None = None) -> S
 def _find(
     situation: Situation, effort: Effort, method: Method, order: Sequence[StationId] | None
 ) -> Findings:
+    closed = closed_for_good(situation)
+    if closed is not None:
+        return Findings(None, 0, infeasibility=closed)
     search = ExactSearch(situation, method=method, order=order)
     ending = search.run(effort, most_labels=min(_PATIENCE_LABELS, effort.room // 2))
     other = None

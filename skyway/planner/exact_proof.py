@@ -42,10 +42,10 @@ def proof_of_infeasibility(situation: Situation, effort: Effort) -> Infeasibilit
             detail=f"the earliest plan takes {least_s:.3f} s even with every pad free, "
             f"{least_s - limit_s:.3f} s more than latest_delivery_s {limit_s:g}",
         )
-    when = "ever" if limit_s is None else f"by latest_delivery_s {limit_s:g}"
+    when = "" if limit_s is None else f" by latest_delivery_s {limit_s:g}"
     return Infeasibility(
         code="NO_PAD_IN_TIME",
-        detail=f"other reservations leave no pads to deliver everything {when}; "
+        detail=f"other reservations leave too few pads to deliver everything{when}; "
         f"with every pad free it would take {least_s:.3f} s",
     )
 
@@ -70,25 +70,26 @@ def without_pressure(situation: Situation) -> Situation:
 
 def _unreachable(situation: Situation, search: ExactSearch) -> Infeasibility | None:
     """DESTINATION_UNREACHABLE for the first place to which no path leads, or that is closed."""
-    detail = _closed_for_good(situation)
     missing = search.missing_path
-    if detail is None and missing is not None:
+    if missing is not None:
         detail = f"no path leads from {missing[0]!r} to {missing[1]!r}"
-    elif detail is None and not search.has_order:
+    elif not search.has_order:
         detail = "no order of the destinations has a path through all of them"
-    elif detail is None:
+    else:
         return None
     return Infeasibility(code="DESTINATION_UNREACHABLE", detail=detail)
 
 
-def _closed_for_good(situation: Situation) -> str | None:
+def closed_for_good(situation: Situation) -> Infeasibility | None:
+    """DESTINATION_UNREACHABLE for the first place of a plan that is closed without end."""
     problem = situation.problem
     places: list[StationId] = list(situation.destinations)
     if problem.start_station_id != problem.source:
         places.insert(0, problem.source)
     for place in places:
         if situation.closures.is_closed_for_good(place):
-            return f"station {place!r} is closed for good"
+            detail = f"station {place!r} is closed for good"
+            return Infeasibility(code="DESTINATION_UNREACHABLE", detail=detail)
     return None
 
 

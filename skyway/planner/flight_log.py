@@ -48,7 +48,7 @@ class FlightLog:
             self.now_s = until_s
 
     def stand(self) -> None:
-        """Show that the drone has landed, where landing costs something and nothing else is done."""
+        """Show that the drone has landed, if landing costs something and nothing else is done."""
         model = self._situation.model
         lands_for_free = model.stop_s == 0 and model.stop_j == 0
         if self.steps and isinstance(self.steps[-1], Fly) and not lands_for_free:

@@ -57,7 +57,7 @@ def fill_orders(
                     total = apart_m[reached, onward] * weight[following] + after[following, onward]
                     least = min(least, total)
             after[mask, reached] = per_stop + least
-    least = np.inf
+    least = np.inf if count > 0 else 0.0
     for onward in range(count):
         if apart_m[count, onward] < np.inf:
             least = min(least, apart_m[count, onward] * weight[0] + after[0, onward])

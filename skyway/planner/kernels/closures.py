@@ -59,6 +59,13 @@ def closes_next_s(closed: Closed, key: int, start_s: float) -> float:
 
 
 @kernel
+def just_after_s(leave_at_s: float, flight_s: float) -> float:
+    """A moment after this one, by so much that the end of the flight is later too."""
+    end_s = leave_at_s + flight_s
+    return leave_at_s + max(_ROUNDING_S, 4.0 * (np.nextafter(end_s, np.inf) - end_s))
+
+
+@kernel
 def leave_s(
     closed: Closed,
     segment: int,
@@ -80,7 +87,7 @@ def leave_s(
             landed_s = at_s + flight_s
             open_s = open_again_s(closed, landing, landed_s, stop_s)
             if open_s > landed_s:
-                later_s = max(open_s - flight_s, np.nextafter(at_s, np.inf))
+                later_s = max(open_s - flight_s, just_after_s(at_s, flight_s))
         if later_s == at_s:
             return at_s
         at_s = later_s

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from skyway.planner.kernels.charging import Charge, after_raising, after_staying, until_left
-from skyway.planner.kernels.closures import leave_latest_s, leave_s
+from skyway.planner.kernels.closures import just_after_s, leave_latest_s, leave_s
 from skyway.planner.kernels.compiler import kernel
 from skyway.planner.kernels.labels import (
     FULL_MEMORY,
@@ -116,7 +116,7 @@ def _fly(search: Search, label: int, mask: int, arc: int) -> bool:
         # last pad gives meanwhile; who flies on may meet something closed that is open by then.
         if latest_s == np.inf or (hands_over and stayed.position >= charge.last_position):
             return True
-        leave_at_s = np.nextafter(latest_s, np.inf)
+        leave_at_s = just_after_s(latest_s, flight_s + task.stop_s)
 
 
 @kernel

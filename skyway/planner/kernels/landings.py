@@ -3,7 +3,7 @@
 import numpy as np
 
 from skyway.planner.kernels.charging import Charge, after_raising, after_staying, until_left
-from skyway.planner.kernels.closures import leave_latest_s, leave_s
+from skyway.planner.kernels.closures import just_after_s, leave_latest_s, leave_s
 from skyway.planner.kernels.compiler import kernel
 from skyway.planner.kernels.labels import (
     FULL_MEMORY,
@@ -130,4 +130,4 @@ def _land(search: Search, label: int, place: int, mask: int, state: int) -> bool
             enqueue(task, memory, landed)
         if stayed.position >= charge.last_position or latest_s == np.inf:
             return True
-        touch_s = np.nextafter(latest_s, np.inf)
+        touch_s = just_after_s(latest_s, task.stop_s)

@@ -127,7 +127,7 @@ def plant_all(
             plant(memory, tree, place)
         for other in range(roots.size + 1):
             target = source if other == roots.size else int64(roots[other])
-            if roots[tree] == source and target != source:
+            if roots[tree] == source:
                 target = start
             until = place_of(memory, target)
             if until < 0:
