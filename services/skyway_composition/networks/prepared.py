@@ -16,6 +16,7 @@ from skyway.network.geojson_text import read_network_text
 from skyway.network.great_circle import distances_m
 from skyway.network.network import Network
 from skyway.planner.airspace import Airspace
+from skyway.planner.hierarchy import Hierarchy
 from skyway.runtime.database import Database
 from skyway.runtime.errors import NotFound
 from skyway_composition.networks import store
@@ -25,6 +26,10 @@ log = logging.getLogger(__name__)
 
 #: Versions kept of one network: the current one, and the one that it replaces under way.
 _KEPT_VERSIONS = 2
+
+#: Most stations of a network that gets a hierarchy, which takes seconds for 100,000. On larger ones
+#: requests are local, and trees do as well.
+_MOST_RANKED = 200_000
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +45,7 @@ class PreparedNetwork:
     network: Network
     settings: NetworkSettings
     airspace: Airspace
+    hierarchy: Hierarchy | None
     straightness: float
 
 
@@ -109,6 +115,7 @@ def _prepare(network_id: NetworkId, version: int, content: bytes) -> PreparedNet
         network=network,
         settings=settings_of(network),
         airspace=Airspace.of(network),
+        hierarchy=_hierarchy(network),
         straightness=_straightness(network),
     )
     log.info(
@@ -122,6 +129,10 @@ def _prepare(network_id: NetworkId, version: int, content: bytes) -> PreparedNet
         },
     )
     return prepared
+
+
+def _hierarchy(network: Network) -> Hierarchy | None:
+    return Hierarchy.of(network) if len(network.stations) <= _MOST_RANKED else None
 
 
 def _straightness(network: Network) -> float:

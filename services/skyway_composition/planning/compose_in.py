@@ -43,6 +43,7 @@ async def compose_in(solver: SolverPool, world: World, problem: Problem) -> Plan
         plan = await solver.compose(
             problem,
             airspace=world.skyway.airspace,
+            hierarchy=world.skyway.hierarchy,
             booked=world.pads.book.seen_from(start_ms),
         )
         unread = {each for each in _charged_at(plan) if not world.pads.knows(each)}

@@ -11,6 +11,7 @@ from typing import Final, Self
 from skyway.delivery.plan import Plan, PlanStatus
 from skyway.planner.airspace import Airspace
 from skyway.planner.compose import compose
+from skyway.planner.hierarchy import Hierarchy
 from skyway.planner.pad_book import NO_RESERVATIONS, PadBook
 from skyway.planner.problem import Problem
 from skyway.planner.stop import TimeLimit, first_of
@@ -66,6 +67,7 @@ class SolverPool:
         *,
         airspace: Airspace | None = None,
         booked: PadBook = NO_RESERVATIONS,
+        hierarchy: Hierarchy | None = None,
     ) -> Plan:
         """The plan for this problem; unknown when the time was up before one was found.
 
@@ -81,7 +83,7 @@ class SolverPool:
         self._waiting += 1
         try:
             return await loop.run_in_executor(
-                self._executor, self._compose, problem, airspace, booked, is_abandoned
+                self._executor, self._compose, problem, airspace, booked, hierarchy, is_abandoned
             )
         finally:
             self._waiting -= 1
@@ -92,11 +94,14 @@ class SolverPool:
         problem: Problem,
         airspace: Airspace | None,
         booked: PadBook,
+        hierarchy: Hierarchy | None,
         is_abandoned: threading.Event,
     ) -> Plan:
         stop = first_of(TimeLimit(self._time_limit_s), lambda _labels: is_abandoned.is_set())
         try:
-            return compose(problem, stop=stop, airspace=airspace, booked=booked)
+            return compose(
+                problem, stop=stop, airspace=airspace, booked=booked, hierarchy=hierarchy
+            )
         except PlanRejected as error:
             # A defect of the planner; a plan that breaks a rule must not fly, so there is none.
             log.exception("plan rejected", extra={"source": problem.source})
