@@ -1,4 +1,4 @@
-"""Where the installed `skyway` command begins: it says what is missing where only the library is."""
+"""Where the installed `skyway` command begins: says what is missing where only the library is."""
 
 import sys
 
