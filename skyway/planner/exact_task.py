@@ -128,8 +128,9 @@ def weights_of(model: DroneModel, recharge_policy: str, method: Method) -> tuple
 
 def curve_of(model: DroneModel) -> tuple[Floats, Floats]:
     """The charge curve: seconds, and joules, ``(n_points,)`` each."""
-    seconds = np.array([point.time_s for point in model.charge_curve])
-    return seconds, np.array([point.soc * model.battery_j for point in model.charge_curve])
+    seconds = np.array([point.time_s for point in model.charge_curve], np.float64)
+    levels_j = [point.soc * model.battery_j for point in model.charge_curve]
+    return seconds, np.array(levels_j, np.float64)
 
 
 def required_before(situation: Situation, order: Sequence[StationId] | None) -> Ints:
