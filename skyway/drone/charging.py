@@ -1,5 +1,6 @@
 """How long a recharge takes, and how far it gets: the charge curve read both ways."""
 
+from bisect import bisect_left
 from collections.abc import Sequence
 from itertools import pairwise
 
@@ -45,9 +46,7 @@ def soc_after_recharge(model: DroneModel, soc_from: float, duration_s: float) ->
     if model.top_soc <= soc_from <= 1.0:
         return soc_from
     time_s = _time_at(model, _on_curve(model, "soc_from", soc_from)) + duration_s
-    times_s = [point.time_s for point in model.charge_curve]
-    socs = [point.soc for point in model.charge_curve]
-    return _interpolate(times_s, socs, time_s)
+    return _interpolate(*model.charge_columns, time_s)
 
 
 def fastest_s_per_soc(model: DroneModel) -> float:
@@ -69,16 +68,16 @@ def _on_curve(model: DroneModel, field: str, soc: float) -> float:
 
 
 def _time_at(model: DroneModel, soc: float) -> float:
-    socs = [point.soc for point in model.charge_curve]
-    times_s = [point.time_s for point in model.charge_curve]
+    times_s, socs = model.charge_columns
     return _interpolate(socs, times_s, soc)
 
 
 def _interpolate(xs: Sequence[float], ys: Sequence[float], x: float) -> float:
     """The value at `x` of the straight lines through the points; the ends go on flat."""
-    if x <= xs[0]:
+    after = bisect_left(xs, x)
+    if after == 0:
         return ys[0]
-    for (x_before, y_before), (x_after, y_after) in pairwise(zip(xs, ys, strict=True)):
-        if x <= x_after:
-            return y_before + (y_after - y_before) * (x - x_before) / (x_after - x_before)
-    return ys[-1]
+    if after == len(xs):
+        return ys[-1]
+    share = (x - xs[after - 1]) / (xs[after] - xs[after - 1])
+    return ys[after - 1] + (ys[after] - ys[after - 1]) * share

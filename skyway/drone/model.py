@@ -1,5 +1,6 @@
 """What a type of drone can do: its masses, speeds, powers, battery and charge curve."""
 
+from functools import cached_property
 from itertools import pairwise
 from typing import Annotated, NamedTuple, Self
 
@@ -61,6 +62,12 @@ class DroneModel(JsonModel):
                 f"{self.charge_curve[0].soc}"
             )
         return self
+
+    @cached_property
+    def charge_columns(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """The charge curve's times in seconds, and its charges."""
+        times_s, socs = zip(*self.charge_curve, strict=True)
+        return times_s, socs
 
     @property
     def top_soc(self) -> float:
