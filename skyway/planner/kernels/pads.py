@@ -138,7 +138,10 @@ def _free(
         window_s[first, 0] = 0.0
         window_s[first, 1] = np.inf
         return 1
-    window_s[first : first + count] = before[:count]
+    # Assigned as slices, the same takes numba seconds to compile.
+    for window in range(count):
+        window_s[first + window, 0] = before[window, 0]
+        window_s[first + window, 1] = before[window, 1]
     return count
 
 
