@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 from skyway.drone.charging import recharge_time_s, soc_after_recharge
 from skyway.network.network import Segment
-from skyway.planner.exact_search import Act
+from skyway.planner.exact_acts import Act
 from skyway.planner.flight_log import FlightLog
 from skyway.planner.itinerary import Itinerary
 from skyway.planner.kernels.memory import FLOWN, HANDED_OVER, LANDED, SESSION

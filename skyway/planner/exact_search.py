@@ -2,35 +2,20 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import Enum
 
 import numpy as np
 
 from skyway.ids import StationId
+from skyway.planner.exact_acts import Act, best_acts
 from skyway.planner.exact_memory import AMPLE, Room, enlarged, new_memory
-from skyway.planner.exact_task import (
-    Legs,
-    Method,
-    Weights,
-    book_of,
-    closed_of,
-    curve_of,
-    latest_s,
-    legs_of,
-    required_before,
-    rounding_j,
-    weights_of,
-)
-from skyway.planner.kernels import bounds, hierarchy, memory, places, search, trees
+from skyway.planner.exact_task import Method, book_of, closed_of, required_before, task_of
+from skyway.planner.kernels import hierarchy, memory, places, search, trees
 from skyway.planner.kernels.handles import handle_of
-from skyway.planner.kernels.memory import Floats, Ints
-from skyway.planner.kernels.records import Search, Task
+from skyway.planner.kernels.records import Search
 from skyway.planner.network_rows import rows_of
 from skyway.planner.situation import Situation
 from skyway.planner.stop import Effort
-
-_NO_LABEL = -1
 
 #: Labels between two looks at the effort: some 10 ms of search.
 _LABELS_PER_RUN = 1 << 14
@@ -69,7 +54,6 @@ class ExactSearch:
     ) -> None:
         self._situation = situation
         self._method = method
-        self._weight = weight
         row_of = situation.network.row_of
         self._destinations = np.array([row_of[each] for each in situation.destinations], np.int32)
         self._source = row_of[situation.problem.source]
@@ -85,11 +69,18 @@ class ExactSearch:
         self._memory = new_memory(trees_needed, ranks, room=room)
         self._notes = handle_of(self._memory)
         self._plant_trees()
-        record = self._make_task(required_before(situation, order))
-        #: Whether there is an order of the destinations with a path through all of them.
-        self.has_order = len(self._destinations) == 0 or bool(
-            np.isfinite(record.flight_after[0]).any()
+        count = len(self._destinations)
+        record = task_of(
+            situation,
+            method,
+            required=required_before(situation, order),
+            apart_m=trees.distances(
+                self._skyway, self._notes, self._destinations, self._source, count
+            ),
+            weight=weight,
         )
+        #: Whether there is an order of the destinations with a path through all of them.
+        self.has_order = count == 0 or bool(np.isfinite(record.flight_after[0]).any())
         self._task = handle_of(record)
         while not search.begin(*self._search()):
             self._enlarge()
@@ -142,33 +133,10 @@ class ExactSearch:
         """Look only for plans that deliver earlier than this."""
         self._memory.best_s[0] = min(self._memory.best_s[0], delivered_s)
 
-    def best_acts(self) -> list["Act"] | None:
+    def best_acts(self) -> list[Act] | None:
         """What the drone of the best plan so far does, from the start on; None without a plan."""
-        label = int(self._memory.counts[memory.BEST])
-        if label == _NO_LABEL:
-            return None
-        links, values = self._memory.link, self._memory.label
-        chain = []
-        left_with_j = float(values[label, memory.LEVEL])
-        while label != _NO_LABEL:
-            kind, parent = int(links[label, memory.KIND]), int(links[label, memory.PARENT])
-            segment = _NO_LABEL
-            level_j = math.nan
-            if kind in (memory.FLOWN, memory.HANDED_OVER):
-                segment = int(self._memory.arc_segment[links[label, memory.DETAIL]])
-            elif kind == memory.SESSION:
-                own_j = float(values[label, memory.LEVEL])
-                # Only a lazy session's own level is where it starts, not where it ends.
-                level_j = left_with_j if self._is_lazy else own_j
-                left_with_j = own_j + float(values[parent, memory.USED])
-            chain.append(Act(kind, segment, level_j, float(values[label, memory.NOT_BEFORE])))
-            label = parent
-        return chain[::-1]
-
-    @property
-    def _is_lazy(self) -> bool:
         is_full = self._situation.problem.recharge_policy == "full"
-        return not is_full and self._method.charging == "lazy"
+        return best_acts(self._memory, is_lazy=not is_full and self._method.charging == "lazy")
 
     def _search(self) -> Search:
         given, known = self._books
@@ -194,91 +162,3 @@ class ExactSearch:
     def _enlarge(self) -> None:
         self._memory = enlarged(self._memory)
         self._notes = handle_of(self._memory)
-
-    def _make_task(self, required: Ints) -> Task:
-        situation, method = self._situation, self._method
-        problem, model = situation.problem, situation.model
-        legs = legs_of(situation)
-        finish_j = np.array([situation.finish_j(each) for each in situation.destinations])
-        loading_s = problem.loading_s
-        if situation.packages_for(problem.source):
-            loading_s += problem.dropoff_s
-        curve_s, curve_j = curve_of(model)
-        flight, need = (
-            self._bound(legs, weights, required, finish_j)
-            for weights in weights_of(model, problem.recharge_policy, method)
-        )
-        first_stop_s = model.stop_s + loading_s
-        return Task(
-            destinations=self._destinations,
-            source=self._source,
-            start=self._start,
-            s_per_m=legs.s_per_m,
-            j_per_m=legs.j_per_m,
-            flight_s_per_m=flight.per_m,
-            need_per_m=need.per_m,
-            flight_after=flight.after,
-            need_after=need.after,
-            approach_flight_after=flight.weights.of(first_stop_s, model.stop_j) + flight.least,
-            approach_need_after=need.weights.of(first_stop_s, model.stop_j) + need.least,
-            finish_j=finish_j,
-            finish_j_at_source=0.0
-            if situation.destinations
-            else situation.finish_j(problem.source),
-            curve_s=curve_s,
-            curve_j=curve_j,
-            start_j=problem.drone.soc * model.battery_j,
-            reserve_j=model.reserve_soc * model.battery_j,
-            rounding_j=rounding_j(model),
-            s_per_j=need.weights.per_joule,
-            stop_s=model.stop_s,
-            stop_j=model.stop_j,
-            loading_s=loading_s,
-            dropoff_s=problem.dropoff_s,
-            latest_s=latest_s(situation),
-            recharges_fully=problem.recharge_policy == "full",
-            prunes=method.dominance == "full",
-            levels=0 if method.charging == "lazy" else method.charging,
-            weight=self._weight,
-        )
-
-    def _bound(self, legs: Legs, weights: Weights, required: Ints, finish_j: Floats) -> "_Bound":
-        """What is still to come at least, counted by these weights."""
-        model, count = self._situation.model, len(self._destinations)
-        per_m = weights.of(legs.s_per_m, legs.j_per_m)
-        after = np.empty((1 << count, count))
-        least = bounds.fill_orders(
-            trees.distances(self._skyway, self._notes, self._destinations, self._source, count),
-            required,
-            per_m,
-            weights.of(model.stop_s + self._situation.problem.dropoff_s, model.stop_j),
-            weights.of(0.0, 1.0) * np.where(np.isinf(finish_j), 0.0, finish_j)
-            + np.where(np.isinf(finish_j), np.inf, 0.0),
-            after,
-        )
-        return _Bound(weights, per_m, after, least)
-
-
-@dataclass(frozen=True, slots=True)
-class Act:
-    """One thing that the drone of a plan does: a kind of label.
-
-    `segment` is the row of the segment flown, -1 without one; `level_j` the level with which it
-    leaves the pad; `not_before_s` the moment before which the flight, landing or session may not
-    begin.
-    """
-
-    kind: int
-    segment: int
-    level_j: float
-    not_before_s: float
-
-
-@dataclass(frozen=True, slots=True)
-class _Bound:
-    """A bound as `Task` holds it, and the least of all from the source."""
-
-    weights: Weights
-    per_m: Floats
-    after: Floats
-    least: float

@@ -3,23 +3,20 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, TypeVar
+from typing import Literal
 
 import numpy as np
 
-from skyway.drone.charging import fastest_s_per_soc
 from skyway.drone.model import DroneModel
-from skyway.drone.power import MASS_EXPONENT
 from skyway.ids import StationId
 from skyway.network.network import Network
 from skyway.planner.closures import Interval
+from skyway.planner.exact_bounds import bounds_of, legs_of
 from skyway.planner.kernels.memory import Floats, Ints
-from skyway.planner.kernels.records import Book, Closed
+from skyway.planner.kernels.records import Book, Closed, Task
 from skyway.planner.pad_book import PadBook
 from skyway.planner.situation import Situation
 from skyway.units import CHARGE_TOLERANCE, TIME_TOLERANCE_S
-
-Number = TypeVar("Number", float, Floats)
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,62 +67,6 @@ def _segment_row(network: Network, from_id: StationId, to_id: StationId) -> int:
     return int(outgoing.segment[leaving][place])
 
 
-@dataclass(frozen=True, slots=True)
-class Legs:
-    """What flying costs by mask; ``(2**k + 1,)`` each, the last row is the approach."""
-
-    s_per_m: Floats
-    j_per_m: Floats
-
-
-def legs_of(situation: Situation) -> Legs:
-    """Seconds and joules per metre for every set of packages on board."""
-    model, destinations = situation.model, situation.destinations
-    masses_kg = [
-        math.fsum(package.mass_kg for package in situation.packages_for(destination))
-        for destination in destinations
-    ]
-    masks = np.arange(1 << len(destinations))
-    loads_kg = np.zeros(len(masks) + 1)
-    for number, mass_kg in enumerate(masses_kg):
-        loads_kg[:-1] += np.where(masks >> number & 1, 0.0, mass_kg)
-    # `skyway.drone` computes one load at a time; here are thousands, by the same formulas.
-    share_of_payload = loads_kg / model.max_payload_kg
-    speeds_mps = model.speed_empty_mps + share_of_payload * (
-        model.speed_full_mps - model.speed_empty_mps
-    )
-    powers_w = model.power_empty_w * (1.0 + loads_kg / model.empty_mass_kg) ** MASS_EXPONENT
-    s_per_m = 1.0 / speeds_mps
-    return Legs(s_per_m, powers_w * s_per_m)
-
-
-@dataclass(frozen=True, slots=True)
-class Weights:
-    """By what a bound counts: so much for each second flown, so much for each joule used."""
-
-    per_second: float
-    per_joule: float
-
-    def of(self, seconds: Number, joules: Number) -> Number:
-        """The count of these seconds and joules."""
-        return self.per_second * seconds + self.per_joule * joules
-
-
-def weights_of(model: DroneModel, recharge_policy: str, method: Method) -> tuple[Weights, Weights]:
-    """The weights of both bounds, of flying alone and of the need to charge (see `Task`).
-
-    Just above the reserve the concave curve is fastest; sessions that go on to its top are counted
-    by their joules, whose time is worked out from what is on board.
-    """
-    if method.bound == "none":
-        return Weights(0.0, 0.0), Weights(0.0, 0.0)
-    flying = Weights(1.0, 0.0)
-    if recharge_policy == "full":
-        return flying, Weights(0.0, 1.0 if method.bound == "full" else 0.0)
-    s_per_j = fastest_s_per_soc(model) / model.battery_j
-    return flying, Weights(1.0, s_per_j if method.bound == "full" else 0.0)
-
-
 def curve_of(model: DroneModel) -> tuple[Floats, Floats]:
     """The charge curve: seconds, and joules, ``(n_points,)`` each."""
     seconds = np.array([point.time_s for point in model.charge_curve], np.float64)
@@ -154,3 +95,50 @@ def latest_s(situation: Situation) -> float:
     """The last moment at which everything may be delivered, with the tolerance; inf without one."""
     limit_s = situation.problem.latest_delivery_s
     return math.inf if limit_s is None else limit_s + TIME_TOLERANCE_S
+
+
+def task_of(
+    situation: Situation, method: Method, *, required: Ints, apart_m: Floats, weight: float
+) -> Task:
+    """The task as the kernels read it; `required` and `apart_m` as in `bounds_of`."""
+    problem, model = situation.problem, situation.model
+    row_of = situation.network.row_of
+    legs = legs_of(situation)
+    flight, need = bounds_of(
+        situation, legs, guide=method.bound, required=required, apart_m=apart_m
+    )
+    loading_s = problem.loading_s
+    if situation.packages_for(problem.source):
+        loading_s += problem.dropoff_s
+    first_stop_s = model.stop_s + loading_s
+    curve_s, curve_j = curve_of(model)
+    return Task(
+        destinations=np.array([row_of[each] for each in situation.destinations], np.int32),
+        source=row_of[problem.source],
+        start=row_of[problem.start_station_id],
+        s_per_m=legs.s_per_m,
+        j_per_m=legs.j_per_m,
+        flight_s_per_m=flight.per_m,
+        need_per_m=need.per_m,
+        flight_after=flight.after,
+        need_after=need.after,
+        approach_flight_after=flight.weights.of(first_stop_s, model.stop_j) + flight.least,
+        approach_need_after=need.weights.of(first_stop_s, model.stop_j) + need.least,
+        finish_j=np.array([situation.finish_j(each) for each in situation.destinations]),
+        finish_j_at_source=0.0 if situation.destinations else situation.finish_j(problem.source),
+        curve_s=curve_s,
+        curve_j=curve_j,
+        start_j=problem.drone.soc * model.battery_j,
+        reserve_j=model.reserve_soc * model.battery_j,
+        rounding_j=rounding_j(model),
+        s_per_j=need.weights.per_joule,
+        stop_s=model.stop_s,
+        stop_j=model.stop_j,
+        loading_s=loading_s,
+        dropoff_s=problem.dropoff_s,
+        latest_s=latest_s(situation),
+        recharges_fully=problem.recharge_policy == "full",
+        prunes=method.dominance == "full",
+        levels=0 if method.charging == "lazy" else method.charging,
+        weight=weight,
+    )
