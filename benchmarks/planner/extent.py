@@ -61,7 +61,7 @@ FULL = Extent(
     tree_shares={"partial": (0.0, 0.5, 0.85)},
     local_stations=(1_000, 10_000, 100_000, 1_000_000),
     local_shares={"partial": _ALL_TAKEN, "full": _ALL_TAKEN},
-    limits=Limits(runs=30, solve_s=10.0, cell_s=30.0),
+    limits=Limits(runs=12, solve_s=2.0, cell_s=6.0),
     contestant_packages=(1, 2, 3, 5),
     contestant_limits=Limits(runs=10, solve_s=20.0, cell_s=90.0),
     ordering_taken=(0.0, 0.5, 0.85),
