@@ -23,6 +23,10 @@ KeyId = NewType("KeyId", _Identifier)
 SubjectId = NewType("SubjectId", _Identifier)
 WebhookId = NewType("WebhookId", _Identifier)
 EventId = NewType("EventId", _Identifier)
+QuoteId = NewType("QuoteId", _Identifier)
+OfferId = NewType("OfferId", _Identifier)
+ClosureId = NewType("ClosureId", _Identifier)
+AlarmId = NewType("AlarmId", _Identifier)
 
 _CROCKFORD = "0123456789abcdefghjkmnpqrstvwxyz"
 

@@ -14,6 +14,7 @@ from sqlalchemy import (
     Text,
     UniqueConstraint,
     text,
+    true,
 )
 
 from skyway.runtime.claims import claim_columns
@@ -62,6 +63,11 @@ deliveries = Table(
     ),  # JSON list of ProviderReason: why not, at the last try
     Column("last_sequence", Integer, nullable=False),  # of its events
     Column("traceparent", Text),
+    # JSON of skyway.contracts.mission.OfferLimits: what the offer that was taken has promised
+    Column("offer", Text),
+    # Whether packages wait for a mission: what `deliveries.book` looks for, in any state.
+    Column("is_queued", Boolean, nullable=False, server_default=true()),
+    Column("cancel_reason", Text),  # why all that can still be stopped is to be stopped
     Column("next_try_wall_ms", BigInteger, nullable=False),
     *claim_columns(),
     CheckConstraint(
@@ -71,6 +77,8 @@ deliveries = Table(
     ),
     Index("deliveries_by_customer", "customer_id", "delivery_id"),
     Index("deliveries_by_state", "state", "next_try_wall_ms"),
+    Index("deliveries_queued", "is_queued", "next_try_wall_ms"),
+    Index("deliveries_by_time", "created_ms"),
 )
 
 packages = Table(
@@ -88,6 +96,8 @@ packages = Table(
     Column("promised_ms", BigInteger),  # the first ETA of the present attempt
     Column("eta_ms", BigInteger),
     Column("delivered_ms", BigInteger),
+    Column("mission_id", Text),  # the mission that carries it; null while it waits for one
+    Column("proof", Text),  # JSON of deliveries.proof.Proof: place, time, weights
     CheckConstraint(
         "state IN ('CREATED', 'LOADED', 'IN_TRANSIT', 'DELIVERED', 'RETURNING', 'RETURNED', "
         "'STRANDED', 'CANCELLED')",
@@ -203,6 +213,39 @@ webhook_attempts = Table(
     Column("next_try_wall_ms", BigInteger),
     CheckConstraint("outcome IN ('DELIVERED', 'FAILED', 'GIVEN_UP')", name="attempt_outcome"),
     Index("webhook_attempts_by_webhook", "webhook_id", "attempt_id"),
+)
+
+#: Offers made to a customer; they reserve nothing.
+quotes = Table(
+    "quotes",
+    metadata,
+    Column("quote_id", Text, primary_key=True),
+    Column("customer_id", Text, nullable=False),
+    Column("request", Text, nullable=False),  # JSON of skyway.delivery.request.DeliveryRequest
+    Column("offers", Text, nullable=False),  # JSON list of quotes.quote.Offer
+    Column("infeasible", Text, nullable=False),  # JSON list of ProviderReason
+    Column("made_ms", BigInteger, nullable=False),
+    Column("expires_wall_ms", BigInteger, nullable=False),
+    Column("taken_offer_id", Text),
+    Column("delivery_id", Text),
+    Index("quotes_by_expiry", "expires_wall_ms"),
+)
+
+#: What operators and providers changed: one row per call that was answered.
+audit = Table(
+    "audit",
+    metadata,
+    Column("entry_id", Text, primary_key=True),
+    Column("at_ms", BigInteger, nullable=False),
+    Column("at_wall_ms", BigInteger, nullable=False),
+    Column("role", Text, nullable=False),
+    Column("subject_id", Text, nullable=False),
+    Column("method", Text, nullable=False),
+    Column("path", Text, nullable=False),
+    Column("status", Integer, nullable=False),
+    Column("body", Text),  # JSON as it came, without secrets, cut where it is long
+    Column("traceparent", Text),
+    Index("audit_by_subject", "role", "subject_id", "entry_id"),
 )
 
 outbox = outbox_table(metadata)

@@ -29,6 +29,8 @@ networks = Table(
     Column("version", Integer, nullable=False),
     Column("sha256", Text, nullable=False),
     Column("published_ms", BigInteger, nullable=False),
+    # Changes with every closure, zone, outage and ground stop that is made or lifted (I11).
+    Column("conditions", BigInteger, nullable=False, server_default="0"),
 )
 
 network_versions = Table(
@@ -82,6 +84,9 @@ missions = Table(
     Column("report_seq", Integer, nullable=False),
     Column("told", Text),  # the last activity, station that was reported
     Column("stuck", Text),  # JSON of missions.record.Stuck: why it needs a new revision
+    Column("trouble", Text),  # JSON of missions.record.Trouble: why its plan does not hold
+    Column("proposal", Text),  # JSON of missions.record.Proposal: sent, not accepted yet
+    Column("aims", Text, nullable=False, server_default="[]"),  # JSON list of missions.record.Aim
     Column("retry_wall_ms", BigInteger, nullable=False, server_default="0"),
     *claim_columns(),
     UniqueConstraint("delivery_id", "attempt", "trip", name="mission_attempt"),
@@ -183,6 +188,61 @@ drone_links = Table(
     Column("report_asked_wall_ms", BigInteger, nullable=False),
     Column("state", Text),  # JSON of DroneState, the newest
     Column("connection", Text),  # JSON of Connection, the newest
+)
+
+#: What happens in the world, from `from_ms` until it ends or is lifted: rows are never deleted.
+closures = Table(
+    "closures",
+    metadata,
+    Column("closure_id", Text, primary_key=True),
+    Column("kind", Text, nullable=False),
+    Column("network_id", Text, ForeignKey("networks.network_id")),  # null: ground stop everywhere
+    Column("station_id", Text),
+    Column("pad", Integer),
+    Column("to_station_id", Text),
+    Column("area", Text),  # JSON of a GeoJSON polygon
+    Column("provider_id", Text),
+    Column("drone_model_id", Text),
+    Column("reason", Text),
+    Column("from_ms", BigInteger, nullable=False),
+    Column("until_ms", BigInteger),
+    Column("made_ms", BigInteger, nullable=False),
+    Column("lifted_ms", BigInteger),
+    CheckConstraint(
+        "kind IN ('STATION', 'PAD', 'SEGMENT', 'ZONE', 'GROUND_STOP')", name="closure_kind"
+    ),
+    CheckConstraint("until_ms IS NULL OR from_ms < until_ms", name="closure_lasts"),
+    Index("closures_in_force", "network_id", "lifted_ms", "until_ms"),
+    Index("closures_by_station", "station_id"),
+)
+
+alarms = Table(
+    "alarms",
+    metadata,
+    Column("alarm_id", Text, primary_key=True),
+    Column("level", Text, nullable=False),
+    Column("code", Text, nullable=False),
+    Column("detail", Text, nullable=False),
+    Column("at_ms", BigInteger, nullable=False),
+    Column("provider_id", Text),
+    Column("drone_id", Text),
+    Column("mission_id", Text),
+    Column("station_id", Text),
+    Column("data", Text, nullable=False),  # JSON object
+    Column("acknowledged_ms", BigInteger),
+    Column("acknowledged_by", Text),
+    CheckConstraint("level IN ('WARNING', 'URGENT', 'CRITICAL')", name="alarm_level"),
+    Index("alarms_open", "acknowledged_ms", "alarm_id"),
+)
+
+#: What was cancelled, and what that was answered with: asked again, it is answered the same.
+cancellations = Table(
+    "cancellations",
+    metadata,
+    Column("delivery_id", Text, ForeignKey("deliveries.delivery_id"), primary_key=True),
+    Column("cancellation_id", Text, primary_key=True),
+    Column("answer", Text, nullable=False),  # JSON of skyway.contracts.mission.Cancellation
+    Column("at_ms", BigInteger, nullable=False),
 )
 
 outbox = outbox_table(metadata)

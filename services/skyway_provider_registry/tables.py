@@ -26,6 +26,7 @@ providers = Table(
     Column("tariff", Text, nullable=False),  # JSON of skyway.delivery.offer.Tariff
     Column("terms", Text),
     Column("state", Text, nullable=False),
+    Column("loading", Text, nullable=False, server_default="AUTOMATIC"),
     Column("created_ms", BigInteger, nullable=False),
     CheckConstraint("state IN ('ACTIVE', 'SUSPENDED')", name="provider_state"),
 )

@@ -17,12 +17,21 @@ MAX_CANDIDATES_PER_PROVIDER = 5
 MAX_CANDIDATES = 60
 
 
+#: Who confirms what is loaded: the drone's own scale, or a loader of the provider.
+Loading = Literal["AUTOMATIC", "CONFIRMED"]
+
+
 class CandidateQuery(WireModel):
-    """What must be carried from where, by whom it may be, and which drones refused already."""
+    """What must be carried from where, by whom it may be, and which drones refused already.
+
+    A provider of whose drones none lifts `payload_kg` at once sends those that lift `heaviest_kg`,
+    the strongest first: the request may be split over several trips.
+    """
 
     pickup_station_id: StationId
     pickup_position: Position
     payload_kg: Annotated[float, Field(ge=0)]
+    heaviest_kg: Annotated[float, Field(ge=0)] = 0.0
     providers: ProviderChoice
     excluded_drone_ids: tuple[DroneId, ...] = ()
 
@@ -37,6 +46,7 @@ class Candidate(WireModel):
     station_id: StationId
     home_station_id: StationId
     tariff: Tariff
+    loading: Loading = "AUTOMATIC"
 
 
 #: NO_DRONES .. LOW_CHARGE come from the registry, the others from the planner and from booking.
@@ -58,6 +68,9 @@ ProviderReasonCode = Literal[
     "TOO_EXPENSIVE",
     "OTHER_CURRENCY",
     "TAKEN",
+    "GROUND_STOP",
+    "NOT_ENOUGH_DRONES",
+    "OFFER_LOST",
 ]
 
 

@@ -26,6 +26,9 @@ class RefusalCode(StrEnum):
     OVERWEIGHT = "OVERWEIGHT"
 
 
+AlarmLevel = Literal["WARNING", "URGENT", "CRITICAL"]
+
+
 class Ack(DroneMessage):
     """The drone's answer to one instruction: RECEIVED once journaled, then ACCEPTED or REJECTED."""
 
@@ -60,6 +63,8 @@ class DroneEvent(DroneMessage):
     package_ids: tuple[PackageId, ...] = ()
     code: str | None = None
     detail: str | None = None
+    #: Of an alarm: how bad it is.
+    level: AlarmLevel | None = None
     #: Evidence: place and weights at a hand-over, need_j and have_j at a failure.
     data: dict[str, Any] = Field(default_factory=dict)
 
@@ -79,6 +84,7 @@ class DroneState(DroneMessage):
     mission_revision: Count | None = None
     step_id: Count | None = None
     released_through: Count | None = None
+    is_held: bool = False
     station_id: StationId | None = None
     position: Position
     soc: Soc

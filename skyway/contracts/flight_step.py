@@ -26,11 +26,15 @@ class _FlightStep(WireModel):
 
 
 class PickUpStep(_FlightStep):
-    """Take these packages on board, not before the planned start."""
+    """Take these packages on board, not before the planned start.
+
+    With `awaits_confirmation` it goes on until an instruction says what was `loaded`.
+    """
 
     kind: Literal["PICK_UP"] = "PICK_UP"
     station_id: StationId
     packages: tuple[PackageOnBoard, ...]
+    awaits_confirmation: bool = False
 
 
 class FlyStep(_FlightStep):
@@ -65,12 +69,16 @@ class RechargeStep(_FlightStep):
 
 
 class DeliverStep(_FlightStep):
-    """Hand these packages over, which takes `dropoff_s`."""
+    """Hand these packages over, which takes `dropoff_s`.
+
+    Nobody there: the drone waits `recipient_wait_s`, then the step fails: RECIPIENT_ABSENT.
+    """
 
     kind: Literal["DELIVER"] = "DELIVER"
     station_id: StationId
     package_ids: tuple[PackageId, ...]
     dropoff_s: Annotated[float, Field(ge=0)]
+    recipient_wait_s: Annotated[float, Field(ge=0)] = 0.0
 
 
 class ReturnStep(_FlightStep):

@@ -4,7 +4,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field
 
-from skyway.contracts.flight_step import FlightStep
+from skyway.contracts.flight_step import FlightStep, PackageOnBoard
 from skyway.contracts.message import FleetMoment, Message
 from skyway.ids import DeliveryId, InstructionId, MissionId
 
@@ -23,7 +23,10 @@ class _Instruction(Message):
 
 
 class MissionInstruction(_Instruction):
-    """Fly these steps; a later revision replaces what is not released, from `first_step` on."""
+    """Fly these steps; a later revision replaces what is not released, from `first_step` on.
+
+    `loaded` ends a PICK_UP that awaits confirmation: what is on board, with its measured masses.
+    """
 
     kind: Literal["MISSION"] = "MISSION"
     mission_id: MissionId
@@ -31,6 +34,57 @@ class MissionInstruction(_Instruction):
     delivery_id: DeliveryId
     first_step: Annotated[int, Field(ge=1)]
     steps: Annotated[tuple[FlightStep, ...], Field(min_length=1)]
+    loaded: tuple[PackageOnBoard, ...] | None = None
+
+
+class _Replacement(_Instruction):
+    """New steps after `last_valid_step`, instead of released ones too, but not of one that ended.
+
+    `last_valid_step` is the step under way or a later one. It may be the one before the step under
+    way, when that is a WAIT, RECHARGE or PICK_UP: it then ends at once. Where a flight is followed
+    by another flight now, it does not land any more.
+    """
+
+    mission_id: MissionId
+    mission_revision: Annotated[int, Field(ge=1)]
+    delivery_id: DeliveryId
+    last_valid_step: Annotated[int, Field(ge=0)]
+    steps: Annotated[tuple[FlightStep, ...], Field(min_length=1)]
+    reason: str
+
+    @property
+    def first_step(self) -> int:
+        """The first step that is new."""
+        return self.last_valid_step + 1
+
+
+class DivertInstruction(_Replacement):
+    """Something ahead of a drone, flying or not, is closed or lost: go on differently."""
+
+    kind: Literal["DIVERT"] = "DIVERT"
+
+
+class ReturnHomeInstruction(_Replacement):
+    """An operator calls the drone home; what is on board goes where the new steps say."""
+
+    kind: Literal["RETURN_HOME"] = "RETURN_HOME"
+
+
+class HoldInstruction(_Instruction):
+    """Begin no further step once the drone stands at a station; pads it charges on stay its own."""
+
+    kind: Literal["HOLD"] = "HOLD"
+    mission_id: MissionId
+    mission_revision: Annotated[int, Field(ge=1)]
+    reason: str
+
+
+class ResumeInstruction(_Instruction):
+    """End a hold; a later revision of the mission ends it too."""
+
+    kind: Literal["RESUME"] = "RESUME"
+    mission_id: MissionId
+    mission_revision: Annotated[int, Field(ge=1)]
 
 
 class CancelInstruction(_Instruction):
@@ -54,6 +108,14 @@ class ReportInstruction(_Instruction):
     events_after_seq: Annotated[int, Field(ge=0)]
 
 
-Instruction = Annotated[
-    MissionInstruction | CancelInstruction | ReportInstruction, Field(discriminator="kind")
-]
+AnyInstruction = (
+    MissionInstruction
+    | DivertInstruction
+    | ReturnHomeInstruction
+    | HoldInstruction
+    | ResumeInstruction
+    | CancelInstruction
+    | ReportInstruction
+)
+
+Instruction = Annotated[AnyInstruction, Field(discriminator="kind")]

@@ -35,6 +35,17 @@ class PackageEta(WireModel):
     eta_at: FleetMoment
 
 
+class Margins(WireModel):
+    """What a plan was booked with on top of what it needs: a share of energy, time between drones.
+
+    The plan's energies hold `energy_margin` already; each pad is reserved `pad_gap_s` longer than
+    its session.
+    """
+
+    energy_margin: Annotated[float, Field(ge=0)] = 0.0
+    pad_gap_s: Annotated[float, Field(ge=0)] = 0.0
+
+
 class Mission(WireModel):
     """A plan being flown: what a delivery shows of it, and what operators see.
 
@@ -60,21 +71,41 @@ class Mission(WireModel):
     plan: Plan
     home_plan: Plan | None = None
     home_recharge: Recharge | None = None
+    margins: Margins = Margins()
+    #: AWAITED while the drone stands at the pickup until a loader confirms.
+    loading: Literal["AUTOMATIC", "CONFIRMED", "AWAITED"] = "AUTOMATIC"
+    is_held: bool = False
+
+
+class OfferLimits(WireModel):
+    """What an offer that was taken has promised; a booking keeps it, or there is none.
+
+    `within_s` counts from the mission's start to the last delivery.
+    """
+
+    provider_id: ProviderId
+    price: Price
+    within_s: Annotated[float, Field(ge=0)]
 
 
 class BookMissions(WireModel):
     """The body of PUT /internal/deliveries/{delivery_id}/missions, keyed by (delivery, attempt).
 
-    Candidates are compared by their true plans.
+    Candidates are compared by their true plans. `request` holds the packages to plan for only.
     """
 
     attempt: Annotated[int, Field(ge=1)]
     request: DeliveryRequest
     candidates: tuple[Candidate, ...]
+    offer: OfferLimits | None = None
 
 
 class Booking(WireModel):
-    """BOOKED with its missions, BUSY (ask again later), INFEASIBLE (never), CLOSED (tombstone)."""
+    """BOOKED with its missions, BUSY (ask again later), INFEASIBLE (never), CLOSED (tombstone).
+
+    The packages that the missions of BOOKED do not carry are to be booked by a later attempt; with
+    a price limit or an offer all are booked or none.
+    """
 
     outcome: Literal["BOOKED", "BUSY", "INFEASIBLE", "CLOSED"]
     missions: tuple[Mission, ...] = ()
@@ -92,6 +123,30 @@ class ClosedDelivery(WireModel):
     missions: tuple[Mission, ...] = ()
 
 
+class CancelMissions(WireModel):
+    """The body of POST /internal/deliveries/{delivery_id}/cancellations; all when no packages.
+
+    The same `cancellation_id` again is answered the same.
+    """
+
+    cancellation_id: str
+    package_ids: tuple[PackageId, ...] | None = None
+    reason: str
+
+
+class Cancellation(WireModel):
+    """What a cancellation leads to, package by package; mission reports tell when it has.
+
+    `released` stay at the pickup: their missions end, or go on without them, at once.
+    `returning` are on board, and come back to the pickup or strand where a drone can land.
+    `too_late` are with their recipients, or are over.
+    """
+
+    released: tuple[PackageId, ...] = ()
+    returning: tuple[PackageId, ...] = ()
+    too_late: tuple[PackageId, ...] = ()
+
+
 class MissionReport(WireModel):
     """Composition to gateway and registry: one thing that happened to a mission.
 
@@ -103,7 +158,11 @@ class MissionReport(WireModel):
     LOADED      the packages are on board
     ACTIVITY    `activity`, `station_id` and `soc` changed
     DELIVERED   `package_ids` were handed over
-    REPLANNED   a new revision replaces the plan (`mission` holds it)
+    REPLANNING  the plan does not hold any more (`code`), another is looked for
+    REPLANNED   the drone has taken a new revision of the plan (`mission` holds it)
+    RETURNING   `package_ids` go back to the pickup instead of being delivered (`code`)
+    RETURNED    `package_ids` were handed back at `station_id`
+    RELEASED    `package_ids` will not be loaded any more: they were cancelled at the pickup
     ENDED       the mission is over: COMPLETED, ABORTED or CANCELLED; packages that were not
                 delivered are `stranded_package_ids` at `station_id`, or never left the pickup
     """
@@ -117,7 +176,18 @@ class MissionReport(WireModel):
     drone_id: DroneId
     seq: Annotated[int, Field(ge=1)]
     kind: Literal[
-        "ACCEPTED", "REFUSED", "LOADING", "LOADED", "ACTIVITY", "DELIVERED", "REPLANNED", "ENDED"
+        "ACCEPTED",
+        "REFUSED",
+        "LOADING",
+        "LOADED",
+        "ACTIVITY",
+        "DELIVERED",
+        "REPLANNING",
+        "REPLANNED",
+        "RETURNING",
+        "RETURNED",
+        "RELEASED",
+        "ENDED",
     ]
     at: FleetMoment
     mission_state: MissionState

@@ -4,16 +4,11 @@ from typing import Any, Final
 
 from skyway.contracts.delivery_event import DeliveryEvent
 from skyway.contracts.drone_report import Ack, Connection, DroneEvent, DroneState, Telemetry
-from skyway.contracts.instruction import (
-    CancelInstruction,
-    Instruction,
-    MissionInstruction,
-    ReportInstruction,
-)
+from skyway.contracts.instruction import AnyInstruction, Instruction
 from skyway.contracts.topic import Topic
 from skyway.contracts.world import ClockAnchor, NetworkVersion, StationState
 
-INSTRUCTIONS: Final[Topic[MissionInstruction | CancelInstruction | ReportInstruction]] = Topic(
+INSTRUCTIONS: Final[Topic[AnyInstruction]] = Topic(
     "skyway/v1/{p}/{d}/instructions",
     Instruction,
     mqtt_qos=1,

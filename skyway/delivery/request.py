@@ -8,9 +8,11 @@ from pydantic import AwareDatetime, Field, field_validator, model_validator
 from skyway.ids import PackageId, ProviderId, StationId
 from skyway.json_model import JsonModel
 
-#: The most packages and the most distinct destinations of one request (planner.md).
+#: The most packages and the most distinct destinations of one request; more destinations than one
+#: trip can take (planner.md: 12) are split over several.
 MAX_PACKAGES = 100
-MAX_DESTINATIONS = 12
+MAX_DESTINATIONS = 48
+MAX_TRIP_DESTINATIONS = 12
 
 #: No package is heavier than the heaviest thing a drone model may lift; a typing mistake is.
 MAX_PACKAGE_MASS_KG = 1_000.0
@@ -25,12 +27,16 @@ class Place(JsonModel):
 
 
 class Package(JsonModel):
-    """What is carried; its id is the customer's and unique within the request."""
+    """What is carried; its id is the customer's and unique within the request.
+
+    With nobody at the destination it goes to the `alternative`, or back to the pickup.
+    """
 
     package_id: PackageId
     # Strict: true is not 1 kg.
     mass_kg: Annotated[float, Field(ge=0, le=MAX_PACKAGE_MASS_KG, strict=True)]
     destination: Place
+    alternative: Place | None = None
 
 
 class Weights(JsonModel):

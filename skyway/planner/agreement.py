@@ -4,7 +4,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from datetime import datetime
 
-from skyway.delivery.request import MAX_DESTINATIONS
+from skyway.delivery.request import MAX_TRIP_DESTINATIONS
 from skyway.errors import Fault
 from skyway.ids import PackageId, StationId
 from skyway.network.network import Network
@@ -66,10 +66,10 @@ def _of_packages(network: Network, packages: Sequence[PackageToDeliver]) -> Iter
         seen.add(package.package_id)
         yield from _of_station(network, f"packages.{number}.destination", package.destination)
     destinations = {package.destination for package in packages}
-    if len(destinations) > MAX_DESTINATIONS:
+    if len(destinations) > MAX_TRIP_DESTINATIONS:
         yield Fault(
             "packages",
-            f"{len(destinations)} distinct destinations exceed the limit of {MAX_DESTINATIONS}",
+            f"{len(destinations)} distinct destinations exceed the limit of {MAX_TRIP_DESTINATIONS}",
         )
 
 

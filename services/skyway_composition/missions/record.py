@@ -1,12 +1,14 @@
 """A mission as composition keeps it: what the world sees of it, and what only we need."""
 
 from dataclasses import dataclass, replace
+from typing import Literal
 
 from skyway.contracts.candidate import Candidate
+from skyway.contracts.flight_step import FlightStep
 from skyway.contracts.message import Soc
 from skyway.contracts.mission import LIVE_MISSION_STATES, Mission, MissionState
 from skyway.delivery.request import DeliveryRequest, Package
-from skyway.ids import DroneId, MissionId, NetworkId, StationId
+from skyway.ids import DroneId, InstructionId, MissionId, NetworkId, PackageId, StationId
 from skyway.json_model import JsonModel
 
 
@@ -23,6 +25,35 @@ class Stuck(JsonModel):
     last_step: int
 
 
+class Trouble(JsonModel):
+    """Why the plan of a mission does not hold any more, though its drone may still fly by it."""
+
+    code: str
+    detail: str
+
+
+class Aim(JsonModel):
+    """Where a package goes instead of its destination: delivered there, or returned."""
+
+    package_id: PackageId
+    station_id: StationId
+    kind: Literal["DELIVER", "RETURN"]
+
+
+class Proposal(JsonModel):
+    """A revision that was sent, and holds once the drone has accepted it; until then both hold.
+
+    `steps` replace the planned ones from `first_step` on.
+    """
+
+    instruction_id: InstructionId
+    first_step: int
+    mission: Mission
+    steps: tuple[FlightStep, ...]
+    code: str
+    detail: str
+
+
 @dataclass(frozen=True, slots=True)
 class MissionRecord:
     """A mission with its request, the drone as it was booked, and what was reported so far."""
@@ -35,6 +66,9 @@ class MissionRecord:
     report_seq: int = 0
     told: str | None = None
     stuck: Stuck | None = None
+    trouble: Trouble | None = None
+    proposal: Proposal | None = None
+    aims: tuple[Aim, ...] = ()
 
     @property
     def mission_id(self) -> MissionId:

@@ -2,8 +2,9 @@
 
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
+from pydantic import TypeAdapter
 from sqlalchemy import Row, and_, delete, insert, or_, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
@@ -18,9 +19,11 @@ from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database, Tx
 from skyway.units import moment_to_ms
 from skyway_composition.missions.custody import Custodian, Held
-from skyway_composition.missions.record import MissionRecord, Stuck
+from skyway_composition.missions.record import Aim, MissionRecord, Proposal, Stuck, Trouble
 from skyway_composition.missions.step_record import StepRecord, read_step
 from skyway_composition.tables import custody, deliveries, mission_steps, missions
+
+_AIMS: Final = TypeAdapter(tuple[Aim, ...])
 
 
 @dataclass(frozen=True, slots=True)
@@ -331,6 +334,9 @@ def _changing(record: MissionRecord) -> dict[str, Any]:  # column values of any 
         "report_seq": record.report_seq,
         "told": record.told,
         "stuck": None if record.stuck is None else record.stuck.model_dump_json(),
+        "trouble": None if record.trouble is None else record.trouble.model_dump_json(),
+        "proposal": None if record.proposal is None else record.proposal.model_dump_json(),
+        "aims": _AIMS.dump_json(record.aims).decode(),
     }
 
 
@@ -344,4 +350,7 @@ def _record(row: Row[*tuple[Any, ...]]) -> MissionRecord:  # a row of missions
         report_seq=row.report_seq,
         told=row.told,
         stuck=None if row.stuck is None else Stuck.read(row.stuck),
+        trouble=None if row.trouble is None else Trouble.read(row.trouble),
+        proposal=None if row.proposal is None else Proposal.read(row.proposal),
+        aims=_AIMS.validate_json(row.aims),
     )

@@ -5,6 +5,7 @@ from typing import Annotated
 from pydantic import Field, ValidationError
 
 from skyway.delivery.offer import Currency
+from skyway.delivery.request import MAX_TRIP_DESTINATIONS
 from skyway.errors import InvalidNetwork
 from skyway.json_model import JsonModel
 from skyway.network.network import Network
@@ -14,12 +15,22 @@ _LONGEST_STOP_S = 86_400.0
 
 
 class NetworkSettings(JsonModel):
-    """The currency of all prices in a network, and how long people need at a drone."""
+    """The currency of all prices in a network, how long people need, and the margins of plans.
+
+    `energy_margin` is added to what flights take, `pad_gap_s` lies between two drones on a pad. A
+    drone may be late by `tolerated_lateness_s` before its plan is made anew. All of these are our
+    own choices where a network says nothing.
+    """
 
     currency: Currency = "USD"
-    #: Our own choice: a minute to load and half of one to hand over.
     loading_s: Annotated[float, Field(ge=0, le=_LONGEST_STOP_S)] = 60.0
     dropoff_s: Annotated[float, Field(ge=0, le=_LONGEST_STOP_S)] = 30.0
+    energy_margin: Annotated[float, Field(ge=0, le=2)] = 0.15
+    pad_gap_s: Annotated[float, Field(ge=0, le=_LONGEST_STOP_S)] = 120.0
+    tolerated_lateness_s: Annotated[float, Field(ge=0, le=_LONGEST_STOP_S)] = 120.0
+    recipient_wait_s: Annotated[float, Field(ge=0, le=_LONGEST_STOP_S)] = 300.0
+    loading_timeout_s: Annotated[float, Field(gt=0, le=7 * _LONGEST_STOP_S)] = 1_800.0
+    max_destinations_per_trip: Annotated[int, Field(ge=1, le=MAX_TRIP_DESTINATIONS)] = 8
 
 
 def settings_of(network: Network) -> NetworkSettings:

@@ -1,0 +1,1 @@
+"""Offers before a delivery is requested: they reserve nothing."""

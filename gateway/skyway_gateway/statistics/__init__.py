@@ -1,0 +1,1 @@
+"""How deliveries go, by state, provider and time."""

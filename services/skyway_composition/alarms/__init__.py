@@ -1,0 +1,1 @@
+"""Alarms: what operators must look at, until one of them has."""

@@ -1,0 +1,1 @@
+"""What happens in the world: closures, outages, zones that appear, ground stops."""

@@ -1,0 +1,1 @@
+"""How pads and drones are used, from what missions have done."""
