@@ -69,7 +69,8 @@ def _of_packages(network: Network, packages: Sequence[PackageToDeliver]) -> Iter
     if len(destinations) > MAX_TRIP_DESTINATIONS:
         yield Fault(
             "packages",
-            f"{len(destinations)} distinct destinations exceed the limit of {MAX_TRIP_DESTINATIONS}",
+            f"{len(destinations)} distinct destinations exceed the limit of "
+            f"{MAX_TRIP_DESTINATIONS}",
         )
 
 

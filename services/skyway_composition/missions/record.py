@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from typing import Literal
 
 from skyway.contracts.candidate import Candidate
-from skyway.contracts.flight_step import FlightStep
+from skyway.contracts.flight_step import FlightStep, PackageOnBoard
 from skyway.contracts.message import Soc
 from skyway.contracts.mission import LIVE_MISSION_STATES, Mission, MissionState
 from skyway.delivery.request import DeliveryRequest, Package
@@ -26,10 +26,16 @@ class Stuck(JsonModel):
 
 
 class Trouble(JsonModel):
-    """Why the plan of a mission does not hold any more, though its drone may still fly by it."""
+    """Why the plan of a mission does not hold any more, though its drone may still fly by it.
+
+    `loaded` is what a loader has confirmed while the drone waits at the pickup; `land_at` is where
+    an operator wants the drone to stand, whatever was planned.
+    """
 
     code: str
     detail: str
+    loaded: tuple[PackageOnBoard, ...] | None = None
+    land_at: StationId | None = None
 
 
 class Aim(JsonModel):
