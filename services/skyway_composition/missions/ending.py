@@ -19,7 +19,7 @@ from skyway_composition.pads.store import free
 
 async def refuse(watch: Watch, record: MissionRecord, *, code: str, detail: str | None) -> None:
     """End a mission that its drone will not fly."""
-    record = replace(moved(record, "REFUSED"), stuck=None)
+    record = replace(moved(record, "REFUSED"), stuck=None, trouble=None, proposal=None)
     await free(watch.tx, record.mission_id)
     record = report(
         watch.tx,
@@ -36,6 +36,29 @@ async def refuse(watch: Watch, record: MissionRecord, *, code: str, detail: str 
 async def complete(watch: Watch, record: MissionRecord, *, at: datetime) -> None:
     """End a mission whose packages are all delivered and whose drone is home."""
     await _end(watch, record, "COMPLETED", at=at, code=None, detail=None, station_id=None)
+
+
+async def cancel(watch: Watch, record: MissionRecord, *, code: str, detail: str) -> None:
+    """End a mission of which nothing is on board; its drone is told to forget it.
+
+    A drone that has begun it refuses that, flies it to its end, and is busy until then.
+    """
+    await call_off(
+        watch,
+        record.drone_id,
+        mission_id=record.mission_id,
+        revision=record.mission.revision,
+        reason=f"{code}: {detail}",
+    )
+    await _end(
+        watch,
+        record,
+        "CANCELLED",
+        at=watch.clock.now(),
+        code=code,
+        detail=detail,
+        station_id=None,
+    )
 
 
 async def abort(
@@ -79,7 +102,7 @@ async def _end(
     station_id: StationId | None,
 ) -> None:
     stranded = await _strand(watch, record, at=at, station_id=station_id)
-    record = replace(moved(record, state), stuck=None)
+    record = replace(moved(record, state), stuck=None, trouble=None, proposal=None)
     await free(watch.tx, record.mission_id)
     steps = await store.steps_of(watch.tx.connection, record.mission_id)
     record = report(

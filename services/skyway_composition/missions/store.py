@@ -197,13 +197,13 @@ async def perhaps_overdue(
 
 
 async def claim_stuck(db: Database, clock: FleetClock, claimant: str) -> list[DroneId]:
-    """A few drones that wait for a new revision, now ours to plan for."""
+    """A few drones whose plans do not hold any more, now ours to plan for."""
     rows = await claim(
         db,
         missions,
         where=and_(
             missions.c.state.in_(LIVE_MISSION_STATES),
-            missions.c.stuck.is_not(None),
+            or_(missions.c.stuck.is_not(None), missions.c.trouble.is_not(None)),
             missions.c.retry_wall_ms <= moment_to_ms(clock.wall_now()),
         ),
         order_by=[missions.c.retry_wall_ms],
@@ -221,6 +221,13 @@ async def retry_stuck(tx: Tx, mission_id: MissionId, *, at_wall_ms: int) -> None
         update(missions)
         .where(missions.c.mission_id == mission_id)
         .values(retry_wall_ms=at_wall_ms, **FREE)
+    )
+
+
+async def plan_at_once(tx: Tx, mission_id: MissionId) -> None:
+    """Look for a plan without waiting any longer; whoever is at it keeps the claim."""
+    await tx.execute(
+        update(missions).where(missions.c.mission_id == mission_id).values(retry_wall_ms=0)
     )
 
 
