@@ -19,6 +19,7 @@ from skyway.cli.demo_world import (
 )
 from skyway.cli.flown import Flown
 from skyway.cli.secrets import read_secret
+from skyway.cli.simulated_loaders import load_for_ever
 from skyway.cli.system import System
 from skyway.cli.webhook_receiver import WebhookReceiver
 from skyway.contracts.drone_report import DroneEvent, DroneState, Telemetry
@@ -49,11 +50,13 @@ async def play(system: System, screen: DemoScreen) -> None:
                 screen.cast(world.provider_names)
                 system.start_fleet("fleet", world.fleet_file)
                 await until_all_stand_ready(api, operator_key, world)
-            await _others_request(api, world, screen)
-            await _tell_me_at(api, world, receiver)
-            started = time.monotonic()
-            async with _in_time(_ENDED_WITHIN_S, "the delivery has not ended", system):
-                delivery = await _request_and_follow(api, world, receiver, watch, screen)
+            async with _loading(api, operator_key):
+                await _others_request(api, world, screen)
+                await _tell_me_at(api, world, receiver)
+                started = time.monotonic()
+                async with _in_time(_ENDED_WITHIN_S, "the delivery has not ended", system):
+                    path = await _take_best_offer(api, world, screen)
+                    delivery = await _follow(api, world, path, receiver, watch, screen)
             screen.end(delivery, watch.flown, wall_s=time.monotonic() - started)
     if delivery["state"] != "COMPLETED":
         raise SkywayError(
@@ -101,6 +104,15 @@ async def _watching(system: System) -> AsyncIterator[_Watch]:
 
 
 @asynccontextmanager
+async def _loading(api: GatewayApi, operator_key: str) -> AsyncIterator[None]:
+    """The providers' loaders at work while the block runs."""
+    async with asyncio.TaskGroup() as tasks:
+        loading = tasks.create_task(load_for_ever(api, operator_key))
+        yield
+        loading.cancel()
+
+
+@asynccontextmanager
 async def _in_time(limit_s: float, trouble: str, system: System) -> AsyncIterator[None]:
     try:
         async with asyncio.timeout(limit_s):
@@ -129,18 +141,28 @@ async def _tell_me_at(api: GatewayApi, world: World, receiver: WebhookReceiver) 
     receiver.secret = answer["secret"]
 
 
-async def _request_and_follow(
+async def _take_best_offer(api: GatewayApi, world: World, screen: DemoScreen) -> str:
+    """Ask for offers by two objectives, take the fastest; the path of the delivery."""
+    key = world.customer_key
+    for objective in ("cheapest", "fastest"):
+        request = delivery_request(PICKUP, PACKAGES, objective=objective)
+        quote: dict[str, Any] = await api.call("POST", "/v1/quotes", key=key, body=request)
+        screen.offers(quote, objective=objective)
+    screen.request(request)
+    taken = {"quote_id": quote["quote_id"], "offer_id": quote["offers"][0]["offer_id"]}
+    created = await api.call("POST", "/v1/deliveries", key=key, body=taken)
+    return f"/v1/deliveries/{created['delivery_id']}"
+
+
+async def _follow(
     api: GatewayApi,
     world: World,
+    path: str,
     receiver: WebhookReceiver,
     watch: _Watch,
     screen: DemoScreen,
 ) -> dict[str, Any]:
     """The delivery's last JSON, once its last notification has arrived."""
-    request = delivery_request(PICKUP, PACKAGES, objective="fastest")
-    screen.request(request)
-    created = await api.call("POST", "/v1/deliveries", key=world.customer_key, body=request)
-    path = f"/v1/deliveries/{created['delivery_id']}"
     planned_revision: tuple[str, int] | None = None
     while True:
         delivery: dict[str, Any] = await api.call("GET", path, key=world.customer_key)

@@ -68,6 +68,22 @@ class DemoScreen:
             line = f"  {package['package_id']:<10} {package['mass_kg']:.1f} kg  to {destination}"
             self._console.print(line)
 
+    def offers(self, quote: dict[str, Any], *, objective: str) -> None:
+        """Show what is offered, the best by this objective first, and who offers nothing."""
+        self._console.print(f"\n[bold]Offers[/] {objective} first")
+        for offer in quote["offers"]:
+            price = offer["price"]
+            self._console.print(
+                f"  {self._provider_names.get(offer['provider_id'], offer['provider_id']):<20} "
+                f"{price['amount'] / 100:>7.2f} {price['currency']}  "
+                f"{_duration(offer['delivery_time_s']):>8}  {offer['energy_j'] / 3.6e6:.3f} kWh  "
+                f"score {offer['score']:.3f}",
+                highlight=False,
+            )
+        for reason in quote["infeasible"]:
+            name = self._provider_names.get(reason["provider_id"], reason["provider_id"])
+            self._console.print(f"  [dim]{name}: {reason['code']}, {reason['detail']}[/]")
+
     def plan(self, mission: dict[str, Any]) -> None:
         """Show the provider, the drone and the composed plan."""
         provider = self._provider_names.get(mission["provider_id"], mission["provider_id"])
