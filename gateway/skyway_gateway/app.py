@@ -45,6 +45,7 @@ from skyway_gateway.notifications.routes import clock_routes, webhook_routes
 from skyway_gateway.notifications.sender import WebhookSender
 from skyway_gateway.notifications.stream import EventStream
 from skyway_gateway.notifications.targets import Targets
+from skyway_gateway.quotes.checks import Checks
 from skyway_gateway.settings import GatewaySettings
 from skyway_gateway.tables import outbox
 
@@ -92,9 +93,12 @@ class Parts:
     @property
     def acceptance(self) -> Acceptance:
         """Accepts delivery requests."""
-        return Acceptance(
-            self.db, self.registry, self.composition, self.events, self.clock, mint, self.queued
-        )
+        return Acceptance(self.db, self.checks, self.events, self.clock, mint, self.queued)
+
+    @property
+    def checks(self) -> Checks:
+        """Checks delivery requests against the world."""
+        return Checks(self.registry, self.composition, self.clock)
 
 
 def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> FastAPI:
