@@ -1,0 +1,38 @@
+"""A quote as its customer sees it: offers that reserve nothing, and expire."""
+
+from typing import Annotated, Final
+
+from pydantic import Field
+
+from skyway.contracts.candidate import ProviderReason
+from skyway.contracts.message import FleetMoment, WallMoment
+from skyway.contracts.quote import OfferTerms
+from skyway.delivery.request import DeliveryRequest
+from skyway.ids import DeliveryId, OfferId, QuoteId
+from skyway.json_model import JsonModel
+
+#: How long an offer may be taken, seconds of wall time (decisions.md, Time).
+OFFER_LIFE_S: Final = 120.0
+
+
+class Offer(OfferTerms):
+    """What one provider offers; taken before `expires_at`, its price and time are kept."""
+
+    offer_id: OfferId
+    expires_at: WallMoment
+
+
+class Quote(JsonModel):
+    """The offers for a request, the best first, and why other providers make none.
+
+    At most one of the offers can be taken; `delivery_id` is the delivery that came of it.
+    """
+
+    quote_id: QuoteId
+    request: DeliveryRequest
+    made_at: FleetMoment
+    expires_at: WallMoment
+    offers: Annotated[tuple[Offer, ...], Field(description="the best first")]
+    infeasible: tuple[ProviderReason, ...]
+    taken_offer_id: OfferId | None = None
+    delivery_id: DeliveryId | None = None

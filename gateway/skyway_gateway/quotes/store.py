@@ -1,0 +1,85 @@
+"""All SQL of quotes."""
+
+from datetime import datetime
+from typing import Any, Final
+
+from pydantic import TypeAdapter
+from sqlalchemy import ColumnElement, Row, and_, delete, false, insert, select, true, update
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from skyway.contracts.candidate import ProviderReason
+from skyway.delivery.request import DeliveryRequest
+from skyway.ids import DeliveryId, OfferId, QuoteId, SubjectId
+from skyway.runtime.database import Tx
+from skyway.runtime.errors import NotFound
+from skyway.runtime.identity import Caller
+from skyway.units import moment_to_ms, ms_to_moment
+from skyway_gateway.quotes.quote import Offer, Quote
+from skyway_gateway.tables import quotes
+
+_OFFERS: Final = TypeAdapter(tuple[Offer, ...])
+_REASONS: Final = TypeAdapter(tuple[ProviderReason, ...])
+
+
+async def add(tx: Tx, quote: Quote, *, customer_id: SubjectId) -> None:
+    """Keep a new quote."""
+    row = {
+        "quote_id": quote.quote_id,
+        "customer_id": customer_id,
+        "request": quote.request.model_dump_json(),
+        "offers": _OFFERS.dump_json(quote.offers).decode(),
+        "infeasible": _REASONS.dump_json(quote.infeasible).decode(),
+        "made_ms": moment_to_ms(quote.made_at),
+        "expires_wall_ms": moment_to_ms(quote.expires_at),
+    }
+    await tx.execute(insert(quotes).values(row))
+
+
+async def one_of(connection: AsyncConnection, caller: Caller, quote_id: QuoteId) -> Quote:
+    """The caller's own quote.
+
+    Raises
+    ------
+    NotFound
+        There is no such quote, or it is not the caller's.
+    """
+    statement = select(quotes).where(quotes.c.quote_id == quote_id, _owned(caller))
+    row = (await connection.execute(statement)).one_or_none()
+    if row is None:
+        raise NotFound("quote", quote_id)
+    return _quote(row)
+
+
+async def mark_taken(
+    tx: Tx, quote_id: QuoteId, offer_id: OfferId, *, delivery_id: DeliveryId
+) -> bool:
+    """Note that an offer of a quote is taken; False when one was taken before."""
+    this = and_(quotes.c.quote_id == quote_id, quotes.c.taken_offer_id.is_(None))
+    taken = {"taken_offer_id": offer_id, "delivery_id": delivery_id}
+    return (await tx.execute(update(quotes).where(this).values(taken))).rowcount == 1
+
+
+async def forget(tx: Tx, *, expired_before: datetime) -> None:
+    """Forget the quotes that expired before a moment of wall time."""
+    is_old = quotes.c.expires_wall_ms < moment_to_ms(expired_before)
+    await tx.execute(delete(quotes).where(is_old))
+
+
+def _owned(caller: Caller) -> ColumnElement[bool]:
+    """Whether a quote is the caller's to see: operators see everybody's."""
+    if caller.role == "operator":
+        return true()
+    return quotes.c.customer_id == caller.subject_id if caller.role == "customer" else false()
+
+
+def _quote(row: Row[*tuple[Any, ...]]) -> Quote:  # columns of every type
+    return Quote(
+        quote_id=row.quote_id,
+        request=DeliveryRequest.read(row.request),
+        made_at=ms_to_moment(row.made_ms),
+        expires_at=ms_to_moment(row.expires_wall_ms),
+        offers=_OFFERS.validate_json(row.offers),
+        infeasible=_REASONS.validate_json(row.infeasible),
+        taken_offer_id=row.taken_offer_id,
+        delivery_id=row.delivery_id,
+    )

@@ -1,0 +1,59 @@
+"""Taking an offer: once, by its customer, before it expires."""
+
+from dataclasses import dataclass
+from datetime import datetime
+
+from skyway.contracts.mission import OfferLimits
+from skyway.delivery.request import DeliveryRequest
+from skyway.ids import DeliveryId, OfferId, QuoteId
+from skyway.runtime.database import Tx
+from skyway.runtime.errors import Conflict, NotFound
+from skyway.runtime.identity import Caller
+from skyway_gateway.quotes import store
+from skyway_gateway.quotes.quote import Offer, Quote
+
+
+@dataclass(frozen=True, slots=True)
+class TakenOffer:
+    """What was asked for when the quote was made, and what the offer has promised."""
+
+    request: DeliveryRequest
+    limits: OfferLimits
+
+
+async def take(
+    tx: Tx,
+    caller: Caller,
+    quote_id: QuoteId,
+    offer_id: OfferId,
+    *,
+    delivery_id: DeliveryId,
+    wall_now: datetime,
+) -> TakenOffer:
+    """Take an offer for a delivery that is accepted in the same transaction.
+
+    Raises
+    ------
+    NotFound
+        There is no such quote, it is not the caller's, or it holds no such offer.
+    Conflict
+        QUOTE_TAKEN: one of the quote's offers was taken before; QUOTE_EXPIRED.
+    """
+    quote = await store.one_of(tx.connection, caller, quote_id)
+    offer = _offer(quote, offer_id)
+    if quote.taken_offer_id is None and wall_now >= offer.expires_at:
+        raise Conflict("QUOTE_EXPIRED", f"offer {offer_id} expired at {offer.expires_at}")
+    # Not the row that was read decides, but the one that is written: two may take at once.
+    if not await store.mark_taken(tx, quote_id, offer_id, delivery_id=delivery_id):
+        raise Conflict("QUOTE_TAKEN", f"an offer of quote {quote_id} was taken before")
+    promised = OfferLimits(
+        provider_id=offer.provider_id, price=offer.price, within_s=offer.delivery_time_s
+    )
+    return TakenOffer(quote.request, promised)
+
+
+def _offer(quote: Quote, offer_id: OfferId) -> Offer:
+    for offer in quote.offers:
+        if offer.offer_id == offer_id:
+            return offer
+    raise NotFound("offer", offer_id)
