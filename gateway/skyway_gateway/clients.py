@@ -6,13 +6,14 @@ from pydantic import Field
 
 from skyway.contracts.candidate import CandidateQuery, Candidates, PayloadLimit, PayloadLimitQuery
 from skyway.contracts.mission import Booking, BookMissions, ClosedDelivery
+from skyway.contracts.quote import QuoteAnswer, QuoteQuery
 from skyway.contracts.station_check import StationCheck, StationCheckQuery
 from skyway.ids import DeliveryId, SubjectId
 from skyway.json_model import WireModel
 from skyway.runtime.http import ServiceClient
 
 #: Composing may take a while; the same PUT again is answered the same, so this may be cut short.
-_BOOKING_S: Final = 20.0
+_COMPOSING_S: Final = 20.0
 
 
 class Registry(Protocol):
@@ -32,6 +33,10 @@ class Composition(Protocol):
 
     async def check_stations(self, query: StationCheckQuery) -> StationCheck:
         """Whether stations exist, where they are, and whether a path leads to them."""
+        ...
+
+    async def quote(self, query: QuoteQuery) -> QuoteAnswer:
+        """What each provider could offer now, the best first; nothing is reserved."""
         ...
 
     async def book(self, delivery_id: DeliveryId, wanted: BookMissions) -> Booking:
@@ -87,6 +92,12 @@ class RestComposition:
             "POST", "/internal/station-checks", body=query, answer=StationCheck
         )
 
+    async def quote(self, query: QuoteQuery) -> QuoteAnswer:
+        """What each provider could offer now, the best first; nothing is reserved."""
+        return await self._client.call(
+            "POST", "/internal/quotes", body=query, answer=QuoteAnswer, timeout_s=_COMPOSING_S
+        )
+
     async def book(self, delivery_id: DeliveryId, wanted: BookMissions) -> Booking:
         """Book the best plan; asked again for the same attempt, the answer is the same."""
         return await self._client.call(
@@ -94,7 +105,7 @@ class RestComposition:
             f"/internal/deliveries/{delivery_id}/missions",
             body=wanted,
             answer=Booking,
-            timeout_s=_BOOKING_S,
+            timeout_s=_COMPOSING_S,
         )
 
     async def close(self, delivery_id: DeliveryId) -> ClosedDelivery:
