@@ -31,7 +31,7 @@ from skyway_composition.missions.watch import Watch
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.networks.store import share_version
 from skyway_composition.pads.store import free, reserve
-from skyway_composition.planning.problem_for import Standing, delivery_problem, onward_problem
+from skyway_composition.planning.problem_for import Load, Standing, delivery_problem, onward_problem
 from skyway_composition.planning.round_trip import NOTHING_TO_DELIVER, NoTrip, round_trip, way_home
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.trip import Trip
@@ -116,8 +116,11 @@ class Recomposer:
             return NoTrip("LOW_CHARGE", detail, is_temporary=False)
         carried = on_board(held)
         if carried:
-            packages = record.packages(carried)
-            problem = onward_problem(world, drone, packages=packages, start_ms=start_ms)
+            loads = [
+                Load(package, package.destination.station_id)
+                for package in record.packages(carried)
+            ]
+            problem = onward_problem(world, drone, loads=loads, start_ms=start_ms)
         elif len(delivered(held)) < len(record.request.packages):
             problem = delivery_problem(
                 world,

@@ -1,26 +1,38 @@
-"""What the planner is asked for a request: the delivery, the way home, the way onward."""
+"""What the planner is asked: the delivery, the way onward, a landing, the way home.
+
+Every problem is made with the margins of its network (margins.py).
+"""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from skyway.delivery.request import Package
 from skyway.drone.model import DroneModel
 from skyway.ids import PackageId, StationId
 from skyway.planner.problem import DroneAtStart, PackageToDeliver, Problem
 from skyway.units import ms_to_moment
+from skyway_composition.planning.margins import with_margin
 from skyway_composition.planning.world import World
 
-#: The package that stands for the empty drone on its way home (decisions.md, Booking).
+#: The package that stands for an empty drone on its way (decisions.md, Booking).
 _NOTHING = PackageId("home")
 
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """A drone on the ground, able to start."""
+    """A drone on the ground, able to start; its model is the true one, without margin."""
 
     model: DroneModel
     soc: float
     station_id: StationId
+
+
+@dataclass(frozen=True, slots=True)
+class Load:
+    """A package on board and where it goes now: its destination, or somewhere else instead."""
+
+    package: Package
+    aim_station_id: StationId
 
 
 def delivery_problem(
@@ -36,9 +48,9 @@ def delivery_problem(
     return Problem(
         network=world.skyway.network,
         start_at=ms_to_moment(start_ms),
-        drone=_at_start(drone),
+        drone=_at_start(with_margins(world, drone)),
         source=pickup,
-        packages=_to_deliver(packages),
+        packages=tuple(_to_deliver(each, each.destination.station_id) for each in packages),
         loading_s=world.skyway.settings.loading_s,
         dropoff_s=world.skyway.settings.dropoff_s,
         latest_delivery_s=None if latest_ms is None else (latest_ms - start_ms) / 1000,
@@ -46,33 +58,68 @@ def delivery_problem(
 
 
 def onward_problem(
-    world: World, drone: Standing, *, packages: Iterable[Package], start_ms: int
+    world: World, drone: Standing, *, loads: Iterable[Load], start_ms: int
 ) -> Problem:
-    """Deliver what is already on board, from where the drone stands.
+    """Hand over what is on board, each package where it goes now.
 
     There is no deadline: packages that are late are still better delivered than stranded.
     """
     return Problem(
         network=world.skyway.network,
         start_at=ms_to_moment(start_ms),
-        drone=_at_start(drone),
+        drone=_at_start(with_margins(world, drone)),
         source=drone.station_id,
-        packages=_to_deliver(packages),
+        packages=tuple(_to_deliver(each.package, each.aim_station_id) for each in loads),
         dropoff_s=world.skyway.settings.dropoff_s,
+    )
+
+
+def landing_problem(
+    world: World,
+    drone: Standing,
+    *,
+    packages: Iterable[Package],
+    station_id: StationId,
+    start_ms: int,
+) -> Problem:
+    """Fly to a station with these packages on board and stay there; nothing is handed over."""
+    return _flight_to(
+        world,
+        with_margins(world, drone),
+        packages=packages,
+        station_id=station_id,
+        start_ms=start_ms,
     )
 
 
 def home_problem(
     world: World, drone: Standing, *, home_station_id: StationId, start_ms: int
 ) -> Problem:
-    """Fly home empty: a package of 0 kg, with nobody waiting for it."""
-    nothing = PackageToDeliver(package_id=_NOTHING, mass_kg=0.0, destination=home_station_id)
+    """Fly home empty, as the drone that a plan leaves behind: it has its margins already."""
+    return _flight_to(world, drone, packages=(), station_id=home_station_id, start_ms=start_ms)
+
+
+def with_margins(world: World, drone: Standing) -> Standing:
+    """The drone as problems have it: with the margin of its network."""
+    return replace(drone, model=with_margin(drone.model, world.skyway.settings.energy_margin))
+
+
+def _flight_to(
+    world: World,
+    drone: Standing,
+    *,
+    packages: Iterable[Package],
+    station_id: StationId,
+    start_ms: int,
+) -> Problem:
+    nothing = PackageToDeliver(package_id=_NOTHING, mass_kg=0.0, destination=station_id)
+    on_board = tuple(_to_deliver(each, station_id) for each in packages)
     return Problem(
         network=world.skyway.network,
         start_at=ms_to_moment(start_ms),
         drone=_at_start(drone),
         source=drone.station_id,
-        packages=(nothing,),
+        packages=on_board or (nothing,),
         finish="stay",
     )
 
@@ -81,12 +128,7 @@ def _at_start(drone: Standing) -> DroneAtStart:
     return DroneAtStart(model=drone.model, soc=drone.soc, station_id=drone.station_id)
 
 
-def _to_deliver(packages: Iterable[Package]) -> tuple[PackageToDeliver, ...]:
-    return tuple(
-        PackageToDeliver(
-            package_id=package.package_id,
-            mass_kg=package.mass_kg,
-            destination=package.destination.station_id,
-        )
-        for package in packages
+def _to_deliver(package: Package, station_id: StationId) -> PackageToDeliver:
+    return PackageToDeliver(
+        package_id=package.package_id, mass_kg=package.mass_kg, destination=station_id
     )

@@ -11,7 +11,7 @@ from skyway.planner.pad_calendar import PadCalendar
 from skyway.planner.problem import Problem
 from skyway.units import CHARGE_TOLERANCE, moment_to_ms
 from skyway_composition.planning.compose_in import compose_in
-from skyway_composition.planning.problem_for import Standing, home_problem
+from skyway_composition.planning.problem_for import Standing, home_problem, with_margins
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.trip import Trip, soc_after
 from skyway_composition.planning.world import World
@@ -44,14 +44,14 @@ async def round_trip(
     plan = await compose_in(solver, world, problem)
     if not plan.is_flyable:
         return _no_plan(plan)
-    standing = Standing(
+    drone = Standing(
         model=problem.drone.model,
         soc=soc_after(plan, problem.drone.soc),
         station_id=_last_station(plan, problem.start_station_id),
     )
     start_ms = moment_to_ms(problem.start_at) if problem.start_at is not None else 0
-    return await way_home(
-        solver, world, plan, standing=standing, home_station_id=home_station_id, start_ms=start_ms
+    return await _with_way_home(
+        solver, world, plan, drone=drone, home_station_id=home_station_id, start_ms=start_ms
     )
 
 
@@ -65,15 +65,34 @@ async def way_home(
     start_ms: int,
 ) -> Trip | NoTrip:
     """The trip of a drone that ends `plan` as `standing` and then flies home and recharges."""
+    return await _with_way_home(
+        solver,
+        world,
+        plan,
+        drone=with_margins(world, standing),
+        home_station_id=home_station_id,
+        start_ms=start_ms,
+    )
+
+
+async def _with_way_home(
+    solver: SolverPool,
+    world: World,
+    plan: Plan,
+    *,
+    drone: Standing,
+    home_station_id: StationId,
+    start_ms: int,
+) -> Trip | NoTrip:
     if home_station_id not in world.skyway.network.stations:
         detail = f"home station {home_station_id!r} is not in this network"
         return NoTrip("NO_WAY_HOME", detail, is_temporary=False)
     home_start_ms = start_ms + booked_until_ms(plan.delivery_time_s or 0.0)
-    problem = home_problem(world, standing, home_station_id=home_station_id, start_ms=home_start_ms)
+    problem = home_problem(world, drone, home_station_id=home_station_id, start_ms=home_start_ms)
     home_plan = await compose_in(solver, world, problem)
     if not home_plan.is_flyable:
         reason = _no_plan(home_plan)
-        detail = f"from {standing.station_id!r} to {home_station_id!r}: {reason.detail}"
+        detail = f"from {drone.station_id!r} to {home_station_id!r}: {reason.detail}"
         return NoTrip("NO_WAY_HOME", detail, is_temporary=reason.is_temporary)
     return Trip(
         start_ms=start_ms,
@@ -83,6 +102,7 @@ async def way_home(
         home_recharge=_recharge_at_home(
             problem, home_plan, world.pads.book.seen_from(home_start_ms)
         ),
+        pad_gap_ms=round(world.skyway.settings.pad_gap_s * 1000),
     )
 
 

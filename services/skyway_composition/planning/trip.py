@@ -42,7 +42,8 @@ class PlacedStep:
 class Trip:
     """`plan` counts from `start_ms`; `home_plan` and `home_recharge` count from `home_start_ms`.
 
-    The home plan's PICK_UP and DELIVER of a 0 kg package are not part of the trip's steps.
+    The home plan's PICK_UP and DELIVER of a 0 kg package are not part of the trip's steps. Each
+    pad is booked `pad_gap_ms` longer than the drone needs it, before the next drone comes.
     """
 
     start_ms: int
@@ -50,6 +51,7 @@ class Trip:
     home_start_ms: int
     home_plan: Plan
     home_recharge: Recharge | None
+    pad_gap_ms: int = 0
 
     def steps(self) -> Iterator[PlacedStep]:
         """Everything the drone does, in time order."""
@@ -63,9 +65,14 @@ class Trip:
 
     @property
     def booked_pads(self) -> tuple[BookedPad, ...]:
-        """The pads to reserve: every session rounded outward, touching ones merged, sorted."""
+        """The pads to reserve: sessions rounded outward, with their gap, merged, sorted."""
         return merged(
-            BookedPad(placed.step.station_id, placed.step.pad, placed.start_ms, placed.end_ms)
+            BookedPad(
+                placed.step.station_id,
+                placed.step.pad,
+                placed.start_ms,
+                placed.end_ms + self.pad_gap_ms,
+            )
             for placed in self.steps()
             if isinstance(placed.step, Recharge) and placed.start_ms < placed.end_ms
         )
