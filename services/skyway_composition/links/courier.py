@@ -6,11 +6,7 @@ from datetime import datetime
 from functools import partial
 from typing import Final
 
-from skyway.contracts.instruction import (
-    CancelInstruction,
-    MissionInstruction,
-    ReportInstruction,
-)
+from skyway.contracts.instruction import AnyInstruction, ReportInstruction
 from skyway.contracts.topics import INSTRUCTIONS
 from skyway.ids import InstructionId
 from skyway.runtime.clock import FleetClock, fleet_margin
@@ -20,8 +16,6 @@ from skyway.runtime.outbox import confirm
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.links import store
 from skyway_composition.links.link import DroneLink
-
-AnyInstruction = MissionInstruction | CancelInstruction | ReportInstruction
 
 #: Makes the instruction once its envelope is known: `functools.partial` of a model.
 Draft = Callable[..., AnyInstruction]

@@ -8,11 +8,7 @@ from sqlalchemy import Row, insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.drone_report import Connection, DroneState
-from skyway.contracts.instruction import (
-    CancelInstruction,
-    MissionInstruction,
-    ReportInstruction,
-)
+from skyway.contracts.instruction import AnyInstruction
 from skyway.ids import DroneId, InstructionId, MissionId, ProviderId
 from skyway.runtime.database import Tx
 from skyway_composition.links.link import DroneLink
@@ -95,11 +91,7 @@ async def save_link(tx: Tx, link: DroneLink) -> None:
     )
 
 
-async def add_instruction(
-    tx: Tx,
-    drone_id: DroneId,
-    instruction: MissionInstruction | CancelInstruction | ReportInstruction,
-) -> None:
+async def add_instruction(tx: Tx, drone_id: DroneId, instruction: AnyInstruction) -> None:
     """Keep an instruction that is being sent."""
     await tx.execute(
         insert(instructions).values(

@@ -25,7 +25,7 @@ from skyway_composition.links.store import lock_link, occupied_among
 from skyway_composition.missions import store
 from skyway_composition.missions.custody import Custodian, Held
 from skyway_composition.missions.dispatch import dispatch
-from skyway_composition.missions.instruct import flight_steps
+from skyway_composition.missions.instruct import StepTerms, flight_steps
 from skyway_composition.missions.outcome import all_taken, pickup_unknown, without_offer
 from skyway_composition.missions.record import MissionRecord
 from skyway_composition.missions.revision import record_of
@@ -145,17 +145,21 @@ class Bookings:
         link = await lock_link(tx, drone.drone_id, drone.provider_id)
         courier = Courier(self.clock, self.mint)
         record = record_of(
-            offer,
-            wanted,
-            mission_id=MissionId(self.mint("msn")),
+            drone,
+            offer.trip,
             delivery_id=delivery_id,
-            network_id=world.skyway.network_id,
+            attempt=wanted.attempt,
+            trip_number=1,
+            mission_id=MissionId(self.mint("msn")),
+            request=wanted.request,
+            price=offer.price,
+            skyway=world.skyway,
             expires_at=courier.expiry(),
         )
         steps = flight_steps(
             world.skyway.network,
             list(offer.trip.steps()),
-            masses_kg={each.package_id: each.mass_kg for each in wanted.request.packages},
+            terms=StepTerms.of(record, world.skyway.settings),
             first_step=1,
         )
         await store.add(tx, record)

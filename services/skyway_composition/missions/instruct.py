@@ -1,7 +1,9 @@
 """From a trip to the steps that a drone can fly alone."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import zip_longest
+from typing import Self
 
 from skyway.contracts.flight_step import (
     DeliverStep,
@@ -10,20 +12,46 @@ from skyway.contracts.flight_step import (
     PackageOnBoard,
     PickUpStep,
     RechargeStep,
+    ReturnStep,
     WaitStep,
 )
 from skyway.delivery.plan import Deliver, Fly, PickUp, Recharge, Wait
 from skyway.ids import PackageId, StationId
 from skyway.network.network import Network, Segment
 from skyway.units import ms_to_moment
+from skyway_composition.missions.record import MissionRecord
+from skyway_composition.networks.settings import NetworkSettings
 from skyway_composition.planning.trip import PlacedStep
+
+
+@dataclass(frozen=True, slots=True)
+class StepTerms:
+    """What the steps of one mission say that its plan does not.
+
+    Packages that are `returned` are handed back where the plan delivers them.
+    """
+
+    masses_kg: Mapping[PackageId, float]
+    recipient_wait_s: float = 0.0
+    awaits_confirmation: bool = False
+    returned: frozenset[PackageId] = frozenset()
+
+    @classmethod
+    def of(cls, record: MissionRecord, settings: NetworkSettings) -> Self:
+        """The terms of a mission in a network with these settings."""
+        return cls(
+            masses_kg={each.package_id: each.mass_kg for each in record.request.packages},
+            recipient_wait_s=settings.recipient_wait_s,
+            awaits_confirmation=record.mission.loading == "AWAITED",
+            returned=frozenset(each.package_id for each in record.aims if each.kind == "RETURN"),
+        )
 
 
 def flight_steps(
     network: Network,
     placed_steps: Sequence[PlacedStep],
     *,
-    masses_kg: Mapping[PackageId, float],
+    terms: StepTerms,
     first_step: int,
 ) -> tuple[FlightStep, ...]:
     """The steps of a trip with all a drone needs, numbered from `first_step`.
@@ -32,10 +60,11 @@ def flight_steps(
     that are booked: exactly what the plan takes, rounded outward.
     """
     following = placed_steps[1:]
-    return tuple(
-        _flight_step(network, placed, after, masses_kg=masses_kg, step_id=step_id)
-        for step_id, (placed, after) in enumerate(zip_longest(placed_steps, following), first_step)
-    )
+    steps: list[FlightStep] = []
+    for placed, after in zip_longest(placed_steps, following):
+        step_id = first_step + len(steps)
+        steps.extend(_flight_steps(network, placed, after, terms=terms, step_id=step_id))
+    return tuple(steps)
 
 
 def wait_there(station_id: StationId, at_ms: int, *, step_id: int) -> WaitStep:
@@ -50,29 +79,57 @@ def wait_there(station_id: StationId, at_ms: int, *, step_id: int) -> WaitStep:
     )
 
 
-def _flight_step(
+def _hand_overs(
+    placed: PlacedStep, step: Deliver, *, terms: StepTerms, step_id: int
+) -> Iterator[FlightStep]:
+    """The deliveries at one stop, after what is handed back there; one time for all of it."""
+    start_at, end_at = placed.start_at, placed.end_at
+    returned = tuple(each for each in step.package_ids if each in terms.returned)
+    delivered = tuple(each for each in step.package_ids if each not in terms.returned)
+    if returned:
+        yield ReturnStep(
+            step_id=step_id,
+            planned_start_at=start_at,
+            planned_end_at=start_at if delivered else end_at,
+            station_id=step.station_id,
+            package_ids=returned,
+        )
+    if delivered:
+        yield DeliverStep(
+            step_id=step_id + 1 if returned else step_id,
+            planned_start_at=start_at,
+            planned_end_at=end_at,
+            station_id=step.station_id,
+            package_ids=delivered,
+            dropoff_s=step.end_s - step.start_s,
+            recipient_wait_s=terms.recipient_wait_s,
+        )
+
+
+def _flight_steps(
     network: Network,
     placed: PlacedStep,
     following: PlacedStep | None,
     *,
-    masses_kg: Mapping[PackageId, float],
+    terms: StepTerms,
     step_id: int,
-) -> FlightStep:
+) -> Iterator[FlightStep]:
     start_at, end_at = placed.start_at, placed.end_at
     match placed.step:
         case PickUp() as step:
-            return PickUpStep(
+            yield PickUpStep(
                 step_id=step_id,
                 planned_start_at=start_at,
                 planned_end_at=end_at,
                 station_id=step.station_id,
                 packages=tuple(
-                    PackageOnBoard(package_id=package_id, mass_kg=masses_kg[package_id])
+                    PackageOnBoard(package_id=package_id, mass_kg=terms.masses_kg[package_id])
                     for package_id in step.package_ids
                 ),
+                awaits_confirmation=terms.awaits_confirmation,
             )
         case Fly() as step:
-            return FlyStep(
+            yield FlyStep(
                 step_id=step_id,
                 planned_start_at=start_at,
                 planned_end_at=end_at,
@@ -84,7 +141,7 @@ def _flight_step(
                 lands=following is None or not isinstance(following.step, Fly),
             )
         case Wait() as step:
-            return WaitStep(
+            yield WaitStep(
                 step_id=step_id,
                 planned_start_at=start_at,
                 planned_end_at=end_at,
@@ -92,7 +149,7 @@ def _flight_step(
                 until_at=end_at,
             )
         case Recharge() as step:
-            return RechargeStep(
+            yield RechargeStep(
                 step_id=step_id,
                 planned_start_at=start_at,
                 planned_end_at=end_at,
@@ -103,14 +160,7 @@ def _flight_step(
                 not_after_at=ms_to_moment(placed.end_ms),
             )
         case Deliver() as step:
-            return DeliverStep(
-                step_id=step_id,
-                planned_start_at=start_at,
-                planned_end_at=end_at,
-                station_id=step.station_id,
-                package_ids=step.package_ids,
-                dropoff_s=step.end_s - step.start_s,
-            )
+            yield from _hand_overs(placed, step, terms=terms, step_id=step_id)
 
 
 def _segment(network: Network, from_id: StationId, to_id: StationId) -> Segment:

@@ -23,7 +23,7 @@ from skyway_composition.missions import store
 from skyway_composition.missions.custody import Held, delivered, on_board
 from skyway_composition.missions.dispatch import dispatch
 from skyway_composition.missions.ending import abort
-from skyway_composition.missions.instruct import flight_steps, wait_there
+from skyway_composition.missions.instruct import StepTerms, flight_steps, wait_there
 from skyway_composition.missions.record import MissionRecord, Stuck
 from skyway_composition.missions.report import report
 from skyway_composition.missions.revision import next_revision
@@ -216,7 +216,7 @@ class Recomposer:
         return flight_steps(
             world.skyway.network,
             placed,
-            masses_kg={each.package_id: each.mass_kg for each in record.request.packages},
+            terms=StepTerms.of(record, world.skyway.settings),
             first_step=last_step + 1,
         )
 

@@ -2,31 +2,42 @@
 
 from datetime import datetime, timedelta
 
-from skyway.contracts.mission import BookMissions, Mission, PackageEta
+from skyway.contracts.candidate import Candidate
+from skyway.contracts.mission import Margins, Mission, PackageEta
+from skyway.delivery.offer import Price
 from skyway.delivery.plan import Plan
-from skyway.ids import DeliveryId, MissionId, NetworkId
+from skyway.delivery.request import DeliveryRequest
+from skyway.ids import DeliveryId, MissionId
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.missions.record import MissionRecord
-from skyway_composition.planning.offers import Offer
+from skyway_composition.networks.prepared import PreparedNetwork
 from skyway_composition.planning.trip import Trip
 
 
 def record_of(
-    offer: Offer,
-    wanted: BookMissions,
+    candidate: Candidate,
+    trip: Trip,
     *,
-    mission_id: MissionId,
     delivery_id: DeliveryId,
-    network_id: NetworkId,
+    attempt: int,
+    trip_number: int,
+    mission_id: MissionId,
+    request: DeliveryRequest,
+    price: Price,
+    skyway: PreparedNetwork,
     expires_at: datetime,
 ) -> MissionRecord:
-    """A new mission that takes an offer; its first instruction expires at `expires_at`."""
-    candidate, trip = offer.candidate, offer.trip
+    """A new mission that flies a trip; `request` holds the packages of this trip only.
+
+    Its first instruction expires at `expires_at`.
+    """
     start_at = ms_to_moment(trip.start_ms)
+    settings = skyway.settings
     mission = Mission(
         mission_id=mission_id,
         delivery_id=delivery_id,
-        attempt=wanted.attempt,
+        attempt=attempt,
+        trip=trip_number,
         provider_id=candidate.provider_id,
         drone_id=candidate.drone_id,
         drone_model_id=candidate.model.model_id,
@@ -34,16 +45,18 @@ def record_of(
         revision=1,
         start_at=start_at,
         released_at=ms_to_moment(trip.released_ms),
-        price=offer.price,
+        price=price,
         packages=_etas(trip.plan, start_at),
         plan=trip.plan,
         home_plan=trip.home_plan,
         home_recharge=trip.home_recharge,
+        margins=Margins(energy_margin=settings.energy_margin, pad_gap_s=settings.pad_gap_s),
+        loading="AWAITED" if candidate.loading == "CONFIRMED" else "AUTOMATIC",
     )
     return MissionRecord(
         mission=mission,
-        network_id=network_id,
-        request=wanted.request,
+        network_id=skyway.network_id,
+        request=request,
         candidate=candidate,
         expires_ms=moment_to_ms(expires_at),
     )

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from skyway_composition.missions.instruct import flight_steps
+from skyway_composition.missions.instruct import StepTerms, flight_steps
 from skyway_composition.planning.trip import PlacedStep
 
 from skyway.contracts.flight_step import DeliverStep, FlyStep, PickUpStep, RechargeStep, WaitStep
@@ -25,7 +25,7 @@ def sent(make: Any, *steps: Step, first_step: int = 1) -> Any:
     return flight_steps(
         read_network(make.network()),
         [PlacedStep(1_000, step) for step in steps],
-        masses_kg={P1: 0.4},
+        terms=StepTerms(masses_kg={P1: 0.4}),
         first_step=first_step,
     )
 
