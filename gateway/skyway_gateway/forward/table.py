@@ -75,6 +75,29 @@ class Forwarded:
         return described
 
 
+def _world_rows(path: str, what: str) -> tuple[Forwarded, ...]:
+    """What operators make and lift in the world, and everybody may see."""
+    return (
+        Forwarded(
+            "POST",
+            path,
+            "composition",
+            _OPERATOR,
+            f"Make a {what}, or with ?dry_run=true show which missions it would hit",
+            statuses=(201, 200),
+        ),
+        Forwarded("GET", path, "composition", _ANY, f"List each {what} that is in force"),
+        Forwarded(
+            "DELETE",
+            f"{path}/{{closure_id}}",
+            "composition",
+            _OPERATOR,
+            f"Lift a {what}",
+            statuses=(204,),
+        ),
+    )
+
+
 #: `POST /v1/providers` is not here: `access` adds the provider's key to its answer.
 FORWARDED: Final[tuple[Forwarded, ...]] = (
     Forwarded("GET", "/v1/providers", "registry", _ANY, "List providers"),
@@ -174,6 +197,39 @@ FORWARDED: Final[tuple[Forwarded, ...]] = (
     Forwarded(
         "GET", "/v1/missions/{mission_id}", "composition", _FLEETS, "Show a mission's progress"
     ),
+    Forwarded(
+        "POST",
+        "/v1/missions/{mission_id}/loading",
+        "composition",
+        _FLEETS,
+        "Confirm what is loaded, with measured masses",
+    ),
+    Forwarded(
+        "POST",
+        "/v1/missions/{mission_id}/commands",
+        "composition",
+        _OPERATOR,
+        "Hold, resume, divert, call home or cancel a mission",
+        statuses=(202,),
+    ),
+    *_world_rows("/v1/stations/{station_id}/closures", "station closure"),
+    *_world_rows("/v1/stations/{station_id}/pads/{pad}/outages", "pad outage"),
+    *_world_rows("/v1/segments/{from_id}/{to_id}/closures", "segment closure"),
+    *_world_rows("/v1/zones", "zone"),
+    *_world_rows("/v1/ground-stops", "ground stop"),
+    Forwarded("GET", "/v1/alarms", "composition", _FLEETS, "List alarms"),
+    Forwarded(
+        "POST",
+        "/v1/alarms/{alarm_id}/acknowledgements",
+        "composition",
+        _OPERATOR,
+        "Acknowledge an alarm",
+        statuses=(200, 201),
+    ),
+    Forwarded(
+        "GET", "/v1/stats/pads", "composition", _FLEETS, "How much of the time pads are taken"
+    ),
+    Forwarded("GET", "/v1/stats/drones", "composition", _FLEETS, "What drones spend their time on"),
 )
 
 
