@@ -87,6 +87,7 @@ missions = Table(
     Column("trouble", Text),  # JSON of missions.record.Trouble: why its plan does not hold
     Column("proposal", Text),  # JSON of missions.record.Proposal: sent, not accepted yet
     Column("aims", Text, nullable=False, server_default="[]"),  # JSON list of missions.record.Aim
+    Column("loading", Text, nullable=False, server_default="AUTOMATIC"),  # of Mission, to find it
     Column("retry_wall_ms", BigInteger, nullable=False, server_default="0"),
     *claim_columns(),
     UniqueConstraint("delivery_id", "attempt", "trip", name="mission_attempt"),
@@ -231,6 +232,7 @@ alarms = Table(
     Column("data", Text, nullable=False),  # JSON object
     Column("acknowledged_ms", BigInteger),
     Column("acknowledged_by", Text),
+    Column("note", Text),  # of whoever acknowledged it
     CheckConstraint("level IN ('WARNING', 'URGENT', 'CRITICAL')", name="alarm_level"),
     Index("alarms_open", "acknowledged_ms", "alarm_id"),
 )

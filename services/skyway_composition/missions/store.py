@@ -34,6 +34,7 @@ class MissionFilter:
     state: str | None = None
     delivery_id: str | None = None
     drone_id: str | None = None
+    loading: str | None = None
 
 
 async def lock_delivery(tx: Tx, delivery_id: DeliveryId) -> int | None:
@@ -158,6 +159,7 @@ async def page(
         (missions.c.state, shown.state),
         (missions.c.delivery_id, shown.delivery_id),
         (missions.c.drone_id, shown.drone_id),
+        (missions.c.loading, shown.loading),
     ):
         if value is not None:
             query = query.where(column == value)
@@ -344,6 +346,7 @@ def _changing(record: MissionRecord) -> dict[str, Any]:  # column values of any 
         "trouble": None if record.trouble is None else record.trouble.model_dump_json(),
         "proposal": None if record.proposal is None else record.proposal.model_dump_json(),
         "aims": _AIMS.dump_json(record.aims).decode(),
+        "loading": mission.loading,
     }
 
 

@@ -17,6 +17,7 @@ def upgrade() -> None:
         sa.Column("trouble", sa.Text(), nullable=True),
         sa.Column("proposal", sa.Text(), nullable=True),
         sa.Column("aims", sa.Text(), server_default="[]", nullable=False),
+        sa.Column("loading", sa.Text(), server_default="AUTOMATIC", nullable=False),
     ):
         op.add_column("missions", column)
     _create_closures()
@@ -67,6 +68,7 @@ def _create_alarms() -> None:
         sa.Column("data", sa.Text(), nullable=False),
         sa.Column("acknowledged_ms", sa.BigInteger(), nullable=True),
         sa.Column("acknowledged_by", sa.Text(), nullable=True),
+        sa.Column("note", sa.Text(), nullable=True),
         sa.CheckConstraint("level IN ('WARNING', 'URGENT', 'CRITICAL')", name="alarm_level"),
         sa.PrimaryKeyConstraint("alarm_id"),
     )
