@@ -26,6 +26,7 @@ from skyway.runtime.migrations import migrate
 from skyway.runtime.minting import Mint, mint
 from skyway.runtime.mqtt import MqttClient
 from skyway.runtime.outbox import MqttSender, ReportSender
+from skyway_composition.alarms.routes import alarm_routes
 from skyway_composition.missions.book import Bookings
 from skyway_composition.missions.follow import Follower
 from skyway_composition.missions.overdue import Overdue
@@ -88,6 +89,7 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
             pad_routes(db=db, gate=gate, clock=clock),
             composition_routes(gate=gate, known=known, solver=parts.inquiries),
             mission_routes(db=db, gate=gate, bookings=parts.bookings),
+            alarm_routes(db=db, gate=gate, clock=clock),
         ],
         lifespan=lifespan,
         readiness=readiness,

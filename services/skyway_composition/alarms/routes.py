@@ -1,0 +1,84 @@
+"""Alarms over REST: operators see all and acknowledge them, providers see their own."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Query
+from pydantic import Field
+
+from skyway.contracts.drone_report import AlarmLevel
+from skyway.ids import AlarmId, ProviderId
+from skyway.json_model import JsonModel
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.database import Database
+from skyway.runtime.errors import NotFound
+from skyway.runtime.identity import Caller, ServiceGate
+from skyway.runtime.paging import Page, PageQuery, page_of
+from skyway.units import moment_to_ms
+from skyway_composition.alarms import store
+from skyway_composition.alarms.alarm import Alarm, AlarmState
+from skyway_composition.alarms.store import AlarmFilter
+
+
+class AlarmQuery(PageQuery):
+    """Which alarms a list shows."""
+
+    state: AlarmState | None = None
+    level: AlarmLevel | None = None
+    provider_id: ProviderId | None = None
+
+
+class Acknowledgement(JsonModel):
+    """What whoever has looked at an alarm says of it."""
+
+    note: Annotated[str | None, Field(max_length=1_000)] = None
+
+
+def alarm_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> APIRouter:
+    """GET /v1/alarms and POST /v1/alarms/{alarm_id}/acknowledgements."""
+    router = APIRouter(tags=["alarms"])
+
+    @router.get("/v1/alarms")
+    async def list_alarms(
+        caller: Annotated[Caller, Depends(gate)], query: Annotated[AlarmQuery, Query()]
+    ) -> Page[Alarm]:
+        """Alarms, the newest first: all for operators, its own for a provider."""
+        caller.must_be("operator", "provider")
+        own = None if caller.role == "operator" else caller.subject_id
+        if own is not None and query.provider_id not in (None, own):
+            raise NotFound("provider", str(query.provider_id))
+        shown = AlarmFilter(
+            provider_id=own or query.provider_id, state=query.state, level=query.level
+        )
+        after = query.after(str)
+        async with db.read() as connection:
+            rows = await store.page(
+                connection,
+                shown,
+                before=str(after[0]) if after else None,
+                limit=query.limit + 1,
+            )
+        return page_of(
+            rows, query, item=lambda alarm: alarm, sort_key=lambda alarm: (alarm.alarm_id,)
+        )
+
+    @router.post("/v1/alarms/{alarm_id}/acknowledgements")
+    async def acknowledge(
+        alarm_id: AlarmId,
+        caller: Annotated[Caller, Depends(gate)],
+        acknowledgement: Acknowledgement,
+    ) -> Alarm:
+        """Take an alarm off the open ones; of several who do, the first is kept."""
+        caller.must_be("operator")
+        async with db.write() as tx:
+            alarm = await store.acknowledge(
+                tx,
+                alarm_id,
+                by=str(caller),
+                at_ms=moment_to_ms(clock.now()),
+                note=acknowledgement.note,
+            )
+        if alarm is None:
+            raise NotFound("alarm", alarm_id)
+        return alarm
+
+    return router

@@ -1,0 +1,110 @@
+"""All SQL of the alarms."""
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy import Row, insert, select, update
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from skyway.contracts.drone_report import AlarmLevel
+from skyway.ids import AlarmId, DroneId, MissionId, ProviderId, StationId
+from skyway.runtime.database import Tx
+from skyway.runtime.minting import Mint
+from skyway.units import ms_to_moment
+from skyway_composition.alarms.alarm import Alarm, AlarmState
+from skyway_composition.tables import alarms
+
+
+@dataclass(frozen=True, slots=True)
+class AlarmFilter:
+    """Which alarms a list shows; None: all."""
+
+    provider_id: str | None = None
+    state: AlarmState | None = None
+    level: AlarmLevel | None = None
+
+
+async def add(
+    tx: Tx,
+    *,
+    level: AlarmLevel,
+    code: str,
+    detail: str,
+    at_ms: int,
+    mint: Mint,
+    provider_id: ProviderId | None = None,
+    drone_id: DroneId | None = None,
+    mission_id: MissionId | None = None,
+    station_id: StationId | None = None,
+    data: Mapping[str, Any] | None = None,  # numbers and names behind the code
+) -> AlarmId:
+    """Raise an alarm; it is open until somebody acknowledges it."""
+    alarm_id = AlarmId(mint("alm"))
+    await tx.execute(
+        insert(alarms).values(
+            alarm_id=alarm_id,
+            level=level,
+            code=code,
+            detail=detail,
+            at_ms=at_ms,
+            provider_id=provider_id,
+            drone_id=drone_id,
+            mission_id=mission_id,
+            station_id=station_id,
+            data=json.dumps(data or {}),
+        )
+    )
+    return alarm_id
+
+
+async def acknowledge(
+    tx: Tx, alarm_id: AlarmId, *, by: str, at_ms: int, note: str | None
+) -> Alarm | None:
+    """The alarm, which is acknowledged from now on, if not already; None when there is none."""
+    this = alarms.c.alarm_id == alarm_id
+    await tx.execute(
+        update(alarms)
+        .where(this, alarms.c.acknowledged_ms.is_(None))
+        .values(acknowledged_ms=at_ms, acknowledged_by=by, note=note)
+    )
+    row = (await tx.execute(select(alarms).where(this))).one_or_none()
+    return None if row is None else _alarm(row)
+
+
+async def page(
+    connection: AsyncConnection, shown: AlarmFilter, *, before: str | None, limit: int
+) -> list[Alarm]:
+    """Alarms, the newest first, those before a given id."""
+    query = select(alarms).order_by(alarms.c.alarm_id.desc()).limit(limit)
+    if shown.provider_id is not None:
+        query = query.where(alarms.c.provider_id == shown.provider_id)
+    if shown.level is not None:
+        query = query.where(alarms.c.level == shown.level)
+    if shown.state is not None:
+        is_open = alarms.c.acknowledged_ms.is_(None)
+        query = query.where(is_open if shown.state == "OPEN" else ~is_open)
+    if before is not None:
+        query = query.where(alarms.c.alarm_id < before)
+    return [_alarm(row) for row in await connection.execute(query)]
+
+
+def _alarm(row: Row[*tuple[Any, ...]]) -> Alarm:  # a row of alarms
+    acknowledged_ms = row.acknowledged_ms
+    return Alarm(
+        alarm_id=row.alarm_id,
+        level=row.level,
+        code=row.code,
+        detail=row.detail,
+        at=ms_to_moment(row.at_ms),
+        state="OPEN" if acknowledged_ms is None else "ACKNOWLEDGED",
+        provider_id=row.provider_id,
+        drone_id=row.drone_id,
+        mission_id=row.mission_id,
+        station_id=row.station_id,
+        data=json.loads(row.data),
+        acknowledged_at=None if acknowledged_ms is None else ms_to_moment(acknowledged_ms),
+        acknowledged_by=row.acknowledged_by,
+        note=row.note,
+    )

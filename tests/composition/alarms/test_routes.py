@@ -1,0 +1,126 @@
+"""Alarms over REST: open until somebody has looked, and a provider's own only."""
+
+from typing import Any
+
+from skyway_composition.alarms import store
+
+from skyway.units import moment_to_ms
+
+
+async def raise_alarm(composition: Any, **members: Any) -> str:
+    values = {
+        "level": "WARNING",
+        "code": "WIND",
+        "detail": "the wind is strong",
+        "at_ms": moment_to_ms(composition.clock.now()),
+        "provider_id": "prv_1",
+        "mint": composition.parts.mint,
+        **members,
+    }
+    async with composition.db.write() as tx:
+        return str(await store.add(tx, **values))
+
+
+def ids(answer: Any) -> list[str]:
+    return [item["alarm_id"] for item in answer.json()["items"]]
+
+
+async def test_an_alarm_shows_what_happened_to_whom(composition: Any) -> None:
+    alarm_id = await raise_alarm(
+        composition, level="CRITICAL", drone_id="drn_1", station_id="b", data={"need_j": 7.5}
+    )
+
+    (alarm,) = (await composition("operator:op", "GET", "/v1/alarms")).json()["items"]
+
+    assert alarm["alarm_id"] == alarm_id
+    assert (alarm["level"], alarm["code"], alarm["state"]) == ("CRITICAL", "WIND", "OPEN")
+    assert (alarm["drone_id"], alarm["station_id"], alarm["mission_id"]) == ("drn_1", "b", None)
+    assert alarm["data"] == {"need_j": 7.5}
+    assert alarm["at"] == "2026-03-01T12:00:00Z"
+
+
+async def test_operators_see_all_alarms_the_newest_first_and_can_narrow_them(
+    composition: Any,
+) -> None:
+    first = await raise_alarm(composition)
+    second = await raise_alarm(composition, level="URGENT", provider_id="prv_2")
+    third = await raise_alarm(composition, provider_id=None)
+
+    everything = await composition("operator:op", "GET", "/v1/alarms")
+    urgent = await composition("operator:op", "GET", "/v1/alarms?level=URGENT")
+    of_one = await composition("operator:op", "GET", "/v1/alarms?provider_id=prv_1")
+
+    assert ids(everything) == [third, second, first]
+    assert (ids(urgent), ids(of_one)) == ([second], [first])
+
+
+async def test_a_provider_sees_its_own_alarms_only(composition: Any) -> None:
+    own = await raise_alarm(composition)
+    await raise_alarm(composition, provider_id="prv_2")
+    await raise_alarm(composition, provider_id=None)
+
+    listed = await composition("provider:prv_1", "GET", "/v1/alarms")
+    foreign = await composition("provider:prv_1", "GET", "/v1/alarms?provider_id=prv_2")
+
+    assert ids(listed) == [own]
+    assert foreign.status_code == 404
+
+
+async def test_customers_have_no_alarms_to_see(composition: Any) -> None:
+    answer = await composition("customer:c", "GET", "/v1/alarms")
+
+    assert answer.status_code == 403
+
+
+async def test_alarms_come_in_pages(composition: Any) -> None:
+    first, second = await raise_alarm(composition), await raise_alarm(composition)
+
+    page = await composition("operator:op", "GET", "/v1/alarms?limit=1")
+    rest = await composition(
+        "operator:op", "GET", f"/v1/alarms?limit=1&cursor={page.json()['next_cursor']}"
+    )
+
+    assert (ids(page), ids(rest)) == ([second], [first])
+    assert rest.json()["next_cursor"] is None
+
+
+async def test_an_acknowledged_alarm_is_open_no_more(composition: Any) -> None:
+    open_one, seen = await raise_alarm(composition), await raise_alarm(composition)
+
+    answer = await composition(
+        "operator:op", "POST", f"/v1/alarms/{seen}/acknowledgements", {"note": "looked"}
+    )
+
+    assert answer.status_code == 200
+    assert (answer.json()["state"], answer.json()["note"]) == ("ACKNOWLEDGED", "looked")
+    still_open = await composition("operator:op", "GET", "/v1/alarms?state=OPEN")
+    done = await composition("operator:op", "GET", "/v1/alarms?state=ACKNOWLEDGED")
+    assert (ids(still_open), ids(done)) == ([open_one], [seen])
+
+
+async def test_of_two_who_acknowledge_the_first_is_kept(composition: Any) -> None:
+    alarm_id = await raise_alarm(composition)
+    path = f"/v1/alarms/{alarm_id}/acknowledgements"
+
+    await composition("operator:first", "POST", path, {"note": "mine"})
+    second = await composition("operator:second", "POST", path, {"note": "no, mine"})
+
+    assert second.status_code == 200
+    assert (second.json()["acknowledged_by"], second.json()["note"]) == ("operator:first", "mine")
+
+
+async def test_only_operators_acknowledge(composition: Any) -> None:
+    alarm_id = await raise_alarm(composition)
+
+    answer = await composition(
+        "provider:prv_1", "POST", f"/v1/alarms/{alarm_id}/acknowledgements", {}
+    )
+
+    assert answer.status_code == 403
+    assert ids(await composition("operator:op", "GET", "/v1/alarms?state=OPEN")) == [alarm_id]
+
+
+async def test_there_must_be_an_alarm_to_acknowledge(composition: Any) -> None:
+    answer = await composition("operator:op", "POST", "/v1/alarms/alm_0/acknowledgements", {})
+
+    assert answer.status_code == 404
