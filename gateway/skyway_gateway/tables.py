@@ -139,6 +139,11 @@ missions = Table(
     Column("state", Text, nullable=False),
     Column("report_seq", Integer, nullable=False),  # of the last report that was applied
     Column("body", Text, nullable=False),  # JSON of skyway.contracts.mission.Mission
+    Column("start_ms", BigInteger),  # as it was first booked: revisions begin later
+    # What the drone did up to its last hand-over, as it reported.
+    Column("flight_s", Double),
+    Column("waiting_s", Double),
+    Column("recharging_s", Double),
     UniqueConstraint("delivery_id", "attempt", "trip", name="mission_attempt"),
     Index("missions_by_provider", "provider_id", "delivery_id"),
 )

@@ -56,7 +56,7 @@ class Follower:
         progress = after_report(delivery, report)
         if progress.delivery != delivery:
             await store.save(tx, delivery, progress.delivery)
-        await store.note_report(tx, report.mission_id, seq=report.seq)
+        await store.note_report(tx, report)
         await self.events.tell(
             tx,
             progress.happenings,

@@ -11,7 +11,7 @@ from typing import Any, Final
 from pydantic import TypeAdapter
 
 from skyway.contracts.candidate import ProviderReason
-from skyway.contracts.mission import Mission
+from skyway.contracts.mission import Mission, MissionReport
 from skyway.delivery.request import DeliveryRequest, Place
 from skyway.geo import Position
 from skyway.units import moment_to_ms, ms_to_moment
@@ -130,7 +130,15 @@ def mission_row(mission: Mission) -> dict[str, object]:
         "state": mission.state,
         "report_seq": 0,
         "body": mission.model_dump_json(),
+        "start_ms": moment_to_ms(mission.start_at),
     }
+
+
+def reported(report: MissionReport) -> dict[str, object]:
+    """What a mission's row keeps of a report: its place, and times flown up to a hand-over."""
+    flown = report.data.get("flown", {}) if report.kind == "DELIVERED" else {}
+    names = ("flight_s", "waiting_s", "recharging_s")
+    return {"report_seq": report.seq} | {name: flown[name] for name in names if name in flown}
 
 
 def delivery_of(row: Any, packed: Sequence[PackageStatus], flown: Sequence[Mission]) -> Delivery:

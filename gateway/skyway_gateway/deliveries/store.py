@@ -21,7 +21,7 @@ from sqlalchemy import (
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.candidate import ProviderReason
-from skyway.contracts.mission import Mission
+from skyway.contracts.mission import Mission, MissionReport
 from skyway.ids import DeliveryId, MissionId, ProviderId
 from skyway.runtime.claims import FREE, claim
 from skyway.runtime.clock import FleetClock
@@ -176,10 +176,10 @@ async def reported_mission(tx: Tx, mission_id: MissionId) -> ReportedMission | N
     return None if row is None else ReportedMission(row.mission_id, row.report_seq)
 
 
-async def note_report(tx: Tx, mission_id: MissionId, *, seq: int) -> None:
+async def note_report(tx: Tx, report: MissionReport) -> None:
     """Note that a mission's reports are applied up to this one."""
-    this = missions.c.mission_id == mission_id
-    await tx.execute(update(missions).where(this).values(report_seq=seq))
+    this = missions.c.mission_id == report.mission_id
+    await tx.execute(update(missions).where(this).values(rows.reported(report)))
 
 
 async def one_of(connection: AsyncConnection, caller: Caller, delivery_id: DeliveryId) -> Delivery:

@@ -21,6 +21,9 @@ def upgrade() -> None:
     op.create_index("deliveries_by_time", "deliveries", ["created_ms"])
     op.add_column("packages", sa.Column("mission_id", sa.Text(), nullable=True))
     op.add_column("packages", sa.Column("proof", sa.Text(), nullable=True))
+    op.add_column("missions", sa.Column("start_ms", sa.BigInteger(), nullable=True))
+    for name in ("flight_s", "waiting_s", "recharging_s"):
+        op.add_column("missions", sa.Column(name, sa.Double(), nullable=True))
     _create_quotes()
     _create_audit()
 
