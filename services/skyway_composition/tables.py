@@ -115,7 +115,12 @@ mission_steps = Table(
     Column("started_ms", BigInteger),
     Column("ended_ms", BigInteger),
     Column("event", Text),  # JSON of DroneEvent: the evidence
+    # What statistics add up, of the step; null in rows of an older version.
+    Column("kind", Text),
+    Column("station_id", Text),  # where it is done; null for a flight
+    Column("pad", Integer),  # of a RECHARGE
     CheckConstraint("status IN ('PLANNED', 'ENDED', 'FAILED')", name="mission_step_status"),
+    Index("mission_steps_by_time", "ended_ms"),
 )
 
 #: Exists exactly as long as its mission lives; [start_ms, end_ms) of one pad.

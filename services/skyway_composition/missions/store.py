@@ -249,6 +249,9 @@ async def add_steps(
             "revision": revision,
             "status": "PLANNED",
             "step": step.model_dump_json(),
+            "kind": step.kind,
+            "station_id": None if step.kind == "FLY" else step.station_id,
+            "pad": step.pad if step.kind == "RECHARGE" else None,
         }
         for step in steps
     ]

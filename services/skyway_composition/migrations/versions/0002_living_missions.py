@@ -20,6 +20,13 @@ def upgrade() -> None:
         sa.Column("loading", sa.Text(), server_default="AUTOMATIC", nullable=False),
     ):
         op.add_column("missions", column)
+    for column in (
+        sa.Column("kind", sa.Text(), nullable=True),
+        sa.Column("station_id", sa.Text(), nullable=True),
+        sa.Column("pad", sa.Integer(), nullable=True),
+    ):
+        op.add_column("mission_steps", column)
+    op.create_index("mission_steps_by_time", "mission_steps", ["ended_ms"])
     _create_closures()
     _create_alarms()
     _create_cancellations()
