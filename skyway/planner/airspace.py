@@ -1,5 +1,6 @@
 """What the zones of a network close: geometry only, the same for every problem on the network."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -54,14 +55,19 @@ class Airspace:
     @classmethod
     def of(cls, network: Network) -> "Airspace":
         """The airspace above this network."""
-        if not network.zones:
+        return cls.over(network, network.zones)
+
+    @classmethod
+    def over(cls, network: Network, zones: Sequence[Zone]) -> "Airspace":
+        """The airspace above this network, were these its zones."""
+        if not zones:
             return cls(())
         columns = network.columns
         at = columns.longitude_deg, columns.latitude_deg
         starts, ends = ((at[0][rows], at[1][rows]) for rows in (columns.from_row, columns.to_row))
         stations, segments = _Boxes(at, at), _Boxes(starts, ends)
         reaches = []
-        for zone in network.zones:
+        for zone in zones:
             near, met = stations.rows_near(zone), segments.rows_near(zone)
             inside = which_lie_in(zone, _taken(at, near))
             crossing = which_cross(zone, _taken(starts, met), _taken(ends, met))

@@ -103,7 +103,7 @@ class Bookings:
         if skyway is None:
             return None
         now_ms = moment_to_ms(self.clock.now())
-        return World.of(skyway, self.db, after_ms=now_ms)
+        return await World.of(skyway, self.db, after_ms=now_ms)
 
     async def _take_best(
         self,

@@ -88,7 +88,7 @@ class Recomposer:
 
     async def _look(self, record: MissionRecord) -> World:
         skyway = await self.networks.current(record.network_id)
-        return World.of(
+        return await World.of(
             skyway,
             self.db,
             after_ms=moment_to_ms(self.clock.now()),

@@ -19,6 +19,7 @@ from skyway.planner.airspace import Airspace
 from skyway.planner.hierarchy import Hierarchy
 from skyway.runtime.database import Database
 from skyway.runtime.errors import NotFound
+from skyway_composition.closures.known_conditions import KnownConditions
 from skyway_composition.networks import store
 from skyway_composition.networks.settings import NetworkSettings, settings_of
 
@@ -38,6 +39,7 @@ class PreparedNetwork:
 
     `straightness` is the least length of a segment per metre of great circle between its ends, at
     most 1: no way between two stations is shorter than the great circle times this.
+    `conditions` are the network's, which change without a new version.
     """
 
     network_id: NetworkId
@@ -47,6 +49,7 @@ class PreparedNetwork:
     airspace: Airspace
     hierarchy: Hierarchy | None
     straightness: float
+    conditions: KnownConditions
 
 
 class PreparedNetworks:
@@ -117,6 +120,7 @@ def _prepare(network_id: NetworkId, version: int, content: bytes) -> PreparedNet
         airspace=Airspace.of(network),
         hierarchy=_hierarchy(network),
         straightness=_straightness(network),
+        conditions=KnownConditions(network_id, network),
     )
     log.info(
         "network prepared",

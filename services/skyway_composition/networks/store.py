@@ -62,6 +62,20 @@ async def share_version(tx: Tx, network_id: NetworkId) -> int | None:
     return version
 
 
+async def share_world(tx: Tx, network_id: NetworkId) -> tuple[int, int] | None:
+    """The current version and the number of its conditions; others may read them too.
+
+    Nobody publishes, closes or reopens anything in this network before the transaction ends.
+    """
+    found = await tx.execute(
+        select(networks.c.version, networks.c.conditions)
+        .where(networks.c.network_id == network_id)
+        .with_for_update(read=True)
+    )
+    row = found.one_or_none()
+    return None if row is None else (row.version, row.conditions)
+
+
 async def all_current(connection: AsyncConnection) -> list[VersionRow]:
     """The current versions of all networks."""
     found = await connection.execute(select(networks).order_by(networks.c.network_id))

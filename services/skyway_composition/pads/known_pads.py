@@ -8,7 +8,7 @@ import numpy as np
 from skyway.ids import MissionId, NetworkId, StationId
 from skyway.network.columns import Rows
 from skyway.network.network import Network
-from skyway.planner.pad_book import NO_RESERVATIONS, PadBook
+from skyway.planner.pad_book import PadBook
 from skyway.runtime.database import Database
 from skyway_composition.pads.store import PadHeld, booked_at, booked_everywhere
 
@@ -27,6 +27,10 @@ class KnownPads:
         The moment, milliseconds since 1970.
     without_mission_id
         A mission whose own pads count as free.
+    outages
+        Pads that are out of order, and when; an end of `OPEN_MS` is none.
+    gap_ms
+        How long before a reservation its pad has to be free: the gap after it is booked with it.
     """
 
     def __init__(
@@ -37,6 +41,8 @@ class KnownPads:
         *,
         after_ms: int,
         without_mission_id: MissionId | None = None,
+        outages: Sequence[PadHeld] = (),
+        gap_ms: int = 0,
     ) -> None:
         self._db = db
         self._network_id = network_id
@@ -44,9 +50,11 @@ class KnownPads:
         self._after_ms = after_ms
         self._without_mission_id = without_mission_id
         self._is_read = np.zeros(len(network.row_of), np.bool_)
+        self._outages = tuple(outages)
+        self._gap_ms = gap_ms
         self._held: list[PadHeld] = []
         #: Of the stations read so far, milliseconds since 1970.
-        self.book: PadBook = NO_RESERVATIONS
+        self.book: PadBook = self._book_of(())
 
     def knows(self, station_id: StationId) -> bool:
         """Whether this station has been read."""
@@ -79,10 +87,11 @@ class KnownPads:
 
     def _book_of(self, held: Sequence[PadHeld]) -> PadBook:
         row_of, pads = self._network.row_of, self._network.columns.pads
+        early = ((*each[:2], each[2] - self._gap_ms, each[3]) for each in held)
         # A station or pad that this version does not have is nothing to plan around.
         entries = [
             (row, pad, start_ms, end_ms)
-            for station_id, pad, start_ms, end_ms in held
+            for station_id, pad, start_ms, end_ms in (*early, *self._outages)
             if (row := row_of.get(station_id)) is not None and pad < pads[row]
         ]
         columns = np.array(entries, np.int64).reshape(-1, 4).T

@@ -1,6 +1,6 @@
 """All SQL of pads: reservations, and how taken stations are."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -9,7 +9,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import MissionId, NetworkId, StationId
 from skyway.runtime.database import Tx
-from skyway_composition.pads.booked_pad import BookedPad
+from skyway_composition.pads.booked_pad import BookedPad, merged
 from skyway_composition.tables import pad_reservations, stations
 
 #: A pad held in [start_ms, end_ms): station, pad, start_ms, end_ms.
@@ -37,26 +37,34 @@ async def reserve(tx: Tx, mission_id: MissionId, booked: Sequence[BookedPad]) ->
     """
     if not booked:
         return
-    # Two bookings of one station wait here for each other, in sorted order; in the exclusion
-    # constraint itself they could wait for each other crosswise.
-    station_ids = sorted({each.station_id for each in booked})
-    await tx.execute(
-        select(stations.c.station_id)
-        .where(stations.c.station_id.in_(station_ids))
-        .order_by(stations.c.station_id)
-        .with_for_update()
-    )
-    rows = [
-        {
-            "station_id": each.station_id,
-            "pad": each.pad,
-            "start_ms": each.start_ms,
-            "end_ms": each.end_ms,
-            "mission_id": mission_id,
-        }
-        for each in booked
-    ]
-    await tx.execute(insert(pad_reservations), rows)
+    await _lock_stations(tx, booked)
+    await _insert(tx, mission_id, booked)
+
+
+async def hold(tx: Tx, mission_id: MissionId, booked: Iterable[BookedPad]) -> None:
+    """Have a mission hold exactly these pads from now on: what it no longer needs is free.
+
+    Raises
+    ------
+    Taken
+        Somebody else holds one of them for some of the time.
+    """
+    wanted = set(merged(booked))
+    held = await _held_by(tx, mission_id)
+    given_up, taken = held - wanted, wanted - held
+    if any(not _is_within(each, held) for each in taken):
+        # Given up before it is locked, a pad could make two missions wait for each other.
+        await _lock_stations(tx, given_up | taken)
+    for each in given_up:
+        await tx.execute(
+            delete(pad_reservations).where(
+                pad_reservations.c.station_id == each.station_id,
+                pad_reservations.c.pad == each.pad,
+                pad_reservations.c.start_ms == each.start_ms,
+                pad_reservations.c.mission_id == mission_id,
+            )
+        )
+    await _insert(tx, mission_id, sorted(taken))
 
 
 async def free(tx: Tx, mission_id: MissionId) -> None:
@@ -179,3 +187,49 @@ async def pads_everywhere(connection: AsyncConnection) -> dict[StationId, int]:
     """How many pads every station has."""
     found = await connection.execute(select(stations.c.station_id, stations.c.pads))
     return {row.station_id: row.pads for row in found}
+
+
+async def _held_by(tx: Tx, mission_id: MissionId) -> set[BookedPad]:
+    found = await tx.execute(
+        select(pad_reservations).where(pad_reservations.c.mission_id == mission_id)
+    )
+    return {BookedPad(row.station_id, row.pad, row.start_ms, row.end_ms) for row in found}
+
+
+def _is_within(session: BookedPad, held: Iterable[BookedPad]) -> bool:
+    """Whether a session only shortens one that is held."""
+    return any(
+        (session.station_id, session.pad) == (each.station_id, each.pad)
+        and each.start_ms <= session.start_ms
+        and session.end_ms <= each.end_ms
+        for each in held
+    )
+
+
+async def _lock_stations(tx: Tx, booked: Iterable[BookedPad]) -> None:
+    """Have two bookings of one station wait here for each other, in sorted order.
+
+    In the exclusion constraint itself they could wait for each other crosswise.
+    """
+    station_ids = sorted({each.station_id for each in booked})
+    await tx.execute(
+        select(stations.c.station_id)
+        .where(stations.c.station_id.in_(station_ids))
+        .order_by(stations.c.station_id)
+        .with_for_update()
+    )
+
+
+async def _insert(tx: Tx, mission_id: MissionId, booked: Iterable[BookedPad]) -> None:
+    rows = [
+        {
+            "station_id": each.station_id,
+            "pad": each.pad,
+            "start_ms": each.start_ms,
+            "end_ms": each.end_ms,
+            "mission_id": mission_id,
+        }
+        for each in booked
+    ]
+    if rows:
+        await tx.execute(insert(pad_reservations), rows)

@@ -74,7 +74,9 @@ class KnownNetworks:
         if document.get("start_at") is None:
             complete["start_at"] = start_at
         problem = await asyncio.to_thread(read_problem, complete)
-        return problem, World.of(skyway, self.db, after_ms=moment_to_ms(start_at))
+        after_ms = moment_to_ms(start_at)
+        # Pure planning: margins are added where something is booked.
+        return problem, await World.of(skyway, self.db, after_ms=after_ms, pad_gap_s=0.0)
 
 
 def _start_at(document: dict[str, Any]) -> datetime | None:

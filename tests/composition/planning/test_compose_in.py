@@ -37,7 +37,7 @@ class CountingSolver(SolverPool):
 
 async def look(composition: Any, network_id: str = "row") -> World:
     skyway = await composition.parts.networks.current(NetworkId(network_id))
-    return World.of(skyway, composition.db, after_ms=moment_to_ms(composition.clock.now()))
+    return await World.of(skyway, composition.db, after_ms=moment_to_ms(composition.clock.now()))
 
 
 def make_problem(composition: Any, make: Any, world: World, *places: str, **more: Any) -> Problem:

@@ -32,7 +32,7 @@ class CountingSolver(SolverPool):
 async def offers_of(composition: Any, request: Any, *candidates: Any, busy: Any = ()) -> Any:
     """The offers, and the stations from which was composed."""
     skyway = await composition.parts.networks.current("row")
-    world = World.of(skyway, composition.parts.db, after_ms=0)
+    world = await World.of(skyway, composition.parts.db, after_ms=0)
     async with CountingSolver() as solver:
         offers = await make_offers(
             solver,

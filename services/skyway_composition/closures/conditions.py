@@ -1,0 +1,110 @@
+"""What is closed in a network, now and later, in the words of those who plan."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+from skyway.contracts.candidate import Candidate
+from skyway.ids import StationId
+from skyway.network.network import Network
+from skyway.network.zones import contains
+from skyway.planner.airspace import Airspace, SegmentEnds, ZoneReach
+from skyway.planner.pad_book import OPEN_MS
+from skyway.planner.problem_parts import SegmentClosure, StationClosure
+from skyway.units import ms_to_moment
+from skyway_composition.closures.closure import Closure
+
+
+# Without slots: what zones reach is found when somebody asks for it, and kept.
+@dataclass(frozen=True, eq=False)
+class Conditions:
+    """The closures of a network that are in force or will be."""
+
+    network: Network
+    closures: tuple[Closure, ...]
+
+    def problem_closures(self, start_ms: int) -> tuple[StationClosure | SegmentClosure, ...]:
+        """All that is closed after a plan's start, zones too, station by station and by segment."""
+        return tuple(self._problem_closures(start_ms))
+
+    def pad_outages(self, after_ms: int) -> list[tuple[StationId, int, int, int]]:
+        """Station, pad, start and end, in ms, of each outage that lasts beyond a moment."""
+        return [
+            (each.station_id, each.pad, each.from_ms, each.until_ms or OPEN_MS)
+            for each in self.closures
+            if each.kind == "PAD" and each.lasts_beyond(after_ms)
+            if each.station_id is not None and each.pad is not None
+        ]
+
+    def stops(
+        self, candidate: Candidate, *, at_ms: int, station_ids: Iterable[StationId] = ()
+    ) -> str | None:
+        """Why this drone may not take off where it stands, or at one of these stations.
+
+        None when no ground stop that concerns it is in force at that moment.
+        """
+        places = {candidate.station_id, *station_ids}
+        for stop in self.closures:
+            is_meant = (
+                stop.kind == "GROUND_STOP"
+                and stop.is_in_force(at_ms)
+                and stop.provider_id in (None, candidate.provider_id)
+                and stop.drone_model_id in (None, candidate.model.model_id)
+            )
+            if is_meant and any(self.is_under(stop, place) for place in places):
+                until = (
+                    "until it is lifted"
+                    if stop.until_ms is None
+                    else f"until {ms_to_moment(stop.until_ms).isoformat()}"
+                )
+                why = "" if stop.reason is None else f": {stop.reason}"
+                return f"ground stop {until}{why}"
+        return None
+
+    def is_under(self, stop: Closure, station_id: StationId) -> bool:
+        """Whether a station lies in the area of a ground stop; without area all do."""
+        zone = stop.zone
+        station = self.network.stations.get(station_id)
+        return zone is None or (station is not None and contains(zone, station.position))
+
+    def reach(self, closure: Closure) -> tuple[tuple[StationId, ...], tuple[SegmentEnds, ...]]:
+        """The stations where nobody lands, and the segments that nobody flies, because of it."""
+        if closure.kind == "ZONE":
+            reach = self._zone_reaches[closure.closure_id]
+            return reach.stations, reach.segments
+        station_id, to_id = closure.station_id, closure.to_station_id
+        if station_id is None or station_id not in self.network.row_of:
+            return (), ()
+        if closure.kind == "STATION":
+            return (station_id,), ()
+        leaving = {segment.to_id for segment in self.network.segments_from(station_id)}
+        if closure.kind == "SEGMENT" and to_id is not None and to_id in leaving:
+            return (), ((station_id, to_id),)
+        return (), ()
+
+    def _problem_closures(self, start_ms: int) -> Iterator[StationClosure | SegmentClosure]:
+        for closure in self.closures:
+            if not closure.lasts_beyond(start_ms):
+                continue
+            start_s = (closure.from_ms - start_ms) / 1000
+            end_s = None if closure.until_ms is None else (closure.until_ms - start_ms) / 1000
+            stations, segments = self.reach(closure)
+            # Constructed, not validated: a zone over a city closes thousands of segments.
+            for station_id in stations:
+                yield StationClosure.model_construct(
+                    station_id=station_id, start_s=start_s, end_s=end_s
+                )
+            for from_id, to_id in segments:
+                yield SegmentClosure.model_construct(
+                    from_id=from_id, to_id=to_id, start_s=start_s, end_s=end_s
+                )
+
+    @cached_property
+    def _zone_reaches(self) -> dict[str, ZoneReach]:
+        zones = [
+            zone
+            for each in self.closures
+            if each.kind == "ZONE" and (zone := each.zone) is not None
+        ]
+        reaches = Airspace.over(self.network, zones).reaches
+        return {reach.zone.zone_id: reach for reach in reaches}
