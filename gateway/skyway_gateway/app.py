@@ -4,6 +4,7 @@ import secrets
 from collections.abc import AsyncIterator, Mapping
 from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass
+from datetime import timedelta
 from pathlib import Path
 from typing import Final
 
@@ -45,7 +46,10 @@ from skyway_gateway.notifications.routes import clock_routes, webhook_routes
 from skyway_gateway.notifications.sender import WebhookSender
 from skyway_gateway.notifications.stream import EventStream
 from skyway_gateway.notifications.targets import Targets
+from skyway_gateway.quotes import store as quote_store
 from skyway_gateway.quotes.checks import Checks
+from skyway_gateway.quotes.make import QuoteMaker
+from skyway_gateway.quotes.routes import quote_routes
 from skyway_gateway.settings import GatewaySettings
 from skyway_gateway.tables import outbox
 
@@ -56,6 +60,9 @@ PACKAGE: Final = "skyway_gateway"
 _QUEUE_EVERY_S: Final = 0.5
 _ACCOUNTS_EVERY_S: Final = 10.0
 _SWEEP_EVERY_S: Final = 600.0
+
+#: How long a quote can be read after it has expired.
+_QUOTES_KEPT: Final = timedelta(hours=24)
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,6 +98,18 @@ class Parts:
         return Follower(self.db, self.events, self.clock, self.queued)
 
     @property
+    def quote_maker(self) -> QuoteMaker:
+        """Makes quotes."""
+        return QuoteMaker(
+            self.db,
+            self.registry,
+            self.composition,
+            self.checks,
+            self.clock,
+            mint,
+        )
+
+    @property
     def acceptance(self) -> Acceptance:
         """Accepts delivery requests."""
         return Acceptance(self.db, self.checks, self.events, self.clock, mint, self.queued)
@@ -110,6 +129,7 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
         description="The public face: deliveries, their events, and what operators and providers "
         "ask of the other services.",
         routers=[
+            quote_routes(db=db, gate=gate, maker=parts.quote_maker),
             delivery_routes(
                 db=db,
                 gate=gate,
@@ -205,6 +225,9 @@ def _start_booking(loops: Loops, parts: Parts, name: str) -> None:
 def _start_sweeping(loops: Loops, parts: Parts) -> None:
     async def forget_old_answers() -> bool:
         await idempotency.sweep(parts.db, parts.clock)
+        expired_before = parts.clock.wall_now() - _QUOTES_KEPT
+        async with parts.db.write() as tx:
+            await quote_store.forget(tx, expired_before=expired_before)
         return False
 
     keys = parts.keys

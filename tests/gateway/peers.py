@@ -16,7 +16,15 @@ from skyway.contracts.candidate import (
     PayloadLimitQuery,
     ProviderReason,
 )
-from skyway.contracts.mission import Booking, BookMissions, ClosedDelivery, Mission, PackageEta
+from skyway.contracts.mission import (
+    Booking,
+    BookMissions,
+    ClosedDelivery,
+    Margins,
+    Mission,
+    PackageEta,
+)
+from skyway.contracts.quote import OfferTerms, QuoteAnswer, QuoteQuery
 from skyway.contracts.station_check import StationCheck, StationCheckQuery
 from skyway.delivery.offer import Price, Tariff
 from skyway.delivery.plan import PackageDelivery, Plan, PlanStatus
@@ -95,6 +103,32 @@ def make_mission(
     )
 
 
+def make_terms(request: DeliveryRequest, candidate: Candidate, at: datetime) -> OfferTerms:
+    """One package every ten minutes, from a minute after now on."""
+    pickup_at = at + timedelta(seconds=60)
+    return OfferTerms(
+        provider_id=candidate.provider_id,
+        drone_id=candidate.drone_id,
+        drone_model_id=candidate.model.model_id,
+        price=Price(amount=candidate.tariff.base, currency="USD"),
+        pickup_at=pickup_at,
+        delivery_time_s=600.0 * len(request.packages),
+        packages=tuple(
+            PackageEta(
+                package_id=package.package_id, eta_at=pickup_at + timedelta(seconds=600 * number)
+            )
+            for number, package in enumerate(request.packages, start=1)
+        ),
+        energy_j=1e6,
+        distance_m=1e4,
+        recharges=1,
+        recharging_s=120.0,
+        waiting_s=60.0,
+        margins=Margins(energy_margin=0.15, pad_gap_s=120.0),
+        score=1.0,
+    )
+
+
 @dataclass
 class FakeRegistry:
     """Answers what a test says; `is_away` makes it unreachable."""
@@ -143,6 +177,7 @@ class FakeComposition:
     reasons: list[ProviderReason] = field(default_factory=list)
     booked: dict[tuple[str, int], Mission] = field(default_factory=dict)
     closed: set[str] = field(default_factory=set)
+    quote_queries: list[QuoteQuery] = field(default_factory=list)
     #: How often something was booked anew, which must be once per attempt.
     booking_count: int = 0
 
@@ -154,6 +189,16 @@ class FakeComposition:
             positions={one: Position(-98.0, 29.0 + STATIONS.index(one)) for one in known},
             unknown=tuple(one for one in query.station_ids if one not in STATIONS),
             unreachable=tuple(one for one in known if one == "island"),
+        )
+
+    async def quote(self, query: QuoteQuery) -> QuoteAnswer:
+        self._answer()
+        self.quote_queries.append(query)
+        return QuoteAnswer(
+            offers=tuple(
+                make_terms(query.request, one, self.clock.now()) for one in query.candidates
+            ),
+            infeasible=tuple(self.reasons),
         )
 
     async def book(self, delivery_id: str, wanted: BookMissions) -> Booking:
@@ -257,6 +302,10 @@ class Peers:
                 lambda request, _: composition.check_stations(
                     StationCheckQuery.read(request.content)
                 ),
+            ),
+            (
+                "composition POST /internal/quotes()",
+                lambda request, _: composition.quote(QuoteQuery.read(request.content)),
             ),
             (
                 f"composition PUT {delivery}/missions",

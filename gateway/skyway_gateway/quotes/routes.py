@@ -1,0 +1,43 @@
+"""Quotes over REST: offers that a customer may take, within two minutes."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Header, Request, Response
+
+from skyway.delivery.request import DeliveryRequest
+from skyway.ids import QuoteId
+from skyway.runtime.database import Database
+from skyway.runtime.identity import Caller
+from skyway_gateway.access.routes import KeyGate
+from skyway_gateway.quotes import store
+from skyway_gateway.quotes.make import QuoteMaker
+from skyway_gateway.quotes.quote import Quote
+
+
+def quote_routes(*, db: Database, gate: KeyGate, maker: QuoteMaker) -> APIRouter:
+    """POST /v1/quotes and GET /v1/quotes/{quote_id}."""
+    router = APIRouter(tags=["quotes"])
+
+    @router.post("/v1/quotes", status_code=201, response_model=Quote)
+    async def request_quote(
+        request: Request,
+        caller: Annotated[Caller, Depends(gate)],
+        wanted: DeliveryRequest,
+        idempotency_key: Annotated[str | None, Header()] = None,
+    ) -> Response:
+        """Ask for offers, the best first; they reserve nothing, and one of them can be taken."""
+        caller.must_be("customer")
+        answer = await maker.make(
+            caller, wanted, idempotency_key=idempotency_key, body=await request.body()
+        )
+        headers = dict(answer.headers)
+        return Response(answer.body, answer.status, headers, media_type="application/json")
+
+    @router.get("/v1/quotes/{quote_id}")
+    async def get_quote(quote_id: QuoteId, caller: Annotated[Caller, Depends(gate)]) -> Quote:
+        """A quote, and whether one of its offers was taken."""
+        caller.must_be("customer", "operator")
+        async with db.read() as connection:
+            return await store.one_of(connection, caller, quote_id)
+
+    return router

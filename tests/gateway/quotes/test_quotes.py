@@ -1,0 +1,152 @@
+"""POST /v1/quotes: offers of composition under ids of ours; they expire, and reserve nothing."""
+
+from collections.abc import Callable
+from datetime import datetime, timedelta
+from typing import Any
+
+import httpx
+from skyway_gateway.quotes import store
+
+
+async def post(gateway: Any, body: object, **headers: str) -> httpx.Response:
+    """POST /v1/quotes as the customer."""
+    answer: httpx.Response = await gateway.http.post(
+        "/v1/quotes", json=body, headers={**gateway.customer, **headers}
+    )
+    return answer
+
+
+async def test_a_quote_holds_the_offers_in_order_and_why_others_make_none(
+    gateway: Any,
+    request_body: Callable[..., Any],
+    candidate: Callable[..., Any],
+    reason: Callable[..., Any],
+) -> None:
+    gateway.registry.candidates_now = [candidate("drn_1"), candidate("drn_2", "prv_2")]
+    gateway.registry.infeasible = [reason("NO_DRONES", is_temporary=False, provider_id="prv_3")]
+    gateway.composition.reasons = [reason("TOO_LATE", is_temporary=False, provider_id="prv_4")]
+
+    answer = await post(gateway, request_body(packages=2))
+
+    assert answer.status_code == 201
+    quote = answer.json()
+    assert answer.headers["location"] == f"/v1/quotes/{quote['quote_id']}"
+    first, second = quote["offers"]
+    assert (first["provider_id"], second["provider_id"]) == ("prv_1", "prv_2")
+    assert first["offer_id"] != second["offer_id"]
+    assert first["price"] == {"amount": 500, "currency": "USD"}
+    assert first["margins"] == {"energy_margin": 0.15, "pad_gap_s": 120.0}
+    assert [package["package_id"] for package in first["packages"]] == ["p1", "p2"]
+    expires_at = gateway.clock.wall_now() + timedelta(seconds=120)
+    assert {quote["expires_at"], first["expires_at"], second["expires_at"]} == {
+        expires_at.isoformat().replace("+00:00", "Z")
+    }
+    assert [(one["provider_id"], one["code"]) for one in quote["infeasible"]] == [
+        ("prv_4", "TOO_LATE"),
+        ("prv_3", "NO_DRONES"),
+    ]
+
+
+async def test_composition_is_asked_for_what_the_customer_wants(
+    gateway: Any, request_body: Callable[..., Any]
+) -> None:
+    wanted = request_body(packages=2, qos={"weights": {"price": 1.0}, "max_price": 900})
+    wanted["packages"][1]["mass_kg"] = 2.0
+
+    await post(gateway, wanted)
+
+    [query] = gateway.composition.quote_queries
+    assert query.request.qos.max_price == 900
+    [asked] = gateway.registry.queries
+    assert (asked.payload_kg, asked.heaviest_kg) == (2.5, 2.0)
+
+
+async def test_without_drones_there_is_a_quote_that_says_why(
+    gateway: Any, request_body: Callable[..., Any], reason: Callable[..., Any]
+) -> None:
+    gateway.registry.candidates_now = []
+    gateway.registry.infeasible = [reason("BUSY", is_temporary=True)]
+
+    quote = (await post(gateway, request_body())).json()
+
+    assert quote["offers"] == []
+    assert [one["code"] for one in quote["infeasible"]] == ["BUSY"]
+    assert gateway.composition.quote_queries == []
+
+
+async def test_an_impossible_request_is_refused_as_a_delivery_would_be(
+    gateway: Any, request_body: Callable[..., Any]
+) -> None:
+    nowhere = await post(gateway, request_body(pickup={"station_id": "nowhere"}))
+    past = await post(gateway, request_body(qos={"deadline_at": "2026-01-01T00:00:00Z"}))
+
+    assert (nowhere.status_code, past.status_code) == (422, 422)
+    assert nowhere.json()["errors"][0]["field"] == "pickup.station_id"
+    assert past.json()["errors"][0]["field"] == "qos.deadline_at"
+
+
+async def test_a_service_that_is_away_is_told_and_nothing_is_kept(
+    gateway: Any, request_body: Callable[..., Any]
+) -> None:
+    gateway.composition.is_away = True
+    away = await post(gateway, request_body(), **{"Idempotency-Key": "k"})
+    gateway.composition.is_away = False
+    back = await post(gateway, request_body(), **{"Idempotency-Key": "k"})
+
+    assert (away.status_code, back.status_code) == (503, 201)
+
+
+async def test_the_same_key_has_the_same_quote(
+    gateway: Any, request_body: Callable[..., Any]
+) -> None:
+    first = await post(gateway, request_body(), **{"Idempotency-Key": "k"})
+    # Meanwhile the world has changed: that must not change an answer that was given.
+    gateway.composition.is_away = True
+    again = await post(gateway, request_body(), **{"Idempotency-Key": "k"})
+
+    assert again.json() == first.json()
+
+
+async def test_a_quote_is_read_by_its_customer_and_operators_alone(
+    gateway_on_both: Any, request_body: Callable[..., Any]
+) -> None:
+    gateway = gateway_on_both
+    made = (await post(gateway, request_body())).json()
+    path = f"/v1/quotes/{made['quote_id']}"
+
+    for headers, status in (
+        (gateway.customer, 200),
+        (gateway.operator, 200),
+        (gateway.other, 404),
+        (gateway.provider, 403),
+        ({}, 401),
+    ):
+        assert (await gateway.http.get(path, headers=headers)).status_code == status
+    assert (await gateway.http.get(path, headers=gateway.customer)).json() == made
+
+
+async def test_only_customers_ask_for_quotes(
+    gateway: Any, request_body: Callable[..., Any]
+) -> None:
+    for headers in (gateway.provider, gateway.operator):
+        answer = await gateway.http.post("/v1/quotes", json=request_body(), headers=headers)
+        assert answer.status_code == 403
+
+
+async def test_only_quotes_that_expired_before_are_forgotten(
+    gateway_on_both: Any, request_body: Callable[..., Any]
+) -> None:
+    gateway = gateway_on_both
+    old = (await post(gateway, request_body())).json()
+    gateway.clock.advance(timedelta(hours=1))
+    new = (await post(gateway, request_body())).json()
+
+    async with gateway.parts.db.write() as tx:
+        expired_before = datetime.fromisoformat(new["expires_at"])
+        await store.forget(tx, expired_before=expired_before)
+
+    statuses = [
+        (await gateway.http.get(f"/v1/quotes/{one}", headers=gateway.customer)).status_code
+        for one in (old["quote_id"], new["quote_id"])
+    ]
+    assert statuses == [404, 200]
