@@ -14,6 +14,11 @@ IDS = {
     "network_id": "texas",
     "station_id": "san-marcos",
     "mission_id": "msn_1",
+    "pad": "0",
+    "from_id": "san-marcos",
+    "to_id": "mcqueeney",
+    "closure_id": "cls_1",
+    "alarm_id": "alm_1",
 }
 CALLERS = {"customer": "customer", "provider": "provider", "operator": "operator"}
 SUBJECTS = {"customer": "alice", "provider": "prv_1", "operator": "op"}
