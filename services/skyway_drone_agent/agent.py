@@ -110,7 +110,7 @@ class DroneAgent:
         watch = LinkWatch(self._link, clock, on_change=recorder.tell_watchers)
         state = StateSender(uplink, recorder, vehicle, clock, events=events)
         telemetry = TelemetrySender(uplink, recorder, vehicle, clock)
-        inbox = Inbox(recorder, clock, model=vehicle.model, answers=acks, events=events)
+        inbox = Inbox(recorder, clock, vehicle=vehicle, answers=acks, events=events)
         pilot = Pilot(recorder, vehicle, clock, gates=lambda: self._gates(watch), uplink=uplink)
         self._watch, self._state = watch, state
         if self._link.is_connected:

@@ -7,26 +7,20 @@ from typing import Any, Final, Protocol
 from pydantic import TypeAdapter, ValidationError
 
 from skyway.contracts.drone_report import RefusalCode
-from skyway.contracts.instruction import (
-    CancelInstruction,
-    Instruction,
-    MissionInstruction,
-    ReportInstruction,
-)
+from skyway.contracts.instruction import AnyInstruction, Instruction, ReportInstruction
 from skyway.contracts.topic import Topic
 from skyway.contracts.topics import INSTRUCTIONS
-from skyway.drone.model import DroneModel
 from skyway.ids import InstructionId
 from skyway.json_model import WireModel
 from skyway.runtime.clock import FleetClock
 from skyway_drone_agent.flight_recorder import FlightRecorder
 from skyway_drone_agent.logbook import Logbook
 from skyway_drone_agent.records import Answer, InstructionAnswered
-from skyway_drone_agent.refusals import Refusal, refusal_of
+from skyway_drone_agent.refusal import Refusal
+from skyway_drone_agent.refusals import refusal_of
+from skyway_drone_agent.vehicle import Vehicle
 
 log = logging.getLogger(__name__)
-
-AnyInstruction = MissionInstruction | CancelInstruction | ReportInstruction
 
 _INSTRUCTION: TypeAdapter[AnyInstruction] = TypeAdapter(Instruction)
 
@@ -72,13 +66,13 @@ class Inbox:
         recorder: FlightRecorder,
         clock: FleetClock,
         *,
-        model: DroneModel,
+        vehicle: Vehicle,
         answers: Answers,
         events: Events,
     ) -> None:
         self._recorder = recorder
         self._clock = clock
-        self._model = model
+        self._vehicle = vehicle
         self._answers = answers
         self._events = events
 
@@ -107,7 +101,7 @@ class Inbox:
         now, logbook = self._clock.now(), self._recorder.logbook
         instruction, refusal = _understood(raw)
         if instruction is not None:
-            refusal = refusal_of(instruction, logbook, model=self._model, now=now)
+            refusal = refusal_of(instruction, logbook, vehicle=self._vehicle, now=now)
         answer = _accepted(envelope) if refusal is None else _refused(envelope, refusal)
         self._recorder.record(
             InstructionAnswered(answered_at=now, answer=answer, instruction=instruction)

@@ -1,21 +1,32 @@
 """What a drone knows of itself: the sum of its journal's records."""
 
+from datetime import datetime
+
 from pydantic import Field
 
 from skyway.contracts.drone_report import DroneEvent
 from skyway.contracts.flight_step import (
     DeliverStep,
-    FlightStep,
     FlyStep,
     PackageOnBoard,
     PickUpStep,
     ReturnStep,
 )
-from skyway.contracts.instruction import CancelInstruction, MissionInstruction
-from skyway.contracts.message import FleetMoment, Soc
+from skyway.contracts.instruction import (
+    AnyInstruction,
+    CancelInstruction,
+    DivertInstruction,
+    HoldInstruction,
+    MissionInstruction,
+    ResumeInstruction,
+    ReturnHomeInstruction,
+)
+from skyway.contracts.message import Soc
 from skyway.geo import Position
-from skyway.ids import DeliveryId, MissionId, StationId
+from skyway.ids import MissionId, StationId
 from skyway.json_model import WireModel
+from skyway_drone_agent.calling_off import called_off
+from skyway_drone_agent.current_mission import CurrentMission
 from skyway_drone_agent.records import (
     AcceptanceTold,
     Answer,
@@ -24,35 +35,13 @@ from skyway_drone_agent.records import (
     Record,
     StepBegun,
 )
+from skyway_drone_agent.revision import mission_after
 
 #: So many answers are kept for instructions that come again; older ones are surely settled.
 ANSWERS_KEPT = 64
 
 #: So many missions that are over are remembered, to refuse late revisions of them.
 ENDED_MISSIONS_KEPT = 16
-
-
-class CurrentMission(WireModel):
-    """The accepted mission: the steps that have not ended, and where the drone is in them.
-
-    `expires_at` is the accepted instruction's; `told_at` is when the broker had its ACCEPTED.
-    `first_step` is the mission's, not the revision's; `free_at` is when the step before ended;
-    `began_at` when the first of `steps` began, or None. After a failure nothing is flown
-    until a new revision comes.
-    """
-
-    mission_id: MissionId
-    revision: int
-    delivery_id: DeliveryId
-    accepted_by: Answer
-    expires_at: FleetMoment
-    told_at: FleetMoment | None = None
-    first_step: int
-    steps: tuple[FlightStep, ...]
-    released_through: int
-    free_at: FleetMoment
-    began_at: FleetMoment | None = None
-    has_failed: bool = False
 
 
 class Logbook(WireModel):
@@ -101,45 +90,38 @@ def _answered(logbook: Logbook, record: InstructionAnswered) -> Logbook:
             "events": tuple(event for event in logbook.events if event.seq > confirmed_seq),
         }
     )
-    if answer.status == "REJECTED":
+    if answer.status == "REJECTED" or instruction is None:
         return logbook
-    if isinstance(instruction, MissionInstruction):
-        mission = mission_with(logbook, instruction, answer=answer, at=record.answered_at)
+    return _obeyed(logbook, instruction, answer=answer, at=record.answered_at)
+
+
+def _obeyed(
+    logbook: Logbook, instruction: AnyInstruction, *, answer: Answer, at: datetime
+) -> Logbook:
+    before, is_airborne = logbook.mission, logbook.station_id is None
+    if isinstance(instruction, MissionInstruction | DivertInstruction | ReturnHomeInstruction):
+        mission = mission_after(before, instruction, answer=answer, at=at, is_airborne=is_airborne)
         return logbook.model_copy(update={"mission": mission})
-    before = logbook.mission
-    if isinstance(instruction, CancelInstruction) and before is not None:
-        if before.mission_id != instruction.mission_id:
-            # A cancel of a mission that the drone does not have changes nothing.
-            return logbook
-        # What was still on board is stranded: it stays at the station where the drone stands.
-        return _without_mission(logbook).model_copy(update={"packages": ()})
-    return logbook
+    if before is None or before.mission_id != instruction.mission_id:
+        # A cancel of a mission that the drone does not have changes nothing.
+        return logbook
+    match instruction:
+        case CancelInstruction():
+            return _called_off(logbook, before, at=at)
+        case HoldInstruction():
+            held = before.model_copy(update={"is_held": True})
+        case ResumeInstruction():
+            free_at = before.free_at if is_airborne else max(at, before.free_at)
+            held = before.model_copy(update={"is_held": False, "free_at": free_at})
+    return logbook.model_copy(update={"mission": held})
 
 
-def mission_with(
-    logbook: Logbook, instruction: MissionInstruction, *, answer: Answer, at: FleetMoment
-) -> CurrentMission:
-    """The mission once this revision is accepted: what is not replaced is flown before it."""
-    before = logbook.mission
-    return CurrentMission(
-        mission_id=instruction.mission_id,
-        revision=instruction.mission_revision,
-        delivery_id=instruction.delivery_id,
-        accepted_by=answer,
-        expires_at=instruction.expires_at,
-        first_step=before.first_step if before else instruction.first_step,
-        steps=(*steps_kept(before, instruction.first_step), *instruction.steps),
-        released_through=before.released_through if before else instruction.first_step - 1,
-        free_at=max(at, before.free_at) if before else at,
-        began_at=before.began_at if before else None,
-    )
-
-
-def steps_kept(mission: CurrentMission | None, first_step: int) -> tuple[FlightStep, ...]:
-    """The steps still to be flown before a revision's first; none after a failure."""
-    if mission is None or mission.has_failed:
-        return ()
-    return tuple(step for step in mission.steps if step.step_id < first_step)
+def _called_off(logbook: Logbook, before: CurrentMission, *, at: datetime) -> Logbook:
+    left = called_off(before, at=at, is_airborne=logbook.station_id is None)
+    if left is not None:
+        return logbook.model_copy(update={"mission": left})
+    # What was still on board is stranded: it stays at the station where the drone stands.
+    return _without_mission(logbook).model_copy(update={"packages": ()})
 
 
 def _told(logbook: Logbook, record: AcceptanceTold) -> Logbook:
@@ -170,14 +152,25 @@ def _happened(logbook: Logbook, event: DroneEvent) -> Logbook:
     if event.event == "MISSION_ENDED":
         return _without_mission(logbook)
     if event.event == "STEP_FAILED":
-        failed = mission.model_copy(update={"has_failed": True, "free_at": event.ended_at})
+        failed = mission.model_copy(
+            update={
+                "has_failed": True,
+                "free_at": event.ended_at,
+                "began_at": None,
+                "changed_at": None,
+            }
+        )
         return logbook.model_copy(update={"mission": failed})
     if event.event == "STEP_ENDED":
-        return _step_ended(logbook, mission, event=event)
+        ended = _step_ended if mission.cut is None else _cut_step_ended
+        logbook = ended(logbook, mission, event)
+        left = logbook.mission
+        is_over = left is not None and left.is_called_off and not left.steps
+        return _without_mission(logbook) if is_over else logbook
     return logbook
 
 
-def _step_ended(logbook: Logbook, mission: CurrentMission, *, event: DroneEvent) -> Logbook:
+def _step_ended(logbook: Logbook, mission: CurrentMission, event: DroneEvent) -> Logbook:
     step, *remaining = mission.steps
     packages = logbook.packages
     if isinstance(step, PickUpStep):
@@ -185,17 +178,29 @@ def _step_ended(logbook: Logbook, mission: CurrentMission, *, event: DroneEvent)
     if isinstance(step, DeliverStep | ReturnStep):
         packages = tuple(one for one in packages if one.package_id not in step.package_ids)
     lands = not isinstance(step, FlyStep) or step.lands
+    changes = {
+        "steps": tuple(remaining),
+        "began_at": None,
+        "changed_at": None,
+        "free_at": event.ended_at,
+    }
     return logbook.model_copy(
         update={
-            "mission": mission.model_copy(
-                update={"steps": tuple(remaining), "began_at": None, "free_at": event.ended_at}
-            ),
+            "mission": mission.model_copy(update=changes),
             "station_id": event.station_id if lands else None,
             "position": event.position,
             "soc": event.soc,
             "packages": packages,
         }
     )
+
+
+def _cut_step_ended(logbook: Logbook, mission: CurrentMission, event: DroneEvent) -> Logbook:
+    """Nothing was handed over, and the drone stands where it stood."""
+    after = mission.model_copy(
+        update={"cut": None, "free_at": max(mission.free_at, event.ended_at)}
+    )
+    return logbook.model_copy(update={"mission": after, "soc": event.soc})
 
 
 def _without_mission(logbook: Logbook) -> Logbook:

@@ -4,7 +4,8 @@ A step begins when the one before has ended and its own planned start has come; 
 vehicle says, not when this process woke. A drone on the ground takes off only with the energy for
 all flights up to the next recharge, and not while the link is lost; it loads only while the cloud
 knows that it has accepted, and only if the cloud was told before the instruction expired: after
-that it may have sent another drone. Whatever begins or ends is in the journal first.
+that it may have sent another drone. A drone that is held flies on to its next landing and begins
+nothing there. Whatever begins or ends is in the journal first.
 """
 
 from dataclasses import dataclass, field
@@ -12,9 +13,10 @@ from datetime import datetime
 from typing import Any
 
 from skyway.contracts.flight_step import FlightStep, FlyStep, PickUpStep, RechargeStep
+from skyway_drone_agent.current_mission import CurrentMission
 from skyway_drone_agent.energy_check import shortfall_of, stretch_of
-from skyway_drone_agent.logbook import CurrentMission, Logbook
-from skyway_drone_agent.vehicle import StepRun, Vehicle, run_under_way
+from skyway_drone_agent.logbook import Logbook
+from skyway_drone_agent.vehicle import StepRun, Vehicle, run_to_cut, run_under_way
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +48,15 @@ class Begin:
 
 
 @dataclass(frozen=True, slots=True)
+class Cut:
+    """End a step of an earlier revision now, since new ones take its place."""
+
+    run: StepRun
+    at: datetime
+    revision: int
+
+
+@dataclass(frozen=True, slots=True)
 class Fail:
     """Do not begin the next step: wait for a new revision instead."""
 
@@ -62,7 +73,7 @@ class End:
     at: datetime
 
 
-Act = Stand | Begin | StepRun | Fail | End
+Act = Stand | Begin | StepRun | Cut | Fail | End
 
 
 def next_act(
@@ -70,17 +81,38 @@ def next_act(
 ) -> Act:
     """What to do now; a `StepRun` is under way and is to be performed to its end."""
     mission = logbook.mission
-    if mission is None or mission.has_failed:
+    if mission is None:
+        return Stand(until=None)
+    if mission.cut is not None:
+        cut = mission.cut
+        return Cut(run_to_cut(logbook, cut), at=cut.cut_at, revision=cut.revision)
+    if mission.has_failed:
         return Stand(until=None)
     run = run_under_way(logbook)
     if run is not None:
         return run
+    if mission.steps and mission.steps[0].step_id <= mission.released_through:
+        # Over a station, not on it: the flight goes on whatever has happened meanwhile.
+        return Begin(mission.steps[0], mission.free_at, mission.released_through)
+    if mission.is_held:
+        return Stand(until=None)
     if not mission.steps:
         return End(mission.free_at)
+    return _next_on_the_ground(
+        logbook, mission, vehicle=vehicle, now=now, gates=gates, agent_started_at=agent_started_at
+    )
+
+
+def _next_on_the_ground(
+    logbook: Logbook,
+    mission: CurrentMission,
+    *,
+    vehicle: Vehicle,
+    now: datetime,
+    gates: Gates,
+    agent_started_at: datetime,
+) -> Act:
     step = mission.steps[0]
-    if step.step_id <= mission.released_through:
-        # Over a station, not on it: the flight goes on whatever has happened meanwhile.
-        return Begin(step, mission.free_at, mission.released_through)
     # No step begins while no agent runs, so a restart may make the drone late.
     earliest = max(mission.free_at, _not_before(step), agent_started_at)
     if now < earliest:

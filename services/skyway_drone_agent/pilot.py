@@ -1,21 +1,22 @@
 """The pilot: does what `mission` decides, and writes down each beginning and end."""
 
+import asyncio
 import logging
 from collections.abc import Callable
 from datetime import datetime
 from typing import Never
 
 from skyway.contracts.drone_report import DroneEvent
-from skyway.contracts.flight_step import DeliverStep, FlightStep, FlyStep, PickUpStep, ReturnStep
-from skyway.ids import PackageId
+from skyway.contracts.flight_step import FlightStep, FlyStep
 from skyway.runtime.clock import FleetClock
 from skyway_drone_agent.flight_recorder import FlightRecorder
-from skyway_drone_agent.mission import Begin, End, Fail, Gates, Stand, next_act
+from skyway_drone_agent.mission import Begin, Cut, End, Fail, Gates, Stand, next_act
+from skyway_drone_agent.proof import handed_over, proof_of
 from skyway_drone_agent.records import EventRecorded, StepBegun
 from skyway_drone_agent.step_places import end_of
 from skyway_drone_agent.uplink import Uplink
-from skyway_drone_agent.vehicle import Outcome, StepRun, Vehicle
-from skyway_drone_agent.waiting import wait_for_news
+from skyway_drone_agent.vehicle import Outcome, StepRun, Vehicle, run_under_way
+from skyway_drone_agent.waiting import wait_for_end_or_news, wait_for_news
 
 log = logging.getLogger(__name__)
 
@@ -59,11 +60,28 @@ class Pilot:
             case Begin():
                 self._begin(act)
             case StepRun():
-                self._end(act, await self._vehicle.perform(act))
+                outcome = await self._performed(act)
+                if outcome is not None:
+                    self._end(act, outcome)
+            case Cut(run=run, at=at, revision=revision):
+                self._end_cut(run, self._vehicle.cut(run, at), revision=revision)
             case Fail():
                 self._fail(act)
             case End(at=at):
                 self._write(self._event("MISSION_ENDED", at, step=None))
+
+    async def _performed(self, run: StepRun) -> Outcome | None:
+        """How the step ended; None once an instruction has changed or cut it."""
+        performing = asyncio.ensure_future(self._vehicle.perform(run))
+        try:
+            # What has come meanwhile counts before the end does: it is in the journal already.
+            while run_under_way(self._recorder.logbook) == run:
+                if performing.done():
+                    return performing.result()
+                await wait_for_end_or_news(performing, self._news)
+            return None
+        finally:
+            performing.cancel()
 
     def _begin(self, act: Begin) -> None:
         self._recorder.record(
@@ -76,21 +94,30 @@ class Pilot:
 
     def _end(self, run: StepRun, outcome: Outcome) -> None:
         step = run.step
-        ended = self._event("STEP_ENDED", outcome.ended_at, step=step)
-        self._write(
-            ended.model_copy(
-                update={
-                    "started_at": run.started_at,
-                    "station_id": end_of(step),
-                    "position": step.to_position if isinstance(step, FlyStep) else run.position,
-                    "soc": outcome.soc,
-                    "energy_j": outcome.energy_j,
-                    "package_ids": _handed_over(step),
-                    "code": outcome.code,
-                    "data": self._weights(step),
-                }
-            )
-        )
+        kind = "STEP_FAILED" if outcome.has_failed else "STEP_ENDED"
+        ended = self._event(kind, outcome.ended_at, step=step)
+        changes = {
+            "started_at": run.started_at,
+            "station_id": end_of(step),
+            "position": step.to_position if isinstance(step, FlyStep) else run.position,
+            "soc": outcome.soc,
+            "energy_j": outcome.energy_j,
+            "code": outcome.code,
+        }
+        if not outcome.has_failed:
+            changes |= self._hand_over(step, outcome.ended_at)
+        self._write(ended.model_copy(update=changes))
+
+    def _end_cut(self, run: StepRun, outcome: Outcome, *, revision: int) -> None:
+        """The end of a step that is no more in the plan: nothing was handed over."""
+        ended = self._event("STEP_ENDED", outcome.ended_at, step=run.step)
+        changes = {
+            "mission_revision": revision,
+            "started_at": run.started_at,
+            "soc": outcome.soc,
+            "code": outcome.code,
+        }
+        self._write(ended.model_copy(update=changes))
 
     def _fail(self, act: Fail) -> None:
         failed = self._event("STEP_FAILED", act.at, step=act.step)
@@ -130,29 +157,9 @@ class Pilot:
             },
         )
 
-    def _weights(self, step: FlightStep) -> dict[str, object]:
-        """Evidence of a hand-over: what each package weighs, and the load before and after."""
-        logbook = self._recorder.logbook
-        handed_over = set(_handed_over(step))
-        if isinstance(step, PickUpStep):
-            packages, sign = step.packages, 1
-        elif handed_over:
-            packages = tuple(one for one in logbook.packages if one.package_id in handed_over)
-            sign = -1
-        else:
+    def _hand_over(self, step: FlightStep, at: datetime) -> dict[str, object]:
+        """The packages of a hand-over, and its evidence; nothing for other steps."""
+        package_ids = handed_over(step)
+        if not package_ids:
             return {}
-        mass_kg = {package.package_id: package.mass_kg for package in packages}
-        after_kg = max(0.0, logbook.load_kg + sign * sum(mass_kg.values()))
-        return {
-            "mass_kg": mass_kg,
-            "load_before_kg": logbook.load_kg,
-            "load_after_kg": after_kg,
-        }
-
-
-def _handed_over(step: FlightStep) -> tuple[PackageId, ...]:
-    if isinstance(step, PickUpStep):
-        return tuple(package.package_id for package in step.packages)
-    if isinstance(step, DeliverStep | ReturnStep):
-        return step.package_ids
-    return ()
+        return {"package_ids": package_ids, "data": proof_of(step, self._recorder.logbook, at=at)}

@@ -1,5 +1,6 @@
 """A drone that exists only as physics: the same `skyway.drone` that the planner plans with."""
 
+import asyncio
 from datetime import datetime, timedelta
 
 from skyway.contracts.flight_step import (
@@ -37,9 +38,20 @@ class SimulatedVehicle:
 
     async def perform(self, run: StepRun) -> Outcome:
         """Wait until the step's computed end, which does not depend on when we wake."""
+        if isinstance(run.step, PickUpStep) and run.step.awaits_confirmation:
+            # A loader confirms to the cloud, and the cloud with an instruction.
+            await asyncio.Event().wait()
         outcome = outcome_of(run, self._model)
         await self._clock.sleep_until(outcome.ended_at)
         return outcome
+
+    def cut(self, run: StepRun, at: datetime) -> Outcome:
+        """End a step on the ground at this moment, or when it ended by itself before."""
+        ended_at = at
+        if not (isinstance(run.step, PickUpStep) and run.step.awaits_confirmation):
+            ended_at = min(at, outcome_of(run, self._model).ended_at)
+        soc = self.sample(run, ended_at).soc
+        return Outcome(ended_at, soc, energy_j=0.0, code="CUT")
 
     def sample(self, run: StepRun, at: datetime) -> Sample:
         """How far the step has come at this moment."""
@@ -66,7 +78,12 @@ def outcome_of(run: StepRun, model: DroneModel) -> Outcome:
             return Outcome(run.started_at + timedelta(seconds=dropoff_s), run.soc, energy_j=0.0)
         case PickUpStep() | ReturnStep():
             planned = run.step.planned_end_at - run.step.planned_start_at
-            return Outcome(run.started_at + planned, run.soc, energy_j=0.0)
+            return Outcome(_no_earlier(run, run.started_at + planned), run.soc, energy_j=0.0)
+
+
+def _no_earlier(run: StepRun, ended_at: datetime) -> datetime:
+    """The end of a step, which cannot lie before it was changed."""
+    return ended_at if run.changed_at is None else max(ended_at, run.changed_at)
 
 
 def _flown(run: StepRun, step: FlyStep, *, model: DroneModel) -> Outcome:
@@ -75,8 +92,12 @@ def _flown(run: StepRun, step: FlyStep, *, model: DroneModel) -> Outcome:
     if step.lands:
         duration_s += model.stop_s
         energy_j += model.stop_j
-    soc = max(0.0, run.soc - energy_j / model.battery_j)
-    return Outcome(run.started_at + timedelta(seconds=duration_s), soc, energy_j)
+    over_at = run.started_at + timedelta(seconds=duration_s)
+    ended_at = _no_earlier(run, over_at)
+    if ended_at > over_at:
+        # Called back up while it was landing.
+        energy_j += model.stop_j * min(1.0, (ended_at - over_at).total_seconds() / model.stop_s)
+    return Outcome(ended_at, max(0.0, run.soc - energy_j / model.battery_j), energy_j)
 
 
 def _recharged(run: StepRun, step: RechargeStep, *, model: DroneModel) -> Outcome:

@@ -39,6 +39,7 @@ def snapshot_of(
         mission_revision=mission.revision if mission else None,
         step_id=step_id,
         released_through=mission.released_through if mission else None,
+        is_held=mission is not None and mission.is_held,
         station_id=logbook.station_id,
         position=sample.position if sample else logbook.position,
         soc=sample.soc if sample else logbook.soc,

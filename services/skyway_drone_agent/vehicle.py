@@ -7,28 +7,34 @@ from typing import Protocol
 from skyway.contracts.flight_step import FlightStep
 from skyway.drone.model import DroneModel
 from skyway.geo import Position
+from skyway_drone_agent.current_mission import CutStep
 from skyway_drone_agent.logbook import Logbook
 
 
 @dataclass(frozen=True, slots=True)
 class StepRun:
-    """A step that has begun, with what the drone had then."""
+    """A step that has begun, with what the drone had then.
+
+    `changed_at` is when an instruction last changed the step under way: it ends no earlier.
+    """
 
     step: FlightStep
     started_at: datetime
     soc: float
     load_kg: float
     position: Position
+    changed_at: datetime | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """How a step ended; `code` when it ended otherwise than asked."""
+    """How a step ended; `code` when it ended otherwise than asked, or did not come about."""
 
     ended_at: datetime
     soc: float
     energy_j: float
     code: str | None = None
+    has_failed: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,7 +56,14 @@ class Vehicle(Protocol):
         ...
 
     async def perform(self, run: StepRun) -> Outcome:
-        """Do the step and return at its end; the same run again goes on with it."""
+        """Do the step and return at its end; the same run again goes on with it.
+
+        Cancelled when an instruction changes the step or cuts it short.
+        """
+        ...
+
+    def cut(self, run: StepRun, at: datetime) -> Outcome:
+        """End a step on the ground at this moment, or when it ended by itself before."""
         ...
 
     def sample(self, run: StepRun, at: datetime) -> Sample:
@@ -63,10 +76,24 @@ def run_under_way(logbook: Logbook) -> StepRun | None:
     mission = logbook.mission
     if mission is None or mission.began_at is None:
         return None
+    return _run(
+        logbook, mission.steps[0], started_at=mission.began_at, changed_at=mission.changed_at
+    )
+
+
+def run_to_cut(logbook: Logbook, cut: CutStep) -> StepRun:
+    """The step that an instruction has cut, and whose end is not written yet."""
+    return _run(logbook, cut.step, started_at=cut.began_at, changed_at=None)
+
+
+def _run(
+    logbook: Logbook, step: FlightStep, *, started_at: datetime, changed_at: datetime | None
+) -> StepRun:
     return StepRun(
-        step=mission.steps[0],
-        started_at=mission.began_at,
+        step=step,
+        started_at=started_at,
         soc=logbook.soc,
         load_kg=logbook.load_kg,
         position=logbook.position,
+        changed_at=changed_at,
     )

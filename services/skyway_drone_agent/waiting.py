@@ -2,6 +2,7 @@
 
 import asyncio
 from datetime import datetime
+from typing import Any
 
 from skyway.runtime.clock import FleetClock
 
@@ -20,4 +21,14 @@ async def wait_for_news(news: asyncio.Event, clock: FleetClock, *, until: dateti
         finally:
             for wait in waits:
                 wait.cancel()
+    news.clear()
+
+
+async def wait_for_end_or_news(performing: asyncio.Future[Any], news: asyncio.Event) -> None:
+    """Return when that is done, or when there is news, which is then taken as read."""
+    hearing = asyncio.ensure_future(news.wait())
+    try:
+        await asyncio.wait((performing, hearing), return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        hearing.cancel()
     news.clear()

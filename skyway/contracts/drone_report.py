@@ -45,7 +45,9 @@ class Ack(DroneMessage):
 class DroneEvent(DroneMessage):
     """A step's end or failure, or the mission's end; `seq` goes on across sessions.
 
-    STEP_FAILED leaves the drone waiting at `station_id` for a new revision.
+    STEP_FAILED leaves the drone waiting at `station_id` for a new revision. A step that a DIVERT or
+    RETURN_HOME ended before its time is STEP_ENDED with code CUT and the `mission_revision` that it
+    belonged to; the first new step has the same `step_id`.
     """
 
     event: Literal["STEP_ENDED", "STEP_FAILED", "MISSION_ENDED", "ALARM"]

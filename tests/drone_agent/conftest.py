@@ -19,16 +19,21 @@ from skyway.contracts.flight_step import (
     ReturnStep,
     WaitStep,
 )
-from skyway.contracts.instruction import MissionInstruction, ReportInstruction
+from skyway.contracts.instruction import (
+    CancelInstruction,
+    DivertInstruction,
+    HoldInstruction,
+    MissionInstruction,
+    ReportInstruction,
+    ResumeInstruction,
+    ReturnHomeInstruction,
+)
 from skyway.contracts.world import ClockAnchor
 from skyway.drone.model import ChargePoint, DroneModel
 from skyway.geo import Position
 from skyway.ids import (
-    DeliveryId,
     DroneId,
     DroneModelId,
-    InstructionId,
-    MissionId,
     PackageId,
     ProviderId,
     StationId,
@@ -113,41 +118,65 @@ class Cloud:
         self._seq = 0
 
     def mission(
-        self,
-        steps: Sequence[FlightStep],
-        *,
-        revision: int = 1,
-        mission_id: str = "msn_1",
-        **other: Any,
+        self, steps: Sequence[FlightStep], *, revision: int = 1, **other: Any
     ) -> MissionInstruction:
-        self._seq += 1
-        fields: dict[str, Any] = {
-            "message_id": f"msg_{self._seq}",
-            "sent_at": self._clock.now(),
-            "instruction_id": InstructionId(f"ins_{self._seq}"),
-            "stream": 1,
-            "seq": self._seq,
-            "expires_at": self._clock.now() + timedelta(hours=2),
-            "mission_id": MissionId(mission_id),
-            "mission_revision": revision,
-            "delivery_id": DeliveryId("dlv_1"),
-            "first_step": steps[0].step_id if steps else 1,
-            "steps": tuple(steps),
-        }
-        return MissionInstruction.model_validate(fields | other)
+        first_step = steps[0].step_id if steps else 1
+        fields = self._of_mission(revision, delivery_id="dlv_1", first_step=first_step)
+        return MissionInstruction.model_validate(fields | {"steps": tuple(steps)} | other)
+
+    def divert(
+        self, steps: Sequence[FlightStep], *, revision: int = 2, **other: Any
+    ) -> DivertInstruction:
+        return DivertInstruction.model_validate(self._replacement(steps, revision) | other)
+
+    def return_home(
+        self, steps: Sequence[FlightStep], *, revision: int = 2, **other: Any
+    ) -> ReturnHomeInstruction:
+        return ReturnHomeInstruction.model_validate(self._replacement(steps, revision) | other)
+
+    def hold(self, **other: Any) -> HoldInstruction:
+        return HoldInstruction.model_validate(self._of_mission(1, reason="test") | other)
+
+    def resume(self, **other: Any) -> ResumeInstruction:
+        return ResumeInstruction.model_validate(self._of_mission(1) | other)
+
+    def cancel(self, **other: Any) -> CancelInstruction:
+        return CancelInstruction.model_validate(self._of_mission(1, reason="test") | other)
 
     def report_request(self, after_seq: int, **other: Any) -> ReportInstruction:
+        fields = self._envelope(events_after_seq=after_seq)
+        return ReportInstruction.model_validate(fields | other)
+
+    def _replacement(self, steps: Sequence[FlightStep], revision: int) -> dict[str, Any]:
+        return self._of_mission(
+            revision,
+            delivery_id="dlv_1",
+            last_valid_step=steps[0].step_id - 1,
+            steps=tuple(steps),
+            reason="test",
+        )
+
+    def _of_mission(self, revision: int, **fields: Any) -> dict[str, Any]:
+        return self._envelope(mission_id="msn_1", mission_revision=revision, **fields)
+
+    def _envelope(self, **fields: Any) -> dict[str, Any]:
         self._seq += 1
-        fields: dict[str, Any] = {
+        return {
             "message_id": f"msg_{self._seq}",
             "sent_at": self._clock.now(),
-            "instruction_id": InstructionId(f"ins_{self._seq}"),
+            "instruction_id": f"ins_{self._seq}",
             "stream": 1,
             "seq": self._seq,
             "expires_at": self._clock.now() + timedelta(hours=2),
-            "events_after_seq": after_seq,
-        }
-        return ReportInstruction.model_validate(fields | other)
+        } | fields
+
+
+def packages_of(**masses_kg: float) -> tuple[PackageOnBoard, ...]:
+    """Packages by their names."""
+    return tuple(
+        PackageOnBoard(package_id=PackageId(name), mass_kg=mass_kg)
+        for name, mass_kg in masses_kg.items()
+    )
 
 
 class Steps:
@@ -168,13 +197,16 @@ class Steps:
         self.at += timedelta(seconds=duration_s)
         return times
 
-    def pick_up(self, station: str, **masses_kg: float) -> Self:
-        packages = tuple(
-            PackageOnBoard(package_id=PackageId(name), mass_kg=mass_kg)
-            for name, mass_kg in masses_kg.items()
-        )
+    def pick_up(
+        self, station: str, *, awaits_confirmation: bool = False, **masses_kg: float
+    ) -> Self:
         self.made.append(
-            PickUpStep(**self._times(60.0), station_id=StationId(station), packages=packages)
+            PickUpStep(
+                **self._times(60.0),
+                station_id=StationId(station),
+                packages=packages_of(**masses_kg),
+                awaits_confirmation=awaits_confirmation,
+            )
         )
         return self
 

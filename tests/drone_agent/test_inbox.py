@@ -11,6 +11,7 @@ from skyway_drone_agent.flight_recorder import FlightRecorder
 from skyway_drone_agent.inbox import Inbox
 from skyway_drone_agent.memory_journal import MemoryJournal
 from skyway_drone_agent.records import Answer
+from skyway_drone_agent.simulated_vehicle import SimulatedVehicle
 
 from skyway.contracts.drone_report import RefusalCode
 from skyway.contracts.flight_step import PackageOnBoard
@@ -30,7 +31,8 @@ class Desk:
         self.received_ids: list[str] = []
         self.answers: list[Answer] = []
         self.resent_after: list[int] = []
-        self.inbox = Inbox(self.recorder, clock, model=drone.model, answers=self, events=self)
+        vehicle = SimulatedVehicle(drone.model, clock)
+        self.inbox = Inbox(self.recorder, clock, vehicle=vehicle, answers=self, events=self)
 
     def received(self, answer: Answer) -> None:
         self.received_ids.append(answer.instruction_id)
@@ -60,12 +62,6 @@ def desk(drone: EnrolledDrone, virtual_clock: Any, cloud: Any) -> Desk:
     return Desk(drone, virtual_clock, cloud)
 
 
-def cancel(cloud: Any, mission_id: str) -> dict[str, Any]:
-    raw: dict[str, Any] = json.loads(cloud.report_request(0).model_dump_json())
-    raw |= {"kind": "CANCEL", "mission_id": mission_id, "mission_revision": 1, "reason": "test"}
-    return raw
-
-
 def test_a_mission_the_drone_can_fly_is_accepted(desk: Desk, trip: Any) -> None:
     answer = desk.take(desk.cloud.mission(trip))
 
@@ -90,7 +86,7 @@ def test_an_unreadable_field_is_malformed_and_named(desk: Desk, trip: Any) -> No
 
 
 def test_a_kind_of_instruction_of_a_later_version_is_malformed(desk: Desk, trip: Any) -> None:
-    answer = desk.take_raw(desk.cloud.mission(trip), lambda raw: raw.update(kind="DIVERT"))
+    answer = desk.take_raw(desk.cloud.mission(trip), lambda raw: raw.update(kind="LOITER"))
 
     assert answer.code == RefusalCode.MALFORMED
 
@@ -248,7 +244,7 @@ def test_a_report_request_has_events_sent_again(desk: Desk) -> None:
 def test_a_mission_that_has_not_begun_can_be_cancelled(desk: Desk, trip: Any) -> None:
     desk.take(desk.cloud.mission(trip))
 
-    desk.inbox.take(cancel(desk.cloud, "msn_1"))
+    desk.take(desk.cloud.cancel())
 
     assert desk.answers[-1].status == "ACCEPTED"
     assert desk.recorder.logbook.mission is None
@@ -262,7 +258,7 @@ def test_a_mission_that_has_begun_cannot_be_cancelled(desk: Desk, trip: Any) -> 
     begun = {"released_through": 1, "began_at": desk.clock.now()}
     desk.drone_is(mission=mission.model_copy(update=begun))
 
-    desk.inbox.take(cancel(desk.cloud, "msn_1"))
+    desk.take(desk.cloud.cancel())
 
     assert desk.answers[-1].code == RefusalCode.STEP_RELEASED
     assert desk.recorder.logbook.mission is not None
@@ -277,11 +273,10 @@ def test_a_drone_that_has_landed_is_called_off_while_it_carries_nothing(
     landed = mission.model_copy(update={"released_through": 1, "steps": tuple(trip[1:])})
     desk.drone_is(mission=landed, packages=trip[0].packages)
 
-    desk.inbox.take(cancel(desk.cloud, "msn_1"))
+    desk.take(desk.cloud.cancel())
     assert desk.answers[-1].code == RefusalCode.STEP_RELEASED
     desk.drone_is(packages=())
-    second = cancel(desk.cloud, "msn_1")
-    desk.inbox.take(second)
+    desk.take(desk.cloud.cancel())
 
     assert desk.answers[-1].status == "ACCEPTED"
     assert desk.recorder.logbook.mission is None
@@ -298,7 +293,7 @@ def test_a_mission_that_failed_can_be_called_off_and_the_next_one_flown(
         mission=failed, packages=(PackageOnBoard(package_id=PackageId("p1"), mass_kg=1.0),)
     )
 
-    desk.inbox.take(cancel(desk.cloud, "msn_1"))
+    desk.take(desk.cloud.cancel())
 
     assert desk.answers[-1].status == "ACCEPTED"
     assert desk.recorder.logbook.packages == ()
@@ -308,7 +303,7 @@ def test_a_mission_that_failed_can_be_called_off_and_the_next_one_flown(
 def test_a_cancel_of_another_mission_leaves_the_current_one(desk: Desk, trip: Any) -> None:
     desk.take(desk.cloud.mission(trip))
 
-    desk.inbox.take(cancel(desk.cloud, "msn_0"))
+    desk.take(desk.cloud.cancel(mission_id="msn_0"))
 
     assert desk.answers[-1].status == "ACCEPTED"
     assert desk.recorder.logbook.mission is not None

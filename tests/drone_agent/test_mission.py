@@ -4,7 +4,8 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
-from skyway_drone_agent.logbook import CurrentMission, Logbook
+from skyway_drone_agent.current_mission import CurrentMission
+from skyway_drone_agent.logbook import Logbook
 from skyway_drone_agent.mission import Act, Begin, End, Fail, Gates, Stand, next_act
 from skyway_drone_agent.records import Answer
 from skyway_drone_agent.simulated_vehicle import SimulatedVehicle

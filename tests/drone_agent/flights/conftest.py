@@ -18,7 +18,7 @@ from skyway_drone_agent.records import Record
 from skyway_drone_agent.simulated_vehicle import SimulatedVehicle
 
 from skyway.contracts.drone_report import Ack, DroneEvent, DroneState
-from skyway.contracts.instruction import MissionInstruction, ReportInstruction
+from skyway.contracts.instruction import AnyInstruction
 from skyway.contracts.topic import Address, Topic
 from skyway.contracts.topics import ACKS, EVENTS, INSTRUCTIONS, STATE
 from skyway.runtime.errors import MqttUnavailable
@@ -220,7 +220,7 @@ class World:
 
     # What the cloud sends and sees
 
-    async def send(self, instruction: MissionInstruction | ReportInstruction) -> None:
+    async def send(self, instruction: AnyInstruction) -> None:
         self.link.deliver(instruction.model_dump_json().encode())
         await self.settle()
 

@@ -3,6 +3,8 @@
 from datetime import timedelta
 from typing import Any
 
+from skyway.contracts.message import utc_text
+
 PRE_START = timedelta(minutes=10)
 
 
@@ -59,6 +61,8 @@ async def test_a_delivery_is_told_with_place_and_weights(world: Any, cloud: Any,
     assert handed_over.package_ids == ("p1",)
     assert handed_over.station_id == "shop"
     assert handed_over.data == {
+        "place": {"station_id": "shop", "position": [-97.8, 30.0]},
+        "at": utc_text(handed_over.ended_at),
         "mass_kg": {"p1": 0.5},
         "load_before_kg": 1.0,
         "load_after_kg": 0.5,
