@@ -14,6 +14,7 @@ from skyway.contracts.mission import (
     Mission,
     MissionState,
 )
+from skyway.contracts.track import Track
 from skyway.ids import DeliveryId, DroneId, MissionId, ProviderId
 from skyway.json_model import JsonModel
 from skyway.runtime.database import Database
@@ -24,8 +25,12 @@ from skyway.runtime.paging import Page, PageQuery, page_of
 from skyway_composition.links.store import link_to
 from skyway_composition.missions import store
 from skyway_composition.missions.book import Bookings
+from skyway_composition.missions.record import Aim, MissionRecord, Trouble
 from skyway_composition.missions.store import MissionFilter
 from skyway_composition.missions.totals import flown_totals
+from skyway_composition.missions.track import track_of
+
+MissionLoading = Literal["AUTOMATIC", "CONFIRMED", "AWAITED"]
 
 
 class MissionQuery(PageQuery):
@@ -34,6 +39,7 @@ class MissionQuery(PageQuery):
     state: MissionState | None = None
     delivery_id: Annotated[str | None, Field(max_length=64)] = None
     drone_id: Annotated[str | None, Field(max_length=64)] = None
+    loading: MissionLoading | None = None
 
 
 class StepProgress(JsonModel):
@@ -45,13 +51,28 @@ class StepProgress(JsonModel):
     event: DroneEvent | None
 
 
+class ProposedRevision(JsonModel):
+    """A revision that the drone has still to answer, and why it is proposed."""
+
+    revision: int
+    code: str
+    detail: str
+
+
 class MissionProgress(JsonModel):
-    """A mission with its steps so far, and what the drone last said of itself."""
+    """A mission with its steps so far, and what the drone last said of itself.
+
+    `trouble` is why another plan is looked for, `aims` are the packages that go elsewhere than to
+    their destinations.
+    """
 
     mission: Mission
     steps: tuple[StepProgress, ...]
     flown: dict[str, float]
     waits_for_revision: dict[str, Any] | None  # code, detail, station_id and soc
+    trouble: Trouble | None
+    proposal: ProposedRevision | None
+    aims: tuple[Aim, ...]
     drone_state: DroneState | None
     drone_connection: Connection | None
 
@@ -78,6 +99,13 @@ def mission_routes(*, db: Database, gate: ServiceGate, bookings: Bookings) -> AP
         caller.must_be("service")
         return await bookings.close(delivery_id)
 
+    @router.get("/internal/deliveries/{delivery_id}/track")
+    async def get_track(delivery_id: DeliveryId, caller: Annotated[Caller, Depends(gate)]) -> Track:
+        """What a delivery's drones flew, where they are, and what they will fly for it."""
+        caller.must_be("service")
+        async with db.read() as connection:
+            return await track_of(connection, delivery_id)
+
     @router.get("/v1/missions")
     async def list_missions(
         caller: Annotated[Caller, Depends(gate)], query: Annotated[MissionQuery, Query()]
@@ -88,6 +116,7 @@ def mission_routes(*, db: Database, gate: ServiceGate, bookings: Bookings) -> AP
             state=query.state,
             delivery_id=query.delivery_id,
             drone_id=query.drone_id,
+            loading=query.loading,
         )
         after = query.after(str)
         async with db.read() as connection:
@@ -125,11 +154,23 @@ def mission_routes(*, db: Database, gate: ServiceGate, bookings: Bookings) -> AP
             ),
             flown=flown_totals(steps),
             waits_for_revision=None if record.stuck is None else record.stuck.model_dump(),
+            trouble=record.trouble,
+            proposal=_proposed(record),
+            aims=record.aims,
             drone_state=None if link is None else link.state,
             drone_connection=None if link is None else link.connection,
         )
 
     return router
+
+
+def _proposed(record: MissionRecord) -> ProposedRevision | None:
+    proposal = record.proposal
+    if proposal is None:
+        return None
+    return ProposedRevision(
+        revision=proposal.mission.revision, code=proposal.code, detail=proposal.detail
+    )
 
 
 def _own(caller: Caller) -> ProviderId | None:

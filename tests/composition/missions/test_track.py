@@ -1,0 +1,119 @@
+"""A delivery's track: flown, under way, planned; and nothing of other customers' flights."""
+
+from typing import Any
+
+GATEWAY = "service:gateway"
+TRACK = "/internal/deliveries/dlv_1/track"
+
+
+async def booked(composition: Any) -> Any:
+    await composition.book()
+    (instruction,) = await composition.sent()
+    return instruction
+
+
+async def tracked(composition: Any) -> Any:
+    answer = await composition(GATEWAY, "GET", TRACK)
+    assert answer.status_code == 200, answer.text
+    return answer.json()["missions"]
+
+
+async def test_a_planned_mission_shows_its_way_to_the_last_delivery(composition: Any) -> None:
+    await booked(composition)
+
+    (mission,) = await tracked(composition)
+
+    steps = mission["steps"]
+    assert (steps[0]["kind"], steps[-1]["kind"]) == ("PICK_UP", "DELIVER")
+    assert [step["package_ids"] for step in (steps[0], steps[-1])] == [["p1"], ["p1"]]
+    assert {step["status"] for step in steps} == {"PLANNED"}
+    assert (mission["position"], mission["soc"]) == (None, None)
+
+
+async def test_each_step_lies_where_it_happens(composition: Any, make: Any) -> None:
+    await booked(composition)
+
+    (mission,) = await tracked(composition)
+
+    flights = [step for step in mission["steps"] if step["kind"] == "FLY"]
+    assert flights[0]["from_position"] == [0.0, 0.0]
+    assert flights[0]["to_position"] == flights[1]["from_position"]
+    delivered = mission["steps"][-1]
+    assert delivered["station_id"] == "c"
+    assert delivered["from_position"] == delivered["to_position"] == flights[-1]["to_position"]
+
+
+async def test_what_was_flown_shows_when_it_was(composition: Any, drone: Any) -> None:
+    instruction = await booked(composition)
+    pick_up, fly, *_ = drone.flown(instruction)
+    await composition.take(drone.ack(instruction), pick_up, fly)
+
+    (mission,) = await tracked(composition)
+
+    assert [step["status"] for step in mission["steps"]][:3] == ["ENDED", "ENDED", "PLANNED"]
+    assert mission["steps"][1]["end_at"] == fly.message.model_dump(mode="json")["ended_at"]
+
+
+async def test_the_step_under_way_and_the_place_come_from_the_drone(
+    composition: Any, drone: Any
+) -> None:
+    instruction = await booked(composition)
+    state = {"mission_id": instruction.mission_id, "step_id": 2, "activity": "FLYING"}
+    pick_up, *_ = drone.flown(instruction)
+    drone.event_seq = 1
+    await composition.take(
+        drone.ack(instruction),
+        pick_up,
+        drone.state(**state, station_id=None, position=(0.1, 0.0), soc=0.9),
+    )
+
+    (mission,) = await tracked(composition)
+
+    assert [step["status"] for step in mission["steps"]][:3] == ["ENDED", "UNDER_WAY", "PLANNED"]
+    assert (mission["position"], mission["soc"]) == ([0.1, 0.0], 0.9)
+
+
+async def test_a_drone_that_does_something_else_does_not_show(composition: Any, drone: Any) -> None:
+    instruction = await booked(composition)
+    await composition.take(
+        drone.ack(instruction), *drone.flown(instruction), drone.state(mission_id="msn_other")
+    )
+
+    (mission,) = await tracked(composition)
+
+    assert mission["position"] is None
+    assert {step["status"] for step in mission["steps"]} == {"ENDED"}
+    assert mission["steps"][-1]["kind"] == "DELIVER"
+
+
+async def test_a_refused_mission_was_nobodys_way(composition: Any, drone: Any, make: Any) -> None:
+    instruction = await booked(composition)
+    await composition.take(drone.ack(instruction, "REJECTED", code="OVERWEIGHT"))
+    await composition.book(make.candidate(2), attempt=2)
+
+    (mission,) = await tracked(composition)
+
+    assert mission["drone_id"] == "drn_2"
+
+
+async def test_the_steps_of_a_mission_that_is_over_are_not_planned_any_more(
+    composition: Any, drone: Any
+) -> None:
+    instruction = await booked(composition)
+    pick_up, *_ = drone.flown(instruction)
+    drone.event_seq = 1
+    ended = drone.event("MISSION_ENDED", mission_id=instruction.mission_id)
+    await composition.take(drone.ack(instruction), pick_up, ended)
+
+    (mission,) = await tracked(composition)
+
+    assert [step["kind"] for step in mission["steps"]] == ["PICK_UP"]
+
+
+async def test_a_delivery_without_missions_has_an_empty_track(composition: Any) -> None:
+    assert await tracked(composition) == []
+
+
+async def test_only_services_ask_for_tracks(composition: Any) -> None:
+    for caller in ("operator:op", "customer:c", "provider:prv_1"):
+        assert (await composition(caller, "GET", TRACK)).status_code == 403
