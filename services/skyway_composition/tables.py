@@ -2,6 +2,7 @@
 
 from sqlalchemy import (
     BigInteger,
+    Boolean,
     CheckConstraint,
     Column,
     Double,
@@ -119,8 +120,21 @@ mission_steps = Table(
     Column("kind", Text),
     Column("station_id", Text),  # where it is done; null for a flight
     Column("pad", Integer),  # of a RECHARGE
+    # What closures are compared with: of every step, and of a FLY.
+    Column("planned_start_ms", BigInteger),
+    Column("planned_end_ms", BigInteger),
+    Column("from_station_id", Text),
+    Column("to_station_id", Text),
+    Column("lands", Boolean),
     CheckConstraint("status IN ('PLANNED', 'ENDED', 'FAILED')", name="mission_step_status"),
     Index("mission_steps_by_time", "ended_ms"),
+    Index(
+        "mission_steps_to_fly",
+        "to_station_id",
+        "from_station_id",
+        sqlite_where=text("status = 'PLANNED' AND kind = 'FLY'"),
+        postgresql_where=text("status = 'PLANNED' AND kind = 'FLY'"),
+    ),
 )
 
 #: Exists exactly as long as its mission lives; [start_ms, end_ms) of one pad.

@@ -20,6 +20,7 @@ from skyway.runtime.database import Database, Tx
 from skyway.units import moment_to_ms
 from skyway_composition.missions.custody import Custodian, Held
 from skyway_composition.missions.record import Aim, MissionRecord, Proposal, Stuck, Trouble
+from skyway_composition.missions.step_columns import step_columns
 from skyway_composition.missions.step_record import StepRecord, read_step
 from skyway_composition.tables import custody, deliveries, mission_steps, missions
 
@@ -249,9 +250,7 @@ async def add_steps(
             "revision": revision,
             "status": "PLANNED",
             "step": step.model_dump_json(),
-            "kind": step.kind,
-            "station_id": None if step.kind == "FLY" else step.station_id,
-            "pad": step.pad if step.kind == "RECHARGE" else None,
+            **step_columns(step),
         }
         for step in steps
     ]

@@ -1,5 +1,8 @@
 """What happens in the world, plans that live, alarms and cancellations."""
 
+import json
+from datetime import datetime
+
 import sqlalchemy as sa
 from alembic import op
 
@@ -20,16 +23,66 @@ def upgrade() -> None:
         sa.Column("loading", sa.Text(), server_default="AUTOMATIC", nullable=False),
     ):
         op.add_column("missions", column)
-    for column in (
+    for of_step in (
         sa.Column("kind", sa.Text(), nullable=True),
         sa.Column("station_id", sa.Text(), nullable=True),
         sa.Column("pad", sa.Integer(), nullable=True),
+        sa.Column("planned_start_ms", sa.BigInteger(), nullable=True),
+        sa.Column("planned_end_ms", sa.BigInteger(), nullable=True),
+        sa.Column("from_station_id", sa.Text(), nullable=True),
+        sa.Column("to_station_id", sa.Text(), nullable=True),
+        sa.Column("lands", sa.Boolean(), nullable=True),
     ):
-        op.add_column("mission_steps", column)
+        op.add_column("mission_steps", of_step)
     op.create_index("mission_steps_by_time", "mission_steps", ["ended_ms"])
+    op.create_index(
+        "mission_steps_to_fly",
+        "mission_steps",
+        ["to_station_id", "from_station_id"],
+        sqlite_where=sa.text("status = 'PLANNED' AND kind = 'FLY'"),
+        postgresql_where=sa.text("status = 'PLANNED' AND kind = 'FLY'"),
+    )
+    _fill_planned_steps()
     _create_closures()
     _create_alarms()
     _create_cancellations()
+
+
+def _fill_planned_steps() -> None:
+    """Missions may be under way: a closure has to find what they will fly."""
+    steps = sa.table(
+        "mission_steps",
+        *(sa.column(name) for name in ("mission_id", "step_id", "status", "step", "kind")),
+        *(sa.column(name) for name in ("station_id", "pad", "planned_start_ms")),
+        *(sa.column(name) for name in ("planned_end_ms", "from_station_id", "to_station_id")),
+        sa.column("lands", sa.Boolean()),
+    )
+    bind = op.get_bind()
+    planned = bind.execute(
+        sa.select(steps.c.mission_id, steps.c.step_id, steps.c.step).where(
+            steps.c.status == "PLANNED"
+        )
+    ).all()
+    for row in planned:
+        step = json.loads(row.step)
+        bind.execute(
+            sa.update(steps)
+            .where(steps.c.mission_id == row.mission_id, steps.c.step_id == row.step_id)
+            .values(
+                kind=step["kind"],
+                station_id=step.get("station_id"),
+                pad=step.get("pad"),
+                planned_start_ms=_unix_ms(step["planned_start_at"]),
+                planned_end_ms=_unix_ms(step["planned_end_at"]),
+                from_station_id=step.get("from"),
+                to_station_id=step.get("to"),
+                lands=step.get("lands"),
+            )
+        )
+
+
+def _unix_ms(moment: str) -> int:
+    return round(datetime.fromisoformat(moment).timestamp() * 1000)
 
 
 def _create_closures() -> None:
