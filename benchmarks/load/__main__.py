@@ -1,0 +1,44 @@
+"""`python -m benchmarks load`: run, print the tables; 1 when an invariant is broken."""
+
+import asyncio
+import shlex
+import sys
+
+from benchmarks.load.burst import read_burst
+from benchmarks.load.figures import Outcome
+from benchmarks.load.run import run
+from benchmarks.planner.machine import Machine
+from benchmarks.planner.table import Table
+
+
+def main(arguments: list[str]) -> int:
+    """Run once and print what came of it."""
+    burst = read_burst(arguments)
+    command = shlex.join(["python", "-m", "benchmarks", "load", *arguments])
+    print(f"`{command}`: {Machine.here().as_text()}.\n\n{burst.as_text()}\n", flush=True)
+    outcome = asyncio.run(run(burst))
+    for table in _tables(outcome):
+        print(f"{table.as_markdown()}\n", flush=True)
+    return 0 if outcome.violations.startswith("0 violations") else 1
+
+
+def _tables(outcome: Outcome) -> list[Table]:
+    return [
+        Table("load", "What customers saw.", ("measured", "value"), outcome.rows()),
+        Table(
+            "load-cpu",
+            "Processor time: cores taken before and during the run, ms for each dispatch.",
+            ("process", "idle, cores", "busy, cores", "ms each"),
+            outcome.cpu_rows(),
+        ),
+        Table(
+            "load-counters",
+            "What the services counted.",
+            ("counter", "value"),
+            [(name, f"{value:g}") for name, value in sorted(outcome.counted.items()) if value],
+        ),
+    ]
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,53 @@
+"""What is asked of the system: the city, the stream of requests, the pair of storage."""
+
+import argparse
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+Storage = Literal["embedded", "production"]
+
+
+@dataclass(frozen=True, slots=True)
+class Burst:
+    """One run; times are wall seconds, `clock_rate` is fleet seconds per wall second."""
+
+    storage: Storage
+    stations: int
+    drones: int
+    providers: int
+    rate_per_s: float
+    seconds: float
+    clock_rate: float
+    #: Processes that host the drones between them.
+    agents: int
+    #: How long the run waits after the last request until all are dispatched or told why not.
+    patience_s: float
+    seed: int
+    #: Where py-spy leaves what every process did during the burst.
+    profile: Path | None = None
+
+    def as_text(self) -> str:
+        """One line."""
+        return (
+            f"{self.storage} pair, {self.stations:,} stations, {self.drones:,} drones in "
+            f"{self.agents} processes, {self.providers} providers; {self.rate_per_s:g} requests/s "
+            f"for {self.seconds:g} s; clock rate {self.clock_rate:g}, seed {self.seed}"
+        )
+
+
+def read_burst(arguments: list[str]) -> Burst:
+    """The run that the arguments ask for."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks load", description=__doc__)
+    parser.add_argument("--storage", choices=("embedded", "production"), default="embedded")
+    parser.add_argument("--stations", type=int, default=1_000)
+    parser.add_argument("--drones", type=int, default=2_000)
+    parser.add_argument("--providers", type=int, default=20)
+    parser.add_argument("--rate-per-s", type=float, default=10.0)
+    parser.add_argument("--seconds", type=float, default=60.0)
+    parser.add_argument("--clock-rate", type=float, default=60.0)
+    parser.add_argument("--agents", type=int, default=4, help="processes that host the drones")
+    parser.add_argument("--patience-s", type=float, default=30.0, help="after the last request")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--profile", type=Path, metavar="FOLDER", help="stacks, by py-spy")
+    return Burst(**vars(parser.parse_args(arguments)))

@@ -1,0 +1,29 @@
+"""What the services count of themselves: the sums of their own counters at /metrics."""
+
+from collections.abc import Mapping
+from typing import Final
+
+import httpx
+
+_OURS: Final = "skyway_"
+
+
+async def counters(urls: Mapping[str, str]) -> dict[str, float]:
+    """Each counter of ours by name, added up over services and labels."""
+    sums: dict[str, float] = {}
+    async with httpx.AsyncClient(timeout=10.0) as client:
+        for url in urls.values():
+            text = (await client.get(f"{url}/metrics")).text
+            for name, value in _values(text):
+                sums[name] = sums.get(name, 0.0) + value
+    return sums
+
+
+def _values(text: str) -> list[tuple[str, float]]:
+    """Lines like ``name_total{label="x"} 3.0``."""
+    found = []
+    for line in text.splitlines():
+        if line.startswith(_OURS):
+            name, _, value = line.rpartition(" ")
+            found.append((name.partition("{")[0], float(value)))
+    return found

@@ -1,0 +1,113 @@
+"""One run: a whole Skyway started, populated, loaded, measured, ended and verified."""
+
+import asyncio
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Final
+
+from benchmarks.load.burst import Burst
+from benchmarks.load.city import City
+from benchmarks.load.counters import counters
+from benchmarks.load.cpu import CpuReading
+from benchmarks.load.figures import Outcome, Usage
+from benchmarks.load.follow import Followed, following
+from benchmarks.load.profile import profiled
+from benchmarks.load.send import send
+from benchmarks.load.storage_pair import storage_pair
+from benchmarks.load.world import World, populate
+from skyway.cli.api import GatewayApi
+from skyway.cli.children import Ports
+from skyway.cli.data_folder import DataFolder
+from skyway.cli.keys import read_keys
+from skyway.cli.system import System, running_system
+
+#: Wall seconds to find out what the system costs when nothing is asked of it.
+_IDLE_S: Final = 8.0
+
+#: The first requests compile and fill caches, which is not what a burst costs.
+_WARM_UP_S: Final = 5.0
+_WARM_UP_PER_S: Final = 2.0
+
+
+async def run(burst: Burst) -> Outcome:
+    """The run from its first process to its last; nothing of it is left behind."""
+    with tempfile.TemporaryDirectory(prefix="skyway-load-") as name:
+        folder = DataFolder(Path(name))
+        folder.make()
+        with storage_pair(burst.storage, folder) as servers:
+            async with running_system(
+                folder, rate=burst.clock_rate, ports=Ports(gateway=0, broker=0)
+            ) as system:
+                city = City.of(stations=burst.stations, seed=burst.seed)
+                key = read_keys(folder)["SKYWAY_OPERATOR_KEY"]
+                async with GatewayApi(system.urls["gateway"]) as api:
+                    world = await populate(system, api, city, operator_key=key, burst=burst)
+                return await _measured(system, world, city, burst=burst, servers=servers)
+
+
+async def _measured(
+    system: System, world: World, city: City, *, burst: Burst, servers: dict[str, int]
+) -> Outcome:
+    pids = _pids(system, world) | servers
+    requests = city.requests(rate_per_s=burst.rate_per_s, seconds=burst.seconds, seed=burst.seed)
+    async with following(world, mqtt_url=system.mqtt_url) as followed:
+        idle_from, idle_from_s = CpuReading.of(pids), time.monotonic()
+        await asyncio.sleep(_IDLE_S)
+        counted = await counters(system.urls)
+        with profiled(_python_only(pids), burst.profile):
+            busy_from, started_s = CpuReading.of(pids), time.monotonic()
+            sent = await send(system.urls["gateway"], world, requests)
+            await _until_settled(followed, len(sent.asked_at), within_s=burst.patience_s)
+            busy_to, ended_s = CpuReading.of(pids), time.monotonic()
+        after = await counters(system.urls)
+    return Outcome(
+        burst=burst,
+        started_s=started_s,
+        sent=sent,
+        followed=followed,
+        usage=Usage(
+            idle=busy_from.since(idle_from),
+            idle_s=started_s - idle_from_s,
+            busy=busy_to.since(busy_from),
+            busy_s=ended_s - started_s,
+        ),
+        counted={name: value - counted.get(name, 0.0) for name, value in after.items()},
+        violations=await asyncio.to_thread(_verify, system.folder),
+    )
+
+
+async def _warm_up(system: System, world: World, city: City, *, burst: Burst) -> None:
+    first = city.requests(rate_per_s=_WARM_UP_PER_S, seconds=_WARM_UP_S, seed=burst.seed + 1)
+    async with following(world, mqtt_url=system.mqtt_url) as followed:
+        sent = await send(system.urls["gateway"], world, first)
+        await _until_settled(followed, len(sent.asked_at), within_s=burst.patience_s)
+
+
+async def _until_settled(followed: Followed, wanted: int, *, within_s: float) -> None:
+    ends_s = time.monotonic() + within_s
+    while not followed.are_settled(wanted) and time.monotonic() < ends_s:  # noqa: ASYNC110
+        await asyncio.sleep(0.1)  # asked of what others tell us: there is no one event
+
+
+def _pids(system: System, world: World) -> dict[str, int]:
+    names = [*system.urls, "broker", *world.agents]
+    found = {name: system.supervisor.pid(name) for name in names}
+    return {name: pid for name, pid in found.items() if pid is not None}
+
+
+def _python_only(pids: Mapping[str, int]) -> dict[str, int]:
+    return {name: pid for name, pid in pids.items() if name not in ("postgresql", "mosquitto")}
+
+
+def _verify(folder: DataFolder) -> str:
+    """What `skyway verify` says last, of the databases as they stand."""
+    command = [sys.executable, "-m", "skyway.cli", "verify", "--data", str(folder.path)]
+    checked = subprocess.run(
+        command, capture_output=True, text=True, check=False, env=dict(os.environ)
+    )
+    return (checked.stdout + checked.stderr).strip().splitlines()[-1]

@@ -1,0 +1,69 @@
+"""Sending the stream of requests at its own pace, however slow the answers are."""
+
+import asyncio
+import time
+import uuid
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from itertools import cycle
+from typing import Final
+
+import httpx
+
+from benchmarks.load.city import Wanted
+from benchmarks.load.world import Customer, World
+from skyway.ids import DeliveryId
+
+_CONNECTIONS: Final = 32
+_TIMEOUT_S: Final = 30.0
+
+
+@dataclass(slots=True)
+class Sent:
+    """What came of the requests; moments are monotonic seconds."""
+
+    asked_at: dict[DeliveryId, float] = field(default_factory=dict)
+    #: Seconds from sending a request to its 202.
+    answered_within_s: list[float] = field(default_factory=list)
+    #: Answers that were not 202, by status or by what broke.
+    refused: Counter[str] = field(default_factory=Counter)
+    #: Seconds by which requests were sent later than they were due: our own lateness.
+    late_s: list[float] = field(default_factory=list)
+
+
+async def send(url: str, world: World, requests: Iterable[Wanted]) -> Sent:
+    """Send each request when it is due, and wait for all answers."""
+    sent = Sent()
+    limits = httpx.Limits(max_connections=_CONNECTIONS, max_keepalive_connections=_CONNECTIONS)
+    customers = cycle(world.customers)
+    started_s = time.monotonic()
+    async with (
+        httpx.AsyncClient(base_url=url, limits=limits, timeout=_TIMEOUT_S) as client,
+        asyncio.TaskGroup() as group,
+    ):
+        for wanted in requests:
+            due_s = started_s + wanted.at_s
+            await asyncio.sleep(max(0.0, due_s - time.monotonic()))
+            sent.late_s.append(time.monotonic() - due_s)
+            group.create_task(_post(client, sent, wanted, next(customers)))
+    return sent
+
+
+async def _post(client: httpx.AsyncClient, sent: Sent, wanted: Wanted, customer: Customer) -> None:
+    headers = {
+        "Authorization": f"Bearer {customer.key}",
+        "Content-Type": "application/json",
+        "Idempotency-Key": uuid.uuid4().hex,
+    }
+    asked_s = time.monotonic()
+    try:
+        answer = await client.post("/v1/deliveries", content=wanted.body, headers=headers)
+    except httpx.HTTPError as error:
+        sent.refused[type(error).__name__] += 1
+        return
+    if answer.status_code != httpx.codes.ACCEPTED:
+        sent.refused[str(answer.status_code)] += 1
+        return
+    sent.answered_within_s.append(time.monotonic() - asked_s)
+    sent.asked_at[DeliveryId(answer.json()["delivery_id"])] = asked_s

@@ -1,0 +1,106 @@
+"""The city's people: providers with their fleets in the air, customers with their keys."""
+
+import asyncio
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Final
+
+from benchmarks.load.burst import Burst
+from benchmarks.load.city import City
+from skyway.cli.api import GatewayApi
+from skyway.cli.system import System
+from skyway.errors import SkywayError
+
+NETWORK_ID: Final = "city"
+_CUSTOMERS: Final = 5
+#: Wall seconds until all drones must be known to stand ready; a start takes about 5 ms a drone.
+_READY_WITHIN_S: Final = 120.0
+_PAGE: Final = 200
+
+
+@dataclass(frozen=True, slots=True)
+class Customer:
+    """Who asks for deliveries, over REST with a key and over MQTT with an account."""
+
+    name: str
+    key: str
+    mqtt_user_name: str
+    mqtt_password: str
+
+
+@dataclass(frozen=True, slots=True)
+class World:
+    """Who is there once all drones stand ready."""
+
+    customers: tuple[Customer, ...]
+    agents: tuple[str, ...]  # names of processes
+
+
+async def populate(
+    system: System, api: GatewayApi, city: City, *, operator_key: str, burst: Burst
+) -> World:
+    """Publish the city, register everybody through the gateway, and start the drones."""
+
+    async def operate(method: str, path: str, body: object = None) -> Any:  # the route's JSON
+        return await api.call(method, path, key=operator_key, body=body)
+
+    await operate("PUT", f"/v1/networks/{NETWORK_ID}", city.document())
+    provider_ids: list[str] = []
+    drones: list[dict[str, Any]] = []
+    for number in range(burst.providers):
+        terms = {"name": f"Provider {number}", "tariff": city.tariff(number)}
+        provider_id = (await operate("POST", "/v1/providers", terms))["provider_id"]
+        fleet = city.fleet(number, providers=burst.providers, drones=burst.drones)
+        answer = await operate("POST", f"/v1/providers/{provider_id}/drones", fleet)
+        provider_ids.append(provider_id)
+        drones += answer["items"]
+    customers = [
+        _customer(await operate("POST", "/v1/keys", {"role": "customer", "subject_id": f"c{n}"}))
+        for n in range(_CUSTOMERS)
+    ]
+    agents = _start_agents(system, drones, processes=burst.agents)
+    try:
+        async with asyncio.timeout(_READY_WITHIN_S):
+            for provider_id in provider_ids:
+                await _until_available(api, operator_key, provider_id)
+    except TimeoutError as error:
+        raise SkywayError(f"not all drones were ready within {_READY_WITHIN_S:g} s") from error
+    return World(tuple(customers), agents)
+
+
+def _start_agents(
+    system: System, drones: Sequence[dict[str, Any]], *, processes: int
+) -> tuple[str, ...]:
+    names = tuple(f"agent {number}" for number in range(processes))
+    for number, name in enumerate(names):
+        file = system.folder.path / f"fleet-{number}.json"
+        file.touch(mode=0o600)
+        file.write_text(json.dumps({"items": drones[number::processes]}))
+        system.start_fleet(name, file)
+    return names
+
+
+async def _until_available(api: GatewayApi, operator_key: str, provider_id: str) -> None:
+    """Wait until the registry has heard of every drone of this provider."""
+    cursor: str | None = None
+    while True:
+        path = f"/v1/providers/{provider_id}/drones?limit={_PAGE}"
+        path += f"&cursor={cursor}" if cursor else ""
+        page = await api.call("GET", path, key=operator_key)
+        if any(drone["state"] != "AVAILABLE" for drone in page["items"]):
+            await asyncio.sleep(1.0)  # asked of another process: there is nothing to wait on
+        elif page["next_cursor"] is None:
+            return
+        else:
+            cursor = page["next_cursor"]
+
+
+def _customer(issued: dict[str, Any]) -> Customer:
+    account = issued["mqtt"]
+    return Customer(
+        name=issued["subject_id"],
+        key=issued["key"],
+        mqtt_user_name=account["user_name"],
+        mqtt_password=account["password"],
+    )
