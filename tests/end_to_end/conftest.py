@@ -72,6 +72,8 @@ class LocalSystem:
     #: Fleet seconds per wall second.
     rate: float = 900.0
 
+    eventually = staticmethod(eventually)
+
     def start(self) -> None:
         log = (self.folder.path / "up.log").open("ab")
         command = (*SKYWAY, "up", "--data", self.folder.path, "--rate", self.rate)
@@ -130,16 +132,23 @@ class LocalSystem:
             check=False,
         )
 
-    def start_fleet(self, homes: list[str], **provider: Any) -> dict[str, Any]:
+    def start_fleet(
+        self,
+        homes: list[str],
+        *,
+        model_id: str = "paper-scenario",
+        options: tuple[str, ...] = (),
+        **provider: Any,
+    ) -> dict[str, Any]:
         """Register a provider with a drone at each home, and run their agent."""
         terms = {"name": "Test Air", "tariff": {"currency": "USD", "base": 100, "per_km": 10}}
         registered = self.operate("POST", "/v1/providers", terms | provider)
-        drones = [{"model_id": "paper-scenario", "home_station_id": home} for home in homes]
+        drones = [{"model_id": model_id, "home_station_id": home} for home in homes]
         path = f"/v1/providers/{registered['provider_id']}/drones"
         answer = self.operate("POST", path, drones)
         file = self.folder.path / f"{registered['provider_id']}.json"
         file.write_text(json.dumps(answer))
-        self.run_fleet(file)
+        self.run_fleet(file, *options)
         eventually(
             lambda: all(
                 drone["state"] == "AVAILABLE" for drone in self.operate("GET", path)["items"]
@@ -149,10 +158,10 @@ class LocalSystem:
         )
         return {**registered, "drones": answer["items"], "file": file}
 
-    def run_fleet(self, file: Path) -> subprocess.Popen[bytes]:
+    def run_fleet(self, file: Path, *options: str) -> subprocess.Popen[bytes]:
         log = (self.folder.path / "fleet.log").open("ab")
         process = subprocess.Popen(
-            [*SKYWAY, "fleet", str(file), "--data", str(self.folder.path)],
+            [*SKYWAY, "fleet", str(file), *options, "--data", str(self.folder.path)],
             stdout=log,
             stderr=log,
             env=self.environment,
@@ -161,9 +170,11 @@ class LocalSystem:
         self.fleets.append(process)
         return process
 
-    def request_delivery(self, destinations: list[str], *, key: str | None = None) -> str:
+    def request_delivery(
+        self, destinations: list[str], *, key: str | None = None, pickup: str = "s1"
+    ) -> str:
         body = {
-            "pickup": {"station_id": "s1"},
+            "pickup": {"station_id": pickup},
             "packages": [
                 {"package_id": f"p{n}", "mass_kg": 0.5, "destination": {"station_id": place}}
                 for n, place in enumerate(destinations, start=1)
