@@ -1,0 +1,107 @@
+"""Offers, a split delivery, cancelling, proof: what customers do in a market of providers."""
+
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import pytest
+
+pytestmark = pytest.mark.end_to_end
+
+_OVER = ("COMPLETED", "PARTIALLY_COMPLETED", "CANCELLED", "FAILED", "REJECTED")
+
+
+def test_offers_are_compared_and_the_one_that_is_taken_is_flown(system: Any) -> None:
+    system.publish_corridor()
+    near = system.start_fleet(
+        ["s1"], name="Near Air", tariff={"currency": "USD", "base": 5_000, "per_km": 50}
+    )
+    cheap = system.start_fleet(
+        ["s2"], name="Cheap Air", tariff={"currency": "USD", "base": 100, "per_km": 1}
+    )
+    none = system.operate(
+        "POST", "/v1/providers", {"name": "No Air", "tariff": {"currency": "USD", "base": 1}}
+    )
+
+    fastest = _quote(system, {"objective": "fastest"})
+    cheapest = _quote(system, {"objective": "cheapest"})
+    pinned = _quote(system, {"providers": {"pinned": none["provider_id"]}})
+    key = system.keys["SKYWAY_CUSTOMER_KEY"]
+    taking = {"quote_id": cheapest["quote_id"], "offer_id": cheapest["offers"][0]["offer_id"]}
+    taken = system.call("POST", "/v1/deliveries", key=key, body=taking)
+    again = system.call("POST", "/v1/deliveries", key=key, body=taking)
+    delivery = system.until_state(taken.json()["delivery_id"], *_OVER, within_s=90)
+    proof = system.call("GET", f"/v1/deliveries/{delivery['delivery_id']}/proof", key=key).json()
+
+    assert [offer["provider_id"] for offer in fastest["offers"]][0] == near["provider_id"]
+    assert [offer["provider_id"] for offer in cheapest["offers"]][0] == cheap["provider_id"]
+    assert pinned["offers"] == []
+    assert {reason["provider_id"]: reason["code"] for reason in pinned["infeasible"]}[
+        none["provider_id"]
+    ] == "NO_DRONES"
+    assert again.status_code == 409
+    assert delivery["state"] == "COMPLETED", delivery
+    assert delivery["provider_id"] == cheap["provider_id"]
+    assert delivery["price"] == cheapest["offers"][0]["price"]
+    [package] = proof["packages"]
+    assert package["station_id"] == "s3"
+    assert package["load_before_kg"] - package["load_after_kg"] == pytest.approx(0.5)
+
+
+def test_a_request_too_heavy_for_one_drone_is_flown_in_two_trips(system: Any) -> None:
+    system.publish_corridor()
+    system.start_fleet(["s1", "s1"])
+    body = {
+        "pickup": {"station_id": "s1"},
+        "packages": [
+            {"package_id": f"p{n}", "mass_kg": 10.0, "destination": {"station_id": "s2"}}
+            for n in (1, 2)
+        ],
+    }
+
+    key = system.keys["SKYWAY_CUSTOMER_KEY"]
+    accepted = system.call("POST", "/v1/deliveries", key=key, body=body)
+    delivery = system.until_state(accepted.json()["delivery_id"], *_OVER, within_s=90)
+
+    assert delivery["state"] == "COMPLETED", delivery
+    assert len({mission["drone_id"] for mission in delivery["missions"]}) == 2
+    assert {package["state"] for package in delivery["packages"]} == {"DELIVERED"}
+    verified = system.command("verify")
+    assert verified.returncode == 0, verified.stdout + verified.stderr
+
+
+def test_many_requests_at_once_into_few_pads_all_end_and_none_is_double_booked(
+    system: Any,
+) -> None:
+    system.publish_corridor()
+    system.start_fleet(["s1"] * 4 + ["s2"] * 4 + ["s3"] * 4)
+    key = system.keys["SKYWAY_CUSTOMER_KEY"]
+
+    with ThreadPoolExecutor(16) as customers:
+        ids = list(customers.map(lambda n: system.request_delivery([f"s{2 + n % 3}"]), range(60)))
+    some = ids[::5]
+    for delivery_id in some:
+        system.call("POST", f"/v1/deliveries/{delivery_id}/cancel", key=key, body={})
+    ended = [system.until_state(delivery_id, *_OVER, within_s=180) for delivery_id in ids]
+
+    assert {delivery["state"] for delivery in ended} <= {
+        "COMPLETED",
+        "PARTIALLY_COMPLETED",
+        "CANCELLED",
+        "REJECTED",
+    }
+    assert any(delivery["state"] == "COMPLETED" for delivery in ended)
+    verified = system.command("verify")
+    assert verified.returncode == 0, verified.stdout + verified.stderr
+
+
+def _quote(system: Any, qos: dict[str, Any]) -> dict[str, Any]:
+    body = {
+        "pickup": {"station_id": "s1"},
+        "packages": [{"package_id": "p1", "mass_kg": 0.5, "destination": {"station_id": "s3"}}],
+        "qos": qos,
+    }
+    key = system.keys["SKYWAY_CUSTOMER_KEY"]
+    answer = system.call("POST", "/v1/quotes", key=key, body=body)
+    assert answer.is_success, answer.text
+    quote: dict[str, Any] = answer.json()
+    return quote
