@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Final
 
 from fastapi import FastAPI
+from starlette.middleware import Middleware
 
 from skyway.runtime import idempotency
 from skyway.runtime.clock import AnchoredClock, FleetClock, load_clock
@@ -30,6 +31,8 @@ from skyway.runtime.mqtt import MqttClient
 from skyway.runtime.outbox import MqttSender
 from skyway_gateway.access.keys import Keys
 from skyway_gateway.access.routes import KeyGate, key_routes
+from skyway_gateway.audit.routes import audit_routes
+from skyway_gateway.audit.trail import AuditTrail
 from skyway_gateway.clients import Composition, Registry, RestComposition, RestRegistry
 from skyway_gateway.deliveries import store as delivery_store
 from skyway_gateway.deliveries.accept import Acceptance
@@ -149,12 +152,14 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
             provider_routes(
                 db=db, gate=gate, registry=parts.clients["registry"], keys=keys, clock=clock
             ),
+            audit_routes(db=db, gate=gate),
             forward_routes(gate=gate, clients=parts.clients),
             report_routes(gate=parts.services, follower=parts.follower),
         ],
         lifespan=lifespan,
         readiness=readiness,
         body_limit=body_limits(larger_bodies()),
+        middleware=[Middleware(AuditTrail, db=db, clock=clock, mint=mint)],
     )
 
 

@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from fastapi import APIRouter, Depends, FastAPI, Response
 from fastapi.responses import PlainTextResponse
+from starlette.middleware import Middleware
 
 from skyway.json_model import JsonModel
 from skyway.runtime import docs_page
@@ -54,11 +55,14 @@ def create_app(
     lifespan: Lifespan,
     readiness: Readiness,
     body_limit: BodyLimit | None = None,
+    middleware: Sequence[Middleware] = (),
 ) -> FastAPI:
     """An app with these routers, and with everything that all services answer alike.
 
     Nothing is opened before the lifespan begins. Without `body_limit`, every body ends at 256 KiB.
+    `middleware` sees requests within their trace and their limit.
     """
+    boundary = Middleware(RequestBoundary, body_limit=body_limit or body_limits({}))
     app = _ServiceApp(
         title=title,
         description=description,
@@ -69,8 +73,8 @@ def create_app(
         redoc_url=None,
         redirect_slashes=False,
         separate_input_output_schemas=False,
+        middleware=[boundary, *middleware],
     )
-    app.add_middleware(RequestBoundary, body_limit=body_limit or body_limits({}))
     install_problems(app)
     app.include_router(_health_routes(service, readiness))
     app.include_router(docs_page.router)

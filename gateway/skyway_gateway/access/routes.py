@@ -25,7 +25,9 @@ class KeyGate:
         self._db = db
 
     async def __call__(
-        self, shown: Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)]
+        self,
+        request: Request,
+        shown: Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)],
     ) -> Caller:
         """The caller whose key is shown; looked up anew each time, so a deleted one stops."""
         if shown is None:
@@ -34,6 +36,8 @@ class KeyGate:
             caller = await store.caller_of(connection, secret_hash(shown.credentials))
         if caller is None:
             raise Unauthenticated("this API key is not known, or was deleted")
+        # The audit trail, which sees the request from outside, asks who it was.
+        request.state.caller = caller
         return caller
 
 

@@ -1,0 +1,42 @@
+"""The audit log over REST; operators only."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Query
+from pydantic import Field
+
+from skyway.ids import SubjectId
+from skyway.runtime.database import Database
+from skyway.runtime.identity import Caller
+from skyway.runtime.paging import Page, PageQuery, page_of
+from skyway_gateway.access.key import KeyRole
+from skyway_gateway.access.routes import KeyGate
+from skyway_gateway.audit import store
+from skyway_gateway.audit.entry import LONGEST_PATH, AuditEntry
+from skyway_gateway.audit.store import AuditFilter
+
+
+class AuditQuery(PageQuery):
+    """The query of the audit log; `path` is how the entries' paths begin."""
+
+    role: KeyRole | None = None
+    subject_id: SubjectId | None = None
+    path: Annotated[str | None, Field(min_length=1, max_length=LONGEST_PATH)] = None
+
+
+def audit_routes(*, db: Database, gate: KeyGate) -> APIRouter:
+    """GET /v1/audit."""
+    router = APIRouter(tags=["audit"])
+
+    @router.get("/v1/audit")
+    async def list_entries(
+        caller: Annotated[Caller, Depends(gate)], query: Annotated[AuditQuery, Query()]
+    ) -> Page[AuditEntry]:
+        """What operators and providers did, the newest first."""
+        caller.must_be("operator")
+        wanted = AuditFilter(query.role, query.subject_id, query.path)
+        async with db.read() as connection:
+            found = await store.page(connection, query, wanted)
+        return page_of(found, query, item=lambda it: it, sort_key=lambda it: (it.entry_id,))
+
+    return router
