@@ -1,5 +1,6 @@
 """Who holds each package: a chain from the pickup station to the recipient, never rewritten."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
@@ -30,15 +31,15 @@ def may_pass(held: Held | None, to: Custodian) -> bool:
     return held is None or (held.custodian.kind != "RECIPIENT" and held.custodian != to)
 
 
-def on_board(held: dict[PackageId, Held]) -> frozenset[PackageId]:
+def on_board(held: Mapping[PackageId, Held]) -> frozenset[PackageId]:
     """The packages that a drone holds."""
     return _held_by(held, "DRONE")
 
 
-def delivered(held: dict[PackageId, Held]) -> frozenset[PackageId]:
+def delivered(held: Mapping[PackageId, Held]) -> frozenset[PackageId]:
     """The packages that their recipients have."""
     return _held_by(held, "RECIPIENT")
 
 
-def _held_by(held: dict[PackageId, Held], kind: CustodianKind) -> frozenset[PackageId]:
+def _held_by(held: Mapping[PackageId, Held], kind: CustodianKind) -> frozenset[PackageId]:
     return frozenset(each.package_id for each in held.values() if each.custodian.kind == kind)

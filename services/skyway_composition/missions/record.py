@@ -1,7 +1,8 @@
 """A mission as composition keeps it: what the world sees of it, and what only we need."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Literal, TypeVar
 
 from skyway.contracts.candidate import Candidate
 from skyway.contracts.flight_step import FlightStep, PackageOnBoard
@@ -10,6 +11,8 @@ from skyway.contracts.mission import LIVE_MISSION_STATES, Mission, MissionState
 from skyway.delivery.request import DeliveryRequest, Package
 from skyway.ids import DroneId, InstructionId, MissionId, NetworkId, PackageId, StationId
 from skyway.json_model import JsonModel
+
+_T = TypeVar("_T")
 
 
 class Stuck(JsonModel):
@@ -94,6 +97,16 @@ class MissionRecord:
     def packages(self, package_ids: frozenset[str]) -> tuple[Package, ...]:
         """Those packages of the request, in its order."""
         return tuple(each for each in self.request.packages if each.package_id in package_ids)
+
+    def own(self, held: Mapping[PackageId, _T]) -> dict[PackageId, _T]:
+        """What is known of this mission's packages; a delivery may have others."""
+        ids = {each.package_id for each in self.request.packages}
+        return {package_id: value for package_id, value in held.items() if package_id in ids}
+
+    def aim_of(self, package: Package) -> StationId:
+        """Where a package goes now: to its destination, unless it has another aim."""
+        aims = {each.package_id: each.station_id for each in self.aims}
+        return aims.get(package.package_id, package.destination.station_id)
 
     def moved_to(self, state: MissionState) -> "MissionRecord":
         """The record in another state of its mission; `states` says which are allowed."""
