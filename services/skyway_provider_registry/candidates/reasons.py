@@ -4,7 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from skyway.contracts.candidate import CandidateQuery, ProviderReason, ProviderReasonCode
+from skyway.contracts.candidate import (
+    CandidateQuery,
+    Loading,
+    ProviderReason,
+    ProviderReasonCode,
+)
 from skyway.delivery.offer import Tariff
 from skyway.drone.model import DroneModel
 from skyway.geo import Position
@@ -22,6 +27,7 @@ class KnownProvider:
     provider_id: ProviderId
     tariff: Tariff
     is_active: bool
+    loading: Loading = "AUTOMATIC"
 
 
 @dataclass(frozen=True, slots=True)

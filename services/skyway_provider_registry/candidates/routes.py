@@ -74,6 +74,7 @@ def _known_provider(provider: Provider) -> KnownProvider:
         provider_id=provider.provider_id,
         tariff=provider.tariff,
         is_active=provider.state == "ACTIVE",
+        loading=provider.loading,
     )
 
 

@@ -89,4 +89,5 @@ def _candidate(drone: KnownDrone, provider: KnownProvider) -> Candidate:
         station_id=drone.station_id,
         home_station_id=drone.home_station_id,
         tariff=provider.tariff,
+        loading=provider.loading,
     )

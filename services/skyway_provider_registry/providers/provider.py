@@ -4,6 +4,7 @@ from typing import Annotated, Literal, TypeVar
 
 from pydantic import AwareDatetime, Field, field_validator
 
+from skyway.contracts.candidate import Loading
 from skyway.delivery.offer import Tariff
 from skyway.ids import ProviderId
 from skyway.json_model import JsonModel
@@ -18,11 +19,12 @@ Terms = Annotated[str, Field(max_length=10_000)]
 
 
 class NewProvider(JsonModel):
-    """The body of POST /v1/providers."""
+    """The body of POST /v1/providers; `loading` CONFIRMED has people weigh what is put on board."""
 
     name: ProviderName
     tariff: Tariff
     terms: Terms | None = None
+    loading: Loading = "AUTOMATIC"
 
 
 class ProviderChange(JsonModel):
@@ -32,8 +34,9 @@ class ProviderChange(JsonModel):
     tariff: Tariff | None = None
     terms: Terms | None = None
     state: ProviderState | None = None
+    loading: Loading | None = None
 
-    @field_validator("name", "tariff", "state")
+    @field_validator("name", "tariff", "state", "loading")
     @classmethod
     def _stays(cls, value: T | None) -> T:
         if value is None:
@@ -57,6 +60,7 @@ class Provider(JsonModel):
     tariff: Tariff
     terms: str | None
     state: ProviderState
+    loading: Loading
     created_at: Annotated[AwareDatetime, Field(description="RFC 3339 UTC, fleet time")]
 
     @property

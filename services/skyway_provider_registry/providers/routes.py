@@ -41,6 +41,7 @@ def provider_routes(*, db: Database, gate: ServiceGate, clock: FleetClock, mint:
             tariff=wanted.tariff,
             terms=wanted.terms,
             state="ACTIVE",
+            loading=wanted.loading,
             # What is answered now is what is read later: the table keeps milliseconds.
             created_at=ms_to_moment(moment_to_ms(clock.now())),
         )

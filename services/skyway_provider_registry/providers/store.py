@@ -37,6 +37,7 @@ async def add(tx: Tx, provider: Provider) -> None:
         "tariff": provider.tariff.model_dump_json(),
         "terms": provider.terms,
         "state": provider.state,
+        "loading": provider.loading,
         "created_ms": moment_to_ms(provider.created_at),
     }
     await tx.execute(providers.insert().values(row))
@@ -140,5 +141,6 @@ def _provider(row: Row[*tuple[Any, ...]]) -> Provider:  # columns of every type
         tariff=Tariff.read(row.tariff),
         terms=row.terms,
         state=row.state,
+        loading=row.loading,
         created_at=ms_to_moment(row.created_ms),
     )

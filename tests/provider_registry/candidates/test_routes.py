@@ -78,8 +78,17 @@ async def test_a_drone_that_stands_online_is_a_candidate(api: Any, ready: Ready)
     assert (candidate["station_id"], candidate["soc"]) == ("san-marcos", 0.8)
     assert candidate["home_station_id"] == "san-marcos"
     assert candidate["tariff"]["base"] == 300
+    assert candidate["loading"] == "AUTOMATIC"
     assert candidate["model"] == drone["model"]
     assert found["infeasible"] == []
+
+
+async def test_a_candidate_says_who_confirms_its_loading(api: Any, ready: Ready) -> None:
+    await ready(await api.provider(loading="CONFIRMED"))
+
+    (candidate,) = (await ask(api))["candidates"]
+
+    assert candidate["loading"] == "CONFIRMED"
 
 
 async def test_a_drone_that_was_never_heard_of_is_none(api: Any) -> None:

@@ -26,8 +26,21 @@ async def test_a_registered_provider_is_read_as_it_was_answered(api: Any) -> Non
         **body,
         "provider_id": "prv_000001",
         "state": "ACTIVE",
+        "loading": "AUTOMATIC",
         "created_at": "2026-03-01T12:00:00Z",
     }
+
+
+async def test_a_provider_says_who_confirms_what_is_loaded_and_changes_it(api: Any) -> None:
+    body = {"name": "x", "tariff": {}, "loading": "CONFIRMED"}
+    made = await api("operator:op", "POST", "/v1/providers", body)
+    provider_id = made.json()["provider_id"]
+    path = f"/v1/providers/{provider_id}"
+
+    changed = await api(f"provider:{provider_id}", "PATCH", path, {"loading": "AUTOMATIC"})
+
+    assert made.json()["loading"] == "CONFIRMED"
+    assert changed.json()["loading"] == "AUTOMATIC"
 
 
 @pytest.mark.parametrize("caller", ["provider:prv_1", "customer:c", "drone:drn_1", None])
@@ -55,6 +68,7 @@ async def test_an_unknown_service_is_refused(api: Any) -> None:
         ({"tariff": None}, "tariff"),
         ({"terms": "x" * 10_001}, "terms"),
         ({"colour": "red"}, "colour"),
+        ({"loading": "NOBODY"}, "loading"),
         ({"state": "ACTIVE"}, "state"),
     ],
 )
