@@ -1,4 +1,4 @@
-"""`python -m skyway_drone_agent --fleet FILE [--journal DIR] [--mqtt-url URL]`."""
+"""`python -m skyway_drone_agent --fleet FILE [--journal DIR] [--mqtt-url URL] ...`."""
 
 import asyncio
 import contextlib
@@ -32,7 +32,10 @@ def main() -> int:
 async def _serve(
     drones: tuple[EnrolledDrone, ...], folder: JournalFolder, settings: AgentSettings
 ) -> None:
-    serving = asyncio.create_task(host_fleet(drones, folder, mqtt_url=settings.mqtt_url))
+    hosting = host_fleet(
+        drones, folder, mqtt_url=settings.mqtt_url, disturbances=settings.disturbances
+    )
+    serving = asyncio.create_task(hosting)
     loop = asyncio.get_running_loop()
     for stop in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(stop, serving.cancel)

@@ -10,6 +10,7 @@ from skyway.runtime.minting import mint
 from skyway.runtime.mqtt import MqttClient, Will
 from skyway_drone_agent.agent import DroneAgent
 from skyway_drone_agent.clock_keeper import KeptClock
+from skyway_drone_agent.disturbances import UNDISTURBED, Disturbances
 from skyway_drone_agent.enrolled_drone import EnrolledDrone
 from skyway_drone_agent.journal_folder import JournalFolder
 from skyway_drone_agent.simulated_vehicle import SimulatedVehicle
@@ -24,18 +25,28 @@ _FILES_PER_DRONE, _OTHER_FILES = 2, 64
 
 
 async def host_fleet(
-    drones: tuple[EnrolledDrone, ...], folder: JournalFolder, *, mqtt_url: str
+    drones: tuple[EnrolledDrone, ...],
+    folder: JournalFolder,
+    *,
+    mqtt_url: str,
+    disturbances: Disturbances = UNDISTURBED,
 ) -> None:
     """Serve all drones until cancelled; one that fails does not disturb the others."""
     clock = KeptClock(folder.clock_file)
     async with asyncio.TaskGroup() as group:
         for drone in drones:
-            serving = _keep_flying(drone, folder, clock=clock, mqtt_url=mqtt_url)
+            vehicle = SimulatedVehicle(drone.model, clock, disturbances=disturbances)
+            serving = _keep_flying(drone, folder, vehicle=vehicle, clock=clock, mqtt_url=mqtt_url)
             group.create_task(serving, name=drone.drone_id)
 
 
 async def _keep_flying(
-    drone: EnrolledDrone, folder: JournalFolder, *, clock: KeptClock, mqtt_url: str
+    drone: EnrolledDrone,
+    folder: JournalFolder,
+    *,
+    vehicle: SimulatedVehicle,
+    clock: KeptClock,
+    mqtt_url: str,
 ) -> Never:
     def make_link(will: Will, on_connected: Callable[[], Awaitable[None]]) -> MqttClient:
         return MqttClient(
@@ -52,7 +63,7 @@ async def _keep_flying(
             agent = DroneAgent(
                 drone,
                 journal=folder.journal_of(drone.drone_id),
-                vehicle=SimulatedVehicle(drone.model, clock),
+                vehicle=vehicle,
                 clock=clock,
                 make_link=make_link,
                 mint=mint,

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from skyway.runtime.errors import InvalidSettings
+from skyway_drone_agent.disturbances import Disturbances
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,10 +18,11 @@ class AgentSettings:
     mqtt_url: str
     parent_fd: int | None
     log_level: str
+    disturbances: Disturbances
 
 
 def read_settings(arguments: Sequence[str], environment: Mapping[str, str]) -> AgentSettings:
-    """The settings; raises `InvalidSettings` that names what is missing."""
+    """The settings; an `InvalidSettings` or `InvalidInput` names what is missing or wrong."""
     given = _parser().parse_args(arguments)
     journal = given.journal or environment.get("SKYWAY_AGENT_JOURNAL")
     mqtt_url = given.mqtt_url or environment.get("SKYWAY_MQTT_URL")
@@ -37,6 +39,12 @@ def read_settings(arguments: Sequence[str], environment: Mapping[str, str]) -> A
         mqtt_url=mqtt_url,
         parent_fd=int(parent_fd) if parent_fd else None,
         log_level=environment.get("SKYWAY_LOG_LEVEL", "INFO"),
+        disturbances=Disturbances(
+            flight_time_factor=given.flight_time_factor,
+            flight_energy_factor=given.flight_energy_factor,
+            charge_time_factor=given.charge_time_factor,
+            absent_station_ids=frozenset(given.absent_station),
+        ),
     )
 
 
@@ -56,4 +64,23 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--mqtt-url", metavar="URL", help="mqtt://host:port or mqtts:// (or SKYWAY_MQTT_URL)"
     )
+    _add_disturbances(parser)
     return parser
+
+
+def _add_disturbances(parser: argparse.ArgumentParser) -> None:
+    """The options of what goes otherwise than planned, named as `skyway fleet` names them."""
+    disturbed = parser.add_argument_group("what goes otherwise than planned")
+    for option, what in (
+        ("--flight-time-factor", "flights take so many times as long as planned"),
+        ("--flight-energy-factor", "flights take so many times the energy planned"),
+        ("--charge-time-factor", "recharges take so many times as long as planned"),
+    ):
+        disturbed.add_argument(option, type=float, default=1.0, metavar="FACTOR", help=what)
+    disturbed.add_argument(
+        "--absent-station",
+        action="append",
+        default=[],
+        metavar="STATION",
+        help="nobody is there to take packages; may be given again",
+    )

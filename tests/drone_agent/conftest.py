@@ -247,13 +247,14 @@ class Steps:
         )
         return self
 
-    def deliver(self, station: str, *packages: str) -> Self:
+    def deliver(self, station: str, *packages: str, recipient_wait_s: float = 0.0) -> Self:
         self.made.append(
             DeliverStep(
                 **self._times(30.0),
                 station_id=StationId(station),
                 package_ids=tuple(PackageId(name) for name in packages),
                 dropoff_s=30.0,
+                recipient_wait_s=recipient_wait_s,
             )
         )
         return self

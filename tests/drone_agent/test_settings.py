@@ -3,11 +3,15 @@
 from pathlib import Path
 
 import pytest
+from skyway_drone_agent.disturbances import Disturbances
 from skyway_drone_agent.settings import read_settings
 
+from skyway.errors import InvalidInput
+from skyway.ids import StationId
 from skyway.runtime.errors import InvalidSettings
 
 FLEET = ["--fleet", "fleet.json"]
+PLACES = ["--journal", "here", "--mqtt-url", "mqtt://b:1"]
 
 
 def test_arguments_come_before_the_environment() -> None:
@@ -17,6 +21,31 @@ def test_arguments_come_before_the_environment() -> None:
 
     assert (settings.journal, settings.mqtt_url) == (Path("here"), "mqtt://there:1")
     assert settings.parent_fd is None
+
+
+def test_nothing_is_disturbed_unless_asked_for() -> None:
+    settings = read_settings([*FLEET, *PLACES], {})
+
+    assert settings.disturbances == Disturbances()
+
+
+def test_disturbances_are_read_from_the_arguments() -> None:
+    disturbed = ["--flight-time-factor", "1.2", "--flight-energy-factor", "1.3"]
+    disturbed += ["--charge-time-factor", "2", "--absent-station", "a", "--absent-station", "b"]
+
+    settings = read_settings([*FLEET, *PLACES, *disturbed], {})
+
+    assert settings.disturbances == Disturbances(
+        flight_time_factor=1.2,
+        flight_energy_factor=1.3,
+        charge_time_factor=2.0,
+        absent_station_ids=frozenset({StationId("a"), StationId("b")}),
+    )
+
+
+def test_a_factor_that_is_not_above_zero_is_named() -> None:
+    with pytest.raises(InvalidInput, match="charge_time_factor: 0 is not above 0"):
+        read_settings([*FLEET, *PLACES, "--charge-time-factor", "0"], {})
 
 
 @pytest.mark.parametrize(

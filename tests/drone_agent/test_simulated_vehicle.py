@@ -4,7 +4,8 @@ from datetime import timedelta
 from typing import Any
 
 import pytest
-from skyway_drone_agent.simulated_vehicle import SimulatedVehicle, outcome_of
+from skyway_drone_agent.simulated_physics import Physics
+from skyway_drone_agent.simulated_vehicle import SimulatedVehicle
 from skyway_drone_agent.vehicle import StepRun
 
 from skyway.geo import Position
@@ -26,7 +27,7 @@ def test_a_loaded_drone_flies_slower(
 ) -> None:
     (step,) = steps().fly("home", "shop", length_m=6000, duration_s=1, lands=False).made
 
-    outcome = outcome_of(run_of(step, load_kg=load_kg), drone.model)
+    outcome = Physics(drone.model).outcome_of(run_of(step, load_kg=load_kg))
 
     flown_s = (outcome.ended_at - step.planned_start_at).total_seconds()
     assert flown_s == pytest.approx(6000 / speed_mps)
@@ -39,8 +40,8 @@ def test_a_landing_takes_its_time_and_energy(drone: Any, steps: Any) -> None:
     (over,) = steps().fly("home", "shop", length_m=6000, duration_s=1, lands=False).made
     (lands,) = steps().fly("home", "shop", length_m=6000, duration_s=1).made
 
-    flown = outcome_of(run_of(over), drone.model)
-    landed = outcome_of(run_of(lands), drone.model)
+    flown = Physics(drone.model).outcome_of(run_of(over))
+    landed = Physics(drone.model).outcome_of(run_of(lands))
 
     assert landed.ended_at - flown.ended_at == timedelta(seconds=30)
     assert landed.energy_j - flown.energy_j == pytest.approx(1000)
@@ -49,7 +50,7 @@ def test_a_landing_takes_its_time_and_energy(drone: Any, steps: Any) -> None:
 def test_a_recharge_ends_at_the_charge_asked_for(drone: Any, steps: Any) -> None:
     (step,) = steps().recharge("shop", until_soc=0.9, duration_s=9000).made
 
-    outcome = outcome_of(run_of(step, soc=0.4), drone.model)
+    outcome = Physics(drone.model).outcome_of(run_of(step, soc=0.4))
 
     assert outcome.soc == 0.9
     assert outcome.code is None
@@ -59,7 +60,7 @@ def test_a_recharge_ends_at_the_charge_asked_for(drone: Any, steps: Any) -> None
 def test_a_recharge_ends_with_its_reservation_and_is_short(drone: Any, steps: Any) -> None:
     (step,) = steps().recharge("shop", until_soc=0.8, duration_s=1800).made
 
-    outcome = outcome_of(run_of(step, soc=0.4, late_s=900), drone.model)
+    outcome = Physics(drone.model).outcome_of(run_of(step, soc=0.4, late_s=900))
 
     assert outcome.ended_at == step.not_after_at
     assert outcome.soc == pytest.approx(0.4 + 900 * 0.8 / 3600)
@@ -69,7 +70,7 @@ def test_a_recharge_ends_with_its_reservation_and_is_short(drone: Any, steps: An
 def test_a_recharge_that_lacks_only_the_rounding_is_not_short(drone: Any, steps: Any) -> None:
     (step,) = steps().recharge("shop", until_soc=0.8, duration_s=1800).made
 
-    outcome = outcome_of(run_of(step, soc=0.4, late_s=0.0015), drone.model)
+    outcome = Physics(drone.model).outcome_of(run_of(step, soc=0.4, late_s=0.0015))
 
     assert (outcome.soc, outcome.code) == (0.8, None)
 
@@ -77,7 +78,7 @@ def test_a_recharge_that_lacks_only_the_rounding_is_not_short(drone: Any, steps:
 def test_a_full_drone_leaves_the_pad_at_once(drone: Any, steps: Any) -> None:
     (step,) = steps().recharge("shop", until_soc=0.8, duration_s=1800).made
 
-    outcome = outcome_of(run_of(step, soc=0.9), drone.model)
+    outcome = Physics(drone.model).outcome_of(run_of(step, soc=0.9))
 
     assert (outcome.ended_at, outcome.soc) == (step.planned_start_at, 0.9)
 
@@ -85,8 +86,8 @@ def test_a_full_drone_leaves_the_pad_at_once(drone: Any, steps: Any) -> None:
 def test_a_wait_ends_at_its_moment_and_not_before_it_began(drone: Any, steps: Any) -> None:
     (step,) = steps().wait("home", duration_s=300).made
 
-    on_time = outcome_of(run_of(step, late_s=100), drone.model)
-    late = outcome_of(run_of(step, late_s=400), drone.model)
+    on_time = Physics(drone.model).outcome_of(run_of(step, late_s=100))
+    late = Physics(drone.model).outcome_of(run_of(step, late_s=400))
 
     assert on_time.ended_at == step.until_at
     assert late.ended_at == step.planned_start_at + timedelta(seconds=400)
@@ -96,7 +97,7 @@ def test_hand_overs_take_their_planned_time(drone: Any, steps: Any) -> None:
     made = steps().pick_up("home", p1=0.5).deliver("home", "p1").bring_back("home", "p1").made
 
     lasting_s = [
-        (outcome_of(run_of(step, late_s=7), drone.model).ended_at - step.planned_start_at)
+        (Physics(drone.model).outcome_of(run_of(step, late_s=7)).ended_at - step.planned_start_at)
         / timedelta(seconds=1)
         - 7
         for step in made

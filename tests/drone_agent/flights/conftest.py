@@ -10,6 +10,7 @@ from typing import Any, Self
 
 import pytest
 from skyway_drone_agent.agent import DroneAgent
+from skyway_drone_agent.disturbances import UNDISTURBED
 from skyway_drone_agent.enrolled_drone import EnrolledDrone
 from skyway_drone_agent.journal import Journal
 from skyway_drone_agent.logbook import Logbook
@@ -141,6 +142,7 @@ class World:
     def __init__(self, drone: EnrolledDrone, clock: Any) -> None:
         self.drone = drone
         self.clock = clock
+        self.disturbances = UNDISTURBED
         self.mint = CountingMint()
         self.trace: list[str] = []
         self.published: list[tuple[Topic[Any], Any]] = []
@@ -157,7 +159,7 @@ class World:
         agent = DroneAgent(
             self.drone,
             journal=self.journal,
-            vehicle=SimulatedVehicle(self.drone.model, self.clock),
+            vehicle=SimulatedVehicle(self.drone.model, self.clock, disturbances=self.disturbances),
             clock=self.clock,
             make_link=self._make_link,
             mint=self.mint,
