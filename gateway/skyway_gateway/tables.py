@@ -13,6 +13,7 @@ from sqlalchemy import (
     Table,
     Text,
     UniqueConstraint,
+    false,
     text,
     true,
 )
@@ -188,6 +189,8 @@ notifications = Table(
     Column("state", Text, nullable=False),
     Column("attempts", Integer, nullable=False),
     Column("next_try_wall_ms", BigInteger, nullable=False),
+    # Told again when its customer asked for it: it comes after what was told meanwhile.
+    Column("is_replay", Boolean, nullable=False, server_default=false()),
     *claim_columns(),
     CheckConstraint("state IN ('PENDING', 'DELIVERED', 'GIVEN_UP')", name="notification_state"),
     Index(

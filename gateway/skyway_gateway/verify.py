@@ -126,6 +126,7 @@ _CHECKS: Final[Mapping[str, Select[*tuple[Any, ...]]]] = {
             _earlier.c.delivery_id == notifications.c.delivery_id,
             _earlier.c.sequence < notifications.c.sequence,
             _earlier.c.state == "PENDING",
+            ~_earlier.c.is_replay,
         ),
     ),
 }

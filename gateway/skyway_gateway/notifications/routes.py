@@ -14,6 +14,8 @@ from skyway.runtime.paging import Page, PageQuery, page_of
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.notifications import store
 from skyway_gateway.notifications.fleet_time import FleetTime, fleet_time
+from skyway_gateway.notifications.replay.again import replay
+from skyway_gateway.notifications.replay.wanted import Replay, ReplayRequest
 from skyway_gateway.notifications.sender import WebhookSender
 from skyway_gateway.notifications.signature import new_webhook_secret
 from skyway_gateway.notifications.targets import Targets
@@ -47,7 +49,7 @@ def webhook_routes(
     clock: FleetClock,
     mint: Mint,
 ) -> APIRouter:
-    """/v1/webhooks: POST, GET, PATCH, DELETE, and `/test` and `/attempts` of each."""
+    """/v1/webhooks: POST, GET, PATCH, DELETE, and `/test`, `/attempts`, `/replay` of each."""
     router = APIRouter(tags=["webhooks"])
 
     @router.post("/v1/webhooks", status_code=201, response_model=IssuedWebhook)
@@ -143,6 +145,14 @@ def webhook_routes(
         async with db.read() as connection:
             endpoint = await store.endpoint_of(connection, caller, webhook_id)
         return await sender.send_trial(endpoint)
+
+    @router.post("/v1/webhooks/{webhook_id}/replay", status_code=202)
+    async def replay_events(
+        webhook_id: WebhookId, caller: Annotated[Caller, Depends(gate)], wanted: ReplayRequest
+    ) -> Replay:
+        """Have past events sent again, under their own ids and in their sequence."""
+        caller.must_be("customer")
+        return await replay(db, caller, webhook_id, wanted, clock=clock, wake=sender.wake)
 
     @router.get("/v1/webhooks/{webhook_id}/attempts")
     async def list_attempts(

@@ -293,3 +293,19 @@ async def test_a_customer_can_try_a_webhook(gateway: Any, receiver: Receiver) ->
     assert (answer.json()["outcome"], answer.json()["status"]) == ("GIVEN_UP", 500)
     assert len(await _attempts(gateway, webhook)) == 2
     assert (await gateway.http.post(path, headers=gateway.other)).status_code == 404
+
+
+async def test_a_replay_arrives_under_the_same_ids_in_sequence(
+    gateway_on_both: Any, receiver: Receiver
+) -> None:
+    gateway = gateway_on_both
+    webhook = await _webhook(gateway, receiver.url)
+    delivery_id = await gateway.planned()
+    assert await _notify(gateway) == 2
+    path = f"/v1/webhooks/{webhook['webhook_id']}/replay"
+    await gateway.http.post(path, json={"delivery_id": delivery_id}, headers=gateway.customer)
+    assert await _notify(gateway) == 2
+    assert receiver.bodies[2:] == receiver.bodies[:2]
+    ids = [headers["webhook-id"] for headers, _ in receiver.received]
+    assert ids[2:] == ids[:2]
+    assert await _notify(gateway) == 0

@@ -24,6 +24,10 @@ def upgrade() -> None:
     op.add_column("missions", sa.Column("start_ms", sa.BigInteger(), nullable=True))
     for name in ("flight_s", "waiting_s", "recharging_s"):
         op.add_column("missions", sa.Column(name, sa.Double(), nullable=True))
+    op.add_column(
+        "notifications",
+        sa.Column("is_replay", sa.Boolean(), server_default=sa.false(), nullable=False),
+    )
     _create_quotes()
     _create_audit()
 

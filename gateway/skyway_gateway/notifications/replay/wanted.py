@@ -1,0 +1,42 @@
+"""Which events a customer wants to be told again."""
+
+from typing import Annotated, Final, Self
+
+from pydantic import Field, model_validator
+
+from skyway.contracts.message import WallMoment
+from skyway.ids import DeliveryId, EventId
+from skyway.json_model import JsonModel
+
+#: The most events that are named one by one, and the most that one call queues.
+_MOST_NAMED: Final = 100
+MOST_EVENTS: Final = 10_000
+
+
+class ReplayRequest(JsonModel):
+    """These events, all of one delivery, or all that were recorded in [from, to).
+
+    Of a delivery or a span only the types are told that the webhook wants.
+    """
+
+    event_ids: (
+        Annotated[tuple[EventId, ...], Field(min_length=1, max_length=_MOST_NAMED)] | None
+    ) = None
+    delivery_id: DeliveryId | None = None
+    from_at: Annotated[WallMoment | None, Field(alias="from")] = None
+    to_at: Annotated[WallMoment | None, Field(alias="to")] = None
+
+    @model_validator(mode="after")
+    def _says_one_thing(self) -> Self:
+        given = [self.event_ids is not None, self.delivery_id is not None, self.from_at is not None]
+        if sum(given) != 1:
+            raise ValueError("give one of event_ids, delivery_id and from")
+        if self.to_at is not None and (self.from_at is None or self.to_at <= self.from_at):
+            raise ValueError("to must come with from, and after it")
+        return self
+
+
+class Replay(JsonModel):
+    """How many events are on their way again; those that still were are not counted."""
+
+    queued: Annotated[int, Field(ge=0)]
