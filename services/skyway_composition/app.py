@@ -29,6 +29,11 @@ from skyway.runtime.outbox import MqttSender, ReportSender
 from skyway_composition.alarms.routes import alarm_routes
 from skyway_composition.missions.book import Bookings
 from skyway_composition.missions.follow import Follower
+from skyway_composition.missions.hands.cancel import Cancellations
+from skyway_composition.missions.hands.commands import Commands
+from skyway_composition.missions.hands.loading import Loadings
+from skyway_composition.missions.hands.loading_watch import LoadingWatch
+from skyway_composition.missions.hands.routes import hand_routes
 from skyway_composition.missions.overdue import Overdue
 from skyway_composition.missions.recompose import Recomposer
 from skyway_composition.missions.routes import mission_routes
@@ -78,6 +83,7 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
     """All rooms' routes on these parts, which the lifespan opens."""
     db, gate, clock, networks = parts.db, parts.gate, parts.clock, parts.networks
     known = KnownNetworks(db, networks, clock)
+    hands = (db, clock, parts.mint, parts.stuck, parts.pads_changed)
     return create_app(
         service=SERVICE,
         title="Skyway composition",
@@ -89,6 +95,12 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
             pad_routes(db=db, gate=gate, clock=clock),
             composition_routes(gate=gate, known=known, solver=parts.inquiries),
             mission_routes(db=db, gate=gate, bookings=parts.bookings),
+            hand_routes(
+                gate=gate,
+                loadings=Loadings(*hands),
+                commands=Commands(*hands),
+                cancellations=Cancellations(*hands),
+            ),
             alarm_routes(db=db, gate=gate, clock=clock),
         ],
         lifespan=lifespan,
@@ -117,6 +129,7 @@ class Work:
         self._recomposer = Recomposer(
             db, parts.networks, parts.solver, clock, mint, replica, parts.pads_changed
         )
+        self._loading_watch = LoadingWatch(db, parts.networks, clock, mint, parts.pads_changed)
         self._station_states = StationStates(db, mqtt, clock, mint)
         self._network_versions = NetworkVersions(db, mqtt, clock, mint)
 
@@ -136,6 +149,7 @@ class Work:
         for name, step, wake in (
             ("recompose", self._recomposer.step, self._parts.stuck),
             ("overdue", self._overdue.step, Wake()),
+            ("loading", self._loading_watch.step, Wake()),
             ("station states", self._station_states.step, self._parts.pads_changed),
             ("network versions", self._network_versions.step, self._parts.published),
         ):

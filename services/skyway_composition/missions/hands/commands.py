@@ -1,0 +1,173 @@
+"""Commands: an operator's hands on the wheel of one mission."""
+
+from dataclasses import dataclass, replace
+from typing import Annotated, Final, Literal, Self
+
+from pydantic import Field, model_validator
+
+from skyway.errors import InvalidInput
+from skyway.ids import InstructionId, MissionId, StationId
+from skyway.json_model import JsonModel
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.database import Database
+from skyway.runtime.errors import Conflict
+from skyway.runtime.loops import Wake
+from skyway.runtime.minting import Mint
+from skyway_composition.missions import store as mission_store
+from skyway_composition.missions.custody import on_board
+from skyway_composition.missions.hands.recall import is_being_loaded
+from skyway_composition.missions.hands.stop_packages import bring_back, stop_packages
+from skyway_composition.missions.hands.under_hand import mission_under_hand
+from skyway_composition.missions.hold import held, hold, resume
+from skyway_composition.missions.record import MissionRecord, Trouble
+from skyway_composition.missions.trouble import troubled
+from skyway_composition.missions.watch import Watch
+from skyway_composition.networks.store import network_of
+
+CommandName = Literal["HOLD", "RESUME", "DIVERT", "RETURN_HOME", "CANCEL"]
+
+#: Told of what an operator has cancelled, not the customer.
+_CANCELLED_BY_OPERATOR: Final = "CANCELLED_BY_OPERATOR"
+
+
+class Command(JsonModel):
+    """What a mission's drone is to do; `station_id` says where a DIVERT lands."""
+
+    command: CommandName
+    station_id: StationId | None = None
+    reason: Annotated[str, Field(min_length=1, max_length=500)]
+
+    @model_validator(mode="after")
+    def _says_where(self) -> Self:
+        if (self.command == "DIVERT") != (self.station_id is not None):
+            raise ValueError("station_id belongs to DIVERT, and to nothing else")
+        return self
+
+
+class CommandAnswer(JsonModel):
+    """What was understood; without `instruction_id` the drone hears of it with its next plan."""
+
+    mission_id: MissionId
+    command: CommandName
+    instruction_id: InstructionId | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Commands:
+    """Carries commands out; `stuck` and `pads_changed` are woken after each."""
+
+    db: Database
+    clock: FleetClock
+    mint: Mint
+    stuck: Wake
+    pads_changed: Wake
+
+    async def give(self, mission_id: MissionId, command: Command) -> CommandAnswer:
+        """Do what can be done at once, and have the rest planned.
+
+        Raises
+        ------
+        NotFound
+            There is no such mission.
+        Conflict
+            MISSION_OVER, ALREADY_HELD, NOT_HELD, BEING_LOADED, NOTHING_ON_BOARD, TOO_LATE.
+        InvalidInput
+            The station is not in the mission's network.
+        """
+        async with self.db.write() as tx:
+            watch, record = await mission_under_hand(
+                tx, mission_id, provider_id=None, clock=self.clock, mint=self.mint
+            )
+            instruction_id = await _obeyed(watch, record, command)
+            tx.after_commit(self.stuck.set)
+            tx.after_commit(self.pads_changed.set)
+        return CommandAnswer(
+            mission_id=mission_id, command=command.command, instruction_id=instruction_id
+        )
+
+
+async def _obeyed(watch: Watch, record: MissionRecord, command: Command) -> InstructionId | None:
+    reason = command.reason
+    match command.command:
+        case "HOLD":
+            return await _hold(watch, record, reason)
+        case "RESUME":
+            return await _resume(watch, record, reason)
+        case "RETURN_HOME":
+            await _return_home(watch, record, reason)
+        case "CANCEL":
+            await _cancel(watch, record, reason)
+        case "DIVERT":
+            return await _divert(watch, record, command)
+    return None
+
+
+async def _hold(watch: Watch, record: MissionRecord, reason: str) -> InstructionId:
+    if record.mission.is_held:
+        raise Conflict("ALREADY_HELD", f"{record.mission_id} is held")
+    _refuse_while_loaded(record)
+    await watch.keep(held(record, is_held=True))
+    return await hold(watch, record, reason=reason)
+
+
+async def _resume(watch: Watch, record: MissionRecord, reason: str) -> InstructionId:
+    """Go on, by a new plan: the old one's times are over. A diversion not flown yet is dropped."""
+    if not record.mission.is_held:
+        raise Conflict("NOT_HELD", f"{record.mission_id} is not held")
+    record = held(record, is_held=False)
+    if record.trouble is not None and record.trouble.land_at is not None:
+        record = replace(record, trouble=None)
+    await watch.keep(record)
+    instruction_id = await resume(watch, record)
+    await troubled(watch, record, Trouble(code="HELD_UP", detail=f"resumed: {reason}"))
+    return instruction_id
+
+
+async def _divert(watch: Watch, record: MissionRecord, command: Command) -> InstructionId:
+    """Hold at once, in case there is no way; the diversion's plan holds once more where it ends."""
+    station_id, reason = command.station_id, command.reason
+    is_known = (
+        station_id is not None
+        and await network_of(watch.tx.connection, station_id) == record.network_id
+    )
+    if not is_known:
+        detail = f"{station_id!r} is not a station of network {record.network_id}"
+        raise InvalidInput("station_id", detail)
+    _refuse_while_loaded(record)
+    record = held(record, is_held=True)
+    await watch.keep(record)
+    instruction_id = await hold(watch, record, reason=reason)
+    trouble = Trouble(code="DIVERTED", detail=reason, land_at=station_id)
+    await troubled(watch, record, trouble)
+    return instruction_id
+
+
+async def _return_home(watch: Watch, record: MissionRecord, reason: str) -> None:
+    """Bring back what is on board; an empty drone goes home anyway, or is cancelled."""
+    carried = on_board(
+        await mission_store.held_packages(watch.tx.connection, record.mission.delivery_id)
+    )
+    own = [each.package_id for each in record.packages(carried)]
+    if not own:
+        detail = f"nothing of {record.mission_id} is on board: to end it before loading, cancel it"
+        raise Conflict("NOTHING_ON_BOARD", detail)
+    if record.mission.is_held:
+        raise Conflict("HELD", f"{record.mission_id} is held: resume it first")
+    await bring_back(watch, record, own, code="CALLED_HOME", detail=reason)
+
+
+async def _cancel(watch: Watch, record: MissionRecord, reason: str) -> None:
+    """Stop all packages of the mission, as if they were cancelled one by one."""
+    package_ids = [each.package_id for each in record.request.packages]
+    stopped = await stop_packages(
+        watch, record, package_ids, code=_CANCELLED_BY_OPERATOR, reason=reason
+    )
+    if not stopped.released and not stopped.returning:
+        detail = f"everything that {record.mission_id} carries is handed over or on its way"
+        raise Conflict("TOO_LATE", detail)
+
+
+def _refuse_while_loaded(record: MissionRecord) -> None:
+    """The drone is told that it is loaded within seconds, and must not hear two things at once."""
+    if is_being_loaded(record):
+        raise Conflict("BEING_LOADED", f"the loading of {record.mission_id} was just confirmed")

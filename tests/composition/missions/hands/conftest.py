@@ -1,0 +1,59 @@
+"""Missions on which somebody lays hands: at the pickup, loaded, under way."""
+
+from collections.abc import Awaitable, Callable
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+
+#: Books a mission and tells how far its drone is: its instruction.
+Begin = Callable[..., Awaitable[Any]]
+
+
+async def accepted(
+    composition: Any, drone: Any, make: Any, *destinations: str, loading: str = "AUTOMATIC"
+) -> Any:
+    """A mission that its drone will fly; it has not begun."""
+    await composition.book(
+        make.candidate(loading=loading), request=make.request(*(destinations or ("c",)))
+    )
+    (instruction,) = await composition.sent()
+    await composition.take(drone.ack(instruction))
+    return instruction
+
+
+async def at_pickup(composition: Any, drone: Any, make: Any, *destinations: str) -> Any:
+    """A mission whose drone stands at the pickup and waits for a loader."""
+    instruction = await accepted(composition, drone, make, *destinations, loading="CONFIRMED")
+    composition.clock.advance(instruction.steps[0].planned_start_at - composition.clock.now())
+    await composition.take(standing(drone, instruction))
+    return instruction
+
+
+async def loaded(composition: Any, drone: Any, make: Any, *destinations: str) -> Any:
+    """A mission whose drone has its packages on board and has not taken off."""
+    instruction = await accepted(composition, drone, make, *destinations)
+    pick_up, *_ = drone.flown(instruction)
+    drone.event_seq = 1
+    composition.clock.advance(instruction.steps[0].planned_end_at - composition.clock.now())
+    await composition.take(pick_up)
+    return instruction
+
+
+def standing(drone: Any, instruction: Any, **members: Any) -> Any:
+    """The state of a drone that stands at the pickup to be loaded."""
+    values = {
+        "mission_id": instruction.mission_id,
+        "mission_revision": instruction.mission_revision,
+        "activity": "LOADING",
+        "step_id": 1,
+        "released_through": 1,
+        **members,
+    }
+    return drone.state(**values)
+
+
+@pytest.fixture
+def begin() -> SimpleNamespace:
+    """begin.accepted, begin.at_pickup, begin.loaded; begin.standing says so of a drone."""
+    return SimpleNamespace(accepted=accepted, at_pickup=at_pickup, loaded=loaded, standing=standing)
