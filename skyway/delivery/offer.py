@@ -1,8 +1,8 @@
 """What a provider asks for a plan: its tariff, the price, and which offer suits a QoS best."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, Final, Self
 
 from pydantic import Field
 
@@ -13,6 +13,10 @@ from skyway.json_model import JsonModel
 Currency = Annotated[str, Field(pattern=r"^[A-Z]{3}$", description="ISO 4217 code")]
 
 MinorUnits = Annotated[int, Field(ge=0, le=10**12)]
+
+
+#: Scores that agree in this many digits are equal: what is left of a difference is rounding.
+_SCORE_DIGITS: Final = 9
 
 
 class Tariff(JsonModel):
@@ -55,6 +59,38 @@ class OfferValues:
     drone_id: DroneId
 
 
+@dataclass(frozen=True, slots=True)
+class BestValues:
+    """The best time, price and energy among some offers: what a score is relative to."""
+
+    time_s: float
+    price: int
+    energy_j: float
+
+    @classmethod
+    def of(cls, offers: Iterable[OfferValues]) -> Self:
+        """The best values of these offers, of which there is at least one."""
+        times_s, prices, energies_j = zip(
+            *((each.time_s, each.price, each.energy_j) for each in offers), strict=True
+        )
+        return cls(min(times_s), min(prices), min(energies_j))
+
+    def score(self, offer: OfferValues, weights: Weights) -> float:
+        """The sum of weight x value / best value, the lower the better."""
+        return (
+            weights.time * _relative(offer.time_s, self.time_s)
+            + weights.price * _relative(offer.price, self.price)
+            + weights.energy * _relative(offer.energy_j, self.energy_j)
+        )
+
+    def rank(
+        self, offer: OfferValues, weights: Weights
+    ) -> tuple[float, int, ProviderId, DroneId]:
+        """What offers are sorted by: the score, then price, provider and drone."""
+        score = round(self.score(offer, weights), _SCORE_DIGITS)
+        return score, offer.price, offer.provider_id, offer.drone_id
+
+
 def rank_offers(offers: Sequence[OfferValues], weights: Weights) -> list[int]:
     """The offers' indices, best first.
 
@@ -62,20 +98,8 @@ def rank_offers(offers: Sequence[OfferValues], weights: Weights) -> list[int]:
     """
     if not offers:
         return []
-    best_time = min(offer.time_s for offer in offers)
-    best_price = min(offer.price for offer in offers)
-    best_energy = min(offer.energy_j for offer in offers)
-
-    def score(index: int) -> tuple[float, int, ProviderId, DroneId]:
-        offer = offers[index]
-        total = (
-            weights.time * _relative(offer.time_s, best_time)
-            + weights.price * _relative(offer.price, best_price)
-            + weights.energy * _relative(offer.energy_j, best_energy)
-        )
-        return total, offer.price, offer.provider_id, offer.drone_id
-
-    return sorted(range(len(offers)), key=score)
+    best = BestValues.of(offers)
+    return sorted(range(len(offers)), key=lambda index: best.rank(offers[index], weights))
 
 
 def _relative(value: float, best: float) -> float:

@@ -3,14 +3,16 @@
 from collections.abc import Iterable
 
 from skyway.contracts.candidate import ProviderReason, ProviderReasonCode
-from skyway.contracts.mission import Booking, BookMissions
+from skyway.contracts.mission import Booking, BookMissions, OfferLimits
 
 
 def without_offer(wanted: BookMissions, reasons: tuple[ProviderReason, ...]) -> Booking:
-    """BUSY while something may still change, else INFEASIBLE.
+    """BUSY while something may still change, else INFEASIBLE; an offer that was taken is lost.
 
     Without candidates nothing is known here; the registry's reasons tell the gateway.
     """
+    if wanted.offer is not None:
+        return _offer_lost(wanted.offer, reasons)
     may_change = not wanted.candidates or any(reason.is_temporary for reason in reasons)
     return Booking(outcome="BUSY" if may_change else "INFEASIBLE", reasons=reasons)
 
@@ -23,7 +25,7 @@ def pickup_unknown(wanted: BookMissions) -> Booking:
 
 
 def all_taken(wanted: BookMissions, reasons: tuple[ProviderReason, ...]) -> Booking:
-    """BUSY: others were faster in every round."""
+    """BUSY: others were faster in every round; an offer that was taken is lost."""
     told = {reason.provider_id for reason in reasons}
     detail = "others took its drones or their pads meanwhile"
     taken = [
@@ -31,7 +33,30 @@ def all_taken(wanted: BookMissions, reasons: tuple[ProviderReason, ...]) -> Book
         for reason in _for_all(wanted, "TAKEN", detail, is_temporary=True)
         if reason.provider_id not in told
     ]
+    if wanted.offer is not None:
+        return _offer_lost(wanted.offer, (*reasons, *taken))
     return Booking(outcome="BUSY", reasons=(*reasons, *taken))
+
+
+def _offer_lost(offer: OfferLimits, reasons: tuple[ProviderReason, ...]) -> Booking:
+    """INFEASIBLE: an offer does not wait; what is gone meanwhile is named."""
+    own = [each for each in reasons if each.provider_id == offer.provider_id]
+    gone = "; ".join(f"{each.code}: {each.detail}" for each in own) or "none of its drones is free"
+    promised = (
+        f"{offer.price.amount} {offer.price.currency} within {offer.within_s:.0f} s cannot be kept"
+    )
+    reason = ProviderReason(
+        provider_id=offer.provider_id,
+        code="OFFER_LOST",
+        detail=f"{promised}: {gone}",
+        is_temporary=False,
+        data={
+            "price": offer.price.amount,
+            "within_s": offer.within_s,
+            "because": [each.code for each in own],
+        },
+    )
+    return Booking(outcome="INFEASIBLE", reasons=(reason,))
 
 
 def _for_all(

@@ -1,6 +1,6 @@
 """All SQL of pads: reservations, and how taken stations are."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -28,17 +28,25 @@ class Reservation:
 
 
 async def reserve(tx: Tx, mission_id: MissionId, booked: Sequence[BookedPad]) -> None:
-    """Reserve these pads, which are sorted, for a mission.
+    """Reserve these pads, which are sorted, for a mission; raises as `reserve_all` does."""
+    await reserve_all(tx, {mission_id: booked})
+
+
+async def reserve_all(tx: Tx, booked: Mapping[MissionId, Sequence[BookedPad]]) -> None:
+    """Reserve pads for new missions, all or nothing.
 
     Raises
     ------
     Taken
-        Somebody else holds one of them for some of the time.
+        Somebody else holds one of them for some of the time, or two of these missions would.
     """
-    if not booked:
+    # All at once: one mission's stations after another's would not be in sorted order.
+    everything = [each for pads in booked.values() for each in pads]
+    if not everything:
         return
-    await _lock_stations(tx, booked)
-    await _insert(tx, mission_id, booked)
+    await _lock_stations(tx, everything)
+    for mission_id, pads in booked.items():
+        await _insert(tx, mission_id, pads)
 
 
 async def hold(tx: Tx, mission_id: MissionId, booked: Iterable[BookedPad]) -> None:

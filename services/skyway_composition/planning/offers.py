@@ -1,225 +1,148 @@
-"""Offers: every candidate's true plan, priced and ranked, and why the others make none."""
+"""Offers: true plans, priced and ranked, and why the other providers make none."""
 
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+import asyncio
+from collections.abc import Sequence
 from itertools import groupby
 
-from skyway.contracts.candidate import Candidate, ProviderReason, ProviderReasonCode
-from skyway.delivery.offer import OfferValues, Price, price_of, rank_offers
-from skyway.delivery.plan import Fly, Plan
+from skyway.contracts.candidate import Candidate
+from skyway.delivery.offer import rank_offers
 from skyway.delivery.request import DeliveryRequest
-from skyway.ids import DroneId, ProviderId, StationId
-from skyway.network.network import Network
-from skyway.units import moment_to_ms
-from skyway_composition.planning.least_time import least_delivery_s
-from skyway_composition.planning.problem_for import Standing, delivery_problem
-from skyway_composition.planning.round_trip import NoTrip, round_trip
-from skyway_composition.planning.solver_pool import SolverPool
-from skyway_composition.planning.trip import Trip
-from skyway_composition.planning.world import World
+from skyway.ids import DroneId
+from skyway_composition.planning.contest import Twins, next_to_compose, twins_among
+from skyway_composition.planning.least import Least
+from skyway_composition.planning.limits import Limits
+from skyway_composition.planning.offer import Offer, Offers, Part
+from skyway_composition.planning.refusals import Refusals, fit_candidates
+from skyway_composition.planning.round_trip import NoTrip
+from skyway_composition.planning.trip_finder import TripFinder
+from skyway_composition.planning.trips import carries_all, split_offers
 
 
-@dataclass(frozen=True, slots=True)
-class Offer:
-    """One candidate's trip and what its provider asks for it."""
-
-    candidate: Candidate
-    trip: Trip
-    price: Price
-
-
-@dataclass(frozen=True, slots=True)
-class Offers:
-    """The offers, best first, and one reason of each provider that makes none."""
-
-    ranked: tuple[Offer, ...]
-    reasons: tuple[ProviderReason, ...]
-
-
-@dataclass(frozen=True, slots=True)
-class _Twins:
-    """Candidates with the same plan: same model, place, charge and home."""
-
-    candidates: tuple[Candidate, ...]
-    least_s: float
-
-    @property
-    def first(self) -> Candidate:
-        return self.candidates[0]
-
-
-async def make_offers(
-    solver: SolverPool,
-    world: World,
+async def plan_offers(
+    finder: TripFinder,
     request: DeliveryRequest,
     *,
     candidates: Sequence[Candidate],
     busy: frozenset[DroneId],
-    start_ms: int,
+    limits: Limits,
 ) -> Offers:
-    """Compose for every candidate that may still win, and rank what comes out.
+    """The offers of those who may win, best first; the first is what no pruning would change.
 
-    When only time counts, candidates whose least possible time cannot beat the best plan so far
-    are not composed: the best offer is certain without them.
+    Who can carry everything at once does; only when nobody can is the request split over trips.
     """
-    refusals = _Refusals()
-    fit = [each for each in candidates if refusals.is_fit(each, world, request, busy)]
-    weights = request.qos.ranking
-    only_time_counts = weights.price == 0 and weights.energy == 0
-    offers: list[Offer] = []
-    best_s: float | None = None
-    for twins in _twins(world, request, fit):
-        if only_time_counts and best_s is not None and twins.least_s >= best_s:
-            break
-        trip = await _trip_of(solver, world, request, twins.first, start_ms)
-        for candidate in twins.candidates:
-            offer = refusals.offer(candidate, trip, world, request)
-            if offer is not None:
-                offers.append(offer)
-                time_s = offer.trip.plan.delivery_time_s or 0.0
-                best_s = time_s if best_s is None else min(best_s, time_s)
-    ranked = rank_offers([_values(offer) for offer in offers], weights)
-    return Offers(tuple(offers[index] for index in ranked), refusals.of_providers(offers))
+    refusals = Refusals()
+    world = finder.world
+    fit = fit_candidates(
+        refusals, world, request, candidates=candidates, busy=busy, at_ms=finder.start_ms
+    )
+    if not fit:
+        return Offers((), refusals.of_providers(()))
+    settings = world.skyway.settings
+    able = [each for each in fit if carries_all(each, request, settings)]
+    if able:
+        offers = await _single_offers(finder, request, able, limits=limits, refusals=refusals)
+        for each in fit:
+            if each not in able:
+                _refuse_overweight(refusals, each, request)
+    else:
+        offers = await split_offers(finder, request, fit, limits=limits, refusals=refusals)
+    ranked = rank_offers([offer.values for offer in offers], request.qos.ranking)
+    reasons = refusals.of_providers({offer.provider_id for offer in offers})
+    return Offers(tuple(offers[index] for index in ranked), reasons)
 
 
-async def _trip_of(
-    solver: SolverPool,
-    world: World,
+async def best_of_each(
+    finder: TripFinder,
     request: DeliveryRequest,
-    candidate: Candidate,
-    start_ms: int,
-) -> Trip | NoTrip:
-    deadline_at = request.qos.deadline_at
-    latest_ms = None if deadline_at is None else moment_to_ms(deadline_at)
-    if latest_ms is not None and latest_ms < start_ms:
-        detail = f"the deadline {deadline_at} lies before the earliest start"
-        return NoTrip("TOO_LATE", detail, is_temporary=False)
-    problem = delivery_problem(
-        world,
-        Standing(candidate.model, candidate.soc, candidate.station_id),
-        pickup=request.pickup.station_id,
-        packages=request.packages,
-        start_ms=start_ms,
-        latest_ms=latest_ms,
-    )
-    return await round_trip(solver, world, problem, home_station_id=candidate.home_station_id)
-
-
-def _twins(world: World, request: DeliveryRequest, candidates: Iterable[Candidate]) -> list[_Twins]:
-    """The candidates in groups to be composed once, the potentially fastest first."""
-
-    def same_plan(candidate: Candidate) -> tuple[str, str, float, str]:
-        model = candidate.model.model_dump_json()
-        return model, candidate.station_id, candidate.soc, candidate.home_station_id
-
-    groups = [tuple(group) for _, group in groupby(sorted(candidates, key=same_plan), same_plan)]
-    twins = [
-        _Twins(
-            group,
-            least_delivery_s(
-                world.skyway, request, model=group[0].model, station_id=group[0].station_id
-            ),
+    *,
+    candidates: Sequence[Candidate],
+    busy: frozenset[DroneId],
+    limits: Limits,
+) -> Offers:
+    """The best offer of each provider, best first; providers are compared by true plans, too."""
+    by_provider = sorted(candidates, key=lambda each: each.provider_id)
+    found = await asyncio.gather(
+        *(
+            plan_offers(finder, request, candidates=tuple(own), busy=busy, limits=limits)
+            for _, own in groupby(by_provider, key=lambda each: each.provider_id)
         )
-        for group in groups
+    )
+    best = [offers.ranked[0] for offers in found if offers.ranked]
+    ranked = rank_offers([offer.values for offer in best], request.qos.ranking)
+    reasons = tuple(reason for offers in found for reason in offers.reasons)
+    return Offers(tuple(best[index] for index in ranked), reasons)
+
+
+async def _single_offers(
+    finder: TripFinder,
+    request: DeliveryRequest,
+    candidates: Sequence[Candidate],
+    *,
+    limits: Limits,
+    refusals: Refusals,
+) -> list[Offer]:
+    """Compose for the candidates that may still win, the most promising first."""
+    least = Least.of(finder.world.skyway, request, candidates)
+    waiting = [
+        twins
+        for twins in twins_among(candidates, least)
+        if not _breaks_limits(twins, finder, limits, refusals)
     ]
-    return sorted(twins, key=lambda each: each.least_s)
+    offers: list[Offer] = []
+    while True:
+        values = [offer.values for offer in offers]
+        twins = next_to_compose(waiting, values, request.qos.ranking)
+        if twins is None:
+            return offers
+        waiting.remove(twins)
+        trip = await finder.trip(twins.candidates[0], request)
+        for candidate in twins.candidates:
+            if isinstance(trip, NoTrip):
+                refusals.add_no_trip(candidate, trip)
+                continue
+            part = Part.of(candidate, trip, request=request, network=finder.world.skyway.network)
+            offer = Offer((part,))
+            if refusals.is_affordable(offer, limits):
+                offers.append(offer)
 
 
-class _Refusals:
-    """Collects why candidates make no offer."""
-
-    def __init__(self) -> None:
-        self._reasons: list[ProviderReason] = []
-
-    def is_fit(
-        self,
-        candidate: Candidate,
-        world: World,
-        request: DeliveryRequest,
-        busy: frozenset[DroneId],
-    ) -> bool:
-        """Whether it is worth composing for this candidate; if not, the reason is kept."""
-        known = world.skyway.network.stations
-        places: list[StationId] = [request.pickup.station_id, *request.destinations]
-        missing = [place for place in (candidate.station_id, *places) if place not in known]
-        if missing:
-            detail = f"station {missing[0]!r} is not in network {world.skyway.network_id!r}"
-            self._add(candidate, "DESTINATION_UNREACHABLE", detail, is_temporary=False)
-        elif candidate.drone_id in busy:
-            self._add(candidate, "BUSY", "its drones are on missions", is_temporary=True)
-        elif candidate.soc < candidate.model.reserve_soc:
-            detail = f"charge {candidate.soc:.3f} is below the reserve"
-            self._add(candidate, "LOW_CHARGE", detail, is_temporary=True)
-        elif candidate.tariff.currency != world.skyway.settings.currency:
-            detail = (
-                f"its tariff is in {candidate.tariff.currency}, prices in this network are in "
-                f"{world.skyway.settings.currency}"
+def _breaks_limits(twins: Twins, finder: TripFinder, limits: Limits, refusals: Refusals) -> bool:
+    """Whether none of these candidates can keep the limits, whatever is composed."""
+    kept = 0
+    for candidate, least in zip(twins.candidates, twins.least, strict=True):
+        latest_s = None if limits.latest_ms is None else (limits.latest_ms - finder.start_ms) / 1000
+        # Not by a hair: bounds are sums of floats, in another order than plans are.
+        if latest_s is not None and latest_s + 1 < least.time_s < float("inf"):
+            refusals.add(
+                candidate,
+                "TOO_LATE",
+                f"it takes {least.time_s:.0f} s at least, of which there are {latest_s:.0f}",
+                is_temporary=False,
+                least_s=least.time_s,
+                latest_s=latest_s,
             )
-            self._add(candidate, "OTHER_CURRENCY", detail, is_temporary=False)
+        elif limits.max_price is not None and least.price > limits.max_price + 1:
+            refusals.add(
+                candidate,
+                "TOO_EXPENSIVE",
+                f"it costs {least.price} at least, which exceeds the limit of {limits.max_price}",
+                is_temporary=False,
+                least_price=least.price,
+                max_price=limits.max_price,
+            )
         else:
-            return True
-        return False
-
-    def offer(
-        self, candidate: Candidate, trip: Trip | NoTrip, world: World, request: DeliveryRequest
-    ) -> Offer | None:
-        """The candidate's offer, unless there is no trip or it costs too much."""
-        if isinstance(trip, NoTrip):
-            self._add(candidate, trip.code, trip.detail, is_temporary=trip.is_temporary)
-            return None
-        price = price_of(
-            candidate.tariff,
-            distance_m=distance_flown_m(world.skyway.network, trip.plan),
-            payload_kg=request.payload_kg,
-            recharging_s=trip.plan.recharging_s or 0.0,
-        )
-        limit = request.qos.max_price
-        if limit is not None and price.amount > limit:
-            detail = f"price {price.amount} exceeds the limit of {limit} {price.currency}"
-            self._add(candidate, "TOO_EXPENSIVE", detail, is_temporary=False)
-            return None
-        return Offer(candidate, trip, price)
-
-    def of_providers(self, offers: Iterable[Offer]) -> tuple[ProviderReason, ...]:
-        """One reason per provider without offer; what may pass tells more than what stays."""
-        with_offer = {offer.candidate.provider_id for offer in offers}
-        told: dict[ProviderId | None, ProviderReason] = {}
-        for reason in self._reasons:
-            known = told.get(reason.provider_id)
-            if known is None or (reason.is_temporary and not known.is_temporary):
-                told[reason.provider_id] = reason
-        return tuple(reason for provider, reason in told.items() if provider not in with_offer)
-
-    def _add(
-        self, candidate: Candidate, code: ProviderReasonCode, detail: str, *, is_temporary: bool
-    ) -> None:
-        self._reasons.append(
-            ProviderReason(
-                provider_id=candidate.provider_id,
-                code=code,
-                detail=detail,
-                is_temporary=is_temporary,
-            )
-        )
+            kept += 1
+    return kept == 0
 
 
-def distance_flown_m(network: Network, plan: Plan) -> float:
-    """The length of all segments that a plan flies."""
-    return sum(
-        segment.length_m
-        for step in plan.steps
-        if isinstance(step, Fly)
-        for segment in network.segments_from(step.from_id)
-        if segment.to_id == step.to_id
-    )
-
-
-def _values(offer: Offer) -> OfferValues:
-    plan = offer.trip.plan
-    return OfferValues(
-        time_s=plan.delivery_time_s or 0.0,
-        price=offer.price.amount,
-        energy_j=plan.energy_j or 0.0,
-        provider_id=offer.candidate.provider_id,
-        drone_id=offer.candidate.drone_id,
+def _refuse_overweight(refusals: Refusals, candidate: Candidate, request: DeliveryRequest) -> None:
+    limit_kg = candidate.model.max_payload_kg
+    refusals.add(
+        candidate,
+        "OVERWEIGHT",
+        f"payload {request.payload_kg:g} kg exceeds the {limit_kg:g} kg limit of drone model "
+        f"{candidate.model.model_id}",
+        is_temporary=False,
+        mass_kg=request.payload_kg,
+        limit_kg=limit_kg,
     )

@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 from skyway.delivery.request import Package
 from skyway.drone.model import DroneModel
 from skyway.ids import PackageId, StationId
-from skyway.planner.problem import DroneAtStart, PackageToDeliver, Problem
+from skyway.planner.problem import DroneAtStart, PackageToDeliver, PadReservation, Problem
 from skyway.units import ms_to_moment
+from skyway_composition.pads.booked_pad import BookedPad
 from skyway_composition.planning.margins import with_margin
 from skyway_composition.planning.world import World
 
@@ -43,8 +44,12 @@ def delivery_problem(
     packages: Iterable[Package],
     start_ms: int,
     latest_ms: int | None,
+    held: Iterable[BookedPad] = (),
 ) -> Problem:
-    """Fly to the pickup, load, deliver everything; the last delivery at `latest_ms` at most."""
+    """Fly to the pickup, load, deliver everything; the last delivery at `latest_ms` at most.
+
+    The pads that are `held` will be booked together with this trip, for other drones.
+    """
     return Problem(
         network=world.skyway.network,
         start_at=ms_to_moment(start_ms),
@@ -54,6 +59,8 @@ def delivery_problem(
         loading_s=world.skyway.settings.loading_s,
         dropoff_s=world.skyway.settings.dropoff_s,
         latest_delivery_s=None if latest_ms is None else (latest_ms - start_ms) / 1000,
+        pad_reservations=_reserved(world, held, start_ms=start_ms),
+        closures=world.conditions.problem_closures(start_ms),
     )
 
 
@@ -71,6 +78,7 @@ def onward_problem(
         source=drone.station_id,
         packages=tuple(_to_deliver(each.package, each.aim_station_id) for each in loads),
         dropoff_s=world.skyway.settings.dropoff_s,
+        closures=world.conditions.problem_closures(start_ms),
     )
 
 
@@ -93,10 +101,17 @@ def landing_problem(
 
 
 def home_problem(
-    world: World, drone: Standing, *, home_station_id: StationId, start_ms: int
+    world: World,
+    drone: Standing,
+    *,
+    home_station_id: StationId,
+    start_ms: int,
+    held: Iterable[BookedPad] = (),
 ) -> Problem:
     """Fly home empty, as the drone that a plan leaves behind: it has its margins already."""
-    return _flight_to(world, drone, packages=(), station_id=home_station_id, start_ms=start_ms)
+    return _flight_to(
+        world, drone, packages=(), station_id=home_station_id, start_ms=start_ms, held=held
+    )
 
 
 def with_margins(world: World, drone: Standing) -> Standing:
@@ -111,6 +126,7 @@ def _flight_to(
     packages: Iterable[Package],
     station_id: StationId,
     start_ms: int,
+    held: Iterable[BookedPad] = (),
 ) -> Problem:
     nothing = PackageToDeliver(package_id=_NOTHING, mass_kg=0.0, destination=station_id)
     on_board = tuple(_to_deliver(each, station_id) for each in packages)
@@ -121,6 +137,24 @@ def _flight_to(
         source=drone.station_id,
         packages=on_board or (nothing,),
         finish="stay",
+        pad_reservations=_reserved(world, held, start_ms=start_ms),
+        closures=world.conditions.problem_closures(start_ms),
+    )
+
+
+def _reserved(
+    world: World, held: Iterable[BookedPad], *, start_ms: int
+) -> tuple[PadReservation, ...]:
+    """Pads that end with their gap; another drone must have left one before they begin, too."""
+    gap_s = world.skyway.settings.pad_gap_s
+    return tuple(
+        PadReservation(
+            station_id=each.station_id,
+            pad=each.pad,
+            start_s=(each.start_ms - start_ms) / 1000 - gap_s,
+            end_s=(each.end_ms - start_ms) / 1000,
+        )
+        for each in held
     )
 
 

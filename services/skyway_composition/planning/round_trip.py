@@ -1,5 +1,6 @@
 """A whole trip: the delivery, the way home after it, and the recharge at home."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from skyway.contracts.candidate import ProviderReasonCode
@@ -10,6 +11,7 @@ from skyway.planner.pad_book import PadBook, booked_until_ms
 from skyway.planner.pad_calendar import PadCalendar
 from skyway.planner.problem import Problem
 from skyway.units import CHARGE_TOLERANCE, moment_to_ms
+from skyway_composition.pads.booked_pad import BookedPad
 from skyway_composition.planning.compose_in import compose_in
 from skyway_composition.planning.problem_for import Standing, home_problem, with_margins
 from skyway_composition.planning.solver_pool import SolverPool
@@ -30,17 +32,26 @@ NOTHING_TO_DELIVER = Plan(
 
 @dataclass(frozen=True, slots=True)
 class NoTrip:
-    """Why there is no trip; `is_temporary` when other reservations may be the cause."""
+    """Why there is no trip; `is_temporary` when other reservations may be the cause.
+
+    `data` are the numbers behind the code, by name.
+    """
 
     code: ProviderReasonCode
     detail: str
     is_temporary: bool
+    data: tuple[tuple[str, float], ...] = ()
 
 
 async def round_trip(
-    solver: SolverPool, world: World, problem: Problem, *, home_station_id: StationId
+    solver: SolverPool,
+    world: World,
+    problem: Problem,
+    *,
+    home_station_id: StationId,
+    held: Sequence[BookedPad] = (),
 ) -> Trip | NoTrip:
-    """The problem's plan with the way home from its last delivery."""
+    """The problem's plan with the way home from its last delivery; `held` as in the problem."""
     plan = await compose_in(solver, world, problem)
     if not plan.is_flyable:
         return _no_plan(plan)
@@ -51,7 +62,13 @@ async def round_trip(
     )
     start_ms = moment_to_ms(problem.start_at) if problem.start_at is not None else 0
     return await _with_way_home(
-        solver, world, plan, drone=drone, home_station_id=home_station_id, start_ms=start_ms
+        solver,
+        world,
+        plan,
+        drone=drone,
+        home_station_id=home_station_id,
+        start_ms=start_ms,
+        held=held,
     )
 
 
@@ -83,12 +100,15 @@ async def _with_way_home(
     drone: Standing,
     home_station_id: StationId,
     start_ms: int,
+    held: Sequence[BookedPad] = (),
 ) -> Trip | NoTrip:
     if home_station_id not in world.skyway.network.stations:
         detail = f"home station {home_station_id!r} is not in this network"
         return NoTrip("NO_WAY_HOME", detail, is_temporary=False)
     home_start_ms = start_ms + booked_until_ms(plan.delivery_time_s or 0.0)
-    problem = home_problem(world, drone, home_station_id=home_station_id, start_ms=home_start_ms)
+    problem = home_problem(
+        world, drone, home_station_id=home_station_id, start_ms=home_start_ms, held=held
+    )
     home_plan = await compose_in(solver, world, problem)
     if not home_plan.is_flyable:
         reason = _no_plan(home_plan)
@@ -114,7 +134,8 @@ def _recharge_at_home(problem: Problem, home_plan: Plan, booked: PadBook) -> Rec
         return None
     duration_s = recharge_time_s(model, soc, model.top_soc)
     arrived_s = home_plan.delivery_time_s or 0.0
-    session = PadCalendar(problem.network, [booked]).earliest_session(
+    own = PadBook.of(problem.network, problem.pad_reservations)
+    session = PadCalendar(problem.network, [own, booked]).earliest_session(
         home_station_id, not_before_s=arrived_s, duration_s=duration_s
     )
     if session is None:

@@ -41,7 +41,11 @@ async def test_a_booking_holds_the_drone_and_the_pads_and_sends_the_mission(
     assert await composition.broken() == []
 
 
-async def test_the_drone_may_recharge_for_exactly_what_is_booked(composition: Any) -> None:
+async def test_pads_are_booked_as_long_as_the_drone_may_recharge_and_the_gap(
+    composition: Any, make: Any
+) -> None:
+    await composition.publish(make.network(pad_gap_s=90))
+
     await composition.book()
 
     (instruction,) = await composition.sent()
@@ -50,7 +54,7 @@ async def test_the_drone_may_recharge_for_exactly_what_is_booked(composition: An
             step.station_id,
             step.pad,
             moment_to_ms(step.not_before_at),
-            moment_to_ms(step.not_after_at),
+            moment_to_ms(step.not_after_at) + 90_000,
         )
         for step in instruction.steps
         if isinstance(step, RechargeStep)

@@ -3,9 +3,11 @@
 from typing import Any
 
 import pytest
-from skyway_composition.planning.least_time import least_delivery_s
-from skyway_composition.planning.offers import make_offers
+from skyway_composition.planning.least import Least
+from skyway_composition.planning.limits import Limits
+from skyway_composition.planning.offers import plan_offers
 from skyway_composition.planning.solver_pool import SolverPool
+from skyway_composition.planning.trip_finder import TripFinder
 from skyway_composition.planning.world import World
 
 from skyway.delivery.plan import Plan
@@ -33,14 +35,15 @@ async def offers_of(composition: Any, request: Any, *candidates: Any, busy: Any 
     """The offers, and the stations from which was composed."""
     skyway = await composition.parts.networks.current("row")
     world = await World.of(skyway, composition.parts.db, after_ms=0)
+    start_ms = moment_to_ms(composition.clock.now())
+    limits = Limits.of(request.qos)
     async with CountingSolver() as solver:
-        offers = await make_offers(
-            solver,
-            world,
+        offers = await plan_offers(
+            TripFinder(solver, world, start_ms, limits.latest_ms),
             request,
             candidates=candidates,
             busy=frozenset(busy),
-            start_ms=moment_to_ms(composition.clock.now()),
+            limits=limits,
         )
     return offers, solver.asked
 
@@ -60,31 +63,38 @@ async def test_a_drone_too_far_to_win_is_not_composed_when_only_time_counts(
 
     offers, asked = await offers_of(composition, make.request("b"), far, near)
 
-    assert [offer.candidate.drone_id for offer in offers.ranked] == ["drn_1"]
+    assert [offer.values.drone_id for offer in offers.ranked] == ["drn_1"]
     assert asked == ["a"]
 
 
-async def test_every_drone_is_composed_when_the_price_counts(composition: Any, make: Any) -> None:
-    near, far = make.candidate(1), make.candidate(2, station_id="e")
+async def test_a_drone_that_may_be_cheaper_is_composed_when_the_price_counts(
+    composition: Any, make: Any
+) -> None:
+    near = make.candidate(1)
+    cheap = make.candidate(2, station_id="b", tariff={"base": 1})
+    dear = make.candidate(3, station_id="e", tariff={"base": 5_000})
     request = make.request("b", qos={"weights": {"time": 1, "price": 1}})
 
-    _, asked = await offers_of(composition, request, far, near)
+    _, asked = await offers_of(composition, request, dear, cheap, near)
 
-    assert sorted(asked) == ["a", "e"]
+    assert sorted(asked) == ["a", "b"]
 
 
-async def test_the_least_time_is_never_above_the_true_one(composition: Any, make: Any) -> None:
+@pytest.mark.parametrize("soc", [1.0, 0.4])
+@pytest.mark.parametrize("station_id", list("abcde"))
+async def test_no_offer_has_less_than_the_least_values(
+    composition: Any, make: Any, station_id: str, soc: float
+) -> None:
     skyway = await composition.parts.networks.current("row")
-    for station_id in "abcde":
-        candidate = make.candidate(station_id=station_id)
-        request = make.request("c", "e")
-
+    candidate = make.candidate(station_id=station_id, soc=soc)
+    for request in (make.request("b"), make.request("c", "e"), make.request("e", "a", "c")):
         offers, _ = await offers_of(composition, request, candidate)
 
-        least_s = least_delivery_s(
-            skyway, request, model=candidate.model, station_id=StationId(station_id)
-        )
-        assert least_s <= offers.ranked[0].trip.plan.delivery_time_s
+        least = Least.of(skyway, request, [candidate]).values(candidate)
+        values = offers.ranked[0].values
+        assert least.time_s <= values.time_s + 1e-6
+        assert least.price <= values.price
+        assert least.energy_j <= values.energy_j * (1 + 1e-9)
 
 
 async def test_a_segment_shorter_than_the_great_circle_lowers_the_least_time(

@@ -1,0 +1,107 @@
+"""Engaging the drones of an offer: their missions, steps, pads, packages and instructions."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from skyway.contracts.flight_step import FlightStep
+from skyway.contracts.mission import Mission
+from skyway.ids import DeliveryId, MissionId
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.database import Tx
+from skyway.runtime.minting import Mint
+from skyway.units import moment_to_ms, ms_to_moment
+from skyway_composition.links.courier import Courier
+from skyway_composition.links.store import lock_link
+from skyway_composition.missions import store
+from skyway_composition.missions.custody import Custodian, Held
+from skyway_composition.missions.dispatch import dispatch
+from skyway_composition.missions.instruct import StepTerms, flight_steps
+from skyway_composition.missions.record import MissionRecord
+from skyway_composition.missions.revision import record_of
+from skyway_composition.networks.prepared import PreparedNetwork
+from skyway_composition.pads.store import reserve_all
+from skyway_composition.planning.offer import Offer, Part
+
+
+async def engage(
+    tx: Tx,
+    offer: Offer,
+    skyway: PreparedNetwork,
+    *,
+    delivery_id: DeliveryId,
+    attempt: int,
+    clock: FleetClock,
+    mint: Mint,
+) -> tuple[Mission, ...]:
+    """Book all trips of an offer for a delivery that is locked, and send their missions.
+
+    Raises
+    ------
+    Taken
+        A drone or a pad is somebody else's meanwhile.
+    """
+    courier = Courier(clock, mint)
+    # Everybody locks drones in this order.
+    drones = sorted((part.candidate for part in offer.parts), key=lambda each: each.drone_id)
+    links = {each.drone_id: await lock_link(tx, each.drone_id, each.provider_id) for each in drones}
+    expires_at = courier.expiry()
+    records = [
+        record_of(
+            part.candidate,
+            part.trip,
+            delivery_id=delivery_id,
+            attempt=attempt,
+            trip_number=number,
+            mission_id=MissionId(mint("msn")),
+            request=part.request,
+            price=part.price,
+            skyway=skyway,
+            expires_at=expires_at,
+        )
+        for number, part in enumerate(offer.parts, 1)
+    ]
+    for record in sorted(records, key=lambda each: each.drone_id):
+        await store.add(tx, record)
+    by_mission = {
+        record.mission_id: part.trip.booked_pads
+        for record, part in zip(records, offer.parts, strict=True)
+    }
+    await reserve_all(tx, by_mission)
+    await _begin_custody(tx, records)
+    for record, part in zip(records, offer.parts, strict=True):
+        link = replace(links[record.drone_id], provider_id=part.candidate.provider_id)
+        await dispatch(
+            tx,
+            courier,
+            link,
+            mission=record.mission,
+            steps=await _add_steps(tx, record, part, skyway),
+            expires_at=ms_to_moment(record.expires_ms),
+        )
+    return tuple(record.mission for record in records)
+
+
+async def _add_steps(
+    tx: Tx, record: MissionRecord, part: Part, skyway: PreparedNetwork
+) -> tuple[FlightStep, ...]:
+    steps = flight_steps(
+        skyway.network,
+        list(part.trip.steps()),
+        terms=StepTerms.of(record, skyway.settings),
+        first_step=1,
+    )
+    await store.add_steps(tx, record.mission_id, steps, revision=1)
+    return steps
+
+
+async def _begin_custody(tx: Tx, records: Sequence[MissionRecord]) -> None:
+    """The pickup station holds what no earlier attempt has begun to carry."""
+    held = await store.held_packages(tx.connection, records[0].mission.delivery_id)
+    for record in records:
+        station = Custodian("STATION", record.request.pickup.station_id)
+        rows = [
+            Held(package.package_id, 1, station)
+            for package in record.request.packages
+            if package.package_id not in held
+        ]
+        await store.add_custody(tx, record, rows, at_ms=moment_to_ms(record.mission.start_at))

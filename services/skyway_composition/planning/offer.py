@@ -1,0 +1,129 @@
+"""An offer: the trips that would carry a request, each with its drone and price."""
+
+from dataclasses import dataclass
+from datetime import timedelta
+
+from skyway.contracts.candidate import Candidate, ProviderReason
+from skyway.contracts.mission import Margins, PackageEta
+from skyway.contracts.quote import OfferTerms
+from skyway.delivery.offer import BestValues, OfferValues, Price, price_of
+from skyway.delivery.plan import Fly, Plan, Recharge
+from skyway.delivery.request import DeliveryRequest, Weights
+from skyway.ids import ProviderId
+from skyway.network.network import Network
+from skyway.units import ms_to_moment
+from skyway_composition.networks.settings import NetworkSettings
+from skyway_composition.planning.trip import Trip
+
+
+@dataclass(frozen=True, slots=True)
+class Part:
+    """One drone's trip with the packages of `request`, and what its provider asks for it."""
+
+    candidate: Candidate
+    trip: Trip
+    request: DeliveryRequest
+    distance_m: float
+    price: Price
+
+    @classmethod
+    def of(
+        cls, candidate: Candidate, trip: Trip, *, request: DeliveryRequest, network: Network
+    ) -> "Part":
+        """The part, priced by the candidate's tariff."""
+        distance_m = distance_flown_m(network, trip.plan)
+        price = price_of(
+            candidate.tariff,
+            distance_m=distance_m,
+            payload_kg=request.payload_kg,
+            recharging_s=trip.plan.recharging_s or 0.0,
+        )
+        return cls(candidate, trip, request, distance_m, price)
+
+
+@dataclass(frozen=True, slots=True)
+class Offer:
+    """One provider's trips, which all begin at the same moment, and their price together."""
+
+    parts: tuple[Part, ...]
+
+    @property
+    def provider_id(self) -> ProviderId:
+        """Whose drones they are."""
+        return self.parts[0].candidate.provider_id
+
+    @property
+    def price(self) -> Price:
+        """The sum of the trips' prices."""
+        amount = sum(part.price.amount for part in self.parts)
+        return Price(amount=amount, currency=self.parts[0].price.currency)
+
+    @property
+    def packages(self) -> int:
+        """How many packages are carried."""
+        return sum(len(part.request.packages) for part in self.parts)
+
+    @property
+    def values(self) -> OfferValues:
+        """What ranking looks at; several trips end with the last delivery of all."""
+        return OfferValues(
+            time_s=max(part.trip.plan.delivery_time_s or 0.0 for part in self.parts),
+            price=sum(part.price.amount for part in self.parts),
+            energy_j=sum(part.trip.plan.energy_j or 0.0 for part in self.parts),
+            provider_id=self.provider_id,
+            drone_id=self.parts[0].candidate.drone_id,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Offers:
+    """The offers, best first, and one reason of each provider that makes none."""
+
+    ranked: tuple[Offer, ...]
+    reasons: tuple[ProviderReason, ...]
+
+
+def terms_of(
+    offer: Offer, *, best: BestValues, weights: Weights, settings: NetworkSettings
+) -> OfferTerms:
+    """What a customer is told of an offer, scored relative to the best among all offers."""
+    values, first = offer.values, offer.parts[0]
+    plans = [part.trip.plan for part in offer.parts]
+    return OfferTerms(
+        provider_id=values.provider_id,
+        drone_id=values.drone_id,
+        drone_model_id=first.candidate.model.model_id,
+        price=offer.price,
+        pickup_at=ms_to_moment(first.trip.start_ms),
+        delivery_time_s=values.time_s,
+        packages=tuple(eta for part in offer.parts for eta in _etas(part.trip)),
+        energy_j=values.energy_j,
+        distance_m=sum(part.distance_m for part in offer.parts),
+        recharges=sum(isinstance(step, Recharge) for plan in plans for step in plan.steps),
+        recharging_s=sum(plan.recharging_s or 0.0 for plan in plans),
+        waiting_s=sum(plan.waiting_s or 0.0 for plan in plans),
+        trips=len(offer.parts),
+        margins=Margins(energy_margin=settings.energy_margin, pad_gap_s=settings.pad_gap_s),
+        score=best.score(values, weights),
+    )
+
+
+def distance_flown_m(network: Network, plan: Plan) -> float:
+    """The length of all segments that a plan flies."""
+    return sum(
+        segment.length_m
+        for step in plan.steps
+        if isinstance(step, Fly)
+        for segment in network.segments_from(step.from_id)
+        if segment.to_id == step.to_id
+    )
+
+
+def _etas(trip: Trip) -> list[PackageEta]:
+    start_at = ms_to_moment(trip.start_ms)
+    return [
+        PackageEta(
+            package_id=each.package_id, eta_at=start_at + timedelta(seconds=each.delivered_s)
+        )
+        for each in trip.plan.deliveries
+    ]

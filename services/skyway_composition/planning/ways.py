@@ -1,0 +1,89 @@
+"""How far it is at least between stations, along segments: for bounds, without composing."""
+
+import heapq
+import math
+from collections.abc import Collection, Sequence
+from typing import Final
+
+from skyway.ids import StationId
+from skyway.network.adjacency import Adjacency
+from skyway.network.network import Network
+
+#: Stations after which the search ends: what is farther is at least as far as the last of these.
+_MOST_SETTLED: Final = 2_000
+
+#: Destinations up to which all their orders are compared; of more only the farthest counts.
+_MOST_ORDERED: Final = 6
+
+
+def least_m_to(
+    network: Network, end: StationId, starts: Collection[StationId]
+) -> dict[StationId, float]:
+    """The length of the shortest way to `end` from each of these stations, metres, or less.
+
+    Closures are not looked at; inf where there is no way.
+    """
+    return _least_m(network, network.incoming, end, starts)
+
+
+def least_tour_m(network: Network, start: StationId, stops: Sequence[StationId]) -> float:
+    """The length of the shortest way from `start` through all of these, or less, metres."""
+    if not stops:
+        return 0.0
+    from_start = _least_m(network, network.outgoing, start, stops)
+    if len(stops) > _MOST_ORDERED:
+        return max(from_start.values())
+    apart = [
+        [0.0] * len(stops) if len(stops) == 1 else _row(network, stop, stops) for stop in stops
+    ]
+    # By the stops visited and the last of them: the least so far (Held and Karp).
+    least = {(1 << last, last): from_start[stop] for last, stop in enumerate(stops)}
+    for visited in range(1, 1 << len(stops)):
+        for last in range(len(stops)):
+            so_far_m = least.get((visited, last))
+            if so_far_m is None:
+                continue
+            for following in range(len(stops)):
+                if visited >> following & 1:
+                    continue
+                key = (visited | 1 << following, following)
+                length_m = so_far_m + apart[last][following]
+                if length_m < least.get(key, math.inf):
+                    least[key] = length_m
+    everything = (1 << len(stops)) - 1
+    return min(least.get((everything, last), math.inf) for last in range(len(stops)))
+
+
+def _row(network: Network, start: StationId, ends: Sequence[StationId]) -> list[float]:
+    least = _least_m(network, network.outgoing, start, ends)
+    return [least[end] for end in ends]
+
+
+def _least_m(
+    network: Network, adjacent: Adjacency, root: StationId, wanted: Collection[StationId]
+) -> dict[StationId, float]:
+    """The shortest ways from the root along these segments, by Dijkstra's method."""
+    rows = {network.row_of[each]: each for each in wanted}
+    open_rows = set(rows)
+    offsets = adjacent.offsets
+    tentative_m = {network.row_of[root]: 0.0}
+    settled: dict[int, float] = {}
+    heap = [(0.0, network.row_of[root])]
+    radius_m = math.inf
+    while heap and open_rows:
+        length_m, row = heapq.heappop(heap)
+        if row in settled:
+            continue
+        if len(settled) >= _MOST_SETTLED:
+            radius_m = length_m
+            break
+        settled[row] = length_m
+        open_rows.discard(row)
+        leaving = slice(offsets[row], offsets[row + 1])
+        for other, more_m in zip(
+            adjacent.station[leaving].tolist(), adjacent.length_m[leaving].tolist(), strict=True
+        ):
+            if length_m + more_m < tentative_m.get(other, math.inf):
+                tentative_m[other] = length_m + more_m
+                heapq.heappush(heap, (length_m + more_m, other))
+    return {station_id: settled.get(row, radius_m) for row, station_id in rows.items()}
