@@ -24,10 +24,40 @@ FileArgument = Annotated[
     typer.Argument(metavar="[FILE]", help="The answer of POST /v1/providers/{id}/drones."),
 ]
 
+_DISTURBED = "What goes otherwise than planned"
+
+FlightTimeOption = Annotated[
+    float,
+    typer.Option(help="Flights take so many times as long.", rich_help_panel=_DISTURBED),
+]
+
+FlightEnergyOption = Annotated[
+    float,
+    typer.Option(help="Flights take so many times the energy.", rich_help_panel=_DISTURBED),
+]
+
+ChargeTimeOption = Annotated[
+    float,
+    typer.Option(help="Recharges take so many times as long.", rich_help_panel=_DISTURBED),
+]
+
+AbsentOption = Annotated[
+    list[str] | None,
+    typer.Option(
+        metavar="STATION",
+        help="Nobody is there to take packages; may be given again.",
+        rich_help_panel=_DISTURBED,
+    ),
+]
+
 
 def drone_command(
     file: Annotated[Path, typer.Argument(help="The answer of POST /v1/providers/{id}/drones.")],
     drone_id: Annotated[str | None, typer.Option(help="Which one, when the file has many.")] = None,
+    flight_time_factor: FlightTimeOption = 1.0,
+    flight_energy_factor: FlightEnergyOption = 1.0,
+    charge_time_factor: ChargeTimeOption = 1.0,
+    absent_station: AbsentOption = None,
     data: DataOption = None,
 ) -> None:
     """Run the agent of one drone until Ctrl-C."""
@@ -35,7 +65,10 @@ def drone_command(
     chosen = [drone for drone in drones if drone_id in (None, drone["drone_id"])]
     if len(chosen) != 1:
         fail(f"{file} holds {len(chosen)} drones to choose from: name one with --drone-id")
-    _run_agent(data_folder(data), chosen)
+    disturbed = _arguments(
+        flight_time_factor, flight_energy_factor, charge_time_factor, absent_station
+    )
+    _run_agent(data_folder(data), chosen, disturbed)
 
 
 def fleet_command(
@@ -52,6 +85,10 @@ def fleet_command(
     provider_id: Annotated[
         str | None, typer.Option(help="With --drones: whose; a new provider if not given.")
     ] = None,
+    flight_time_factor: FlightTimeOption = 1.0,
+    flight_energy_factor: FlightEnergyOption = 1.0,
+    charge_time_factor: ChargeTimeOption = 1.0,
+    absent_station: AbsentOption = None,
     data: DataOption = None,
 ) -> None:
     """Run many simulated drones in one agent process until Ctrl-C.
@@ -59,8 +96,11 @@ def fleet_command(
     With FILE and --drones both, the drones are registered once and remembered in FILE.
     """
     folder = data_folder(data)
+    disturbed = _arguments(
+        flight_time_factor, flight_energy_factor, charge_time_factor, absent_station
+    )
     if file is not None and (drones is None or file.exists()):
-        _run_agent(folder, _read(file))
+        _run_agent(folder, _read(file), disturbed)
     if drones is None:
         fail("give FILE, or --drones N, or both")
     homes = home or _all_stations(folder)
@@ -68,7 +108,7 @@ def fleet_command(
     hosted = _register(folder, owner, model_id, list(islice(cycle(homes), drones)))
     if file is not None:
         _write(file, hosted)
-    _run_agent(folder, hosted)
+    _run_agent(folder, hosted, disturbed)
 
 
 def _read(file: Path) -> list[dict[str, Any]]:  # drones as the registry answers them
@@ -133,7 +173,20 @@ def _write(file: Path, drones: list[dict[str, Any]]) -> None:
         json.dump({"items": drones}, output)
 
 
-def _run_agent(folder: DataFolder, drones: list[dict[str, Any]]) -> NoReturn:
+def _arguments(
+    flight_time: float, flight_energy: float, charge_time: float, absent: list[str] | None
+) -> list[str]:
+    """Disturbances as the agent's arguments."""
+    factors = {
+        "--flight-time-factor": flight_time,
+        "--flight-energy-factor": flight_energy,
+        "--charge-time-factor": charge_time,
+    }
+    arguments = [f"{option}={factor}" for option, factor in factors.items()]
+    return arguments + [f"--absent-station={station}" for station in absent or ()]
+
+
+def _run_agent(folder: DataFolder, drones: list[dict[str, Any]], arguments: list[str]) -> NoReturn:
     """Become the agent of these drones."""
     folder.make()
     fleet_file = folder.path / f"fleet-{drones[0]['drone_id']}.json"
@@ -147,6 +200,7 @@ def _run_agent(folder: DataFolder, drones: list[dict[str, Any]]) -> NoReturn:
         "SKYWAY_AGENT_JOURNAL": str(folder.journals),
     }
     command = [sys.executable, "-m", "skyway_drone_agent", "--fleet", str(fleet_file)]
+    command += arguments
     typer.echo(f"{len(drones)} drones fly until Ctrl-C", err=True)
     # In place of this process, so that who ends this one ends the agent.
     os.execve(sys.executable, command, environment)  # noqa: S606 - there is no shell to want

@@ -1,0 +1,33 @@
+"""`skyway fleet` becomes an agent, which is told what is to go otherwise than planned."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ENTRY = "from skyway.cli.entry import main; main()"
+
+
+@pytest.mark.parametrize("command", ["fleet", "drone"])
+def test_the_agent_is_told_what_is_disturbed_and_refuses_what_cannot_be(
+    command: str, tmp_path: Path
+) -> None:
+    file = tmp_path / "fleet.json"
+    file.write_text(json.dumps({"items": [{"drone_id": "drn_1"}]}))
+
+    disturbed = ["--charge-time-factor", "-2", "--absent-station", "home"]
+
+    done = subprocess.run(
+        [sys.executable, "-c", ENTRY, command, file, *disturbed, "--data", tmp_path],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "SKYWAY_MQTT_URL": "mqtt://127.0.0.1:9"},
+        check=False,
+        timeout=60,
+    )
+
+    assert done.returncode == 2
+    assert done.stderr.endswith("charge_time_factor: -2 is not above 0\n")
