@@ -54,6 +54,7 @@ from skyway_gateway.quotes.checks import Checks
 from skyway_gateway.quotes.make import QuoteMaker
 from skyway_gateway.quotes.routes import quote_routes
 from skyway_gateway.settings import GatewaySettings
+from skyway_gateway.statistics.routes import statistics_routes
 from skyway_gateway.tables import outbox
 
 SERVICE: Final = "gateway"
@@ -152,6 +153,7 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
             provider_routes(
                 db=db, gate=gate, registry=parts.clients["registry"], keys=keys, clock=clock
             ),
+            statistics_routes(db=db, gate=gate, clock=clock),
             audit_routes(db=db, gate=gate),
             forward_routes(gate=gate, clients=parts.clients),
             report_routes(gate=parts.services, follower=parts.follower),

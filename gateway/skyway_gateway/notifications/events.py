@@ -15,6 +15,7 @@ from skyway.ids import DeliveryId, EventId, SubjectId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Tx
 from skyway.runtime.loops import Wake
+from skyway.runtime.metrics import count
 from skyway.runtime.minting import Mint
 from skyway.runtime.tracing import current_traceparent
 from skyway_gateway.notifications import store
@@ -64,9 +65,14 @@ class Events:
         for event in events:
             address = DELIVERY_EVENTS(customer_id, delivery_id)
             tx.send(address, event, confirmed_by="broker", stream=delivery_id)
-        tx.after_commit(lambda: self._news.ring(delivery_id))
+        tx.after_commit(lambda: self._announce(delivery_id, events))
         if has_webhooks:
             tx.after_commit(self._webhooks.set)
+
+    def _announce(self, delivery_id: DeliveryId, events: Sequence[DeliveryEvent]) -> None:
+        self._news.ring(delivery_id)
+        for event in events:
+            count("skyway_delivery_events", "events told to customers", type=event.type)
 
     def _event(self, happening: Happening, delivery_id: DeliveryId, sequence: int) -> DeliveryEvent:
         return DeliveryEvent(

@@ -1,0 +1,173 @@
+"""How deliveries went: counted and added up by the database, shared out here."""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from typing import Annotated, Final, Literal, Self
+
+from pydantic import Field
+
+from skyway.contracts.message import FleetMoment
+from skyway.contracts.statistics import Span, SpanQuery
+from skyway.errors import InvalidInput
+from skyway.ids import ProviderId
+from skyway.json_model import JsonModel
+from skyway.units import hours_to_s, ms_to_moment
+
+Bucket = Literal["hour", "day"]
+
+_BUCKET_MS: Final[Mapping[Bucket, int]] = {
+    "hour": int(hours_to_s(1) * 1000),
+    "day": int(hours_to_s(24) * 1000),
+}
+#: The most parts of one answer.
+_MOST_BUCKETS: Final = 1000
+
+Share = Annotated[float | None, Field(description="0 to 1; null when there is nothing to share")]
+MeanSeconds = Annotated[float | None, Field(description="mean, fleet seconds")]
+
+
+class DeliveryQuery(SpanQuery):
+    """Of which deliveries, and in which parts; hours and days begin as those of UTC do."""
+
+    bucket: Bucket | None = None
+
+    def bucket_ms(self, span: Span) -> int | None:
+        """How long one part lasts; None when the span is not parted.
+
+        Raises
+        ------
+        InvalidInput
+            There would be too many of them.
+        """
+        if self.bucket is None:
+            return None
+        bucket_ms = _BUCKET_MS[self.bucket]
+        if len(bucket_starts(span, bucket_ms)) > _MOST_BUCKETS:
+            detail = f"more than {_MOST_BUCKETS} times a {self.bucket}: shorten the span"
+            raise InvalidInput("bucket", detail)
+        return bucket_ms
+
+
+@dataclass(frozen=True, slots=True)
+class Sums:
+    """What the database has added up over some deliveries."""
+
+    by_state: Mapping[str, int] = field(default_factory=dict)
+    packages_delivered: int = 0
+    packages_on_time: int = 0
+    #: Over completed deliveries.
+    completed: int = 0
+    planned_ms: int = 0
+    actual_ms: int = 0
+    since_request_ms: int = 0
+    #: Over missions that handed something over, from their start to their last hand-over.
+    carried_ms: int = 0
+    flight_s: float = 0.0
+    waiting_s: float = 0.0
+    recharging_s: float = 0.0
+
+    def __add__(self, other: Self) -> "Sums":
+        """Both together."""
+        added = {
+            each.name: getattr(self, each.name) + getattr(other, each.name)
+            for each in fields(self)
+            if each.name != "by_state"
+        }
+        return Sums(by_state=Counter(self.by_state) + Counter(other.by_state), **added)
+
+
+class DeliveryNumbers(JsonModel):
+    """How some deliveries went.
+
+    A package is on time when it is handed over no more than a minute after what was promised. A
+    completed delivery took `planned_s` by its plan and `actual_s` in fact, from the planned start
+    to the last hand-over, and `since_request_s` from the request on. The shares are of the time
+    from a mission's planned start to its last hand-over; what is left of it went into loading,
+    handing over and starting late.
+    """
+
+    deliveries: int
+    by_state: dict[str, int]
+    packages_delivered: int
+    packages_on_time: int
+    on_time_share: Share
+    planned_s: MeanSeconds
+    actual_s: MeanSeconds
+    since_request_s: MeanSeconds
+    flying_share: Share
+    waiting_share: Share
+    recharging_share: Share
+
+
+class DeliveryBucket(DeliveryNumbers):
+    """The same of those requested in [from, to)."""
+
+    from_at: Annotated[FleetMoment, Field(alias="from")]
+    to_at: Annotated[FleetMoment, Field(alias="to")]
+
+
+class DeliveryStatistics(DeliveryBucket):
+    """Of all deliveries requested in the span, and of each part of it, also empty ones."""
+
+    provider_id: ProviderId | None
+    bucket: Bucket | None
+    buckets: tuple[DeliveryBucket, ...]
+
+
+def bucket_starts(span: Span, bucket_ms: int) -> Sequence[int]:
+    """Where the parts begin that the span touches, each in milliseconds since 1970."""
+    first = span.start_ms // bucket_ms * bucket_ms
+    return range(first, span.end_ms, bucket_ms)
+
+
+def numbers(sums: Sums) -> dict[str, object]:
+    """The members of `DeliveryNumbers`."""
+    carried_s = sums.carried_ms / 1000
+    return {
+        "deliveries": sum(sums.by_state.values()),
+        "by_state": dict(sorted(sums.by_state.items())),
+        "packages_delivered": sums.packages_delivered,
+        "packages_on_time": sums.packages_on_time,
+        "on_time_share": _per(sums.packages_on_time, sums.packages_delivered),
+        "planned_s": _per(sums.planned_ms / 1000, sums.completed),
+        "actual_s": _per(sums.actual_ms / 1000, sums.completed),
+        "since_request_s": _per(sums.since_request_ms / 1000, sums.completed),
+        "flying_share": _per(sums.flight_s, carried_s),
+        "waiting_share": _per(sums.waiting_s, carried_s),
+        "recharging_share": _per(sums.recharging_s, carried_s),
+    }
+
+
+def statistics(
+    found: Mapping[int, Sums],
+    query: DeliveryQuery,
+    *,
+    span: Span,
+    provider_id: ProviderId | None,
+) -> DeliveryStatistics:
+    """The answer, of sums by where their part begins (any one key when it is not parted)."""
+    bucket_ms = query.bucket_ms(span)
+    starts = [] if bucket_ms is None else bucket_starts(span, bucket_ms)
+    return DeliveryStatistics.model_validate(
+        {
+            "from": span.from_at,
+            "to": span.to_at,
+            "provider_id": provider_id,
+            "bucket": query.bucket,
+            **numbers(sum(found.values(), Sums())),
+            "buckets": [
+                {
+                    # The first and the last part end where the span does.
+                    "from": ms_to_moment(max(start_ms, span.start_ms)),
+                    "to": ms_to_moment(min(start_ms + (bucket_ms or 0), span.end_ms)),
+                    **numbers(found.get(start_ms, Sums())),
+                }
+                for start_ms in starts
+            ],
+        }
+    )
+
+
+def _per(amount: float, whole: float) -> float | None:
+    return amount / whole if whole else None

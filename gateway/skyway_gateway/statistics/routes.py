@@ -1,0 +1,43 @@
+"""Statistics of deliveries over REST; those of pads and drones are composition's."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Query
+
+from skyway.ids import ProviderId
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.database import Database
+from skyway.runtime.errors import NotFound
+from skyway.runtime.identity import Caller
+from skyway_gateway.access.routes import KeyGate
+from skyway_gateway.statistics import store
+from skyway_gateway.statistics.deliveries import DeliveryQuery, DeliveryStatistics, statistics
+from skyway_gateway.statistics.store import Wanted
+
+
+def statistics_routes(*, db: Database, gate: KeyGate, clock: FleetClock) -> APIRouter:
+    """GET /v1/stats/deliveries."""
+    router = APIRouter(tags=["statistics"])
+
+    @router.get("/v1/stats/deliveries")
+    async def delivery_statistics(
+        caller: Annotated[Caller, Depends(gate)], query: Annotated[DeliveryQuery, Query()]
+    ) -> DeliveryStatistics:
+        """How deliveries went that were requested in a span; a provider sees those it flies."""
+        caller.must_be("provider", "operator")
+        span, provider_id = query.span(clock.now()), _provider(caller, query.provider_id)
+        wanted = Wanted(span, provider_id, query.bucket_ms(span))
+        async with db.read() as connection:
+            found = await store.sums(connection, wanted)
+        return statistics(found, query, span=span, provider_id=provider_id)
+
+    return router
+
+
+def _provider(caller: Caller, asked: ProviderId | None) -> ProviderId | None:
+    """Whose statistics are shown: a provider's own, or whosever an operator asks for."""
+    if caller.role == "operator":
+        return asked
+    if asked not in (None, caller.subject_id):
+        raise NotFound("provider", str(asked))
+    return ProviderId(caller.subject_id)

@@ -1,0 +1,166 @@
+"""All SQL of statistics: the database adds up, and gives one row per part of the span."""
+
+from collections import Counter, defaultdict
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Final
+
+from sqlalchemy import ColumnElement, Select, and_, case, exists, func, literal, select, true
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from skyway.contracts.statistics import Span
+from skyway.ids import ProviderId
+from skyway_gateway.statistics.deliveries import Sums
+from skyway_gateway.tables import deliveries, missions, packages
+
+#: Handed over no later than this after the promise is on time, milliseconds of fleet time.
+_ON_TIME_MS: Final = 60_000
+
+_Query = Select[*tuple[Any, ...]]  # columns of every type
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """Deliveries requested in a span, of a provider's missions only when it is named."""
+
+    span: Span
+    provider_id: ProviderId | None
+    bucket_ms: int | None
+
+    @property
+    def bucket(self) -> ColumnElement[int]:
+        """Where the part of the span begins in which a delivery was requested."""
+        if self.bucket_ms is None:
+            return literal(0)
+        created: ColumnElement[int] = deliveries.c.created_ms
+        return created // self.bucket_ms * self.bucket_ms
+
+    @property
+    def is_counted(self) -> ColumnElement[bool]:
+        """Whether a delivery is among them."""
+        created = deliveries.c.created_ms
+        is_in_span = and_(created >= self.span.start_ms, created < self.span.end_ms)
+        if self.provider_id is None:
+            return is_in_span
+        return and_(
+            is_in_span,
+            exists().where(missions.c.delivery_id == deliveries.c.delivery_id, self.is_flown),
+        )
+
+    @property
+    def is_flown(self) -> ColumnElement[bool]:
+        """Whether a mission is among theirs; one that its drone refused was never flown."""
+        is_own = true() if self.provider_id is None else missions.c.provider_id == self.provider_id
+        return and_(missions.c.state != "REFUSED", is_own)
+
+
+async def sums(connection: AsyncConnection, wanted: Wanted) -> Mapping[int, Sums]:
+    """What is added up, by where the part of the span begins; 0 when it is not parted."""
+    states: defaultdict[int, Counter[str]] = defaultdict(Counter)
+    for row in await connection.execute(_state_counts(wanted)):
+        states[row.bucket][row.state] = row.deliveries
+    found = {bucket: Sums(by_state=by_state) for bucket, by_state in states.items()}
+    for statement in (_package_sums(wanted), _time_sums(wanted), _mission_sums(wanted)):
+        for row in await connection.execute(statement):
+            # Any: sums of integers are decimals on PostgreSQL.
+            values: dict[str, Any] = {
+                name: value if isinstance(value, float) else int(value)
+                for name, value in row._mapping.items()
+            }
+            bucket = values.pop("bucket")
+            found[bucket] = found.get(bucket, Sums()) + Sums(**values)
+    return found
+
+
+def _state_counts(wanted: Wanted) -> _Query:
+    bucket = wanted.bucket.label("bucket")
+    return (
+        select(bucket, deliveries.c.state, func.count().label("deliveries"))
+        .where(wanted.is_counted)
+        .group_by(bucket, deliveries.c.state)
+    )
+
+
+def _package_sums(wanted: Wanted) -> _Query:
+    bucket = wanted.bucket.label("bucket")
+    delivered, promised = packages.c.delivered_ms, packages.c.promised_ms
+    is_on_time = delivered <= promised + _ON_TIME_MS
+    statement = (
+        select(
+            bucket,
+            func.count().label("packages_delivered"),
+            func.sum(case((is_on_time, 1), else_=0)).label("packages_on_time"),
+        )
+        .join_from(deliveries, packages, packages.c.delivery_id == deliveries.c.delivery_id)
+        .where(wanted.is_counted, delivered.is_not(None))
+        .group_by(bucket)
+    )
+    if wanted.provider_id is None:
+        return statement
+    # A delivery of several trips may be flown by several providers.
+    return statement.join(missions, missions.c.mission_id == packages.c.mission_id).where(
+        wanted.is_flown
+    )
+
+
+def _time_sums(wanted: Wanted) -> _Query:
+    """Of completed deliveries: each one's planned start, promise and end, added up."""
+    of_delivery = packages.c.delivery_id == deliveries.c.delivery_id
+    start = (
+        select(func.min(missions.c.start_ms))
+        .where(missions.c.delivery_id == deliveries.c.delivery_id, missions.c.state != "REFUSED")
+        .scalar_subquery()
+    )
+    promised = select(func.max(packages.c.promised_ms)).where(of_delivery).scalar_subquery()
+    delivered = select(func.max(packages.c.delivered_ms)).where(of_delivery).scalar_subquery()
+    each = (
+        select(
+            wanted.bucket.label("bucket"),
+            deliveries.c.created_ms,
+            start.label("start_ms"),
+            promised.label("promised_ms"),
+            delivered.label("delivered_ms"),
+        )
+        .where(wanted.is_counted, deliveries.c.state == "COMPLETED")
+        .subquery()
+    )
+    return (
+        select(
+            each.c.bucket,
+            func.count().label("completed"),
+            func.sum(each.c.promised_ms - each.c.start_ms).label("planned_ms"),
+            func.sum(each.c.delivered_ms - each.c.start_ms).label("actual_ms"),
+            func.sum(each.c.delivered_ms - each.c.created_ms).label("since_request_ms"),
+        )
+        # A mission of an older version has no start: it would count in one sum and not in another.
+        .where(each.c.start_ms.is_not(None), each.c.promised_ms.is_not(None))
+        .group_by(each.c.bucket)
+    )
+
+
+def _mission_sums(wanted: Wanted) -> _Query:
+    """Of missions that handed something over, up to their last hand-over."""
+    last = (
+        select(func.max(packages.c.delivered_ms))
+        .where(packages.c.mission_id == missions.c.mission_id)
+        .where(packages.c.delivery_id == missions.c.delivery_id)
+        .scalar_subquery()
+    )
+    each = (
+        select(
+            wanted.bucket.label("bucket"),
+            (last - missions.c.start_ms).label("carried_ms"),
+            missions.c.flight_s,
+            missions.c.waiting_s,
+            missions.c.recharging_s,
+        )
+        .join_from(deliveries, missions, missions.c.delivery_id == deliveries.c.delivery_id)
+        .where(wanted.is_counted, wanted.is_flown, missions.c.flight_s.is_not(None))
+        .subquery()
+    )
+    names = ("carried_ms", "flight_s", "waiting_s", "recharging_s")
+    return (
+        select(each.c.bucket, *(func.sum(each.c[name]).label(name) for name in names))
+        .where(each.c.carried_ms.is_not(None))
+        .group_by(each.c.bucket)
+    )

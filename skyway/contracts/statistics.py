@@ -1,0 +1,61 @@
+"""The span of fleet time that statistics look at, the same in every service's query."""
+
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from typing import Annotated, Final
+
+from pydantic import Field
+
+from skyway.contracts.message import FleetMoment
+from skyway.errors import InvalidInput
+from skyway.ids import ProviderId
+from skyway.json_model import JsonModel
+from skyway.units import moment_to_ms, ms_to_moment
+
+#: How far back statistics look when nothing is said.
+_DEFAULT_SPAN: Final = timedelta(hours=24)
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """[start_ms, end_ms) of fleet time, milliseconds since 1970."""
+
+    start_ms: int
+    end_ms: int
+
+    @property
+    def duration_s(self) -> float:
+        """How long it lasts."""
+        return (self.end_ms - self.start_ms) / 1000
+
+    @property
+    def from_at(self) -> datetime:
+        """Its first moment."""
+        return ms_to_moment(self.start_ms)
+
+    @property
+    def to_at(self) -> datetime:
+        """The first moment after it."""
+        return ms_to_moment(self.end_ms)
+
+
+class SpanQuery(JsonModel):
+    """``?from=&to=&provider_id=``: up to now, and a day, unless said otherwise."""
+
+    from_at: Annotated[FleetMoment | None, Field(alias="from")] = None
+    to_at: Annotated[FleetMoment | None, Field(alias="to")] = None
+    provider_id: ProviderId | None = None
+
+    def span(self, now: datetime) -> Span:
+        """The span that is meant.
+
+        Raises
+        ------
+        InvalidInput
+            It would end before it begins.
+        """
+        to_at = self.to_at or now
+        from_at = self.from_at or to_at - _DEFAULT_SPAN
+        if from_at >= to_at:
+            raise InvalidInput("from", f"{from_at} must be before the end of the span, {to_at}")
+        return Span(moment_to_ms(from_at), moment_to_ms(to_at))
