@@ -5,7 +5,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Final
 
-from sqlalchemy import ColumnElement, Select, and_, case, exists, func, literal, select, true
+from sqlalchemy import (
+    ColumnElement,
+    FromClause,
+    Select,
+    and_,
+    case,
+    exists,
+    func,
+    literal,
+    select,
+    true,
+)
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.statistics import Span
@@ -42,16 +53,15 @@ class Wanted:
         is_in_span = and_(created >= self.span.start_ms, created < self.span.end_ms)
         if self.provider_id is None:
             return is_in_span
-        return and_(
-            is_in_span,
-            exists().where(missions.c.delivery_id == deliveries.c.delivery_id, self.is_flown),
-        )
+        # Under a name of its own: the statement may look at missions itself.
+        own = missions.alias("own")
+        is_own = and_(own.c.delivery_id == deliveries.c.delivery_id, self.is_flown(own))
+        return and_(is_in_span, exists().where(is_own))
 
-    @property
-    def is_flown(self) -> ColumnElement[bool]:
+    def is_flown(self, flown: FromClause) -> ColumnElement[bool]:
         """Whether a mission is among theirs; one that its drone refused was never flown."""
-        is_own = true() if self.provider_id is None else missions.c.provider_id == self.provider_id
-        return and_(missions.c.state != "REFUSED", is_own)
+        is_own = true() if self.provider_id is None else flown.c.provider_id == self.provider_id
+        return and_(flown.c.state != "REFUSED", is_own)
 
 
 async def sums(connection: AsyncConnection, wanted: Wanted) -> Mapping[int, Sums]:
@@ -99,7 +109,7 @@ def _package_sums(wanted: Wanted) -> _Query:
         return statement
     # A delivery of several trips may be flown by several providers.
     return statement.join(missions, missions.c.mission_id == packages.c.mission_id).where(
-        wanted.is_flown
+        wanted.is_flown(missions)
     )
 
 
@@ -155,7 +165,7 @@ def _mission_sums(wanted: Wanted) -> _Query:
             missions.c.recharging_s,
         )
         .join_from(deliveries, missions, missions.c.delivery_id == deliveries.c.delivery_id)
-        .where(wanted.is_counted, wanted.is_flown, missions.c.flight_s.is_not(None))
+        .where(wanted.is_counted, wanted.is_flown(missions), missions.c.flight_s.is_not(None))
         .subquery()
     )
     names = ("carried_ms", "flight_s", "waiting_s", "recharging_s")
