@@ -43,7 +43,12 @@ from skyway_composition.networks.routes import NETWORK_LIMIT_BYTES, network_rout
 from skyway_composition.pads.routes import pad_routes
 from skyway_composition.pads.station_states import StationStates
 from skyway_composition.planning.known_network import KnownNetworks
-from skyway_composition.planning.routes import COMPOSITION_LIMIT_BYTES, composition_routes
+from skyway_composition.planning.quotes import Quotes
+from skyway_composition.planning.routes import (
+    COMPOSITION_LIMIT_BYTES,
+    composition_routes,
+    quote_routes,
+)
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.settings import CompositionSettings
 from skyway_composition.tables import outbox
@@ -78,6 +83,11 @@ class Parts:
             self.db, self.networks, self.solver, self.clock, self.mint, self.pads_changed
         )
 
+    @property
+    def quotes(self) -> Quotes:
+        """Answers what could be offered."""
+        return Quotes(self.db, self.networks, self.inquiries, self.clock, self.bookings.busy_among)
+
 
 def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> FastAPI:
     """All rooms' routes on these parts, which the lifespan opens."""
@@ -94,6 +104,7 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
             ),
             pad_routes(db=db, gate=gate, clock=clock),
             composition_routes(gate=gate, known=known, solver=parts.inquiries),
+            quote_routes(gate=gate, quotes=parts.quotes),
             mission_routes(db=db, gate=gate, bookings=parts.bookings),
             hand_routes(
                 gate=gate,

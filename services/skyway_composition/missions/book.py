@@ -8,11 +8,12 @@ attempt), so asking again answers what was booked.
 """
 
 import logging
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Final
 
 from skyway.contracts.candidate import Candidate, ProviderReason
-from skyway.contracts.mission import Booking, BookMissions, ClosedDelivery, Mission
+from skyway.contracts.mission import Booking, BookMissions, ClosedDelivery
 from skyway.ids import DeliveryId, DroneId, StationId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database, Tx
@@ -72,17 +73,25 @@ class Bookings:
         """The missions of this attempt: those booked before, or those of the best offer."""
         reasons: tuple[ProviderReason, ...] = ()
         for round_number in range(_MOST_ROUNDS):
-            booked, busy = await self._known(delivery_id, wanted)
+            async with self.db.read() as connection:
+                booked = await store.missions_of(connection, delivery_id, attempt=wanted.attempt)
             if booked:
                 return Booking(outcome="BOOKED", missions=booked)
             world = await self._look(wanted.request.pickup.station_id)
             if world is None:
                 return pickup_unknown(wanted)
             this_round = self._round(delivery_id, wanted, world, round_number)
-            booking, reasons = await self._book_in(this_round, busy)
+            booking, reasons = await self._book_in(this_round)
             if booking is not None:
                 return booking
         return all_taken(wanted, reasons)
+
+    async def busy_among(self, drone_ids: Collection[DroneId]) -> frozenset[DroneId]:
+        """Those of these drones that are on a mission, or may be."""
+        async with self.db.read() as connection:
+            busy = await store.busy_among(connection, drone_ids)
+            # A drone that was given up on may still be out there with its mission.
+            return busy | await occupied_among(connection, drone_ids)
 
     async def close(self, delivery_id: DeliveryId) -> ClosedDelivery:
         """Book nothing more for this delivery, unless something is booked already."""
@@ -94,17 +103,6 @@ class Bookings:
                     return ClosedDelivery(is_closed=False, missions=missions)
                 await store.close_delivery(tx, delivery_id, moment_to_ms(self.clock.now()))
             return ClosedDelivery(is_closed=True)
-
-    async def _known(
-        self, delivery_id: DeliveryId, wanted: BookMissions
-    ) -> tuple[tuple[Mission, ...], frozenset[DroneId]]:
-        """What this attempt has booked, and which of the candidates are busy."""
-        drone_ids = [candidate.drone_id for candidate in wanted.candidates]
-        async with self.db.read() as connection:
-            booked = await store.missions_of(connection, delivery_id, attempt=wanted.attempt)
-            busy = await store.busy_among(connection, drone_ids)
-            # A drone that was given up on may still be out there with its mission.
-            return booked, busy | await occupied_among(connection, drone_ids)
 
     async def _look(self, pickup: StationId) -> World | None:
         skyway = await self.networks.around(pickup)
@@ -136,9 +134,11 @@ class Bookings:
         )
 
     async def _book_in(
-        self, this_round: _Round, busy: frozenset[DroneId]
+        self, this_round: _Round
     ) -> tuple[Booking | None, tuple[ProviderReason, ...]]:
         """The booking of the best offer that nobody else has taken; None when a look is due."""
+        drone_ids = [each.drone_id for each in this_round.candidates]
+        busy = await self.busy_among(drone_ids)
         while True:
             offers = await plan_offers(
                 this_round.finder,
@@ -159,7 +159,7 @@ class Bookings:
                 if taken.constraint != _DRONE_TAKEN:
                     # Every other offer was planned around the same pads.
                     return None, offers.reasons
-                _, now_busy = await self._known(this_round.delivery_id, this_round.wanted)
+                now_busy = await self.busy_among(drone_ids)
                 if not now_busy - busy:
                     return None, offers.reasons
                 busy |= now_busy

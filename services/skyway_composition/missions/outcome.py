@@ -1,9 +1,8 @@
 """What a booking answers when there is no mission: busy for now, or never."""
 
-from collections.abc import Iterable
-
-from skyway.contracts.candidate import ProviderReason, ProviderReasonCode
+from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.mission import Booking, BookMissions, OfferLimits
+from skyway_composition.planning.refusals import refused_for_all
 
 
 def without_offer(wanted: BookMissions, reasons: tuple[ProviderReason, ...]) -> Booking:
@@ -20,7 +19,7 @@ def without_offer(wanted: BookMissions, reasons: tuple[ProviderReason, ...]) -> 
 def pickup_unknown(wanted: BookMissions) -> Booking:
     """INFEASIBLE: the pickup station is in no network."""
     detail = f"pickup station {wanted.request.pickup.station_id!r} is in no network"
-    reasons = _for_all(wanted, "DESTINATION_UNREACHABLE", detail, is_temporary=False)
+    reasons = refused_for_all(wanted.candidates, "DESTINATION_UNREACHABLE", detail)
     return Booking(outcome="INFEASIBLE", reasons=tuple(reasons))
 
 
@@ -29,8 +28,8 @@ def all_taken(wanted: BookMissions, reasons: tuple[ProviderReason, ...]) -> Book
     told = {reason.provider_id for reason in reasons}
     detail = "others took its drones or their pads meanwhile"
     taken = [
-        reason
-        for reason in _for_all(wanted, "TAKEN", detail, is_temporary=True)
+        reason.model_copy(update={"is_temporary": True})
+        for reason in refused_for_all(wanted.candidates, "TAKEN", detail)
         if reason.provider_id not in told
     ]
     if wanted.offer is not None:
@@ -57,12 +56,3 @@ def _offer_lost(offer: OfferLimits, reasons: tuple[ProviderReason, ...]) -> Book
         },
     )
     return Booking(outcome="INFEASIBLE", reasons=(reason,))
-
-
-def _for_all(
-    wanted: BookMissions, code: ProviderReasonCode, detail: str, *, is_temporary: bool
-) -> Iterable[ProviderReason]:
-    for provider_id in dict.fromkeys(each.provider_id for each in wanted.candidates):
-        yield ProviderReason(
-            provider_id=provider_id, code=code, detail=detail, is_temporary=is_temporary
-        )

@@ -1,6 +1,6 @@
 """Why providers make no offer: collected candidate by candidate, told provider by provider."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import Any
 
 from skyway.contracts.candidate import Candidate, ProviderReason, ProviderReasonCode
@@ -71,6 +71,14 @@ class Refusals:
             if known is None or (reason.is_temporary and not known.is_temporary):
                 told[reason.provider_id] = reason
         return tuple(reason for provider, reason in told.items() if provider not in with_offer)
+
+
+def refused_for_all(
+    candidates: Iterable[Candidate], code: ProviderReasonCode, detail: str
+) -> Iterator[ProviderReason]:
+    """The same lasting reason for every provider that has a candidate."""
+    for provider_id in dict.fromkeys(each.provider_id for each in candidates):
+        yield ProviderReason(provider_id=provider_id, code=code, detail=detail, is_temporary=False)
 
 
 def fit_candidates(

@@ -1,17 +1,19 @@
-"""POST /v1/compositions: pure planning, with no side effect."""
+"""POST /v1/compositions and quotes: pure planning, with no side effect."""
 
 import asyncio
 from typing import Annotated, Any, Final
 
 from fastapi import APIRouter, Depends, Request
 
+from skyway.contracts.quote import QuoteAnswer, QuoteQuery
 from skyway.delivery.plan import Plan
 from skyway.planner.problem_document import read_problem
 from skyway.runtime.abandonment import while_wanted
-from skyway.runtime.http_app import read_json
+from skyway.runtime.http_app import internal_body, read_json
 from skyway.runtime.identity import Caller, ServiceGate
 from skyway_composition.planning.compose_in import compose_in
 from skyway_composition.planning.known_network import KnownNetworks, NetworkReference
+from skyway_composition.planning.quotes import Quotes
 from skyway_composition.planning.solver_pool import SolverPool
 
 #: The most bytes of a problem with its network (decisions.md).
@@ -32,6 +34,22 @@ _PROBLEM_BODY: Final[dict[str, Any]] = {  # a part of the OpenAPI document
         },
     }
 }
+
+
+def quote_routes(*, gate: ServiceGate, quotes: Quotes) -> APIRouter:
+    """POST /internal/quotes, for the gateway."""
+    router = APIRouter(tags=["quotes"])
+
+    @router.post("/internal/quotes")
+    async def post_quotes(
+        caller: Annotated[Caller, Depends(gate)],
+        query: Annotated[QuoteQuery, Depends(internal_body(QuoteQuery))],
+    ) -> QuoteAnswer:
+        """What each provider would offer for a request; nothing is reserved."""
+        caller.must_be("service")
+        return await quotes.answer(query)
+
+    return router
 
 
 def composition_routes(*, gate: ServiceGate, known: KnownNetworks, solver: SolverPool) -> APIRouter:

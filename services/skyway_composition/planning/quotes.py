@@ -1,0 +1,67 @@
+"""Quotes: what each provider would offer for a request now. Nothing is reserved."""
+
+from collections.abc import Awaitable, Callable, Collection
+from dataclasses import dataclass
+
+from skyway.contracts.quote import QuoteAnswer, QuoteQuery
+from skyway.delivery.offer import BestValues
+from skyway.ids import DroneId
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.database import Database
+from skyway.units import moment_to_ms
+from skyway_composition.networks.prepared import PreparedNetworks
+from skyway_composition.planning.limits import Limits
+from skyway_composition.planning.offer import Offers, terms_of
+from skyway_composition.planning.offers import best_of_each
+from skyway_composition.planning.refusals import refused_for_all
+from skyway_composition.planning.solver_pool import SolverPool
+from skyway_composition.planning.start import start_ms
+from skyway_composition.planning.trip_finder import TripFinder
+from skyway_composition.planning.world import World
+
+#: Which of these drones are on missions, or may be.
+BusyAmong = Callable[[Collection[DroneId]], Awaitable[frozenset[DroneId]]]
+
+
+@dataclass(frozen=True, slots=True)
+class Quotes:
+    """Answers what could be offered."""
+
+    db: Database
+    networks: PreparedNetworks
+    solver: SolverPool
+    clock: FleetClock
+    busy_among: BusyAmong
+
+    async def answer(self, query: QuoteQuery) -> QuoteAnswer:
+        """The best offer of each provider, best first, and why the others make none."""
+        pickup = query.request.pickup.station_id
+        skyway = await self.networks.around(pickup)
+        if skyway is None:
+            detail = f"pickup station {pickup!r} is in no network"
+            reasons = refused_for_all(query.candidates, "DESTINATION_UNREACHABLE", detail)
+            return QuoteAnswer(offers=(), infeasible=tuple(reasons))
+        world = await World.of(skyway, self.db, after_ms=moment_to_ms(self.clock.now()))
+        offers = await self._offers(query, world)
+        if not offers.ranked:
+            return QuoteAnswer(offers=(), infeasible=offers.reasons)
+        best = BestValues.of(offer.values for offer in offers.ranked)
+        weights = query.request.qos.ranking
+        return QuoteAnswer(
+            offers=tuple(
+                terms_of(offer, best=best, weights=weights, settings=skyway.settings)
+                for offer in offers.ranked
+            ),
+            infeasible=offers.reasons,
+        )
+
+    async def _offers(self, query: QuoteQuery, world: World) -> Offers:
+        limits = Limits.of_whole(query.request.qos)
+        begins_ms = start_ms(self.clock, earliest_at=query.request.earliest_pickup_at)
+        return await best_of_each(
+            TripFinder(self.solver, world, begins_ms, limits.latest_ms),
+            query.request,
+            candidates=query.candidates,
+            busy=await self.busy_among([each.drone_id for each in query.candidates]),
+            limits=limits,
+        )
