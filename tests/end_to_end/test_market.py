@@ -32,8 +32,8 @@ def test_offers_are_compared_and_the_one_that_is_taken_is_flown(system: Any) -> 
     delivery = system.until_state(taken.json()["delivery_id"], *_OVER, within_s=90)
     proof = system.call("GET", f"/v1/deliveries/{delivery['delivery_id']}/proof", key=key).json()
 
-    assert [offer["provider_id"] for offer in fastest["offers"]][0] == near["provider_id"]
-    assert [offer["provider_id"] for offer in cheapest["offers"]][0] == cheap["provider_id"]
+    assert fastest["offers"][0]["provider_id"] == near["provider_id"]
+    assert cheapest["offers"][0]["provider_id"] == cheap["provider_id"]
     assert pinned["offers"] == []
     assert {reason["provider_id"]: reason["code"] for reason in pinned["infeasible"]}[
         none["provider_id"]
