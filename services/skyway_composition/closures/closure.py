@@ -1,7 +1,10 @@
 """Something of the world that is closed for a while: as it is kept, and as planning reads it."""
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
+
+from pydantic import AfterValidator, Field
+from pydantic_core import PydanticCustomError
 
 from skyway.geo import Position
 from skyway.ids import ClosureId, DroneModelId, NetworkId, ProviderId, StationId, ZoneId
@@ -13,11 +16,28 @@ from skyway.units import ms_to_moment
 ClosureKind = Literal["STATION", "PAD", "SEGMENT", "ZONE", "GROUND_STOP"]
 
 
+#: Positions of one ring; whoever draws a finer border simplifies it. Our own choice.
+_MOST_POSITIONS = 10_000
+
+
+def _closed(ring: tuple[Position, ...]) -> tuple[Position, ...]:
+    if ring[0] != ring[-1]:
+        raise PydanticCustomError("open_ring", "the ring is not closed: its ends differ")
+    return ring
+
+
+Ring = Annotated[
+    tuple[Position, ...],
+    Field(min_length=4, max_length=_MOST_POSITIONS),
+    AfterValidator(_closed),
+]
+
+
 class Area(JsonModel):
     """A GeoJSON polygon: its closed rings, the outer one first, then its holes."""
 
     type: Literal["Polygon"] = "Polygon"
-    coordinates: tuple[tuple[Position, ...], ...]
+    coordinates: Annotated[tuple[Ring, ...], Field(min_length=1, max_length=100)]
 
 
 @dataclass(frozen=True, slots=True)

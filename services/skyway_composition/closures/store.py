@@ -1,13 +1,28 @@
 """All SQL of the closures."""
 
+from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import Row, or_, select
+from sqlalchemy import ColumnElement, Row, insert, or_, select, true, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from skyway.ids import NetworkId
-from skyway_composition.closures.closure import Area, Closure
-from skyway_composition.tables import closures, networks
+from skyway.geo import Position
+from skyway.ids import ClosureId, NetworkId, StationId
+from skyway.runtime.database import Tx
+from skyway.runtime.errors import NotFound
+from skyway_composition.closures.closure import Area, Closure, ClosureKind
+from skyway_composition.tables import closures, networks, stations
+
+
+@dataclass(frozen=True, slots=True)
+class ClosureFilter:
+    """Which closures a list shows; `lasting_beyond_ms` None: those that are over, too."""
+
+    kind: ClosureKind
+    lasting_beyond_ms: int | None
+    station_id: StationId | None = None
+    pad: int | None = None
+    to_station_id: StationId | None = None
 
 
 async def in_force(
@@ -33,6 +48,129 @@ async def conditions_number(connection: AsyncConnection, network_id: NetworkId) 
     )
     number: int = found.scalar_one()
     return number
+
+
+async def change_conditions(tx: Tx, network_id: NetworkId | None) -> None:
+    """Say that a network's conditions, or those of all, are others once this is committed.
+
+    Raises
+    ------
+    NotFound
+        There is no such network.
+    """
+    which = true() if network_id is None else networks.c.network_id == network_id
+    # Locked in one order by everybody; an UPDATE of many rows takes them as they come.
+    locked = await tx.execute(
+        select(networks.c.network_id).where(which).order_by(networks.c.network_id).with_for_update()
+    )
+    if network_id is not None and locked.scalar_one_or_none() is None:
+        raise NotFound("network", network_id)
+    await tx.execute(update(networks).where(which).values(conditions=networks.c.conditions + 1))
+
+
+async def add(tx: Tx, closure: Closure) -> None:
+    """Add a closure."""
+    await tx.execute(
+        insert(closures).values(
+            closure_id=closure.closure_id,
+            kind=closure.kind,
+            network_id=closure.network_id,
+            station_id=closure.station_id,
+            pad=closure.pad,
+            to_station_id=closure.to_station_id,
+            area=None if closure.area is None else closure.area.model_dump_json(),
+            provider_id=closure.provider_id,
+            drone_model_id=closure.drone_model_id,
+            reason=closure.reason,
+            from_ms=closure.from_ms,
+            until_ms=closure.until_ms,
+            made_ms=closure.made_ms,
+        )
+    )
+
+
+async def lift(tx: Tx, closure_id: ClosureId, *, now_ms: int) -> bool:
+    """Lift a closure; False when it was lifted before."""
+    done = await tx.execute(
+        update(closures)
+        .where(closures.c.closure_id == closure_id, closures.c.lifted_ms.is_(None))
+        .values(lifted_ms=now_ms)
+    )
+    return done.rowcount == 1
+
+
+async def get(connection: AsyncConnection, closure_id: ClosureId) -> Closure | None:
+    """A closure, also one that was lifted."""
+    found = await connection.execute(select(closures).where(closures.c.closure_id == closure_id))
+    row = found.one_or_none()
+    return None if row is None else _closure(row)
+
+
+async def page(
+    connection: AsyncConnection, shown: ClosureFilter, *, after: str, limit: int
+) -> list[Closure]:
+    """Closures by their id, which is the order of their making."""
+    query = (
+        select(closures)
+        .where(closures.c.kind == shown.kind, closures.c.closure_id > after)
+        .order_by(closures.c.closure_id)
+        .limit(limit)
+    )
+    for column, value in (
+        (closures.c.station_id, shown.station_id),
+        (closures.c.pad, shown.pad),
+        (closures.c.to_station_id, shown.to_station_id),
+    ):
+        if value is not None:
+            query = query.where(column == value)
+    if shown.lasting_beyond_ms is not None:
+        query = query.where(
+            closures.c.lifted_ms.is_(None),
+            or_(closures.c.until_ms.is_(None), closures.c.until_ms > shown.lasting_beyond_ms),
+        )
+    return [_closure(row) for row in await connection.execute(query)]
+
+
+async def outages(
+    connection: AsyncConnection, *, at_ms: int, station_id: StationId | None = None
+) -> list[Closure]:
+    """The pads that are out of order at a moment."""
+    query = select(closures).where(closures.c.kind == "PAD", *_in_force_at(at_ms))
+    if station_id is not None:
+        query = query.where(closures.c.station_id == station_id)
+    return [_closure(row) for row in await connection.execute(query)]
+
+
+async def ground_stops(connection: AsyncConnection, *, at_ms: int) -> list[Closure]:
+    """The ground stops that are in force at a moment."""
+    query = select(closures).where(closures.c.kind == "GROUND_STOP", *_in_force_at(at_ms))
+    return [_closure(row) for row in await connection.execute(query)]
+
+
+async def stations_in(
+    connection: AsyncConnection,
+    box: tuple[Position, Position],
+    *,
+    network_id: NetworkId | None,
+) -> dict[StationId, Position]:
+    """Where the stations within a box stand, south-west corner first; of one network or of all."""
+    south_west, north_east = box
+    query = select(stations.c.station_id, stations.c.longitude_deg, stations.c.latitude_deg).where(
+        stations.c.longitude_deg.between(south_west.longitude_deg, north_east.longitude_deg),
+        stations.c.latitude_deg.between(south_west.latitude_deg, north_east.latitude_deg),
+    )
+    if network_id is not None:
+        query = query.where(stations.c.network_id == network_id)
+    found = await connection.execute(query)
+    return {row.station_id: Position(row.longitude_deg, row.latitude_deg) for row in found}
+
+
+def _in_force_at(moment_ms: int) -> tuple[ColumnElement[bool], ...]:
+    return (
+        closures.c.lifted_ms.is_(None),
+        closures.c.from_ms <= moment_ms,
+        or_(closures.c.until_ms.is_(None), closures.c.until_ms > moment_ms),
+    )
 
 
 def _closure(row: Row[Any]) -> Closure:  # a row of closures

@@ -1,0 +1,225 @@
+"""All SQL of what closures hit: by indexed columns of steps, whose JSON is not read."""
+
+import json
+from collections.abc import Collection
+from typing import Any, Final
+
+from sqlalchemy import ColumnElement, Row, Select, and_, delete, or_, select, text, true, update
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from skyway.contracts.mission import LIVE_MISSION_STATES
+from skyway.ids import ClosureId, DroneId, DroneModelId, MissionId, NetworkId, ProviderId, StationId
+from skyway.runtime.database import Tx
+from skyway_composition.missions.affected.planned import Doing, HeldPad, Owner, PlannedFlight
+from skyway_composition.missions.record import Proposal
+from skyway_composition.tables import (
+    closures,
+    drone_links,
+    mission_steps,
+    missions,
+    pad_reservations,
+    stopped_missions,
+)
+
+#: What is read from, within a transaction or beside one.
+Reader = AsyncConnection
+
+#: Stations above which all flights are read: naming each station takes longer.
+_MOST_NAMED: Final = 5_000
+
+_is_live = missions.c.state.in_(LIVE_MISSION_STATES)
+# Written out, because an index of some rows is only used where the statement itself says which.
+_is_to_fly = text("mission_steps.status = 'PLANNED' AND mission_steps.kind = 'FLY'")
+
+_WHOSE: Final = (
+    missions.c.mission_id,
+    missions.c.drone_id,
+    missions.c.provider_id,
+    missions.c.delivery_id,
+)
+
+
+async def flights_to(
+    connection: Reader,
+    station_ids: Collection[StationId],
+    *,
+    network_id: NetworkId | None,
+    start_before_ms: int | None,
+) -> list[PlannedFlight]:
+    """The flights of live missions to these stations that begin before a moment."""
+    is_there: ColumnElement[bool] = true()
+    if len(station_ids) <= _MOST_NAMED:
+        is_there = mission_steps.c.to_station_id.in_(station_ids)
+    query = _flights(network_id).where(is_there)
+    if start_before_ms is not None:
+        query = query.where(mission_steps.c.planned_start_ms < start_before_ms)
+    return [_flight(row) for row in await connection.execute(query)]
+
+
+async def take_offs(
+    connection: Reader,
+    *,
+    network_id: NetworkId | None,
+    provider_id: ProviderId | None,
+) -> list[PlannedFlight]:
+    """The flights of live missions, of one provider or all, that do not follow another flight."""
+    before = mission_steps.alias("before")
+    flies_through = (
+        select(before.c.step_id)
+        .where(
+            before.c.mission_id == mission_steps.c.mission_id,
+            before.c.step_id == mission_steps.c.step_id - 1,
+            before.c.kind == "FLY",
+            ~before.c.lands,
+        )
+        .exists()
+    )
+    query = _flights(network_id).where(~flies_through)
+    if provider_id is not None:
+        query = query.where(missions.c.provider_id == provider_id)
+    return [_flight(row) for row in await connection.execute(query)]
+
+
+async def pads_held(connection: Reader, station_id: StationId, pad: int) -> list[HeldPad]:
+    """The reservations of a pad."""
+    held = pad_reservations.c
+    found = await connection.execute(
+        select(*_WHOSE, held.start_ms, held.end_ms)
+        .join(pad_reservations, held.mission_id == missions.c.mission_id)
+        .where(held.station_id == station_id, held.pad == pad, _is_live)
+    )
+    return [HeldPad(_owner(row), station_id, row.start_ms, row.end_ms) for row in found]
+
+
+async def proposals(
+    connection: Reader, network_id: NetworkId | None
+) -> list[tuple[Owner, Proposal]]:
+    """The revisions that were sent and not accepted yet."""
+    query = select(*_WHOSE, missions.c.proposal).where(_is_live, missions.c.proposal.is_not(None))
+    if network_id is not None:
+        query = query.where(missions.c.network_id == network_id)
+    found = await connection.execute(query)
+    return [(_owner(row), Proposal.read(row.proposal)) for row in found]
+
+
+async def drones_of_model(
+    connection: Reader, drone_ids: Collection[DroneId], model_id: DroneModelId
+) -> frozenset[DroneId]:
+    """Those of these drones on missions that are of a model."""
+    found = await connection.execute(
+        select(missions.c.drone_id, missions.c.candidate).where(
+            missions.c.drone_id.in_(drone_ids), _is_live
+        )
+    )
+    models = {row.drone_id: json.loads(row.candidate)["model"]["model_id"] for row in found}
+    return frozenset(drone_id for drone_id, known in models.items() if known == model_id)
+
+
+async def doings_of(connection: Reader, drone_ids: Collection[DroneId]) -> dict[DroneId, Doing]:
+    """What these drones last said that they do."""
+    found = await connection.execute(
+        select(drone_links.c.drone_id, drone_links.c.state).where(
+            drone_links.c.drone_id.in_(drone_ids), drone_links.c.state.is_not(None)
+        )
+    )
+    # Three members of many states: reading them as models takes four times as long.
+    states = {row.drone_id: json.loads(row.state) for row in found}
+    return {
+        drone_id: Doing(
+            mission_id=state.get("mission_id"),
+            step_id=state.get("step_id"),
+            is_flying=state["activity"] == "FLYING",
+        )
+        for drone_id, state in states.items()
+    }
+
+
+async def look_again(tx: Tx, network_id: NetworkId | None) -> None:
+    """Have the missions that wait for another plan be planned for at once."""
+    waits = missions.c.stuck.is_not(None) | missions.c.trouble.is_not(None)
+    where = and_(_is_live, waits)
+    if network_id is not None:
+        where = and_(where, missions.c.network_id == network_id)
+    await tx.execute(update(missions).where(where).values(retry_wall_ms=0))
+
+
+async def add_stopped(tx: Tx, closure_id: ClosureId, mission_ids: Collection[MissionId]) -> None:
+    """Note which missions a ground stop holds."""
+    rows = [{"closure_id": closure_id, "mission_id": mission_id} for mission_id in mission_ids]
+    if rows:
+        statement = tx.insert(stopped_missions).on_conflict_do_nothing()
+        await tx.execute(statement, rows)
+
+
+async def stopped_among(tx: Tx, drone_ids: Collection[DroneId]) -> frozenset[MissionId]:
+    """The live missions of these drones that some ground stop holds."""
+    found = await tx.execute(
+        select(stopped_missions.c.mission_id)
+        .join(missions, missions.c.mission_id == stopped_missions.c.mission_id)
+        .where(missions.c.drone_id.in_(drone_ids), _is_live)
+    )
+    return frozenset(found.scalars())
+
+
+async def stopped_by(
+    connection: Reader, closure_ids: Collection[ClosureId]
+) -> dict[MissionId, DroneId]:
+    """The missions that these ground stops hold, and their drones."""
+    found = await connection.execute(
+        select(missions.c.mission_id, missions.c.drone_id)
+        .join(stopped_missions, stopped_missions.c.mission_id == missions.c.mission_id)
+        .where(stopped_missions.c.closure_id.in_(closure_ids))
+    )
+    return {row.mission_id: row.drone_id for row in found}
+
+
+async def forget_stopped(tx: Tx, closure_ids: Collection[ClosureId]) -> None:
+    """Forget what these ground stops hold."""
+    await tx.execute(delete(stopped_missions).where(stopped_missions.c.closure_id.in_(closure_ids)))
+
+
+async def stops_over(connection: Reader, *, now_ms: int) -> list[ClosureId]:
+    """The ground stops that are over, and still hold missions."""
+    found = await connection.execute(
+        select(closures.c.closure_id)
+        .join(stopped_missions, stopped_missions.c.closure_id == closures.c.closure_id)
+        .where(or_(closures.c.lifted_ms.is_not(None), closures.c.until_ms <= now_ms))
+        .distinct()
+    )
+    return list(found.scalars())
+
+
+def _flights(network_id: NetworkId | None) -> Select[Any]:
+    step = mission_steps.c
+    query = (
+        select(
+            *_WHOSE,
+            step.step_id,
+            step.from_station_id,
+            step.to_station_id,
+            step.lands,
+            step.planned_start_ms,
+            step.planned_end_ms,
+        )
+        .join(mission_steps, step.mission_id == missions.c.mission_id)
+        .where(_is_to_fly, _is_live)
+    )
+    if network_id is not None:
+        query = query.where(missions.c.network_id == network_id)
+    return query
+
+
+def _flight(row: Row[*tuple[Any, ...]]) -> PlannedFlight:  # a row of `_flights`
+    return PlannedFlight(
+        _owner(row),
+        row.step_id,
+        row.from_station_id,
+        row.to_station_id,
+        row.lands,
+        row.planned_start_ms,
+        row.planned_end_ms,
+    )
+
+
+def _owner(row: Row[*tuple[Any, ...]]) -> Owner:  # a row that begins with `_WHOSE`
+    return Owner(row.mission_id, row.drone_id, row.provider_id, row.delivery_id)
