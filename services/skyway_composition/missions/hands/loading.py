@@ -22,6 +22,7 @@ from skyway_composition.missions.hands.loaded_check import (
     refuse_strangers,
 )
 from skyway_composition.missions.hands.recall import is_being_loaded
+from skyway_composition.missions.hands.stop_packages import PACKAGES_CANCELLED
 from skyway_composition.missions.hands.under_hand import mission_under_hand
 from skyway_composition.missions.record import MissionRecord, Trouble
 from skyway_composition.missions.trouble import troubled
@@ -60,7 +61,8 @@ class Loadings:
         NotFound
             There is no such mission of this provider (None: of anybody).
         Conflict
-            NOT_LOADING: the drone does not stand at the pickup and wait. ALREADY_CONFIRMED.
+            NOT_LOADING: the drone does not stand at the pickup and wait. ALREADY_CONFIRMED, HELD,
+            REPLANNING.
         InvalidInput
             A package is not of this mission, or is listed twice.
         """
@@ -104,6 +106,9 @@ def _refuse_unless_loading(watch: Watch, record: MissionRecord) -> None:
         raise Conflict("ALREADY_CONFIRMED", f"the loading of {record.mission_id} was confirmed")
     if record.mission.is_held:
         raise Conflict("HELD", f"{record.mission_id} is held by an operator")
+    if record.trouble is not None and record.trouble.code == PACKAGES_CANCELLED:
+        detail = f"{record.drone_id} has still to be told what was cancelled of {record.mission_id}"
+        raise Conflict("REPLANNING", detail)
     link, pickup = watch.links.get(record.drone_id), record.request.pickup.station_id
     state = None if link is None else link.state
     stands_and_waits = (

@@ -39,7 +39,7 @@ class LoadingWatch:
             skyway = await self.networks.current(each.network_id)
             timeout = timedelta(seconds=skyway.settings.loading_timeout_s)
             # Whoever is still on the way to the pickup cannot have waited that long.
-            if each.start_ms < moment_to_ms(self.clock.now() - timeout):
+            if each.start_ms <= moment_to_ms(self.clock.now() - timeout):
                 await self._judge(each, timeout)
         return False
 

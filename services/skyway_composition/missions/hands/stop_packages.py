@@ -2,6 +2,7 @@
 
 from collections.abc import Collection
 from dataclasses import replace
+from typing import Final
 
 from skyway.contracts.mission import Cancellation
 from skyway.ids import PackageId
@@ -14,6 +15,9 @@ from skyway_composition.missions.record import Aim, MissionRecord, Trouble
 from skyway_composition.missions.report import report
 from skyway_composition.missions.trouble import troubled
 from skyway_composition.missions.watch import Watch
+
+#: Why a mission that carries fewer packages from now on needs another plan.
+PACKAGES_CANCELLED: Final = "PACKAGES_CANCELLED"
 
 
 async def stop_packages(
@@ -116,4 +120,4 @@ async def _release(
     await store.save_request(watch.tx, record)
     await watch.keep(record)
     detail = f"{len(package_ids)} packages were cancelled: {reason}"
-    await troubled(watch, record, Trouble(code="PACKAGES_CANCELLED", detail=detail))
+    await troubled(watch, record, Trouble(code=PACKAGES_CANCELLED, detail=detail))

@@ -1,0 +1,224 @@
+"""Cancellations: what can still be stopped is, once, and the customer is told what cannot."""
+
+import asyncio
+from typing import Any
+
+PATH = "/internal/deliveries/dlv_1/cancellations"
+
+
+async def cancel(
+    composition: Any, *package_ids: str, cancellation_id: str = "cnl_1", caller: str = "service:g"
+) -> Any:
+    body = {
+        "cancellation_id": cancellation_id,
+        "package_ids": package_ids or None,
+        "reason": "bought elsewhere",
+    }
+    return await composition(caller, "POST", PATH, body)
+
+
+async def told(composition: Any, kind: str) -> list[Any]:
+    return [each for each in await composition.reports() if each.kind == kind]
+
+
+async def shown(composition: Any, mission_id: str) -> Any:
+    return (await composition("operator:op", "GET", f"/v1/missions/{mission_id}")).json()
+
+
+async def test_a_delivery_cancelled_before_loading_never_leaves_the_pickup(
+    composition: Any, drone: Any, make: Any, begin: Any
+) -> None:
+    instruction = await begin.accepted(composition, drone, make)
+
+    answer = await cancel(composition)
+
+    assert answer.json() == {"released": ["p1"], "returning": [], "too_late": []}
+    assert await composition.state_of(instruction.mission_id) == "CANCELLED"
+    (released,) = await told(composition, "RELEASED")
+    (ended,) = await told(composition, "ENDED")
+    assert (released.package_ids, released.code) == (("p1",), "CANCELLED")
+    assert (ended.mission_state, ended.code) == ("CANCELLED", "CANCELLED")
+    assert (await composition.sent())[-1].kind == "CANCEL"
+    assert await composition.reservations() == []
+    assert await composition.broken() == []
+
+
+async def test_the_same_cancellation_again_says_the_same_and_does_nothing(
+    composition: Any, drone: Any, make: Any, begin: Any
+) -> None:
+    instruction = await begin.loaded(composition, drone, make, "b", "c")
+    first = await cancel(composition, "p1")
+    told_before = len(await composition.reports())
+    delivered = next(s.step_id for s in instruction.steps if s.kind == "DELIVER")
+    await composition.take(
+        *(
+            drone.event(
+                "STEP_ENDED",
+                mission_id=instruction.mission_id,
+                step_id=step.step_id,
+                started_at=step.planned_start_at,
+                ended_at=step.planned_end_at,
+            )
+            for step in instruction.steps[1:delivered]
+        )
+    )
+    delivered_reports = len(await composition.reports()) - told_before
+
+    second = await cancel(composition, "p1")
+    another = await cancel(composition, "p1", cancellation_id="cnl_2")
+
+    assert first.json() == second.json()
+    assert first.json()["returning"] == ["p1"]
+    assert another.json()["too_late"] == ["p1"]
+    assert len(await composition.reports()) == told_before + delivered_reports
+
+
+async def test_two_of_the_same_cancellation_at_once_are_one(
+    composition: Any, drone: Any, make: Any, begin: Any
+) -> None:
+    await begin.accepted(composition, drone, make)
+
+    answers = await asyncio.gather(*(cancel(composition) for _ in range(4)))
+
+    assert {each.status_code for each in answers} == {200}
+    assert [each.json()["released"] for each in answers] == [["p1"]] * 4
+    assert len(await told(composition, "ENDED")) == 1
+
+
+async def test_some_packages_stay_and_the_others_are_planned_for_anew(
+    composition: Any, drone: Any, make: Any, begin: Any
+) -> None:
+    instruction = await begin.accepted(composition, drone, make, "b", "c")
+
+    answer = await cancel(composition, "p2")
+
+    assert answer.json()["released"] == ["p2"]
+    progress = await shown(composition, instruction.mission_id)
+    assert (progress["mission"]["state"], progress["trouble"]["code"]) == (
+        "ACCEPTED",
+        "PACKAGES_CANCELLED",
+    )
+    assert [each["package_id"] for each in progress["mission"]["packages"]] == ["p1"]
+    ((request,),) = await composition.rows("SELECT request FROM missions")
+    assert '"p2"' not in request
+
+
+async def test_what_is_on_board_comes_back(
+    composition: Any, drone: Any, make: Any, begin: Any
+) -> None:
+    instruction = await begin.loaded(composition, drone, make, "b", "c")
+
+    answer = await cancel(composition, "p2")
+
+    assert answer.json() == {"released": [], "returning": ["p2"], "too_late": []}
+    progress = await shown(composition, instruction.mission_id)
+    assert progress["aims"] == [{"package_id": "p2", "station_id": "a", "kind": "RETURN"}]
+    assert progress["trouble"]["code"] == "CANCELLED"
+    (returning,) = await told(composition, "RETURNING")
+    assert (returning.package_ids, returning.code) == (("p2",), "CANCELLED")
+
+
+async def test_a_package_that_comes_back_already_is_told_once(
+    composition: Any, drone: Any, make: Any, begin: Any
+) -> None:
+    await begin.loaded(composition, drone, make, "b", "c")
+    await cancel(composition, "p2")
+
+    whole = await cancel(composition, cancellation_id="cnl_2")
+
+    assert whole.json()["returning"] == ["p1", "p2"]
+    assert [each.package_ids for each in await told(composition, "RETURNING")] == [("p2",), ("p1",)]
+
+
+async def test_a_drone_that_loads_this_moment_brings_back_what_it_takes(
+    composition: Any, drone: Any, make: Any, begin: Any
+) -> None:
+    instruction = await begin.accepted(composition, drone, make)
+    start_at = instruction.steps[0].planned_start_at
+    composition.clock.advance(start_at - composition.clock.now())
+    await composition.take(begin.standing(drone, instruction))
+
+    answer = await cancel(composition)
+
+    assert answer.json() == {"released": [], "returning": ["p1"], "too_late": []}
+    assert await composition.state_of(instruction.mission_id) == "ACTIVE"
+    assert not any(each.kind == "CANCEL" for each in await composition.sent())
+
+
+async def test_a_drone_that_may_have_begun_without_a_word_cannot_be_told(composition: Any) -> None:
+    await composition.book()
+    (instruction,) = await composition.sent()
+    composition.clock.advance(instruction.steps[0].planned_start_at - composition.clock.now())
+
+    answer = await cancel(composition)
+
+    assert answer.json() == {"released": [], "returning": [], "too_late": ["p1"]}
+    assert await composition.state_of(instruction.mission_id) == "BOOKED"
+
+
+async def test_until_a_loader_confirms_everything_can_stay(
+    composition: Any, drone: Any, make: Any, begin: Any
+) -> None:
+    instruction = await begin.at_pickup(composition, drone, make)
+
+    answer = await cancel(composition)
+
+    assert answer.json()["released"] == ["p1"]
+    assert await composition.state_of(instruction.mission_id) == "CANCELLED"
+
+
+async def test_what_a_loader_has_confirmed_comes_back(
+    composition: Any, drone: Any, make: Any, begin: Any
+) -> None:
+    instruction = await begin.at_pickup(composition, drone, make)
+    body = {"packages": [{"package_id": "p1", "mass_kg": 0.4}]}
+    path = f"/v1/missions/{instruction.mission_id}/loading"
+    await composition("operator:op", "POST", path, body)
+
+    answer = await cancel(composition)
+
+    assert answer.json()["returning"] == ["p1"]
+    progress = await shown(composition, instruction.mission_id)
+    assert [aim["kind"] for aim in progress["aims"]] == ["RETURN"]
+    assert progress["trouble"]["code"] == "LOADED"
+
+
+async def test_what_was_delivered_is_too_late(
+    composition: Any, drone: Any, make: Any, begin: Any
+) -> None:
+    instruction = await begin.accepted(composition, drone, make)
+    await composition.take(*drone.flown(instruction))
+
+    answer = await cancel(composition)
+
+    assert answer.json() == {"released": [], "returning": [], "too_late": ["p1"]}
+
+
+async def test_a_cancellation_reaches_all_missions_of_the_delivery_and_no_other(
+    composition: Any, drone: Any, make: Any, begin: Any
+) -> None:
+    await composition.book(request=make.request("b"))
+    others = await composition.book(make.candidate(2), delivery_id="dlv_2")
+    request = make.request("b", "c")
+    second = request.model_copy(update={"packages": request.packages[1:]})
+    await composition.book(make.candidate(3), attempt=2, request=second)
+
+    answer = await cancel(composition)
+
+    assert answer.json()["released"] == ["p1", "p2"]
+    listed = await composition("operator:op", "GET", "/v1/missions?state=BOOKED")
+    assert [each["mission_id"] for each in listed.json()["items"]] == [
+        others.missions[0].mission_id
+    ]
+    assert await composition.broken() == []
+
+
+async def test_packages_that_were_never_booked_are_free_to_go(composition: Any) -> None:
+    answer = await cancel(composition, "p7")
+
+    assert answer.json() == {"released": ["p7"], "returning": [], "too_late": []}
+
+
+async def test_only_services_cancel(composition: Any) -> None:
+    for caller in ("operator:op", "customer:c", "provider:prv_1"):
+        assert (await cancel(composition, caller=caller)).status_code == 403
