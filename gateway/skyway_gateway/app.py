@@ -28,7 +28,7 @@ from skyway.runtime.loops import Loops, Wake, repeat
 from skyway.runtime.migrations import migrate
 from skyway.runtime.minting import mint
 from skyway.runtime.mqtt import MqttClient
-from skyway.runtime.outbox import MqttSender
+from skyway.runtime.outbox import MqttSender, ReportSender
 from skyway_gateway.access.keys import Keys
 from skyway_gateway.access.routes import KeyGate, key_routes
 from skyway_gateway.audit.routes import audit_routes
@@ -37,7 +37,11 @@ from skyway_gateway.clients import Composition, Registry, RestComposition, RestR
 from skyway_gateway.deliveries import store as delivery_store
 from skyway_gateway.deliveries.accept import Acceptance
 from skyway_gateway.deliveries.book import Booker
+from skyway_gateway.deliveries.cancel import Canceller
+from skyway_gateway.deliveries.earnings.routes import earnings_routes
 from skyway_gateway.deliveries.follow import Follower
+from skyway_gateway.deliveries.overdue import OverdueWatch
+from skyway_gateway.deliveries.reading.routes import reading_routes
 from skyway_gateway.deliveries.routes import delivery_routes, report_routes
 from skyway_gateway.forward.routes import forward_routes, provider_routes
 from skyway_gateway.forward.table import larger_bodies
@@ -64,6 +68,7 @@ PACKAGE: Final = "skyway_gateway"
 _QUEUE_EVERY_S: Final = 0.5
 _ACCOUNTS_EVERY_S: Final = 10.0
 _SWEEP_EVERY_S: Final = 600.0
+_OVERDUE_EVERY_S: Final = 1.0
 
 #: How long a quote can be read after it has expired.
 _QUOTES_KEPT: Final = timedelta(hours=24)
@@ -93,8 +98,25 @@ class Parts:
     def booker(self) -> Booker:
         """Books queued deliveries."""
         return Booker(
-            self.db, self.registry, self.composition, self.events, self.clock, mint, self.queued
+            self.db,
+            self.registry,
+            self.composition,
+            self.canceller,
+            self.events,
+            self.clock,
+            mint,
+            self.queued,
         )
+
+    @property
+    def canceller(self) -> Canceller:
+        """Cancels deliveries."""
+        return Canceller(self.db, self.composition, self.events, self.clock, mint)
+
+    @property
+    def overdue_watch(self) -> OverdueWatch:
+        """Tells that deliveries are late."""
+        return OverdueWatch(self.db, self.events, self.clock)
 
     @property
     def follower(self) -> Follower:
@@ -134,12 +156,14 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
         "ask of the other services.",
         routers=[
             quote_routes(db=db, gate=gate, maker=parts.quote_maker),
-            delivery_routes(
+            delivery_routes(gate=gate, acceptance=parts.acceptance, canceller=parts.canceller),
+            reading_routes(
                 db=db,
                 gate=gate,
-                acceptance=parts.acceptance,
+                composition=parts.composition,
                 stream=EventStream(db, parts.news),
             ),
+            earnings_routes(db=db, gate=gate),
             webhook_routes(
                 db=db,
                 gate=gate,
@@ -192,6 +216,8 @@ def build_app(settings: GatewaySettings) -> FastAPI:
             await opened.enter_async_context(mqtt)
             loops = await opened.enter_async_context(Loops())
             loops.start("messages", MqttSender(parts.db, mqtt, parts.clock).run())
+            told = {"composition": parts.clients["composition"]}
+            loops.start("reports", ReportSender(parts.db, told, parts.clock).run())
             loops.start("webhooks", parts.sender.run())
             for number in range(settings.booking_workers):
                 _start_booking(loops, parts, f"book {number}")
@@ -242,6 +268,8 @@ def _start_sweeping(loops: Loops, parts: Parts) -> None:
         "accounts", keys.close_orphaned_accounts, every_s=_ACCOUNTS_EVERY_S, wake=keys.wake
     )
     loops.start("accounts", accounts)
+    late = repeat("overdue", parts.overdue_watch.step, every_s=_OVERDUE_EVERY_S)
+    loops.start("overdue", late)
     loops.start("sweep", repeat("sweep", forget_old_answers, every_s=_SWEEP_EVERY_S))
 
 

@@ -5,15 +5,25 @@ from typing import Annotated, Final, Protocol
 from pydantic import Field
 
 from skyway.contracts.candidate import CandidateQuery, Candidates, PayloadLimit, PayloadLimitQuery
-from skyway.contracts.mission import Booking, BookMissions, ClosedDelivery
+from skyway.contracts.mission import (
+    Booking,
+    BookMissions,
+    Cancellation,
+    CancelMissions,
+    ClosedDelivery,
+)
 from skyway.contracts.quote import QuoteAnswer, QuoteQuery
 from skyway.contracts.station_check import StationCheck, StationCheckQuery
+from skyway.contracts.track import Track
 from skyway.ids import DeliveryId, SubjectId
 from skyway.json_model import WireModel
 from skyway.runtime.http import ServiceClient
 
 #: Composing may take a while; the same PUT again is answered the same, so this may be cut short.
 _COMPOSING_S: Final = 20.0
+
+#: Where composition is asked, or told, to stop carrying packages.
+CANCELLATIONS_PATH: Final = "/internal/deliveries/{delivery_id}/cancellations"
 
 
 class Registry(Protocol):
@@ -45,6 +55,14 @@ class Composition(Protocol):
 
     async def close(self, delivery_id: DeliveryId) -> ClosedDelivery:
         """Have nothing booked for a delivery from now on."""
+        ...
+
+    async def cancel(self, delivery_id: DeliveryId, wanted: CancelMissions) -> Cancellation:
+        """Have packages left at the pickup, or brought back, as far as that is possible."""
+        ...
+
+    async def track(self, delivery_id: DeliveryId) -> Track:
+        """Where the delivery's drones have been, are and will be."""
         ...
 
 
@@ -112,3 +130,13 @@ class RestComposition:
         """Have nothing booked for a delivery from now on."""
         path = f"/internal/deliveries/{delivery_id}/closed"
         return await self._client.call("PUT", path, answer=ClosedDelivery)
+
+    async def cancel(self, delivery_id: DeliveryId, wanted: CancelMissions) -> Cancellation:
+        """Have packages left at the pickup, or brought back, as far as that is possible."""
+        path = CANCELLATIONS_PATH.format(delivery_id=delivery_id)
+        return await self._client.call("POST", path, body=wanted, answer=Cancellation)
+
+    async def track(self, delivery_id: DeliveryId) -> Track:
+        """Where the delivery's drones have been, are and will be."""
+        path = f"/internal/deliveries/{delivery_id}/track"
+        return await self._client.call("GET", path, answer=Track)

@@ -41,7 +41,7 @@ api_keys = Table(
     Index("api_keys_by_subject", "role", "subject_id"),
 )
 
-#: A row in state REQUESTED is the queue of `deliveries.book`.
+#: A row that `is_queued` is in the queue of `deliveries.book`.
 deliveries = Table(
     "deliveries",
     metadata,
@@ -98,6 +98,8 @@ packages = Table(
     Column("eta_ms", BigInteger),
     Column("delivered_ms", BigInteger),
     Column("mission_id", Text),  # the mission that carries it; null while it waits for one
+    Column("code", Text),  # why it is not delivered
+    Column("detail", Text),  # the same in words
     Column("proof", Text),  # JSON of deliveries.proof.Proof: place, time, weights
     CheckConstraint(
         "state IN ('CREATED', 'LOADED', 'IN_TRANSIT', 'DELIVERED', 'RETURNING', 'RETURNED', "
@@ -139,7 +141,10 @@ missions = Table(
     Column("drone_id", Text, nullable=False),
     Column("state", Text, nullable=False),
     Column("report_seq", Integer, nullable=False),  # of the last report that was applied
-    Column("body", Text, nullable=False),  # JSON of skyway.contracts.mission.Mission
+    Column("body", Text, nullable=False),  # JSON of deliveries.delivery.FlownMission
+    Column("price_amount", BigInteger),  # in minor units of the currency
+    Column("currency", Text),
+    Column("ended_ms", BigInteger),
     Column("start_ms", BigInteger),  # as it was first booked: revisions begin later
     # What the drone did up to its last hand-over, as it reported.
     Column("flight_s", Double),
@@ -147,6 +152,7 @@ missions = Table(
     Column("recharging_s", Double),
     UniqueConstraint("delivery_id", "attempt", "trip", name="mission_attempt"),
     Index("missions_by_provider", "provider_id", "delivery_id"),
+    Index("missions_by_end", "provider_id", "ended_ms"),
 )
 
 events = Table(

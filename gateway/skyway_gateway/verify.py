@@ -5,6 +5,7 @@ from typing import Any, Final
 
 from sqlalchemy import ColumnElement, Select, String, and_, cast, exists, func, or_, select
 
+from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.runtime.database import Database
 from skyway_gateway.notifications.stream import LAST_EVENTS
 from skyway_gateway.tables import (
@@ -48,13 +49,30 @@ _package_name = packages.c.delivery_id + "/" + packages.c.package_id
 _is_delivered = packages.c.state == "DELIVERED"
 _is_with_recipient = packages.c.custodian_kind == "RECIPIENT"
 
+_is_of_delivery = packages.c.delivery_id == deliveries.c.delivery_id
+_is_settled = packages.c.state.in_(("DELIVERED", "RETURNED", "STRANDED", "CANCELLED"))
+_has_waiting = exists().where(
+    _is_of_delivery, packages.c.state == "CREATED", packages.c.mission_id.is_(None)
+)
+_is_its_mission = and_(
+    missions.c.mission_id == packages.c.mission_id,
+    missions.c.delivery_id == packages.c.delivery_id,
+)
+_is_live = missions.c.state.in_(LIVE_MISSION_STATES)
+
 _earlier = notifications.alias("earlier")
 _newest = select(func.max(deliveries.c.updated_ms)).scalar_subquery()
 
 #: What must not be found: rows of (subject,) by the sentence that they make false.
 _CHECKS: Final[Mapping[str, Select[*tuple[Any, ...]]]] = {
     "I5: a request is decided in bounded time": select(deliveries.c.delivery_id).where(
-        deliveries.c.state == "REQUESTED", deliveries.c.give_up_ms + _OVERDUE_MS < _newest
+        deliveries.c.is_queued, deliveries.c.give_up_ms + _OVERDUE_MS < _newest
+    ),
+    "I5: a delivery is queued while packages of it wait": select(deliveries.c.delivery_id).where(
+        deliveries.c.is_queued != and_(~_is_over, _has_waiting)
+    ),
+    "I5: a request that nobody flies is queued": select(deliveries.c.delivery_id).where(
+        deliveries.c.state == "REQUESTED", ~deliveries.c.is_queued
     ),
     "I5: a delivery that is over has told exactly one last event, as its last": select(
         deliveries.c.delivery_id
@@ -68,13 +86,24 @@ _CHECKS: Final[Mapping[str, Select[*tuple[Any, ...]]]] = {
     "I5: a delivery that goes on has told no last event": select(deliveries.c.delivery_id).where(
         ~_is_over, _event_count(_is_last_event) != 0
     ),
-    "I5: a delivery under way has a mission under way": select(deliveries.c.delivery_id).where(
+    "I5: a delivery under way has a mission under way, or packages that wait for one": select(
+        deliveries.c.delivery_id
+    ).where(
         ~_is_over,
         deliveries.c.state != "REQUESTED",
-        ~exists().where(
-            missions.c.delivery_id == deliveries.c.delivery_id,
-            missions.c.state.in_(("BOOKED", "ACCEPTED", "ACTIVE")),
-        ),
+        ~_has_waiting,
+        ~exists().where(missions.c.delivery_id == deliveries.c.delivery_id, _is_live),
+    ),
+    "I5: a delivery is over when all its packages are": select(deliveries.c.delivery_id).where(
+        _is_over != ~exists().where(_is_of_delivery, ~_is_settled)
+    ),
+    "I6: a package on its way has one mission, which is under way": select(_package_name).where(
+        ~_is_settled,
+        or_(packages.c.mission_id.is_not(None), packages.c.state != "CREATED"),
+        ~exists().where(_is_its_mission, _is_live),
+    ),
+    "I6: a package's mission is one of its delivery's": select(_package_name).where(
+        packages.c.mission_id.is_not(None), ~exists().where(_is_its_mission)
     ),
     "I6: a package's chain of custody has no gap": select(_package_name).where(
         or_(

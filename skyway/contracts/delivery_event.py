@@ -27,6 +27,7 @@ class DeliveryEventType(StrEnum):
     PACKAGE_DELIVERED = "package.delivered"
     PACKAGE_RETURNED = "package.returned"
     PACKAGE_STRANDED = "package.stranded"
+    PACKAGE_CANCELLED = "package.cancelled"
 
 
 class DeliveryEvent(Message):

@@ -105,17 +105,24 @@ class Gateway:
         return found
 
     async def report(
-        self, delivery_id: str, kind: str, *, seq: int, attempt: int = 1, **fields: object
+        self,
+        delivery_id: str,
+        kind: str,
+        *,
+        seq: int,
+        attempt: int = 1,
+        trip: int = 1,
+        **fields: object,
     ) -> httpx.Response:
         """POST a mission report as composition does."""
-        mission = self.composition.booked[delivery_id, attempt]
+        mission = self.composition.trips_of(delivery_id, attempt)[trip - 1]
         states = {"ACCEPTED": "ACCEPTED", "REFUSED": "REFUSED", "ENDED": "COMPLETED"}
         report = MissionReport.model_validate(
             {
-                "report_id": f"rpt_{attempt}_{seq}",
+                "report_id": f"rpt_{attempt}_{trip}_{seq}",
                 "delivery_id": delivery_id,
                 "attempt": attempt,
-                "trip": 1,
+                "trip": trip,
                 "mission_id": mission.mission_id,
                 "provider_id": mission.provider_id,
                 "drone_id": mission.drone_id,

@@ -19,6 +19,8 @@ from skyway.contracts.candidate import (
 from skyway.contracts.mission import (
     Booking,
     BookMissions,
+    Cancellation,
+    CancelMissions,
     ClosedDelivery,
     Margins,
     Mission,
@@ -26,6 +28,7 @@ from skyway.contracts.mission import (
 )
 from skyway.contracts.quote import OfferTerms, QuoteAnswer, QuoteQuery
 from skyway.contracts.station_check import StationCheck, StationCheckQuery
+from skyway.contracts.track import Track
 from skyway.delivery.offer import Price, Tariff
 from skyway.delivery.plan import PackageDelivery, Plan, PlanStatus
 from skyway.delivery.request import DeliveryRequest
@@ -65,6 +68,7 @@ def make_mission(
     drone_id: str,
     start_at: datetime,
     provider_id: str = "prv_1",
+    trip: int = 1,
 ) -> Mission:
     """One package every ten minutes, from the start on."""
     deliveries = [
@@ -73,9 +77,10 @@ def make_mission(
     ]
     last_s = deliveries[-1][2]
     return Mission(
-        mission_id=f"msn_{delivery_id[4:]}_{attempt}",
+        mission_id=f"msn_{delivery_id[4:]}_{attempt}" + (f"_{trip}" if trip > 1 else ""),
         delivery_id=delivery_id,
         attempt=attempt,
+        trip=trip,
         provider_id=provider_id,
         drone_id=drone_id,
         drone_model_id=PAPER_SCENARIO.model_id,
@@ -175,11 +180,27 @@ class FakeComposition:
     is_away: bool = False
     is_busy: bool = False
     reasons: list[ProviderReason] = field(default_factory=list)
+    #: How many packages one trip takes; each trip takes another candidate, as far as they go.
+    packages_per_trip: int = 100
+    #: The first trip of each booking, and those after it.
     booked: dict[tuple[str, int], Mission] = field(default_factory=dict)
+    further: dict[tuple[str, int], tuple[Mission, ...]] = field(default_factory=dict)
     closed: set[str] = field(default_factory=set)
     quote_queries: list[QuoteQuery] = field(default_factory=list)
+    #: What each booking asked for, the same one again too.
+    asked: list[BookMissions] = field(default_factory=list)
+    #: Packages that are on board, and those that are with their recipients.
+    loaded: set[str] = field(default_factory=set)
+    delivered: set[str] = field(default_factory=set)
+    cancellations: list[CancelMissions] = field(default_factory=list)
+    tracks: dict[str, Track] = field(default_factory=dict)
     #: How often something was booked anew, which must be once per attempt.
     booking_count: int = 0
+
+    def trips_of(self, delivery_id: str, attempt: int) -> tuple[Mission, ...]:
+        """The missions of one booking."""
+        key = delivery_id, attempt
+        return (self.booked[key], *self.further.get(key, ()))
 
     async def check_stations(self, query: StationCheckQuery) -> StationCheck:
         self._answer()
@@ -203,38 +224,76 @@ class FakeComposition:
 
     async def book(self, delivery_id: str, wanted: BookMissions) -> Booking:
         self._answer()
+        self.asked.append(wanted)
         if (delivery_id, wanted.attempt) in self.booked:
-            mission = self.booked[delivery_id, wanted.attempt]
-            return Booking(outcome="BOOKED", missions=(mission,))
+            missions = self.trips_of(delivery_id, wanted.attempt)
+            return Booking(outcome="BOOKED", missions=missions)
         if delivery_id in self.closed:
             return Booking(outcome="CLOSED")
         if self.is_busy or not wanted.candidates:
             return Booking(outcome="BUSY", reasons=tuple(self.reasons))
         if self.reasons:
             return Booking(outcome="INFEASIBLE", reasons=tuple(self.reasons))
-        mission = make_mission(
-            wanted.request,
-            delivery_id=delivery_id,
-            attempt=wanted.attempt,
-            drone_id=wanted.candidates[0].drone_id,
-            start_at=self.clock.now() + timedelta(seconds=60),
-            provider_id=wanted.candidates[0].provider_id,
-        )
+        first, *further = self._trips(delivery_id, wanted)
         self.booking_count += 1
-        self.booked[delivery_id, wanted.attempt] = mission
-        return Booking(outcome="BOOKED", missions=(mission,))
+        self.booked[delivery_id, wanted.attempt] = first
+        self.further[delivery_id, wanted.attempt] = tuple(further)
+        return Booking(outcome="BOOKED", missions=(first, *further))
+
+    def _trips(self, delivery_id: str, wanted: BookMissions) -> list[Mission]:
+        packages, size = wanted.request.packages, self.packages_per_trip
+        groups = [packages[start : start + size] for start in range(0, len(packages), size)]
+        return [
+            make_mission(
+                wanted.request.model_copy(update={"packages": group}),
+                delivery_id=delivery_id,
+                attempt=wanted.attempt,
+                drone_id=candidate.drone_id,
+                start_at=self.clock.now() + timedelta(seconds=60),
+                provider_id=candidate.provider_id,
+                trip=trip,
+            )
+            for trip, (group, candidate) in enumerate(
+                zip(groups, wanted.candidates, strict=False), start=1
+            )
+        ]
 
     async def close(self, delivery_id: str) -> ClosedDelivery:
         self._answer()
-        live = tuple(
-            mission
-            for (booked_id, _), mission in self.booked.items()
-            if booked_id == delivery_id and mission.state == "BOOKED"
-        )
+        live = tuple(one for one in self._all(delivery_id) if one.state == "BOOKED")
         if live and delivery_id not in self.closed:
             return ClosedDelivery(is_closed=False, missions=live)
         self.closed.add(delivery_id)
         return ClosedDelivery(is_closed=True)
+
+    async def cancel(self, delivery_id: str, wanted: CancelMissions) -> Cancellation:
+        """What is on board comes back; a mission of which nothing is left is over."""
+        self._answer()
+        self.cancellations.append(wanted)
+        known = {eta.package_id for one in self._all(delivery_id) for eta in one.packages}
+        asked = known if wanted.package_ids is None else known & set(wanted.package_ids)
+        released = asked - self.loaded - self.delivered
+        for (booked_id, attempt), mission in self.booked.items():
+            if booked_id == delivery_id and {p.package_id for p in mission.packages} <= released:
+                over = mission.model_copy(update={"state": "CANCELLED"})
+                self.booked[booked_id, attempt] = over
+        return Cancellation(
+            released=tuple(sorted(released)),
+            returning=tuple(sorted(asked & self.loaded)),
+            too_late=tuple(sorted(asked & self.delivered)),
+        )
+
+    async def track(self, delivery_id: str) -> Track:
+        self._answer()
+        return self.tracks.get(delivery_id, Track(missions=()))
+
+    def _all(self, delivery_id: str) -> list[Mission]:
+        return [
+            mission
+            for booked_id, attempt in self.booked
+            if booked_id == delivery_id
+            for mission in self.trips_of(booked_id, attempt)
+        ]
 
     def _answer(self) -> None:
         if self.is_away:
@@ -316,6 +375,16 @@ class Peers:
             (
                 f"composition PUT {delivery}/closed",
                 lambda _, delivery_id: composition.close(delivery_id),
+            ),
+            (
+                f"composition POST {delivery}/cancellations",
+                lambda request, delivery_id: composition.cancel(
+                    delivery_id, CancelMissions.read(request.content)
+                ),
+            ),
+            (
+                f"composition GET {delivery}/track",
+                lambda _, delivery_id: composition.track(delivery_id),
             ),
         ]
 

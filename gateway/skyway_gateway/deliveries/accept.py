@@ -7,10 +7,12 @@ from dataclasses import dataclass
 from datetime import datetime
 
 from skyway.contracts.delivery_event import DeliveryEventType
+from skyway.contracts.mission import OfferLimits
 from skyway.delivery.request import DeliveryRequest
 from skyway.errors import SkywayError
 from skyway.geo import Position
-from skyway.ids import DeliveryId, SubjectId
+from skyway.ids import DeliveryId, OfferId, QuoteId, SubjectId
+from skyway.json_model import JsonModel
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database, Tx
 from skyway.runtime.idempotency import Answer, once
@@ -24,6 +26,23 @@ from skyway_gateway.deliveries.patience import give_up_at
 from skyway_gateway.deliveries.rows import Queued
 from skyway_gateway.notifications.events import Events, Happening
 from skyway_gateway.quotes.checks import Checks
+from skyway_gateway.quotes.store import one_of
+from skyway_gateway.quotes.take import take
+
+
+class OfferChoice(JsonModel):
+    """An offer of a quote, taken instead of requesting the same anew."""
+
+    quote_id: QuoteId
+    offer_id: OfferId
+
+
+@dataclass(frozen=True, slots=True)
+class _Checked:
+    """A request that the world allows, and where its pickup is."""
+
+    request: DeliveryRequest
+    position: Position
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +59,7 @@ class Acceptance:
     async def accept(
         self,
         caller: Caller,
-        request: DeliveryRequest,
+        wanted: DeliveryRequest | OfferChoice,
         *,
         idempotency_key: str | None,
         body: bytes,
@@ -51,20 +70,22 @@ class Acceptance:
         ------
         InvalidInput
             A field breaks a limit of the world: an unknown station, too heavy, too late.
+        NotFound
+            There is no such quote or offer, or it is not the caller's.
+        Conflict
+            QUOTE_TAKEN, QUOTE_EXPIRED: the offer cannot be taken any more.
         ServiceUnavailable
             The world cannot be asked now.
         """
         try:
-            checked: Position | SkywayError = await self.checks.check(request)
+            checked: _Checked | SkywayError = await self._check(caller, wanted)
         except SkywayError as refusal:
             # Answered only after looking whether this very call was accepted before: a deadline
             # that has passed meanwhile, or a service that is away, must not change that answer.
             checked = refusal
 
         async def keep(tx: Tx) -> Answer:
-            if isinstance(checked, SkywayError):
-                raise checked
-            delivery = await self._keep(tx, SubjectId(caller.subject_id), request, checked)
+            delivery = await self._keep(tx, caller, wanted, checked)
             location = {"Location": f"/v1/deliveries/{delivery.delivery_id}"}
             return Answer(202, delivery.model_dump_json().encode(), location)
 
@@ -78,27 +99,53 @@ class Acceptance:
             clock=self.clock,
         )
 
+    async def _check(self, caller: Caller, wanted: DeliveryRequest | OfferChoice) -> _Checked:
+        if isinstance(wanted, DeliveryRequest):
+            return _Checked(wanted, await self.checks.check(wanted))
+        async with self.db.read() as connection:
+            quote = await one_of(connection, caller, wanted.quote_id)
+        return _Checked(quote.request, await self.checks.check(quote.request))
+
     async def _keep(
-        self, tx: Tx, customer_id: SubjectId, request: DeliveryRequest, position: Position
+        self,
+        tx: Tx,
+        caller: Caller,
+        wanted: DeliveryRequest | OfferChoice,
+        checked: _Checked | SkywayError,
     ) -> Delivery:
-        now = self.clock.now()
+        now, delivery_id = self.clock.now(), DeliveryId(self.mint("dlv"))
+        offer = None
+        if isinstance(wanted, OfferChoice):
+            taken = await take(
+                tx,
+                caller,
+                wanted.quote_id,
+                wanted.offer_id,
+                delivery_id=delivery_id,
+                wall_now=self.clock.wall_now(),
+            )
+            offer = taken.limits
+        if isinstance(checked, SkywayError):
+            raise checked
+        request, customer_id = checked.request, SubjectId(caller.subject_id)
         delivery = _new_delivery(
-            DeliveryId(self.mint("dlv")), customer_id=customer_id, request=request, at=now
+            delivery_id, customer_id=customer_id, request=request, offer=offer, at=now
         )
-        queued = Queued(delivery, position, give_up_at(request, self.clock), current_traceparent())
-        await store.add(tx, queued)
-        await self.events.tell(
-            tx,
-            [Happening(DeliveryEventType.REQUESTED, now, told.requested(delivery))],
-            delivery_id=delivery.delivery_id,
-            customer_id=customer_id,
-        )
+        give_up = give_up_at(request, self.clock)
+        await store.add(tx, Queued(delivery, checked.position, give_up, current_traceparent()))
+        requested = Happening(DeliveryEventType.REQUESTED, now, told.requested(delivery))
+        await self.events.tell(tx, [requested], delivery_id=delivery_id, customer_id=customer_id)
         tx.after_commit(self.queued.set)
         return delivery
 
 
 def _new_delivery(
-    delivery_id: DeliveryId, *, customer_id: SubjectId, request: DeliveryRequest, at: datetime
+    delivery_id: DeliveryId,
+    *,
+    customer_id: SubjectId,
+    request: DeliveryRequest,
+    offer: OfferLimits | None,
+    at: datetime,
 ) -> Delivery:
     pickup = Custodian(kind="STATION", id=request.pickup.station_id)
     return Delivery(
@@ -127,4 +174,5 @@ def _new_delivery(
         ),
         refusals=(),
         reasons=(),
+        offer=offer,
     )

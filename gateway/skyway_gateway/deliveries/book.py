@@ -1,4 +1,4 @@
-"""From a request to a booked mission: the loop over all deliveries in state REQUESTED.
+"""From a request to booked missions: the loop over all deliveries with packages that wait.
 
 Each round asks the registry who could fly, then composition to book the best plan, and writes
 down what came of it. The process may be killed between any two lines: the row is still in the
@@ -13,20 +13,24 @@ from dataclasses import dataclass, field
 from datetime import timedelta
 from typing import Final
 
-from skyway.contracts.candidate import CandidateQuery, Candidates, ProviderReason
-from skyway.contracts.mission import Booking, BookMissions, Mission
+from skyway.contracts.candidate import Candidates, ProviderReason
+from skyway.contracts.mission import Booking, CancelMissions, Mission
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database
 from skyway.runtime.errors import RemoteProblem, ServiceUnavailable
 from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
 from skyway.runtime.tracing import tracing
-from skyway_gateway.clients import Composition, Registry
+from skyway_gateway.clients import CANCELLATIONS_PATH, Composition, Registry
 from skyway_gateway.deliveries import store
+from skyway_gateway.deliveries.attempt import candidate_query, wanted_missions
+from skyway_gateway.deliveries.booking import after_booking, after_giving_up, unwanted
+from skyway_gateway.deliveries.cancel import Canceller
 from skyway_gateway.deliveries.delivery import Delivery
-from skyway_gateway.deliveries.progress import Progress, after_booking, after_rejection
+from skyway_gateway.deliveries.progress import Progress
 from skyway_gateway.deliveries.rows import Queued
 from skyway_gateway.deliveries.verdict import most_refused, nobody_asked, refusal_reasons, why_never
+from skyway_gateway.deliveries.writing import keep, write
 from skyway_gateway.notifications.events import Events
 
 log = logging.getLogger(__name__)
@@ -42,6 +46,7 @@ class Booker:
     db: Database
     registry: Registry
     composition: Composition
+    canceller: Canceller
     events: Events
     clock: FleetClock
     mint: Mint
@@ -67,43 +72,60 @@ class Booker:
             await self._try_later(queued.delivery, reasons=None)
 
     async def book(self, queued: Queued) -> None:
-        """One round: the delivery is planned, waits for another round, or is rejected."""
+        """One round: what waits is planned, waits for another round, or is given up."""
         delivery = queued.delivery
+        if delivery.cancel_reason is not None:  # whoever cancelled it died before the end
+            await self.canceller.finish(delivery)
+            return
         if most_refused(delivery):
-            await self._reject(delivery, (), detail="too many drones refused to fly it")
+            await self._give_up(delivery, (), detail="too many drones refused to fly it")
             return
         if self.clock.now() >= queued.give_up_at:
             detail = f"no drone could be booked before {queued.give_up_at:%Y-%m-%dT%H:%M:%SZ}"
-            await self._reject(delivery, delivery.reasons, detail=detail)
+            await self._give_up(delivery, delivery.reasons, detail=detail)
             return
-        candidates = await self.registry.candidates(_candidate_query(queued))
+        candidates = await self.registry.candidates(candidate_query(queued))
         # Asked even without candidates: an earlier round may have booked this attempt and died.
-        booking = await self._ask_composition(delivery, candidates)
+        wanted = wanted_missions(delivery, candidates.candidates)
+        booking = await self.composition.book(delivery.delivery_id, wanted)
+        await self._decide(delivery, booking, candidates)
+
+    async def _decide(self, delivery: Delivery, booking: Booking, candidates: Candidates) -> None:
         reasons = (*booking.reasons, *candidates.infeasible)
         if booking.outcome == "BOOKED":
             await self._plan(delivery, booking.missions)
-        elif booking.outcome == "CLOSED":  # an earlier round decided to reject it, and died
-            await self._reject(delivery, delivery.reasons, detail="no provider can fly it")
-        elif never := why_never(booking, candidates):
-            await self._reject(delivery, reasons, detail=never)
+        elif booking.outcome == "CLOSED":  # an earlier round decided to give it up, and died
+            await self._give_up(delivery, delivery.reasons, detail="no provider can fly it")
+        elif never := why_never(delivery, booking, candidates):
+            await self._give_up(delivery, never.reasons, detail=never.detail)
         else:
             await self._try_later(delivery, reasons=reasons)
 
-    async def _ask_composition(self, delivery: Delivery, candidates: Candidates) -> Booking:
-        wanted = BookMissions(
-            attempt=delivery.attempt,
-            request=delivery.request,
-            candidates=candidates.candidates,
-        )
-        return await self.composition.book(delivery.delivery_id, wanted)
-
     async def _plan(self, delivery: Delivery, missions: Sequence[Mission]) -> None:
-        await self._write(delivery, after_booking(delivery, missions, at=self.clock.now()))
+        """Plan what was booked, unless another replica was faster.
 
-    async def _reject(
+        Packages that were cancelled while it was booked are called off again.
+        """
+        async with self.db.write() as tx:
+            now = await store.lock(tx, delivery.delivery_id)
+            if now.attempt != delivery.attempt:
+                return
+            if now.is_queued:
+                after = after_booking(now, missions, at=self.clock.now())
+                await keep(tx, self.events, now, after)
+            if package_ids := unwanted(now, missions):
+                asked = CancelMissions(
+                    cancellation_id=self.mint("cxl"),
+                    package_ids=package_ids,
+                    reason="cancelled while it was booked",
+                )
+                path = CANCELLATIONS_PATH.format(delivery_id=delivery.delivery_id)
+                tx.report("composition", path, asked, stream=delivery.delivery_id)
+
+    async def _give_up(
         self, delivery: Delivery, reasons: Sequence[ProviderReason], *, detail: str
     ) -> None:
-        """Have nothing booked any more (the tombstone), and only then say REJECTED."""
+        """Have nothing booked any more (the tombstone), and only then say so."""
         refused = refusal_reasons(delivery.refusals)
         reasons = (*refused, *(reason for reason in reasons if reason not in refused))
         reasons = reasons or (nobody_asked(detail),)
@@ -112,24 +134,23 @@ class Booker:
             await store.note_reasons(tx, delivery.delivery_id, reasons)
         closed = await self.composition.close(delivery.delivery_id)
         booked = [one for one in closed.missions if one.attempt == delivery.attempt]
-        if closed.is_closed:
-            rejected = after_rejection(delivery, reasons, detail=detail, at=self.clock.now())
-            await self._write(delivery, rejected)
-        elif booked:  # an earlier round booked it after all
+        if booked:  # an earlier round booked it after all
             await self._plan(delivery, booked)
+        elif closed.is_closed or _knows(delivery, closed.missions):
+            await self._write_given_up(delivery, reasons, detail=detail)
         else:  # a refused mission that composition has not freed yet
             await self._try_later(delivery, reasons=reasons)
 
-    async def _write(self, delivery: Delivery, progress: Progress) -> None:
-        """Write the delivery and its events, unless another replica was faster."""
-        async with self.db.write() as tx:
-            if await store.save(tx, delivery, progress.delivery):
-                await self.events.tell(
-                    tx,
-                    progress.happenings,
-                    delivery_id=delivery.delivery_id,
-                    customer_id=delivery.customer_id,
-                )
+    async def _write_given_up(
+        self, delivery: Delivery, reasons: Sequence[ProviderReason], *, detail: str
+    ) -> None:
+        def give_up(now: Delivery) -> Progress | None:
+            # Who cancels it meanwhile has closed it too, and is about to say CANCELLED.
+            if now.attempt != delivery.attempt or now.cancel_reason is not None:
+                return None
+            return after_giving_up(now, reasons, detail=detail, at=self.clock.now())
+
+        await write(self.db, self.events, delivery.delivery_id, change=give_up)
 
     async def _try_later(
         self, delivery: Delivery, *, reasons: Sequence[ProviderReason] | None
@@ -143,12 +164,7 @@ class Booker:
             )
 
 
-def _candidate_query(queued: Queued) -> CandidateQuery:
-    delivery = queued.delivery
-    return CandidateQuery(
-        pickup_station_id=delivery.request.pickup.station_id,
-        pickup_position=queued.pickup_position,
-        payload_kg=delivery.request.payload_kg,
-        providers=delivery.request.qos.providers,
-        excluded_drone_ids=tuple(refusal.drone_id for refusal in delivery.refusals),
-    )
+def _knows(delivery: Delivery, missions: Sequence[Mission]) -> bool:
+    """Whether these are missions of the delivery's other packages."""
+    known = {mission.mission_id for mission in delivery.live_missions}
+    return all(mission.mission_id in known for mission in missions)

@@ -2,21 +2,23 @@
 
 from dataclasses import dataclass
 
-from skyway.contracts.mission import MissionReport
+from skyway.contracts.mission import LIVE_MISSION_STATES, CancelMissions, MissionReport
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database, Tx
 from skyway.runtime.errors import Conflict
 from skyway.runtime.loops import Wake
+from skyway_gateway.clients import CANCELLATIONS_PATH
 from skyway_gateway.deliveries import store
 from skyway_gateway.deliveries.delivery import Delivery
 from skyway_gateway.deliveries.patience import give_up_at
-from skyway_gateway.deliveries.progress import after_report
+from skyway_gateway.deliveries.reports import after_report
+from skyway_gateway.deliveries.writing import keep
 from skyway_gateway.notifications.events import Events
 
 
 @dataclass(frozen=True, slots=True)
 class Follower:
-    """Applies mission reports; `queued` is set when a refused delivery is to be booked anew."""
+    """Applies mission reports; `queued` is set when refused packages are to be booked anew."""
 
     db: Database
     events: Events
@@ -43,28 +45,43 @@ class Follower:
         """Whether it is new and its turn; a report that was applied before is not new."""
         mission = await store.reported_mission(tx, report.mission_id)
         if mission is None:
-            if delivery.is_over or report.attempt < delivery.attempt:
-                return False  # never planned here, and never will be
-            detail = f"mission {report.mission_id} of attempt {report.attempt} is not planned yet"
-            raise Conflict("NOT_YET", detail)
+            self._refuse_if_not_yet(delivery, report)
+            _call_off(tx, delivery, report)
+            return False
         if report.seq > mission.report_seq + 1:
             detail = f"report {report.seq} comes before {mission.report_seq + 1}"
             raise Conflict("NOT_YET", detail)
         return report.seq == mission.report_seq + 1
 
+    def _refuse_if_not_yet(self, delivery: Delivery, report: MissionReport) -> None:
+        """A mission that is still to be planned here is one of the attempt that is due."""
+        if delivery.is_queued and report.attempt >= delivery.attempt:
+            detail = f"mission {report.mission_id} of attempt {report.attempt} is not planned yet"
+            raise Conflict("NOT_YET", detail)
+
     async def _apply(self, tx: Tx, delivery: Delivery, report: MissionReport) -> None:
         progress = after_report(delivery, report)
-        if progress.delivery != delivery:
-            await store.save(tx, delivery, progress.delivery)
+        await keep(tx, self.events, delivery, progress)
         await store.note_report(tx, report)
-        await self.events.tell(
-            tx,
-            progress.happenings,
-            delivery_id=delivery.delivery_id,
-            customer_id=delivery.customer_id,
-        )
-        if progress.delivery.state == "REQUESTED":
+        if report.kind == "REFUSED" and progress.delivery.is_queued:
             # Its patience begins anew: the drone that refused has used some of it up.
             until = give_up_at(delivery.request, self.clock)
             await store.keep_queued(tx, delivery.delivery_id, until=until)
             tx.after_commit(self.queued.set)
+
+
+def _call_off(tx: Tx, delivery: Delivery, report: MissionReport) -> None:
+    """Have a mission that was booked too late not carry what was cancelled here meanwhile.
+
+    Its booking had outlived the claim of whoever asked for it; nobody here waits for it.
+    """
+    cancelled = [one.package_id for one in delivery.packages if one.state == "CANCELLED"]
+    if report.mission_state not in LIVE_MISSION_STATES or not cancelled:
+        return
+    body = CancelMissions(
+        cancellation_id=f"late_{report.mission_id}",
+        package_ids=tuple(cancelled),
+        reason="it was booked after its packages had been cancelled",
+    )
+    path = CANCELLATIONS_PATH.format(delivery_id=delivery.delivery_id)
+    tx.report("composition", path, body, stream=delivery.delivery_id)

@@ -11,7 +11,7 @@ from typing import Any, Final
 from pydantic import TypeAdapter
 
 from skyway.contracts.candidate import ProviderReason
-from skyway.contracts.mission import Mission, MissionReport
+from skyway.contracts.mission import MissionReport, OfferLimits
 from skyway.delivery.request import DeliveryRequest, Place
 from skyway.geo import Position
 from skyway.units import moment_to_ms, ms_to_moment
@@ -20,9 +20,11 @@ from skyway_gateway.deliveries.delivery import (
     Custodian,
     Delivery,
     Flags,
+    FlownMission,
     PackageStatus,
     Refusal,
 )
+from skyway_gateway.deliveries.proof import Proof
 
 _POSITION: Final = TypeAdapter(Position)
 _REASONS: Final = TypeAdapter(tuple[ProviderReason, ...])
@@ -33,7 +35,7 @@ Values = dict[str, object]
 
 @dataclass(frozen=True, slots=True)
 class Queued:
-    """A delivery in state REQUESTED, and what booking needs beside it."""
+    """A delivery with packages that wait, and what booking needs beside it."""
 
     delivery: Delivery
     pickup_position: Position
@@ -52,6 +54,7 @@ def new_delivery(queued: Queued) -> Values:
         "pickup_position": _POSITION.dump_json(queued.pickup_position).decode(),
         "created_ms": moment_to_ms(delivery.created_at),
         "give_up_ms": moment_to_ms(queued.give_up_at),
+        "offer": delivery.offer and delivery.offer.model_dump_json(),
         "last_sequence": 0,
         "traceparent": queued.traceparent,
         "next_try_wall_ms": 0,
@@ -91,6 +94,7 @@ def changing(delivery: Delivery) -> dict[str, object]:
         "attempt": delivery.attempt,
         "refusals": _REFUSALS.dump_json(delivery.refusals).decode(),
         "reasons": _REASONS.dump_json(delivery.reasons).decode(),
+        "is_queued": delivery.is_queued,
     }
 
 
@@ -103,6 +107,10 @@ def package_values(package: PackageStatus) -> dict[str, object]:
         "promised_ms": _ms(package.promised_at),
         "eta_ms": _ms(package.eta_at),
         "delivered_ms": _ms(package.delivered_at),
+        "mission_id": package.mission_id,
+        "code": package.code,
+        "detail": package.detail,
+        "proof": package.proof and package.proof.model_dump_json(),
     }
 
 
@@ -118,7 +126,7 @@ def custody_row(delivery: Delivery, package: PackageStatus, *, seq: int) -> dict
     }
 
 
-def mission_row(mission: Mission) -> dict[str, object]:
+def mission_row(mission: FlownMission) -> dict[str, object]:
     """The row of a mission of which nothing was reported yet."""
     return {
         "mission_id": mission.mission_id,
@@ -127,21 +135,31 @@ def mission_row(mission: Mission) -> dict[str, object]:
         "trip": mission.trip,
         "provider_id": mission.provider_id,
         "drone_id": mission.drone_id,
-        "state": mission.state,
         "report_seq": 0,
-        "body": mission.model_dump_json(),
+        "price_amount": mission.price.amount,
+        "currency": mission.price.currency,
         "start_ms": moment_to_ms(mission.start_at),
+        **mission_values(mission),
     }
 
 
+def mission_values(mission: FlownMission) -> dict[str, object]:
+    """The columns of a mission that change during its life."""
+    return {"state": mission.state, "body": mission.model_dump_json()}
+
+
 def reported(report: MissionReport) -> dict[str, object]:
-    """What a mission's row keeps of a report: its place, and times flown up to a hand-over."""
+    """What a mission's row keeps of a report: its place, times up to a hand-over, its end."""
     flown = report.data.get("flown", {}) if report.kind == "DELIVERED" else {}
     names = ("flight_s", "waiting_s", "recharging_s")
-    return {"report_seq": report.seq} | {name: flown[name] for name in names if name in flown}
+    ended = {"ended_ms": moment_to_ms(report.at)} if report.kind == "ENDED" else {}
+    times = {name: flown[name] for name in names if name in flown}
+    return {"report_seq": report.seq, **times, **ended}
 
 
-def delivery_of(row: Any, packed: Sequence[PackageStatus], flown: Sequence[Mission]) -> Delivery:
+def delivery_of(
+    row: Any, packed: Sequence[PackageStatus], flown: Sequence[FlownMission]
+) -> Delivery:
     """The delivery in a row, with its parts."""
     return Delivery(
         delivery_id=row.delivery_id,
@@ -160,6 +178,8 @@ def delivery_of(row: Any, packed: Sequence[PackageStatus], flown: Sequence[Missi
         packages=tuple(packed),
         refusals=_REFUSALS.validate_json(row.refusals),
         reasons=_REASONS.validate_json(row.reasons),
+        offer=None if row.offer is None else OfferLimits.read(row.offer),
+        cancel_reason=row.cancel_reason,
     )
 
 
@@ -174,6 +194,10 @@ def package_of(row: Any) -> PackageStatus:
         promised_at=_moment(row.promised_ms),
         eta_at=_moment(row.eta_ms),
         delivered_at=_moment(row.delivered_ms),
+        mission_id=row.mission_id,
+        code=row.code,
+        detail=row.detail,
+        proof=None if row.proof is None else Proof.read(row.proof),
     )
 
 

@@ -1,4 +1,7 @@
-"""All SQL of deliveries, their packages, custody and missions."""
+"""The SQL by which deliveries, their packages, custody and missions change.
+
+Any, for rows: their columns are of every type.
+"""
 
 from collections import defaultdict
 from collections.abc import Sequence
@@ -6,41 +9,30 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, Final
 
-from sqlalchemy import (
-    ColumnElement,
-    Row,
-    Select,
-    and_,
-    exists,
-    false,
-    insert,
-    select,
-    true,
-    update,
-)
+from sqlalchemy import Row, and_, exists, insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.candidate import ProviderReason
-from skyway.contracts.mission import Mission, MissionReport
-from skyway.ids import DeliveryId, MissionId, ProviderId
+from skyway.contracts.mission import MissionReport
+from skyway.ids import DeliveryId, MissionId
 from skyway.runtime.claims import FREE, claim
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database, Tx
 from skyway.runtime.errors import NotFound
-from skyway.runtime.identity import Caller
-from skyway.runtime.paging import PageQuery
 from skyway.units import moment_to_ms
 from skyway_gateway.deliveries import rows
-from skyway_gateway.deliveries.delivery import Delivery, PackageStatus
+from skyway_gateway.deliveries.delivery import Delivery, FlownMission, PackageStatus
 from skyway_gateway.deliveries.rows import Queued
-from skyway_gateway.deliveries.states import DeliveryState, may_follow
+from skyway_gateway.deliveries.states import (
+    SETTLED_PACKAGE_STATES,
+    UNDER_WAY_STATES,
+    may_follow,
+)
 from skyway_gateway.tables import custody, deliveries, missions, packages
 
 #: As long as one booking may take, seconds of wall time. Two that book the same are answered the
 #: same, so a claim that runs out costs a question, not a second drone.
 _LEASE_S: Final = 25.0
-
-_Row = Row[*tuple[Any, ...]]  # columns of every type
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,14 +41,6 @@ class ReportedMission:
 
     mission_id: MissionId
     report_seq: int
-
-
-@dataclass(frozen=True, slots=True)
-class DeliveryFilter:
-    """Which deliveries a list shows."""
-
-    state: DeliveryState | None = None
-    reference: str | None = None
 
 
 async def add(tx: Tx, queued: Queued) -> None:
@@ -73,7 +57,7 @@ async def claim_queued(
 ) -> Sequence[Queued]:
     """Deliveries whose booking is due, the longest waiting first, now held by us."""
     is_due = and_(
-        deliveries.c.state == "REQUESTED",
+        deliveries.c.is_queued,
         deliveries.c.next_try_wall_ms <= moment_to_ms(clock.wall_now()),
     )
     due = await claim(
@@ -87,13 +71,13 @@ async def claim_queued(
         clock=clock,
     )
     async with db.read() as connection:
-        found = await _with_parts(connection, due)
+        found = await with_parts(connection, due)
     return [rows.queued_of(row, delivery) for row, delivery in zip(due, found, strict=True)]
 
 
 async def free_claims(tx: Tx) -> None:
     """Let go of all that somebody held: on SQLite whoever claimed before us is dead."""
-    await tx.execute(update(deliveries).where(deliveries.c.state == "REQUESTED").values(FREE))
+    await tx.execute(update(deliveries).where(deliveries.c.is_queued).values(FREE))
 
 
 async def try_later(
@@ -107,22 +91,28 @@ async def try_later(
     values: dict[str, object] = {"next_try_wall_ms": moment_to_ms(next_try_at), **FREE}
     if reasons is not None:
         values["reasons"] = rows.reasons_text(reasons)
-    this = and_(deliveries.c.delivery_id == delivery_id, deliveries.c.state == "REQUESTED")
+    this = and_(deliveries.c.delivery_id == delivery_id, deliveries.c.is_queued)
     await tx.execute(update(deliveries).where(this).values(values))
 
 
 async def keep_queued(tx: Tx, delivery_id: DeliveryId, *, until: datetime) -> None:
-    """Have a delivery that came back to the queue stay there until this moment."""
+    """Have a delivery of which packages came back to the queue stay there until this moment."""
     values = {"give_up_ms": moment_to_ms(until)}
-    this = and_(deliveries.c.delivery_id == delivery_id, deliveries.c.state == "REQUESTED")
+    this = and_(deliveries.c.delivery_id == delivery_id, deliveries.c.is_queued)
     await tx.execute(update(deliveries).where(this).values(values))
 
 
 async def note_reasons(tx: Tx, delivery_id: DeliveryId, reasons: Sequence[ProviderReason]) -> None:
-    """Keep why a delivery is about to be rejected."""
+    """Keep why the packages that wait are about to be given up."""
     text = rows.reasons_text(reasons)
-    this = and_(deliveries.c.delivery_id == delivery_id, deliveries.c.state == "REQUESTED")
+    this = and_(deliveries.c.delivery_id == delivery_id, deliveries.c.is_queued)
     await tx.execute(update(deliveries).where(this).values(reasons=text))
+
+
+async def note_cancelling(tx: Tx, delivery_id: DeliveryId, *, reason: str) -> None:
+    """Keep that all of a delivery that still can be stopped is to be."""
+    this = deliveries.c.delivery_id == delivery_id
+    await tx.execute(update(deliveries).where(this).values(cancel_reason=reason))
 
 
 async def lock(tx: Tx, delivery_id: DeliveryId) -> Delivery:
@@ -137,12 +127,12 @@ async def lock(tx: Tx, delivery_id: DeliveryId) -> Delivery:
     found = (await tx.execute(statement.with_for_update())).all()
     if not found:
         raise NotFound("delivery", delivery_id)
-    [delivery] = await _with_parts(tx.connection, found)
+    [delivery] = await with_parts(tx.connection, found)
     return delivery
 
 
-async def save(tx: Tx, before: Delivery, after: Delivery) -> bool:
-    """Write what changed; False when the delivery is not in the state of `before` any more."""
+async def save(tx: Tx, before: Delivery, after: Delivery) -> None:
+    """Write what changed of a locked delivery."""
     if not may_follow(after.state, before.state):
         raise RuntimeError(f"a delivery never goes from {before.state} to {after.state}")
     this = and_(
@@ -150,23 +140,30 @@ async def save(tx: Tx, before: Delivery, after: Delivery) -> bool:
         deliveries.c.state == before.state,
         deliveries.c.attempt == before.attempt,
     )
-    values = {**rows.changing(after), "next_try_wall_ms": 0, **FREE}
+    values = rows.changing(after)
+    if (before.attempt, before.is_queued) != (after.attempt, after.is_queued):
+        # What is to be booked is another thing now, to be looked at at once.
+        values |= {"next_try_wall_ms": 0, **FREE}
     if (await tx.execute(update(deliveries).where(this).values(values))).rowcount != 1:
-        return False
+        raise RuntimeError(f"delivery {before.delivery_id} was not locked when it was changed")
     for package, changed in zip(before.packages, after.packages, strict=True):
         if changed != package:
             await _save_package(
                 tx, after, changed, has_moved=changed.custodian != package.custodian
             )
-    known = {mission.mission_id: mission for mission in before.missions}
-    for mission in after.missions:
+    await _save_missions(tx, before.missions, after.missions)
+
+
+async def _save_missions(
+    tx: Tx, before: Sequence[FlownMission], after: Sequence[FlownMission]
+) -> None:
+    known = {mission.mission_id: mission for mission in before}
+    for mission in after:
         if mission.mission_id not in known:
             await tx.execute(insert(missions).values(rows.mission_row(mission)))
         elif mission != known[mission.mission_id]:
-            values = {"state": mission.state, "body": mission.model_dump_json()}
-            that = missions.c.mission_id == mission.mission_id
-            await tx.execute(update(missions).where(that).values(values))
-    return True
+            this = missions.c.mission_id == mission.mission_id
+            await tx.execute(update(missions).where(this).values(rows.mission_values(mission)))
 
 
 async def reported_mission(tx: Tx, mission_id: MissionId) -> ReportedMission | None:
@@ -182,69 +179,25 @@ async def note_report(tx: Tx, report: MissionReport) -> None:
     await tx.execute(update(missions).where(this).values(rows.reported(report)))
 
 
-async def one_of(connection: AsyncConnection, caller: Caller, delivery_id: DeliveryId) -> Delivery:
-    """The caller's own delivery.
-
-    Raises
-    ------
-    NotFound
-        There is no such delivery, or it is not the caller's.
-    """
-    statement = select(deliveries).where(deliveries.c.delivery_id == delivery_id, _owned(caller))
-    found = (await connection.execute(statement)).all()
-    if not found:
-        raise NotFound("delivery", delivery_id)
-    [delivery] = await _with_parts(connection, found)
-    return delivery
-
-
-async def page_of(
-    connection: AsyncConnection, caller: Caller, query: PageQuery, wanted: DeliveryFilter
-) -> Sequence[Delivery]:
-    """Up to limit + 1 of the caller's deliveries, the newest first."""
-    statement = select(deliveries).where(_owned(caller))
-    if wanted.state is not None:
-        statement = statement.where(deliveries.c.state == wanted.state)
-    if wanted.reference is not None:
-        statement = statement.where(deliveries.c.reference == wanted.reference)
-    return await _page(connection, statement, query)
-
-
-async def page_of_provider(
-    connection: AsyncConnection, provider_id: ProviderId, query: PageQuery
-) -> Sequence[Delivery]:
-    """Up to limit + 1 deliveries that a provider's drones fly, with its missions alone."""
-    is_flown = exists().where(
-        missions.c.delivery_id == deliveries.c.delivery_id,
-        missions.c.provider_id == provider_id,
-        missions.c.state != "REFUSED",
+async def overdue(
+    connection: AsyncConnection, *, before: datetime, limit: int
+) -> Sequence[DeliveryId]:
+    """Deliveries not known to be late, of which a package should have come before this moment."""
+    is_overdue = exists().where(
+        packages.c.delivery_id == deliveries.c.delivery_id,
+        packages.c.eta_ms < moment_to_ms(before),
+        packages.c.state.not_in(SETTLED_PACKAGE_STATES),
     )
-    found = await _page(connection, select(deliveries).where(is_flown), query)
-    return [
-        delivery.model_copy(
-            update={"missions": tuple(m for m in delivery.missions if m.provider_id == provider_id)}
-        )
-        for delivery in found
-    ]
+    statement = select(deliveries.c.delivery_id).where(
+        deliveries.c.state.in_(UNDER_WAY_STATES), ~deliveries.c.is_delayed, is_overdue
+    )
+    found = await connection.execute(statement.order_by(deliveries.c.delivery_id).limit(limit))
+    return [DeliveryId(delivery_id) for delivery_id in found.scalars()]
 
 
-async def _page(
-    connection: AsyncConnection, statement: Select[*tuple[Any, ...]], query: PageQuery
+async def with_parts(
+    connection: AsyncConnection, found: Sequence[Row[*tuple[Any, ...]]]
 ) -> Sequence[Delivery]:
-    if (after := query.after(str)) is not None:
-        statement = statement.where(deliveries.c.delivery_id < after[0])
-    statement = statement.order_by(deliveries.c.delivery_id.desc()).limit(query.limit + 1)
-    return await _with_parts(connection, (await connection.execute(statement)).all())
-
-
-def _owned(caller: Caller) -> ColumnElement[bool]:
-    """Whether a delivery is the caller's to see: operators see everybody's."""
-    if caller.role == "operator":
-        return true()
-    return deliveries.c.customer_id == caller.subject_id if caller.role == "customer" else false()
-
-
-async def _with_parts(connection: AsyncConnection, found: Sequence[_Row]) -> Sequence[Delivery]:
     """The deliveries of these rows, with their packages and missions, in the same order."""
     ids = [row.delivery_id for row in found]
     if not ids:
@@ -261,9 +214,9 @@ async def _with_parts(connection: AsyncConnection, found: Sequence[_Row]) -> Seq
     packed: dict[str, list[PackageStatus]] = defaultdict(list)
     for row in await connection.execute(of_packages):
         packed[row.delivery_id].append(rows.package_of(row))
-    flown: dict[str, list[Mission]] = defaultdict(list)
+    flown: dict[str, list[FlownMission]] = defaultdict(list)
     for row in await connection.execute(of_missions):
-        flown[row.delivery_id].append(Mission.read(row.body))
+        flown[row.delivery_id].append(FlownMission.read(row.body))
     return [rows.delivery_of(row, packed[row.delivery_id], flown[row.delivery_id]) for row in found]
 
 

@@ -1,12 +1,12 @@
 """What each event says: the members of its `data`, and nothing else decides them."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from datetime import datetime
 from typing import Any
 
 from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.message import utc_text
-from skyway.contracts.mission import Mission, MissionReport, PackageEta
+from skyway.contracts.mission import Mission, MissionReport
 from skyway.delivery.offer import Price
 from skyway.ids import PackageId
 from skyway_gateway.deliveries.delivery import Delivery, PackageStatus
@@ -23,20 +23,23 @@ def requested(delivery: Delivery) -> Data:
     }
 
 
-def planned(delivery: Delivery) -> Data:
-    """Who flies it, for how much, and when each package is promised."""
-    first, *_ = delivery.missions
+def planned(delivery: Delivery, missions: Sequence[Mission], *, attempt: int) -> Data:
+    """Who flies it, for how much, and when each package is promised; which still wait."""
+    first, *_ = missions
     return {
-        "attempt": delivery.attempt,
+        "attempt": attempt,
         "provider_id": first.provider_id,
         "drone_id": first.drone_id,
-        "mission_ids": [mission.mission_id for mission in delivery.missions],
+        "mission_ids": [mission.mission_id for mission in missions],
         "price": delivery.price and delivery.price.model_dump(mode="json"),
-        "pickup_at": utc_text(min(mission.start_at for mission in delivery.missions)),
-        "delivery_time_s": max(
-            mission.plan.delivery_time_s or 0.0 for mission in delivery.missions
-        ),
-        "packages": etas(eta for mission in delivery.missions for eta in mission.packages),
+        "pickup_at": utc_text(min(mission.start_at for mission in missions)),
+        "delivery_time_s": max(mission.plan.delivery_time_s or 0.0 for mission in missions),
+        "packages": [
+            {"package_id": eta.package_id, "eta_at": utc_text(eta.eta_at)}
+            for mission in missions
+            for eta in mission.packages
+        ],
+        "waiting_package_ids": [package.package_id for package in delivery.waiting],
     }
 
 
@@ -64,14 +67,26 @@ def loaded(package_ids: Sequence[PackageId], mission: Mission, report: MissionRe
     }
 
 
-def replanned(mission: Mission, report: MissionReport) -> Data:
-    """Why there is a new plan, and what it promises."""
+def replanned(delivery: Delivery, mission: Mission, report: MissionReport) -> Data:
+    """Why there is a new plan, and how much later than promised it delivers."""
+    etas = {eta.package_id: eta.eta_at for eta in report.etas or mission.packages}
     return {
         **flown_by(mission),
         "revision": mission.revision,
         "code": report.code,
         "detail": report.detail,
-        "packages": etas(report.etas or mission.packages),
+        "packages": [
+            {
+                "package_id": one.package_id,
+                "state": one.state,
+                "eta_at": utc_text(etas[one.package_id]),
+                "promised_at": _text(one.promised_at),
+                "later_s": one.promised_at
+                and (etas[one.package_id] - one.promised_at).total_seconds(),
+            }
+            for one in delivery.packages
+            if one.package_id in etas and not one.is_settled
+        ],
     }
 
 
@@ -80,8 +95,21 @@ def package_delivered(package: PackageStatus, mission: Mission, report: MissionR
     return {
         **flown_by(mission),
         "package_id": package.package_id,
-        "station_id": package.destination.station_id,
+        "station_id": package.custodian.id,
         "delivered_at": _text(package.delivered_at),
+        "evidence": report.data,
+    }
+
+
+def package_returned(package: PackageStatus, mission: Mission, report: MissionReport) -> Data:
+    """Where a package was handed back, why, and the drone's evidence of it."""
+    return {
+        **flown_by(mission),
+        "package_id": package.package_id,
+        "station_id": report.station_id,
+        "returned_at": utc_text(report.at),
+        "code": package.code,
+        "detail": package.detail,
         "evidence": report.data,
     }
 
@@ -94,6 +122,17 @@ def package_stranded(package: PackageStatus, report: MissionReport) -> Data:
         "custodian": package.custodian.model_dump(mode="json"),
         "code": report.code,
         "detail": report.detail,
+    }
+
+
+def package_cancelled(package: PackageStatus) -> Data:
+    """Which package stays at the pickup, and why."""
+    return {
+        "package_id": package.package_id,
+        "station_id": package.custodian.id,
+        "custodian": package.custodian.model_dump(mode="json"),
+        "code": package.code,
+        "detail": package.detail,
     }
 
 
@@ -118,26 +157,23 @@ def completed(delivery: Delivery) -> Data:
     }
 
 
-def ended(delivery: Delivery, report: MissionReport) -> Data:
+def ended(delivery: Delivery, code: str | None, detail: str | None) -> Data:
     """How far it came, and why not to the end."""
     return {
-        "code": report.code,
-        "detail": report.detail,
+        "code": code,
+        "detail": detail,
         "packages": [
             {
                 "package_id": one.package_id,
                 "state": one.state,
                 "custodian": one.custodian.model_dump(mode="json"),
                 "delivered_at": _text(one.delivered_at),
+                "code": one.code,
+                "detail": one.detail,
             }
             for one in delivery.packages
         ],
     }
-
-
-def etas(found: Iterable[PackageEta]) -> list[Data]:
-    """When packages are planned to be delivered."""
-    return [{"package_id": eta.package_id, "eta_at": utc_text(eta.eta_at)} for eta in found]
 
 
 def price_of(missions: Sequence[Mission]) -> Price | None:

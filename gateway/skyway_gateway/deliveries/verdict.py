@@ -1,32 +1,45 @@
 """Busy or never: what a round of booking without a mission means for the delivery."""
 
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Final
 
 from skyway.contracts.candidate import Candidates, ProviderReason
-from skyway.contracts.mission import Booking
+from skyway.contracts.mission import Booking, OfferLimits
 from skyway_gateway.deliveries.delivery import Delivery, Refusal
 
-#: So many drones may refuse a delivery before it is rejected (decisions.md, Booking).
+#: So often may drones refuse a delivery before it is given up (decisions.md, Booking).
 MOST_REFUSALS: Final = 5
 
 
+@dataclass(frozen=True, slots=True)
+class Never:
+    """Why no later round can find a drone."""
+
+    reasons: tuple[ProviderReason, ...]
+    detail: str
+
+
 def most_refused(delivery: Delivery) -> bool:
-    """Whether no further drone is asked."""
-    return len(delivery.refusals) >= MOST_REFUSALS
+    """Whether no further drone is asked; the trips of one attempt count once."""
+    return len({refusal.attempt for refusal in delivery.refusals}) >= MOST_REFUSALS
 
 
-def why_never(booking: Booking, candidates: Candidates) -> str | None:
+def why_never(delivery: Delivery, booking: Booking, candidates: Candidates) -> Never | None:
     """Why no later round can find a drone; None while one may.
 
     Without candidates composition knows nothing, and only the registry's reasons count. Nobody
-    registered is no reason for ever: the first fleet may be on its way.
+    registered is no reason for ever: the first fleet may be on its way. A taken offer does not
+    wait: what it promised is there at once, or lost.
     """
     reasons = (*booking.reasons, *candidates.infeasible)
+    if delivery.offer is not None:
+        return _lost(delivery.offer, reasons)
     is_busy = booking.outcome == "BUSY" and bool(candidates.candidates)
     if is_busy or not reasons or any(reason.is_temporary for reason in reasons):
         return None
-    return "no provider can fly it: " + "; ".join(_in_words(reason) for reason in reasons)
+    detail = "no provider can fly it: " + "; ".join(_in_words(reason) for reason in reasons)
+    return Never(reasons, detail)
 
 
 def refusal_reasons(refusals: Iterable[Refusal]) -> tuple[ProviderReason, ...]:
@@ -46,6 +59,22 @@ def refusal_reasons(refusals: Iterable[Refusal]) -> tuple[ProviderReason, ...]:
 def nobody_asked(detail: str) -> ProviderReason:
     """The reason of a delivery that ran out of time before any provider said a word."""
     return ProviderReason(provider_id=None, code="TOO_LATE", detail=detail, is_temporary=False)
+
+
+def _lost(offer: OfferLimits, reasons: tuple[ProviderReason, ...]) -> Never:
+    detail = "what the offer promised is not to be had any more"
+    if reasons:
+        detail += ": " + "; ".join(_in_words(reason) for reason in reasons)
+    if not any(reason.code == "OFFER_LOST" for reason in reasons):
+        lost = ProviderReason(
+            provider_id=offer.provider_id,
+            code="OFFER_LOST",
+            detail=detail,
+            is_temporary=False,
+            data=offer.model_dump(mode="json"),
+        )
+        reasons = (lost, *reasons)
+    return Never(reasons, detail)
 
 
 def _in_words(reason: ProviderReason) -> str:

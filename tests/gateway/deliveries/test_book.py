@@ -94,8 +94,7 @@ async def test_a_booking_whose_drone_is_no_candidate_any_more_is_still_found(
     """The only drone is busy with our own mission, which we booked before we died."""
     delivery_id = await gateway.accepted()
     [queued] = await _claimed(gateway)
-    candidates = await gateway.registry.candidates(_query(queued))
-    await gateway.parts.booker._ask_composition(queued.delivery, candidates)
+    await _ask(gateway, queued)
     gateway.clock.advance(timedelta(seconds=30))
 
     gateway.registry.candidates_now = []
@@ -111,8 +110,7 @@ async def test_a_mission_that_was_refused_before_it_was_planned_here_is_asked_an
     gateway.registry.candidates_now = [candidate("drn_1"), candidate("drn_2")]
     delivery_id = await gateway.accepted()
     [queued] = await _claimed(gateway)
-    candidates = await gateway.registry.candidates(_query(queued))
-    await gateway.parts.booker._ask_composition(queued.delivery, candidates)
+    await _ask(gateway, queued)
     mission = gateway.composition.booked[delivery_id, 1]
     refused = mission.model_copy(update={"state": "REFUSED"})
     gateway.composition.booked[delivery_id, 1] = refused
@@ -242,8 +240,7 @@ async def test_a_request_is_given_up_at_its_deadline(gateway: Any) -> None:
 async def test_what_was_booked_before_the_deadline_is_planned_after_it(gateway: Any) -> None:
     delivery_id = await gateway.accepted()
     [queued] = await _claimed(gateway)
-    candidates = await gateway.registry.candidates(_query(queued))
-    await gateway.parts.booker._ask_composition(queued.delivery, candidates)
+    await _ask(gateway, queued)
     gateway.clock.advance(timedelta(hours=2))
     await gateway.parts.booker.step()
     assert (await gateway.get(delivery_id))["state"] == "PLANNED"
@@ -317,7 +314,10 @@ async def _claimed(gateway: Any) -> Any:
     return await claim_queued(gateway.parts.db, limit=9, claimant="dead", clock=gateway.clock)
 
 
-def _query(queued: Any) -> Any:
-    from skyway_gateway.deliveries.book import _candidate_query
+async def _ask(gateway: Any, queued: Any) -> Any:
+    """Have it booked, and die before anything is written down."""
+    from skyway_gateway.deliveries.attempt import candidate_query, wanted_missions
 
-    return _candidate_query(queued)
+    found = await gateway.registry.candidates(candidate_query(queued))
+    wanted = wanted_missions(queued.delivery, found.candidates)
+    return await gateway.composition.book(queued.delivery.delivery_id, wanted)

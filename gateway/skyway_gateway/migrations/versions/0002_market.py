@@ -1,5 +1,7 @@
 """Quotes, deliveries of several trips, proof, and the audit log."""
 
+import json
+
 import sqlalchemy as sa
 from alembic import op
 
@@ -19,17 +21,60 @@ def upgrade() -> None:
     op.execute("UPDATE deliveries SET is_queued = (state = 'REQUESTED')")
     op.create_index("deliveries_queued", "deliveries", ["is_queued", "next_try_wall_ms"])
     op.create_index("deliveries_by_time", "deliveries", ["created_ms"])
-    op.add_column("packages", sa.Column("mission_id", sa.Text(), nullable=True))
-    op.add_column("packages", sa.Column("proof", sa.Text(), nullable=True))
-    op.add_column("missions", sa.Column("start_ms", sa.BigInteger(), nullable=True))
-    for name in ("flight_s", "waiting_s", "recharging_s"):
-        op.add_column("missions", sa.Column(name, sa.Double(), nullable=True))
+    _widen_packages()
+    _widen_missions()
     op.add_column(
         "notifications",
         sa.Column("is_replay", sa.Boolean(), server_default=sa.false(), nullable=False),
     )
     _create_quotes()
     _create_audit()
+
+
+def _widen_packages() -> None:
+    for name in ("mission_id", "code", "detail", "proof"):
+        op.add_column("packages", sa.Column(name, sa.Text(), nullable=True))
+    # Before this version a delivery had one mission at a time, for all its packages.
+    op.execute(
+        "UPDATE packages SET mission_id = (SELECT mission_id FROM missions"
+        " WHERE missions.delivery_id = packages.delivery_id AND missions.state <> 'REFUSED'"
+        " ORDER BY attempt DESC LIMIT 1)"
+    )
+
+
+def _widen_missions() -> None:
+    for column in (
+        sa.Column("start_ms", sa.BigInteger(), nullable=True),
+        sa.Column("flight_s", sa.Double(), nullable=True),
+        sa.Column("waiting_s", sa.Double(), nullable=True),
+        sa.Column("recharging_s", sa.Double(), nullable=True),
+        # What a provider earns is added up by the database, so it must see price and end.
+        sa.Column("price_amount", sa.BigInteger(), nullable=True),
+        sa.Column("currency", sa.Text(), nullable=True),
+        sa.Column("ended_ms", sa.BigInteger(), nullable=True),
+    ):
+        op.add_column("missions", column)
+    op.create_index("missions_by_end", "missions", ["provider_id", "ended_ms"])
+    _fill_in_prices()
+
+
+def _fill_in_prices() -> None:
+    missions = sa.table(
+        "missions",
+        *map(sa.column, ("mission_id", "body", "price_amount", "currency")),
+    )
+    connection = op.get_bind()
+    for row in connection.execute(sa.select(missions.c.mission_id, missions.c.body)).all():
+        price = json.loads(row.body)["price"]
+        values = {"price_amount": price["amount"], "currency": price["currency"]}
+        this = missions.c.mission_id == row.mission_id
+        connection.execute(missions.update().where(this).values(values))
+    # When they ended was not kept; the last change of their delivery is close to it.
+    op.execute(
+        "UPDATE missions SET ended_ms = (SELECT updated_ms FROM deliveries"
+        " WHERE deliveries.delivery_id = missions.delivery_id)"
+        " WHERE state IN ('COMPLETED', 'ABORTED', 'CANCELLED')"
+    )
 
 
 def _create_quotes() -> None:

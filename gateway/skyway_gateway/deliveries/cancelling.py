@@ -1,0 +1,62 @@
+"""What a cancellation does to a delivery: what waits stays, what is on board comes back."""
+
+from collections.abc import Collection
+from datetime import datetime
+
+from skyway.contracts.mission import Cancellation
+from skyway.ids import PackageId
+from skyway_gateway.deliveries.delivery import Delivery, PackageStatus
+from skyway_gateway.deliveries.endings import CANCELLED_CODE, settled
+from skyway_gateway.deliveries.progress import (
+    Progress,
+    changed,
+    with_cancelled,
+    with_flags,
+    with_packages,
+)
+
+
+def is_cancelled(package: PackageStatus) -> bool:
+    """Whether a cancellation has reached it already, or is under way to."""
+    is_stopped = package.state in ("CANCELLED", "RETURNING", "RETURNED")
+    return is_stopped and package.code == CANCELLED_CODE
+
+
+def can_be_cancelled(package: PackageStatus) -> bool:
+    """Whether something about it can still be stopped."""
+    return not package.is_settled and not is_cancelled(package)
+
+
+def after_cancellation(
+    delivery: Delivery,
+    wanted: Collection[PackageId],
+    done: Cancellation,
+    *,
+    reason: str,
+    at: datetime,
+) -> Progress:
+    """The delivery without those of the wanted packages that still wait, or were `done`.
+
+    The mission reports that follow say the same again, and change nothing more.
+    """
+
+    def stays(package: PackageStatus) -> bool:
+        is_loose = package.is_waiting or package.package_id in done.released
+        return package.package_id in wanted and package.state == "CREATED" and is_loose
+
+    without = with_cancelled(
+        changed(delivery, updated_at=max(at, delivery.updated_at)),
+        where=stays,
+        code=CANCELLED_CODE,
+        detail=reason,
+        at=at,
+    )
+    returning = with_packages(
+        without.delivery,
+        lambda _: {"state": "RETURNING", "code": CANCELLED_CODE, "detail": reason},
+        where=lambda one: (
+            one.package_id in done.returning and one.state in ("LOADED", "IN_TRANSIT")
+        ),
+    )
+    progress = Progress(with_flags(returning), without.happenings)
+    return settled(progress, at=at, code=CANCELLED_CODE, detail=reason)

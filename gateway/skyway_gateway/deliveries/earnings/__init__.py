@@ -1,0 +1,1 @@
+"""What providers earn with the missions they complete."""

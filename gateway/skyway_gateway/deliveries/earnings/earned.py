@@ -1,0 +1,56 @@
+"""What a provider has earned: the prices of its completed missions."""
+
+from datetime import date
+from typing import Annotated
+
+from pydantic import Field
+
+from skyway.contracts.message import FleetMoment
+from skyway.delivery.offer import Currency
+from skyway.ids import ProviderId
+from skyway.json_model import JsonModel
+
+
+class EarningsQuery(JsonModel):
+    """From which moment on, and before which, missions ended; without either, all."""
+
+    from_at: Annotated[FleetMoment | None, Field(alias="from")] = None
+    to_at: Annotated[FleetMoment | None, Field(alias="to")] = None
+
+
+class DayEarnings(JsonModel):
+    """A day in UTC, fleet time, on which missions ended."""
+
+    day: date
+    currency: Currency
+    deliveries: int
+    missions: int
+    amount: int
+
+
+class Earnings(JsonModel):
+    """The sums over all days, in minor units of `currency`: that of the latest mission.
+
+    Days in another currency, from before the tariff changed, are only listed.
+    """
+
+    provider_id: ProviderId
+    currency: Currency | None
+    deliveries: int
+    missions: int
+    amount: int
+    by_day: tuple[DayEarnings, ...]
+
+
+def earnings_of(provider_id: ProviderId, days: tuple[DayEarnings, ...]) -> Earnings:
+    """The sums over days that are sorted by time."""
+    currency = days[-1].currency if days else None
+    summed = [day for day in days if day.currency == currency]
+    return Earnings(
+        provider_id=provider_id,
+        currency=currency,
+        deliveries=sum(day.deliveries for day in summed),
+        missions=sum(day.missions for day in summed),
+        amount=sum(day.amount for day in summed),
+        by_day=days,
+    )

@@ -1,0 +1,38 @@
+"""The watch over deliveries of which nothing is heard: late is told although nobody reports it."""
+
+from dataclasses import dataclass
+from datetime import timedelta
+from typing import Final
+
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.database import Database
+from skyway_gateway.deliveries import store
+from skyway_gateway.deliveries.delivery import Delivery
+from skyway_gateway.deliveries.lateness import TOLERANCE_S, when_overdue
+from skyway_gateway.deliveries.progress import Progress
+from skyway_gateway.deliveries.writing import write
+from skyway_gateway.notifications.events import Events
+
+#: How many deliveries one step looks at.
+_BATCH: Final = 100
+
+
+@dataclass(frozen=True, slots=True)
+class OverdueWatch:
+    """Tells `delivery.delayed` once an ETA has passed without a hand-over."""
+
+    db: Database
+    events: Events
+    clock: FleetClock
+
+    async def step(self) -> bool:
+        """Step of a loop: look at what is overdue; True when there may be more."""
+        before = self.clock.now() - timedelta(seconds=TOLERANCE_S)
+        async with self.db.read() as connection:
+            found = await store.overdue(connection, before=before, limit=_BATCH)
+        for delivery_id in found:
+            await write(self.db, self.events, delivery_id, change=self._told_late)
+        return len(found) == _BATCH
+
+    def _told_late(self, delivery: Delivery) -> Progress:
+        return Progress(*when_overdue(delivery, at=self.clock.now()))

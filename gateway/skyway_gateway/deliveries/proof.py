@@ -1,0 +1,69 @@
+"""Proof of a hand-over: where and when, the drone's load before and after, and whose drone."""
+
+from collections.abc import Mapping
+from typing import Any, Self
+
+from pydantic import TypeAdapter, ValidationError
+
+from skyway.contracts.message import FleetMoment, Soc
+from skyway.contracts.mission import MissionReport
+from skyway.geo import Position
+from skyway.ids import DroneId, MissionId, PackageId, ProviderId, StationId
+from skyway.json_model import WireModel
+
+_NUMBER = TypeAdapter(float | None)
+_POSITION = TypeAdapter(Position | None)
+
+
+class Proof(WireModel):
+    """What a drone reported when it handed a package over, to a recipient or back to a station.
+
+    `load_before_kg` and `load_after_kg` are of the whole hand-over, in which other packages may
+    have left the drone too; `mass_kg` is of this package alone.
+    """
+
+    station_id: StationId | None
+    position: Position | None = None
+    at: FleetMoment
+    mission_id: MissionId
+    provider_id: ProviderId
+    drone_id: DroneId
+    soc: Soc | None = None
+    mass_kg: float | None = None
+    load_before_kg: float | None = None
+    load_after_kg: float | None = None
+
+    @classmethod
+    def of(cls, report: MissionReport, package_id: PackageId) -> Self:
+        """The proof in a report about this package; evidence of another form is left out."""
+        evidence = report.data
+        masses_kg = evidence.get("mass_kg")
+        if isinstance(masses_kg, Mapping):
+            masses_kg = masses_kg.get(package_id)
+        return cls(
+            station_id=report.station_id,
+            position=_read(_POSITION, _position(evidence.get("position"))),
+            at=report.at,
+            mission_id=report.mission_id,
+            provider_id=report.provider_id,
+            drone_id=report.drone_id,
+            soc=report.soc,
+            mass_kg=_read(_NUMBER, masses_kg),
+            load_before_kg=_read(_NUMBER, evidence.get("load_before_kg")),
+            load_after_kg=_read(_NUMBER, evidence.get("load_after_kg")),
+        )
+
+
+def _position(found: Any) -> Any:  # JSON, as a drone wrote it
+    """A position as GeoJSON has it, also where it names its members."""
+    if isinstance(found, Mapping):
+        return [found.get("longitude_deg"), found.get("latitude_deg")]
+    return found
+
+
+def _read(form: TypeAdapter[Any], value: object) -> Any:  # of the adapter's type, or None
+    # A drone's evidence is kept as far as it can be read: it must not hold up its delivery.
+    try:
+        return form.validate_python(value)
+    except ValidationError:
+        return None

@@ -1,0 +1,1 @@
+"""What customers, operators and providers see of deliveries."""

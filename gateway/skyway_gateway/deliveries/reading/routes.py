@@ -1,0 +1,199 @@
+"""Deliveries as their customers, operators and providers read them."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Header, Query, Response
+from fastapi.responses import JSONResponse, StreamingResponse
+from pydantic import Field
+
+from skyway.contracts.track import Track
+from skyway.ids import DeliveryId, ProviderId
+from skyway.runtime.database import Database
+from skyway.runtime.errors import NotFound
+from skyway.runtime.identity import Caller
+from skyway.runtime.paging import Page, PageQuery, page_of
+from skyway_gateway.access.routes import KeyGate
+from skyway_gateway.clients import Composition
+from skyway_gateway.deliveries.delivery import (
+    Delivery,
+    DeliveryPlan,
+    DeliveryProof,
+    PackageProof,
+    ProviderDelivery,
+)
+from skyway_gateway.deliveries.reading import store
+from skyway_gateway.deliveries.reading.store import DeliveryFilter
+from skyway_gateway.deliveries.states import DeliveryState
+from skyway_gateway.deliveries.tracking import FeatureCollection, feature_collection
+from skyway_gateway.notifications.stream import EventStream
+
+_SSE_HEADERS = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
+
+
+class GeoJsonResponse(JSONResponse):
+    """An answer in GeoJSON (RFC 7946)."""
+
+    media_type = "application/geo+json"
+
+
+class DeliveryListQuery(PageQuery):
+    """The query of the list of deliveries."""
+
+    state: DeliveryState | None = None
+    reference: Annotated[str | None, Field(max_length=200)] = None
+
+
+def reading_routes(
+    *, db: Database, gate: KeyGate, composition: Composition, stream: EventStream
+) -> APIRouter:
+    """GET /v1/deliveries and all below it, and /v1/providers/{provider_id}/deliveries."""
+    router = APIRouter(tags=["deliveries"])
+    router.include_router(_list_routes(db, gate))
+    router.include_router(_detail_routes(db, gate, composition))
+    router.include_router(_event_routes(db, gate, stream))
+    return router
+
+
+def _list_routes(db: Database, gate: KeyGate) -> APIRouter:
+    router = APIRouter()
+
+    @router.get("/v1/deliveries")
+    async def list_deliveries(
+        caller: Annotated[Caller, Depends(gate)],
+        query: Annotated[DeliveryListQuery, Query()],
+    ) -> Page[Delivery]:
+        """The caller's deliveries, the newest first; operators see everybody's."""
+        caller.must_be("customer", "operator")
+        wanted = DeliveryFilter(query.state, query.reference)
+        async with db.read() as connection:
+            found = await store.page_of(connection, caller, query, wanted)
+        return page_of(found, query, item=lambda it: it, sort_key=lambda it: (it.delivery_id,))
+
+    @router.get("/v1/providers/{provider_id}/deliveries")
+    async def list_provider_deliveries(
+        provider_id: ProviderId,
+        caller: Annotated[Caller, Depends(gate)],
+        query: Annotated[PageQuery, Query()],
+    ) -> Page[ProviderDelivery]:
+        """The deliveries that a provider's drones fly, the newest first."""
+        caller.must_be("provider", "operator")
+        if caller.role == "provider" and caller.subject_id != provider_id:
+            raise NotFound("provider", provider_id)
+        async with db.read() as connection:
+            found = await store.page_of_provider(connection, provider_id, query)
+        return page_of(
+            found, query, item=_for_provider, sort_key=lambda delivery: (delivery.delivery_id,)
+        )
+
+    return router
+
+
+def _detail_routes(db: Database, gate: KeyGate, composition: Composition) -> APIRouter:
+    router = APIRouter()
+
+    @router.get("/v1/deliveries/{delivery_id}")
+    async def get_delivery(
+        delivery_id: DeliveryId, caller: Annotated[Caller, Depends(gate)]
+    ) -> Delivery:
+        """A delivery with its packages and missions."""
+        caller.must_be("customer", "operator")
+        async with db.read() as connection:
+            return await store.one_of(connection, caller, delivery_id)
+
+    @router.get("/v1/deliveries/{delivery_id}/plan")
+    async def get_plan(
+        delivery_id: DeliveryId, caller: Annotated[Caller, Depends(gate)]
+    ) -> DeliveryPlan:
+        """How it is flown; no missions while it is not planned."""
+        caller.must_be("customer", "operator")
+        async with db.read() as connection:
+            delivery = await store.one_of(connection, caller, delivery_id)
+        return DeliveryPlan(
+            delivery_id=delivery_id, state=delivery.state, missions=delivery.missions
+        )
+
+    @router.get("/v1/deliveries/{delivery_id}/proof")
+    async def get_proof(
+        delivery_id: DeliveryId, caller: Annotated[Caller, Depends(gate)]
+    ) -> DeliveryProof:
+        """What proves the hand-over of each package: place, time and weights."""
+        caller.must_be("customer", "operator")
+        async with db.read() as connection:
+            delivery = await store.one_of(connection, caller, delivery_id)
+        return _proof_of(delivery)
+
+    @router.get("/v1/deliveries/{delivery_id}/track", response_class=GeoJsonResponse)
+    async def get_track(
+        delivery_id: DeliveryId, caller: Annotated[Caller, Depends(gate)]
+    ) -> FeatureCollection:
+        """GeoJSON: what was flown, what will be, where the drones are and the stations they use."""
+        caller.must_be("customer", "operator")
+        async with db.read() as connection:
+            delivery = await store.one_of(connection, caller, delivery_id)
+        # Composition does not know a delivery for which nothing was booked yet.
+        track = await composition.track(delivery_id) if delivery.missions else Track(missions=())
+        return feature_collection(delivery, track)
+
+    return router
+
+
+def _event_routes(db: Database, gate: KeyGate, stream: EventStream) -> APIRouter:
+    router = APIRouter()
+
+    @router.get(
+        "/v1/deliveries/{delivery_id}/events",
+        response_class=StreamingResponse,
+        responses={
+            200: {"content": {"text/event-stream": {"schema": {"type": "string"}}}},
+            204: {"description": "The last event was received before; nothing will come"},
+        },
+    )
+    async def follow_delivery(
+        delivery_id: DeliveryId,
+        caller: Annotated[Caller, Depends(gate)],
+        last_event_id: Annotated[int | None, Header(ge=0, le=2**31 - 1)] = None,
+    ) -> Response:
+        """Server-sent events: what happened, and what happens, up to the delivery's end."""
+        caller.must_be("customer", "operator")
+        async with db.read() as connection:
+            await store.one_of(connection, caller, delivery_id)
+        after = last_event_id or 0
+        if await stream.is_over(delivery_id, after=after):
+            # What tells an EventSource not to connect again.
+            return Response(status_code=204)
+        return StreamingResponse(
+            stream.frames(delivery_id, after=after),
+            media_type="text/event-stream",
+            headers=_SSE_HEADERS,
+        )
+
+    return router
+
+
+def _proof_of(delivery: Delivery) -> DeliveryProof:
+    return DeliveryProof(
+        delivery_id=delivery.delivery_id,
+        state=delivery.state,
+        packages=tuple(
+            PackageProof(
+                package_id=package.package_id,
+                state=package.state,
+                custodian=package.custodian,
+                proof=package.proof,
+            )
+            for package in delivery.packages
+        ),
+    )
+
+
+def _for_provider(delivery: Delivery) -> ProviderDelivery:
+    return ProviderDelivery(
+        delivery_id=delivery.delivery_id,
+        state=delivery.state,
+        activity=delivery.activity,
+        pickup=delivery.request.pickup,
+        missions=delivery.missions,
+        packages=delivery.packages,
+        created_at=delivery.created_at,
+        updated_at=delivery.updated_at,
+    )

@@ -1,0 +1,156 @@
+"""What a mission report does to a delivery, and what is told of it.
+
+Reports come once each and in each mission's order (`follow` sees to that); those of several
+missions mix.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Final
+
+from skyway.contracts.delivery_event import DeliveryEventType
+from skyway.contracts.mission import Mission, MissionReport
+from skyway_gateway.deliveries import told
+from skyway_gateway.deliveries.delivery import Delivery, FlownMission, PackageStatus
+from skyway_gateway.deliveries.endings import CANCELLED_CODE, settled
+from skyway_gateway.deliveries.hand_overs import delivered, loaded, returned, stranded
+from skyway_gateway.deliveries.lateness import with_etas
+from skyway_gateway.deliveries.progress import (
+    Progress,
+    changed,
+    with_cancelled,
+    with_flags,
+    with_packages,
+)
+from skyway_gateway.deliveries.refusing import refused
+from skyway_gateway.deliveries.states import ON_BOARD_STATES
+from skyway_gateway.notifications.events import Happening
+
+
+def after_report(delivery: Delivery, report: MissionReport) -> Progress:
+    """The delivery after a report about one of its missions."""
+    known = [one for one in delivery.missions if one.mission_id == report.mission_id]
+    if not known:  # a mission of an earlier attempt: the delivery has gone on without it
+        return Progress(delivery)
+    mission = _mission_after(known[0], report)
+    delivery = changed(
+        delivery,
+        updated_at=max(delivery.updated_at, report.at),
+        missions=tuple(
+            mission if one.mission_id == mission.mission_id else one for one in delivery.missions
+        ),
+    )
+    if delivery.is_over:  # the drone's way home is no longer the customer's
+        return Progress(delivery)
+    progress = _BY_KIND[report.kind](delivery, mission, report)
+    progress = Progress(with_flags(progress.delivery), progress.happenings)
+    progress = settled(progress, at=report.at, code=report.code, detail=report.detail)
+    if progress.delivery.is_over:
+        return progress
+    delivery, late = with_etas(progress.delivery, report)
+    return Progress(delivery, progress.happenings + late)
+
+
+def _mission_after(known: FlownMission, report: MissionReport) -> FlownMission:
+    is_replanning = known.is_replanning
+    if report.kind in ("REPLANNING", "REPLANNED"):
+        is_replanning = report.kind == "REPLANNING"
+    members = dict(report.mission or known)
+    return FlownMission.model_validate(
+        {**members, "state": report.mission_state, "is_replanning": is_replanning}
+    )
+
+
+def _accepted(delivery: Delivery, mission: Mission, report: MissionReport) -> Progress:
+    if delivery.state != "PLANNED":
+        return Progress(delivery)
+    news = Happening(DeliveryEventType.DISPATCHED, report.at, told.flown_by(mission))
+    return Progress(changed(delivery, state="DISPATCHED"), (news,))
+
+
+def _loading(delivery: Delivery, _mission: Mission, _report: MissionReport) -> Progress:
+    has_begun = delivery.state in ("PLANNED", "DISPATCHED")
+    return Progress(changed(delivery, state="LOADING") if has_begun else delivery)
+
+
+def _activity(delivery: Delivery, mission: Mission, report: MissionReport) -> Progress:
+    if delivery.state != "IN_PROGRESS":
+        return Progress(delivery)
+    if report.activity == "FLYING":
+        delivery = with_packages(
+            delivery,
+            lambda _: {"state": "IN_TRANSIT"},
+            where=lambda one: one.state == "LOADED" and one.mission_id == mission.mission_id,
+        )
+    return Progress(changed(delivery, activity=report.activity or delivery.activity))
+
+
+def _as_it_is(delivery: Delivery, _mission: Mission, _report: MissionReport) -> Progress:
+    return Progress(delivery)
+
+
+def _replanned(delivery: Delivery, mission: Mission, report: MissionReport) -> Progress:
+    data = told.replanned(delivery, mission, report)
+    return Progress(delivery, (Happening(DeliveryEventType.REPLANNED, report.at, data),))
+
+
+def _returning(delivery: Delivery, _mission: Mission, report: MissionReport) -> Progress:
+    """Told by the new plan, and once it is back."""
+    return Progress(
+        with_packages(
+            delivery,
+            lambda _: {"state": "RETURNING", "code": report.code, "detail": report.detail},
+            where=lambda one: (
+                one.package_id in report.package_ids and one.state in ("LOADED", "IN_TRANSIT")
+            ),
+        )
+    )
+
+
+def _released(delivery: Delivery, _mission: Mission, report: MissionReport) -> Progress:
+    return with_cancelled(
+        delivery,
+        where=lambda one: one.package_id in report.package_ids and one.state == "CREATED",
+        code=report.code or CANCELLED_CODE,
+        detail=report.detail,
+        at=report.at,
+    )
+
+
+def _ended(delivery: Delivery, mission: Mission, report: MissionReport) -> Progress:
+    """The mission is over; what it has not handed over stays where it is."""
+
+    def is_its_own(package: PackageStatus) -> bool:
+        return package.mission_id == mission.mission_id
+
+    left = stranded(
+        delivery,
+        report,
+        where=lambda one: (
+            is_its_own(one)
+            and (one.state in ON_BOARD_STATES or one.package_id in report.stranded_package_ids)
+        ),
+    )
+    cancelled = with_cancelled(
+        left.delivery,
+        where=lambda one: is_its_own(one) and one.state == "CREATED",
+        code=report.code,
+        detail=report.detail,
+        at=report.at,
+    )
+    return Progress(cancelled.delivery, left.happenings + cancelled.happenings)
+
+
+_BY_KIND: Final[Mapping[str, Callable[[Delivery, FlownMission, MissionReport], Progress]]] = {
+    "ACCEPTED": _accepted,
+    "REFUSED": refused,
+    "LOADING": _loading,
+    "LOADED": loaded,
+    "ACTIVITY": _activity,
+    "DELIVERED": delivered,
+    "REPLANNING": _as_it_is,
+    "REPLANNED": _replanned,
+    "RETURNING": _returning,
+    "RETURNED": returned,
+    "RELEASED": _released,
+    "ENDED": _ended,
+}
