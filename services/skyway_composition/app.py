@@ -51,6 +51,7 @@ from skyway_composition.planning.routes import (
 )
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.settings import CompositionSettings
+from skyway_composition.statistics.routes import statistics_routes
 from skyway_composition.tables import outbox
 
 SERVICE: Final = "composition"
@@ -103,6 +104,7 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
                 db=db, gate=gate, networks=networks, clock=clock, published=parts.published
             ),
             pad_routes(db=db, gate=gate, clock=clock),
+            statistics_routes(db=db, gate=gate, clock=clock),
             composition_routes(gate=gate, known=known, solver=parts.inquiries),
             quote_routes(gate=gate, quotes=parts.quotes),
             mission_routes(db=db, gate=gate, bookings=parts.bookings),

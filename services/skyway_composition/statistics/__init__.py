@@ -1,1 +1,1 @@
-"""How pads and drones are used, from what missions have done."""
+"""What pads and drones were used for, from the steps that have ended."""

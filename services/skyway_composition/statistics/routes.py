@@ -1,0 +1,122 @@
+"""Statistics of pads and drones over REST: operators see all, a provider its own."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Query
+
+from skyway.contracts.statistics import Span
+from skyway.ids import ProviderId
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.database import Database
+from skyway.runtime.errors import NotFound
+from skyway.runtime.identity import Caller, ServiceGate
+from skyway.runtime.paging import page_of
+from skyway.units import moment_to_ms
+from skyway_composition.statistics import store
+from skyway_composition.statistics.store import Wanted
+from skyway_composition.statistics.use import (
+    DroneStatistics,
+    DroneUse,
+    FleetTotals,
+    PadStatistics,
+    PadTotals,
+    PadUse,
+    PadUseQuery,
+    UseQuery,
+    drone_totals,
+    pad_totals,
+)
+
+
+def statistics_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> APIRouter:
+    """GET /v1/stats/pads and /v1/stats/drones."""
+    router = APIRouter(tags=["statistics"])
+
+    @router.get("/v1/stats/pads")
+    async def pad_statistics(
+        caller: Annotated[Caller, Depends(gate)], query: Annotated[PadUseQuery, Query()]
+    ) -> PadStatistics:
+        """How much of a span pads were taken, station by station; by a provider's own drones."""
+        wanted = _wanted(caller, query, clock)
+        after = query.after(str)
+        async with db.read() as connection:
+            total = await store.pad_sums(connection, wanted, query.network_id)
+            rows = await store.pads_page(
+                connection,
+                wanted,
+                query.network_id,
+                after=None if after is None else str(after[0]),
+                limit=query.limit + 1,
+            )
+        elapsed_s = _elapsed_s(wanted.span, clock)
+        page = page_of(
+            rows,
+            query,
+            item=lambda row: PadUse(
+                station_id=row.station_id,
+                network_id=row.network_id,
+                **pad_totals(row, elapsed_s=elapsed_s),
+            ),
+            sort_key=lambda row: (row.station_id,),
+        )
+        return PadStatistics(
+            **dict(page),
+            from_at=wanted.span.from_at,
+            to_at=wanted.span.to_at,
+            provider_id=wanted.provider_id,
+            total=PadTotals(**pad_totals(total, elapsed_s=elapsed_s)),
+        )
+
+    @router.get("/v1/stats/drones")
+    async def drone_statistics(
+        caller: Annotated[Caller, Depends(gate)], query: Annotated[UseQuery, Query()]
+    ) -> DroneStatistics:
+        """What drones spent a span on; one that did not fly in it is not listed."""
+        wanted = _wanted(caller, query, clock)
+        after = query.after(str)
+        async with db.read() as connection:
+            total = await store.drone_sums(connection, wanted)
+            rows = await store.drones_page(
+                connection,
+                wanted,
+                after=None if after is None else str(after[0]),
+                limit=query.limit + 1,
+            )
+        elapsed_s = _elapsed_s(wanted.span, clock)
+        page = page_of(
+            rows,
+            query,
+            item=lambda row: DroneUse(
+                drone_id=row.drone_id,
+                provider_id=row.provider_id,
+                **drone_totals(row, drones=1, elapsed_s=elapsed_s),
+            ),
+            sort_key=lambda row: (row.drone_id,),
+        )
+        return DroneStatistics(
+            **dict(page),
+            from_at=wanted.span.from_at,
+            to_at=wanted.span.to_at,
+            provider_id=wanted.provider_id,
+            total=FleetTotals(
+                drones=total.drones,
+                **drone_totals(total, drones=total.drones, elapsed_s=elapsed_s),
+            ),
+        )
+
+    return router
+
+
+def _wanted(caller: Caller, query: UseQuery, clock: FleetClock) -> Wanted:
+    """Whose steps are shown: a provider's own, or whosever an operator asks for."""
+    caller.must_be("provider", "operator")
+    if caller.role == "operator":
+        return Wanted(query.span(clock.now()), query.provider_id)
+    if query.provider_id not in (None, caller.subject_id):
+        raise NotFound("provider", str(query.provider_id))
+    return Wanted(query.span(clock.now()), ProviderId(caller.subject_id))
+
+
+def _elapsed_s(span: Span, clock: FleetClock) -> float:
+    """How much of the span is over: what is still to come can have no use."""
+    return max(0, min(span.end_ms, moment_to_ms(clock.now())) - span.start_ms) / 1000

@@ -1,0 +1,146 @@
+"""All SQL of statistics: steps that have ended, cut to the span and added up by the database."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy import ColumnElement, FromClause, Row, Select, and_, case, distinct, func, select
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from skyway.contracts.statistics import Span
+from skyway.ids import NetworkId, ProviderId
+from skyway_composition.tables import mission_steps, missions, stations
+
+_Row = Row[*tuple[Any, ...]]  # columns of every type
+_Query = Select[*tuple[Any, ...]]
+
+
+@dataclass(frozen=True, slots=True)
+class Wanted:
+    """Whose steps in which span."""
+
+    span: Span
+    provider_id: ProviderId | None
+
+    @property
+    def is_counted(self) -> ColumnElement[bool]:
+        """Whether a step, beside its mission, is among them."""
+        steps = mission_steps.c
+        is_in_span = and_(steps.ended_ms > self.span.start_ms, steps.started_ms < self.span.end_ms)
+        if self.provider_id is None:
+            return is_in_span
+        return and_(is_in_span, missions.c.provider_id == self.provider_id)
+
+    def within(self, start_ms: ColumnElement[int], end_ms: ColumnElement[int]) -> Any:
+        """How much of a time lies in the span; an expression of milliseconds."""
+        start, end = self.span.start_ms, self.span.end_ms
+        return case((end_ms > end, end), else_=end_ms) - case(
+            (start_ms < start, start), else_=start_ms
+        )
+
+    def time_on(self, *kinds: str) -> ColumnElement[int]:
+        """How much of the span went into steps of these kinds, milliseconds."""
+        spent = self.within(mission_steps.c.started_ms, mission_steps.c.ended_ms)
+        return func.sum(case((mission_steps.c.kind.in_(kinds), spent), else_=0))
+
+
+async def pad_sums(
+    connection: AsyncConnection, wanted: Wanted, network_id: NetworkId | None
+) -> _Row:
+    """All stations together: pads, sessions, charging_ms, waiting_ms; null where nothing was."""
+    each = _stations(wanted, network_id).subquery()
+    names = ("pads", "sessions", "charging_ms", "waiting_ms")
+    statement = select(*(func.sum(each.c[name]).label(name) for name in names))
+    return (await connection.execute(statement)).one()
+
+
+async def pads_page(
+    connection: AsyncConnection,
+    wanted: Wanted,
+    network_id: NetworkId | None,
+    *,
+    after: str | None,
+    limit: int,
+) -> Sequence[_Row]:
+    """The same of each station, by station id, of those after this one."""
+    statement = _stations(wanted, network_id).order_by(stations.c.station_id).limit(limit)
+    if after is not None:
+        statement = statement.where(stations.c.station_id > after)
+    return (await connection.execute(statement)).all()
+
+
+async def drone_sums(connection: AsyncConnection, wanted: Wanted) -> _Row:
+    """All drones together: drones, missions and milliseconds; null where nothing was."""
+    each = _missions(wanted)
+    statement = select(func.count(distinct(each.c.drone_id)).label("drones"), *_sums(each))
+    return (await connection.execute(statement)).one()
+
+
+async def drones_page(
+    connection: AsyncConnection, wanted: Wanted, *, after: str | None, limit: int
+) -> Sequence[_Row]:
+    """The same of each drone that flew in the span, by drone id, of those after this one."""
+    each = _missions(wanted)
+    statement = (
+        select(each.c.drone_id, each.c.provider_id, *_sums(each))
+        .group_by(each.c.drone_id, each.c.provider_id)
+        .order_by(each.c.drone_id)
+        .limit(limit)
+    )
+    if after is not None:
+        statement = statement.where(each.c.drone_id > after)
+    return (await connection.execute(statement)).all()
+
+
+def _stations(wanted: Wanted, network_id: NetworkId | None) -> _Query:
+    is_session = mission_steps.c.kind == "RECHARGE"
+    used = (
+        select(
+            mission_steps.c.station_id,
+            func.sum(case((is_session, 1), else_=0)).label("sessions"),
+            wanted.time_on("RECHARGE").label("charging_ms"),
+            wanted.time_on("WAIT").label("waiting_ms"),
+        )
+        .join(missions, missions.c.mission_id == mission_steps.c.mission_id)
+        .where(wanted.is_counted, mission_steps.c.kind.in_(("RECHARGE", "WAIT")))
+        .group_by(mission_steps.c.station_id)
+        .subquery()
+    )
+    statement = select(
+        stations.c.station_id,
+        stations.c.network_id,
+        stations.c.pads,
+        used.c.sessions,
+        used.c.charging_ms,
+        used.c.waiting_ms,
+    ).outerjoin_from(stations, used, used.c.station_id == stations.c.station_id)
+    return statement if network_id is None else statement.where(stations.c.network_id == network_id)
+
+
+def _missions(wanted: Wanted) -> FromClause:
+    """Each mission's drone, and what it spent the span on."""
+    first, last = func.min(mission_steps.c.started_ms), func.max(mission_steps.c.ended_ms)
+    return (
+        select(
+            missions.c.mission_id,
+            missions.c.drone_id,
+            missions.c.provider_id,
+            wanted.within(first, last).label("busy_ms"),
+            wanted.time_on("FLY").label("flying_ms"),
+            wanted.time_on("RECHARGE").label("recharging_ms"),
+            wanted.time_on("PICK_UP").label("loading_ms"),
+            wanted.time_on("DELIVER", "RETURN").label("delivering_ms"),
+        )
+        .join(missions, missions.c.mission_id == mission_steps.c.mission_id)
+        .where(wanted.is_counted)
+        .group_by(missions.c.mission_id, missions.c.drone_id, missions.c.provider_id)
+        .subquery()
+    )
+
+
+def _sums(each: FromClause) -> list[ColumnElement[Any]]:  # numbers of either kind
+    names = ("busy_ms", "flying_ms", "recharging_ms", "loading_ms", "delivering_ms")
+    return [
+        func.count().label("missions"),
+        *(func.sum(each.c[name]).label(name) for name in names),
+    ]
