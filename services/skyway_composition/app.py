@@ -27,6 +27,10 @@ from skyway.runtime.minting import Mint, mint
 from skyway.runtime.mqtt import MqttClient
 from skyway.runtime.outbox import MqttSender, ReportSender
 from skyway_composition.alarms.routes import alarm_routes
+from skyway_composition.closures.closing import Closings
+from skyway_composition.closures.routes import closure_routes
+from skyway_composition.missions.affected.impact import MissionImpact
+from skyway_composition.missions.affected.stops_watch import StopsWatch
 from skyway_composition.missions.book import Bookings
 from skyway_composition.missions.follow import Follower
 from skyway_composition.missions.hands.cancel import Cancellations
@@ -89,6 +93,18 @@ class Parts:
         """Answers what could be offered."""
         return Quotes(self.db, self.networks, self.inquiries, self.clock, self.bookings.busy_among)
 
+    @property
+    def closings(self) -> Closings:
+        """Makes and lifts closures."""
+        return Closings(
+            self.db,
+            self.networks,
+            MissionImpact(self.clock, self.mint, self.stuck),
+            self.clock,
+            self.mint,
+            self.pads_changed,
+        )
+
 
 def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> FastAPI:
     """All rooms' routes on these parts, which the lifespan opens."""
@@ -114,6 +130,7 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
                 commands=Commands(*hands),
                 cancellations=Cancellations(*hands),
             ),
+            closure_routes(gate=gate, closings=parts.closings),
             alarm_routes(db=db, gate=gate, clock=clock),
         ],
         lifespan=lifespan,
@@ -143,6 +160,7 @@ class Work:
             db, parts.networks, parts.solver, clock, mint, replica, parts.pads_changed
         )
         self._loading_watch = LoadingWatch(db, parts.networks, clock, mint, parts.pads_changed)
+        self._stops_watch = StopsWatch(db, parts.closings, clock, mint, parts.stuck)
         self._station_states = StationStates(db, mqtt, clock, mint)
         self._network_versions = NetworkVersions(db, mqtt, clock, mint)
 
@@ -163,6 +181,7 @@ class Work:
             ("recompose", self._recomposer.step, self._parts.stuck),
             ("overdue", self._overdue.step, Wake()),
             ("loading", self._loading_watch.step, Wake()),
+            ("ground stops", self._stops_watch.step, Wake()),
             ("station states", self._station_states.step, self._parts.pads_changed),
             ("network versions", self._network_versions.step, self._parts.published),
         ):
