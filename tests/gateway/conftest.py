@@ -40,21 +40,22 @@ SECRETS = (
 )
 
 
-def _load_peers() -> ModuleType:
-    """The module beside this one: tests are not importable by name."""
+def _load(name: str) -> ModuleType:
+    """A module beside this one: tests are not importable by name."""
     spec = importlib.util.spec_from_file_location(
-        "gateway_peers", Path(__file__).with_name("peers.py")
+        f"gateway_{name}", Path(__file__).with_name(f"{name}.py")
     )
     assert spec is not None
     assert spec.loader is not None
     module = importlib.util.module_from_spec(spec)
-    # Dataclasses look their own module up.
+    # Dataclasses look their own module up, and the second imports the first.
     sys.modules[spec.name] = module
     spec.loader.exec_module(module)
     return module
 
 
-peers: Any = _load_peers()
+_load("fake_composition")
+peers: Any = _load("peers")
 
 
 @dataclass

@@ -96,7 +96,7 @@ class Booker:
             await self._plan(delivery, booking.missions)
         elif booking.outcome == "CLOSED":  # an earlier round decided to give it up, and died
             await self._give_up(delivery, delivery.reasons, detail="no provider can fly it")
-        elif never := why_never(delivery, booking, candidates):
+        elif never := why_never(delivery.offer, booking, candidates):
             await self._give_up(delivery, never.reasons, detail=never.detail)
         else:
             await self._try_later(delivery, reasons=reasons)

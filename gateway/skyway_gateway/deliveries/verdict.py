@@ -25,7 +25,7 @@ def most_refused(delivery: Delivery) -> bool:
     return len({refusal.attempt for refusal in delivery.refusals}) >= MOST_REFUSALS
 
 
-def why_never(delivery: Delivery, booking: Booking, candidates: Candidates) -> Never | None:
+def why_never(offer: OfferLimits | None, booking: Booking, candidates: Candidates) -> Never | None:
     """Why no later round can find a drone; None while one may.
 
     Without candidates composition knows nothing, and only the registry's reasons count. Nobody
@@ -33,8 +33,8 @@ def why_never(delivery: Delivery, booking: Booking, candidates: Candidates) -> N
     wait: what it promised is there at once, or lost.
     """
     reasons = (*booking.reasons, *candidates.infeasible)
-    if delivery.offer is not None:
-        return _lost(delivery.offer, reasons)
+    if offer is not None:
+        return _lost(offer, reasons)
     is_busy = booking.outcome == "BUSY" and bool(candidates.candidates)
     if is_busy or not reasons or any(reason.is_temporary for reason in reasons):
         return None

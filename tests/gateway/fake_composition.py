@@ -1,0 +1,234 @@
+"""Composition as a test says it is: it books like the real one, and flies nothing."""
+
+from dataclasses import dataclass, field
+from datetime import datetime, timedelta
+
+from skyway.contracts.candidate import (
+    Candidate,
+    ProviderReason,
+)
+from skyway.contracts.mission import (
+    Booking,
+    BookMissions,
+    Cancellation,
+    CancelMissions,
+    ClosedDelivery,
+    Margins,
+    Mission,
+    PackageEta,
+)
+from skyway.contracts.quote import OfferTerms, QuoteAnswer, QuoteQuery
+from skyway.contracts.station_check import StationCheck, StationCheckQuery
+from skyway.contracts.track import Track
+from skyway.delivery.offer import Price
+from skyway.delivery.plan import PackageDelivery, Plan, PlanStatus
+from skyway.delivery.request import DeliveryRequest
+from skyway.drone.models import PAPER_SCENARIO
+from skyway.geo import Position
+from skyway.runtime.clock import ManualClock
+from skyway.runtime.errors import ServiceUnavailable
+
+#: Stations of the fake network; "island" is known, but no path leads there.
+STATIONS = ("san-marcos", "mcqueeney", "bulverde", "san-antonio", "island")
+
+
+def make_mission(
+    request: DeliveryRequest,
+    *,
+    delivery_id: str,
+    attempt: int,
+    drone_id: str,
+    start_at: datetime,
+    provider_id: str = "prv_1",
+    trip: int = 1,
+) -> Mission:
+    """One package every ten minutes, from the start on."""
+    deliveries = [
+        (package.package_id, package.destination.station_id, 600.0 * number)
+        for number, package in enumerate(request.packages, start=1)
+    ]
+    last_s = deliveries[-1][2]
+    return Mission(
+        mission_id=f"msn_{delivery_id[4:]}_{attempt}" + (f"_{trip}" if trip > 1 else ""),
+        delivery_id=delivery_id,
+        attempt=attempt,
+        trip=trip,
+        provider_id=provider_id,
+        drone_id=drone_id,
+        drone_model_id=PAPER_SCENARIO.model_id,
+        state="BOOKED",
+        revision=1,
+        start_at=start_at,
+        released_at=start_at + timedelta(seconds=2 * last_s),
+        price=Price(amount=1234, currency="USD"),
+        packages=tuple(
+            PackageEta(package_id=package_id, eta_at=start_at + timedelta(seconds=at_s))
+            for package_id, _, at_s in deliveries
+        ),
+        plan=Plan(
+            status=PlanStatus.OPTIMAL,
+            delivery_time_s=last_s,
+            energy_j=1e6,
+            flight_s=last_s,
+            waiting_s=0.0,
+            recharging_s=0.0,
+            deliveries=tuple(
+                PackageDelivery(package_id=package_id, station_id=station_id, delivered_s=at_s)
+                for package_id, station_id, at_s in deliveries
+            ),
+        ),
+    )
+
+
+def make_terms(request: DeliveryRequest, candidate: Candidate, at: datetime) -> OfferTerms:
+    """One package every ten minutes, from a minute after now on."""
+    pickup_at = at + timedelta(seconds=60)
+    return OfferTerms(
+        provider_id=candidate.provider_id,
+        drone_id=candidate.drone_id,
+        drone_model_id=candidate.model.model_id,
+        price=Price(amount=candidate.tariff.base, currency="USD"),
+        pickup_at=pickup_at,
+        delivery_time_s=600.0 * len(request.packages),
+        packages=tuple(
+            PackageEta(
+                package_id=package.package_id, eta_at=pickup_at + timedelta(seconds=600 * number)
+            )
+            for number, package in enumerate(request.packages, start=1)
+        ),
+        energy_j=1e6,
+        distance_m=1e4,
+        recharges=1,
+        recharging_s=120.0,
+        waiting_s=60.0,
+        margins=Margins(energy_margin=0.15, pad_gap_s=120.0),
+        score=1.0,
+    )
+
+
+@dataclass
+class FakeComposition:
+    """Books like the real one: once per (delivery, attempt), and nothing after the tombstone."""
+
+    clock: ManualClock
+    is_away: bool = False
+    is_busy: bool = False
+    reasons: list[ProviderReason] = field(default_factory=list)
+    #: How many packages one trip takes; each trip takes another candidate, as far as they go.
+    packages_per_trip: int = 100
+    #: The first trip of each booking, and those after it.
+    booked: dict[tuple[str, int], Mission] = field(default_factory=dict)
+    further: dict[tuple[str, int], tuple[Mission, ...]] = field(default_factory=dict)
+    closed: set[str] = field(default_factory=set)
+    quote_queries: list[QuoteQuery] = field(default_factory=list)
+    #: What each booking asked for, the same one again too.
+    asked: list[BookMissions] = field(default_factory=list)
+    #: Packages that are on board, and those that are with their recipients.
+    loaded: set[str] = field(default_factory=set)
+    delivered: set[str] = field(default_factory=set)
+    cancellations: list[CancelMissions] = field(default_factory=list)
+    tracks: dict[str, Track] = field(default_factory=dict)
+    #: How often something was booked anew, which must be once per attempt.
+    booking_count: int = 0
+
+    def trips_of(self, delivery_id: str, attempt: int) -> tuple[Mission, ...]:
+        """The missions of one booking."""
+        key = delivery_id, attempt
+        return (self.booked[key], *self.further.get(key, ()))
+
+    async def check_stations(self, query: StationCheckQuery) -> StationCheck:
+        self._answer()
+        known = [one for one in query.station_ids if one in STATIONS]
+        return StationCheck(
+            network_ids=dict.fromkeys(known, "corridor"),
+            positions={one: Position(-98.0, 29.0 + STATIONS.index(one)) for one in known},
+            unknown=tuple(one for one in query.station_ids if one not in STATIONS),
+            unreachable=tuple(one for one in known if one == "island"),
+        )
+
+    async def quote(self, query: QuoteQuery) -> QuoteAnswer:
+        self._answer()
+        self.quote_queries.append(query)
+        return QuoteAnswer(
+            offers=tuple(
+                make_terms(query.request, one, self.clock.now()) for one in query.candidates
+            ),
+            infeasible=tuple(self.reasons),
+        )
+
+    async def book(self, delivery_id: str, wanted: BookMissions) -> Booking:
+        self._answer()
+        self.asked.append(wanted)
+        if (delivery_id, wanted.attempt) in self.booked:
+            missions = self.trips_of(delivery_id, wanted.attempt)
+            return Booking(outcome="BOOKED", missions=missions)
+        if delivery_id in self.closed:
+            return Booking(outcome="CLOSED")
+        if self.is_busy or not wanted.candidates:
+            return Booking(outcome="BUSY", reasons=tuple(self.reasons))
+        if self.reasons:
+            return Booking(outcome="INFEASIBLE", reasons=tuple(self.reasons))
+        first, *further = self._trips(delivery_id, wanted)
+        self.booking_count += 1
+        self.booked[delivery_id, wanted.attempt] = first
+        self.further[delivery_id, wanted.attempt] = tuple(further)
+        return Booking(outcome="BOOKED", missions=(first, *further))
+
+    def _trips(self, delivery_id: str, wanted: BookMissions) -> list[Mission]:
+        packages, size = wanted.request.packages, self.packages_per_trip
+        groups = [packages[start : start + size] for start in range(0, len(packages), size)]
+        return [
+            make_mission(
+                wanted.request.model_copy(update={"packages": group}),
+                delivery_id=delivery_id,
+                attempt=wanted.attempt,
+                drone_id=candidate.drone_id,
+                start_at=self.clock.now() + timedelta(seconds=60),
+                provider_id=candidate.provider_id,
+                trip=trip,
+            )
+            for trip, (group, candidate) in enumerate(
+                zip(groups, wanted.candidates, strict=False), start=1
+            )
+        ]
+
+    async def close(self, delivery_id: str) -> ClosedDelivery:
+        self._answer()
+        live = tuple(one for one in self._all(delivery_id) if one.state == "BOOKED")
+        if live and delivery_id not in self.closed:
+            return ClosedDelivery(is_closed=False, missions=live)
+        self.closed.add(delivery_id)
+        return ClosedDelivery(is_closed=True)
+
+    async def cancel(self, delivery_id: str, wanted: CancelMissions) -> Cancellation:
+        """What is on board comes back; a mission of which nothing is left is over."""
+        self._answer()
+        self.cancellations.append(wanted)
+        known = {eta.package_id for one in self._all(delivery_id) for eta in one.packages}
+        asked = known if wanted.package_ids is None else known & set(wanted.package_ids)
+        released = asked - self.loaded - self.delivered
+        for (booked_id, attempt), mission in self.booked.items():
+            if booked_id == delivery_id and {p.package_id for p in mission.packages} <= released:
+                over = mission.model_copy(update={"state": "CANCELLED"})
+                self.booked[booked_id, attempt] = over
+        return Cancellation(
+            released=tuple(sorted(released)),
+            returning=tuple(sorted(asked & self.loaded)),
+            too_late=tuple(sorted(asked & self.delivered)),
+        )
+
+    async def track(self, delivery_id: str) -> Track:
+        self._answer()
+        return self.tracks.get(delivery_id, Track(missions=()))
+
+    def _all(self, delivery_id: str) -> list[Mission]:
+        return [
+            mission
+            for booked_id, attempt in self.booked
+            if booked_id == delivery_id
+            for mission in self.trips_of(booked_id, attempt)
+        ]
+
+    def _answer(self) -> None:
+        if self.is_away:
+            raise ServiceUnavailable("composition", "it is away in this test")
