@@ -27,6 +27,7 @@ from skyway.runtime.loops import Loops, repeat
 from skyway.runtime.migrations import migrate
 from skyway.runtime.minting import Mint, mint
 from skyway.runtime.mqtt import MqttClient
+from skyway_provider_registry.candidates.fleet_view import FleetView
 from skyway_provider_registry.candidates.routes import candidate_routes
 from skyway_provider_registry.enrolment.password_file import PasswordFile
 from skyway_provider_registry.enrolment.routes import enrolment_routes
@@ -86,7 +87,7 @@ def registry_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> F
             ),
             enrolment_routes(db=db, gate=gate, password_file=password_file),
             presence_routes(db=db, gate=gate, clock=clock),
-            candidate_routes(db=db, gate=gate, clock=clock),
+            candidate_routes(view=FleetView(db), gate=gate, clock=clock),
         ],
         lifespan=lifespan,
         readiness=readiness,

@@ -9,6 +9,7 @@ from sqlalchemy import (
     ForeignKey,
     Index,
     MetaData,
+    SmallInteger,
     Table,
     Text,
     UniqueConstraint,
@@ -85,6 +86,9 @@ presence = Table(
     Column("sample_soc", Double),
     Column("last_seen_ms", BigInteger),
     Column("last_seen_wall_ms", BigInteger),
+    # The number of the last change that selection must know of.
+    Column("changed", BigInteger, nullable=False, server_default="0"),
+    Index("presence_by_change", "changed"),
 )
 
 #: What composition told of missions: a hint, composition's own index decides who is busy.
@@ -108,6 +112,16 @@ broker_accounts = Table(
     Column("kind", Text, nullable=False),
     Column("password_hash", Text, nullable=False),
     CheckConstraint("kind IN ('DRONE', 'CUSTOMER')", name="broker_account_kind"),
+)
+
+#: One row: the last number of a change, and the last ones of two kinds.
+changes = Table(
+    "changes",
+    metadata,
+    Column("only", SmallInteger, primary_key=True, autoincrement=False),
+    Column("latest", BigInteger, nullable=False),
+    Column("providers", BigInteger, nullable=False),
+    Column("removals", BigInteger, nullable=False),
 )
 
 idempotency = idempotency_table(metadata)

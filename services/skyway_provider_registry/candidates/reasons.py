@@ -1,6 +1,6 @@
 """Why a provider has no candidate: of all that stands in its drones' way, the most telling."""
 
-from collections.abc import Sequence
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Final
 
@@ -14,10 +14,6 @@ from skyway.delivery.offer import Tariff
 from skyway.drone.model import DroneModel
 from skyway.geo import Position
 from skyway.ids import DroneId, ProviderId, StationId
-from skyway_provider_registry.fleets.states import DroneStateName
-
-#: Grams lost in adding up masses must not make a package too heavy, relative to the limit.
-_MASS_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,13 +28,16 @@ class KnownProvider:
 
 @dataclass(frozen=True, slots=True)
 class KnownDrone:
-    """What selection looks at of a drone; without `station_id` it is not standing at one."""
+    """What selection looks at of a drone; without `station_id` it is not standing at one.
+
+    It counts as online until `online_until_ms` of wall time, unless it is heard of again.
+    """
 
     drone_id: DroneId
     provider_id: ProviderId
     model: DroneModel
     home_station_id: StationId
-    state: DroneStateName
+    online_until_ms: int
     station_id: StationId | None
     position: Position
     soc: float
@@ -63,19 +62,9 @@ _OBSTACLES: Final = (
 )
 
 
-def obstacle_of(query: CandidateQuery, drone: KnownDrone) -> ProviderReasonCode | None:
-    """What keeps this drone from being a candidate; None when nothing does."""
-    if query.payload_kg > drone.model.max_payload_kg * (1 + _MASS_TOLERANCE):
-        return "OVERWEIGHT"
-    if drone.drone_id in query.excluded_drone_ids:
-        return "REFUSED"
-    if drone.state in ("REGISTERED", "OFFLINE", "MAINTENANCE"):
-        return "OFFLINE"
-    if drone.is_busy or drone.station_id is None:
-        return "BUSY"
-    if drone.soc < drone.model.reserve_soc:
-        return "LOW_CHARGE"
-    return None
+def heaviest_kg(query: CandidateQuery) -> float:
+    """What a drone must lift at least when the request may be split; all of it when it may not."""
+    return query.heaviest_kg or query.payload_kg
 
 
 def exclusion_of(query: CandidateQuery, provider: KnownProvider) -> ProviderReason | None:
@@ -92,17 +81,20 @@ def exclusion_of(query: CandidateQuery, provider: KnownProvider) -> ProviderReas
 
 
 def reason_of(
-    query: CandidateQuery, provider_id: ProviderId, *, fleet: Sequence[KnownDrone]
+    query: CandidateQuery,
+    provider_id: ProviderId,
+    *,
+    found: Collection[ProviderReasonCode],
+    strongest: DroneModel | None,
 ) -> ProviderReason:
-    """Why an admitted provider has no candidate in its fleet."""
-    if not fleet:
+    """Why an admitted provider has no candidate: what was `found` in the way of its drones."""
+    if strongest is None:
         return ProviderReason(
             provider_id=provider_id,
             code="NO_DRONES",
             detail="the provider has no drones",
             is_temporary=False,
         )
-    found = {obstacle_of(query, drone) for drone in fleet}
     for obstacle in _OBSTACLES:
         if obstacle.code in found:
             return ProviderReason(
@@ -111,16 +103,16 @@ def reason_of(
                 detail=obstacle.detail,
                 is_temporary=obstacle.is_temporary,
             )
-    strongest = max((drone.model for drone in fleet), key=lambda model: model.max_payload_kg)
+    mass_kg = heaviest_kg(query)
     return ProviderReason(
         provider_id=provider_id,
         code="OVERWEIGHT",
         detail=(
-            f"payload {query.payload_kg:g} kg exceeds the {strongest.max_payload_kg:g} kg limit "
+            f"payload {mass_kg:g} kg exceeds the {strongest.max_payload_kg:g} kg limit "
             f"of drone model {strongest.model_id}"
         ),
         is_temporary=False,
-        data={"mass_kg": query.payload_kg, "limit_kg": strongest.max_payload_kg},
+        data={"mass_kg": mass_kg, "limit_kg": strongest.max_payload_kg},
     )
 
 

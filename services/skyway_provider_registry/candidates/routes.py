@@ -1,9 +1,8 @@
 """The gateway asks who could fly a request."""
 
-from datetime import datetime
 from typing import Annotated
 
-from fastapi import APIRouter, Depends
+from fastapi import APIRouter, Depends, Response
 
 from skyway.contracts.candidate import (
     CandidateQuery,
@@ -12,38 +11,29 @@ from skyway.contracts.candidate import (
     PayloadLimitQuery,
 )
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database
 from skyway.runtime.http_app import internal_body
 from skyway.runtime.identity import Caller, ServiceGate
+from skyway.units import moment_to_ms
+from skyway_provider_registry.candidates.fleet_view import FleetView
 from skyway_provider_registry.candidates.payload_limit import payload_limit
-from skyway_provider_registry.candidates.reasons import KnownDrone, KnownProvider
 from skyway_provider_registry.candidates.select import select
-from skyway_provider_registry.fleets import store as fleets
-from skyway_provider_registry.fleets.fleet_drone import FleetDrone
-from skyway_provider_registry.providers import store as providers
-from skyway_provider_registry.providers.provider import Provider
 
 
-def candidate_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> APIRouter:
+def candidate_routes(*, view: FleetView, gate: ServiceGate, clock: FleetClock) -> APIRouter:
     """POST /internal/candidates and /internal/payload-limit."""
     router = APIRouter(tags=["internal"])
 
-    @router.post("/internal/candidates")
+    @router.post("/internal/candidates", response_model=Candidates)
     async def find_candidates(
         caller: Annotated[Caller, Depends(gate)],
         query: Annotated[CandidateQuery, Depends(internal_body(CandidateQuery))],
-    ) -> Candidates:
+    ) -> Response:
         """The drones that could fly a request now, and why the other providers have none."""
         caller.must_be("service")
-        async with db.read() as connection:
-            every_provider = await providers.every(connection)
-            every_drone = await fleets.every(connection)
-        wall_now = clock.wall_now()
-        return select(
-            query,
-            providers=[_known_provider(provider) for provider in every_provider],
-            drones=[_known_drone(drone, wall_now) for drone in every_drone],
-        )
+        fleet = await view.look()
+        found = select(query, fleet, wall_now_ms=moment_to_ms(clock.wall_now()))
+        # Written here: it is valid already, and FastAPI would check each of its models again.
+        return Response(found.model_dump_json(), media_type="application/json")
 
     @router.post("/internal/payload-limit")
     async def find_payload_limit(
@@ -52,42 +42,6 @@ def candidate_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> A
     ) -> PayloadLimit:
         """The heaviest payload that any admitted provider's drones can lift, busy or not."""
         caller.must_be("service")
-        choice = query.providers
-        named = (*filter(None, [choice.pinned]), *(choice.allowed or ()), *(choice.denied or ()))
-        async with db.read() as connection:
-            every_provider = await providers.every(connection)
-            models = await fleets.models_by_provider(connection)
-            unknown = await providers.unknown_of(connection, named)
-        admitted = {
-            provider.provider_id
-            for provider in every_provider
-            if provider.state == "ACTIVE" and choice.admits(provider.provider_id)
-        }
-        able = [model for provider_id, model in models if provider_id in admitted]
-        return payload_limit(able, unknown_provider_ids=unknown)
+        return payload_limit(await view.look(), query.providers)
 
     return router
-
-
-def _known_provider(provider: Provider) -> KnownProvider:
-    return KnownProvider(
-        provider_id=provider.provider_id,
-        tariff=provider.tariff,
-        is_active=provider.state == "ACTIVE",
-        loading=provider.loading,
-    )
-
-
-def _known_drone(drone: FleetDrone, wall_now: datetime) -> KnownDrone:
-    told = drone.presence.state
-    return KnownDrone(
-        drone_id=drone.drone_id,
-        provider_id=drone.provider_id,
-        model=drone.model,
-        home_station_id=drone.home_station_id,
-        state=drone.state(wall_now),
-        station_id=told.station_id if told else None,
-        position=told.position if told else drone.home_position,
-        soc=told.soc if told else drone.initial_soc,
-        is_busy=drone.presence.mission_id is not None,
-    )

@@ -1,7 +1,10 @@
 """Who could fly a request: the nearest able drones, fairly over the providers."""
 
-from collections.abc import Iterable, Sequence
-from itertools import chain, zip_longest
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
 
 from skyway.contracts.candidate import (
     MAX_CANDIDATES,
@@ -10,72 +13,157 @@ from skyway.contracts.candidate import (
     CandidateQuery,
     Candidates,
     ProviderReason,
+    ProviderReasonCode,
 )
-from skyway.geo import distance_m
+from skyway.geo import unit_vector
 from skyway.ids import ProviderId
+from skyway_provider_registry.candidates.fleet_columns import Fleet, FleetColumns, Rows
 from skyway_provider_registry.candidates.reasons import (
     KnownDrone,
     KnownProvider,
     exclusion_of,
+    heaviest_kg,
     not_compared,
-    obstacle_of,
     reason_of,
 )
 
+#: Grams lost in adding up masses must not make a package too heavy, relative to the limit.
+_MASS_TOLERANCE: Final = 1e-9
 
-def select(
-    query: CandidateQuery, *, providers: Iterable[KnownProvider], drones: Iterable[KnownDrone]
-) -> Candidates:
+#: What keeps a drone from being a candidate, the first that holds; 0 stands for nothing.
+_OBSTACLES: Final[tuple[ProviderReasonCode, ...]] = (
+    "OVERWEIGHT",
+    "REFUSED",
+    "OFFLINE",
+    "BUSY",
+    "LOW_CHARGE",
+)
+
+Flags = npt.NDArray[np.bool_]
+
+
+def select(query: CandidateQuery, fleet: Fleet, *, wall_now_ms: int) -> Candidates:
     """The drones to compare, nearest first, and a reason for each provider that has none."""
-    known = {provider.provider_id: provider for provider in providers}
-    fleets: dict[ProviderId, list[KnownDrone]] = {provider_id: [] for provider_id in known}
-    for drone in drones:
-        fleets[drone.provider_id].append(drone)
-    reasons: list[ProviderReason] = []
-    able: list[list[KnownDrone]] = []
-    for provider in known.values():
-        fleet = fleets[provider.provider_id]
-        if (excluded := exclusion_of(query, provider)) is not None:
-            reasons.append(excluded)
-        elif best := _best(query, fleet):
-            able.append(best)
+    columns = fleet.columns
+    reasons = {
+        provider.provider_id: excluded
+        for provider in fleet.providers.values()
+        if (excluded := exclusion_of(query, provider)) is not None
+    }
+    admitted = np.zeros(len(columns.providers), np.bool_)
+    for provider_id, index in columns.providers.items():
+        admitted[index] = provider_id in fleet.providers and provider_id not in reasons
+    lifting = _lifting(query, columns)
+    obstacles = _obstacles(query, columns, lifting.drones, wall_now_ms=wall_now_ms)
+    able = np.flatnonzero((obstacles == 0) & admitted[columns.column("provider")])
+    chosen = _in_turn(_Ranked.of(query, columns, able, lifting.split), len(columns.providers))
+    candidates = [columns.drones[row] for row in chosen.tolist()]
+    compared = {drone.provider_id for drone in candidates}
+    with_able = set(columns.column("provider")[able].tolist())
+    found = _found_by_provider(columns, obstacles)
+    for provider_id in fleet.providers.keys() - reasons.keys() - compared:
+        if columns.providers.get(provider_id) in with_able:
+            reasons[provider_id] = not_compared(provider_id)
         else:
-            reasons.append(reason_of(query, provider.provider_id, fleet=fleet))
-    chosen = _in_turn(query, able)
-    compared = {drone.provider_id for drone in chosen}
-    left_out = {fleet[0].provider_id for fleet in able} - compared
-    reasons.extend(not_compared(provider_id) for provider_id in left_out)
+            reasons[provider_id] = _reason(query, columns, found, provider_id)
     return Candidates(
-        candidates=tuple(_candidate(drone, known[drone.provider_id]) for drone in chosen),
-        infeasible=tuple(sorted(reasons, key=lambda reason: reason.provider_id)),
+        candidates=tuple(_candidate(one, fleet.providers[one.provider_id]) for one in candidates),
+        infeasible=tuple(sorted(reasons.values(), key=lambda reason: reason.provider_id or "")),
     )
 
 
-def _best(query: CandidateQuery, fleet: Sequence[KnownDrone]) -> list[KnownDrone]:
-    """The able drones of one provider, the best first, no more than it may send."""
-    able = (drone for drone in fleet if obstacle_of(query, drone) is None)
-    return sorted(able, key=lambda drone: _rank(query, drone))[:MAX_CANDIDATES_PER_PROVIDER]
+@dataclass(frozen=True, slots=True)
+class _Lifting:
+    """Which drones are strong enough, and which providers would split the request."""
+
+    drones: Flags
+    split: Flags
 
 
-def _in_turn(query: CandidateQuery, fleets: Sequence[Sequence[KnownDrone]]) -> list[KnownDrone]:
+def _lifting(query: CandidateQuery, columns: FleetColumns) -> _Lifting:
+    """A provider of whose drones none lifts everything is asked for its strong enough ones."""
+    provider = columns.column("provider")
+    limit_kg = columns.column("payload_kg") * (1 + _MASS_TOLERANCE)
+    lifts_all = limit_kg >= query.payload_kg
+    split = np.ones(len(columns.providers), np.bool_)
+    split[provider[lifts_all]] = False
+    return _Lifting(lifts_all | (split[provider] & (limit_kg >= heaviest_kg(query))), split)
+
+
+def _obstacles(
+    query: CandidateQuery, columns: FleetColumns, lifts: Flags, *, wall_now_ms: int
+) -> npt.NDArray[np.intp]:
+    """By row, 0 or the place in `_OBSTACLES`, counted from 1, of what stands in the way."""
+    has_refused = np.zeros(len(lifts), np.bool_)
+    has_refused[columns.rows_of(query.excluded_drone_ids)] = True
+    in_the_way = [
+        ~lifts,
+        has_refused,
+        columns.column("online_until_ms") < wall_now_ms,
+        columns.column("is_busy"),
+        columns.column("is_low"),
+    ]
+    return np.select(in_the_way, list(range(1, len(in_the_way) + 1)), 0)
+
+
+def _found_by_provider(columns: FleetColumns, obstacles: npt.NDArray[np.intp]) -> Flags:
+    """``(providers, 1 + obstacles)``: what stands in the way of any drone of each provider."""
+    found = np.zeros((len(columns.providers), 1 + len(_OBSTACLES)), np.bool_)
+    found[columns.column("provider"), obstacles] = True
+    return found
+
+
+def _reason(
+    query: CandidateQuery, columns: FleetColumns, found: Flags, provider_id: ProviderId
+) -> ProviderReason:
+    index = columns.providers.get(provider_id)
+    seen = () if index is None else found[index, 1:].tolist()
+    codes = [code for code, is_found in zip(_OBSTACLES, seen, strict=False) if is_found]
+    return reason_of(query, provider_id, found=codes, strongest=columns.strongest.get(provider_id))
+
+
+@dataclass(frozen=True, slots=True)
+class _Ranked:
+    """Able drones, those at the pickup first, then the nearest, then the fullest; equals by id."""
+
+    rows: Rows
+    provider: npt.NDArray[np.int32]
+    #: Of providers that would split: the strongest first.
+    weakness_kg: npt.NDArray[np.float64]
+
+    @classmethod
+    def of(
+        cls, query: CandidateQuery, columns: FleetColumns, able: Rows, split: Flags
+    ) -> "_Ranked":
+        is_away = columns.column("station")[able] != columns.station(query.pickup_station_id)
+        # The chord grows with the distance, and costs three products.
+        x, y, z = unit_vector(query.pickup_position)
+        chord = (
+            (columns.column("x")[able] - x) ** 2
+            + (columns.column("y")[able] - y) ** 2
+            + (columns.column("z")[able] - z) ** 2
+        )
+        emptiness = -columns.column("soc")[able]
+        rows = able[np.lexsort((columns.order[able], emptiness, chord, is_away))]
+        provider = columns.column("provider")[rows]
+        weakness_kg = np.where(split[provider], -columns.column("payload_kg")[rows], 0.0)
+        return cls(rows, provider, weakness_kg)
+
+
+def _in_turn(ranked: _Ranked, providers: int) -> Rows:
     """The candidates of all, nearest first: everybody's best comes in before anybody's second."""
-    rounds = zip_longest(*fleets)
-    ordered = (
-        sorted((drone for drone in turn if drone is not None), key=lambda d: _rank(query, d))
-        for turn in rounds
-    )
-    chosen = list(chain.from_iterable(ordered))[:MAX_CANDIDATES]
-    return sorted(chosen, key=lambda drone: _rank(query, drone))
-
-
-def _rank(query: CandidateQuery, drone: KnownDrone) -> tuple[bool, float, float, str]:
-    """Sorts at the pickup first, then the nearest, then the fullest; equals by id."""
-    return (
-        drone.station_id != query.pickup_station_id,
-        distance_m(drone.position, query.pickup_position),
-        -drone.soc,
-        drone.drone_id,
-    )
+    if not len(ranked.rows):
+        return ranked.rows
+    # Stable: within a provider the rank stays, unless its strongest go first.
+    by_provider = np.lexsort((ranked.weakness_kg, ranked.provider))
+    provider = ranked.provider[by_provider]
+    first = np.searchsorted(provider, np.arange(providers))
+    turn = np.empty(len(provider), np.intp)
+    turn[by_provider] = np.arange(len(provider)) - first[provider]
+    chosen = np.argsort(turn, kind="stable")
+    chosen = chosen[turn[chosen] < MAX_CANDIDATES_PER_PROVIDER][:MAX_CANDIDATES]
+    rows: Rows = ranked.rows[np.sort(chosen)]
+    return rows
 
 
 def _candidate(drone: KnownDrone, provider: KnownProvider) -> Candidate:

@@ -14,9 +14,10 @@ from skyway.runtime.errors import Conflict, NotFound, Taken
 from skyway.runtime.identity import Caller
 from skyway.runtime.paging import PageQuery
 from skyway.units import moment_to_ms, ms_to_moment
+from skyway_provider_registry.changes.store import mark_removal
 from skyway_provider_registry.fleets.drone_models import store as drone_models
 from skyway_provider_registry.fleets.fleet_drone import FleetDrone
-from skyway_provider_registry.presence.store import KNOWN, AnyRow, presence_of
+from skyway_provider_registry.presence.store import KNOWN, AnyRow, presence_of, touch
 from skyway_provider_registry.providers.store import owned
 from skyway_provider_registry.tables import drones
 
@@ -89,23 +90,6 @@ async def page_of_caller(
     return [_drone(row, models) for row in await connection.execute(statement)]
 
 
-async def every(connection: AsyncConnection) -> Sequence[FleetDrone]:
-    """All drones of all providers: for choosing among them, not to be shown."""
-    models = await drone_models.every(connection)
-    return [_drone(row, models) for row in await connection.execute(_fleet)]
-
-
-async def models_by_provider(
-    connection: AsyncConnection,
-) -> Sequence[tuple[ProviderId, DroneModel]]:
-    """Each model of which a provider has drones."""
-    models = await drone_models.every(connection)
-    statement = select(drones.c.provider_id, drones.c.model_id).distinct()
-    statement = statement.order_by(drones.c.provider_id, drones.c.model_id)
-    found = await connection.execute(statement)
-    return [(row.provider_id, models[row.model_id]) for row in found]
-
-
 async def change(
     tx: Tx,
     caller: Caller,
@@ -123,6 +107,7 @@ async def change(
     Conflict
         The provider has another drone with this registration.
     """
+    await touch(tx, drone_id)
     condition = _is_own(caller, provider_id) & (drones.c.drone_id == drone_id)
     # Without a value to set this still finds out whether the drone is there.
     statement = update(drones).where(condition).values(values or {"name": drones.c.name})
@@ -136,6 +121,7 @@ async def change(
 
 async def remove(tx: Tx, caller: Caller, *, provider_id: ProviderId, drone_id: DroneId) -> None:
     """Forget a drone of this provider, which is the caller's own, and all that is known of it."""
+    await mark_removal(tx)
     condition = _is_own(caller, provider_id) & (drones.c.drone_id == drone_id)
     if (await tx.execute(delete(drones).where(condition))).rowcount == 0:
         raise NotFound("drone", drone_id)

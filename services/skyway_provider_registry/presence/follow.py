@@ -1,11 +1,12 @@
 """Listening to what drones say of themselves: one transaction for all that has arrived."""
 
 from collections.abc import AsyncIterator, Sequence
+from dataclasses import dataclass, field
 from typing import Any, Final
 
 from skyway.contracts.topic import Topic
 from skyway.contracts.topics import CONNECTION, STATE, TELEMETRY
-from skyway.ids import DroneId
+from skyway.ids import DroneId, ProviderId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database
 from skyway.runtime.metrics import count
@@ -24,36 +25,49 @@ class PresenceFollower:
 
     def __init__(self, batches: Batches, *, db: Database, clock: FleetClock) -> None:
         self._batches = batches
-        self._db = db
-        self._clock = clock
+        self._recorder = Recorder(db, clock)
         self._taken: Sequence[Received[Any]] = ()
 
     async def step(self) -> bool:
         """Keep the next batch; always True, since waiting for it is all the waiting there is."""
         if not self._taken:
             self._taken = await anext(self._batches)
-        await record_batch(self._db, self._taken, clock=self._clock)
+        await self._recorder.record(self._taken)
         self._taken = ()
         return True
 
 
-async def record_batch(db: Database, batch: Sequence[Received[Any]], *, clock: FleetClock) -> None:
-    """Keep what a batch says of registered drones, under the name of their own provider only.
+@dataclass(frozen=True, slots=True)
+class Recorder:
+    """Keeps what batches say of registered drones, under the name of their own provider only.
 
-    The broker lets a drone write below any provider's name, so only {d} is to be trusted.
+    The broker lets a drone write below any provider's name, so only {d} is to be trusted. Whose a
+    drone is never changes, so it is remembered; of a drone that was removed nothing is kept.
     """
-    async with db.read() as connection:
-        owners = await store.owners(connection, [DroneId(item.ids[1]) for item in batch])
-    own = [item for item in batch if owners.get(DroneId(item.ids[1])) == item.ids[0]]
-    if len(own) < len(batch):
-        count(
-            "skyway_presence_dropped",
-            "messages of drones that are not registered, or not with that provider",
-            len(batch) - len(own),
-        )
-    sightings = newest((DroneId(item.ids[1]), item.message) for item in own)
-    if not sightings:
-        return
-    heard = store.Heard(fleet_at=clock.now(), wall_at=clock.wall_now())
-    async with db.write() as tx:
-        await store.record(tx, sightings, heard)
+
+    db: Database
+    clock: FleetClock
+    owners: dict[DroneId, ProviderId] = field(default_factory=dict)
+
+    async def record(self, batch: Sequence[Received[Any]]) -> None:
+        """Keep the newest of each drone and topic, in one transaction."""
+        await self._find_owners({DroneId(item.ids[1]) for item in batch})
+        own = [item for item in batch if self.owners.get(DroneId(item.ids[1])) == item.ids[0]]
+        if len(own) < len(batch):
+            count(
+                "skyway_presence_dropped",
+                "messages of drones that are not registered, or not with that provider",
+                len(batch) - len(own),
+            )
+        sightings = newest((DroneId(item.ids[1]), item.message) for item in own)
+        if not sightings:
+            return
+        heard = store.Heard(fleet_at=self.clock.now(), wall_at=self.clock.wall_now())
+        async with self.db.write() as tx:
+            await store.record(tx, sightings, heard)
+
+    async def _find_owners(self, drone_ids: set[DroneId]) -> None:
+        new = drone_ids - self.owners.keys()
+        if new:
+            async with self.db.read() as connection:
+                self.owners.update(await store.owners(connection, new))

@@ -13,6 +13,7 @@ from skyway.geo import Position
 from skyway.ids import DroneId, MissionId, ProviderId
 from skyway.runtime.database import Tx
 from skyway.units import moment_to_ms, ms_to_moment
+from skyway_provider_registry.changes.store import next_change
 from skyway_provider_registry.presence.known import LastSample, LastState, Presence
 from skyway_provider_registry.presence.newest import PresenceMessage, Sighting, order_of
 from skyway_provider_registry.tables import drones, mission_hints, presence
@@ -39,10 +40,10 @@ class Heard:
     wall_at: datetime
 
 
-async def begin(tx: Tx, drone_ids: Iterable[DroneId]) -> None:
+async def begin(tx: Tx, drone_ids: Iterable[DroneId], *, change: int) -> None:
     """Make room for what new drones will tell."""
     order = (*_ORDER_OF_CONNECTION, *_ORDER_OF_STATE, *_ORDER_OF_SAMPLE)
-    nothing_heard = dict.fromkeys(order, -1)
+    nothing_heard = dict.fromkeys(order, -1) | {"changed": change}
     await tx.execute(presence.insert(), [{"drone_id": one, **nothing_heard} for one in drone_ids])
 
 
@@ -65,6 +66,7 @@ async def record(tx: Tx, sightings: Mapping[DroneId, Sighting], heard: Heard) ->
 
     The sightings are sorted by drone, so that two replicas cannot wait for each other.
     """
+    change = await next_change(tx) if any(map(_counts, sightings.values())) else 0
     connections, states, samples = [], [], []
     for drone_id, sighting in sightings.items():
         about = {
@@ -73,7 +75,7 @@ async def record(tx: Tx, sightings: Mapping[DroneId, Sighting], heard: Heard) ->
             "last_seen_wall_ms": moment_to_ms(heard.wall_at),
         }
         if (connection := sighting.connection) is not None:
-            row = {"connection_status": connection.status}
+            row = {"connection_status": connection.status, "changed": change}
             connections.append(about | _order(_ORDER_OF_CONNECTION, connection) | row)
         if (state := sighting.state) is not None:
             states.append(
@@ -87,6 +89,7 @@ async def record(tx: Tx, sightings: Mapping[DroneId, Sighting], heard: Heard) ->
                     "longitude_deg": state.position.longitude_deg,
                     "latitude_deg": state.position.latitude_deg,
                     "soc": state.soc,
+                    "changed": change,
                 }
             )
         if (sample := sighting.sample) is not None:
@@ -109,8 +112,21 @@ async def record(tx: Tx, sightings: Mapping[DroneId, Sighting], heard: Heard) ->
             await tx.execute(_if_later(order), rows)
 
 
+async def is_news(connection: AsyncConnection, report: MissionReport) -> bool:
+    """Whether this is the first word of its mission's state.
+
+    What comes between two reports of the same state says the same, so keeping the first will do.
+    """
+    known = select(mission_hints.c.seq, mission_hints.c.mission_state).where(
+        mission_hints.c.mission_id == report.mission_id
+    )
+    row = (await connection.execute(known)).one_or_none()
+    return row is None or (row.seq < report.seq and row.mission_state != report.mission_state)
+
+
 async def record_report(tx: Tx, report: MissionReport, *, wall_at: datetime) -> None:
     """Keep what composition says of a mission, unless a later report is known already."""
+    await touch(tx, report.drone_id)
     row = {
         "mission_id": report.mission_id,
         "drone_id": report.drone_id,
@@ -134,6 +150,14 @@ async def record_report(tx: Tx, report: MissionReport, *, wall_at: datetime) -> 
             mission_hints.c.is_live.is_(False),
             mission_hints.c.reported_wall_ms < moment_to_ms(wall_at) - _REMEMBERED_MS,
         )
+    )
+
+
+async def touch(tx: Tx, drone_id: DroneId) -> None:
+    """Have every reader read this drone again."""
+    change = await next_change(tx)
+    await tx.execute(
+        presence.update().where(presence.c.drone_id == drone_id).values(changed=change)
     )
 
 
@@ -165,6 +189,11 @@ def presence_of(row: AnyRow) -> Presence:
         last_seen_at=_moment(row.last_seen_ms),
         last_seen_wall_at=_moment(row.last_seen_wall_ms),
     )
+
+
+def _counts(sighting: Sighting) -> bool:
+    """Whether selection must know of it; of samples it does not."""
+    return sighting.connection is not None or sighting.state is not None
 
 
 def _mission_of(row: AnyRow) -> MissionId | None:

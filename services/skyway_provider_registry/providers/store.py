@@ -1,6 +1,6 @@
 """All SQL of the providers; every query is narrowed to what its caller may see."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from sqlalchemy import ColumnElement, Row, false, select, true, update
@@ -13,6 +13,7 @@ from skyway.runtime.errors import NotFound
 from skyway.runtime.identity import Caller
 from skyway.runtime.paging import PageQuery
 from skyway.units import moment_to_ms, ms_to_moment
+from skyway_provider_registry.changes.store import mark_providers
 from skyway_provider_registry.providers.provider import Provider, ProviderChange
 from skyway_provider_registry.tables import providers
 
@@ -31,6 +32,7 @@ def owned(caller: Caller, provider_id: ColumnElement[str]) -> ColumnElement[bool
 
 async def add(tx: Tx, provider: Provider) -> None:
     """Keep a new provider."""
+    await mark_providers(tx)
     row = {
         "provider_id": provider.provider_id,
         "name": provider.name,
@@ -58,6 +60,7 @@ async def change(
     }
     if wanted.tariff is not None:
         values["tariff"] = wanted.tariff.model_dump_json()
+    await mark_providers(tx)
     condition = (providers.c.provider_id == provider_id) & owned(caller, providers.c.provider_id)
     # Without a value to set this still finds out whether the provider is there.
     statement = update(providers).where(condition).values(values or {"name": providers.c.name})
@@ -100,18 +103,6 @@ async def every(connection: AsyncConnection) -> Sequence[Provider]:
     """All providers, sorted by id."""
     found = await connection.execute(select(providers).order_by(providers.c.provider_id))
     return [_provider(row) for row in found]
-
-
-async def unknown_of(
-    connection: AsyncConnection, provider_ids: Iterable[ProviderId]
-) -> tuple[ProviderId, ...]:
-    """Those ids that no provider has, in their order."""
-    asked = tuple(dict.fromkeys(provider_ids))
-    found = await connection.execute(
-        select(providers.c.provider_id).where(providers.c.provider_id.in_(asked))
-    )
-    known = set(found.scalars())
-    return tuple(provider_id for provider_id in asked if provider_id not in known)
 
 
 async def _one(

@@ -5,7 +5,7 @@ from datetime import UTC, datetime, timedelta
 from typing import Any
 
 import pytest
-from skyway_provider_registry.presence.follow import record_batch
+from skyway_provider_registry.presence.follow import Recorder
 
 from skyway.contracts.drone_report import Connection, DroneState
 from skyway.contracts.topics import CONNECTION, STATE
@@ -54,7 +54,7 @@ def ready(api: Any, db: Database, clock: ManualClock) -> Ready:
             soc=0.8,
         )
         batch = [Received(CONNECTION, ids, online, False), Received(STATE, ids, state, False)]
-        await record_batch(db, batch, clock=clock)
+        await Recorder(db, clock).record(batch)
         return drone
 
     return make

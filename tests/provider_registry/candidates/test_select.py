@@ -1,10 +1,13 @@
 """Who could fly a request, in which order, how many, and why the others cannot."""
 
-import pytest
-from skyway_provider_registry.candidates.reasons import KnownDrone, KnownProvider
-from skyway_provider_registry.candidates.select import select
+from collections.abc import Sequence
 
-from skyway.contracts.candidate import CandidateQuery
+import pytest
+from skyway_provider_registry.candidates.fleet_columns import Fleet, FleetColumns
+from skyway_provider_registry.candidates.reasons import KnownDrone, KnownProvider
+from skyway_provider_registry.candidates.select import select as select_from
+
+from skyway.contracts.candidate import CandidateQuery, Candidates
 from skyway.delivery.offer import Tariff
 from skyway.delivery.request import ProviderChoice
 from skyway.drone.models import DJI_MATRICE_300_RTK, PAPER_SCENARIO
@@ -12,6 +15,17 @@ from skyway.geo import Position
 from skyway.ids import DroneId, ProviderId, StationId
 
 PICKUP = Position(-97.94, 29.88)
+NOW_MS = 1_000
+
+
+def select(
+    query: CandidateQuery, *, providers: Sequence[KnownProvider], drones: Sequence[KnownDrone]
+) -> Candidates:
+    """The choice among these, now."""
+    columns = FleetColumns()
+    columns.put(drones)
+    fleet = Fleet({provider.provider_id: provider for provider in providers}, columns)
+    return select_from(query, fleet, wall_now_ms=NOW_MS)
 
 
 def make_query(**members: object) -> CandidateQuery:
@@ -39,7 +53,7 @@ def make_drone(
         "provider_id": ProviderId(provider),
         "model": PAPER_SCENARIO,
         "home_station_id": StationId("home"),
-        "state": "AVAILABLE",
+        "online_until_ms": NOW_MS,
         "station_id": StationId("pickup" if away_deg == 0 else "elsewhere"),
         "position": Position(PICKUP.longitude_deg + away_deg, PICKUP.latitude_deg),
         "soc": 0.9,
@@ -142,13 +156,11 @@ def test_with_more_than_sixty_providers_the_nearest_are_compared_and_the_rest_to
 @pytest.mark.parametrize(
     ("drone", "code", "is_temporary"),
     [
-        (make_drone("d", state="RESERVED", is_busy=True), "BUSY", True),
-        (make_drone("d", state="ON_MISSION", is_busy=True), "BUSY", True),
+        (make_drone("d", is_busy=True), "BUSY", True),
         (make_drone("d", station_id=None), "BUSY", True),
-        (make_drone("d", state="OFFLINE"), "OFFLINE", True),
-        (make_drone("d", state="OFFLINE", is_busy=True), "OFFLINE", True),
-        (make_drone("d", state="REGISTERED", station_id=None), "OFFLINE", True),
-        (make_drone("d", state="MAINTENANCE"), "OFFLINE", True),
+        (make_drone("d", online_until_ms=NOW_MS - 1), "OFFLINE", True),
+        (make_drone("d", online_until_ms=NOW_MS - 1, is_busy=True), "OFFLINE", True),
+        (make_drone("d", online_until_ms=0, station_id=None), "OFFLINE", True),
         (make_drone("refused"), "REFUSED", False),
         (make_drone("d", model=DJI_MATRICE_300_RTK, soc=0.09), "LOW_CHARGE", True),
     ],
@@ -165,14 +177,6 @@ def test_a_drone_that_cannot_fly_it_is_told_as_its_providers_reason(
     assert (reason.provider_id, reason.code, reason.is_temporary) == ("p", code, is_temporary)
 
 
-def test_a_recharging_drone_that_is_on_no_mission_could_fly() -> None:
-    drone = make_drone("d", state="RECHARGING")
-
-    found = select(make_query(), providers=[make_provider("p")], drones=[drone])
-
-    assert len(found.candidates) == 1
-
-
 def test_a_charge_at_the_reserve_is_enough() -> None:
     drone = make_drone("d", model=DJI_MATRICE_300_RTK, soc=0.1)
 
@@ -185,7 +189,7 @@ def test_what_ends_by_itself_is_told_before_what_does_not() -> None:
     drones = [
         make_drone("small", model=DJI_MATRICE_300_RTK),
         make_drone("refused"),
-        make_drone("offline", state="OFFLINE"),
+        make_drone("offline", online_until_ms=0),
         make_drone("busy", is_busy=True),
     ]
     query = make_query(payload_kg=3.0, excluded_drone_ids=("refused",))
@@ -209,6 +213,72 @@ def test_overweight_names_the_payload_and_the_limit_of_the_strongest() -> None:
         reason.detail == "payload 17.2 kg exceeds the 15.3 kg limit of drone model paper-scenario"
     )
     assert reason.data == {"mass_kg": 17.2, "limit_kg": 15.3}
+
+
+def test_a_provider_that_must_split_sends_its_strongest_first() -> None:
+    drones = [
+        *(make_drone(f"weak-{n}", model=DJI_MATRICE_300_RTK) for n in range(5)),
+        make_drone("strong-far", away_deg=0.3),
+        make_drone("strong-near", away_deg=0.1),
+    ]
+    query = make_query(payload_kg=20.0, heaviest_kg=2.0)
+
+    found = select(query, providers=[make_provider("p")], drones=drones)
+
+    names = [candidate.drone_id for candidate in found.candidates]
+    assert names == ["weak-0", "weak-1", "weak-2", "strong-near", "strong-far"]
+
+
+def test_what_a_provider_splits_must_still_be_lifted_package_by_package() -> None:
+    drones = [make_drone("weak", model=DJI_MATRICE_300_RTK), make_drone("strong")]
+    query = make_query(payload_kg=20.0, heaviest_kg=3.0)
+
+    found = select(query, providers=[make_provider("p")], drones=drones)
+
+    assert [candidate.drone_id for candidate in found.candidates] == ["strong"]
+
+
+def test_a_provider_whose_only_strong_drone_is_busy_is_busy_and_splits_nothing() -> None:
+    drones = [make_drone("weak", model=DJI_MATRICE_300_RTK), make_drone("strong", is_busy=True)]
+    query = make_query(payload_kg=3.0, heaviest_kg=1.0)
+
+    found = select(query, providers=[make_provider("p")], drones=drones)
+
+    assert found.candidates == ()
+    assert [reason.code for reason in found.infeasible] == ["BUSY"]
+
+
+def test_one_provider_splits_while_another_lifts_everything() -> None:
+    drones = [
+        make_drone("weak", provider="p", model=DJI_MATRICE_300_RTK),
+        make_drone("strong", provider="q"),
+        make_drone("idle", provider="q", model=DJI_MATRICE_300_RTK),
+    ]
+    query = make_query(payload_kg=3.0, heaviest_kg=1.0)
+
+    found = select(query, providers=[make_provider("p"), make_provider("q")], drones=drones)
+
+    assert {candidate.drone_id for candidate in found.candidates} == {"weak", "strong"}
+
+
+def test_too_heavy_a_package_is_told_by_itself() -> None:
+    drone = make_drone("weak", model=DJI_MATRICE_300_RTK)
+    query = make_query(payload_kg=20.0, heaviest_kg=5.0)
+
+    found = select(query, providers=[make_provider("p")], drones=[drone])
+
+    assert found.infeasible[0].data == {"mass_kg": 5.0, "limit_kg": 2.7}
+
+
+def test_what_is_known_now_replaces_what_was_known() -> None:
+    columns = FleetColumns()
+    columns.put([make_drone(f"d{n}", is_busy=True) for n in range(1_000)])
+    columns.put([make_drone("d7", soc=0.4)])
+    fleet = Fleet({ProviderId("p"): make_provider("p")}, columns)
+
+    (candidate,) = select_from(make_query(), fleet, wall_now_ms=NOW_MS).candidates
+
+    assert (candidate.drone_id, candidate.soc) == ("d7", 0.4)
 
 
 def test_masses_that_only_add_up_above_the_limit_by_rounding_are_lifted() -> None:

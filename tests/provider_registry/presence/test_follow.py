@@ -7,7 +7,7 @@ from datetime import timedelta
 from typing import Any
 
 import pytest
-from skyway_provider_registry.presence.follow import PresenceFollower, record_batch
+from skyway_provider_registry.presence.follow import PresenceFollower, Recorder
 
 from skyway.contracts.drone_report import Connection, DroneState, Telemetry
 from skyway.contracts.topics import CONNECTION, STATE, TELEMETRY
@@ -37,7 +37,7 @@ class Fleet:
             Received(TOPICS[type(message)], (provider_id, drone_id), message, False)
             for message in messages
         ]
-        await record_batch(self.db, batch, clock=self.clock)
+        await Recorder(self.db, self.clock).record(batch)
 
     async def shows(self, drone_id: str) -> dict[str, Any]:
         path = f"/v1/providers/{self.provider_id}/drones/{drone_id}"

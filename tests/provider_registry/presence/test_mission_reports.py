@@ -5,7 +5,7 @@ from datetime import timedelta
 from typing import Any
 
 import pytest
-from skyway_provider_registry.presence.follow import record_batch
+from skyway_provider_registry.presence.follow import Recorder
 from skyway_provider_registry.tables import mission_hints
 from sqlalchemy import select
 
@@ -28,7 +28,7 @@ async def drone(
         Received(CONNECTION, ids, online(7, 1), False),
         Received(STATE, ids, state(7, 1), False),
     ]
-    await record_batch(db, batch, clock=clock)
+    await Recorder(db, clock).record(batch)
     return made
 
 
@@ -122,7 +122,7 @@ async def test_a_mission_that_the_drone_still_names_counts_no_more_once_ended(
 ) -> None:
     ids = (drone["provider_id"], drone["drone_id"])
     busy = Received(STATE, ids, state(7, 2, mission_id="msn_1", activity="FLYING"), False)
-    await record_batch(db, [busy], clock=clock)
+    await Recorder(db, clock).record([busy])
     before = await shown(api, drone)
 
     await tell(api, make_report(drone, 3, kind="ENDED", mission_state="ABORTED"))

@@ -9,6 +9,7 @@ from skyway.ids import DroneId, DroneModelId, ProviderId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Tx
 from skyway.runtime.minting import Mint
+from skyway_provider_registry.changes.store import next_change
 from skyway_provider_registry.enrolment import store as accounts
 from skyway_provider_registry.enrolment.passwords import new_passwords
 from skyway_provider_registry.fleets import store
@@ -61,6 +62,7 @@ def prepare(
 
 async def keep(tx: Tx, prepared: PreparedDrones) -> None:
     """Keep drones, their accounts and room for what they will tell: all or none."""
+    change = await next_change(tx)
     await store.add(tx, prepared.drones)
-    await presence.begin(tx, prepared.password_hashes)
+    await presence.begin(tx, prepared.password_hashes, change=change)
     await accounts.add_drones(tx, prepared.password_hashes)

@@ -1,4 +1,4 @@
-"""Who confirms what is loaded on a provider's drones."""
+"""Who confirms what is loaded on a provider's drones; numbers that tell what has changed."""
 
 import sqlalchemy as sa
 from alembic import op
@@ -12,4 +12,16 @@ depends_on = None
 def upgrade() -> None:
     op.add_column(
         "providers", sa.Column("loading", sa.Text(), server_default="AUTOMATIC", nullable=False)
+    )
+    op.add_column(
+        "presence", sa.Column("changed", sa.BigInteger(), server_default="0", nullable=False)
+    )
+    op.create_index("presence_by_change", "presence", ["changed"])
+    op.create_table(
+        "changes",
+        sa.Column("only", sa.SmallInteger(), autoincrement=False, nullable=False),
+        sa.Column("latest", sa.BigInteger(), nullable=False),
+        sa.Column("providers", sa.BigInteger(), nullable=False),
+        sa.Column("removals", sa.BigInteger(), nullable=False),
+        sa.PrimaryKeyConstraint("only"),
     )

@@ -1,0 +1,118 @@
+"""All drones as columns, so that a request is held against thousands of them at once."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from skyway.drone.model import DroneModel
+from skyway.geo import unit_vector
+from skyway.ids import DroneId, ProviderId, StationId
+from skyway_provider_registry.candidates.reasons import KnownDrone, KnownProvider
+
+#: One drone; `x`, `y`, `z` are its direction from the Earth's centre.
+_DRONE: Final = np.dtype(
+    [
+        ("provider", np.int32),
+        ("station", np.int32),
+        ("payload_kg", np.float64),
+        ("soc", np.float64),
+        ("x", np.float64),
+        ("y", np.float64),
+        ("z", np.float64),
+        ("online_until_ms", np.int64),
+        ("is_busy", np.bool_),
+        ("is_low", np.bool_),
+    ]
+)
+_FIRST_CAPACITY: Final = 256
+_NOWHERE: Final = -1
+
+Columns = npt.NDArray[np.void]
+Rows = npt.NDArray[np.intp]
+
+
+@dataclass(slots=True)
+class FleetColumns:
+    """The drones by row, and the strongest model of each provider, equals by id."""
+
+    drones: list[KnownDrone] = field(default_factory=list)
+    strongest: dict[ProviderId, DroneModel] = field(default_factory=dict)
+    _rows: dict[DroneId, int] = field(default_factory=dict)
+    _providers: dict[ProviderId, int] = field(default_factory=dict)
+    _stations: dict[StationId, int] = field(default_factory=dict)
+    _table: Columns = field(default_factory=lambda: np.zeros(_FIRST_CAPACITY, _DRONE))
+    _order: Rows | None = None
+
+    def put(self, drones: Iterable[KnownDrone]) -> None:
+        """Take in what is known of these drones now, of those that are there and of new ones."""
+        for drone in drones:
+            row = self._rows.get(drone.drone_id)
+            if row is None:
+                row = self._rows[drone.drone_id] = len(self.drones)
+                self.drones.append(drone)
+                self._order = None
+                self._compare(drone.provider_id, drone.model)
+                if row == len(self._table):
+                    self._table = np.concatenate((self._table, np.zeros_like(self._table)))
+            self.drones[row] = drone
+            self._table[row] = self._row_of(drone)
+
+    def column(self, name: str) -> npt.NDArray[Any]:  # each column has a type of its own
+        """One column of all drones: a view, to be read at once."""
+        column: npt.NDArray[Any] = self._table[name][: len(self.drones)]
+        return column
+
+    def rows_of(self, drone_ids: Iterable[DroneId]) -> list[int]:
+        """The rows of those of these drones that are there."""
+        return [self._rows[one] for one in drone_ids if one in self._rows]
+
+    def station(self, station_id: StationId) -> int:
+        """What the column `station` holds for drones there; -2 when no drone ever stood there."""
+        return self._stations.get(station_id, _NOWHERE - 1)
+
+    @property
+    def providers(self) -> Mapping[ProviderId, int]:
+        """What the column `provider` holds, by provider."""
+        return self._providers
+
+    @property
+    def order(self) -> Rows:
+        """The rank of each row among all drone ids, which ends every tie."""
+        if self._order is None:
+            ids = [drone.drone_id for drone in self.drones]
+            ranks = np.empty(len(ids), np.intp)
+            ranks[sorted(range(len(ids)), key=ids.__getitem__)] = np.arange(len(ids))
+            self._order = ranks
+        return self._order
+
+    def _compare(self, provider_id: ProviderId, model: DroneModel) -> None:
+        known = self.strongest.setdefault(provider_id, model)
+        self.strongest[provider_id] = min(
+            (known, model), key=lambda one: (-one.max_payload_kg, one.model_id)
+        )
+
+    def _row_of(self, drone: KnownDrone) -> tuple[object, ...]:
+        station = drone.station_id
+        return (
+            self._providers.setdefault(drone.provider_id, len(self._providers)),
+            _NOWHERE
+            if station is None
+            else self._stations.setdefault(station, len(self._stations)),
+            drone.model.max_payload_kg,
+            drone.soc,
+            *unit_vector(drone.position),
+            drone.online_until_ms,
+            drone.is_busy or station is None,
+            drone.soc < drone.model.reserve_soc,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Fleet:
+    """All providers, and their drones."""
+
+    providers: Mapping[ProviderId, KnownProvider]
+    columns: FleetColumns

@@ -1,0 +1,94 @@
+"""All SQL of the fleet view: who is there, and what has changed since it was read last."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+from sqlalchemy import Row, Select, exists, or_, select
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from skyway.drone.model import DroneModel
+from skyway.geo import Position
+from skyway.ids import DroneModelId, ProviderId
+from skyway_provider_registry.candidates.reasons import KnownDrone, KnownProvider
+from skyway_provider_registry.presence.known import SILENCE
+from skyway_provider_registry.providers import store as providers
+from skyway_provider_registry.tables import drones, mission_hints, presence
+
+_SILENCE_MS: Final = round(SILENCE.total_seconds() * 1000)
+
+_has_live_mission = exists().where(
+    mission_hints.c.drone_id == drones.c.drone_id, mission_hints.c.is_live
+)
+#: Composition said that the mission is over which the drone last named.
+_own_mission_is_over = exists().where(
+    mission_hints.c.mission_id == presence.c.mission_id, mission_hints.c.is_live.is_(False)
+)
+_is_busy = or_(_has_live_mission, presence.c.mission_id.is_not(None) & ~_own_mission_is_over)
+
+_DRONES: Final = select(
+    drones.c.drone_id,
+    drones.c.provider_id,
+    drones.c.model_id,
+    drones.c.home_station_id,
+    drones.c.home_longitude_deg,
+    drones.c.home_latitude_deg,
+    drones.c.initial_soc,
+    drones.c.is_in_maintenance,
+    presence.c.connection_status,
+    presence.c.last_seen_wall_ms,
+    presence.c.activity,
+    presence.c.station_id,
+    presence.c.longitude_deg,
+    presence.c.latitude_deg,
+    presence.c.soc,
+    _is_busy.label("is_busy"),
+).join_from(drones, presence, presence.c.drone_id == drones.c.drone_id)
+
+Rows = Sequence[Row[*tuple[Any, ...]]]  # columns of every type
+
+
+async def known_providers(connection: AsyncConnection) -> dict[ProviderId, KnownProvider]:
+    """All providers by id."""
+    return {
+        provider.provider_id: KnownProvider(
+            provider_id=provider.provider_id,
+            tariff=provider.tariff,
+            is_active=provider.state == "ACTIVE",
+            loading=provider.loading,
+        )
+        for provider in await providers.every(connection)
+    }
+
+
+async def every_drone(connection: AsyncConnection) -> Rows:
+    """What is known of each drone now, for `known_drone`."""
+    return await _rows(connection, _DRONES)
+
+
+async def changed_drones(connection: AsyncConnection, *, since: int) -> Rows:
+    """Of the drones that changed after this number, what is known now."""
+    return await _rows(connection, _DRONES.where(presence.c.changed > since))
+
+
+async def _rows(connection: AsyncConnection, statement: Select[*tuple[Any, ...]]) -> Rows:
+    return (await connection.execute(statement)).all()
+
+
+def known_drone(
+    row: Row[*tuple[Any, ...]], models: Mapping[DroneModelId, DroneModel]
+) -> KnownDrone:
+    """The drone of a row; one that has not told of itself stands nowhere and is away for ever."""
+    has_told = row.activity is not None
+    is_there = has_told and row.connection_status == "ONLINE" and not row.is_in_maintenance
+    home = Position(row.home_longitude_deg, row.home_latitude_deg)
+    return KnownDrone(
+        drone_id=row.drone_id,
+        provider_id=row.provider_id,
+        model=models[row.model_id],
+        home_station_id=row.home_station_id,
+        online_until_ms=row.last_seen_wall_ms + _SILENCE_MS if is_there else 0,
+        station_id=row.station_id if has_told else None,
+        position=Position(row.longitude_deg, row.latitude_deg) if has_told else home,
+        soc=row.soc if has_told else row.initial_soc,
+        is_busy=bool(row.is_busy),
+    )

@@ -1,0 +1,1 @@
+"""Changes: numbers by which a reader finds what has changed since it looked last."""

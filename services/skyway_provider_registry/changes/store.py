@@ -1,0 +1,60 @@
+"""All SQL of the change numbers.
+
+Every write that candidates depend on takes the next number first, before any other row: its row
+lock lasts until the commit. So numbers are committed in their order, and who has seen one has seen
+all that came before it. Taking it first also keeps writers from waiting for each other in a ring.
+"""
+
+from dataclasses import dataclass
+from typing import Any, Final
+
+from sqlalchemy import select
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from skyway.runtime.database import Tx
+from skyway_provider_registry.tables import changes
+
+#: There is one row.
+_ONLY: Final = 1
+
+
+@dataclass(frozen=True, slots=True)
+class ChangeMarks:
+    """The last number taken, and those under which providers changed and a drone was removed."""
+
+    latest: int = 0
+    providers: int = 0
+    removals: int = 0
+
+
+async def next_change(tx: Tx) -> int:
+    """The number of this write, for the `changed` of the rows that it changes."""
+    return await _taken(tx)
+
+
+async def mark_providers(tx: Tx) -> None:
+    """Have every reader read the providers again."""
+    await _taken(tx, "providers")
+
+
+async def mark_removal(tx: Tx) -> None:
+    """Have every reader read all drones again: of a row that is gone nothing else tells."""
+    await _taken(tx, "removals")
+
+
+async def marks(connection: AsyncConnection) -> ChangeMarks:
+    """The numbers as they are committed."""
+    row = (await connection.execute(_MARKS)).one_or_none()
+    return ChangeMarks() if row is None else ChangeMarks(row.latest, row.providers, row.removals)
+
+
+_MARKS: Final = select(changes.c.latest, changes.c.providers, changes.c.removals)
+
+
+async def _taken(tx: Tx, *named: str) -> int:
+    first = {"only": _ONLY, "latest": 1} | dict.fromkeys(("providers", "removals"), 0)
+    following: dict[str, Any] = dict.fromkeys(("latest", *named), changes.c.latest + 1)
+    statement = tx.insert(changes).values(first | dict.fromkeys(named, 1))
+    statement = statement.on_conflict_do_update(index_elements=["only"], set_=following)
+    taken = await tx.execute(statement.returning(changes.c.latest))
+    return int(taken.scalar_one())

@@ -1,0 +1,164 @@
+"""What a replica holds in memory is what any replica has committed."""
+
+import asyncio
+from collections.abc import Sequence
+from datetime import UTC, datetime
+from typing import Any
+
+import pytest
+from skyway_provider_registry.candidates.fleet_view import FleetView
+from skyway_provider_registry.candidates.reasons import KnownDrone
+from skyway_provider_registry.presence.follow import Recorder
+
+from skyway.contracts.drone_report import Connection, DroneState
+from skyway.contracts.topics import CONNECTION, STATE
+from skyway.drone.models import PAPER_SCENARIO
+from skyway.geo import Position
+from skyway.ids import MissionId, StationId
+from skyway.runtime.clock import ManualClock
+from skyway.runtime.database import Database
+from skyway.runtime.mqtt import Received
+
+AT = datetime(2026, 3, 1, 12, tzinfo=UTC)
+
+
+@pytest.fixture
+def view(db: Database) -> FleetView:
+    """The view of another replica than the one that is called."""
+    return FleetView(db)
+
+
+def batch_of(drone: dict[str, Any], *, seq: int = 1, mission: str | None = None) -> list[Any]:
+    ids = (drone["provider_id"], drone["drone_id"])
+    online = Connection(message_id="m", sent_at=AT, session=1, connection_number=1, status="ONLINE")
+    state = DroneState(
+        message_id="m",
+        sent_at=AT,
+        session=1,
+        seq=seq,
+        at=AT,
+        activity="IDLE",
+        stream=0,
+        last_instruction_seq=0,
+        last_event_seq=0,
+        station_id=StationId("mcqueeney"),
+        mission_id=None if mission is None else MissionId(mission),
+        position=Position(-98.0, 29.6),
+        soc=0.7,
+    )
+    return [Received(CONNECTION, ids, online, False), Received(STATE, ids, state, False)]
+
+
+async def drones(view: FleetView) -> Sequence[KnownDrone]:
+    return (await view.look()).columns.drones
+
+
+async def test_a_new_drone_is_seen_at_home_and_away(api: Any, view: FleetView) -> None:
+    provider_id = await api.provider()
+    assert await drones(view) == []
+
+    made = await api.drone(provider_id, soc=0.6)
+
+    (drone,) = await drones(view)
+    assert (drone.drone_id, drone.station_id, drone.soc) == (made["drone_id"], None, 0.6)
+    assert drone.online_until_ms == 0
+
+
+async def test_what_a_drone_says_to_one_replica_is_seen_by_the_others(
+    api: Any, view: FleetView, db: Database, clock: ManualClock
+) -> None:
+    made = await api.drone(await api.provider())
+    await view.look()
+
+    await Recorder(db, clock).record(batch_of(made, mission="msn_1"))
+
+    (drone,) = await drones(view)
+    assert (drone.station_id, drone.soc, drone.is_busy) == ("mcqueeney", 0.7, True)
+    assert drone.online_until_ms > 0
+
+
+async def test_a_mission_report_makes_a_drone_busy_and_free_again(
+    api: Any, view: FleetView, db: Database, clock: ManualClock
+) -> None:
+    made = await api.drone(await api.provider())
+    await Recorder(db, clock).record(batch_of(made, mission="msn_1"))
+    report = {
+        "report_id": "r",
+        "delivery_id": "dlv_1",
+        "attempt": 1,
+        "trip": 1,
+        "mission_id": "msn_1",
+        "drone_id": made["drone_id"],
+        "provider_id": made["provider_id"],
+        "at": "2026-03-01T12:00:00Z",
+    }
+    seen = []
+    for seq, kind, state in ((1, "ACCEPTED", "ACCEPTED"), (2, "ENDED", "COMPLETED")):
+        body = {**report, "seq": seq, "kind": kind, "mission_state": state}
+        answer = await api(None, "POST", "/internal/mission-reports", body)
+        assert answer.status_code == 204, answer.text
+        seen += [drone.is_busy for drone in await drones(view)]
+
+    assert seen == [True, False]
+
+
+async def test_maintenance_is_seen_by_the_others_at_once(
+    api: Any, view: FleetView, db: Database, clock: ManualClock
+) -> None:
+    made = await api.drone(await api.provider())
+    await Recorder(db, clock).record(batch_of(made))
+    path = f"/v1/providers/{made['provider_id']}/drones/{made['drone_id']}"
+    await view.look()
+
+    await api("operator:op", "PATCH", path, {"state": "MAINTENANCE"})
+
+    assert [drone.online_until_ms for drone in await drones(view)] == [0]
+
+
+async def test_a_removed_drone_is_gone_for_the_others(api: Any, view: FleetView) -> None:
+    provider_id = await api.provider()
+    first, second = await api.drone(provider_id), await api.drone(provider_id)
+    await view.look()
+
+    path = f"/v1/providers/{provider_id}/drones/{first['drone_id']}"
+    await api("operator:op", "DELETE", path)
+
+    assert [drone.drone_id for drone in await drones(view)] == [second["drone_id"]]
+
+
+async def test_a_changed_provider_is_seen_by_the_others(api: Any, view: FleetView) -> None:
+    provider_id = await api.provider()
+    await view.look()
+
+    change = {"state": "SUSPENDED", "loading": "CONFIRMED", "tariff": {"base": 7}}
+    await api("operator:op", "PATCH", f"/v1/providers/{provider_id}", change)
+
+    (provider,) = (await view.look()).providers.values()
+    assert (provider.is_active, provider.loading, provider.tariff.base) == (False, "CONFIRMED", 7)
+
+
+async def test_a_model_that_was_added_since_is_known(api: Any, view: FleetView) -> None:
+    provider_id = await api.provider()
+    await view.look()
+    model = PAPER_SCENARIO.model_copy(update={"model_id": "added", "max_payload_kg": 40.0})
+    body = model.model_dump(mode="json")
+    answer = await api("operator:op", "PUT", "/v1/drone-models/added", body)
+    assert answer.is_success, answer.text
+
+    await api.drone(provider_id, model_id="added")
+
+    assert [drone.model.max_payload_kg for drone in await drones(view)] == [40.0]
+
+
+async def test_looks_at_the_same_time_all_see_what_was_written_before(
+    api: Any, view: FleetView
+) -> None:
+    provider_id = await api.provider()
+    early = asyncio.create_task(view.look())
+    made = [await api.drone(provider_id) for _ in range(3)]
+
+    looks = await asyncio.gather(*(drones(view) for _ in range(5)))
+
+    await early
+    expected = sorted(drone["drone_id"] for drone in made)
+    assert [sorted(drone.drone_id for drone in look) for look in looks] == [expected] * 5
