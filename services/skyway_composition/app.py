@@ -160,7 +160,7 @@ class Work:
             db, parts.networks, parts.solver, clock, mint, replica, parts.pads_changed
         )
         self._loading_watch = LoadingWatch(db, parts.networks, clock, mint, parts.pads_changed)
-        self._stops_watch = StopsWatch(db, parts.closings, clock, mint, parts.stuck)
+        self._stops_watch = StopsWatch(db, parts.closings, clock)
         self._station_states = StationStates(db, mqtt, clock, mint)
         self._network_versions = NetworkVersions(db, mqtt, clock, mint)
 

@@ -236,15 +236,6 @@ closures = Table(
     Index("closures_by_station", "station_id"),
 )
 
-#: The missions that a ground stop holds on the ground, until it is over.
-stopped_missions = Table(
-    "stopped_missions",
-    metadata,
-    Column("closure_id", Text, ForeignKey("closures.closure_id"), primary_key=True),
-    Column("mission_id", Text, ForeignKey("missions.mission_id"), primary_key=True),
-    Index("stopped_missions_by_mission", "mission_id"),
-)
-
 alarms = Table(
     "alarms",
     metadata,

@@ -117,8 +117,16 @@ class Closings:
                 tx.after_commit(self.pads_changed.set)
 
     async def reach(self, closure: Closure) -> Reach:
-        """The closure with what of the world it reaches."""
+        """The closure with what of the world it reaches.
+
+        Raises
+        ------
+        NotFound
+            There is no such network.
+        """
         if closure.kind == "GROUND_STOP":
+            if closure.network_id is not None:
+                await self.networks.current(closure.network_id)
             return Reach(closure, await self._under(closure))
         if closure.network_id is None or closure.kind == "PAD":
             return Reach(closure)

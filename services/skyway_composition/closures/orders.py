@@ -1,7 +1,7 @@
 """What an operator asks to be closed, and what is answered."""
 
 from datetime import datetime
-from typing import Annotated
+from typing import Annotated, Any
 
 from pydantic import AwareDatetime, Field
 
@@ -74,10 +74,9 @@ class ClosureQuery(PageQuery):
     all: bool = False
 
 
-class ClosureInfo(JsonModel):
+class _Closed(JsonModel):
     """What is closed: a station, a pad of it, a segment, an area; of a ground stop also whom."""
 
-    closure_id: ClosureId | None
     kind: ClosureKind
     network_id: NetworkId | None
     station_id: StationId | None
@@ -94,29 +93,46 @@ class ClosureInfo(JsonModel):
     lifted_at: datetime | None
 
 
-class ClosureMade(ClosureInfo):
-    """What was closed, or with `dry_run` would be (without `closure_id`), and whom that hits."""
+class ClosureInfo(_Closed):
+    """What is closed, or was: a station, a pad of it, a segment, an area; and by a ground stop."""
 
+    closure_id: ClosureId
+
+
+class ClosureMade(_Closed):
+    """What was closed, or with `dry_run` would be, and whom that hits; tried out, it has no id."""
+
+    closure_id: ClosureId | None
     affected_missions: tuple[AffectedMission, ...]
 
 
 def shown(closure: Closure) -> ClosureInfo:
-    """A closure as operators see it."""
-    is_segment = closure.kind == "SEGMENT"
-    return ClosureInfo(
-        closure_id=closure.closure_id,
-        kind=closure.kind,
-        network_id=closure.network_id,
-        station_id=None if is_segment else closure.station_id,
-        pad=closure.pad,
-        from_id=closure.station_id if is_segment else None,
-        to_id=closure.to_station_id,
-        area=closure.area,
-        provider_id=closure.provider_id,
-        drone_model_id=closure.drone_model_id,
-        reason=closure.reason,
-        from_at=ms_to_moment(closure.from_ms),
-        until=None if closure.until_ms is None else ms_to_moment(closure.until_ms),
-        made_at=ms_to_moment(closure.made_ms),
-        lifted_at=None if closure.lifted_ms is None else ms_to_moment(closure.lifted_ms),
+    """A closure as it is listed."""
+    return ClosureInfo(closure_id=closure.closure_id, **_members(closure))
+
+
+def made(closure: Closure, affected: tuple[AffectedMission, ...]) -> ClosureMade:
+    """A closure as it is answered to whoever made it, or tried it out."""
+    return ClosureMade(
+        closure_id=closure.closure_id or None, affected_missions=affected, **_members(closure)
     )
+
+
+def _members(closure: Closure) -> dict[str, Any]:  # the members of _Closed, checked by the model
+    is_segment = closure.kind == "SEGMENT"
+    moments = {"from_at": closure.from_ms, "made_at": closure.made_ms}
+    perhaps = {"until": closure.until_ms, "lifted_at": closure.lifted_ms}
+    return {
+        "kind": closure.kind,
+        "network_id": closure.network_id,
+        "station_id": None if is_segment else closure.station_id,
+        "pad": closure.pad,
+        "from_id": closure.station_id if is_segment else None,
+        "to_id": closure.to_station_id,
+        "area": closure.area,
+        "provider_id": closure.provider_id,
+        "drone_model_id": closure.drone_model_id,
+        "reason": closure.reason,
+        **{name: ms_to_moment(ms) for name, ms in moments.items()},
+        **{name: None if ms is None else ms_to_moment(ms) for name, ms in perhaps.items()},
+    }

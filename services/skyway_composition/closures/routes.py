@@ -20,6 +20,7 @@ from skyway_composition.closures.orders import (
     DryRun,
     GroundStopOrder,
     ZoneOrder,
+    made,
     shown,
 )
 from skyway_composition.closures.store import ClosureFilter
@@ -257,8 +258,7 @@ async def _make(
     else:
         closure, affected = await closings.make(closure)
         response.status_code = 201
-    members = dict(shown(closure)) | {"closure_id": closure.closure_id or None}
-    return ClosureMade(**members, affected_missions=affected)
+    return made(closure, affected)
 
 
 async def _page(

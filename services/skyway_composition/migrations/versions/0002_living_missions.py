@@ -111,15 +111,6 @@ def _create_closures() -> None:
     )
     op.create_index("closures_in_force", "closures", ["network_id", "lifted_ms", "until_ms"])
     op.create_index("closures_by_station", "closures", ["station_id"])
-    op.create_table(
-        "stopped_missions",
-        sa.Column("closure_id", sa.Text(), nullable=False),
-        sa.Column("mission_id", sa.Text(), nullable=False),
-        sa.ForeignKeyConstraint(["closure_id"], ["closures.closure_id"]),
-        sa.ForeignKeyConstraint(["mission_id"], ["missions.mission_id"]),
-        sa.PrimaryKeyConstraint("closure_id", "mission_id"),
-    )
-    op.create_index("stopped_missions_by_mission", "stopped_missions", ["mission_id"])
 
 
 def _create_alarms() -> None:

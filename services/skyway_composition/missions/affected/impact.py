@@ -1,7 +1,4 @@
-"""What a closure does to the missions that are under way: they look for other plans.
-
-A ground stop changes no plan: drones are held where they stand, or land next (`ground_stops`).
-"""
+"""What a closure does to the missions that are under way: they look for other plans."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,7 +13,6 @@ from skyway_composition.closures.closure import Closure, ClosureKind
 from skyway_composition.closures.impact import AffectedMission, Reach
 from skyway_composition.missions.affected import store
 from skyway_composition.missions.affected.find import Found, find_hits
-from skyway_composition.missions.affected.ground_stops import hold_all, let_go
 from skyway_composition.missions.record import Trouble
 from skyway_composition.missions.trouble import troubled
 from skyway_composition.missions.watch import Watch
@@ -45,24 +41,18 @@ class MissionImpact:
         return found.shown()
 
     async def strike(self, tx: Tx, reach: Reach) -> tuple[AffectedMission, ...]:
-        """The missions that it hits; they are held, or look for other plans from now on."""
+        """The missions that it hits; they look for other plans from now on."""
         found = await find_hits(tx.connection, reach, now_ms=self._now_ms)
         if not found.hits:
             return ()
         watch = await Watch.over(found.drone_ids, tx=tx, clock=self.clock, mint=self.mint)
-        if reach.closure.kind == "GROUND_STOP":
-            await hold_all(watch, reach.closure, found, reason=_detail(reach.closure))
-        else:
-            await _trouble_all(watch, reach.closure, found)
+        await _trouble_all(watch, reach.closure, found)
         tx.after_commit(self.stuck.set)
         return found.shown()
 
     async def relieve(self, tx: Tx, reach: Reach) -> None:
-        """Let go what a ground stop held; have those that found no plan look again."""
-        closure = reach.closure
-        if closure.kind == "GROUND_STOP":
-            await let_go(tx, [closure.closure_id], clock=self.clock, mint=self.mint)
-        await store.look_again(tx, closure.network_id)
+        """Have those that found no plan, or were held on the ground, look again."""
+        await store.look_again(tx, reach.closure.network_id)
         tx.after_commit(self.stuck.set)
 
     @property
@@ -74,7 +64,10 @@ async def _trouble_all(watch: Watch, closure: Closure, found: Found) -> None:
     trouble = Trouble(code=_CODES[closure.kind], detail=_detail(closure))
     for hit in found.hits:
         record = watch.missions.get(hit.owner.drone_id)
-        if record is not None and record.mission_id == hit.owner.mission_id:
+        if record is None or record.mission_id != hit.owner.mission_id:
+            continue
+        # Whoever looks for another plan anyway finds the ground stop by itself.
+        if closure.kind != "GROUND_STOP" or record.trouble is None:
             await troubled(watch, record, trouble)
 
 

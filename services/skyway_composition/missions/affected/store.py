@@ -4,21 +4,19 @@ import json
 from collections.abc import Collection
 from typing import Any, Final
 
-from sqlalchemy import ColumnElement, Row, Select, and_, delete, or_, select, text, true, update
+from sqlalchemy import ColumnElement, Row, Select, and_, select, text, true, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.mission import LIVE_MISSION_STATES
-from skyway.ids import ClosureId, DroneId, DroneModelId, MissionId, NetworkId, ProviderId, StationId
+from skyway.ids import DroneId, DroneModelId, MissionId, NetworkId, ProviderId, StationId
 from skyway.runtime.database import Tx
 from skyway_composition.missions.affected.planned import Doing, HeldPad, Owner, PlannedFlight
 from skyway_composition.missions.record import Proposal
 from skyway_composition.tables import (
-    closures,
     drone_links,
     mission_steps,
     missions,
     pad_reservations,
-    stopped_missions,
 )
 
 #: What is read from, within a transaction or beside one.
@@ -143,50 +141,16 @@ async def look_again(tx: Tx, network_id: NetworkId | None) -> None:
     await tx.execute(update(missions).where(where).values(retry_wall_ms=0))
 
 
-async def add_stopped(tx: Tx, closure_id: ClosureId, mission_ids: Collection[MissionId]) -> None:
-    """Note which missions a ground stop holds."""
-    rows = [{"closure_id": closure_id, "mission_id": mission_id} for mission_id in mission_ids]
-    if rows:
-        statement = tx.insert(stopped_missions).on_conflict_do_nothing()
-        await tx.execute(statement, rows)
-
-
-async def stopped_among(tx: Tx, drone_ids: Collection[DroneId]) -> frozenset[MissionId]:
-    """The live missions of these drones that some ground stop holds."""
-    found = await tx.execute(
-        select(stopped_missions.c.mission_id)
-        .join(missions, missions.c.mission_id == stopped_missions.c.mission_id)
-        .where(missions.c.drone_id.in_(drone_ids), _is_live)
+async def without_trouble(
+    connection: Reader, mission_ids: Collection[MissionId]
+) -> frozenset[MissionId]:
+    """Those of these missions whose plan is not known to fail."""
+    found = await connection.execute(
+        select(missions.c.mission_id).where(
+            missions.c.mission_id.in_(mission_ids), missions.c.trouble.is_(None)
+        )
     )
     return frozenset(found.scalars())
-
-
-async def stopped_by(
-    connection: Reader, closure_ids: Collection[ClosureId]
-) -> dict[MissionId, DroneId]:
-    """The missions that these ground stops hold, and their drones."""
-    found = await connection.execute(
-        select(missions.c.mission_id, missions.c.drone_id)
-        .join(stopped_missions, stopped_missions.c.mission_id == missions.c.mission_id)
-        .where(stopped_missions.c.closure_id.in_(closure_ids))
-    )
-    return {row.mission_id: row.drone_id for row in found}
-
-
-async def forget_stopped(tx: Tx, closure_ids: Collection[ClosureId]) -> None:
-    """Forget what these ground stops hold."""
-    await tx.execute(delete(stopped_missions).where(stopped_missions.c.closure_id.in_(closure_ids)))
-
-
-async def stops_over(connection: Reader, *, now_ms: int) -> list[ClosureId]:
-    """The ground stops that are over, and still hold missions."""
-    found = await connection.execute(
-        select(closures.c.closure_id)
-        .join(stopped_missions, stopped_missions.c.closure_id == closures.c.closure_id)
-        .where(or_(closures.c.lifted_ms.is_not(None), closures.c.until_ms <= now_ms))
-        .distinct()
-    )
-    return list(found.scalars())
 
 
 def _flights(network_id: NetworkId | None) -> Select[Any]:
