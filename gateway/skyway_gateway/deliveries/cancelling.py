@@ -24,7 +24,7 @@ def is_cancelled(package: PackageStatus) -> bool:
 
 def can_be_cancelled(package: PackageStatus) -> bool:
     """Whether something about it can still be stopped."""
-    return not package.is_settled and not is_cancelled(package)
+    return package.state in ("CREATED", "LOADED", "IN_TRANSIT")
 
 
 def after_cancellation(
