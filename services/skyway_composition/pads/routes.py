@@ -13,15 +13,22 @@ from skyway.runtime.errors import NotFound
 from skyway.runtime.identity import Caller, ServiceGate
 from skyway.runtime.paging import Page, PageQuery, page_of
 from skyway.units import moment_to_ms, ms_to_moment
+from skyway_composition.closures.store import outages
+from skyway_composition.pads.outage import Outage, outages_by_pad
 from skyway_composition.pads.store import Reservation, pads_of, reservations_of
 
 
 class PadNow(JsonModel):
-    """A pad, and until when the one reservation that covers this moment holds it."""
+    """A pad, and until when the one reservation that covers this moment holds it.
+
+    One that is out of order is taken too; `works_again_at` is null where nobody knows.
+    """
 
     pad: int
     taken_until_at: datetime | None
     mission_id: MissionId | None
+    is_out_of_order: bool
+    works_again_at: datetime | None
 
 
 class StationPads(JsonModel):
@@ -63,13 +70,17 @@ def pad_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> APIRout
             coming = await reservations_of(
                 connection, station_id, ending_after_ms=now_ms, after=None, limit=10_000
             )
+            broken = outages_by_pad(await outages(connection, at_ms=now_ms, station_id=station_id))
         taken = {each.booked.pad: each for each in coming if each.booked.start_ms <= now_ms}
         return StationPads(
             station_id=station_id,
             pads=pads,
-            pads_taken=len(taken),
+            pads_taken=len(taken.keys() | broken.get(station_id, {}).keys()),
             at=at,
-            items=tuple(_pad_now(pad, taken.get(pad), caller) for pad in range(pads)),
+            items=tuple(
+                _pad_now(pad, taken.get(pad), broken.get(station_id, {}).get(pad), caller)
+                for pad in range(pads)
+            ),
         )
 
     @router.get("/v1/stations/{station_id}/reservations")
@@ -101,13 +112,14 @@ def pad_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> APIRout
     return router
 
 
-def _pad_now(pad: int, held: Reservation | None, caller: Caller) -> PadNow:
-    if held is None:
-        return PadNow(pad=pad, taken_until_at=None, mission_id=None)
+def _pad_now(pad: int, held: Reservation | None, outage: Outage | None, caller: Caller) -> PadNow:
+    works_again_ms = None if outage is None else outage.until_ms
     return PadNow(
         pad=pad,
-        taken_until_at=ms_to_moment(held.booked.end_ms),
-        mission_id=_shown(held, caller),
+        taken_until_at=None if held is None else ms_to_moment(held.booked.end_ms),
+        mission_id=None if held is None else _shown(held, caller),
+        is_out_of_order=outage is not None,
+        works_again_at=None if works_again_ms is None else ms_to_moment(works_again_ms),
     )
 
 

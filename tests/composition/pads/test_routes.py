@@ -40,3 +40,19 @@ async def test_a_station_that_is_not_there(composition: Any) -> None:
     for below in ("pads", "reservations"):
         answer = await composition("operator:op", "GET", f"/v1/stations/none/{below}")
         assert answer.status_code == 404
+
+
+async def test_a_pad_that_is_out_of_order_is_taken(composition: Any) -> None:
+    until = composition.clock.now() + timedelta(hours=1)
+    for pad, body in enumerate(({"until": until.isoformat()}, {"reason": "broken"})):
+        await composition("operator:op", "POST", f"/v1/stations/b/pads/{pad}/outages", body)
+
+    during = (await composition("customer:c", "GET", "/v1/stations/b/pads")).json()
+    composition.clock.advance(timedelta(hours=1))
+    after = (await composition("customer:c", "GET", "/v1/stations/b/pads")).json()
+
+    assert (during["pads_taken"], after["pads_taken"]) == (2, 1)
+    assert [each["is_out_of_order"] for each in during["items"]] == [True, True]
+    assert during["items"][0]["works_again_at"] is not None
+    assert during["items"][1]["works_again_at"] is None
+    assert [each["is_out_of_order"] for each in after["items"]] == [False, True]

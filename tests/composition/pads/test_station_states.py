@@ -90,3 +90,40 @@ async def test_without_a_broker_nothing_is_told(composition: Any) -> None:
     await StationStates(parts.db, broker, parts.clock, parts.mint).step()
 
     assert broker.published == []
+
+
+async def test_a_station_is_told_when_a_pad_fails_and_works_again(composition: Any) -> None:
+    parts, broker = composition.parts, Broker()
+    states = StationStates(parts.db, broker, parts.clock, parts.mint)
+    path, operator = "/v1/stations/b/pads/0/outages", "operator:op"
+
+    await states.step()
+    made = await composition(operator, "POST", path)
+    await states.step()
+    await composition(operator, "DELETE", f"{path}/{made.json()['closure_id']}")
+    await states.step()
+
+    told = [
+        (message.pads_taken, message.next_free_at)
+        for name, message in broker.published
+        if name == "skyway/v1/stations/b/state"
+    ]
+    assert told == [(0, None), (1, None), (0, None)]
+
+
+async def test_a_pad_that_fails_while_it_is_held_is_free_when_both_are_over(
+    composition: Any,
+) -> None:
+    parts, broker = composition.parts, Broker()
+    states = StationStates(parts.db, broker, parts.clock, parts.mint)
+    await composition.book()
+    (first, *_) = [row for row in await composition.reservations() if row.station_id == "b"]
+    parts.clock.advance(timedelta(milliseconds=first.start_ms - 1_772_366_400_000))
+    until = parts.clock.now() + timedelta(days=1)
+
+    path = f"/v1/stations/b/pads/{first.pad}/outages"
+    await composition("operator:op", "POST", path, {"until": until.isoformat()})
+    await states.step()
+
+    told = [message for name, message in broker.published if name == "skyway/v1/stations/b/state"]
+    assert (told[-1].pads_taken, told[-1].next_free_at) == (1, until)

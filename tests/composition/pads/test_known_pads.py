@@ -1,0 +1,51 @@
+"""What planning knows of pads: others' gap before them, and what is out of order."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from skyway_composition.pads.known_pads import KnownPads
+
+from skyway.planner.pad_book import OPEN_MS
+
+pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
+
+
+async def known(composition: Any, **members: Any) -> KnownPads:
+    skyway = await composition.parts.networks.current("row")
+    pads = KnownPads(composition.db, skyway.network_id, skyway.network, after_ms=0, **members)
+    await pads.read(np.arange(5, dtype=np.int32))
+    return pads
+
+
+async def test_others_reservations_begin_a_gap_early(composition: Any) -> None:
+    await composition.book()
+
+    exact = await known(composition)
+    with_gap = await known(composition, gap_ms=120_000)
+
+    assert len(exact.book.start_ms) > 0
+    assert (with_gap.book.start_ms == exact.book.start_ms - 120_000).all()
+    assert (with_gap.book.end_ms == exact.book.end_ms).all()
+
+
+async def test_outages_are_known_before_anything_is_read(composition: Any) -> None:
+    skyway = await composition.parts.networks.current("row")
+
+    pads = KnownPads(
+        composition.db,
+        skyway.network_id,
+        skyway.network,
+        after_ms=0,
+        outages=[("b", 1, 10, OPEN_MS), ("b", 2, 10, 20), ("z", 0, 10, 20)],
+    )
+
+    # Pad 2 and station z do not exist in this version.
+    assert pads.book.station.tolist() == [1]
+    assert (pads.book.pad.tolist(), pads.book.start_ms.tolist()) == ([1], [10])
+
+
+async def test_an_outage_stays_known_once_stations_are_read(composition: Any) -> None:
+    pads = await known(composition, outages=[("b", 1, 10, 20)])
+
+    assert pads.book.end_ms.tolist() == [20]
