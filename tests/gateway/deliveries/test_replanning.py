@@ -1,0 +1,142 @@
+"""Plans that change under way, and what customers are told of it, early."""
+
+from collections.abc import Callable
+from datetime import timedelta
+from typing import Any
+
+
+async def under_way(gateway: Any, *, packages: int = 1, **changes: object) -> str:
+    delivery_id = str(await gateway.accepted(packages=packages, **changes))
+    await gateway.parts.booker.step()
+    for seq, kind in enumerate(("ACCEPTED", "LOADING", "LOADED"), start=1):
+        assert (await gateway.report(delivery_id, kind, seq=seq)).status_code == 204
+    return delivery_id
+
+
+def later(mission: Any, **by: float) -> Any:
+    """The next revision of a mission, which delivers so much later."""
+    etas = tuple(
+        eta.model_copy(update={"eta_at": eta.eta_at + timedelta(**by)}) for eta in mission.packages
+    )
+    revision = mission.revision + 1
+    return mission.model_copy(update={"revision": revision, "packages": etas, "state": "ACTIVE"})
+
+
+async def test_a_plan_that_does_not_hold_is_flagged_until_there_is_another(
+    gateway_on_both: Any,
+) -> None:
+    gateway = gateway_on_both
+    delivery_id = await under_way(gateway)
+    await gateway.report(delivery_id, "REPLANNING", seq=4, code="STATION_CLOSED")
+    delivery = await gateway.get(delivery_id)
+    assert delivery["flags"] == {"delayed": False, "replanning": True}
+    assert delivery["missions"][0]["is_replanning"]
+
+    revised = later(gateway.composition.booked[delivery_id, 1], minutes=30)
+    await gateway.report(
+        delivery_id, "REPLANNED", seq=5, mission=revised, code="STATION_CLOSED", detail="bulverde"
+    )
+    delivery = await gateway.get(delivery_id)
+    assert delivery["flags"] == {"delayed": True, "replanning": False}
+    assert delivery["missions"][0]["revision"] == 2
+    replanned, delayed = (await gateway.events(delivery_id))[-2:]
+    assert (replanned["type"], delayed["type"]) == ("delivery.replanned", "delivery.delayed")
+    assert replanned["data"]["code"] == "STATION_CLOSED"
+    [told] = replanned["data"]["packages"]
+    assert (told["package_id"], told["later_s"]) == ("p1", 1800)
+    assert told["promised_at"] < told["eta_at"]
+
+
+async def test_of_two_plans_that_do_not_hold_one_is_not_enough(
+    gateway: Any, candidate: Callable[..., Any]
+) -> None:
+    gateway.composition.packages_per_trip = 1
+    gateway.registry.candidates_now = [candidate("drn_1"), candidate("drn_2")]
+    delivery_id = await gateway.accepted(packages=2)
+    await gateway.parts.booker.step()
+
+    async def is_replanning() -> bool:
+        return bool((await gateway.get(delivery_id))["flags"]["replanning"])
+
+    for trip in (1, 2):
+        await gateway.report(delivery_id, "ACCEPTED", seq=1, trip=trip)
+        await gateway.report(delivery_id, "REPLANNING", seq=2, trip=trip, code="ZONE")
+    first, second = gateway.composition.trips_of(delivery_id, 1)
+    await gateway.report(delivery_id, "REPLANNED", seq=3, trip=1, mission=later(first, minutes=1))
+    assert await is_replanning()
+    await gateway.report(delivery_id, "REPLANNED", seq=3, trip=2, mission=later(second, minutes=1))
+    assert not await is_replanning()
+
+
+async def test_a_mission_that_ends_is_not_planned_anew_any_more(
+    gateway: Any, candidate: Callable[..., Any]
+) -> None:
+    gateway.composition.packages_per_trip = 1
+    gateway.registry.candidates_now = [candidate("drn_1"), candidate("drn_2")]
+    delivery_id = await gateway.accepted(packages=2)
+    await gateway.parts.booker.step()
+    await gateway.report(delivery_id, "ACCEPTED", seq=1)
+    await gateway.report(delivery_id, "REPLANNING", seq=2, code="ZONE")
+    await gateway.report(delivery_id, "ENDED", seq=3, mission_state="ABORTED", code="NO_PLAN")
+    assert not (await gateway.get(delivery_id))["flags"]["replanning"]
+
+
+async def test_an_eta_behind_the_deadline_is_told_at_once(gateway: Any) -> None:
+    """Ten minutes of flight from 12:01 on, and one second to spare."""
+    delivery_id = await under_way(gateway, qos={"deadline_at": "2026-03-01T12:11:01Z"})
+    mission = gateway.composition.booked[delivery_id, 1]
+    etas = [eta.model_dump() for eta in later(mission, seconds=2).packages]
+    await gateway.report(delivery_id, "ACTIVITY", seq=4, activity="WAITING", etas=etas)
+    assert (await gateway.get(delivery_id))["flags"]["delayed"]
+    last = (await gateway.events(delivery_id))[-1]
+    assert last["type"] == "delivery.delayed"
+    [told] = last["data"]["packages"]
+    assert (told["late_s"], told["deadline_at"]) == (2, "2026-03-01T12:11:01.000Z")
+
+
+async def test_silence_behind_the_eta_is_told_as_a_delay_once(gateway_on_both: Any) -> None:
+    gateway = gateway_on_both
+    delivery_id = await under_way(gateway)
+    watch = gateway.parts.overdue_watch
+    gateway.clock.advance(timedelta(minutes=11, seconds=59))
+    await watch.step()
+    assert not (await gateway.get(delivery_id))["flags"]["delayed"]
+    gateway.clock.advance(timedelta(seconds=3))
+    for _ in range(3):
+        assert not await watch.step()
+        gateway.clock.advance(timedelta(minutes=5))
+    delivery = await gateway.get(delivery_id)
+    assert delivery["flags"]["delayed"]
+    assert delivery["packages"][0]["eta_at"] > delivery["packages"][0]["promised_at"]
+    assert (await gateway.told(delivery_id)).count("delivery.delayed") == 1
+
+    await gateway.report(delivery_id, "DELIVERED", seq=4, package_ids=["p1"])
+    assert (await gateway.get(delivery_id))["state"] == "COMPLETED"
+
+
+async def test_what_is_delivered_or_over_is_never_overdue(gateway: Any) -> None:
+    delivery_id = await under_way(gateway, packages=2)
+    await gateway.report(delivery_id, "DELIVERED", seq=4, package_ids=["p1"])
+    gateway.clock.advance(timedelta(minutes=15))
+    await gateway.parts.overdue_watch.step()
+    assert not (await gateway.get(delivery_id))["flags"]["delayed"]
+    await gateway.report(delivery_id, "DELIVERED", seq=5, package_ids=["p2"])
+    gateway.clock.advance(timedelta(hours=1))
+    await gateway.parts.overdue_watch.step()
+    assert "delivery.delayed" not in await gateway.told(delivery_id)
+
+
+async def test_nobody_there_brings_the_package_to_the_alternative(gateway: Any) -> None:
+    delivery_id = await under_way(gateway)
+    mission = gateway.composition.booked[delivery_id, 1]
+    await gateway.report(delivery_id, "REPLANNING", seq=4, code="RECIPIENT_ABSENT")
+    revised = later(mission, minutes=20)
+    await gateway.report(delivery_id, "REPLANNED", seq=5, mission=revised, code="RECIPIENT_ABSENT")
+    await gateway.report(
+        delivery_id, "DELIVERED", seq=6, package_ids=["p1"], station_id="san-antonio"
+    )
+    delivery = await gateway.get(delivery_id)
+    assert delivery["state"] == "COMPLETED"
+    [package] = delivery["packages"]
+    assert package["custodian"] == {"kind": "RECIPIENT", "id": "san-antonio"}
+    assert package["proof"]["station_id"] == "san-antonio"
