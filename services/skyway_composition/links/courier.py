@@ -40,6 +40,13 @@ class Courier:
         self, tx: Tx, link: DroneLink, draft: Draft, *, expires_at: datetime
     ) -> DroneLink:
         """Send an instruction to the drone; the link's new state is kept, and answered."""
+        link, _ = await self.post(tx, link, draft, expires_at=expires_at)
+        return link
+
+    async def post(
+        self, tx: Tx, link: DroneLink, draft: Draft, *, expires_at: datetime
+    ) -> tuple[DroneLink, InstructionId]:
+        """The same; the instruction's id too, by which its answer is known."""
         link = replace(link, stream=max(1, link.stream), last_seq=link.last_seq + 1)
         instruction_id = InstructionId(self.mint("ins"))
         instruction = draft(
@@ -55,7 +62,7 @@ class Courier:
         await store.add_instruction(tx, link.drone_id, instruction)
         address = INSTRUCTIONS(link.provider_id, link.drone_id)
         tx.send(address, instruction, confirmed_by="receiver", stream=link.drone_id)
-        return link
+        return link, instruction_id
 
     async def ask_for_events(self, tx: Tx, link: DroneLink) -> DroneLink:
         """Ask the drone for the events after the last one that we have, unless just asked."""

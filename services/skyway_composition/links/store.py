@@ -4,7 +4,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import Row, insert, select, update
+from sqlalchemy import Row, func, insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.drone_report import Connection, DroneState
@@ -142,6 +142,16 @@ async def open_instructions(tx: Tx, drone_id: DroneId) -> list[SentInstruction]:
         .order_by(instructions.c.stream, instructions.c.seq)
     )
     return [_sent(row) for row in found]
+
+
+async def last_revision(tx: Tx, mission_id: MissionId) -> int:
+    """The newest revision of a mission that was ever sent, taken or not."""
+    found = await tx.execute(
+        select(func.max(instructions.c.mission_revision)).where(
+            instructions.c.mission_id == mission_id
+        )
+    )
+    return found.scalar_one() or 0
 
 
 async def set_status(tx: Tx, instruction_id: InstructionId, status: str) -> None:

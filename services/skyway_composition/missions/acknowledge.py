@@ -1,19 +1,34 @@
 """The drone's answer to an instruction: it counts once, and ends the repeating."""
 
 import logging
+from typing import Final
 
 from skyway.contracts.drone_report import Ack, RefusalCode
 from skyway.runtime.outbox import confirm
+from skyway.units import moment_to_ms
 from skyway_composition.links import store as link_store
 from skyway_composition.links.link import DroneLink
 from skyway_composition.links.store import SentInstruction
+from skyway_composition.missions import store
+from skyway_composition.missions.beginning import accepted
 from skyway_composition.missions.dispatch import call_off
-from skyway_composition.missions.ending import refuse
+from skyway_composition.missions.ending import cancel, refuse
+from skyway_composition.missions.failure import wait_for_revision
 from skyway_composition.missions.new_stream import open_stream
-from skyway_composition.missions.progress import accepted, wait_for_revision
+from skyway_composition.missions.proposal import drop, settle
+from skyway_composition.missions.record import MissionRecord, Proposal
 from skyway_composition.missions.watch import Watch
 
 log = logging.getLogger(__name__)
+
+#: Instructions that bring steps.
+_REVISIONS: Final = ("MISSION", "DIVERT", "RETURN_HOME")
+
+#: Refusals of a drone that cannot fly with what was loaded.
+_NOT_WITH_THIS_LOAD: Final = (RefusalCode.OVERWEIGHT, RefusalCode.INSUFFICIENT_ENERGY)
+
+#: Wall time until another plan is looked for after a refusal. Our own choice.
+_LOOK_AGAIN_MS: Final = 2_000
 
 
 async def take_ack(watch: Watch, link: DroneLink, ack: Ack) -> None:
@@ -32,10 +47,32 @@ async def take_ack(watch: Watch, link: DroneLink, ack: Ack) -> None:
     if ack.status == "RECEIVED":
         return
     await confirm(watch.tx, sent.instruction_id)
-    if sent.kind == "MISSION" and ack.status == "ACCEPTED":
+    record = watch.missions.get(link.drone_id)
+    proposal = None if record is None else record.proposal
+    if record is not None and proposal and proposal.instruction_id == sent.instruction_id:
+        await _take_answer_to_proposal(watch, record, proposal, ack)
+    elif sent.kind in _REVISIONS and ack.status == "ACCEPTED":
         await _take_acceptance(watch, link, sent)
-    elif sent.kind == "MISSION":
+    elif sent.kind in _REVISIONS:
         await _take_refusal(watch, link, sent, ack)
+
+
+async def _take_answer_to_proposal(
+    watch: Watch, record: MissionRecord, proposal: Proposal, ack: Ack
+) -> None:
+    if ack.status == "ACCEPTED":
+        await settle(watch, record, proposal)
+        return
+    code = ack.code or RefusalCode.MALFORMED
+    log.info("proposal refused", extra={"mission_id": record.mission_id, "code": code})
+    record = await drop(watch, record)
+    is_loading = record.trouble is not None and record.trouble.loaded is not None
+    if is_loading and code in _NOT_WITH_THIS_LOAD:
+        await cancel(watch, record, code=code, detail=ack.detail or "the drone refused its load")
+    elif code is not RefusalCode.STEP_RELEASED:
+        # The same would be refused again, until the drone has said more of itself.
+        at_wall_ms = moment_to_ms(watch.clock.wall_now()) + _LOOK_AGAIN_MS
+        await store.retry_stuck(watch.tx, record.mission_id, at_wall_ms=at_wall_ms)
 
 
 async def _take_gap(watch: Watch, link: DroneLink, ack: Ack) -> None:
@@ -56,6 +93,8 @@ async def _take_acceptance(watch: Watch, link: DroneLink, sent: SentInstruction)
     record = watch.missions.get(link.drone_id)
     if record is not None and record.mission_id == sent.mission_id:
         await watch.keep(accepted(watch, record))
+        # What has come up meanwhile waited for this answer.
+        await store.plan_at_once(watch.tx, record.mission_id)
         return
     if sent.mission_id is None or sent.mission_revision is None:
         return

@@ -147,7 +147,9 @@ def _still_valid(flights: Sequence[PredictedStep], closed: ClosedAhead) -> Seque
         if not isinstance(step, FlyStep):
             continue
         # Only what has not begun can be left out, and a landing can become flying over.
-        is_hit = number > 0 and closed.closes_flight(step, flight.start_ms, flight.end_ms)
+        is_hit = number > 0 and closed.closes_segment(
+            step.from_id, step.to_id, start_ms=flight.start_ms, end_ms=flight.end_ms
+        )
         if is_hit or (step.lands and closed.closes_landing(step.to_id, flight.end_ms)):
             return flights[: max(1, number)]
     return flights

@@ -2,63 +2,81 @@
 
 from collections import defaultdict
 from collections.abc import Iterable
+from datetime import datetime
+from math import inf
+from typing import Self
 
-from skyway.contracts.flight_step import FlyStep
 from skyway.ids import StationId
 from skyway.network.network import Network
+from skyway.planner.airspace import ZoneReach
 from skyway.planner.problem_parts import SegmentClosure, StationClosure
+from skyway.units import moment_to_ms
+from skyway_composition.planning.world import World
 
+#: From one moment until before another, milliseconds since 1970.
 _Span = tuple[float, float]
 
 
 class ClosedAhead:
-    """Closures of a network, whose seconds count from `start_ms`."""
+    """The closures and zones of a network from a moment on."""
 
-    def __init__(
-        self,
-        network: Network,
-        closures: Iterable[StationClosure | SegmentClosure],
-        *,
-        start_ms: int,
-    ) -> None:
+    def __init__(self, network: Network) -> None:
         self._network = network
-        self._start_ms = start_ms
         self._stations: dict[StationId, list[_Span]] = defaultdict(list)
         self._segments: dict[tuple[StationId, StationId], list[_Span]] = defaultdict(list)
+
+    @classmethod
+    def of(cls, world: World, *, now_ms: int) -> Self:
+        """All that is closed in a world, now or later."""
+        closed = cls(world.skyway.network)
+        closed.add(world.conditions.problem_closures(now_ms), start_ms=now_ms)
+        closed.add_zones(world.skyway.airspace.reaches)
+        return closed
+
+    def add(self, closures: Iterable[StationClosure | SegmentClosure], *, start_ms: int) -> None:
+        """Know of these closures, whose seconds count from a moment."""
         for closure in closures:
-            span = closure.start_s, float("inf") if closure.end_s is None else closure.end_s
+            end_ms = inf if closure.end_s is None else start_ms + closure.end_s * 1000
+            span = start_ms + closure.start_s * 1000, end_ms
             if isinstance(closure, StationClosure):
                 self._stations[closure.station_id].append(span)
             else:
                 self._segments[closure.from_id, closure.to_id].append(span)
 
-    def closes_landing(self, station_id: StationId, at_ms: int) -> bool:
+    def add_zones(self, reaches: Iterable[ZoneReach]) -> None:
+        """Know of these zones of the network itself."""
+        for reach in reaches:
+            span = _ms(reach.zone.active_from, -inf), _ms(reach.zone.active_until, inf)
+            for station_id in reach.stations:
+                self._stations[station_id].append(span)
+            for ends in reach.segments:
+                self._segments[ends].append(span)
+
+    def closes_landing(self, station_id: StationId, at_ms: float) -> bool:
         """Whether nobody may land there at that moment, or the station is no longer there."""
         if station_id not in self._network.stations:
             return True
-        at_s = (at_ms - self._start_ms) / 1000
-        return any(start_s <= at_s < end_s for start_s, end_s in self._stations[station_id])
-
-    def closes_flight(self, step: FlyStep, start_ms: int, end_ms: int) -> bool:
-        """Whether a segment may not be flown at some moment of that time, or is gone."""
-        return self.closes_segment(step.from_id, step.to_id, start_ms, end_ms)
+        spans = self._stations.get(station_id, ())
+        return any(start_ms <= at_ms < end_ms for start_ms, end_ms in spans)
 
     def closes_segment(
-        self, from_id: StationId, to_id: StationId, start_ms: int, end_ms: int
+        self, from_id: StationId, to_id: StationId, *, start_ms: float, end_ms: float
     ) -> bool:
-        """The same for a segment by its ends."""
+        """Whether a segment may not be flown at some moment of that time, or is gone."""
         known = self._network.stations
         if from_id not in known or not any(
             each.to_id == to_id for each in self._network.segments_from(from_id)
         ):
             return True
-        begin_s, until_s = (start_ms - self._start_ms) / 1000, (end_ms - self._start_ms) / 1000
-        spans = self._segments[from_id, to_id]
-        return any(start_s < until_s and begin_s < end_s for start_s, end_s in spans)
+        spans = self._segments.get((from_id, to_id), ())
+        return any(from_ms < end_ms and start_ms < until_ms for from_ms, until_ms in spans)
 
     def is_closed_for_good(self, station_id: StationId) -> bool:
         """Whether nobody knows when a station opens again."""
-        spans = self._stations[station_id]
-        return station_id not in self._network.stations or any(
-            end_s == float("inf") for _, end_s in spans
-        )
+        spans = self._stations.get(station_id, ())
+        is_known = station_id in self._network.stations
+        return not is_known or any(end_ms == inf for _, end_ms in spans)
+
+
+def _ms(moment: datetime | None, unknown: float) -> float:
+    return unknown if moment is None else moment_to_ms(moment)

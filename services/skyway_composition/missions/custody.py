@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Literal
 
-from skyway.ids import PackageId
+from skyway.ids import PackageId, StationId
 
 CustodianKind = Literal["STATION", "DRONE", "RECIPIENT"]
 
@@ -39,6 +39,23 @@ def on_board(held: Mapping[PackageId, Held]) -> frozenset[PackageId]:
 def delivered(held: Mapping[PackageId, Held]) -> frozenset[PackageId]:
     """The packages that their recipients have."""
     return _held_by(held, "RECIPIENT")
+
+
+def returned(held: Mapping[PackageId, Held], pickup: StationId) -> frozenset[PackageId]:
+    """The packages that are back at the pickup station, having been on board."""
+    station = Custodian("STATION", pickup)
+    return frozenset(
+        each.package_id for each in held.values() if each.custodian == station and each.seq > 1
+    )
+
+
+def left_behind(held: Mapping[PackageId, Held], pickup: StationId) -> frozenset[PackageId]:
+    """The packages that a drone had on board and left at some other station."""
+    return frozenset(
+        each.package_id
+        for each in held.values()
+        if each.custodian.kind == "STATION" and each.custodian.custodian_id != pickup
+    )
 
 
 def _held_by(held: Mapping[PackageId, Held], kind: CustodianKind) -> frozenset[PackageId]:

@@ -1,33 +1,109 @@
-"""How far a mission is from its plan, and what that means for the packages still to come."""
+"""How far a mission is from its plan, and whether that costs a pad, charge or the deadline."""
 
-from collections.abc import Set as AbstractSet
-from datetime import datetime, timedelta
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from datetime import timedelta
+from typing import Final
 
-from skyway.contracts.flight_step import FlightStep
+from skyway.contracts.flight_step import DeliverStep, FlyStep, RechargeStep
 from skyway.contracts.mission import PackageEta
-from skyway.ids import PackageId
-from skyway_composition.missions.record import MissionRecord
+from skyway.units import moment_to_ms, ms_to_moment
+from skyway_composition.missions.prediction import Load, PredictedStep, predict
+from skyway_composition.missions.record import MissionRecord, Trouble
+from skyway_composition.missions.situation import Situation
+from skyway_composition.missions.whereabouts import whereabouts
+from skyway_composition.planning.margins import with_margin
 
 #: Less lateness than this is not worth telling a customer. Our own choice.
-TOLD_LATENESS = timedelta(seconds=60)
+TOLD_LATENESS: Final = timedelta(seconds=60)
+
+#: A shortfall of charge below this is rounding, or made up for by the margin. Our own choice.
+_LEAST_SHORTFALL_SOC: Final = 0.001
 
 
-def lateness(step: FlightStep, ended_at: datetime) -> timedelta:
-    """How much later than planned a step ended; below zero when it was early."""
-    return ended_at - step.planned_end_at
+@dataclass(frozen=True, slots=True)
+class Outlook:
+    """What is to be expected of the rest of a plan: trouble, and when packages will be delivered.
 
-
-def delayed_etas(
-    record: MissionRecord, late_by: timedelta, *, delivered: AbstractSet[PackageId]
-) -> tuple[PackageEta, ...]:
-    """The packages still to come, each as late as the drone is now; empty for a small delay.
-
-    Waits that lie ahead may make up for some of it: these are the latest times, not the likely.
+    `late_by` is the largest delay of a delivery against what was told before.
     """
-    if late_by < TOLD_LATENESS:
-        return ()
-    return tuple(
-        PackageEta(package_id=eta.package_id, eta_at=eta.eta_at + late_by)
-        for eta in record.mission.packages
-        if eta.package_id not in delivered
+
+    trouble: Trouble | None
+    etas: tuple[PackageEta, ...]
+    late_by: timedelta
+
+
+def outlook(situation: Situation, *, now_ms: int) -> Outlook | None:
+    """What the drone's last word means for its plan; None before it has said anything of it."""
+    where = whereabouts(situation)
+    if where is None:
+        return None
+    record = situation.record
+    load = Load(situation.masses_kg, situation.carried)
+    for step in situation.planned:
+        load = load.after(step) if step.step_id < where.next_step else load
+    ahead = list(
+        predict(
+            [each for each in situation.planned if each.step_id >= where.next_step],
+            where,
+            model=with_margin(record.candidate.model, record.mission.margins.energy_margin),
+            load=load,
+            now_ms=now_ms,
+        )
+    )
+    told = {each.package_id: each.eta_at for each in record.mission.packages}
+    etas = tuple(_etas(ahead))
+    late_by = max(
+        (each.eta_at - told[each.package_id] for each in etas if each.package_id in told),
+        default=timedelta(0),
+    )
+    return Outlook(_trouble(record, ahead), etas, late_by)
+
+
+def _etas(ahead: Sequence[PredictedStep]) -> Iterator[PackageEta]:
+    for predicted in ahead:
+        if isinstance(predicted.step, DeliverStep):
+            eta_at = ms_to_moment(predicted.end_ms)
+            for package_id in predicted.step.package_ids:
+                yield PackageEta(package_id=package_id, eta_at=eta_at)
+
+
+def _trouble(record: MissionRecord, ahead: Sequence[PredictedStep]) -> Trouble | None:
+    """The first thing that the plan loses, in the order of its steps."""
+    model, tolerated_s = record.candidate.model, record.mission.margins.tolerated_lateness_s
+    short: PredictedStep | None = None
+    for predicted in ahead:
+        step = predicted.step
+        if isinstance(step, RechargeStep) and predicted.is_lost:
+            return _late(predicted, f"its pad at {step.station_id!r} is lost")
+        if predicted.is_short:
+            short = predicted
+        if isinstance(step, FlyStep) and (
+            predicted.soc_end < model.reserve_soc - _LEAST_SHORTFALL_SOC
+        ):
+            if short is not None and _late_by_s(short) > tolerated_s:
+                return _late(short, "it cannot charge enough")
+            detail = f"charge {predicted.soc_end:.3f} at {step.to_id!r} would be below the reserve"
+            return Trouble(code="MORE_ENERGY", detail=detail)
+        if _misses_deadline(record, predicted) and _late_by_s(predicted) > tolerated_s:
+            return _late(predicted, "the deadline is missed")
+    return None
+
+
+def _late(predicted: PredictedStep, loss: str) -> Trouble:
+    return Trouble(code="LATE", detail=f"{_late_by_s(predicted):.0f} s late: {loss}")
+
+
+def _late_by_s(predicted: PredictedStep) -> float:
+    """How much later than planned a step begins."""
+    return (predicted.start_ms - moment_to_ms(predicted.step.planned_start_at)) / 1000
+
+
+def _misses_deadline(record: MissionRecord, predicted: PredictedStep) -> bool:
+    """Whether a delivery that was planned before the deadline comes after it."""
+    deadline_at, step = record.request.qos.deadline_at, predicted.step
+    return (
+        deadline_at is not None
+        and isinstance(step, DeliverStep)
+        and step.planned_end_at <= deadline_at < ms_to_moment(predicted.end_ms)
     )

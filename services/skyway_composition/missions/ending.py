@@ -7,7 +7,7 @@ from skyway.contracts.mission import MissionState
 from skyway.ids import PackageId, StationId
 from skyway.units import moment_to_ms
 from skyway_composition.missions import store
-from skyway_composition.missions.custody import Custodian, Held, on_board
+from skyway_composition.missions.custody import Custodian, Held, left_behind, on_board
 from skyway_composition.missions.dispatch import call_off
 from skyway_composition.missions.record import MissionRecord
 from skyway_composition.missions.report import report
@@ -123,11 +123,11 @@ async def _end(
 async def _strand(
     watch: Watch, record: MissionRecord, *, at: datetime, station_id: StationId | None
 ) -> tuple[PackageId, ...]:
-    """The packages left on board; where the station is known, it holds them from now on."""
-    held = await store.held_packages(watch.tx.connection, record.mission.delivery_id)
-    stranded = sorted(on_board(held))
+    """The packages left on board, or left behind; where the station is known, it holds them."""
+    held = record.own(await store.held_packages(watch.tx.connection, record.mission.delivery_id))
+    on_its_board = sorted(on_board(held))
     if station_id is not None:
         station = Custodian("STATION", station_id)
-        rows = [Held(each, held[each].seq + 1, station) for each in stranded]
+        rows = [Held(each, held[each].seq + 1, station) for each in on_its_board]
         await store.add_custody(watch.tx, record, rows, at_ms=moment_to_ms(at))
-    return tuple(stranded)
+    return (*on_its_board, *sorted(left_behind(held, record.request.pickup.station_id)))

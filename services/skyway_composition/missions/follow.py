@@ -88,7 +88,7 @@ class Follower:
                 watch.links[drone_id] = await lock_link(tx, drone_id, writers[drone_id])
             for received in batch:
                 await self._take_one(watch, received)
-            if any(record.stuck is not None for record in watch.missions.values()):
+            if any(record.needs_plan for record in watch.missions.values()):
                 tx.after_commit(self._stuck.set)
 
     async def ask_live_drones(self) -> None:

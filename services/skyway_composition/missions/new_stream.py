@@ -5,7 +5,8 @@ import logging
 from skyway.contracts.drone_report import DroneState
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.dispatch import reissue
-from skyway_composition.missions.progress import wait_for_revision
+from skyway_composition.missions.failure import wait_for_revision
+from skyway_composition.missions.proposal import drop
 from skyway_composition.missions.watch import Watch
 
 log = logging.getLogger(__name__)
@@ -24,5 +25,7 @@ async def open_stream(watch: Watch, link: DroneLink, state: DroneState) -> None:
     if record.mission.state == "BOOKED":
         await reissue(watch, record)
     else:
+        if record.proposal is not None:
+            record = await drop(watch, record)
         detail = "the drone has lost its journal and with it the mission"
         await wait_for_revision(watch, record, code="JOURNAL_LOST", detail=detail)

@@ -49,8 +49,8 @@ class Load:
 class PredictedStep:
     """When a step will begin and end, with which charge and load the drone leaves it.
 
-    A charge below 0 says that a flight cannot be flown. A RECHARGE `is_lost` when the drone comes after the end of its session, and `is_short` when it
-    charges less than planned.
+    A charge below 0 says that a flight cannot be flown. A RECHARGE `is_lost` when the drone comes
+    after the end of its session, and `is_short` when it charges less than planned.
     """
 
     step: FlightStep

@@ -2,21 +2,22 @@
 
 import logging
 from dataclasses import replace
-from datetime import datetime
 
 from skyway.contracts.drone_report import DroneEvent
-from skyway.contracts.flight_step import DeliverStep, FlightStep, PickUpStep
-from skyway.ids import PackageId
+from skyway.contracts.flight_step import DeliverStep, PickUpStep, RechargeStep, ReturnStep
 from skyway.units import moment_to_ms
+from skyway_composition.alarms.store import add as raise_alarm
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions import store
-from skyway_composition.missions.custody import Custodian, Held, delivered, may_pass
-from skyway_composition.missions.deviation import delayed_etas, lateness
+from skyway_composition.missions.beginning import begun
+from skyway_composition.missions.custody import delivered, returned
 from skyway_composition.missions.ending import abort, complete
-from skyway_composition.missions.record import MissionRecord, Stuck
-from skyway_composition.missions.report import report
-from skyway_composition.missions.states import moved
-from skyway_composition.missions.totals import flown_totals
+from skyway_composition.missions.failure import take_step_failure
+from skyway_composition.missions.give_back import give_back
+from skyway_composition.missions.handing_over import hand_back, hand_over, take_on_board
+from skyway_composition.missions.judging import judged_after_step
+from skyway_composition.missions.record import MissionRecord, Trouble
+from skyway_composition.missions.trouble import troubled
 from skyway_composition.missions.watch import Watch
 
 log = logging.getLogger(__name__)
@@ -32,6 +33,8 @@ async def take_event(watch: Watch, link: DroneLink, event: DroneEvent) -> None:
         return
     await watch.keep_link(replace(link, last_event_seq=event.seq))
     record = watch.missions.get(link.drone_id)
+    if event.event == "ALARM":
+        await _take_alarm(watch, link, event)
     if record is None or record.mission_id != event.mission_id:
         log.info("event of no live mission", extra={"mission_id": event.mission_id})
         return
@@ -39,49 +42,11 @@ async def take_event(watch: Watch, link: DroneLink, event: DroneEvent) -> None:
         case "STEP_ENDED":
             await _take_step_end(watch, record, event)
         case "STEP_FAILED":
-            await _take_step_failure(watch, record, event)
+            await take_step_failure(watch, record, event)
         case "MISSION_ENDED":
             await _take_mission_end(watch, record, event)
         case "ALARM":
-            log.warning("alarm", extra={"drone_id": link.drone_id, "code": event.code})
-
-
-def accepted(watch: Watch, record: MissionRecord) -> MissionRecord:
-    """The record once the drone has taken the mission; whoever flies it has accepted it."""
-    if record.mission.state != "BOOKED":
-        return record
-    record = moved(record, "ACCEPTED")
-    return report(watch.tx, record, "ACCEPTED", at=watch.clock.now(), mint=watch.mint)
-
-
-def begun(watch: Watch, record: MissionRecord, *, at: datetime) -> MissionRecord:
-    """The record once the drone has begun: it approaches the pickup, or loads there."""
-    record = accepted(watch, record)
-    if record.mission.state != "ACCEPTED":
-        return record
-    record = moved(record, "ACTIVE")
-    return report(watch.tx, record, "LOADING", at=at, mint=watch.mint)
-
-
-async def wait_for_revision(
-    watch: Watch, record: MissionRecord, *, code: str, detail: str, last_step: int = 0
-) -> None:
-    """Note that the drone stands and waits; `recompose` finds it, from where its state says."""
-    state = watch.links[record.drone_id].state
-    if state is None or state.station_id is None:
-        # Not known where it stands: its next state or the end of its plan decides.
-        log.warning("stuck nowhere", extra={"mission_id": record.mission_id, "code": code})
-        return
-    if state.mission_id == record.mission_id:
-        last_step = max(last_step, state.released_through or 0, state.step_id or 0)
-    stuck = Stuck(
-        code=code,
-        detail=detail,
-        station_id=state.station_id,
-        soc=state.soc,
-        last_step=last_step,
-    )
-    await watch.keep(replace(record, stuck=stuck))
+            await _take_wish(watch, record, event)
 
 
 async def _take_step_end(watch: Watch, record: MissionRecord, event: DroneEvent) -> None:
@@ -89,113 +54,68 @@ async def _take_step_end(watch: Watch, record: MissionRecord, event: DroneEvent)
     if step is None:
         return
     record = begun(watch, record, at=event.started_at or event.ended_at)
+    is_cut = event.code == "CUT"
     match step:
-        case PickUpStep():
-            package_ids = tuple(each.package_id for each in step.packages)
-            drone = Custodian("DRONE", record.drone_id)
-            passed = await _pass_on(watch, record, package_ids, to=drone, at=event.ended_at)
-            if passed:
-                record = _report_step(watch, record, "LOADED", event, package_ids=passed)
-        case DeliverStep():
-            recipient = Custodian("RECIPIENT", step.station_id)
-            passed = await _pass_on(
-                watch, record, step.package_ids, to=recipient, at=event.ended_at
-            )
-            flown = flown_totals(await store.steps_of(watch.tx.connection, record.mission_id))
-            record = _report_step(
-                watch, record, "DELIVERED", event, package_ids=passed, flown=flown
-            )
+        case PickUpStep() if not is_cut:
+            record = await take_on_board(watch, record, step, event)
+        case DeliverStep() if not is_cut:
+            record = await hand_over(watch, record, step, event)
+        case ReturnStep() if not is_cut:
+            record = await hand_back(watch, record, step, event)
+        case RechargeStep():
+            await give_back(watch, record)
         case _:
-            record = await _report_delay(watch, record, step, event)
+            pass
     await watch.keep(record)
-
-
-def _report_step(
-    watch: Watch,
-    record: MissionRecord,
-    kind: str,
-    event: DroneEvent,
-    *,
-    package_ids: tuple[PackageId, ...],
-    flown: dict[str, float] | None = None,
-) -> MissionRecord:
-    return report(
-        watch.tx,
-        record,
-        kind,
-        at=event.ended_at,
-        mint=watch.mint,
-        station_id=event.station_id,
-        soc=event.soc,
-        package_ids=package_ids,
-        data=event.data if flown is None else {**event.data, "flown": flown},
-    )
-
-
-async def _report_delay(
-    watch: Watch, record: MissionRecord, step: FlightStep, event: DroneEvent
-) -> MissionRecord:
-    held = await store.held_packages(watch.tx.connection, record.mission.delivery_id)
-    late_by = lateness(step, event.ended_at)
-    etas = delayed_etas(record, late_by, delivered=delivered(held))
-    if not etas:
-        return record
-    return report(
-        watch.tx,
-        record,
-        "ACTIVITY",
-        at=event.ended_at,
-        mint=watch.mint,
-        station_id=event.station_id,
-        soc=event.soc,
-        etas=etas,
-        data={"late_by_s": late_by.total_seconds()},
-    )
-
-
-async def _take_step_failure(watch: Watch, record: MissionRecord, event: DroneEvent) -> None:
-    await store.end_step(watch.tx, record.mission_id, event, status="FAILED")
-    record = begun(watch, record, at=event.started_at or event.ended_at)
-    if event.station_id is None:
-        code, detail = event.code or "STEP_FAILED", event.detail or "a step failed"
-        await watch.keep(record)
-        await wait_for_revision(
-            watch, record, code=code, detail=detail, last_step=event.step_id or 0
-        )
+    if is_cut:
         return
-    stuck = Stuck(
-        code=event.code or "STEP_FAILED",
-        detail=event.detail or "a step failed",
+    if event.code == "SHORT_CHARGE" and await _flies_on(watch, record):
+        detail = f"charged to {event.soc:.3f} only before the session at {event.station_id!r} ended"
+        await troubled(watch, record, Trouble(code="SHORT_CHARGE", detail=detail))
+        return
+    await judged_after_step(watch, record, event)
+
+
+async def _flies_on(watch: Watch, record: MissionRecord) -> bool:
+    """Whether a plan is there that needs the charge, and no other is looked for already."""
+    if record.stuck is not None or record.proposal is not None:
+        return False
+    steps = await store.steps_of(watch.tx.connection, record.mission_id)
+    return any(each.status == "PLANNED" and each.step.kind == "FLY" for each in steps)
+
+
+async def _take_alarm(watch: Watch, link: DroneLink, event: DroneEvent) -> None:
+    log.warning("alarm", extra={"drone_id": link.drone_id, "code": event.code})
+    await raise_alarm(
+        watch.tx,
+        level=event.level or "WARNING",
+        code=event.code or "ALARM",
+        detail=event.detail or "the drone raised an alarm",
+        at_ms=moment_to_ms(event.ended_at),
+        mint=watch.mint,
+        provider_id=link.provider_id,
+        drone_id=link.drone_id,
+        mission_id=event.mission_id,
         station_id=event.station_id,
-        soc=event.soc,
-        last_step=event.step_id or 0,
+        data=event.data,
     )
-    await watch.keep(replace(record, stuck=stuck))
+
+
+async def _take_wish(watch: Watch, record: MissionRecord, event: DroneEvent) -> None:
+    """A drone that cannot fly its plan may ask for another one."""
+    if event.code == "PLAN_WANTED":
+        detail = event.detail or "the drone asks for another plan"
+        await troubled(watch, record, Trouble(code="PLAN_WANTED", detail=detail))
 
 
 async def _take_mission_end(watch: Watch, record: MissionRecord, event: DroneEvent) -> None:
     record = begun(watch, record, at=event.ended_at)
-    held = await store.held_packages(watch.tx.connection, record.mission.delivery_id)
-    missing = {package.package_id for package in record.request.packages} - delivered(held)
-    if missing:
-        detail = f"the drone ended it with {len(missing)} packages not delivered"
-        code = event.code or "NOT_DELIVERED"
-        await abort(watch, record, at=event.ended_at, code=code, detail=detail)
-    else:
+    held = record.own(await store.held_packages(watch.tx.connection, record.mission.delivery_id))
+    back = returned(held, record.request.pickup.station_id)
+    missing = {each.package_id for each in record.request.packages} - delivered(held) - back
+    if not missing:
         await complete(watch, record, at=event.ended_at)
-
-
-async def _pass_on(
-    watch: Watch,
-    record: MissionRecord,
-    package_ids: tuple[PackageId, ...],
-    *,
-    to: Custodian,
-    at: datetime,
-) -> tuple[PackageId, ...]:
-    """Pass these packages on; those that were already there, or delivered, stay as they are."""
-    held = await store.held_packages(watch.tx.connection, record.mission.delivery_id)
-    passed = [each for each in package_ids if may_pass(held.get(each), to)]
-    rows = [Held(each, held[each].seq + 1 if each in held else 1, to) for each in passed]
-    await store.add_custody(watch.tx, record, rows, at_ms=moment_to_ms(at))
-    return tuple(passed)
+        return
+    detail = f"the drone ended it with {len(missing)} packages not delivered"
+    code = record.mission.given_up or event.code or "NOT_DELIVERED"
+    await abort(watch, record, at=event.ended_at, code=code, detail=detail)

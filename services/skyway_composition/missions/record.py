@@ -94,6 +94,11 @@ class MissionRecord:
         """Whether the drone and pads are held for it."""
         return self.mission.state in LIVE_MISSION_STATES
 
+    @property
+    def needs_plan(self) -> bool:
+        """Whether a new plan is to be looked for now; a proposal is answered first."""
+        return (self.stuck is not None or self.trouble is not None) and self.proposal is None
+
     def packages(self, package_ids: frozenset[str]) -> tuple[Package, ...]:
         """Those packages of the request, in its order."""
         return tuple(each for each in self.request.packages if each.package_id in package_ids)

@@ -11,6 +11,7 @@ from skyway.ids import DeliveryId, MissionId
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.missions.record import MissionRecord
 from skyway_composition.networks.prepared import PreparedNetwork
+from skyway_composition.networks.settings import NetworkSettings
 from skyway_composition.planning.trip import Trip
 
 
@@ -50,7 +51,7 @@ def record_of(
         plan=trip.plan,
         home_plan=trip.home_plan,
         home_recharge=trip.home_recharge,
-        margins=Margins(energy_margin=settings.energy_margin, pad_gap_s=settings.pad_gap_s),
+        margins=margins_of(settings),
         loading="AWAITED" if candidate.loading == "CONFIRMED" else "AUTOMATIC",
     )
     return MissionRecord(
@@ -62,19 +63,32 @@ def record_of(
     )
 
 
-def next_revision(mission: Mission, trip: Trip) -> Mission:
+def margins_of(settings: NetworkSettings) -> Margins:
+    """The margins of plans in a network with these settings."""
+    return Margins(
+        energy_margin=settings.energy_margin,
+        pad_gap_s=settings.pad_gap_s,
+        tolerated_lateness_s=settings.tolerated_lateness_s,
+    )
+
+
+def next_revision(
+    mission: Mission, trip: Trip, *, revision: int, settings: NetworkSettings
+) -> Mission:
     """The mission once this trip replaces what was left of its plan; the price stays."""
     start_at = ms_to_moment(trip.start_ms)
     fresh = {eta.package_id: eta for eta in _etas(trip.plan, start_at)}
     return mission.model_copy(
         update={
-            "revision": mission.revision + 1,
+            "revision": revision,
             "start_at": start_at,
             "released_at": ms_to_moment(trip.released_ms),
             "packages": tuple(fresh.get(eta.package_id, eta) for eta in mission.packages),
             "plan": trip.plan,
             "home_plan": trip.home_plan,
             "home_recharge": trip.home_recharge,
+            "margins": margins_of(settings),
+            "given_up": None,
         }
     )
 

@@ -7,10 +7,11 @@ from skyway.contracts.drone_report import DroneState
 from skyway.ids import DroneId, MissionId
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions import store
+from skyway_composition.missions.beginning import begun
 from skyway_composition.missions.custody import on_board
 from skyway_composition.missions.dispatch import call_off
+from skyway_composition.missions.judging import judged
 from skyway_composition.missions.new_stream import open_stream
-from skyway_composition.missions.progress import begun
 from skyway_composition.missions.record import MissionRecord
 from skyway_composition.missions.report import report
 from skyway_composition.missions.watch import Watch
@@ -68,6 +69,7 @@ async def _take_progress(watch: Watch, record: MissionRecord, state: DroneState)
     record = await _told_activity(watch, record, state)
     if record is not known:
         await watch.keep(record)
+    await judged(watch, record)
 
 
 async def _told_activity(watch: Watch, record: MissionRecord, state: DroneState) -> MissionRecord:
@@ -76,7 +78,7 @@ async def _told_activity(watch: Watch, record: MissionRecord, state: DroneState)
     if state.activity not in _TOLD_ACTIVITIES or doing == record.told:
         return record
     held = await store.held_packages(watch.tx.connection, record.mission.delivery_id)
-    if not on_board(held):
+    if not on_board(record.own(held)):
         return record
     return report(
         watch.tx,

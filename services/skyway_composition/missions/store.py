@@ -26,6 +26,9 @@ from skyway_composition.tables import custody, deliveries, mission_steps, missio
 
 _AIMS: Final = TypeAdapter(tuple[Aim, ...])
 
+#: An event that names no revision is of whichever is known.
+_ANY_REVISION: Final = 2**31 - 1
+
 
 @dataclass(frozen=True, slots=True)
 class MissionFilter:
@@ -207,6 +210,8 @@ async def claim_stuck(db: Database, clock: FleetClock, claimant: str) -> list[Dr
         where=and_(
             missions.c.state.in_(LIVE_MISSION_STATES),
             or_(missions.c.stuck.is_not(None), missions.c.trouble.is_not(None)),
+            # What was proposed is answered first: two revisions on their way could cross.
+            missions.c.proposal.is_(None),
             missions.c.retry_wall_ms <= moment_to_ms(clock.wall_now()),
         ),
         order_by=[missions.c.retry_wall_ms],
@@ -243,6 +248,29 @@ async def add_steps(
             mission_steps.c.mission_id == mission_id, mission_steps.c.status == "PLANNED"
         )
     )
+    await _insert_steps(tx, mission_id, steps, revision=revision)
+
+
+async def replace_steps(
+    tx: Tx,
+    mission_id: MissionId,
+    steps: Iterable[FlightStep],
+    *,
+    first_step: int,
+    revision: int,
+) -> None:
+    """Put these steps in the place of all from `first_step` on, also of one that was cut."""
+    await tx.execute(
+        delete(mission_steps).where(
+            mission_steps.c.mission_id == mission_id, mission_steps.c.step_id >= first_step
+        )
+    )
+    await _insert_steps(tx, mission_id, steps, revision=revision)
+
+
+async def _insert_steps(
+    tx: Tx, mission_id: MissionId, steps: Iterable[FlightStep], *, revision: int
+) -> None:
     rows = [
         {
             "mission_id": mission_id,
@@ -260,12 +288,14 @@ async def add_steps(
 async def end_step(
     tx: Tx, mission_id: MissionId, event: DroneEvent, *, status: str
 ) -> FlightStep | None:
-    """The step that an event ends, unless it has ended already or was never sent."""
+    """The step that an event ends, unless it has ended already, was never sent or replaced."""
     found = await tx.execute(
         select(mission_steps.c.step).where(
             mission_steps.c.mission_id == mission_id,
             mission_steps.c.step_id == event.step_id,
             mission_steps.c.status == "PLANNED",
+            # A step that was cut has the number of the one in its place, which came later.
+            mission_steps.c.revision <= (event.mission_revision or _ANY_REVISION),
         )
     )
     text = found.scalar_one_or_none()

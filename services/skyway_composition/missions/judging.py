@@ -1,0 +1,53 @@
+"""Comparing a mission with its plan whenever something new is known of it."""
+
+from skyway.contracts.drone_report import DroneEvent
+from skyway.units import moment_to_ms
+from skyway_composition.missions.deviation import TOLD_LATENESS, Outlook, outlook
+from skyway_composition.missions.record import MissionRecord
+from skyway_composition.missions.report import report
+from skyway_composition.missions.situation import Situation
+from skyway_composition.missions.trouble import troubled
+from skyway_composition.missions.watch import Watch
+
+
+async def judged(watch: Watch, record: MissionRecord) -> MissionRecord:
+    """The record with its trouble, if the plan leads to one; it is kept already."""
+    seen = await _outlook(watch, record)
+    if seen is None or seen.trouble is None:
+        return record
+    return await troubled(watch, record, seen.trouble)
+
+
+async def judged_after_step(
+    watch: Watch, record: MissionRecord, event: DroneEvent
+) -> MissionRecord:
+    """The same after a step has ended; where nothing is lost, the customer hears of a delay."""
+    seen = await _outlook(watch, record)
+    if seen is None:
+        return record
+    if seen.trouble is not None:
+        return await troubled(watch, record, seen.trouble)
+    if seen.late_by < TOLD_LATENESS:
+        return record
+    record = report(
+        watch.tx,
+        record,
+        "ACTIVITY",
+        at=event.ended_at,
+        mint=watch.mint,
+        station_id=event.station_id,
+        soc=event.soc,
+        etas=seen.etas,
+        data={"late_by_s": seen.late_by.total_seconds()},
+    )
+    await watch.keep(record)
+    return record
+
+
+async def _outlook(watch: Watch, record: MissionRecord) -> Outlook | None:
+    """What to expect; None where another plan is looked for already, or nothing is to go on."""
+    has_other_cares = record.trouble or record.stuck or record.proposal or record.mission.is_held
+    if has_other_cares or record.mission.state == "BOOKED" or not record.is_live:
+        return None
+    situation = await Situation.of(watch, record)
+    return outlook(situation, now_ms=moment_to_ms(watch.clock.now()))
