@@ -39,13 +39,21 @@ class Price(JsonModel):
 
 def price_of(tariff: Tariff, *, distance_m: float, payload_kg: float, recharging_s: float) -> Price:
     """The price of flying a plan, rounded to the nearest minor unit, at least the minimum."""
+    amount = amount_of(
+        tariff, distance_m=distance_m, payload_kg=payload_kg, recharging_s=recharging_s
+    )
+    return Price(amount=amount, currency=tariff.currency)
+
+
+def amount_of(tariff: Tariff, *, distance_m: float, payload_kg: float, recharging_s: float) -> int:
+    """The amount of `price_of`, in minor units of the tariff's currency."""
     amount = (
         tariff.base
         + tariff.per_km * distance_m / 1000
         + tariff.per_kg * payload_kg
         + tariff.per_recharge_minute * recharging_s / 60
     )
-    return Price(amount=max(tariff.minimum, round(amount)), currency=tariff.currency)
+    return max(tariff.minimum, round(amount))
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,9 +91,7 @@ class BestValues:
             + weights.energy * _relative(offer.energy_j, self.energy_j)
         )
 
-    def rank(
-        self, offer: OfferValues, weights: Weights
-    ) -> tuple[float, int, ProviderId, DroneId]:
+    def rank(self, offer: OfferValues, weights: Weights) -> tuple[float, int, ProviderId, DroneId]:
         """What offers are sorted by: the score, then price, provider and drone."""
         score = round(self.score(offer, weights), _SCORE_DIGITS)
         return score, offer.price, offer.provider_id, offer.drone_id

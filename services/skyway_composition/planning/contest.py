@@ -26,10 +26,7 @@ def twins_among(candidates: Sequence[Candidate], least: Least) -> list[Twins]:
     for each in candidates:
         plan_of = (each.model, each.station_id, each.soc, each.home_station_id)
         groups.setdefault(plan_of, []).append(each)
-    return [
-        Twins(tuple(group), tuple(least.values(each) for each in group))
-        for group in groups.values()
-    ]
+    return [Twins(tuple(group), least.values(group)) for group in groups.values()]
 
 
 def next_to_compose(

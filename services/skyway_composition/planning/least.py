@@ -1,11 +1,12 @@
 """What a candidate's offer takes at least, in time, price and energy: known without composing."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Self
 
 from skyway.contracts.candidate import Candidate
-from skyway.delivery.offer import OfferValues, price_of
+from skyway.delivery.offer import OfferValues, Tariff, amount_of
 from skyway.delivery.request import DeliveryRequest
 from skyway.drone.charging import fastest_s_per_soc
 from skyway.drone.model import DroneModel
@@ -44,11 +45,15 @@ class Least:
             least_tour_m(skyway.network, pickup, stops),
         )
 
-    def values(self, candidate: Candidate) -> OfferValues:
-        """The least time, price and energy of an offer by this candidate; inf without a way."""
-        model = with_margin(candidate.model, self.skyway.settings.energy_margin)
-        approach_m = self.approaches_m[candidate.station_id]
-        # The last flight carries a package still, the heaviest only if there is no other.
+    def values(self, alike: Sequence[Candidate]) -> tuple[OfferValues, ...]:
+        """The least time, price and energy of an offer by each of these; inf without a way.
+
+        They are alike: same model, place and charge.
+        """
+        first = alike[0]
+        model = with_margin(first.model, self.skyway.settings.energy_margin)
+        approach_m = self.approaches_m[first.station_id]
+        # Each flight between deliveries carries at least the lightest package.
         lightest_kg = min(package.mass_kg for package in self.request.packages)
         fastest_mps = max(model.speed_empty_mps, model.speed_full_mps)
         flight_s = approach_m / model.speed_empty_mps + self.tour_m / fastest_mps
@@ -56,24 +61,27 @@ class Least:
             approach_m * flight_power_w(model, 0.0) / model.speed_empty_mps
             + self.tour_m * flight_power_w(model, lightest_kg) / fastest_mps
         )
-        recharging_s = _recharging_s(model, candidate.soc, energy_j)
-        least_m = approach_m + self.tour_m
-        price = (
-            price_of(
-                candidate.tariff,
-                distance_m=least_m,
-                payload_kg=self.request.payload_kg,
-                recharging_s=recharging_s,
-            ).amount
-            if least_m < float("inf")
-            else 0
+        recharging_s = _recharging_s(model, first.soc, energy_j)
+        time_s = flight_s + recharging_s + self._stops_s(model, first.station_id)
+        return tuple(
+            OfferValues(
+                time_s=time_s,
+                price=self._price(each.tariff, approach_m + self.tour_m, recharging_s),
+                energy_j=energy_j,
+                provider_id=each.provider_id,
+                drone_id=each.drone_id,
+            )
+            for each in alike
         )
-        return OfferValues(
-            time_s=flight_s + recharging_s + self._stops_s(model, candidate.station_id),
-            price=price,
-            energy_j=energy_j,
-            provider_id=candidate.provider_id,
-            drone_id=candidate.drone_id,
+
+    def _price(self, tariff: Tariff, least_m: float, recharging_s: float) -> int:
+        if math.isinf(least_m):
+            return 0
+        return amount_of(
+            tariff,
+            distance_m=least_m,
+            payload_kg=self.request.payload_kg,
+            recharging_s=recharging_s,
         )
 
     def _stops_s(self, model: DroneModel, station_id: StationId) -> float:

@@ -40,10 +40,10 @@ async def plan_offers(
     settings = world.skyway.settings
     able = [each for each in fit if carries_all(each, request, settings)]
     if able:
-        offers = await _single_offers(finder, request, able, limits=limits, refusals=refusals)
         for each in fit:
-            if each not in able:
+            if not carries_all(each, request, settings):
                 _refuse_overweight(refusals, each, request)
+        offers = await _single_offers(finder, request, able, limits=limits, refusals=refusals)
     else:
         offers = await split_offers(finder, request, fit, limits=limits, refusals=refusals)
     ranked = rank_offers([offer.values for offer in offers], request.qos.ranking)

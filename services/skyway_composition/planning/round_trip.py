@@ -1,12 +1,17 @@
 """A whole trip: the delivery, the way home after it, and the recharge at home."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
 
 from skyway.contracts.candidate import ProviderReasonCode
 from skyway.delivery.plan import Deliver, Plan, PlanStatus, Recharge
 from skyway.drone.charging import recharge_time_s
 from skyway.ids import StationId
+from skyway.network.great_circle import distances_m
+from skyway.network.network import Network
 from skyway.planner.pad_book import PadBook, booked_until_ms
 from skyway.planner.pad_calendar import PadCalendar
 from skyway.planner.problem import Problem
@@ -17,6 +22,9 @@ from skyway_composition.planning.problem_for import Standing, home_problem, with
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.trip import Trip, soc_after
 from skyway_composition.planning.world import World
+
+#: Stations tried for a drone that cannot fly home. Our own choice.
+_MOST_ENDS: Final = 3
 
 #: The plan of a drone that has nothing left to deliver.
 NOTHING_TO_DELIVER = Plan(
@@ -102,17 +110,35 @@ async def _with_way_home(
     start_ms: int,
     held: Sequence[BookedPad] = (),
 ) -> Trip | NoTrip:
-    if home_station_id not in world.skyway.network.stations:
-        detail = f"home station {home_station_id!r} is not in this network"
-        return NoTrip("NO_WAY_HOME", detail, is_temporary=False)
+    """The trip with the way home; where home is out of reach, to a near station with pads."""
+    reason: NoTrip | None = None
+    for end in _ends(world.skyway.network, drone.station_id, home_station_id):
+        trip = await _with_way_to(
+            solver, world, plan, drone=drone, end=end, start_ms=start_ms, held=held
+        )
+        if isinstance(trip, Trip):
+            return trip
+        reason = reason or trip
+    detail = f"home station {home_station_id!r} is not in this network, and no pad is near"
+    return reason or NoTrip("NO_WAY_HOME", detail, is_temporary=False)
+
+
+async def _with_way_to(
+    solver: SolverPool,
+    world: World,
+    plan: Plan,
+    *,
+    drone: Standing,
+    end: StationId,
+    start_ms: int,
+    held: Sequence[BookedPad],
+) -> Trip | NoTrip:
     home_start_ms = start_ms + booked_until_ms(plan.delivery_time_s or 0.0)
-    problem = home_problem(
-        world, drone, home_station_id=home_station_id, start_ms=home_start_ms, held=held
-    )
+    problem = home_problem(world, drone, home_station_id=end, start_ms=home_start_ms, held=held)
     home_plan = await compose_in(solver, world, problem)
     if not home_plan.is_flyable:
         reason = _no_plan(home_plan)
-        detail = f"from {drone.station_id!r} to {home_station_id!r}: {reason.detail}"
+        detail = f"from {drone.station_id!r} to {end!r}: {reason.detail}"
         return NoTrip("NO_WAY_HOME", detail, is_temporary=reason.is_temporary)
     return Trip(
         start_ms=start_ms,
@@ -124,6 +150,21 @@ async def _with_way_home(
         ),
         pad_gap_ms=round(world.skyway.settings.pad_gap_s * 1000),
     )
+
+
+def _ends(network: Network, start: StationId, home_station_id: StationId) -> Iterator[StationId]:
+    """Where a drone may go after its last delivery: home, else the nearest stations with pads."""
+    if home_station_id in network.row_of:
+        yield home_station_id
+    columns = network.columns
+    with_pads = np.flatnonzero(columns.pads > 0)
+    here = np.full(len(with_pads), network.row_of[start])
+    away_m = distances_m(
+        (columns.longitude_deg[here], columns.longitude_deg[with_pads]),
+        (columns.latitude_deg[here], columns.latitude_deg[with_pads]),
+    )
+    nearest = with_pads[np.argsort(away_m, kind="stable")[:_MOST_ENDS]]
+    yield from (columns.station_ids[each] for each in nearest.tolist())
 
 
 def _recharge_at_home(problem: Problem, home_plan: Plan, booked: PadBook) -> Recharge | None:

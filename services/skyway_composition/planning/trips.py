@@ -88,7 +88,8 @@ async def _split(
             continue
         part = Part.of(candidate, trip, request=part_request, network=skyway.network)
         split.parts.append(part)
-        split.left = [each for each in split.left if each not in taken]
+        gone = {each.package_id for each in taken}
+        split.left = [each for each in split.left if each.package_id not in gone]
         if not split.left:
             break
     if split.parts and not (split.left and limits.is_whole):

@@ -90,7 +90,7 @@ async def test_no_offer_has_less_than_the_least_values(
     for request in (make.request("b"), make.request("c", "e"), make.request("e", "a", "c")):
         offers, _ = await offers_of(composition, request, candidate)
 
-        least = Least.of(skyway, request, [candidate]).values(candidate)
+        (least,) = Least.of(skyway, request, [candidate]).values([candidate])
         values = offers.ranked[0].values
         assert least.time_s <= values.time_s + 1e-6
         assert least.price <= values.price
