@@ -51,17 +51,6 @@ async def lock_version(tx: Tx, network_id: NetworkId) -> VersionRow | None:
     return None if row is None else _version_row(row)
 
 
-async def share_version(tx: Tx, network_id: NetworkId) -> int | None:
-    """The current version's number; others may read it too, and nobody can replace it."""
-    found = await tx.execute(
-        select(networks.c.version)
-        .where(networks.c.network_id == network_id)
-        .with_for_update(read=True)
-    )
-    version: int | None = found.scalar_one_or_none()
-    return version
-
-
 async def share_world(tx: Tx, network_id: NetworkId) -> tuple[int, int] | None:
     """The current version and the number of its conditions; others may read them too.
 
