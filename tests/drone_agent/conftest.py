@@ -2,12 +2,18 @@
 
 import asyncio
 import heapq
-from collections.abc import Sequence
+import json
+from collections.abc import Callable, Sequence
 from datetime import UTC, datetime, timedelta
 from typing import Any, Self
 
 import pytest
 from skyway_drone_agent.enrolled_drone import BrokerLogin, EnrolledDrone
+from skyway_drone_agent.flight_recorder import FlightRecorder
+from skyway_drone_agent.inbox import Inbox
+from skyway_drone_agent.memory_journal import MemoryJournal
+from skyway_drone_agent.records import Answer
+from skyway_drone_agent.simulated_vehicle import SimulatedVehicle
 
 from skyway.contracts.flight_step import (
     DeliverStep,
@@ -285,6 +291,45 @@ def round_trip() -> Steps:
     )
 
 
+class Desk:
+    """An inbox, and what it answered."""
+
+    def __init__(self, drone: EnrolledDrone, clock: VirtualClock, cloud: Cloud) -> None:
+        self.cloud = cloud
+        self.clock = clock
+        self.journal = MemoryJournal()
+        self.recorder = FlightRecorder(
+            self.journal, drone_id=drone.drone_id, at_first=drone.at_first()
+        )
+        self.received_ids: list[str] = []
+        self.answers: list[Answer] = []
+        self.resent_after: list[int] = []
+        vehicle = SimulatedVehicle(drone.model, clock)
+        self.inbox = Inbox(self.recorder, clock, vehicle=vehicle, answers=self, events=self)
+
+    def received(self, answer: Answer) -> None:
+        self.received_ids.append(answer.instruction_id)
+
+    def answered(self, answer: Answer) -> None:
+        self.answers.append(answer)
+
+    def resend_after(self, seq: int) -> None:
+        self.resent_after.append(seq)
+
+    def take(self, instruction: Any) -> Answer:
+        self.inbox.take(json.loads(instruction.model_dump_json()))
+        return self.answers[-1]
+
+    def take_raw(self, instruction: Any, change: Callable[[dict[str, Any]], object]) -> Answer:
+        raw = json.loads(instruction.model_dump_json())
+        change(raw)
+        self.inbox.take(raw)
+        return self.answers[-1]
+
+    def drone_is(self, **changes: Any) -> None:
+        self.recorder.logbook = self.recorder.logbook.model_copy(update=changes)
+
+
 @pytest.fixture
 def drone() -> EnrolledDrone:
     """A full drone at home that has never flown."""
@@ -321,3 +366,9 @@ def steps() -> type[Steps]:
 def trip() -> list[FlightStep]:
     """The steps of a round trip with two packages."""
     return round_trip().made
+
+
+@pytest.fixture
+def desk(drone: EnrolledDrone, virtual_clock: VirtualClock, cloud: Cloud) -> Desk:
+    """An inbox of a drone at home, with the cloud that writes to it."""
+    return Desk(drone, virtual_clock, cloud)
