@@ -24,7 +24,47 @@ DAMAGES = [
     (
         "mission lost",
         "UPDATE missions SET state = 'ABORTED'",
-        "I5: a delivery under way has a mission under way",
+        "I5: a delivery under way has a mission under way, or packages that wait",
+    ),
+    (
+        "fell out of the queue",
+        "UPDATE deliveries SET is_queued = FALSE WHERE state = 'REQUESTED'",
+        "I5: a delivery is queued while packages of it wait",
+    ),
+    (
+        "queued for nothing",
+        "UPDATE deliveries SET is_queued = TRUE WHERE state = 'COMPLETED'",
+        "I5: a delivery is queued while packages of it wait",
+    ),
+    (
+        "nobody flies it",
+        "UPDATE deliveries SET is_queued = FALSE WHERE state = 'REQUESTED'",
+        "I5: a request that nobody flies is queued",
+    ),
+    (
+        "goes on without packages",
+        "UPDATE packages SET state = 'STRANDED' WHERE state = 'CREATED'",
+        "I5: a delivery is over when all its packages are",
+    ),
+    (
+        "over with a package on its way",
+        "UPDATE packages SET state = 'IN_TRANSIT' WHERE state = 'DELIVERED'",
+        "I5: a delivery is over when all its packages are",
+    ),
+    (
+        "on its way without a mission",
+        "UPDATE packages SET state = 'LOADED', mission_id = NULL WHERE state = 'CREATED'",
+        "I6: a package on its way has one mission",
+    ),
+    (
+        "its mission is over",
+        "UPDATE missions SET state = 'COMPLETED' WHERE state = 'BOOKED'",
+        "I6: a package on its way has one mission",
+    ),
+    (
+        "another delivery's mission",
+        f"UPDATE packages SET mission_id = 'msn_of_nobody' WHERE delivery_id IN ({COMPLETED})",
+        "I6: a package's mission is one of its delivery's",
     ),
     (
         "custody gap",
@@ -60,8 +100,9 @@ DAMAGES = [
 
 
 @pytest.fixture
-async def lived(gateway: Any) -> Any:
+async def lived(gateway_on_both: Any) -> Any:
     """A gateway with a webhook, a completed, a planned and a queued delivery."""
+    gateway = gateway_on_both
     body = {"url": "http://127.0.0.1:9/"}
     await gateway.http.post("/v1/webhooks", json=body, headers=gateway.customer)
     gateway.clock.advance(timedelta(seconds=1))
