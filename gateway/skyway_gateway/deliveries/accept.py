@@ -128,7 +128,7 @@ class Acceptance:
         if isinstance(checked, SkywayError):
             raise checked
         request, customer_id = checked.request, SubjectId(caller.subject_id)
-        delivery = _new_delivery(
+        delivery = new_delivery(
             delivery_id, customer_id=customer_id, request=request, offer=offer, at=now
         )
         give_up = give_up_at(request, self.clock)
@@ -139,7 +139,7 @@ class Acceptance:
         return delivery
 
 
-def _new_delivery(
+def new_delivery(
     delivery_id: DeliveryId,
     *,
     customer_id: SubjectId,

@@ -1,0 +1,276 @@
+"""The life of a delivery, whatever its missions, its customer and the clock do to it (I5, I6)."""
+
+from collections.abc import Callable
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+from gateway_peers import make_mission, make_reason
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import (
+    RuleBasedStateMachine,
+    initialize,
+    invariant,
+    precondition,
+    rule,
+    run_state_machine_as_test,
+)
+from skyway_gateway.deliveries.accept import new_delivery
+from skyway_gateway.deliveries.booking import after_booking, after_giving_up
+from skyway_gateway.deliveries.cancelling import after_cancellation
+from skyway_gateway.deliveries.delivery import Delivery, PackageStatus
+from skyway_gateway.deliveries.progress import Progress
+from skyway_gateway.deliveries.reports import after_report
+from skyway_gateway.deliveries.states import may_follow
+from skyway_gateway.notifications.stream import LAST_EVENTS
+
+from skyway.contracts.mission import Cancellation, Mission, MissionReport
+from skyway.delivery.request import DeliveryRequest
+
+START = datetime(2026, 3, 1, 12, tzinfo=UTC)
+PICKUP = "san-marcos"
+
+#: Which of the missions under way something happens to.
+WHICH = st.integers(0, 11)
+under_way = precondition(lambda self: bool(self.flights))
+
+
+class Flight:
+    """A mission as composition knows it: which of its packages are where."""
+
+    def __init__(self, mission: Mission) -> None:
+        self.mission, self.state, self.seq = mission, "BOOKED", 0
+        self.to_load = {eta.package_id for eta in mission.packages}
+        self.on_board: set[str] = set()
+
+
+class Life(RuleBasedStateMachine):
+    """A delivery, and the missions, reports and cancellations that happen to it."""
+
+    @initialize(count=st.integers(1, 4))
+    def request(self, count: int) -> None:
+        packages = [
+            {"package_id": f"p{n}", "mass_kg": 1.0, "destination": {"station_id": f"s{n}"}}
+            for n in range(1, count + 1)
+        ]
+        request = DeliveryRequest.model_validate(
+            {"pickup": {"station_id": PICKUP}, "packages": packages}
+        )
+        self.now, self.drones = START, 0
+        self.flights: list[Flight] = []
+        self.told: list[tuple[str, Any]] = []
+        self.delivery: Delivery = new_delivery(
+            "dlv_1", customer_id="alice", request=request, offer=None, at=START
+        )
+
+    # What happens.
+
+    @precondition(lambda self: self.delivery.is_queued)
+    @rule(cuts=st.lists(st.integers(1, 3), min_size=1, max_size=3))
+    def book(self, cuts: list[int]) -> None:
+        """Trips of as many packages as drawn; those behind the last cut are left over."""
+        waiting = [package.package_id for package in self.delivery.waiting]
+        flights = []
+        for trip, size in enumerate(cuts, start=1):
+            group, waiting = waiting[:size], waiting[size:]
+            if group:
+                flights.append(Flight(self._mission(group, trip)))
+        missions = [flight.mission for flight in flights]
+        self._happen(lambda now: after_booking(now, missions, at=self.now))
+        self.flights += flights
+
+    @precondition(lambda self: self.delivery.is_queued)
+    @rule()
+    def give_up(self) -> None:
+        reasons = [make_reason("BUSY", is_temporary=True)]
+        self._happen(lambda now: after_giving_up(now, reasons, detail="no drone", at=self.now))
+
+    @under_way
+    @rule(which=WHICH)
+    def accept(self, which: int) -> None:
+        flight = self._flight(which)
+        if flight.state == "BOOKED":
+            flight.state = "ACCEPTED"
+            self._report(flight, "ACCEPTED")
+
+    @under_way
+    @rule(which=WHICH)
+    def refuse_or_abort(self, which: int) -> None:
+        flight = self._flight(which)
+        self.flights.remove(flight)
+        if flight.state in ("BOOKED", "ACCEPTED"):
+            flight.state = "REFUSED"
+            self._report(flight, "REFUSED", code="EXPIRED")
+        else:
+            self._end(flight, "ABORTED", code="NO_PLAN")
+
+    @under_way
+    @rule(which=WHICH)
+    def load(self, which: int) -> None:
+        flight = self._flight(which)
+        if flight.state == "ACCEPTED" and flight.to_load:
+            flight.state = "ACTIVE"
+            self._report(flight, "LOADING")
+            flight.on_board, flight.to_load = flight.to_load, set()
+            self._report(flight, "LOADED", package_ids=sorted(flight.on_board))
+
+    @under_way
+    @rule(which=WHICH, activity=st.sampled_from(["FLYING", "WAITING"]))
+    def move(self, which: int, activity: str) -> None:
+        self._report(self._flight(which), "ACTIVITY", activity=activity)
+
+    @under_way
+    @rule(which=WHICH, late_s=st.integers(-600, 6000))
+    def replan(self, which: int, late_s: int) -> None:
+        flight = self._flight(which)
+        self._report(flight, "REPLANNING", code="ZONE")
+        etas = [
+            {"package_id": eta.package_id, "eta_at": eta.eta_at + timedelta(seconds=late_s)}
+            for eta in flight.mission.packages
+        ]
+        self._report(flight, "REPLANNED", code="ZONE", etas=etas)
+
+    @under_way
+    @rule(which=WHICH, kind=st.sampled_from(["DELIVERED", "RETURNED"]))
+    def hand_over(self, which: int, kind: str) -> None:
+        flight = self._flight(which)
+        if flight.on_board:
+            package_id = min(flight.on_board)
+            flight.on_board.remove(package_id)
+            if kind == "RETURNED":
+                self._report(flight, "RETURNING", package_ids=[package_id], code="ABSENT")
+            self._report(flight, kind, package_ids=[package_id], station_id=PICKUP)
+
+    @under_way
+    @rule(which=WHICH)
+    def come_home(self, which: int) -> None:
+        flight = self._flight(which)
+        self.flights.remove(flight)
+        is_done = flight.state == "ACTIVE" and not flight.on_board
+        self._end(flight, "COMPLETED" if is_done else "ABORTED", code="HOME")
+
+    @rule(wanted=st.sets(st.sampled_from(["p1", "p2", "p3", "p4"]), min_size=1))
+    def cancel(self, wanted: set[str]) -> None:
+        flights = self.flights
+        done = Cancellation(
+            released=tuple(sorted(set().union(*(f.to_load for f in flights)) & wanted)),
+            returning=tuple(sorted(set().union(*(f.on_board for f in flights)) & wanted)),
+        )
+        self._happen(
+            lambda now: after_cancellation(now, wanted, done, reason="no need", at=self.now)
+        )
+        for flight in flights:
+            if released := sorted(flight.to_load & wanted):
+                flight.to_load -= wanted
+                self._report(flight, "RELEASED", package_ids=released, code="CANCELLED")
+
+    # What holds.
+
+    @invariant()
+    def it_is_over_exactly_when_all_its_packages_are(self) -> None:
+        assert self.delivery.is_over == all(one.is_settled for one in self.delivery.packages)
+
+    @invariant()
+    def it_has_told_one_last_event_exactly_when_it_is_over(self) -> None:
+        last = [number for number, (kind, _) in enumerate(self.told) if kind in LAST_EVENTS]
+        assert last == ([len(self.told) - 1] if self.delivery.is_over else [])
+
+    @invariant()
+    def each_package_has_told_its_end_once(self) -> None:
+        if self.delivery.state == "REJECTED":
+            return
+        ends = [data["package_id"] for kind, data in self.told if kind.startswith("package.")]
+        settled = [one.package_id for one in self.delivery.packages if one.is_settled]
+        assert sorted(ends) == settled
+
+    @invariant()
+    def while_it_goes_on_somebody_carries_it_or_it_is_queued(self) -> None:
+        if not self.delivery.is_over:
+            assert self.delivery.is_queued or self.delivery.live_missions
+
+    @invariant()
+    def each_package_on_its_way_has_one_live_mission(self) -> None:
+        live = {mission.mission_id for mission in self.delivery.live_missions}
+        for package in self.delivery.packages:
+            if not package.is_settled and not package.is_waiting:
+                assert package.mission_id in live
+
+    @invariant()
+    def each_package_is_with_whom_its_state_says(self) -> None:
+        kinds = {"CREATED": "STATION", "CANCELLED": "STATION", "DELIVERED": "RECIPIENT"}
+        for package in self.delivery.packages:
+            kind = kinds.get(package.state)
+            if kind is None:
+                kind = "STATION" if package.state in ("RETURNED", "STRANDED") else "DRONE"
+            assert package.custodian.kind == kind
+
+    # How it happens.
+
+    def _mission(self, package_ids: list[str], trip: int) -> Mission:
+        self.drones += 1
+        request = self.delivery.request
+        packages = tuple(one for one in request.packages if one.package_id in package_ids)
+        return make_mission(
+            request.model_copy(update={"packages": packages}),
+            delivery_id="dlv_1",
+            attempt=self.delivery.attempt,
+            trip=trip,
+            drone_id=f"drn_{self.drones}",
+            start_at=self.now,
+        )
+
+    def _flight(self, which: int) -> Flight:
+        return self.flights[which % len(self.flights)]
+
+    def _end(self, flight: Flight, state: str, *, code: str) -> None:
+        flight.state = state
+        stranded, flight.on_board = sorted(flight.on_board), set()
+        self._report(
+            flight, "ENDED", stranded_package_ids=stranded, station_id="bulverde", code=code
+        )
+
+    def _report(self, flight: Flight, kind: str, **fields: object) -> None:
+        flight.seq += 1
+        mission = flight.mission
+        report = MissionReport.model_validate(
+            {
+                "report_id": f"rpt_{flight.seq}",
+                "delivery_id": "dlv_1",
+                "attempt": mission.attempt,
+                "trip": mission.trip,
+                "mission_id": mission.mission_id,
+                "provider_id": mission.provider_id,
+                "drone_id": mission.drone_id,
+                "seq": flight.seq,
+                "kind": kind,
+                "at": self.now,
+                "mission_state": flight.state,
+                **fields,
+            }
+        )
+        self._happen(lambda now: after_report(now, report), is_report=True)
+
+    def _happen(self, change: Callable[[Delivery], Progress], *, is_report: bool = False) -> None:
+        """Apply a change as `writing` does: what is over only hears of its drones' way home."""
+        self.now += timedelta(seconds=30)
+        before = self.delivery
+        if before.is_over and not is_report:
+            return
+        progress = change(before)
+        assert may_follow(progress.delivery.state, before.state)
+        for then, now in zip(before.packages, progress.delivery.packages, strict=True):
+            _check_package(then, now)
+        self.delivery = progress.delivery
+        self.told += [(happening.type.value, happening.data) for happening in progress.happenings]
+
+
+def _check_package(before: PackageStatus, after: PackageStatus) -> None:
+    if before.is_settled:
+        assert after == before
+    if before.mission_id is not None and after.mission_id != before.mission_id:
+        assert after.mission_id is None, "handed from mission to mission"
+        assert before.state == "CREATED"
+
+
+def test_whatever_happens_a_delivery_ends_once_and_no_package_is_lost() -> None:
+    run_state_machine_as_test(Life, settings=settings(max_examples=200, stateful_step_count=30))
