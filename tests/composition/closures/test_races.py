@@ -1,0 +1,138 @@
+"""I11: nothing is planned through what was closed once that was answered, however close the race.
+
+A mission that was booked before the closure is struck by it; one that is booked after it knows of
+it. There is no third kind.
+"""
+
+import asyncio
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from skyway_composition.missions import store
+
+from skyway.contracts.flight_step import FlyStep
+from skyway.contracts.mission import BookMissions
+from skyway.ids import DeliveryId
+from skyway.runtime.database import Database, Tx
+
+OPERATOR = "operator:op"
+AROUND_B = [[0.15, -0.1], [0.2, -0.1], [0.2, 0.1], [0.15, 0.1], [0.15, -0.1]]
+
+#: What is closed, and how to know a flight that it forbids.
+CLOSINGS: dict[str, tuple[str, Any, Callable[[FlyStep], bool]]] = {
+    "station": ("/v1/stations/b/closures", {}, lambda step: step.lands and step.to_id == "b"),
+    "segment": ("/v1/segments/b/c/closures", {}, lambda step: (step.from_id, step.to_id) == _BC),
+    "zone": (
+        "/v1/zones",
+        {"network_id": "row", "area": {"type": "Polygon", "coordinates": [AROUND_B]}},
+        lambda step: "b" in (step.from_id, step.to_id),
+    ),
+}
+_BC = ("b", "c")
+
+
+class Meddling(Database):
+    """The same database, in which something happens just before every transaction."""
+
+    def __init__(self, db: Database, meddle: Callable[[], Awaitable[None]]) -> None:
+        self._db = db
+        self._meddle = meddle
+        self.read = db.read  # type: ignore[method-assign]
+
+    @asynccontextmanager
+    async def write(self) -> AsyncIterator[Tx]:
+        await self._meddle()
+        async with self._db.write() as tx:
+            yield tx
+
+
+async def unaware(composition: Any, is_forbidden: Callable[[FlyStep], bool]) -> list[str]:
+    """The live missions that fly what is forbidden, and do not look for another plan."""
+    async with composition.db.read() as connection:
+        records = await store.page(connection, store.MissionFilter(), before=None, limit=100)
+        return [
+            record.mission_id
+            for record in records
+            if record.is_live and record.trouble is None
+            for each in await store.steps_of(connection, record.mission_id)
+            if isinstance(each.step, FlyStep) and is_forbidden(each.step)
+        ]
+
+
+@pytest.mark.parametrize("what", CLOSINGS)
+async def test_a_plan_made_before_a_closure_is_not_booked_after_it(
+    composition: Any, make: Any, what: str
+) -> None:
+    path, body, is_forbidden = CLOSINGS[what]
+    closed: list[int] = []
+
+    async def close_once() -> None:
+        if not closed:
+            closed.append((await composition(OPERATOR, "POST", path, body)).status_code)
+
+    bookings = replace(composition.parts.bookings, db=Meddling(composition.db, close_once))
+    wanted = BookMissions(attempt=1, request=make.request("c"), candidates=(make.candidate(),))
+
+    booking = await bookings.book(DeliveryId("dlv_1"), wanted)
+
+    assert closed == [201]
+    assert booking.outcome != "BOOKED"
+    assert await unaware(composition, is_forbidden) == []
+
+
+async def test_bookings_that_race_with_closures_are_struck_or_know_of_them(
+    composition: Any, make: Any
+) -> None:
+    path, _, is_forbidden = CLOSINGS["station"]
+
+    async def open_and_close() -> None:
+        for _ in range(4):
+            made = (await composition(OPERATOR, "POST", path)).json()
+            await composition(OPERATOR, "DELETE", f"{path}/{made['closure_id']}")
+        assert (await composition(OPERATOR, "POST", path)).status_code == 201
+
+    await asyncio.gather(
+        open_and_close(),
+        *(
+            composition.book(make.candidate(number), delivery_id=f"dlv_{number}")
+            for number in range(1, 9)
+        ),
+    )
+
+    assert await unaware(composition, is_forbidden) == []
+    assert await composition.broken() == []
+
+
+async def test_a_plan_made_before_an_outage_is_not_booked_after_it(
+    composition: Any, make: Any
+) -> None:
+    closed: list[int] = []
+
+    async def fail_once() -> None:
+        if not closed:
+            answer = await composition(OPERATOR, "POST", "/v1/stations/b/pads/0/outages")
+            closed.append(answer.status_code)
+
+    bookings = replace(composition.parts.bookings, db=Meddling(composition.db, fail_once))
+    wanted = BookMissions(attempt=1, request=make.request("c"), candidates=(make.candidate(),))
+
+    booking = await bookings.book(DeliveryId("dlv_1"), wanted)
+
+    assert booking.outcome == "BOOKED"
+    held = {(row.station_id, row.pad) for row in await composition.reservations()}
+    assert ("b", 1) in held
+    assert ("b", 0) not in held
+
+
+async def test_a_station_that_reopens_is_used_again(composition: Any) -> None:
+    made = await composition(OPERATOR, "POST", "/v1/stations/b/closures")
+    closed = await composition.book()
+
+    await composition(OPERATOR, "DELETE", f"/v1/stations/b/closures/{made.json()['closure_id']}")
+    reopened = await composition.book(attempt=2)
+
+    assert closed.outcome != "BOOKED"
+    assert reopened.outcome == "BOOKED"
