@@ -147,6 +147,7 @@ def new_delivery(
     offer: OfferLimits | None,
     at: datetime,
 ) -> Delivery:
+    """The delivery of a request that was just accepted: its packages stand at the pickup."""
     pickup = Custodian(kind="STATION", id=request.pickup.station_id)
     return Delivery(
         delivery_id=delivery_id,
