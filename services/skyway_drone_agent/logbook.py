@@ -120,8 +120,7 @@ def _called_off(logbook: Logbook, before: CurrentMission, *, at: datetime) -> Lo
     left = called_off(before, at=at, is_airborne=logbook.station_id is None)
     if left is not None:
         return logbook.model_copy(update={"mission": left})
-    # What was still on board is stranded: it stays at the station where the drone stands.
-    return _without_mission(logbook).model_copy(update={"packages": ()})
+    return _without_mission(logbook)
 
 
 def _told(logbook: Logbook, record: AcceptanceTold) -> Logbook:
@@ -204,7 +203,8 @@ def _cut_step_ended(logbook: Logbook, mission: CurrentMission, event: DroneEvent
 
 
 def _without_mission(logbook: Logbook) -> Logbook:
+    """What is still on board is stranded: it stays at the station where the drone stands."""
     if logbook.mission is None:
         return logbook
     ended = (*logbook.ended_mission_ids, logbook.mission.mission_id)[-ENDED_MISSIONS_KEPT:]
-    return logbook.model_copy(update={"mission": None, "ended_mission_ids": ended})
+    return logbook.model_copy(update={"mission": None, "ended_mission_ids": ended, "packages": ()})

@@ -206,6 +206,23 @@ async def test_a_drone_called_home_hands_back_what_it_carries_with_proof(
     }
 
 
+async def test_what_is_on_board_when_a_mission_ends_stays_where_it_ended(
+    world: Any, cloud: Any, steps: Any
+) -> None:
+    await fly(world, cloud, steps)
+    there = steps(at=world.clock.now(), first_step=3).wait("over", duration_s=600)
+    await world.send(cloud.divert(there.made))
+    await world.pass_until(lambda: world.is_over)
+    assert (world.states[-1].station_id, world.states[-1].package_ids) == ("over", ())
+
+    back = steps(at=world.clock.now()).fly("over", "home", length_m=6000, duration_s=330)
+    await world.send(cloud.mission(back.made, mission_id="msn_2"))
+    await world.pass_until(lambda: world.states[-1].station_id == "home")
+
+    flown = world.events[-2]
+    assert flown.ended_at - flown.started_at == timedelta(seconds=330)
+
+
 async def test_a_divert_of_a_mission_that_is_not_flown_is_refused(
     world: Any, cloud: Any, steps: Any
 ) -> None:
