@@ -58,5 +58,6 @@ def _limits(delivery: Delivery) -> OfferLimits | None:
 
 
 def _booked_amount(delivery: Delivery) -> int:
-    """The price of the missions that were booked and not refused, minor units."""
-    return sum(mission.price.amount for mission in delivery.missions)
+    """The price of the missions that were booked, and neither refused nor called off."""
+    booked = (mission for mission in delivery.missions if mission.state != "CANCELLED")
+    return sum(mission.price.amount for mission in booked)

@@ -21,6 +21,8 @@ def loaded(delivery: Delivery, mission: Mission, report: MissionReport) -> Progr
         return is_named and package.state == "CREATED" and package.mission_id == mission.mission_id
 
     package_ids = tuple(one.package_id for one in delivery.packages if is_loaded(one))
+    if not package_ids:  # all of them were cancelled while the drone was loaded
+        return Progress(delivery)
     data = told.loaded(package_ids, mission, report)
     news = [Happening(DeliveryEventType.LOADED, report.at, data)]
     if delivery.state != "IN_PROGRESS":
