@@ -115,62 +115,56 @@ def _package_sums(wanted: Wanted) -> _Query:
 
 def _time_sums(wanted: Wanted) -> _Query:
     """Of completed deliveries: each one's planned start, promise and end, added up."""
-    of_delivery = packages.c.delivery_id == deliveries.c.delivery_id
-    start = (
-        select(func.min(missions.c.start_ms))
-        .where(missions.c.delivery_id == deliveries.c.delivery_id, missions.c.state != "REFUSED")
-        .scalar_subquery()
-    )
-    promised = select(func.max(packages.c.promised_ms)).where(of_delivery).scalar_subquery()
-    delivered = select(func.max(packages.c.delivered_ms)).where(of_delivery).scalar_subquery()
     each = (
         select(
             wanted.bucket.label("bucket"),
             deliveries.c.created_ms,
-            start.label("start_ms"),
-            promised.label("promised_ms"),
-            delivered.label("delivered_ms"),
+            func.min(missions.c.start_ms).label("start_ms"),
+            func.max(packages.c.promised_ms).label("promised_ms"),
+            func.max(packages.c.delivered_ms).label("delivered_ms"),
         )
-        .where(wanted.is_counted, deliveries.c.state == "COMPLETED")
+        # Each package beside each mission: neither the least nor the largest minds.
+        .join_from(deliveries, packages, packages.c.delivery_id == deliveries.c.delivery_id)
+        .join(missions, missions.c.delivery_id == deliveries.c.delivery_id)
+        .where(
+            wanted.is_counted,
+            deliveries.c.state == "COMPLETED",
+            missions.c.state != "REFUSED",
+            # One of an older version has no start: it would count in one sum, not in another.
+            missions.c.start_ms.is_not(None),
+            packages.c.promised_ms.is_not(None),
+        )
+        .group_by(deliveries.c.delivery_id)
         .subquery()
     )
-    return (
-        select(
-            each.c.bucket,
-            func.count().label("completed"),
-            func.sum(each.c.promised_ms - each.c.start_ms).label("planned_ms"),
-            func.sum(each.c.delivered_ms - each.c.start_ms).label("actual_ms"),
-            func.sum(each.c.delivered_ms - each.c.created_ms).label("since_request_ms"),
-        )
-        # A mission of an older version has no start: it would count in one sum and not in another.
-        .where(each.c.start_ms.is_not(None), each.c.promised_ms.is_not(None))
-        .group_by(each.c.bucket)
-    )
+    return select(
+        each.c.bucket,
+        func.count().label("completed"),
+        func.sum(each.c.promised_ms - each.c.start_ms).label("planned_ms"),
+        func.sum(each.c.delivered_ms - each.c.start_ms).label("actual_ms"),
+        func.sum(each.c.delivered_ms - each.c.created_ms).label("since_request_ms"),
+    ).group_by(each.c.bucket)
 
 
 def _mission_sums(wanted: Wanted) -> _Query:
     """Of missions that handed something over, up to their last hand-over."""
-    last = (
-        select(func.max(packages.c.delivered_ms))
-        .where(packages.c.mission_id == missions.c.mission_id)
-        .where(packages.c.delivery_id == missions.c.delivery_id)
-        .scalar_subquery()
+    names = ("flight_s", "waiting_s", "recharging_s")
+    is_carried = and_(
+        packages.c.delivery_id == missions.c.delivery_id,
+        packages.c.mission_id == missions.c.mission_id,
+        packages.c.delivered_ms.is_not(None),
     )
     each = (
         select(
             wanted.bucket.label("bucket"),
-            (last - missions.c.start_ms).label("carried_ms"),
-            missions.c.flight_s,
-            missions.c.waiting_s,
-            missions.c.recharging_s,
+            (func.max(packages.c.delivered_ms) - missions.c.start_ms).label("carried_ms"),
+            *(missions.c[name] for name in names),
         )
         .join_from(deliveries, missions, missions.c.delivery_id == deliveries.c.delivery_id)
+        .join(packages, is_carried)
         .where(wanted.is_counted, wanted.is_flown(missions), missions.c.flight_s.is_not(None))
+        .group_by(missions.c.mission_id, deliveries.c.delivery_id)
         .subquery()
     )
-    names = ("carried_ms", "flight_s", "waiting_s", "recharging_s")
-    return (
-        select(each.c.bucket, *(func.sum(each.c[name]).label(name) for name in names))
-        .where(each.c.carried_ms.is_not(None))
-        .group_by(each.c.bucket)
-    )
+    added = (func.sum(each.c[name]).label(name) for name in ("carried_ms", *names))
+    return select(each.c.bucket, *added).group_by(each.c.bucket)
