@@ -1,0 +1,153 @@
+"""POST /internal/quotes: what each provider would offer, ranked as asked, and why others do not."""
+
+from typing import Any
+
+import pytest
+
+from skyway.contracts.quote import QuoteAnswer, QuoteQuery
+from skyway.delivery.offer import Tariff
+from skyway.drone.models import DJI_MATRICE_300_RTK
+
+pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
+
+
+async def quote(composition: Any, request: Any, *candidates: Any) -> QuoteAnswer:
+    body = QuoteQuery(request=request, candidates=candidates).model_dump(mode="json")
+    answer = await composition("service:gateway", "POST", "/internal/quotes", body)
+    assert answer.status_code == 200, answer.text
+    return QuoteAnswer.model_validate_json(answer.content)
+
+
+@pytest.fixture
+def drones(make: Any) -> list[Any]:
+    """Provider 1 is near and dear, 2 is farther away and cheap."""
+    return [
+        make.candidate(1, tariff=Tariff(base=900, per_km=10)),
+        make.candidate(2, provider_id="prv_2", station_id="b", tariff=Tariff(base=100, per_km=10)),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("qos", "order"),
+    [
+        ({"objective": "fastest"}, ["prv_1", "prv_2"]),
+        ({"objective": "cheapest"}, ["prv_2", "prv_1"]),
+        ({"objective": "greenest"}, ["prv_1", "prv_2"]),
+        ({"weights": {"time": 0.9, "price": 0.1}}, ["prv_1", "prv_2"]),
+        ({"weights": {"time": 0.1, "price": 0.9}}, ["prv_2", "prv_1"]),
+    ],
+)
+async def test_offers_are_ordered_as_asked_and_their_score_says_why(
+    composition: Any, make: Any, drones: Any, qos: Any, order: list[str]
+) -> None:
+    request = make.request("c", qos=qos)
+
+    answer = await quote(composition, request, *drones)
+
+    weights, offers = request.qos.ranking, answer.offers
+    assert [offer.provider_id for offer in offers] == order
+    for offer in offers:
+        score = (
+            weights.time * offer.delivery_time_s / min(each.delivery_time_s for each in offers)
+            + weights.price * offer.price.amount / min(each.price.amount for each in offers)
+            + weights.energy * offer.energy_j / min(each.energy_j for each in offers)
+        )
+        assert offer.score == pytest.approx(score)
+    assert [offer.score for offer in offers] == sorted(offer.score for offer in offers)
+
+
+async def test_a_provider_offers_its_drone_with_the_best_plan(composition: Any, make: Any) -> None:
+    # The nearest has to be charged first; only its plan tells.
+    empty = make.candidate(1, soc=0.15)
+    full = make.candidate(2, station_id="b")
+
+    answer = await quote(composition, make.request("c"), empty, full)
+
+    assert [offer.drone_id for offer in answer.offers] == ["drn_2"]
+
+
+async def test_a_quote_reserves_nothing(composition: Any, make: Any, drones: Any) -> None:
+    first = await quote(composition, make.request("c"), *drones)
+
+    assert await quote(composition, make.request("c"), *drones) == first
+    assert await composition.reservations() == []
+
+
+async def test_a_provider_that_cannot_serve_is_named_with_its_numbers(
+    composition: Any, make: Any, drones: Any
+) -> None:
+    busy = make.candidate(3, provider_id="prv_3")
+    await composition.book(busy, delivery_id="dlv_other")
+    request = make.request("c", qos={"max_price": 850, "providers": {"denied": ["prv_9"]}})
+
+    answer = await quote(composition, request, *drones, busy)
+
+    reasons = {str(each.provider_id): each for each in answer.infeasible}
+    assert [offer.provider_id for offer in answer.offers] == ["prv_2"]
+    assert reasons["prv_1"].code == "TOO_EXPENSIVE"
+    assert reasons["prv_1"].data["max_price"] == 850
+    assert reasons["prv_3"].code == "BUSY"
+
+
+@pytest.mark.parametrize(
+    ("members", "mass_kg", "code", "named"),
+    [
+        ({"soc": 0.01, "model": DJI_MATRICE_300_RTK}, 0.4, "LOW_CHARGE", {"soc"}),
+        ({}, 99.0, "OVERWEIGHT", {"mass_kg", "limit_kg"}),
+        ({"tariff": Tariff(currency="EUR")}, 0.4, "OTHER_CURRENCY", set()),
+        ({"station_id": "nowhere"}, 0.4, "DESTINATION_UNREACHABLE", set()),
+    ],
+)
+async def test_a_pinned_provider_that_cannot_serve_gives_its_reason(
+    composition: Any, make: Any, members: Any, mass_kg: float, code: str, named: set[str]
+) -> None:
+    request = make.request("c", mass_kg=mass_kg, qos={"providers": {"pinned": "prv_1"}})
+
+    answer = await quote(composition, request, make.candidate(**members))
+
+    (reason,) = answer.infeasible
+    assert (answer.offers, reason.provider_id, reason.code) == ((), "prv_1", code)
+    assert named <= set(reason.data)
+
+
+async def test_a_deadline_that_cannot_be_kept_is_named_with_its_seconds(
+    composition: Any, make: Any
+) -> None:
+    soon = composition.clock.now().replace(minute=59).isoformat()
+    request = make.request("e", qos={"deadline_at": soon})
+
+    answer = await quote(composition, request, make.candidate())
+
+    (reason,) = answer.infeasible
+    assert reason.code == "TOO_LATE"
+    assert reason.data["least_s"] > reason.data["latest_s"] > 0
+
+
+async def test_a_drone_under_a_ground_stop_makes_no_offer(composition: Any, make: Any) -> None:
+    stop = await composition(
+        "operator:op", "POST", "/v1/ground-stops", {"provider_id": "prv_1", "reason": "storm"}
+    )
+    assert stop.status_code == 201, stop.text
+
+    answer = await quote(composition, make.request("c"), make.candidate())
+
+    (reason,) = answer.infeasible
+    assert (reason.code, reason.is_temporary) == ("GROUND_STOP", True)
+    assert "storm" in reason.detail
+
+
+async def test_a_closed_segment_is_not_planned_through(composition: Any, make: Any) -> None:
+    closed = await composition("operator:op", "POST", "/v1/segments/b/c/closures", {})
+    assert closed.status_code == 201, closed.text
+
+    answer = await quote(composition, make.request("c"), make.candidate())
+
+    assert answer.offers == ()
+
+
+async def test_only_services_ask_for_quotes(composition: Any, make: Any) -> None:
+    body = QuoteQuery(request=make.request("c"), candidates=()).model_dump(mode="json")
+
+    answer = await composition("customer:c", "POST", "/internal/quotes", body)
+
+    assert answer.status_code == 403
