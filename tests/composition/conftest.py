@@ -5,6 +5,7 @@ import itertools
 from collections.abc import AsyncIterator, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
+from datetime import timedelta
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -24,12 +25,14 @@ from sqlalchemy import select, text
 
 from skyway.contracts.candidate import Candidate
 from skyway.contracts.drone_report import Ack, Connection, DroneEvent, DroneState
-from skyway.contracts.instruction import Instruction, MissionInstruction
+from skyway.contracts.flight_step import FlightStep, FlyStep, RechargeStep
+from skyway.contracts.instruction import Instruction
 from skyway.contracts.mission import Booking, BookMissions, MissionReport
 from skyway.contracts.topic import Topic
 from skyway.contracts.topics import ACKS, CONNECTION, EVENTS, STATE
 from skyway.delivery.offer import Tariff
 from skyway.delivery.request import DeliveryRequest
+from skyway.drone.flight import flight_energy_j, soc_after_use
 from skyway.drone.models import DRONE_MODELS
 from skyway.ids import DroneModelId
 from skyway.runtime.clock import ManualClock
@@ -191,21 +194,36 @@ class DroneVoice:
         )
         return self._received(CONNECTION, message)
 
-    def flown(self, instruction: MissionInstruction) -> list[Received[Any]]:
-        """The end of each step as planned, and of the mission."""
-        events = [
-            self.event(
+    def ended(
+        self,
+        instruction: Any,
+        steps: Sequence[FlightStep],
+        *,
+        soc: float = 1.0,
+        late_by: timedelta = timedelta(0),
+    ) -> list[Received[Any]]:
+        """The end of each of these steps, charged and used as it should be from `soc` on."""
+        events = []
+        for step in steps:
+            soc = _soc_after(step, soc)
+            ended = self.event(
                 "STEP_ENDED",
                 mission_id=instruction.mission_id,
                 mission_revision=instruction.mission_revision,
                 step_id=step.step_id,
                 step_kind=step.kind,
-                started_at=step.planned_start_at,
-                ended_at=step.planned_end_at,
+                started_at=step.planned_start_at + late_by,
+                ended_at=step.planned_end_at + late_by,
+                station_id=step.to_id if isinstance(step, FlyStep) else step.station_id,
                 energy_j=1000.0 if step.kind == "FLY" else 0.0,
+                soc=soc,
             )
-            for step in instruction.steps
-        ]
+            events.append(ended)
+        return events
+
+    def flown(self, instruction: Any) -> list[Received[Any]]:
+        """The end of each step as planned, and of the mission."""
+        events = self.ended(instruction, instruction.steps)
         last = instruction.steps[-1].planned_end_at
         ended = self.event("MISSION_ENDED", mission_id=instruction.mission_id, ended_at=last)
         return [*events, ended]
@@ -304,6 +322,16 @@ class Composition:
             query = query.where(outbox.c.stream == stream)
         async with self.db.read() as connection:
             return (await connection.execute(query)).all()
+
+
+def _soc_after(step: FlightStep, soc: float) -> float:
+    """What a step with 400 g on board leaves of the charge, as the model says, without margin."""
+    if isinstance(step, RechargeStep):
+        return max(soc, step.until_soc)
+    if not isinstance(step, FlyStep):
+        return soc
+    energy_j = flight_energy_j(SCENARIO_MODEL, length_m=step.length_m, load_kg=0.4)
+    return soc_after_use(SCENARIO_MODEL, soc, energy_j=energy_j)
 
 
 def _instruction_topic() -> Topic[Any]:

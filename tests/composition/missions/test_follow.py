@@ -285,23 +285,17 @@ async def test_what_a_drone_does_is_told_once_per_change_while_it_carries(
 async def test_a_drone_that_is_late_moves_the_etas(composition: Any, drone: Any) -> None:
     booking = await composition.book()
     (instruction,) = await composition.sent()
-    pick_up, fly = instruction.steps[:2]
-    late = timedelta(minutes=10)
+    to_recharge, last_flight = instruction.steps[:3], instruction.steps[3]
+    late = timedelta(seconds=90)
 
-    for step, late_by in ((pick_up, timedelta()), (fly, late)):
-        await composition.take(
-            drone.event(
-                "STEP_ENDED",
-                mission_id=instruction.mission_id,
-                step_id=step.step_id,
-                started_at=step.planned_start_at,
-                ended_at=step.planned_end_at + late_by,
-            )
-        )
+    await composition.take(
+        *drone.ended(instruction, to_recharge),
+        *drone.ended(instruction, [last_flight], late_by=late, soc=0.75),
+    )
 
     (delayed,) = [report for report in await composition.reports() if report.etas]
     (planned,) = booking.missions[0].packages
-    assert delayed.etas[0].eta_at == planned.eta_at + late
+    assert abs(delayed.etas[0].eta_at - planned.eta_at - late) < timedelta(seconds=1)
 
 
 async def test_a_drone_with_an_empty_journal_gets_its_mission_in_a_new_stream(
