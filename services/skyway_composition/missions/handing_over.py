@@ -8,6 +8,7 @@ from skyway.ids import PackageId
 from skyway.units import moment_to_ms
 from skyway_composition.missions import store
 from skyway_composition.missions.custody import Custodian, Held, may_pass
+from skyway_composition.missions.hands.astray import bring_astray_back
 from skyway_composition.missions.record import MissionRecord
 from skyway_composition.missions.report import report
 from skyway_composition.missions.totals import flown_totals
@@ -17,13 +18,18 @@ from skyway_composition.missions.watch import Watch
 async def take_on_board(
     watch: Watch, record: MissionRecord, step: PickUpStep, event: DroneEvent
 ) -> MissionRecord:
-    """The record once the drone has its packages."""
-    # A loader may have confirmed less than was planned for.
+    """The record once the drone has its packages, and brings those back that were cancelled."""
     wanted = {each.package_id for each in record.request.packages}
-    package_ids = [each.package_id for each in step.packages if each.package_id in wanted]
+    # A loader confirms the wanted ones only.
+    supposed = {each.package_id for each in step.packages}
+    taken = set(event.package_ids) or (supposed & wanted if step.awaits_confirmation else supposed)
+    package_ids = [each.package_id for each in step.packages if each.package_id in taken]
     drone = Custodian("DRONE", record.drone_id)
     passed = await _pass_on(watch, record, package_ids, to=drone, event=event)
-    return _told(watch, record, "LOADED", event, passed) if passed else record
+    if passed:
+        record = _told(watch, record, "LOADED", event, passed)
+    astray = [each for each in step.packages if each.package_id in taken - wanted]
+    return await bring_astray_back(watch, record, astray) if astray else record
 
 
 async def hand_over(

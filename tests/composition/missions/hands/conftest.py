@@ -36,7 +36,14 @@ async def loaded(composition: Any, drone: Any, make: Any, *destinations: str) ->
     pick_up, *_ = drone.flown(instruction)
     drone.event_seq = 1
     composition.clock.advance(instruction.steps[0].planned_end_at - composition.clock.now())
-    await composition.take(pick_up)
+    on_board = standing(
+        drone,
+        instruction,
+        activity="WAITING",
+        step_id=2,
+        package_ids=[each.package_id for each in instruction.steps[0].packages],
+    )
+    await composition.take(pick_up, on_board)
     return instruction
 
 
