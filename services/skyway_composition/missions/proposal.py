@@ -23,6 +23,8 @@ from skyway_composition.missions.give_back import give_back
 from skyway_composition.missions.hold import hold
 from skyway_composition.missions.record import Aim, MissionRecord, Proposal, Trouble
 from skyway_composition.missions.report import report
+from skyway_composition.missions.trouble import troubled
+from skyway_composition.missions.unmet import unmet_returns
 from skyway_composition.missions.watch import Watch
 
 
@@ -121,6 +123,10 @@ async def settle(watch: Watch, record: MissionRecord, proposal: Proposal) -> Non
     )
     await watch.keep(record)
     await store.plan_at_once(watch.tx, record.mission_id)
+    unmet = unmet_returns(record, proposal.steps)
+    if unmet:
+        detail = f"cancelled while the plan was on its way: {', '.join(unmet)}"
+        await troubled(watch, record, Trouble(code="CANCELLED", detail=detail))
 
 
 async def drop(watch: Watch, record: MissionRecord) -> MissionRecord:
