@@ -38,6 +38,7 @@ from skyway_composition.missions.hands.commands import Commands
 from skyway_composition.missions.hands.loading import Loadings
 from skyway_composition.missions.hands.loading_watch import LoadingWatch
 from skyway_composition.missions.hands.routes import hand_routes
+from skyway_composition.missions.lagging import Lagging
 from skyway_composition.missions.overdue import Overdue
 from skyway_composition.missions.recompose import Recomposer
 from skyway_composition.missions.routes import mission_routes
@@ -156,6 +157,7 @@ class Work:
         self._reports = ReportSender(db, clients, clock)
         self._follower = Follower(db, mqtt, clock=clock, mint=mint, stuck=parts.stuck)
         self._overdue = Overdue(db, clock, mint, parts.pads_changed)
+        self._lagging = Lagging(db, clock, mint, parts.stuck)
         self._recomposer = Recomposer(
             db, parts.networks, parts.solver, clock, mint, replica, parts.pads_changed
         )
@@ -180,6 +182,7 @@ class Work:
         for name, step, wake in (
             ("recompose", self._recomposer.step, self._parts.stuck),
             ("overdue", self._overdue.step, Wake()),
+            ("lagging", self._lagging.step, Wake()),
             ("loading", self._loading_watch.step, Wake()),
             ("ground stops", self._stops_watch.step, Wake()),
             ("station states", self._station_states.step, self._parts.pads_changed),

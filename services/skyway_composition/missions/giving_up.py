@@ -76,3 +76,19 @@ async def stop_trying(watch: Watch, record: MissionRecord, trouble: Trouble) -> 
         mission_id=record.mission_id,
     )
     await watch.keep(replace(record, trouble=None))
+
+
+async def stop_diverting(watch: Watch, record: MissionRecord, *, reason: str) -> None:
+    """Leave a drone held where it stands or lands next, since it cannot go where it was sent."""
+    await raise_alarm(
+        watch.tx,
+        level="URGENT",
+        code="DIVERSION_IMPOSSIBLE",
+        detail=f"the drone is held where it stands or lands next; {reason}",
+        at_ms=moment_to_ms(watch.clock.now()),
+        mint=watch.mint,
+        provider_id=record.mission.provider_id,
+        drone_id=record.drone_id,
+        mission_id=record.mission_id,
+    )
+    await watch.keep(replace(record, trouble=None))

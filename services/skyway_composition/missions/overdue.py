@@ -12,9 +12,9 @@ from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.links.link import DroneLink
-from skyway_composition.missions import store
 from skyway_composition.missions.ending import abort, refuse
 from skyway_composition.missions.record import MissionRecord
+from skyway_composition.missions.sweeps.store import perhaps_overdue
 from skyway_composition.missions.watch import Watch
 
 log = logging.getLogger(__name__)
@@ -61,7 +61,7 @@ class Overdue:
         now = self.clock.now()
         patience = fleet_margin(self.clock, fleet_s=3_600, wall_s=120)
         async with self.db.read() as connection:
-            drone_ids = await store.perhaps_overdue(
+            drone_ids = await perhaps_overdue(
                 connection,
                 expired_ms=moment_to_ms(now),
                 released_ms=moment_to_ms(now - patience),

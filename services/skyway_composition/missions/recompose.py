@@ -27,6 +27,7 @@ from skyway_composition.missions.giving_up import (
     hold_for_stop,
     raise_no_landing,
     refusal_code,
+    stop_diverting,
     stop_trying,
 )
 from skyway_composition.missions.new_steps import revision_of
@@ -35,6 +36,7 @@ from skyway_composition.missions.record import MissionRecord, Trouble
 from skyway_composition.missions.replacement import replace_plan
 from skyway_composition.missions.rest import Rest, RestPlanner
 from skyway_composition.missions.situation import Situation
+from skyway_composition.missions.sweeps.store import claim_stuck
 from skyway_composition.missions.watch import Watch
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.planning.margins import with_margin
@@ -68,7 +70,7 @@ class Recomposer:
 
     async def step(self) -> bool:
         """Plan for a few missions that need it; True when there may be more."""
-        drone_ids = await store.claim_stuck(self.db, self.clock, self.claimant)
+        drone_ids = await claim_stuck(self.db, self.clock, self.claimant)
         async with asyncio.TaskGroup() as group:
             for drone_id in drone_ids:
                 group.create_task(self.recompose(drone_id))
@@ -118,6 +120,8 @@ class Recomposer:
             if landing is not None:
                 rest = planner.leave_here(landing, code=reason.code)
                 await self._take_or_retry(case, landing, rest)
+        elif case.trouble.land_at is not None:
+            await self._stop_diverting(case, reason)
         elif case.record.stuck is None and (anchor.carried or anchor.has_loaded):
             rest = planner.leave_here(anchor, code=reason.code)
             await self._take_or_retry(case, anchor, rest)
@@ -213,6 +217,13 @@ class Recomposer:
             known = watch.missions.get(record.drone_id)
             if known is not None and known.mission_id == record.mission_id:
                 await stop_trying(watch, known, trouble)
+
+    async def _stop_diverting(self, case: Case, reason: NoTrip) -> None:
+        async with self.db.write() as tx:
+            watch = await self._watch(case.record.drone_id, tx)
+            known = watch.missions.get(case.record.drone_id)
+            if known is not None and case.still_is(watch, known):
+                await stop_diverting(watch, known, reason=f"{reason.code}: {reason.detail}")
 
     async def _give_up(self, planned: MissionRecord, *, code: str, detail: str) -> None:
         async with self.db.write() as tx:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from pydantic import TypeAdapter
-from sqlalchemy import Row, and_, delete, insert, or_, select, update
+from sqlalchemy import Row, delete, insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.candidate import Candidate
@@ -14,9 +14,8 @@ from skyway.contracts.flight_step import FlightStep
 from skyway.contracts.mission import LIVE_MISSION_STATES, Mission
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId, DroneId, MissionId, PackageId, ProviderId
-from skyway.runtime.claims import FREE, claim
-from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database, Tx
+from skyway.runtime.claims import FREE
+from skyway.runtime.database import Tx
 from skyway.units import moment_to_ms
 from skyway_composition.missions.custody import Custodian, Held
 from skyway_composition.missions.record import Aim, MissionRecord, Proposal, Stuck, Trouble
@@ -180,47 +179,6 @@ async def live_drones(connection: AsyncConnection) -> list[DroneId]:
         .order_by(missions.c.drone_id)
     )
     return list(found.scalars())
-
-
-async def perhaps_overdue(
-    connection: AsyncConnection, *, expired_ms: int, released_ms: int
-) -> list[DroneId]:
-    """Drones whose booking expired unanswered, or whose plan is long over."""
-    found = await connection.execute(
-        select(missions.c.drone_id)
-        .where(
-            or_(
-                and_(missions.c.state == "BOOKED", missions.c.expires_ms < expired_ms),
-                and_(
-                    missions.c.state.in_(LIVE_MISSION_STATES),
-                    missions.c.released_ms < released_ms,
-                ),
-            )
-        )
-        .order_by(missions.c.drone_id)
-    )
-    return list(found.scalars())
-
-
-async def claim_stuck(db: Database, clock: FleetClock, claimant: str) -> list[DroneId]:
-    """A few drones whose plans do not hold any more, now ours to plan for."""
-    rows = await claim(
-        db,
-        missions,
-        where=and_(
-            missions.c.state.in_(LIVE_MISSION_STATES),
-            or_(missions.c.stuck.is_not(None), missions.c.trouble.is_not(None)),
-            # What was proposed is answered first: two revisions on their way could cross.
-            missions.c.proposal.is_(None),
-            missions.c.retry_wall_ms <= moment_to_ms(clock.wall_now()),
-        ),
-        order_by=[missions.c.retry_wall_ms],
-        limit=4,
-        claimant=claimant,
-        lease_s=30.0,
-        clock=clock,
-    )
-    return [row.drone_id for row in rows]
 
 
 async def retry_stuck(tx: Tx, mission_id: MissionId, *, at_wall_ms: int) -> None:

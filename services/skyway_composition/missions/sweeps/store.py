@@ -1,0 +1,78 @@
+"""All SQL that finds missions to look at."""
+
+from sqlalchemy import and_, or_, select
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from skyway.contracts.mission import LIVE_MISSION_STATES
+from skyway.ids import DroneId
+from skyway.runtime.claims import claim
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.database import Database
+from skyway.units import moment_to_ms
+from skyway_composition.tables import mission_steps, missions
+
+
+async def perhaps_overdue(
+    connection: AsyncConnection, *, expired_ms: int, released_ms: int
+) -> list[DroneId]:
+    """Drones whose booking expired unanswered, or whose plan is long over."""
+    found = await connection.execute(
+        select(missions.c.drone_id)
+        .where(
+            or_(
+                and_(missions.c.state == "BOOKED", missions.c.expires_ms < expired_ms),
+                and_(
+                    missions.c.state.in_(LIVE_MISSION_STATES),
+                    missions.c.released_ms < released_ms,
+                ),
+            )
+        )
+        .order_by(missions.c.drone_id)
+    )
+    return list(found.scalars())
+
+
+async def perhaps_late(connection: AsyncConnection, *, ended_ms: int) -> list[DroneId]:
+    """Drones of which a step should have ended before a moment, and no trouble is known."""
+    overdue = (
+        select(mission_steps.c.step_id)
+        .where(
+            mission_steps.c.mission_id == missions.c.mission_id,
+            mission_steps.c.status == "PLANNED",
+            mission_steps.c.planned_end_ms < ended_ms,
+        )
+        .exists()
+    )
+    found = await connection.execute(
+        select(missions.c.drone_id)
+        .where(
+            missions.c.state.in_(("ACCEPTED", "ACTIVE")),
+            missions.c.stuck.is_(None),
+            missions.c.trouble.is_(None),
+            missions.c.proposal.is_(None),
+            overdue,
+        )
+        .order_by(missions.c.drone_id)
+    )
+    return list(found.scalars())
+
+
+async def claim_stuck(db: Database, clock: FleetClock, claimant: str) -> list[DroneId]:
+    """A few drones whose plans do not hold any more, now ours to plan for."""
+    rows = await claim(
+        db,
+        missions,
+        where=and_(
+            missions.c.state.in_(LIVE_MISSION_STATES),
+            or_(missions.c.stuck.is_not(None), missions.c.trouble.is_not(None)),
+            # What was proposed is answered first: two revisions on their way could cross.
+            missions.c.proposal.is_(None),
+            missions.c.retry_wall_ms <= moment_to_ms(clock.wall_now()),
+        ),
+        order_by=[missions.c.retry_wall_ms],
+        limit=8,
+        claimant=claimant,
+        lease_s=30.0,
+        clock=clock,
+    )
+    return [row.drone_id for row in rows]
