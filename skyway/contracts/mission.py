@@ -39,11 +39,12 @@ class Margins(WireModel):
     """What a plan was booked with on top of what it needs: a share of energy, time between drones.
 
     The plan's energies hold `energy_margin` already; each pad is reserved `pad_gap_s` longer than
-    its session.
+    its session. A drone later than `tolerated_lateness_s` gets a new plan if that loses something.
     """
 
     energy_margin: Annotated[float, Field(ge=0)] = 0.0
     pad_gap_s: Annotated[float, Field(ge=0)] = 0.0
+    tolerated_lateness_s: Annotated[float, Field(ge=0)] = 0.0
 
 
 class Mission(WireModel):
@@ -75,6 +76,8 @@ class Mission(WireModel):
     #: AWAITED while the drone stands at the pickup until a loader confirms.
     loading: Literal["AUTOMATIC", "CONFIRMED", "AWAITED"] = "AUTOMATIC"
     is_held: bool = False
+    #: Why the plan does not deliver what is on board, but leaves it where the drone can land.
+    given_up: str | None = None
 
 
 class OfferLimits(WireModel):
