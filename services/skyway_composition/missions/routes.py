@@ -103,8 +103,7 @@ def mission_routes(*, db: Database, gate: ServiceGate, bookings: Bookings) -> AP
     async def get_track(delivery_id: DeliveryId, caller: Annotated[Caller, Depends(gate)]) -> Track:
         """What a delivery's drones flew, where they are, and what they will fly for it."""
         caller.must_be("service")
-        async with db.read() as connection:
-            return await track_of(connection, delivery_id)
+        return await track_of(db, delivery_id)
 
     @router.get("/v1/missions")
     async def list_missions(

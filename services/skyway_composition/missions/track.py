@@ -2,14 +2,15 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
-
-from sqlalchemy.ext.asyncio import AsyncConnection
+from dataclasses import dataclass
 
 from skyway.contracts.drone_report import DroneState
 from skyway.contracts.flight_step import DeliverStep, FlightStep, FlyStep, PickUpStep, ReturnStep
 from skyway.contracts.track import Track, TrackedMission, TrackedStep
 from skyway.geo import Position
 from skyway.ids import DeliveryId, PackageId, StationId
+from skyway.runtime.database import Database
+from skyway_composition.links.link import DroneLink
 from skyway_composition.links.store import link_to
 from skyway_composition.missions import store
 from skyway_composition.missions.custody import on_board
@@ -22,53 +23,74 @@ from skyway_composition.networks.store import stations_named
 _MOST_MISSIONS = 1_000
 
 
-async def track_of(connection: AsyncConnection, delivery_id: DeliveryId) -> Track:
+@dataclass(frozen=True, slots=True)
+class _Flown:
+    """A mission, its steps as far as they are the delivery's, and what the drone says on it."""
+
+    record: MissionRecord
+    steps: Sequence[StepRecord]
+    state: DroneState | None
+
+
+async def track_of(db: Database, delivery_id: DeliveryId) -> Track:
     """The missions of a delivery that were not refused, in the order of their booking."""
     shown = MissionFilter(delivery_id=delivery_id)
-    records = await store.page(connection, shown, before=None, limit=_MOST_MISSIONS)
-    held = on_board(await store.held_packages(connection, delivery_id))
-    missions = [
-        await _tracked(connection, record, carried=held)
-        for record in reversed(records)
-        if record.mission.state != "REFUSED"
-    ]
-    return Track(missions=tuple(missions))
+    async with db.read() as connection:
+        records = await store.page(connection, shown, before=None, limit=_MOST_MISSIONS)
+        carried = on_board(await store.held_packages(connection, delivery_id))
+        flown = [
+            _Flown(
+                record,
+                _of_delivery(record, await store.steps_of(connection, record.mission_id), carried),
+                _state_on(record, await link_to(connection, record.drone_id)),
+            )
+            for record in reversed(records)
+            if record.mission.state != "REFUSED"
+        ]
+        named = {_station_of(each.step) for one in flown for each in one.steps}
+        stations = await stations_named(connection, named)
+    now = {station_id: row.position for station_id, row in stations.items()}
+    return Track(missions=tuple(_tracked(each, now) for each in flown))
 
 
-async def _tracked(
-    connection: AsyncConnection, record: MissionRecord, *, carried: AbstractSet[PackageId]
-) -> TrackedMission:
-    link = await link_to(connection, record.drone_id)
+def _state_on(record: MissionRecord, link: DroneLink | None) -> DroneState | None:
+    """What the drone says while it is on this mission: all else is not this customer's."""
     state = None if link is None else link.state
-    if not record.is_live or (state is not None and state.mission_id != record.mission_id):
-        # What the drone does besides is not this customer's.
-        state = None
-    own = {package.package_id for package in record.request.packages}
-    steps = [
-        step
-        for step in await store.steps_of(connection, record.mission_id)
-        if record.is_live or step.status != "PLANNED"
-    ]
-    steps = _of_delivery(steps, has_load=not own.isdisjoint(carried))
-    positions = await _positions(connection, steps)
-    # A station that left the network, where nothing has happened yet, cannot be drawn.
-    placed = [step for step in steps if _station_of(step.step) in positions]
+    if not record.is_live or state is None or state.mission_id != record.mission_id:
+        return None
+    return state
+
+
+def _tracked(flown: _Flown, now: Mapping[StationId, Position]) -> TrackedMission:
+    # Stations are where the drone was told; where it was told nothing, as they are now.
+    positions = {**now, **dict(_ends(flown.steps))}
+    mission, state = flown.record.mission, flown.state
     return TrackedMission(
-        mission_id=record.mission_id,
-        provider_id=record.mission.provider_id,
-        drone_id=record.drone_id,
-        steps=tuple(_tracked_step(step, state, positions) for step in placed),
+        mission_id=mission.mission_id,
+        provider_id=mission.provider_id,
+        drone_id=mission.drone_id,
+        steps=tuple(
+            _tracked_step(step, state, positions)
+            for step in flown.steps
+            # A station that left the network, where nothing has happened yet, cannot be drawn.
+            if _station_of(step.step) in positions
+        ),
         position=None if state is None else state.position,
         position_at=None if state is None else state.at,
         soc=None if state is None else state.soc,
     )
 
 
-def _of_delivery(steps: list[StepRecord], *, has_load: bool) -> list[StepRecord]:
+def _of_delivery(
+    record: MissionRecord, steps: Sequence[StepRecord], carried: AbstractSet[PackageId]
+) -> Sequence[StepRecord]:
     """The steps up to the last hand-over: the empty drone's way home is nobody's delivery.
 
     With something on board and no hand-over planned all of them count: it goes somewhere.
     """
+    if not record.is_live:
+        steps = [each for each in steps if each.status != "PLANNED"]
+    has_load = any(each.package_id in carried for each in record.request.packages)
     last = max(
         (
             number
@@ -79,17 +101,6 @@ def _of_delivery(steps: list[StepRecord], *, has_load: bool) -> list[StepRecord]
         default=None,
     )
     return steps[:last]
-
-
-async def _positions(
-    connection: AsyncConnection, steps: Sequence[StepRecord]
-) -> Mapping[StationId, Position]:
-    """Where the stations of these steps are: as the drone was told, else as they are now."""
-    known = dict(_ends(steps))
-    missing = {_station_of(each.step) for each in steps} - known.keys()
-    for station_id, station in (await stations_named(connection, missing)).items():
-        known[station_id] = station.position
-    return known
 
 
 def _ends(steps: Sequence[StepRecord]) -> Iterator[tuple[StationId, Position]]:

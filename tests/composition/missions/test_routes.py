@@ -102,7 +102,6 @@ async def test_a_request_that_nobody_can_meet_is_told_why(
     [
         ({"soc": 0.1, "model": KEEPS_A_FIFTH}, "BUSY", "LOW_CHARGE"),
         ({"tariff": {"currency": "EUR"}}, "INFEASIBLE", "OTHER_CURRENCY"),
-        ({"home_station_id": "nowhere"}, "INFEASIBLE", "NO_WAY_HOME"),
         ({"station_id": "nowhere"}, "INFEASIBLE", "DESTINATION_UNREACHABLE"),
     ],
 )
