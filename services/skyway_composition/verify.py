@@ -5,11 +5,14 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 from sqlalchemy import Select, and_, func, literal_column, select, text
+from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.flight_step import RechargeStep
 from skyway.contracts.mission import LIVE_MISSION_STATES
+from skyway.ids import MissionId
 from skyway.runtime.database import Database
 from skyway.units import moment_to_ms
+from skyway_composition.pads.booked_pad import BookedPad, merged
 from skyway_composition.tables import (
     custody,
     deliveries,
@@ -104,6 +107,7 @@ _CHECKS: Final[Mapping[str, Select[*tuple[Any, ...]]]] = {
 }
 
 _UNRESERVED: Final = "I3 a live mission holds the pads of its steps"
+_HOARDED: Final = "I3 a live mission holds no pad that it does not need"
 
 
 async def violations(db: Database) -> Sequence[Mapping[str, str]]:
@@ -116,25 +120,74 @@ async def violations(db: Database) -> Sequence[Mapping[str, str]]:
         for rule, statement in _CHECKS.items():
             subjects = (await connection.execute(statement)).scalars()
             found.extend({"rule": rule, "subject": str(subject)} for subject in set(subjects))
-        planned = await connection.execute(
-            select(mission_steps.c.mission_id, mission_steps.c.step)
-            .join(missions, missions.c.mission_id == mission_steps.c.mission_id)
-            .where(_is_live, mission_steps.c.status == "PLANNED", missions.c.stuck.is_(None))
-        )
-        sessions = [
-            (row.mission_id, RechargeStep.read(row.step))
-            for row in planned
-            if json.loads(row.step)["kind"] == "RECHARGE"
-        ]
-        held = (await connection.execute(select(pad_reservations))).all()
-    for mission_id, step in sessions:
-        if not any(
-            row.mission_id == mission_id
-            and row.station_id == step.station_id
-            and row.pad == step.pad
-            and row.start_ms <= moment_to_ms(step.not_before_at)
-            and row.end_ms >= moment_to_ms(step.not_after_at)
-            for row in held
-        ):
+        needed = await _needed_pads(connection)
+        held = await _held_pads(connection)
+    for mission_id, pads in needed.items():
+        has = held.get(mission_id, set())
+        if not pads <= has:
             found.append({"rule": _UNRESERVED, "subject": str(mission_id)})
+        if not has <= pads:
+            found.append({"rule": _HOARDED, "subject": str(mission_id)})
     return found
+
+
+async def _needed_pads(connection: AsyncConnection) -> dict[MissionId, set[BookedPad]]:
+    """What each live mission needs, but for those whose drones wait for another plan.
+
+    That is the sessions of all steps ahead, and of those that are proposed instead of them.
+    """
+    live = await connection.execute(
+        select(missions.c.mission_id, missions.c.body, missions.c.proposal).where(
+            _is_live, missions.c.stuck.is_(None)
+        )
+    )
+    needed: dict[MissionId, list[BookedPad]] = {}
+    gaps_ms: dict[MissionId, int] = {}
+    for row in live:
+        gaps_ms[row.mission_id] = _gap_ms(json.loads(row.body))
+        needed[row.mission_id] = _proposed_pads(row.proposal)
+    planned = await connection.execute(
+        select(mission_steps.c.mission_id, mission_steps.c.step)
+        .join(missions, missions.c.mission_id == mission_steps.c.mission_id)
+        .where(
+            _is_live,
+            missions.c.stuck.is_(None),
+            mission_steps.c.status == "PLANNED",
+            mission_steps.c.kind == "RECHARGE",
+        )
+    )
+    for step in planned:
+        needed[step.mission_id] += _session(json.loads(step.step), gaps_ms[step.mission_id])
+    return {mission_id: set(merged(pads)) for mission_id, pads in needed.items()}
+
+
+def _proposed_pads(text_: str | None) -> list[BookedPad]:
+    if text_ is None:
+        return []
+    proposal = json.loads(text_)
+    gap_ms = _gap_ms(proposal["mission"])
+    return [pad for step in proposal["steps"] for pad in _session(step, gap_ms)]
+
+
+def _session(step: Mapping[str, Any], gap_ms: int) -> list[BookedPad]:  # the JSON of a FlightStep
+    """The pad of a step as it is held, if it charges at all."""
+    if step["kind"] != "RECHARGE":
+        return []
+    recharge = RechargeStep.model_validate(step)
+    start_ms, end_ms = moment_to_ms(recharge.not_before_at), moment_to_ms(recharge.not_after_at)
+    if start_ms >= end_ms:
+        return []
+    return [BookedPad(recharge.station_id, recharge.pad, start_ms, end_ms + gap_ms)]
+
+
+def _gap_ms(mission: Mapping[str, Any]) -> int:  # the JSON of a Mission
+    gap_s: float = mission["margins"]["pad_gap_s"]
+    return round(gap_s * 1000)
+
+
+async def _held_pads(connection: AsyncConnection) -> dict[MissionId, set[BookedPad]]:
+    held: dict[MissionId, set[BookedPad]] = {}
+    for row in await connection.execute(select(pad_reservations)):
+        booked = BookedPad(row.station_id, row.pad, row.start_ms, row.end_ms)
+        held.setdefault(row.mission_id, set()).add(booked)
+    return held

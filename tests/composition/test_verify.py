@@ -16,7 +16,10 @@ BREAKS = {
     "I2 a drone is on at most one mission": [
         "DROP INDEX mission_drone",
         (
-            "INSERT INTO missions SELECT 'msn_x', delivery_id, 2, trip, provider_id, drone_id, "
+            "INSERT INTO missions (mission_id, delivery_id, attempt, trip, provider_id, drone_id, "
+            "state, network_id, start_ms, released_ms, expires_ms, body, request, candidate, "
+            "report_seq, told, stuck, retry_wall_ms, claimed_by, claimed_until_ms) "
+            "SELECT 'msn_x', delivery_id, 2, trip, provider_id, drone_id, "
             "state, network_id, start_ms, released_ms, expires_ms, body, request, candidate, "
             "report_seq, told, stuck, retry_wall_ms, claimed_by, claimed_until_ms FROM missions"
         ),
@@ -24,6 +27,9 @@ BREAKS = {
     "I3 a reservation has a live mission": ["UPDATE missions SET state = 'COMPLETED'"],
     "I3 a live mission holds the pads of its steps": [
         "DELETE FROM pad_reservations WHERE station_id = 'c'"
+    ],
+    "I3 a live mission holds no pad that it does not need": [
+        "UPDATE pad_reservations SET end_ms = end_ms + 1 WHERE station_id = 'c'"
     ],
     "I4 a mission was sent to its drone": ["DELETE FROM instructions"],
     "I4 a mission has steps": ["DELETE FROM mission_steps"],
