@@ -137,6 +137,21 @@ mission_steps = Table(
     ),
 )
 
+#: Steps that a new revision has cut, whose numbers the steps in their places have now.
+cut_steps = Table(
+    "cut_steps",
+    metadata,
+    Column("mission_id", Text, ForeignKey("missions.mission_id"), primary_key=True),
+    Column("seq", BigInteger, primary_key=True),  # of the event
+    Column("step_id", Integer),
+    Column("kind", Text),
+    Column("station_id", Text),
+    Column("started_ms", BigInteger, nullable=False),
+    Column("ended_ms", BigInteger, nullable=False),
+    Column("event", Text, nullable=False),  # JSON of DroneEvent: the evidence
+    Index("cut_steps_by_time", "ended_ms"),
+)
+
 #: Exists exactly as long as its mission lives; [start_ms, end_ms) of one pad.
 pad_reservations = Table(
     "pad_reservations",

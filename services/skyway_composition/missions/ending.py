@@ -8,6 +8,7 @@ from skyway.ids import PackageId, StationId
 from skyway.units import moment_to_ms
 from skyway_composition.missions import store
 from skyway_composition.missions.custody import Custodian, Held, left_behind, on_board
+from skyway_composition.missions.cut_steps.store import ended_events
 from skyway_composition.missions.dispatch import call_off
 from skyway_composition.missions.record import MissionRecord
 from skyway_composition.missions.report import report
@@ -104,7 +105,7 @@ async def _end(
     stranded = await _strand(watch, record, at=at, station_id=station_id)
     record = replace(moved(record, state), stuck=None, trouble=None, proposal=None)
     await free(watch.tx, record.mission_id)
-    steps = await store.steps_of(watch.tx.connection, record.mission_id)
+    events = await ended_events(watch.tx.connection, record.mission_id)
     record = report(
         watch.tx,
         record,
@@ -115,7 +116,7 @@ async def _end(
         detail=detail,
         station_id=station_id,
         stranded_package_ids=stranded,
-        data={"flown": flown_totals(steps)},
+        data={"flown": flown_totals(events)},
     )
     await watch.keep(record)
 

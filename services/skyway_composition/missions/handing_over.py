@@ -8,6 +8,7 @@ from skyway.ids import PackageId
 from skyway.units import moment_to_ms
 from skyway_composition.missions import store
 from skyway_composition.missions.custody import Custodian, Held, may_pass
+from skyway_composition.missions.cut_steps.store import ended_events
 from skyway_composition.missions.hands.astray import bring_astray_back
 from skyway_composition.missions.record import MissionRecord
 from skyway_composition.missions.report import report
@@ -38,7 +39,7 @@ async def hand_over(
     """The record once recipients have their packages, with what that took so far."""
     recipient = Custodian("RECIPIENT", step.station_id)
     passed = await _pass_on(watch, record, step.package_ids, to=recipient, event=event)
-    flown = flown_totals(await store.steps_of(watch.tx.connection, record.mission_id))
+    flown = flown_totals(await ended_events(watch.tx.connection, record.mission_id))
     return _told(watch, record, "DELIVERED", event, passed, flown=flown)
 
 

@@ -11,6 +11,7 @@ from skyway_composition.links.link import DroneLink
 from skyway_composition.missions import store
 from skyway_composition.missions.beginning import begun
 from skyway_composition.missions.custody import delivered, returned
+from skyway_composition.missions.cut_steps import store as cut_steps
 from skyway_composition.missions.ending import abort, complete
 from skyway_composition.missions.failure import take_step_failure
 from skyway_composition.missions.give_back import give_back
@@ -50,6 +51,8 @@ async def take_event(watch: Watch, link: DroneLink, event: DroneEvent) -> None:
 
 
 async def _take_step_end(watch: Watch, record: MissionRecord, event: DroneEvent) -> None:
+    if event.code == "CUT":
+        await cut_steps.keep(watch.tx, record.mission_id, event)
     step = await store.end_step(watch.tx, record.mission_id, event, status="ENDED")
     if step is None:
         return

@@ -25,6 +25,7 @@ from skyway.runtime.paging import Page, PageQuery, page_of
 from skyway_composition.links.store import link_to
 from skyway_composition.missions import store
 from skyway_composition.missions.book import Bookings
+from skyway_composition.missions.cut_steps.store import ended_events
 from skyway_composition.missions.record import Aim, MissionRecord, Trouble
 from skyway_composition.missions.store import MissionFilter
 from skyway_composition.missions.totals import flown_totals
@@ -142,6 +143,7 @@ def mission_routes(*, db: Database, gate: ServiceGate, bookings: Bookings) -> AP
             if record is None:
                 raise NotFound("mission", mission_id)
             steps = await store.steps_of(connection, mission_id)
+            events = await ended_events(connection, mission_id)
             link = await link_to(connection, DroneId(record.drone_id))
         return MissionProgress(
             mission=record.mission,
@@ -151,7 +153,7 @@ def mission_routes(*, db: Database, gate: ServiceGate, bookings: Bookings) -> AP
                 )
                 for each in steps
             ),
-            flown=flown_totals(steps),
+            flown=flown_totals(events),
             waits_for_revision=None if record.stuck is None else record.stuck.model_dump(),
             trouble=record.trouble,
             proposal=_proposed(record),

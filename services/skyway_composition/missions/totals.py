@@ -2,26 +2,24 @@
 
 from collections.abc import Sequence
 
-from skyway_composition.missions.step_record import StepRecord
+from skyway.contracts.drone_report import DroneEvent
 
 
-def flown_totals(steps: Sequence[StepRecord]) -> dict[str, float]:
-    """Seconds and joules of the steps that have ended.
+def flown_totals(events: Sequence[DroneEvent]) -> dict[str, float]:
+    """Seconds and joules of the steps that have ended, in the order of their ends.
 
     Time between two steps counts as waiting: a drone that comes early to its pad waits there.
     """
     totals = dict.fromkeys(("flight_s", "recharging_s", "waiting_s", "energy_j"), 0.0)
-    ended = [record for record in steps if record.status == "ENDED"]
     previous_end = None
-    for record in ended:
-        event = record.event
-        if event is None or event.started_at is None:
+    for event in events:
+        if event.started_at is None:
             continue
         if previous_end is not None:
             totals["waiting_s"] += max(0.0, (event.started_at - previous_end).total_seconds())
         previous_end = event.ended_at
         name = {"FLY": "flight_s", "RECHARGE": "recharging_s", "WAIT": "waiting_s"}.get(
-            record.step.kind
+            event.step_kind or ""
         )
         if name is not None:
             totals[name] += (event.ended_at - event.started_at).total_seconds()

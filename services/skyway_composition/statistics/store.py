@@ -4,12 +4,25 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import ColumnElement, FromClause, Row, Select, and_, case, distinct, func, select
+from sqlalchemy import (
+    ColumnElement,
+    FromClause,
+    Row,
+    Select,
+    and_,
+    case,
+    distinct,
+    exists,
+    func,
+    select,
+    true,
+    union_all,
+)
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.statistics import Span
 from skyway.ids import NetworkId, ProviderId
-from skyway_composition.tables import mission_steps, missions, stations
+from skyway_composition.tables import cut_steps, mission_steps, missions, stations
 
 _Row = Row[*tuple[Any, ...]]  # columns of every type
 _Query = Select[*tuple[Any, ...]]
@@ -23,13 +36,27 @@ class Wanted:
     provider_id: ProviderId | None
 
     @property
-    def is_counted(self) -> ColumnElement[bool]:
-        """Whether a step, beside its mission, is among them."""
-        steps = mission_steps.c
-        is_in_span = and_(steps.ended_ms > self.span.start_ms, steps.started_ms < self.span.end_ms)
+    def done(self) -> FromClause:
+        """What was done in the span: steps that have ended, and those that a new plan has cut."""
+        names = ("mission_id", "kind", "station_id", "started_ms", "ended_ms")
+        # A step is in both tables from when it was cut until its number is another's.
+        is_kept = exists().where(
+            cut_steps.c.mission_id == mission_steps.c.mission_id,
+            cut_steps.c.step_id == mission_steps.c.step_id,
+            cut_steps.c.ended_ms == mission_steps.c.ended_ms,
+        )
+        ended = select(*(mission_steps.c[name] for name in names)).where(
+            self._is_in_span(mission_steps), ~is_kept
+        )
+        cut = select(*(cut_steps.c[name] for name in names)).where(self._is_in_span(cut_steps))
+        return union_all(ended, cut).subquery("done")
+
+    @property
+    def is_own(self) -> ColumnElement[bool]:
+        """Whether a mission is theirs."""
         if self.provider_id is None:
-            return is_in_span
-        return and_(is_in_span, missions.c.provider_id == self.provider_id)
+            return true()
+        return missions.c.provider_id == self.provider_id
 
     def within(self, start_ms: ColumnElement[int], end_ms: ColumnElement[int]) -> Any:
         """How much of a time lies in the span; an expression of milliseconds."""
@@ -38,10 +65,13 @@ class Wanted:
             (start_ms < start, start), else_=start_ms
         )
 
-    def time_on(self, *kinds: str) -> ColumnElement[int]:
+    def time_on(self, done: FromClause, *kinds: str) -> ColumnElement[int]:
         """How much of the span went into steps of these kinds, milliseconds."""
-        spent = self.within(mission_steps.c.started_ms, mission_steps.c.ended_ms)
-        return func.sum(case((mission_steps.c.kind.in_(kinds), spent), else_=0))
+        spent = self.within(done.c.started_ms, done.c.ended_ms)
+        return func.sum(case((done.c.kind.in_(kinds), spent), else_=0))
+
+    def _is_in_span(self, steps: FromClause) -> ColumnElement[bool]:
+        return and_(steps.c.ended_ms > self.span.start_ms, steps.c.started_ms < self.span.end_ms)
 
 
 async def pad_sums(
@@ -93,17 +123,17 @@ async def drones_page(
 
 
 def _stations(wanted: Wanted, network_id: NetworkId | None) -> _Query:
-    is_session = mission_steps.c.kind == "RECHARGE"
+    done = wanted.done
     used = (
         select(
-            mission_steps.c.station_id,
-            func.sum(case((is_session, 1), else_=0)).label("sessions"),
-            wanted.time_on("RECHARGE").label("charging_ms"),
-            wanted.time_on("WAIT").label("waiting_ms"),
+            done.c.station_id,
+            func.sum(case((done.c.kind == "RECHARGE", 1), else_=0)).label("sessions"),
+            wanted.time_on(done, "RECHARGE").label("charging_ms"),
+            wanted.time_on(done, "WAIT").label("waiting_ms"),
         )
-        .join(missions, missions.c.mission_id == mission_steps.c.mission_id)
-        .where(wanted.is_counted, mission_steps.c.kind.in_(("RECHARGE", "WAIT")))
-        .group_by(mission_steps.c.station_id)
+        .join(missions, missions.c.mission_id == done.c.mission_id)
+        .where(wanted.is_own, done.c.kind.in_(("RECHARGE", "WAIT")))
+        .group_by(done.c.station_id)
         .subquery()
     )
     statement = select(
@@ -119,20 +149,21 @@ def _stations(wanted: Wanted, network_id: NetworkId | None) -> _Query:
 
 def _missions(wanted: Wanted) -> FromClause:
     """Each mission's drone, and what it spent the span on."""
-    first, last = func.min(mission_steps.c.started_ms), func.max(mission_steps.c.ended_ms)
+    done = wanted.done
+    first, last = func.min(done.c.started_ms), func.max(done.c.ended_ms)
     return (
         select(
             missions.c.mission_id,
             missions.c.drone_id,
             missions.c.provider_id,
             wanted.within(first, last).label("busy_ms"),
-            wanted.time_on("FLY").label("flying_ms"),
-            wanted.time_on("RECHARGE").label("recharging_ms"),
-            wanted.time_on("PICK_UP").label("loading_ms"),
-            wanted.time_on("DELIVER", "RETURN").label("delivering_ms"),
+            wanted.time_on(done, "FLY").label("flying_ms"),
+            wanted.time_on(done, "RECHARGE").label("recharging_ms"),
+            wanted.time_on(done, "PICK_UP").label("loading_ms"),
+            wanted.time_on(done, "DELIVER", "RETURN").label("delivering_ms"),
         )
-        .join(missions, missions.c.mission_id == mission_steps.c.mission_id)
-        .where(wanted.is_counted)
+        .join(missions, missions.c.mission_id == done.c.mission_id)
+        .where(wanted.is_own)
         .group_by(missions.c.mission_id, missions.c.drone_id, missions.c.provider_id)
         .subquery()
     )

@@ -246,3 +246,33 @@ async def test_steps_that_were_reported_are_counted(composition: Any, drone: Any
     assert used["flying_s"] == pytest.approx(spent["FLY"], abs=0.01)
     assert used["recharging_s"] == pytest.approx(spent["RECHARGE"], abs=0.01)
     assert spent["FLY"] > 0
+
+
+async def test_a_step_that_was_cut_is_counted_once(flown: Any) -> None:
+    """drn_1 charged at d from 60 to 70, was cut, and charged on from 75 to 80."""
+    start_ms = moment_to_ms(flown.began_at)
+    session = {
+        "mission_id": "msn_2",
+        "step_id": 2,
+        "kind": "RECHARGE",
+        "station_id": "d",
+        "started_ms": start_ms + 60 * 60_000,
+        "ended_ms": start_ms + 70 * 60_000,
+    }
+    await insert(flown, "cut_steps", seq=7, event="{}", **session)
+    await insert(flown, "mission_steps", revision=1, status="ENDED", step="{}", **session)
+    before = await ask(flown, "pads", to=120)
+    async with flown.db.write() as tx:
+        replaced = "DELETE FROM mission_steps WHERE mission_id = 'msn_2' AND step_id = 2"
+        await tx.execute(text(replaced))
+    later = {"started_ms": start_ms + 75 * 60_000, "ended_ms": start_ms + 80 * 60_000}
+    await insert(flown, "mission_steps", revision=2, status="ENDED", step="{}", **session | later)
+    after = await ask(flown, "pads", to=120)
+
+    assert [one["charging_s"] for one in before["items"]] == [0, 1800.0, 3600.0, 600.0, 0]
+    assert [one["charging_s"] for one in after["items"]] == [0, 1800.0, 3600.0, 900.0, 0]
+    assert after["items"][3]["sessions"] == 2
+    drone = (await ask(flown, "drones", to=120))["items"][0]
+    assert drone["recharging_s"] == (20 + 10 + 5) * 60.0
+    # From its second mission's flight at 50 on.
+    assert drone["busy_s"] == (41 + 30) * 60.0

@@ -43,6 +43,7 @@ def upgrade() -> None:
         postgresql_where=sa.text("status = 'PLANNED' AND kind = 'FLY'"),
     )
     _fill_planned_steps()
+    _create_cut_steps()
     _create_closures()
     _create_alarms()
     _create_cancellations()
@@ -83,6 +84,23 @@ def _fill_planned_steps() -> None:
 
 def _unix_ms(moment: str) -> int:
     return round(datetime.fromisoformat(moment).timestamp() * 1000)
+
+
+def _create_cut_steps() -> None:
+    op.create_table(
+        "cut_steps",
+        sa.Column("mission_id", sa.Text(), nullable=False),
+        sa.Column("seq", sa.BigInteger(), nullable=False),
+        sa.Column("step_id", sa.Integer(), nullable=True),
+        sa.Column("kind", sa.Text(), nullable=True),
+        sa.Column("station_id", sa.Text(), nullable=True),
+        sa.Column("started_ms", sa.BigInteger(), nullable=False),
+        sa.Column("ended_ms", sa.BigInteger(), nullable=False),
+        sa.Column("event", sa.Text(), nullable=False),
+        sa.ForeignKeyConstraint(["mission_id"], ["missions.mission_id"]),
+        sa.PrimaryKeyConstraint("mission_id", "seq"),
+    )
+    op.create_index("cut_steps_by_time", "cut_steps", ["ended_ms"])
 
 
 def _create_closures() -> None:
