@@ -15,6 +15,7 @@ import pytest
 from fastapi import FastAPI
 from skyway_composition.app import Parts, composition_app
 from skyway_composition.missions.follow import Follower
+from skyway_composition.missions.lagging import Lagging
 from skyway_composition.missions.overdue import Overdue
 from skyway_composition.missions.recompose import Recomposer
 from skyway_composition.networks.prepared import PreparedNetworks
@@ -250,6 +251,7 @@ class Composition:
     clock: ManualClock
     follower: Follower
     overdue: Overdue
+    lagging: Lagging
     recomposer: Recomposer
     deliveries: int = field(default=0)
 
@@ -399,10 +401,11 @@ async def composition(
         ) as client:
             follower = Follower(db, SilentSubscriber(), clock=clock, mint=mint, stuck=parts.stuck)
             overdue = Overdue(db, clock, mint, parts.pads_changed)
+            lagging = Lagging(db, clock, mint, parts.stuck)
             recomposer = Recomposer(
                 db, parts.networks, solver, clock, mint, "test", parts.pads_changed
             )
-            whole = Composition(client, parts, clock, follower, overdue, recomposer)
+            whole = Composition(client, parts, clock, follower, overdue, lagging, recomposer)
             await whole.publish()
             yield whole
 

@@ -1,0 +1,245 @@
+"""The world changes under a drone that flies: it is led elsewhere, or down where it is safest."""
+
+from typing import Any
+
+import pytest
+
+from skyway.contracts.flight_step import FlyStep, RechargeStep, ReturnStep
+
+pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
+
+OPERATOR = "operator:op"
+
+#: With twice the scenario's battery a drone flies over a station, and lands at the one after it.
+FOR_TWO_FLIGHTS_J = 1_800_000.0
+
+
+async def take_off(
+    composition: Any,
+    drone: Any,
+    *destinations: str,
+    make: Any,
+    request: Any = None,
+    **model: Any,
+) -> Any:
+    """The instruction of a drone that has begun its first flight."""
+    candidate = make.candidate()
+    candidate = candidate.model_copy(update={"model": candidate.model.model_copy(update=model)})
+    await composition.book(candidate, request=request or make.request(*destinations))
+    (instruction,) = await composition.sent()
+    pick_up = instruction.steps[0]
+    composition.clock.advance(pick_up.planned_end_at - composition.clock.now())
+    await composition.take(
+        drone.ack(instruction), *drone.ended(instruction, [pick_up]), flying(drone, instruction, 2)
+    )
+    return instruction
+
+
+def flying(drone: Any, instruction: Any, step_id: int, **members: Any) -> Any:
+    """The state of a drone on this flight: all up to its next landing is released."""
+    landing = next(
+        step.step_id
+        for step in instruction.steps
+        if isinstance(step, FlyStep) and step.lands and step.step_id >= step_id
+    )
+    values = {
+        "mission_id": instruction.mission_id,
+        "mission_revision": instruction.mission_revision,
+        "activity": "FLYING",
+        "step_id": step_id,
+        "released_through": landing,
+        "station_id": None,
+        "package_ids": ("p1",),
+        **members,
+    }
+    return drone.state(**values)
+
+
+async def close(composition: Any, station_id: str) -> None:
+    answer = await composition(
+        OPERATOR, "POST", f"/v1/stations/{station_id}/closures", {"reason": "a storm"}
+    )
+    assert answer.status_code == 201, answer.text
+
+
+async def kinds(composition: Any) -> list[str]:
+    return [report.kind for report in await composition.reports()]
+
+
+async def test_a_drone_lands_before_the_station_that_was_closed(
+    composition: Any, drone: Any, make: Any
+) -> None:
+    first = await take_off(composition, drone, "e", make=make, battery_j=FOR_TWO_FLIGHTS_J)
+    over, landing = first.steps[1:3]
+    assert (over.to_id, over.lands, landing.to_id, landing.lands) == ("b", False, "c", True)
+
+    await close(composition, "c")
+    await composition.recomposer.step()
+
+    (divert,) = await composition.sent()
+    assert (divert.kind, divert.last_valid_step, divert.steps[0].step_id) == ("DIVERT", 2, 3)
+    assert divert.steps[0].station_id == "b"
+    landings = [step.to_id for step in divert.steps if isinstance(step, FlyStep) and step.lands]
+    assert "c" not in landings
+    await composition.take(drone.ack(divert))
+    assert (await composition.reports())[-1].kind == "REPLANNED"
+    assert await composition.broken() == []
+
+
+async def test_packages_whose_recipient_cannot_be_reached_any_more_go_back(
+    composition: Any, drone: Any, make: Any
+) -> None:
+    await take_off(composition, drone, "c", make=make)
+
+    await close(composition, "c")
+    await composition.recomposer.step()
+
+    (revision,) = await composition.sent()
+    assert (revision.kind, revision.first_step) == ("MISSION", 3)
+    (back,) = [step for step in revision.steps if isinstance(step, ReturnStep)]
+    assert (back.station_id, back.package_ids) == ("a", ("p1",))
+    assert (await kinds(composition))[-1] == "RETURNING"
+
+
+async def test_a_package_goes_to_its_alternative_when_its_destination_is_closed(
+    composition: Any, drone: Any, make: Any
+) -> None:
+    request = make.request("c")
+    alternative = {"station_id": "b"}
+    package = request.packages[0].model_copy(
+        update={"alternative": type(request.pickup).model_validate(alternative)}
+    )
+    request = request.model_copy(update={"packages": (package,)})
+    await take_off(composition, drone, make=make, request=request)
+
+    await close(composition, "c")
+    await composition.recomposer.step()
+
+    (revision,) = await composition.sent()
+    assert [step.kind for step in revision.steps][:1] == ["DELIVER"]
+    assert revision.steps[0].station_id == "b"
+    assert "RETURNING" not in await kinds(composition)
+
+
+async def test_a_drone_that_can_land_nowhere_else_lands_where_it_flies_to(
+    composition: Any, drone: Any, make: Any
+) -> None:
+    first = await take_off(composition, drone, "c", make=make)
+
+    await close(composition, "b")
+    await composition.recomposer.step()
+
+    (revision,) = await composition.sent()
+    assert (revision.kind, revision.first_step) == ("MISSION", 3)
+    assert [(step.kind, step.station_id) for step in revision.steps] == [("RETURN", "b")]
+    alarms = await composition.rows("SELECT level, code FROM alarms")
+    assert [tuple(row) for row in alarms] == [("CRITICAL", "NO_SAFE_LANDING")]
+
+    await composition.take(
+        drone.ack(revision), *drone.ended(first, [first.steps[1]]), *drone.flown(revision)
+    )
+
+    report = (await composition.reports())[-1]
+    assert (report.kind, report.mission_state) == ("ENDED", "ABORTED")
+    assert report.stranded_package_ids == ("p1",)
+    chain = await composition.rows("SELECT custodian_kind, custodian_id FROM custody ORDER BY seq")
+    assert tuple(chain[-1]) == ("STATION", "b")
+    assert await composition.reservations() == []
+    assert await composition.broken() == []
+
+
+async def test_a_drone_over_a_closed_station_lands_at_the_next_one_it_can_reach(
+    composition: Any, drone: Any, make: Any
+) -> None:
+    await take_off(composition, drone, "b", make=make, battery_j=FOR_TWO_FLIGHTS_J)
+
+    await close(composition, "b")
+    await composition.recomposer.step()
+
+    (divert,) = await composition.sent()
+    assert (divert.kind, divert.last_valid_step) == ("DIVERT", 2)
+    assert divert.steps[0].kind == "FLY"
+    assert await composition.rows("SELECT code FROM alarms") == []
+
+
+async def test_a_late_drone_gets_another_plan_before_its_pad_is_lost(
+    composition: Any, drone: Any, make: Any
+) -> None:
+    first = await take_off(composition, drone, "c", make=make)
+    recharge = first.steps[2]
+    assert isinstance(recharge, RechargeStep)
+    composition.clock.advance(recharge.not_after_at - composition.clock.now())
+
+    await composition.lagging.step()
+
+    report = (await composition.reports())[-1]
+    assert (report.kind, report.code) == ("REPLANNING", "LATE")
+    assert "pad" in (report.detail or "")
+
+
+async def test_a_drone_that_used_too_much_gets_another_plan(
+    composition: Any, drone: Any, make: Any
+) -> None:
+    first = await take_off(composition, drone, "c", make=make)
+
+    # Little is left for the recharge, whose session is too short for all that is missing now.
+    await composition.take(*drone.ended(first, [first.steps[1]], soc=0.62))
+
+    report = (await composition.reports())[-1]
+    assert (report.kind, report.code) == ("REPLANNING", "MORE_ENERGY")
+
+
+async def test_a_short_charge_leads_to_another_plan(
+    composition: Any, drone: Any, make: Any
+) -> None:
+    first = await take_off(composition, drone, "c", make=make)
+    flight, recharge = first.steps[1:3]
+    await composition.take(*drone.ended(first, [flight]))
+    (short,) = drone.ended(first, [recharge], soc=0.3)
+    message = short.message.model_copy(update={"code": "SHORT_CHARGE", "soc": 0.5})
+
+    await composition.take(type(short)(short.topic, short.ids, message, retained=False))
+
+    report = (await composition.reports())[-1]
+    assert (report.kind, report.code) == ("REPLANNING", "SHORT_CHARGE")
+
+
+async def test_a_drone_may_ask_for_another_plan(composition: Any, drone: Any, make: Any) -> None:
+    first = await take_off(composition, drone, "c", make=make)
+    asks = drone.event("ALARM", mission_id=first.mission_id, code="PLAN_WANTED", detail="head wind")
+
+    await composition.take(asks)
+    await composition.recomposer.step()
+
+    (revision,) = await composition.sent()
+    assert revision.mission_revision == 2
+    assert [row.code for row in await composition.rows("SELECT code FROM alarms")] == [
+        "PLAN_WANTED"
+    ]
+
+
+async def test_nobody_there_sends_the_package_back(composition: Any, drone: Any, make: Any) -> None:
+    first = await take_off(composition, drone, "c", make=make)
+    *before, deliver = first.steps[1:5]
+    absent = drone.ended(first, before)
+    failure = drone.event(
+        "STEP_FAILED",
+        mission_id=first.mission_id,
+        step_id=deliver.step_id,
+        station_id="c",
+        soc=0.1,
+        code="RECIPIENT_ABSENT",
+    )
+
+    await composition.take(*absent, failure)
+    await composition.recomposer.step()
+
+    (revision,) = await composition.sent()
+    (back,) = [step for step in revision.steps if isinstance(step, ReturnStep)]
+    assert (back.station_id, back.package_ids) == ("a", ("p1",))
+    told = [(each.kind, each.code) for each in await composition.reports()][-3:]
+    assert told == [
+        ("RETURNING", "RECIPIENT_ABSENT"),
+        ("REPLANNING", "RECIPIENT_ABSENT"),
+        ("REPLANNED", "RECIPIENT_ABSENT"),
+    ]
