@@ -12,6 +12,7 @@ from sqlalchemy.pool import AsyncAdaptedQueuePool
 
 from skyway.errors import InvalidInput
 from skyway.runtime.errors import UnsafeDatabase
+from skyway.runtime.sqlite_driver import connect
 
 Dialect = Literal["sqlite", "postgresql"]
 
@@ -47,7 +48,11 @@ def sqlite_engine(url: URL) -> AsyncEngine:
     engine = create_async_engine(
         url.set(drivername="sqlite+aiosqlite"),
         # Without an isolation level the driver begins nothing by itself.
-        connect_args={"timeout": _BUSY_TIMEOUT_S, "isolation_level": None},
+        connect_args={
+            "timeout": _BUSY_TIMEOUT_S,
+            "isolation_level": None,
+            "async_creator_fn": connect,
+        },
         poolclass=AsyncAdaptedQueuePool,
         pool_size=4,
         max_overflow=12,
