@@ -14,6 +14,7 @@ from skyway_composition.missions.beginning import accepted
 from skyway_composition.missions.dispatch import call_off
 from skyway_composition.missions.ending import cancel, refuse
 from skyway_composition.missions.failure import wait_for_revision
+from skyway_composition.missions.hold import take_refused_hold
 from skyway_composition.missions.new_stream import open_stream
 from skyway_composition.missions.proposal import drop, settle
 from skyway_composition.missions.record import MissionRecord, Proposal
@@ -55,6 +56,8 @@ async def take_ack(watch: Watch, link: DroneLink, ack: Ack) -> None:
         await _take_acceptance(watch, link, sent)
     elif sent.kind in _REVISIONS:
         await _take_refusal(watch, link, sent, ack)
+    elif sent.kind == "HOLD" and ack.status == "REJECTED" and record is not None:
+        await take_refused_hold(watch, record, sent, code=ack.code or RefusalCode.MALFORMED)
 
 
 async def _take_answer_to_proposal(

@@ -5,8 +5,10 @@ from functools import partial
 
 from skyway.contracts.instruction import HoldInstruction, ResumeInstruction
 from skyway.ids import InstructionId
+from skyway.units import moment_to_ms
+from skyway_composition.alarms.store import add as raise_alarm
 from skyway_composition.links.courier import Draft
-from skyway_composition.links.store import open_instructions
+from skyway_composition.links.store import SentInstruction, open_instructions
 from skyway_composition.missions.record import MissionRecord
 from skyway_composition.missions.watch import Watch
 
@@ -34,6 +36,30 @@ async def resume(watch: Watch, record: MissionRecord) -> InstructionId:
         mission_revision=_newest_revision(record),
     )
     return await _send(watch, record, draft)
+
+
+async def take_refused_hold(
+    watch: Watch, record: MissionRecord, sent: SentInstruction, *, code: str
+) -> None:
+    """Show a mission as flown on whose drone did not hold, and tell operators."""
+    is_told_again = any(
+        each.kind == "HOLD" for each in await open_instructions(watch.tx, record.drone_id)
+    )
+    is_held = record.mission.is_held and record.mission_id == sent.mission_id
+    if is_told_again or not is_held:
+        return
+    await raise_alarm(
+        watch.tx,
+        level="URGENT",
+        code="HOLD_REFUSED",
+        detail=f"the drone flies on, since it refused to hold: {code}",
+        at_ms=moment_to_ms(watch.clock.now()),
+        mint=watch.mint,
+        provider_id=record.mission.provider_id,
+        drone_id=record.drone_id,
+        mission_id=record.mission_id,
+    )
+    await watch.keep(held(record, is_held=False))
 
 
 def held(record: MissionRecord, *, is_held: bool) -> MissionRecord:

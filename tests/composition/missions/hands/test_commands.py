@@ -32,6 +32,20 @@ async def test_a_hold_is_sent_to_the_drone(
     assert await composition.broken() == []
 
 
+async def test_a_drone_that_does_not_hold_is_shown_as_flying_on(
+    composition: Any, drone: Any, make: Any, begin: Any
+) -> None:
+    instruction = await begin.accepted(composition, drone, make)
+    await give(composition, instruction.mission_id, "HOLD")
+    hold = (await composition.sent())[-1]
+
+    await composition.take(drone.ack(hold, "REJECTED", code="EXPIRED"))
+
+    assert not (await shown(composition, instruction.mission_id))["mission"]["is_held"]
+    (alarm,) = (await composition("operator:op", "GET", "/v1/alarms")).json()["items"]
+    assert (alarm["code"], alarm["mission_id"]) == ("HOLD_REFUSED", instruction.mission_id)
+
+
 async def test_a_resumed_drone_is_told_and_gets_another_plan(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
