@@ -9,22 +9,23 @@ from skyway_gateway.deliveries.delivery import Delivery, PackageStatus
 from skyway_gateway.deliveries.endings import CANCELLED_CODE, settled
 from skyway_gateway.deliveries.progress import (
     Progress,
+    can_turn_back,
     changed,
     with_cancelled,
     with_flags,
-    with_packages,
+    with_returning,
 )
 
 
 def is_cancelled(package: PackageStatus) -> bool:
-    """Whether a cancellation has reached it already, or is under way to."""
-    is_stopped = package.state in ("CANCELLED", "RETURNING", "RETURNED")
-    return is_stopped and package.code == CANCELLED_CODE
+    """Whether a cancellation has stopped it, or is about to."""
+    is_past_that = package.state in ("DELIVERED", "STRANDED")
+    return package.code == CANCELLED_CODE and not is_past_that
 
 
 def can_be_cancelled(package: PackageStatus) -> bool:
     """Whether something about it can still be stopped."""
-    return package.state in ("CREATED", "LOADED", "IN_TRANSIT")
+    return can_turn_back(package) and not is_cancelled(package)
 
 
 def after_cancellation(
@@ -51,12 +52,6 @@ def after_cancellation(
         detail=reason,
         at=at,
     )
-    returning = with_packages(
-        without.delivery,
-        lambda _: {"state": "RETURNING", "code": CANCELLED_CODE, "detail": reason},
-        where=lambda one: (
-            one.package_id in done.returning and one.state in ("LOADED", "IN_TRANSIT")
-        ),
-    )
+    returning = with_returning(without.delivery, done.returning, code=CANCELLED_CODE, detail=reason)
     progress = Progress(with_flags(returning), without.happenings)
     return settled(progress, at=at, code=CANCELLED_CODE, detail=reason)

@@ -27,9 +27,13 @@ def loaded(delivery: Delivery, mission: Mission, report: MissionReport) -> Progr
     news = [Happening(DeliveryEventType.LOADED, report.at, data)]
     if delivery.state != "IN_PROGRESS":
         news.append(Happening(DeliveryEventType.STARTED, report.at, told.flown_by(mission)))
-    after = with_packages(
-        delivery, lambda _: {"state": "LOADED", "custodian": drone}, where=is_loaded
-    )
+
+    def load(package: PackageStatus) -> dict[str, object]:
+        # One that was cancelled too late to be kept off the drone comes back.
+        state = "LOADED" if package.code is None else "RETURNING"
+        return {"state": state, "custodian": drone}
+
+    after = with_packages(delivery, load, where=is_loaded)
     activity = report.activity or delivery.activity
     return Progress(changed(after, state="IN_PROGRESS", activity=activity), tuple(news))
 

@@ -4,11 +4,12 @@ Pure, like `booking`, `reports`, `cancelling` and `endings` beside it: a deliver
 in, the delivery afterwards and what to tell out.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 
 from skyway.contracts.delivery_event import DeliveryEventType
+from skyway.ids import PackageId
 from skyway_gateway.deliveries import told
 from skyway_gateway.deliveries.delivery import Delivery, PackageStatus
 from skyway_gateway.notifications.events import Happening
@@ -48,9 +49,16 @@ def with_cancelled(
     detail: str | None,
     at: datetime,
 ) -> Progress:
-    """The delivery without these packages, which never left the pickup; each is told."""
-    why = {"state": "CANCELLED", "eta_at": None, "code": code, "detail": detail}
-    after = with_packages(delivery, lambda _: why, where=where)
+    """The delivery without these packages, which never left the pickup; each is told.
+
+    Of a package that was to come back anyway, the reason for that is the one that counts.
+    """
+
+    def cancel(package: PackageStatus) -> Mapping[str, object]:
+        why = (package.code, package.detail) if package.code is not None else (code, detail)
+        return {"state": "CANCELLED", "eta_at": None, "code": why[0], "detail": why[1]}
+
+    after = with_packages(delivery, cancel, where=where)
     return Progress(
         after,
         tuple(
@@ -59,6 +67,27 @@ def with_cancelled(
             if before.state != now.state
         ),
     )
+
+
+def with_returning(
+    delivery: Delivery, package_ids: Collection[PackageId], *, code: str | None, detail: str | None
+) -> Delivery:
+    """The delivery with packages that come back; those not loaded yet do so once they are."""
+
+    def turn_back(package: PackageStatus) -> Mapping[str, object]:
+        state = package.state if package.state == "CREATED" else "RETURNING"
+        return {"state": state, "code": code, "detail": detail}
+
+    return with_packages(
+        delivery,
+        turn_back,
+        where=lambda one: one.package_id in package_ids and can_turn_back(one),
+    )
+
+
+def can_turn_back(package: PackageStatus) -> bool:
+    """Whether it is still on its way to its recipient."""
+    return package.state in ("CREATED", "LOADED", "IN_TRANSIT")
 
 
 def is_replanning(delivery: Delivery) -> bool:

@@ -37,28 +37,21 @@ class Proof(WireModel):
     def of(cls, report: MissionReport, package_id: PackageId) -> Self:
         """The proof in a report about this package; evidence of another form is left out."""
         evidence = report.data
-        masses_kg = evidence.get("mass_kg")
-        if isinstance(masses_kg, Mapping):
-            masses_kg = masses_kg.get(package_id)
+        masses_kg, place = evidence.get("mass_kg"), evidence.get("place")
+        mass_kg = masses_kg.get(package_id) if isinstance(masses_kg, Mapping) else None
+        position = place.get("position") if isinstance(place, Mapping) else None
         return cls(
             station_id=report.station_id,
-            position=_read(_POSITION, _position(evidence.get("position"))),
+            position=_read(_POSITION, position),
             at=report.at,
             mission_id=report.mission_id,
             provider_id=report.provider_id,
             drone_id=report.drone_id,
             soc=report.soc,
-            mass_kg=_read(_NUMBER, masses_kg),
+            mass_kg=_read(_NUMBER, mass_kg),
             load_before_kg=_read(_NUMBER, evidence.get("load_before_kg")),
             load_after_kg=_read(_NUMBER, evidence.get("load_after_kg")),
         )
-
-
-def _position(found: Any) -> Any:  # JSON, as a drone wrote it
-    """A position as GeoJSON has it, also where it names its members."""
-    if isinstance(found, Mapping):
-        return [found.get("longitude_deg"), found.get("latitude_deg")]
-    return found
 
 
 def _read(form: TypeAdapter[Any], value: object) -> Any:  # of the adapter's type, or None

@@ -1,13 +1,16 @@
 """A drone that will not fly its mission: its packages wait for another one."""
 
 from skyway.contracts.mission import MissionReport
-from skyway_gateway.deliveries.delivery import Delivery, FlownMission, Refusal
-from skyway_gateway.deliveries.progress import Progress, changed, with_packages
+from skyway_gateway.deliveries.delivery import Delivery, FlownMission, PackageStatus, Refusal
+from skyway_gateway.deliveries.progress import Progress, changed, with_cancelled, with_packages
 from skyway_gateway.deliveries.states import DeliveryState
 
 
 def refused(delivery: Delivery, mission: FlownMission, report: MissionReport) -> Progress:
-    """The delivery without this mission; `book` asks anew, without this drone."""
+    """The delivery without this mission; `book` asks anew, without this drone.
+
+    Packages that were to be brought back at once are not asked for again.
+    """
     refusal = Refusal(
         attempt=report.attempt,
         provider_id=mission.provider_id,
@@ -15,10 +18,21 @@ def refused(delivery: Delivery, mission: FlownMission, report: MissionReport) ->
         code=report.code,
         detail=report.detail,
     )
-    without = with_packages(
+
+    def is_left(package: PackageStatus) -> bool:
+        return package.mission_id == mission.mission_id and package.state == "CREATED"
+
+    cancelled = with_cancelled(
         delivery,
+        where=lambda one: is_left(one) and one.code is not None,
+        code=report.code,
+        detail=report.detail,
+        at=report.at,
+    )
+    without = with_packages(
+        cancelled.delivery,
         lambda _: {"mission_id": None, "promised_at": None, "eta_at": None},
-        where=lambda one: one.mission_id == mission.mission_id and one.state == "CREATED",
+        where=is_left,
     )
     # An attempt that is still to be booked takes these packages too: composition has not been
     # asked for it, or has answered that it books nothing.
@@ -29,7 +43,8 @@ def refused(delivery: Delivery, mission: FlownMission, report: MissionReport) ->
             state=_state_without(without),
             attempt=delivery.attempt + (is_asked and bool(without.waiting)),
             refusals=(*delivery.refusals, refusal),
-        )
+        ),
+        cancelled.happenings,
     )
 
 

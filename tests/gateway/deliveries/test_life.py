@@ -149,20 +149,27 @@ class Life(RuleBasedStateMachine):
         is_done = flight.state == "ACTIVE" and not flight.on_board
         self._end(flight, "COMPLETED" if is_done else "ABORTED", code="HOME")
 
-    @rule(wanted=st.sets(st.sampled_from(["p1", "p2", "p3", "p4"]), min_size=1))
-    def cancel(self, wanted: set[str]) -> None:
-        flights = self.flights
-        done = Cancellation(
-            released=tuple(sorted(set().union(*(f.to_load for f in flights)) & wanted)),
-            returning=tuple(sorted(set().union(*(f.on_board for f in flights)) & wanted)),
-        )
+    @rule(
+        wanted=st.sets(st.sampled_from(["p1", "p2", "p3", "p4"]), min_size=1),
+        is_in_time=st.booleans(),
+    )
+    def cancel(self, wanted: set[str], *, is_in_time: bool) -> None:
+        """What cannot be kept off a drone any more is brought back once it is loaded."""
+        to_load = set().union(*(flight.to_load for flight in self.flights)) & wanted
+        on_board = set().union(*(flight.on_board for flight in self.flights)) & wanted
+        released = to_load if is_in_time else set()
+        returning = (to_load | on_board) - released
+        done = Cancellation(released=tuple(sorted(released)), returning=tuple(sorted(returning)))
         self._happen(
             lambda now: after_cancellation(now, wanted, done, reason="no need", at=self.now)
         )
-        for flight in flights:
-            if released := sorted(flight.to_load & wanted):
-                flight.to_load -= wanted
-                self._report(flight, "RELEASED", package_ids=released, code="CANCELLED")
+        for flight in self.flights:
+            off = sorted(flight.to_load & released)
+            back = sorted((flight.to_load | flight.on_board) & returning)
+            flight.to_load -= released
+            for kind, package_ids in (("RELEASED", off), ("RETURNING", back)):
+                if package_ids:
+                    self._report(flight, kind, package_ids=package_ids, code="CANCELLED")
 
     # What holds.
 

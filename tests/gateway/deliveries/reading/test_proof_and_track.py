@@ -33,7 +33,7 @@ async def test_a_hand_over_leaves_its_proof(gateway_on_both: Any) -> None:
             "mass_kg": {"p1": 0.52},
             "load_before_kg": 1.02,
             "load_after_kg": 0.5,
-            "position": [-98.0, 29.6],
+            "place": {"station_id": "mcqueeney", "position": [-98.0, 29.6]},
         },
     )
     proof = (await read(gateway, delivery_id, "proof")).json()
@@ -54,7 +54,8 @@ async def test_a_hand_over_leaves_its_proof(gateway_on_both: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    "data", [{}, {"mass_kg": "heavy", "position": "here"}, {"position": {"x": 1}, "mass_kg": {}}]
+    "data",
+    [{}, {"mass_kg": "heavy", "place": "here"}, {"place": {"position": "x"}, "mass_kg": {}}],
 )
 async def test_evidence_that_cannot_be_read_holds_nothing_up(
     gateway: Any, data: dict[str, Any]
