@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from pydantic import TypeAdapter
-from sqlalchemy import Row, delete, insert, select, update
+from sqlalchemy import Row, bindparam, delete, insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.candidate import Candidate
@@ -188,6 +188,21 @@ async def retry_stuck(tx: Tx, mission_id: MissionId, *, at_wall_ms: int) -> None
         .where(missions.c.mission_id == mission_id)
         .values(retry_wall_ms=at_wall_ms, **FREE)
     )
+
+
+async def save_troubles(tx: Tx, records: Iterable[MissionRecord]) -> None:
+    """Keep the troubles of missions that are locked, and what was told of them; plan at once."""
+    rows = [
+        {
+            "of_mission": record.mission_id,
+            "trouble": None if record.trouble is None else record.trouble.model_dump_json(),
+            "report_seq": record.report_seq,
+        }
+        for record in records
+    ]
+    if rows:
+        of_mission = missions.c.mission_id == bindparam("of_mission")
+        await tx.execute(update(missions).where(of_mission).values(retry_wall_ms=0), rows)
 
 
 async def plan_at_once(tx: Tx, mission_id: MissionId) -> None:

@@ -1,5 +1,6 @@
 """Trouble: the plan of a mission does not hold any more, and another one is to be looked for."""
 
+from collections.abc import Iterable
 from dataclasses import replace
 
 from skyway_composition.missions import store
@@ -13,6 +14,22 @@ async def troubled(watch: Watch, record: MissionRecord, trouble: Trouble) -> Mis
 
     Told once, however many troubles follow. Whoever calls this wakes `stuck` after the commit.
     """
+    told = _told(watch, record, trouble)
+    if told is not record:
+        await watch.keep(told)
+        await store.plan_at_once(watch.tx, told.mission_id)
+    return told
+
+
+async def troubled_all(watch: Watch, records: Iterable[MissionRecord], trouble: Trouble) -> None:
+    """The same for many missions, in one statement: a closure may hit hundreds of them."""
+    changed = [told for each in records if (told := _told(watch, each, trouble)) is not each]
+    await store.save_troubles(watch.tx, changed)
+    watch.missions.update({record.drone_id: record for record in changed})
+
+
+def _told(watch: Watch, record: MissionRecord, trouble: Trouble) -> MissionRecord:
+    """The record with this trouble, told if it is the first; unchanged if an older one outlasts."""
     if record.trouble is not None and _outlasts(record.trouble, trouble):
         return record
     if record.trouble is None and record.stuck is None:
@@ -25,10 +42,7 @@ async def troubled(watch: Watch, record: MissionRecord, trouble: Trouble) -> Mis
             code=trouble.code,
             detail=trouble.detail,
         )
-    record = replace(record, trouble=trouble)
-    await watch.keep(record)
-    await store.plan_at_once(watch.tx, record.mission_id)
-    return record
+    return replace(record, trouble=trouble)
 
 
 def _outlasts(known: Trouble, new: Trouble) -> bool:

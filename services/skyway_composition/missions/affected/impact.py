@@ -14,7 +14,7 @@ from skyway_composition.closures.impact import AffectedMission, Reach
 from skyway_composition.missions.affected import store
 from skyway_composition.missions.affected.find import Found, find_hits
 from skyway_composition.missions.record import Trouble
-from skyway_composition.missions.trouble import troubled
+from skyway_composition.missions.trouble import troubled_all
 from skyway_composition.missions.watch import Watch
 
 _CODES: Final[Mapping[ClosureKind, str]] = {
@@ -61,14 +61,15 @@ class MissionImpact:
 
 
 async def _trouble_all(watch: Watch, closure: Closure, found: Found) -> None:
-    trouble = Trouble(code=_CODES[closure.kind], detail=_detail(closure))
-    for hit in found.hits:
-        record = watch.missions.get(hit.owner.drone_id)
-        if record is None or record.mission_id != hit.owner.mission_id:
-            continue
-        # Whoever looks for another plan anyway finds the ground stop by itself.
-        if closure.kind != "GROUND_STOP" or record.trouble is None:
-            await troubled(watch, record, trouble)
+    hit_ids = {hit.owner.mission_id for hit in found.hits}
+    # Whoever looks for another plan anyway finds a ground stop by itself.
+    records = [
+        record
+        for record in watch.missions.values()
+        if record.mission_id in hit_ids
+        if closure.kind != "GROUND_STOP" or record.trouble is None
+    ]
+    await troubled_all(watch, records, Trouble(code=_CODES[closure.kind], detail=_detail(closure)))
 
 
 def _detail(closure: Closure) -> str:
