@@ -10,7 +10,7 @@ from pathlib import Path
 from skyway.errors import SkywayError
 
 #: Samples a second: enough to see what takes a hundredth of a minute, little enough not to hurt.
-_PER_S = 50
+_PER_S = 100
 
 
 @contextmanager
@@ -23,7 +23,9 @@ def profiled(pids: Mapping[str, int], folder: Path | None) -> Iterator[None]:
     if py_spy is None:
         raise SkywayError("--profile needs py-spy on PATH")
     folder.mkdir(parents=True, exist_ok=True)
-    record = (py_spy, "record", "--rate", str(_PER_S), "--format", "raw", "--duration", "unlimited")
+    # Threads that only wait hold no lock, and would be most of what is seen.
+    record = [py_spy, "record", "--gil", "--rate", str(_PER_S), "--format", "raw"]
+    record += ["--duration", "unlimited"]
     watching = [
         subprocess.Popen(
             [*record, "--pid", str(pid), "--output", str(folder / f"{name}.txt")],

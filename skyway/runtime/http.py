@@ -13,6 +13,7 @@ from fastapi.responses import StreamingResponse
 from skyway.json_model import JsonModel
 from skyway.runtime.errors import NotFound, ServiceUnavailable
 from skyway.runtime.http_answer import not_known, read_answer, refuse_failure
+from skyway.runtime.http_transport import HttpTransport
 from skyway.runtime.identity import Caller, ServiceIdentity
 from skyway.runtime.tracing import current_traceparent
 
@@ -23,7 +24,6 @@ _CONNECT_S: Final = 2.0
 ANSWER_S: Final = 10.0
 FORWARD_S: Final = 30.0
 _PATH_SAFE: Final = "/%:@"
-_CONNECTIONS: Final = httpx.Limits(max_connections=100, max_keepalive_connections=20)
 #: May be sent again when the connection broke: the first may have been carried out already.
 _REPEATABLE: Final = frozenset({"GET", "PUT", "DELETE"})
 _BROKEN_CONNECTION: Final = (httpx.RemoteProtocolError, httpx.ReadError, httpx.WriteError)
@@ -91,7 +91,7 @@ class ServiceClient:
         """Open the pool; nothing is connected yet."""
         # No proxy and no .netrc of the environment: this is between our own processes.
         client = httpx.AsyncClient(
-            base_url=self._base_url, transport=self._transport, limits=_CONNECTIONS, trust_env=False
+            base_url=self._base_url, transport=self._transport or HttpTransport(), trust_env=False
         )
         self._opened = await self._stack.enter_async_context(client)
         return self
