@@ -42,6 +42,7 @@ class Flight:
         self.mission, self.state, self.seq = mission, "BOOKED", 0
         self.to_load = {eta.package_id for eta in mission.packages}
         self.on_board: set[str] = set()
+        self.handed_over: set[str] = set()
 
 
 class Life(RuleBasedStateMachine):
@@ -137,17 +138,27 @@ class Life(RuleBasedStateMachine):
         if flight.on_board:
             package_id = min(flight.on_board)
             flight.on_board.remove(package_id)
+            flight.handed_over.add(package_id)
             if kind == "RETURNED":
                 self._report(flight, "RETURNING", package_ids=[package_id], code="ABSENT")
             self._report(flight, kind, package_ids=[package_id], station_id=PICKUP)
 
     @under_way
-    @rule(which=WHICH)
-    def come_home(self, which: int) -> None:
+    @rule(which=WHICH, kind=st.sampled_from(["DELIVERED", "RETURNED", "RETURNING", "LOADED"]))
+    def say_it_otherwise(self, which: int, kind: str) -> None:
+        """What is settled stays so, whatever is said of it later."""
+        flight = self._flight(which)
+        if flight.handed_over:
+            self._report(flight, kind, package_ids=sorted(flight.handed_over), station_id=PICKUP)
+
+    @under_way
+    @rule(which=WHICH, is_seen=st.booleans())
+    def come_home(self, which: int, *, is_seen: bool) -> None:
+        """Home, or down with what is on board, where nobody knows."""
         flight = self._flight(which)
         self.flights.remove(flight)
         is_done = flight.state == "ACTIVE" and not flight.on_board
-        self._end(flight, "COMPLETED" if is_done else "ABORTED", code="HOME")
+        self._end(flight, "COMPLETED" if is_done else "ABORTED", code="HOME", is_seen=is_seen)
 
     @rule(
         wanted=st.sets(st.sampled_from(["p1", "p2", "p3", "p4"]), min_size=1),
@@ -204,12 +215,16 @@ class Life(RuleBasedStateMachine):
 
     @invariant()
     def each_package_is_with_whom_its_state_says(self) -> None:
-        kinds = {"CREATED": "STATION", "CANCELLED": "STATION", "DELIVERED": "RECIPIENT"}
+        station, drone, recipient = {"STATION"}, {"DRONE"}, {"RECIPIENT"}
+        kinds = {
+            "CREATED": station,
+            "CANCELLED": station,
+            "RETURNED": station,
+            "DELIVERED": recipient,
+            "STRANDED": station | drone,
+        }
         for package in self.delivery.packages:
-            kind = kinds.get(package.state)
-            if kind is None:
-                kind = "STATION" if package.state in ("RETURNED", "STRANDED") else "DRONE"
-            assert package.custodian.kind == kind
+            assert package.custodian.kind in kinds.get(package.state, drone)
 
     # How it happens.
 
@@ -229,12 +244,11 @@ class Life(RuleBasedStateMachine):
     def _flight(self, which: int) -> Flight:
         return self.flights[which % len(self.flights)]
 
-    def _end(self, flight: Flight, state: str, *, code: str) -> None:
+    def _end(self, flight: Flight, state: str, *, code: str, is_seen: bool = True) -> None:
         flight.state = state
         stranded, flight.on_board = sorted(flight.on_board), set()
-        self._report(
-            flight, "ENDED", stranded_package_ids=stranded, station_id="bulverde", code=code
-        )
+        where = {"stranded_package_ids": stranded, "station_id": "bulverde"} if is_seen else {}
+        self._report(flight, "ENDED", code=code, **where)
 
     def _report(self, flight: Flight, kind: str, **fields: object) -> None:
         flight.seq += 1
