@@ -13,7 +13,8 @@ async def test_a_statement_does_not_let_others_run_before_it_is_over(tmp_path: P
 
     rows = await connection.execute_fetchall("SELECT 1")
 
-    assert ([*rows], others) == ([(1,)], [])
+    assert [tuple(row) for row in rows] == [(1,)]
+    assert others == []
     await connection.close()
 
 
