@@ -8,12 +8,13 @@ from sqlalchemy import Select, and_, func, literal_column, select, text
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.flight_step import RechargeStep
-from skyway.contracts.mission import LIVE_MISSION_STATES
+from skyway.contracts.mission import LIVE_MISSION_STATES, Cancellation
 from skyway.ids import MissionId
 from skyway.runtime.database import Database
 from skyway.units import moment_to_ms
 from skyway_composition.pads.booked_pad import BookedPad, merged
 from skyway_composition.tables import (
+    cancellations,
     custody,
     deliveries,
     instructions,
@@ -108,6 +109,7 @@ _CHECKS: Final[Mapping[str, Select[*tuple[Any, ...]]]] = {
 
 _UNRESERVED: Final = "I3 a live mission holds the pads of its steps"
 _HOARDED: Final = "I3 a live mission holds no pad that it does not need"
+_DELIVERED_ALL_THE_SAME: Final = "I6 a package that a cancellation released is not delivered"
 
 
 async def violations(db: Database) -> Sequence[Mapping[str, str]]:
@@ -122,6 +124,8 @@ async def violations(db: Database) -> Sequence[Mapping[str, str]]:
             found.extend({"rule": rule, "subject": str(subject)} for subject in set(subjects))
         needed = await _needed_pads(connection)
         held = await _held_pads(connection)
+        released = await _released_and_delivered(connection)
+    found.extend({"rule": _DELIVERED_ALL_THE_SAME, "subject": each} for each in released)
     for mission_id, pads in needed.items():
         has = held.get(mission_id, set())
         if not pads <= has:
@@ -191,3 +195,17 @@ async def _held_pads(connection: AsyncConnection) -> dict[MissionId, set[BookedP
         booked = BookedPad(row.station_id, row.pad, row.start_ms, row.end_ms)
         held.setdefault(row.mission_id, set()).add(booked)
     return held
+
+
+async def _released_and_delivered(connection: AsyncConnection) -> set[str]:
+    """The packages of which a customer was told that they stay, and that went away."""
+    delivered = await connection.execute(
+        select(custody.c.package_id, cancellations.c.answer)
+        .join(cancellations, cancellations.c.delivery_id == custody.c.delivery_id)
+        .where(custody.c.custodian_kind == "RECIPIENT")
+    )
+    return {
+        row.package_id
+        for row in delivered
+        if row.package_id in Cancellation.read(row.answer).released
+    }

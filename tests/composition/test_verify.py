@@ -44,6 +44,16 @@ BREAKS = {
             for seq in (2, 3)
         ),
     ],
+    "I6 a package that a cancellation released is not delivered": [
+        (
+            "INSERT INTO cancellations VALUES "
+            """('dlv_1', 'cnl_1', '{"released": ["p1"]}', 1)"""
+        ),
+        (
+            "INSERT INTO custody SELECT delivery_id, package_id, 2, 'RECIPIENT', 'c', "
+            "mission_id, at_ms FROM custody"
+        ),
+    ],
     "I6 nothing follows the recipient": [
         (
             "INSERT INTO custody SELECT delivery_id, package_id, 2, 'DRONE', 'd', mission_id, "
