@@ -5,11 +5,20 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from skyway.contracts.candidate import ProviderReason
-from skyway.contracts.message import FleetMoment
+from skyway.contracts.message import FleetMoment, Soc
 from skyway.contracts.mission import LIVE_MISSION_STATES, Mission, OfferLimits
 from skyway.delivery.offer import Price
 from skyway.delivery.request import DeliveryRequest, Place
-from skyway.ids import DeliveryId, DroneId, MissionId, PackageId, ProviderId, SubjectId
+from skyway.geo import Position
+from skyway.ids import (
+    DeliveryId,
+    DroneId,
+    MissionId,
+    PackageId,
+    ProviderId,
+    StationId,
+    SubjectId,
+)
 from skyway.json_model import JsonModel
 from skyway_gateway.deliveries.proof import Proof
 from skyway_gateway.deliveries.states import (
@@ -146,12 +155,21 @@ class DeliveryPlan(JsonModel):
 
 
 class PackageProof(JsonModel):
-    """What proves where a package ended: nothing while it is on its way."""
+    """What proves where a package ended: the members of its proof, null while it is on its way."""
 
     package_id: PackageId
     state: PackageState
     custodian: Custodian
-    proof: Proof | None
+    station_id: StationId | None = None
+    position: Position | None = None
+    at: FleetMoment | None = None
+    mission_id: MissionId | None = None
+    provider_id: ProviderId | None = None
+    drone_id: DroneId | None = None
+    soc: Soc | None = None
+    mass_kg: float | None = None
+    load_before_kg: float | None = None
+    load_after_kg: float | None = None
 
 
 class DeliveryProof(JsonModel):

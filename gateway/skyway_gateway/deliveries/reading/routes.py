@@ -179,7 +179,7 @@ def _proof_of(delivery: Delivery) -> DeliveryProof:
                 package_id=package.package_id,
                 state=package.state,
                 custodian=package.custodian,
-                proof=package.proof,
+                **dict(package.proof or {}),
             )
             for package in delivery.packages
         ),
