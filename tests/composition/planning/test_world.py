@@ -1,0 +1,82 @@
+"""A world holds until something in its network is published, closed or lifted."""
+
+from typing import Any
+
+import numpy as np
+from skyway_composition.planning.world import World, still_holds
+
+OPERATOR = "operator:op"
+FAR_AWAY = {"type": "Polygon", "coordinates": [[[90, 0], [91, 0], [91, 1], [90, 0]]]}
+
+
+async def look(composition: Any, **members: Any) -> World:
+    skyway = await composition.parts.networks.current("row")
+    return await World.of(skyway, composition.db, after_ms=0, **members)
+
+
+async def holds(composition: Any, world: World) -> bool:
+    async with composition.db.write() as tx:
+        return await still_holds(tx, world)
+
+
+async def test_a_world_holds_while_nothing_changes(composition: Any) -> None:
+    world = await look(composition)
+
+    # Reservations are checked by the database itself.
+    await composition.book()
+
+    assert await holds(composition, world)
+
+
+async def test_a_closure_ends_a_world_and_so_does_its_lifting(composition: Any) -> None:
+    before = await look(composition)
+    made = await composition(OPERATOR, "POST", "/v1/stations/e/closures")
+    during = await look(composition)
+    is_known = await holds(composition, during)
+    await composition(OPERATOR, "DELETE", f"/v1/stations/e/closures/{made.json()['closure_id']}")
+
+    assert is_known
+    assert not await holds(composition, before)
+    assert not await holds(composition, during)
+    assert await holds(composition, await look(composition))
+
+
+async def test_a_ground_stop_everywhere_ends_all_worlds(composition: Any) -> None:
+    world = await look(composition)
+
+    await composition(OPERATOR, "POST", "/v1/ground-stops", {"reason": "storm"})
+
+    assert not await holds(composition, world)
+
+
+async def test_a_closure_in_another_network_ends_no_world(composition: Any, make: Any) -> None:
+    await composition(OPERATOR, "PUT", "/v1/networks/other", make.network(stations="xy"))
+    world = await look(composition)
+
+    await composition(OPERATOR, "POST", "/v1/stations/x/closures")
+    await composition(OPERATOR, "POST", "/v1/zones", {"network_id": "other", "area": FAR_AWAY})
+
+    assert await holds(composition, world)
+
+
+async def test_a_new_version_ends_a_world(composition: Any, make: Any) -> None:
+    world = await look(composition)
+
+    await composition.publish(make.network(loading_s=1))
+
+    assert not await holds(composition, world)
+
+
+async def test_the_gap_between_drones_is_the_networks_unless_said_otherwise(
+    composition: Any, make: Any
+) -> None:
+    await composition.publish(make.network(pad_gap_s=60))
+    await composition.book()
+    exact = await look(composition, pad_gap_s=0.0)
+    world = await look(composition)
+
+    for each in (exact, world):
+        await each.pads.read(np.arange(5, dtype=np.int32))
+
+    assert (world.pads.book.start_ms == exact.pads.book.start_ms - 60_000).all()
+    assert len(world.pads.book.start_ms) > 0
