@@ -224,7 +224,6 @@ FORWARDED: Final[tuple[Forwarded, ...]] = (
         "composition",
         _OPERATOR,
         "Acknowledge an alarm",
-        statuses=(200, 201),
     ),
     Forwarded(
         "GET", "/v1/stats/pads", "composition", _FLEETS, "How much of the time pads are taken"
