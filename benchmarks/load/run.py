@@ -55,9 +55,9 @@ async def _measured(
 ) -> Outcome:
     pids = _pids(system, world) | servers
     requests = city.requests(rate_per_s=burst.rate_per_s, seconds=burst.seconds, seed=burst.seed)
+    idle, idle_s = await _idle(pids)
+    await _warm_up(system, world, city, burst=burst)
     async with following(world, mqtt_url=system.mqtt_url) as followed:
-        idle_from, idle_from_s = CpuReading.of(pids), time.monotonic()
-        await asyncio.sleep(_IDLE_S)
         counted = await counters(system.urls)
         with profiled(_python_only(pids), burst.profile):
             busy_from, started_s = CpuReading.of(pids), time.monotonic()
@@ -71,14 +71,21 @@ async def _measured(
         sent=sent,
         followed=followed,
         usage=Usage(
-            idle=busy_from.since(idle_from),
-            idle_s=started_s - idle_from_s,
+            idle=idle,
+            idle_s=idle_s,
             busy=busy_to.since(busy_from),
             busy_s=ended_s - started_s,
         ),
         counted={name: value - counted.get(name, 0.0) for name, value in after.items()},
         violations=await asyncio.to_thread(_verify, system.folder),
     )
+
+
+async def _idle(pids: Mapping[str, int]) -> tuple[CpuReading, float]:
+    """What is taken while nothing is asked, and in how many seconds."""
+    before, before_s = CpuReading.of(pids), time.monotonic()
+    await asyncio.sleep(_IDLE_S)
+    return CpuReading.of(pids).since(before), time.monotonic() - before_s
 
 
 async def _warm_up(system: System, world: World, city: City, *, burst: Burst) -> None:

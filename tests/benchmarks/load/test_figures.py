@@ -1,0 +1,82 @@
+"""From what was sent, heard and taken to what is printed."""
+
+from datetime import UTC, datetime
+
+from benchmarks.load.burst import Burst, read_burst
+from benchmarks.load.cpu import CpuReading
+from benchmarks.load.figures import Outcome, Usage
+from benchmarks.load.follow import Followed
+from benchmarks.load.send import Sent
+from skyway.contracts.delivery_event import DeliveryEvent, DeliveryEventType
+from skyway.ids import DeliveryId, EventId
+
+AT = datetime(2026, 3, 1, tzinfo=UTC)
+
+
+def make_burst() -> Burst:
+    return read_burst(["--rate-per-s", "2", "--seconds", "10"])
+
+
+def tell(followed: Followed, delivery: str, kind: str, at_s: float, **data: object) -> None:
+    event = DeliveryEvent(
+        message_id="m",
+        sent_at=AT,
+        event_id=EventId("e"),
+        type=DeliveryEventType(kind),
+        delivery_id=DeliveryId(delivery),
+        sequence=1,
+        occurred_at=AT,
+        data=data,
+    )
+    followed.take(event, at_s)
+
+
+def make_outcome(followed: Followed, sent: Sent, busy: dict[str, float]) -> Outcome:
+    idle = CpuReading(dict.fromkeys(busy, 1.0), machine_s=0.0)
+    return Outcome(
+        burst=make_burst(),
+        started_s=100.0,
+        sent=sent,
+        followed=followed,
+        usage=Usage(idle=idle, idle_s=10.0, busy=CpuReading(busy, machine_s=30.0), busy_s=20.0),
+        counted={},
+        violations="0 violations in 3 databases",
+    )
+
+
+def test_dispatches_within_the_burst_make_its_rate() -> None:
+    followed, sent = Followed(), Sent(asked_at={DeliveryId("a"): 100.0, DeliveryId("b"): 101.0})
+    tell(followed, "a", "delivery.dispatched", 101.5)
+    tell(followed, "a", "delivery.dispatched", 109.0)  # a copy
+    tell(followed, "b", "delivery.dispatched", 111.0)
+
+    rows = dict(make_outcome(followed, sent, {}).rows())
+
+    assert rows["dispatched a second of the burst"] == "0.1"
+    assert rows["request to dispatch, p50 / p99"] == "1500 ms / 10000 ms"
+    assert rows["planned, dispatched in the end"] == "0, 2"
+
+
+def test_rejections_are_counted_by_their_reasons() -> None:
+    followed = Followed()
+    for delivery in ("a", "b"):
+        reasons = [{"code": "BUSY"}, {"code": "OVERWEIGHT"}, {"code": "BUSY"}]
+        tell(followed, delivery, "delivery.rejected", 101.0, reasons=reasons)
+
+    rows = dict(make_outcome(followed, Sent(), {}).rows())
+
+    assert rows["rejected"] == "2: 2 BUSY, OVERWEIGHT"
+    assert followed.are_settled(2)
+    assert not followed.are_settled(3)
+
+
+def test_what_a_process_takes_when_idle_is_no_deliverys_cost() -> None:
+    followed = Followed()
+    for number in range(10):
+        tell(followed, f"d{number}", "delivery.dispatched", 101.0)
+
+    rows = make_outcome(followed, Sent(), {"gateway": 6.0}).cpu_rows()
+
+    # Idle a tenth of a core, so 2 of the 6 seconds in 20.
+    assert rows[0] == ("gateway", "0.10", "0.30", "400.0")
+    assert rows[-1] == ("everybody else", "", "1.20", "")
