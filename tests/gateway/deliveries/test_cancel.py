@@ -267,6 +267,19 @@ async def test_cancelling_and_giving_up_at_once_say_one_of_both(
     assert (answer.status_code == 200) == (delivery["state"] == "CANCELLED")
 
 
+async def test_who_cancels_first_is_not_told_that_nobody_flies_it(gateway: Any) -> None:
+    """The customer has closed it; the round that finds it closed leaves the last word to them."""
+    delivery_id = await gateway.accepted()
+    queued = await _claimed(gateway)
+    await gateway.execute("UPDATE deliveries SET cancel_reason = 'ordered twice'")
+    gateway.composition.closed.add(delivery_id)
+    await gateway.parts.booker.book(queued)
+    assert (await gateway.get(delivery_id))["state"] == "REQUESTED"
+    gateway.clock.advance(timedelta(seconds=30))
+    await gateway.parts.booker.step()
+    assert (await gateway.get(delivery_id))["state"] == "CANCELLED"
+
+
 @types.coroutine
 def _until_wait(call: Coroutine[Any, Any, Any], wait: int) -> Generator[Any, Any, Any]:
     """Run a call, and kill it in its n-th wait."""

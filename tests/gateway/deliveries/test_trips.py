@@ -197,6 +197,18 @@ async def test_waiting_packages_outlive_the_other_missions(
     assert (await gateway.get(delivery_id))["state"] == "COMPLETED"
 
 
+async def test_reports_of_other_missions_do_not_hurry_the_queue(
+    gateway: Any, candidate: Callable[..., Any]
+) -> None:
+    with_drones(gateway, candidate, 1)
+    delivery_id = await gateway.accepted(packages=2)
+    await gateway.parts.booker.step()
+    gateway.registry.candidates_now = []
+    await gateway.parts.booker.step()
+    await reports(gateway, delivery_id, "ACCEPTED", "LOADING", "LOADED")
+    assert not await gateway.parts.booker.step()
+
+
 async def test_a_mission_that_ends_takes_only_its_own_packages(drones: Any) -> None:
     delivery_id = await booked(drones, packages=3)
     for trip in (1, 2):
