@@ -47,7 +47,9 @@ async def judged_after_step(
 async def _outlook(watch: Watch, record: MissionRecord) -> Outlook | None:
     """What to expect; None where another plan is looked for already, or nothing is to go on."""
     has_other_cares = record.trouble or record.stuck or record.proposal or record.mission.is_held
-    if has_other_cares or record.mission.state == "BOOKED" or not record.is_live:
+    # How long a loader takes is nobody's plan: it is made anew once the packages are confirmed.
+    is_waiting = record.mission.state == "BOOKED" or record.mission.loading == "AWAITED"
+    if has_other_cares or is_waiting or not record.is_live:
         return None
     situation = await Situation.of(watch, record)
     return outlook(situation, now_ms=moment_to_ms(watch.clock.now()))

@@ -117,9 +117,11 @@ class Recomposer:
         if anchor.is_in_the_air:
             # Nothing that is open is in reach: the landing it flies to, closed or not.
             landing = self._anchor(case, closed=ClosedAhead(case.world.skyway.network))
-            if landing is not None:
-                rest = planner.leave_here(landing, code=reason.code)
-                await self._take_or_retry(case, landing, rest)
+            if landing is None:
+                await self._retry_later(case.record)
+                return
+            rest = planner.leave_here(landing, code=reason.code)
+            await self._take_or_retry(case, landing, rest)
         elif case.trouble.land_at is not None:
             await self._stop_diverting(case, reason)
         elif case.record.stuck is None and (anchor.carried or anchor.has_loaded):
@@ -174,6 +176,7 @@ class Recomposer:
         watch = await self._watch(case.record.drone_id, tx)
         record = watch.missions.get(case.record.drone_id)
         is_late = rest.trip.start_ms < self._now_ms()
+        # After the links, as everybody locks them.
         await store.retry_stuck(tx, case.record.mission_id, at_wall_ms=0)
         if record is None or not holds or is_late or not case.still_is(watch, record):
             return

@@ -27,6 +27,8 @@ async def take_state(watch: Watch, link: DroneLink, state: DroneState) -> None:
     if not link.hears_newer(state):
         return
     must_open_stream = link.has_lost_its_order(state)
+    # What events have told was compared with the plan when they came.
+    is_news = link.state is not None and link.state.last_event_seq == state.last_event_seq
     link = replace(link, state=state)
     if state.stream == link.stream:
         link = link.acked(state.stream, state.session)
@@ -41,7 +43,9 @@ async def take_state(watch: Watch, link: DroneLink, state: DroneState) -> None:
         watch.links[link.drone_id] = await watch.courier.ask_for_events(watch.tx, link)
     record = watch.missions.get(link.drone_id)
     if record is not None and state.mission_id == record.mission_id:
-        await _take_progress(watch, record, state)
+        record = await _with_progress(watch, record, state)
+        if is_news:
+            await judged(watch, record)
     elif state.mission_id is not None:
         await _call_off_if_over(watch, link.drone_id, state.mission_id, state)
 
@@ -62,14 +66,14 @@ async def _call_off_if_over(
         )
 
 
-async def _take_progress(watch: Watch, record: MissionRecord, state: DroneState) -> None:
+async def _with_progress(watch: Watch, record: MissionRecord, state: DroneState) -> MissionRecord:
     known = record
     if state.step_id is not None and state.activity in _BEGUN_ACTIVITIES:
         record = begun(watch, record, at=state.at)
     record = await _told_activity(watch, record, state)
     if record is not known:
         await watch.keep(record)
-    await judged(watch, record)
+    return record
 
 
 async def _told_activity(watch: Watch, record: MissionRecord, state: DroneState) -> MissionRecord:
