@@ -19,7 +19,7 @@ from skyway_composition.missions.instruct import StepTerms, flight_steps
 from skyway_composition.missions.record import MissionRecord
 from skyway_composition.missions.revision import record_of
 from skyway_composition.networks.prepared import PreparedNetwork
-from skyway_composition.pads.store import reserve_all
+from skyway_composition.pads.store import reserve
 from skyway_composition.planning.offer import Offer, Part
 
 
@@ -66,7 +66,7 @@ async def engage(
         record.mission_id: part.trip.booked_pads
         for record, part in zip(records, offer.parts, strict=True)
     }
-    await reserve_all(tx, by_mission)
+    await reserve(tx, by_mission)
     await _begin_custody(tx, records)
     for record, part in zip(records, offer.parts, strict=True):
         link = replace(links[record.drone_id], provider_id=part.candidate.provider_id)

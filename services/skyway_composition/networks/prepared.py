@@ -76,9 +76,15 @@ class PreparedNetworks:
 
     async def around(self, station_id: StationId) -> PreparedNetwork | None:
         """The current version of the network that has this station; None when none has."""
+        for network_id, versions in [*self._kept.items()]:
+            if any(station_id in each.network.row_of for each in versions.values()):
+                skyway = await self.current(network_id)
+                # A station is in one network only, and has moved if it is no longer in this one.
+                if station_id in skyway.network.row_of:
+                    return skyway
         async with self._db.read() as connection:
-            network_id = await store.network_of(connection, station_id)
-        return None if network_id is None else await self.current(network_id)
+            found = await store.network_of(connection, station_id)
+        return None if found is None else await self.current(found)
 
     async def version(self, network_id: NetworkId, version: int) -> PreparedNetwork:
         """One version of a network.

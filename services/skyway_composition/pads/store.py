@@ -27,12 +27,7 @@ class Reservation:
     mission_id: MissionId
 
 
-async def reserve(tx: Tx, mission_id: MissionId, booked: Sequence[BookedPad]) -> None:
-    """Reserve these pads, which are sorted, for a mission; raises as `reserve_all` does."""
-    await reserve_all(tx, {mission_id: booked})
-
-
-async def reserve_all(tx: Tx, booked: Mapping[MissionId, Sequence[BookedPad]]) -> None:
+async def reserve(tx: Tx, booked: Mapping[MissionId, Sequence[BookedPad]]) -> None:
     """Reserve pads for new missions, all or nothing.
 
     Raises
