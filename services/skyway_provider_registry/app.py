@@ -49,6 +49,8 @@ PACKAGE: Final = "skyway_provider_registry"
 #: Seconds of wall time between two attempts to write the password file after a failure.
 _REWRITE_EVERY_S: Final = 5.0
 _SWEEP_EVERY_S: Final = 600.0
+#: Seconds of wall time between two transactions of what drones say of themselves.
+_PRESENCE_EVERY_S: Final = 0.25
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,7 +117,10 @@ def build_app(settings: RegistrySettings) -> FastAPI:
             # Before anything else: without its accounts the broker lets nobody in, us included.
             await parts.password_file.refresh()
             follower = PresenceFollower(
-                mqtt.batches(*PRESENCE_TOPICS), db=parts.db, clock=parts.clock
+                mqtt.batches(*PRESENCE_TOPICS),
+                db=parts.db,
+                clock=parts.clock,
+                pause_s=_PRESENCE_EVERY_S,
             )
             loops.start("presence", repeat("presence", follower.step, every_s=1.0))
             loops.start(

@@ -1,5 +1,6 @@
 """Listening to what drones say of themselves: one transaction for all that has arrived."""
 
+import asyncio
 from collections.abc import AsyncIterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
@@ -11,6 +12,7 @@ from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database
 from skyway.runtime.metrics import count
 from skyway.runtime.mqtt import Received
+from skyway.runtime.mqtt_inbox import BATCH_SIZE
 from skyway_provider_registry.presence import store
 from skyway_provider_registry.presence.newest import newest
 
@@ -21,10 +23,17 @@ Batches = AsyncIterator[list[Received[Any]]]  # messages of all three topics
 
 
 class PresenceFollower:
-    """Takes batches one by one; a batch that could not be kept is tried again, not lost."""
+    """Takes batches one by one; a batch that could not be kept is tried again, not lost.
 
-    def __init__(self, batches: Batches, *, db: Database, clock: FleetClock) -> None:
+    After each it waits `pause_s` of wall time: drones in flight tell of themselves every second,
+    each at another moment, and a transaction for each would cost far more than what it holds.
+    """
+
+    def __init__(
+        self, batches: Batches, *, db: Database, clock: FleetClock, pause_s: float = 0.0
+    ) -> None:
         self._batches = batches
+        self._pause_s = pause_s
         self._recorder = Recorder(db, clock)
         self._taken: Sequence[Received[Any]] = ()
 
@@ -33,7 +42,10 @@ class PresenceFollower:
         if not self._taken:
             self._taken = await anext(self._batches)
         await self._recorder.record(self._taken)
+        is_full = len(self._taken) >= BATCH_SIZE
         self._taken = ()
+        if not is_full:
+            await asyncio.sleep(self._pause_s)
         return True
 
 
