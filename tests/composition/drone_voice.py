@@ -1,0 +1,135 @@
+"""What one drone says to composition, with the numbers that its agent would give."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import timedelta
+from typing import Any
+
+from skyway.contracts.drone_report import Ack, Connection, DroneEvent, DroneState
+from skyway.contracts.flight_step import FlightStep, FlyStep, RechargeStep
+from skyway.contracts.topic import Topic
+from skyway.contracts.topics import ACKS, CONNECTION, EVENTS, STATE
+from skyway.drone.flight import flight_energy_j, soc_after_use
+from skyway.drone.models import DRONE_MODELS
+from skyway.ids import DroneModelId
+from skyway.runtime.mqtt import Received
+
+_MODEL = DRONE_MODELS[DroneModelId("paper-scenario")]
+
+
+@dataclass
+class DroneVoice:
+    """What one drone says, with the numbers that its agent would give."""
+
+    composition: Any  # the fixture of that name, whose clock it reads
+    drone_id: str = "drn_1"
+    provider_id: str = "prv_1"
+    session: int = 1
+    stream: int = 1
+    event_seq: int = 0
+    sent: int = 0
+
+    def ack(self, instruction: Any, status: str = "ACCEPTED", **members: Any) -> Received[Any]:
+        values = {
+            "instruction_id": instruction.instruction_id,
+            "instruction_seq": instruction.seq,
+            "stream": instruction.stream,
+            "status": status,
+            **members,
+        }
+        return self._received(ACKS, Ack.model_validate(self._envelope() | values))
+
+    def event(self, event: str, **members: Any) -> Received[Any]:
+        self.event_seq += 1
+        values = {
+            "seq": self.event_seq,
+            "event": event,
+            "stream": self.stream,
+            "ended_at": self.composition.clock.now(),
+            "position": (0.0, 0.0),
+            "soc": 0.5,
+            **members,
+        }
+        return self._received(EVENTS, DroneEvent.model_validate(self._envelope() | values))
+
+    def state(self, **members: Any) -> Received[Any]:
+        values = {
+            "at": self.composition.clock.now(),
+            "activity": "IDLE",
+            "stream": self.stream,
+            "last_instruction_seq": 0,
+            "last_event_seq": self.event_seq,
+            "station_id": "a",
+            "position": (0.0, 0.0),
+            "soc": 1.0,
+            **members,
+        }
+        return self._received(STATE, DroneState.model_validate(self._envelope() | values))
+
+    def connection(self, status: str, number: int = 1) -> Received[Any]:
+        message = Connection.model_validate(
+            {
+                "message_id": f"con{number}",
+                "sent_at": self.composition.clock.now(),
+                "session": self.session,
+                "connection_number": number,
+                "status": status,
+            }
+        )
+        return self._received(CONNECTION, message)
+
+    def ended(
+        self,
+        instruction: Any,
+        steps: Sequence[FlightStep],
+        *,
+        soc: float = 1.0,
+        late_by: timedelta = timedelta(0),
+    ) -> list[Received[Any]]:
+        """The end of each of these steps, charged and used as it should be from `soc` on."""
+        events = []
+        for step in steps:
+            soc = _soc_after(step, soc)
+            ended = self.event(
+                "STEP_ENDED",
+                mission_id=instruction.mission_id,
+                mission_revision=instruction.mission_revision,
+                step_id=step.step_id,
+                step_kind=step.kind,
+                started_at=step.planned_start_at + late_by,
+                ended_at=step.planned_end_at + late_by,
+                station_id=step.to_id if isinstance(step, FlyStep) else step.station_id,
+                energy_j=1000.0 if step.kind == "FLY" else 0.0,
+                soc=soc,
+            )
+            events.append(ended)
+        return events
+
+    def flown(self, instruction: Any) -> list[Received[Any]]:
+        """The end of each step as planned, and of the mission."""
+        events = self.ended(instruction, instruction.steps)
+        last = instruction.steps[-1].planned_end_at
+        ended = self.event("MISSION_ENDED", mission_id=instruction.mission_id, ended_at=last)
+        return [*events, ended]
+
+    def _envelope(self) -> dict[str, Any]:
+        self.sent += 1
+        return {
+            "message_id": f"m{self.sent}",
+            "sent_at": self.composition.clock.now(),
+            "session": self.session,
+            "seq": self.sent,
+        }
+
+    def _received(self, topic: Topic[Any], message: Any) -> Received[Any]:
+        return Received(topic, (self.provider_id, self.drone_id), message, retained=False)
+
+
+def _soc_after(step: FlightStep, soc: float) -> float:
+    """What a step with 400 g on board leaves of the charge, as the model says, without margin."""
+    if isinstance(step, RechargeStep):
+        return max(soc, step.until_soc)
+    if not isinstance(step, FlyStep):
+        return soc
+    energy_j = flight_energy_j(_MODEL, length_m=step.length_m, load_kg=0.4)
+    return soc_after_use(_MODEL, soc, energy_j=energy_j)
