@@ -14,11 +14,7 @@ from skyway_composition.missions.watch import Watch
 
 
 async def hold(watch: Watch, record: MissionRecord, *, reason: str) -> InstructionId:
-    """Tell the drone to hold; the instruction's id.
-
-    Every new revision ends a hold: whoever sends one to a drone that is to stay held says this
-    again after it, in the same transaction.
-    """
+    """Tell the drone to hold, until it is resumed or gets new steps; the instruction's id."""
     draft = partial(
         HoldInstruction,
         mission_id=record.mission_id,

@@ -2,10 +2,13 @@
 
 from collections.abc import Iterator
 from dataclasses import replace
+from datetime import timedelta
+from typing import Final
 
-from skyway.contracts.flight_step import FlightStep
+from skyway.contracts.flight_step import FlightStep, WaitStep
 from skyway.delivery.plan import PickUp
-from skyway.ids import PackageId
+from skyway.ids import PackageId, StationId
+from skyway.units import ms_to_moment
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.anchor import Anchor
 from skyway_composition.missions.instruct import StepTerms, flight_steps, wait_there
@@ -15,6 +18,9 @@ from skyway_composition.missions.rest import Rest
 from skyway_composition.missions.revision import next_revision
 from skyway_composition.networks.prepared import PreparedNetwork
 from skyway_composition.planning.trip import PlacedStep
+
+#: A diverted drone of which nobody thinks any more ends its mission after so long. Our own choice.
+_LONGEST_WAIT: Final = timedelta(days=7)
 
 
 def revision_of(
@@ -37,7 +43,9 @@ def revision_of(
         terms=terms,
         first_step=anchor.first_step,
     )
-    if not steps:
+    if trouble.land_at is not None:
+        steps = (*steps, _wait_for_word(trouble.land_at, steps, anchor=anchor))
+    elif not steps:
         # Home and charged: the drone still has to hear that nothing is left, to end it.
         start_ms = rest.trip.start_ms
         steps = (wait_there(anchor.station_id, start_ms, step_id=anchor.first_step),)
@@ -47,6 +55,20 @@ def revision_of(
     if trouble.loaded is not None:
         mission = mission.model_copy(update={"loading": "CONFIRMED"})
     return Revision(mission, steps, rest.aims)
+
+
+def _wait_for_word(
+    station_id: StationId, steps: tuple[FlightStep, ...], *, anchor: Anchor
+) -> WaitStep:
+    """A wait that an operator's word ends: a hold would keep the drone from getting there."""
+    start_at = steps[-1].planned_end_at if steps else ms_to_moment(anchor.at_ms)
+    return WaitStep(
+        step_id=anchor.first_step + len(steps),
+        planned_start_at=start_at,
+        planned_end_at=start_at + _LONGEST_WAIT,
+        station_id=station_id,
+        until_at=start_at + _LONGEST_WAIT,
+    )
 
 
 def _placed(

@@ -20,7 +20,6 @@ from skyway_composition.missions import store
 from skyway_composition.missions.aiming import turned_back
 from skyway_composition.missions.anchor import Anchor
 from skyway_composition.missions.give_back import give_back
-from skyway_composition.missions.hold import hold
 from skyway_composition.missions.record import Aim, MissionRecord, Proposal, Trouble
 from skyway_composition.missions.report import report
 from skyway_composition.missions.trouble import troubled
@@ -64,9 +63,6 @@ async def propose(
     record = replace(record, proposal=proposal)
     await watch.keep(record)
     await give_back(watch, record)
-    if trouble.land_at is not None:
-        # The revision ends any hold, and this drone is to stay where it lands.
-        await hold(watch, record, reason=trouble.detail)
 
 
 def with_aims(

@@ -124,7 +124,7 @@ async def _resume(watch: Watch, record: MissionRecord, reason: str) -> Instructi
 
 
 async def _divert(watch: Watch, record: MissionRecord, command: Command) -> InstructionId:
-    """Hold at once, in case there is no way; the diversion's plan holds once more where it ends."""
+    """Hold at once, in case there is no way; the diversion's own steps end with a wait for word."""
     station_id, reason = command.station_id, command.reason
     is_known = (
         station_id is not None

@@ -172,10 +172,10 @@ async def test_a_diverted_drone_lands_where_it_was_told_and_stays_there(
     revision = await planned_anew(composition)
     await composition.take(drone.ack(revision))
 
-    # Its new steps have ended the first hold.
-    holds = [each.seq for each in await composition.sent() if each.kind == "HOLD"]
-    assert holds[-1] > revision.seq
-    assert revision.steps[-1].kind in ("FLY", "RECHARGE", "WAIT")
+    assert (revision.steps[-1].kind, revision.steps[-1].station_id) == ("WAIT", "b")
+    assert revision.steps[-1].until_at > composition.clock.now() + timedelta(days=1)
+    # A hold after the new steps would keep the drone from flying them.
+    assert [each.kind for each in await composition.sent()] == ["HOLD"]
     assert {each.to_id for each in revision.steps if each.kind == "FLY"} == {"b"}
     progress = await shown(composition, instruction.mission_id)
     assert (progress["mission"]["is_held"], progress["trouble"]) == (True, None)
@@ -187,7 +187,7 @@ async def test_a_diverted_drone_delivers_once_it_may_go_on(
     instruction = await begin.loaded(composition, drone, make)
     await give(composition, instruction.mission_id, "DIVERT", station_id="b")
     there = await planned_anew(composition)
-    *flights, _ = drone.flown(there)
+    *flights, _, _ = drone.flown(there)
     drone.event_seq = 1 + len(flights)
     composition.clock.advance(timedelta(hours=2))
     at_b = {
@@ -195,7 +195,7 @@ async def test_a_diverted_drone_delivers_once_it_may_go_on(
         "mission_revision": there.mission_revision,
         "activity": "WAITING",
         "station_id": "b",
-        "is_held": True,
+        "step_id": there.steps[-1].step_id,
         "released_through": there.steps[-1].step_id,
         "package_ids": ["p1"],
         "soc": 0.6,
