@@ -19,6 +19,7 @@ from skyway_gateway.deliveries.accept import new_delivery
 from skyway_gateway.deliveries.booking import after_booking, after_giving_up
 from skyway_gateway.deliveries.cancelling import after_cancellation
 from skyway_gateway.deliveries.delivery import Delivery, PackageStatus
+from skyway_gateway.deliveries.lateness import when_overdue
 from skyway_gateway.deliveries.progress import Progress
 from skyway_gateway.deliveries.reports import after_report
 from skyway_gateway.deliveries.states import may_follow
@@ -48,8 +49,10 @@ class Flight:
 class Life(RuleBasedStateMachine):
     """A delivery, and the missions, reports and cancellations that happen to it."""
 
-    @initialize(count=st.integers(1, 4))
-    def request(self, count: int) -> None:
+    @initialize(count=st.integers(1, 4), troubles=st.integers(0, 4))
+    def request(self, count: int, troubles: int) -> None:
+        """Up to four packages; so often its customer or the booking gives some of them up."""
+        self.troubles = troubles
         packages = [
             {"package_id": f"p{n}", "mass_kg": 1.0, "destination": {"station_id": f"s{n}"}}
             for n in range(1, count + 1)
@@ -80,23 +83,22 @@ class Life(RuleBasedStateMachine):
         self._happen(lambda now: after_booking(now, missions, at=self.now))
         self.flights += flights
 
-    @precondition(lambda self: self.delivery.is_queued)
+    @precondition(lambda self: self.delivery.is_queued and self.troubles > 0)
     @rule()
     def give_up(self) -> None:
+        self.troubles -= 1
         reasons = [make_reason("BUSY", is_temporary=True)]
         self._happen(lambda now: after_giving_up(now, reasons, detail="no drone", at=self.now))
 
     @under_way
     @rule(which=WHICH)
     def accept(self, which: int) -> None:
-        flight = self._flight(which)
-        if flight.state == "BOOKED":
-            flight.state = "ACCEPTED"
-            self._report(flight, "ACCEPTED")
+        self._accept(self._flight(which))
 
-    @under_way
+    @precondition(lambda self: bool(self.flights) and self.troubles > 0)
     @rule(which=WHICH)
     def refuse_or_abort(self, which: int) -> None:
+        self.troubles -= 1
         flight = self._flight(which)
         self.flights.remove(flight)
         if flight.state in ("BOOKED", "ACCEPTED"):
@@ -109,6 +111,7 @@ class Life(RuleBasedStateMachine):
     @rule(which=WHICH)
     def load(self, which: int) -> None:
         flight = self._flight(which)
+        self._accept(flight)
         if flight.state == "ACCEPTED" and flight.to_load:
             flight.state = "ACTIVE"
             self._report(flight, "LOADING")
@@ -160,12 +163,14 @@ class Life(RuleBasedStateMachine):
         is_done = flight.state == "ACTIVE" and not flight.on_board
         self._end(flight, "COMPLETED" if is_done else "ABORTED", code="HOME", is_seen=is_seen)
 
+    @precondition(lambda self: self.troubles > 0)
     @rule(
         wanted=st.sets(st.sampled_from(["p1", "p2", "p3", "p4"]), min_size=1),
         is_in_time=st.booleans(),
     )
     def cancel(self, wanted: set[str], *, is_in_time: bool) -> None:
         """What cannot be kept off a drone any more is brought back once it is loaded."""
+        self.troubles -= 1
         to_load = set().union(*(flight.to_load for flight in self.flights)) & wanted
         on_board = set().union(*(flight.on_board for flight in self.flights)) & wanted
         released = to_load if is_in_time else set()
@@ -181,6 +186,12 @@ class Life(RuleBasedStateMachine):
             for kind, package_ids in (("RELEASED", off), ("RETURNING", back)):
                 if package_ids:
                     self._report(flight, kind, package_ids=package_ids, code="CANCELLED")
+
+    @rule()
+    def say_nothing(self) -> None:
+        """For so long that it is late."""
+        self.now += timedelta(minutes=20)
+        self._happen(lambda now: Progress(*when_overdue(now, at=self.now)))
 
     # What holds.
 
@@ -240,6 +251,11 @@ class Life(RuleBasedStateMachine):
             drone_id=f"drn_{self.drones}",
             start_at=self.now,
         )
+
+    def _accept(self, flight: Flight) -> None:
+        if flight.state == "BOOKED":
+            flight.state = "ACCEPTED"
+            self._report(flight, "ACCEPTED")
 
     def _flight(self, which: int) -> Flight:
         return self.flights[which % len(self.flights)]

@@ -140,3 +140,24 @@ async def test_nobody_there_brings_the_package_to_the_alternative(gateway: Any) 
     [package] = delivery["packages"]
     assert package["custodian"] == {"kind": "RECIPIENT", "id": "san-antonio"}
     assert package["proof"]["station_id"] == "san-antonio"
+
+
+async def test_what_is_delivered_stays_delivered_whatever_is_said_later(gateway: Any) -> None:
+    delivery_id = await under_way(gateway, packages=2)
+    await gateway.report(delivery_id, "DELIVERED", seq=4, package_ids=["p1"])
+    for seq, kind in enumerate(("RETURNING", "RETURNED", "DELIVERED", "RELEASED"), start=5):
+        answer = await gateway.report(
+            delivery_id, kind, seq=seq, package_ids=["p1"], station_id="san-marcos"
+        )
+        assert answer.status_code == 204
+    package, _ = (await gateway.get(delivery_id))["packages"]
+    assert (package["state"], package["custodian"]["id"]) == ("DELIVERED", "mcqueeney")
+
+
+async def test_what_was_on_its_way_back_when_its_drone_was_lost_is_stranded(gateway: Any) -> None:
+    delivery_id = await under_way(gateway)
+    await gateway.report(delivery_id, "RETURNING", seq=4, package_ids=["p1"], code="ABSENT")
+    await gateway.report(delivery_id, "ENDED", seq=5, mission_state="ABORTED", code="LOST")
+    delivery = await gateway.get(delivery_id)
+    assert (delivery["state"], delivery["packages"][0]["state"]) == ("FAILED", "STRANDED")
+    assert delivery["packages"][0]["custodian"]["kind"] == "DRONE"
