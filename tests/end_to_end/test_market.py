@@ -49,7 +49,7 @@ def test_offers_are_compared_and_the_one_that_is_taken_is_flown(system: Any) -> 
 
 def test_a_request_too_heavy_for_one_drone_is_flown_in_two_trips(system: Any) -> None:
     system.publish_corridor()
-    system.start_fleet(["s1", "s1"])
+    system.start_fleet(["s1", "s1"], model_id="paper-matrice-300")
     body = {
         "pickup": {"station_id": "s1"},
         "packages": [
