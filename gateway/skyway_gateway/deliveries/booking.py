@@ -91,4 +91,6 @@ def after_giving_up(
 
 
 def _flown(mission: Mission) -> FlownMission:
-    return FlownMission.model_validate({**dict(mission), "state": "BOOKED"})
+    return FlownMission.model_validate(
+        {**dict(mission), "state": "BOOKED", "booked_start_at": mission.start_at}
+    )

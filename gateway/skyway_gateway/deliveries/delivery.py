@@ -1,5 +1,6 @@
 """A delivery as its customer sees it: the life of one request."""
 
+from datetime import datetime
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -87,9 +88,18 @@ class Refusal(JsonModel):
 
 
 class FlownMission(Mission):
-    """A mission as its customer sees it; `is_replanning` while its plan does not hold."""
+    """A mission as its customer sees it; `is_replanning` while its plan does not hold.
+
+    `booked_start_at` is the start that was booked first: each new plan has a later one.
+    """
 
     is_replanning: bool = False
+    booked_start_at: FleetMoment | None = None
+
+    @property
+    def begins_at(self) -> datetime:
+        """When it was first to begin; what it promised counts from there."""
+        return self.booked_start_at or self.start_at
 
     @property
     def is_live(self) -> bool:

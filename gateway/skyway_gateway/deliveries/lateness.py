@@ -64,7 +64,7 @@ def _is_late(package: PackageStatus, delivery: Delivery) -> bool:
 def _start_at(package: PackageStatus, delivery: Delivery) -> datetime:
     for mission in delivery.missions:
         if mission.mission_id == package.mission_id:
-            return mission.start_at
+            return mission.begins_at
     return delivery.created_at
 
 

@@ -55,9 +55,13 @@ def _mission_after(known: FlownMission, report: MissionReport) -> FlownMission:
     is_replanning = known.is_replanning
     if report.kind in ("REPLANNING", "REPLANNED"):
         is_replanning = report.kind == "REPLANNING"
-    members = dict(report.mission or known)
     return FlownMission.model_validate(
-        {**members, "state": report.mission_state, "is_replanning": is_replanning}
+        {
+            **dict(report.mission or known),
+            "state": report.mission_state,
+            "is_replanning": is_replanning,
+            "booked_start_at": known.begins_at,
+        }
     )
 
 

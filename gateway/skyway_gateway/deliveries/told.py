@@ -138,7 +138,7 @@ def package_cancelled(package: PackageStatus) -> Data:
 
 def completed(delivery: Delivery) -> Data:
     """The planned and the actual times, of the whole and of each package."""
-    start_at = min(mission.start_at for mission in delivery.missions)
+    start_at = min(mission.begins_at for mission in delivery.missions)
     promised_at = max(
         (one.promised_at for one in delivery.packages if one.promised_at), default=None
     )

@@ -47,6 +47,22 @@ async def test_a_plan_that_does_not_hold_is_flagged_until_there_is_another(
     assert told["promised_at"] < told["eta_at"]
 
 
+async def test_times_count_from_the_start_that_was_booked_first(gateway: Any) -> None:
+    """Ten minutes were promised; the new plan begins when these are over."""
+    delivery_id = await under_way(gateway)
+    mission = gateway.composition.booked[delivery_id, 1]
+    restarted = later(mission, minutes=30).model_copy(
+        update={"start_at": mission.start_at + timedelta(minutes=15)}
+    )
+    await gateway.report(delivery_id, "REPLANNED", seq=4, mission=restarted, code="ZONE_AHEAD")
+    gateway.clock.advance(timedelta(minutes=41))
+    await gateway.report(delivery_id, "DELIVERED", seq=5, package_ids=["p1"])
+    completed = (await gateway.events(delivery_id))[-1]
+    assert completed["type"] == "delivery.completed"
+    planned, actual = completed["data"]["planned"], completed["data"]["actual"]
+    assert (planned["delivery_time_s"], actual["delivery_time_s"]) == (600, 2400)
+
+
 async def test_of_two_plans_that_do_not_hold_one_is_not_enough(
     gateway: Any, candidate: Callable[..., Any]
 ) -> None:
