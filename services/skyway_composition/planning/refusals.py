@@ -96,7 +96,11 @@ def fit_candidates(
     missing = [place for place in places if place not in known]
     fit: list[Candidate] = []
     for candidate in candidates:
-        reason = _away(world, candidate, missing) or _unfit(world, candidate, busy, at_ms=at_ms)
+        reason = (
+            _away(world, candidate, missing)
+            or _stopped(world, candidate, request.pickup.station_id, at_ms=at_ms)
+            or _unfit(world, candidate, busy)
+        )
         if reason is None:
             fit.append(candidate)
         else:
@@ -114,14 +118,15 @@ def _away(world: World, candidate: Candidate, missing: Sequence[StationId]) -> N
     return NoTrip("DESTINATION_UNREACHABLE", detail, is_temporary=False)
 
 
-def _unfit(
-    world: World, candidate: Candidate, busy: frozenset[DroneId], *, at_ms: int
-) -> NoTrip | None:
+def _stopped(world: World, candidate: Candidate, pickup: StationId, *, at_ms: int) -> NoTrip | None:
+    """Why it may not take off where it stands, or with its load."""
+    stop = world.conditions.stops(candidate, at_ms=at_ms, station_ids=(pickup,))
+    return None if stop is None else NoTrip("GROUND_STOP", stop, is_temporary=True)
+
+
+def _unfit(world: World, candidate: Candidate, busy: frozenset[DroneId]) -> NoTrip | None:
     if candidate.drone_id in busy:
         return NoTrip("BUSY", "its drones are on missions", is_temporary=True)
-    stop = world.conditions.stops(candidate, at_ms=at_ms)
-    if stop is not None:
-        return NoTrip("GROUND_STOP", stop, is_temporary=True)
     reserve_soc, currency = candidate.model.reserve_soc, world.skyway.settings.currency
     if candidate.soc < reserve_soc:
         detail = f"charge {candidate.soc:.3f} is below the reserve"

@@ -136,6 +136,23 @@ async def test_a_drone_under_a_ground_stop_makes_no_offer(composition: Any, make
     assert "storm" in reason.detail
 
 
+async def test_a_ground_stop_at_the_pickup_stops_drones_that_come_from_elsewhere(
+    composition: Any, make: Any
+) -> None:
+    ring = [[0.1, -0.1], [0.2, -0.1], [0.2, 0.1], [0.1, 0.1], [0.1, -0.1]]
+    area = {"type": "Polygon", "coordinates": [ring]}
+    stop = await composition(
+        "operator:op", "POST", "/v1/ground-stops", {"area": area, "reason": "x"}
+    )
+    assert stop.status_code == 201, stop.text
+
+    there = await quote(composition, make.request("c", pickup="b"), make.candidate())
+    elsewhere = await quote(composition, make.request("c"), make.candidate())
+
+    assert [reason.code for reason in there.infeasible] == ["GROUND_STOP"]
+    assert len(elsewhere.offers) == 1
+
+
 async def test_a_closed_segment_is_not_planned_through(composition: Any, make: Any) -> None:
     closed = await composition("operator:op", "POST", "/v1/segments/b/c/closures", {})
     assert closed.status_code == 201, closed.text
