@@ -1,0 +1,277 @@
+"""A drone of a hot world: the real agent on a link and a clock that tests hold in their hands."""
+
+import asyncio
+import contextlib
+import json
+from collections import deque
+from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
+from datetime import datetime
+from types import TracebackType
+from typing import Any, Self
+
+from skyway_drone_agent.agent import DroneAgent
+from skyway_drone_agent.disturbances import UNDISTURBED
+from skyway_drone_agent.enrolled_drone import BrokerLogin, EnrolledDrone
+from skyway_drone_agent.logbook import Logbook, logbook_after
+from skyway_drone_agent.records import EventRecorded, Record
+from skyway_drone_agent.simulated_physics import Physics
+from skyway_drone_agent.simulated_vehicle import SimulatedVehicle
+from skyway_drone_agent.vehicle import run_under_way
+
+from skyway.contracts.drone_report import DroneEvent
+from skyway.contracts.topic import Address, Topic
+from skyway.contracts.topics import ACKS, CONNECTION, EVENTS, INSTRUCTIONS, STATE
+from skyway.contracts.world import ClockAnchor
+from skyway.drone.model import DroneModel
+from skyway.geo import Position
+from skyway.ids import DroneId, ProviderId, StationId
+from skyway.runtime.clock import ManualClock
+from skyway.runtime.errors import MqttUnavailable
+from skyway.runtime.minting import CountingMint
+from skyway.runtime.mqtt import Received, Will
+
+#: What composition reads of what drones say.
+_HEARD = (ACKS.template, EVENTS.template, STATE.template, CONNECTION.template)
+
+
+class ToldClock:
+    """A manual clock of which every drone knows."""
+
+    def __init__(self, clock: ManualClock) -> None:
+        self._clock = clock
+        self.rate = clock.rate
+
+    def now(self) -> datetime:
+        return self._clock.now()
+
+    def wall_now(self) -> datetime:
+        return self._clock.wall_now()
+
+    async def sleep_until(self, fleet_moment: datetime) -> None:
+        await self._clock.sleep_until(fleet_moment)
+
+    def keep(self, anchor: ClockAnchor) -> None:
+        raise AssertionError(f"nobody tells the time here: {anchor}")
+
+    async def wait_known(self) -> None:
+        return
+
+
+class HandheldLink:
+    """A connection to the broker that the test makes and cuts."""
+
+    def __init__(
+        self, drone: "FlownDrone", will: Will, on_connected: Callable[[], Awaitable[None]]
+    ) -> None:
+        self._drone = drone
+        self._will = will
+        self._on_connected = on_connected
+        self._will_now: tuple[Address[Any], Any] | None = None
+        self._up = asyncio.Event()
+        self._arrived: deque[Received[Any]] = deque()
+        self._has_news = asyncio.Event()
+        self._greetings: set[asyncio.Future[None]] = set()
+
+    async def __aenter__(self) -> Self:
+        if self._drone.has_reception:
+            self.connect()
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+        /,
+    ) -> None:
+        self._up.clear()
+
+    @property
+    def is_connected(self) -> bool:
+        return self._up.is_set()
+
+    async def wait_connected(self) -> None:
+        await self._up.wait()
+
+    def connect(self) -> None:
+        if not self._up.is_set():
+            self._will_now = self._will()
+            self._up.set()
+            self._greetings.add(asyncio.ensure_future(self._on_connected()))
+
+    def cut(self) -> None:
+        if self._up.is_set() and self._will_now is not None:
+            self._drone.say(self._will_now[0].topic, self._will_now[1])
+        self._up.clear()
+
+    async def publish(self, address: Address[Any], message: Any, *, timeout_s: float = 5.0) -> None:
+        if not self._up.is_set():
+            raise MqttUnavailable("cut")
+        self._drone.say(address.topic, message)
+
+    def batches(
+        self, *subscriptions: Topic[Any] | Address[Any]
+    ) -> AsyncIterator[list[Received[Any]]]:
+        (address,) = subscriptions
+        assert isinstance(address, Address)
+        topic = address.topic
+        return self._drain(topic) if topic.template == INSTRUCTIONS.template else _silence()
+
+    async def _drain(self, topic: Topic[Any]) -> AsyncIterator[list[Received[Any]]]:
+        while True:
+            await self._has_news.wait()
+            self._has_news.clear()
+            arrived, self._arrived = self._arrived, deque()
+            yield [
+                Received(topic, one.ids, topic.read(one.message), one.retained) for one in arrived
+            ]
+
+    def deliver(self, payload: bytes) -> None:
+        self._arrived.append(Received(INSTRUCTIONS, self._drone.ids, payload, False))
+        self._has_news.set()
+
+
+async def _silence() -> AsyncIterator[list[Received[Any]]]:
+    await asyncio.Event().wait()
+    yield []
+
+
+class OpenJournal:
+    """A journal in memory that shows what it adds up to, and all that has ever happened."""
+
+    def __init__(self, at_first: Logbook) -> None:
+        self.logbook = at_first
+        self.happened: list[DroneEvent] = []
+
+    def read(self, *, at_first: Logbook) -> Logbook:
+        return self.logbook
+
+    def append(self, records: Sequence[Record]) -> None:
+        for record in records:
+            self.logbook = logbook_after(self.logbook, record)
+            if isinstance(record, EventRecorded):
+                self.happened.append(record.event)
+
+    def compact(self, logbook: Logbook) -> None:
+        self.logbook = logbook
+
+    def lose(self, at_first: Logbook) -> None:
+        """Forget everything but where the drone is."""
+        known = self.logbook
+        self.logbook = at_first.model_copy(
+            update={
+                "session": known.session,
+                "station_id": known.station_id,
+                "position": known.position,
+                "soc": known.soc,
+            }
+        )
+
+
+class FlownDrone:
+    """A drone with its agent's process, its journal, and what it has said and nobody heard yet."""
+
+    def __init__(
+        self, drone_id: str, *, model: DroneModel, home: str, position: Position, clock: ManualClock
+    ) -> None:
+        self.drone = EnrolledDrone(
+            drone_id=DroneId(drone_id),
+            provider_id=ProviderId("prv_1"),
+            model=model,
+            home_station_id=StationId(home),
+            home_position=position,
+            soc=1.0,
+            mqtt=BrokerLogin(user_name=drone_id, password="secret"),
+        )
+        self.ids = (str(self.drone.provider_id), drone_id)
+        self.clock = ToldClock(clock)
+        self.disturbances = UNDISTURBED
+        self.has_reception = True
+        self.journal = OpenJournal(self.drone.at_first())
+        self.said: list[Received[Any]] = []
+        self.refuses_next = False
+        #: What it says, or is told, is on its way.
+        self.is_held_back = self.is_deaf = False
+        self._mint = CountingMint()
+        self._link: HandheldLink | None = None
+        self._running: asyncio.Task[None] | None = None
+
+    @property
+    def drone_id(self) -> DroneId:
+        return self.drone.drone_id
+
+    @property
+    def logbook(self) -> Logbook:
+        return self.journal.logbook
+
+    def say(self, topic: Topic[Any], message: Any) -> None:
+        if topic.template in _HEARD:
+            self.said.append(Received(topic, self.ids, message, False))
+
+    def hear(self, payload: bytes) -> None:
+        """Take an instruction, if it can be heard; `refuses_next` makes it one to be refused."""
+        if self._link is None or not self._link.is_connected:
+            return
+        content = json.loads(payload)
+        if self.refuses_next and content.get("steps"):
+            self.refuses_next = False
+            content["steps"][0]["kind"] = "LOOP_THE_LOOP"
+        self._link.deliver(json.dumps(content).encode())
+
+    async def start(self) -> None:
+        vehicle = SimulatedVehicle(
+            self.drone.model, self.clock, disturbances=self.disturbances
+        )
+        agent = DroneAgent(
+            self.drone,
+            journal=self.journal,
+            vehicle=vehicle,
+            clock=self.clock,
+            make_link=self._make_link,
+            mint=self._mint,
+        )
+        self._running = asyncio.create_task(agent.run())
+
+    async def stop(self) -> None:
+        """As kill -9: the broker publishes the last will, the journal stays."""
+        if self._running is None:
+            return
+        if self._link is not None:
+            self._link.cut()
+        self._running.cancel()
+        with contextlib.suppress(asyncio.CancelledError, BaseExceptionGroup):
+            await self._running
+        self._running = None
+
+    async def restart(self, *, with_journal: bool) -> None:
+        await self.stop()
+        if not with_journal:
+            self.journal.lose(self.drone.at_first())
+        await self.start()
+
+    def set_reception(self, has_reception: bool) -> None:
+        self.has_reception = has_reception
+        if self._link is not None:
+            (self._link.connect if has_reception else self._link.cut)()
+
+    def next_end(self) -> datetime | None:
+        """When the step under way ends by itself."""
+        run = run_under_way(self.logbook)
+        if run is None or getattr(run.step, "awaits_confirmation", False):
+            return None
+        return Physics(self.drone.model, self.disturbances).outcome_of(run).ended_at
+
+    def next_begin(self) -> datetime | None:
+        """When the step that is waited for may begin."""
+        mission = self.logbook.mission
+        if mission is None or not mission.steps or mission.began_at is not None:
+            return None
+        return max(mission.free_at, mission.steps[0].planned_start_at)
+
+    @property
+    def has_crashed(self) -> bool:
+        return self._running is not None and self._running.done()
+
+    def _make_link(self, will: Will, on_connected: Callable[[], Awaitable[None]]) -> HandheldLink:
+        self._link = HandheldLink(self, will, on_connected)
+        return self._link

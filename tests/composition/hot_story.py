@@ -1,0 +1,203 @@
+"""Stories of a hot world: deeds of customers, drones, loaders and operators, one after another."""
+
+from collections.abc import Sequence
+from datetime import timedelta
+from random import Random
+from typing import Any, Final
+
+from hot_world import HotWorld
+from hypothesis import note
+from skyway_composition.closures.closure import Area, Closure
+from skyway_composition.missions.record import MissionRecord
+from skyway_drone_agent.disturbances import Disturbances
+
+from skyway.contracts.flight_step import PackageOnBoard
+from skyway.delivery.request import DeliveryRequest
+
+#: A zone through which the segment from a to b leads, and no station lies in it.
+_ZONE: Final = [[0.04, -0.01], [0.06, -0.01], [0.06, 0.01], [0.04, 0.01], [0.04, -0.01]]
+
+#: Each deed as often as it is done.
+DEEDS: Final = (
+    *["book"] * 7,
+    *["time_passes"] * 12,
+    *["be_disturbed"] * 2,
+    *["close"] * 2,
+    *["reopen"] * 2,
+    *["command"] * 2,
+    *["cancel"] * 2,
+    *["book_again"] * 1,
+    "load_otherwise",
+    "lose_the_journal",
+    "refuse_next",
+    "be_out_of_reach",
+    "be_held_back",
+    "be_deaf",
+    "lose_what_was_said",
+    "hear_again_in_disorder",
+    "restart_composition",
+)
+
+
+class Story:
+    """A world and what is done in it; `chance` decides what a deed leaves open."""
+
+    def __init__(self, world: HotWorld) -> None:
+        self.world = world
+        self.closures: list[Closure] = []
+
+    @classmethod
+    async def told(cls, url: str, deeds: Sequence[tuple[str, int]]) -> None:
+        """Tell a story from its first deed until everything has come to rest."""
+        async with HotWorld(url) as world:
+            story = cls(world)
+            for name, seed in deeds:
+                note(f"{world.clock.now():%H:%M:%S} {name} {seed}")
+                await getattr(story, name)(Random(seed))
+                await world.check()
+            note("end")
+            for closure in story.closures:
+                await world.reopen(closure)
+            await world.end()
+
+    async def book(self, chance: Random) -> None:
+        delivery_id = f"d{len(self.world.requests)}"
+        pickup = chance.choice("aabc")
+        others = [each for each in "abc" if each != pickup]
+        mass_kg = chance.choice([0.4, 0.4, 3.0, 10.0])
+        request = DeliveryRequest.model_validate(
+            {
+                "pickup": {"station_id": pickup},
+                "packages": [
+                    {
+                        "package_id": f"{delivery_id}_{number}",
+                        "mass_kg": mass_kg,
+                        "destination": {"station_id": chance.choice(others)},
+                        "alternative": {"station_id": chance.choice("abc")}
+                        if chance.random() < 0.2
+                        else None,
+                    }
+                    for number in range(chance.choice([1, 1, 2, 3]))
+                ],
+            }
+        )
+        loading = "CONFIRMED" if chance.random() < 0.3 else "AUTOMATIC"
+        note(f"  {await self.world.book(delivery_id, request, loading=loading)} {delivery_id}")
+
+    async def book_again(self, chance: Random) -> None:
+        """What a drone has refused, or nobody could take at first."""
+        if not self.world.requests:
+            return
+        delivery_id = chance.choice(sorted(self.world.requests))
+        request = await self.world.left_to_book(delivery_id)
+        if request is not None:
+            note(f"  {await self.world.book(delivery_id, request, loading='AUTOMATIC')}")
+
+    async def cancel(self, chance: Random) -> None:
+        if not self.world.requests:
+            return
+        delivery_id = chance.choice(sorted(self.world.requests)[-3:])
+        ids = [each.package_id for each in self.world.requests[delivery_id].packages]
+        chosen = None if chance.random() < 0.5 else (chance.choice(ids),)
+        note(f"  {await self.world.cancel(delivery_id, chosen)}")
+
+    async def time_passes(self, chance: Random) -> None:
+        await self.world.pass_time(timedelta(minutes=chance.choice([1, 2, 4, 8, 8, 15, 30, 90])))
+
+    async def be_disturbed(self, chance: Random) -> None:
+        drone = chance.choice(self.world.drones)
+        factors = [chance.choice([0.8, 1.0, 1.0, 1.1, 1.25, 1.6]) for _ in range(3)]
+        absent = frozenset(each for each in "abc" if chance.random() < 0.2)
+        drone.disturbances = Disturbances(*factors, absent)
+        await drone.restart(with_journal=True)
+        await self.world.converse()
+
+    async def lose_the_journal(self, chance: Random) -> None:
+        drone = chance.choice(self.world.drones)
+        if drone.logbook.station_id is not None:
+            await drone.restart(with_journal=False)
+            await self.world.converse()
+
+    async def refuse_next(self, chance: Random) -> None:
+        chance.choice(self.world.drones).refuses_next = True
+
+    async def be_out_of_reach(self, chance: Random) -> None:
+        away = [each for each in self.world.drones if not each.has_reception]
+        drone = chance.choice(away or self.world.drones)
+        drone.set_reception(not drone.has_reception)
+        await self.world.converse()
+
+    async def be_held_back(self, chance: Random) -> None:
+        known = [each for each in self.world.drones if each.is_held_back]
+        drone = chance.choice(known or self.world.drones)
+        drone.is_held_back = not drone.is_held_back
+        await self.world.converse()
+
+    async def be_deaf(self, chance: Random) -> None:
+        known = [each for each in self.world.drones if each.is_deaf]
+        drone = chance.choice(known or self.world.drones)
+        drone.is_deaf = not drone.is_deaf
+        await self.world.converse()
+
+    async def lose_what_was_said(self, chance: Random) -> None:
+        """Composition was not there to hear it: the time that passes is nobody's."""
+        for drone in self.world.drones:
+            drone.is_held_back = True
+        await self.world.pass_time(timedelta(minutes=chance.choice([1, 5, 20])))
+        for drone in self.world.drones:
+            drone.is_held_back = False
+            drone.said.clear()
+        self.world.restart()
+        await self.world.follower.ask_live_drones()
+        await self.world.converse()
+
+    async def hear_again_in_disorder(self, chance: Random) -> None:
+        batch = list(self.world.heard)
+        for drone in self.world.drones:
+            batch += drone.said
+        chance.shuffle(batch)
+        await self.world.take(batch)
+
+    async def close(self, chance: Random) -> None:
+        station, other = chance.sample("abc", 2)
+        members: dict[str, Any] = {}
+        if chance.random() < 0.5:
+            minutes = chance.choice([10, 40, 120])
+            members["until_ms"] = self.world.now_ms + minutes * 60_000
+        kind: Any = chance.choice(["STATION", "PAD", "SEGMENT", "ZONE", "GROUND_STOP"])
+        match kind:
+            case "STATION":
+                members["station_id"] = station
+            case "PAD":
+                members |= {"station_id": station, "pad": 0}
+            case "SEGMENT":
+                members |= {"station_id": station, "to_station_id": other}
+            case "ZONE":
+                members["area"] = Area.model_validate({"coordinates": [_ZONE]})
+            case _:
+                members["reason"] = "fog"
+        note(f"  {kind} {station} {other}")
+        self.closures.append(await self.world.close(kind, **members))
+
+    async def reopen(self, chance: Random) -> None:
+        if self.closures:
+            chosen = self.closures.pop(chance.randrange(len(self.closures)))
+            await self.world.reopen(chosen)
+
+    async def command(self, chance: Random) -> None:
+        records = await self.world.live()
+        if not records:
+            return
+        record = chance.choice(records)
+        names = ["HOLD", "DIVERT", "RETURN_HOME", "CANCEL"]
+        name = "RESUME" if record.mission.is_held else chance.choice(names)
+        station_id = chance.choice("abc") if name == "DIVERT" else None
+        note(f"  {record.mission_id} {name} {station_id}")
+        await self.world.command(record.mission_id, name, station_id)
+
+    async def load_otherwise(self, chance: Random) -> None:
+        """From now on loaders load less, more, or not at all; or as they should again."""
+        self.world.loaders = chance.choice(["RIGHT", "RIGHT", "LITTLE_MORE", "WRONG", "NONE"])
+
+    async def restart_composition(self, _: Random) -> None:
+        self.world.restart()

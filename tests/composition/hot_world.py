@@ -1,0 +1,405 @@
+"""A hot small world: real agents, a real composition, one pad a station, and no time but ours."""
+
+import asyncio
+import random
+from collections import Counter
+from collections.abc import AsyncIterator, Iterator
+from contextlib import suppress
+from itertools import pairwise
+from datetime import UTC, datetime, timedelta
+from typing import Any, Self
+
+from flown_drone import FlownDrone
+from skyway_composition.closures.closing import Closings
+from skyway_composition.closures.closure import Closure, ClosureKind
+from skyway_composition.missions.affected.impact import MissionImpact
+from skyway_composition.missions.affected.stops_watch import StopsWatch
+from skyway_composition.missions.book import Bookings
+from skyway_composition.missions.follow import Follower
+from skyway_composition.missions.hands.cancel import Cancellations
+from skyway_composition.missions.hands.commands import Command, Commands
+from skyway_composition.missions.hands.loading import Loadings
+from skyway_composition.missions.hands.loading_watch import LoadingWatch
+from skyway_composition.missions.hands.recall import has_never_left
+from skyway_composition.missions.lagging import Lagging
+from skyway_composition.missions.overdue import Overdue
+from skyway_composition.missions.recompose import Recomposer
+from skyway_composition.missions.record import MissionRecord
+from skyway_composition.missions.store import MissionFilter, held_packages, page
+from skyway_composition.networks.prepared import PreparedNetworks
+from skyway_composition.networks.publish import publish, read_content
+from skyway_composition.planning.solver_pool import SolverPool
+from skyway_composition.tables import metadata, outbox, pad_reservations
+from skyway_composition.verify import violations
+from skyway_drone_agent.disturbances import UNDISTURBED
+from sqlalchemy import delete, select
+
+from skyway.contracts.candidate import Candidate
+from skyway.contracts.drone_report import DroneEvent
+from skyway.contracts.flight_step import PackageOnBoard
+from skyway.contracts.mission import (
+    BookMissions,
+    Cancellation,
+    CancelMissions,
+    MissionReport,
+)
+from skyway.contracts.topic import Topic
+from skyway.delivery.offer import Tariff
+from skyway.delivery.request import DeliveryRequest
+from skyway.drone.models import DRONE_MODELS
+from skyway.geo import Position
+from skyway.ids import ClosureId, DeliveryId, DroneModelId, MissionId, NetworkId
+from skyway.runtime.clock import ManualClock
+from skyway.runtime.database import Database
+from skyway.runtime.errors import Conflict
+from skyway.runtime.loops import Wake
+from skyway.runtime.minting import CountingMint
+from skyway.runtime.mqtt import Received
+from skyway.units import moment_to_ms
+
+#: Three stations, 12 km from each other, with a pad each.
+_PLACES = {"a": Position(0.0, 0.0), "b": Position(0.1079, 0.0), "c": Position(0.05395, 0.0934)}
+
+#: Flies two of the three legs with one charge, and lands with something to lose.
+MODEL = DRONE_MODELS[DroneModelId("paper-scenario")].model_copy(
+    update={"reserve_soc": 0.05, "stop_s": 30.0, "stop_j": 4_000.0}
+)
+
+#: Fleet seconds per second of wall time.
+_RATE = 60.0
+
+#: Composition looks after missions at least this often.
+_LONGEST_STRIDE = timedelta(minutes=10)
+
+#: No story goes on for longer than this once everything is allowed again.
+_OVER_WITHIN = timedelta(hours=30)
+
+
+def _network() -> dict[str, Any]:
+    points = [
+        {
+            "type": "Feature",
+            "geometry": {"type": "Point", "coordinates": list(position)},
+            "properties": {"kind": "station", "station_id": name, "pads": 1},
+        }
+        for name, position in _PLACES.items()
+    ]
+    lines = [
+        {
+            "type": "Feature",
+            "geometry": {
+                "type": "LineString",
+                "coordinates": [list(_PLACES[start]), list(_PLACES[end])],
+            },
+            "properties": {"kind": "segment", "from": start, "to": end},
+        }
+        for start, end in ("ab", "bc", "ca")
+    ]
+    return {"type": "FeatureCollection", "features": points + lines}
+
+
+class HotWorld:
+    """Composition and its drones; whatever time passes, the test has let it pass."""
+
+    def __init__(self, url: str) -> None:
+        self.clock = ManualClock(datetime(2026, 3, 1, 12, tzinfo=UTC), rate=_RATE)
+        self.mint = CountingMint()
+        self.chance = random.Random(0)
+        self.db = Database(url, outbox=outbox)
+        self.solver = SolverPool(threads=1, time_limit_s=5.0)
+        self.drones: list[FlownDrone] = []
+        self.heard: list[Received[Any]] = []
+        self.requests: dict[str, DeliveryRequest] = {}
+        self.attempts: dict[str, int] = {}
+        self.released: set[tuple[str, str]] = set()
+        self.loaders = "RIGHT"
+        self.restart()
+
+    async def __aenter__(self) -> Self:
+        await self.db.__aenter__()
+        await self.solver.__aenter__()
+        async with self.db.write() as tx:
+            for table in reversed(metadata.sorted_tables):
+                await tx.execute(delete(table))
+        content = await read_content(_network())
+        await publish(self.db, NetworkId("hot"), content=content, if_match=None, now_ms=self.now_ms)
+        for number, home in enumerate("aabc", 1):
+            drone = FlownDrone(
+                f"drn_{number}", model=MODEL, home=home, position=_PLACES[home], clock=self.clock
+            )
+            self.drones.append(drone)
+            await drone.start()
+        await self.converse()
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        for drone in self.drones:
+            await drone.stop()
+        await self.solver.__aexit__(None, None, None)
+        await self.db.__aexit__(None, None, None)
+
+    def restart(self) -> None:
+        """As after kill -9 of composition: new objects on the same database."""
+        db, clock, mint = self.db, self.clock, self.mint
+        stuck, pads_changed = Wake(), Wake()
+        networks = PreparedNetworks(db)
+        hands = (db, clock, mint, stuck, pads_changed)
+        self.bookings = Bookings(db, networks, self.solver, clock, mint, pads_changed)
+        self.closings = Closings(
+            db, networks, MissionImpact(clock, mint, stuck), clock, mint, pads_changed
+        )
+        self.cancellations, self.commands = Cancellations(*hands), Commands(*hands)
+        self.loadings = Loadings(*hands)
+        self.follower = Follower(db, _Deaf(), clock=clock, mint=mint, stuck=stuck)
+        self.recomposer = Recomposer(db, networks, self.solver, clock, mint, "hot", pads_changed)
+        self.sweeps = (
+            Lagging(db, clock, mint, stuck),
+            LoadingWatch(db, networks, clock, mint, pads_changed),
+            StopsWatch(db, self.closings, clock),
+            Overdue(db, clock, mint, pads_changed),
+        )
+
+    @property
+    def now_ms(self) -> int:
+        return moment_to_ms(self.clock.now())
+
+    # Time and talk
+
+    async def pass_time(self, by: timedelta) -> None:
+        """Let time pass from one thing that happens to the next."""
+        until = self.clock.now() + by
+        while (now := self.clock.now()) < until:
+            ahead = [each.next_end() for each in self.drones]
+            ahead += [each.next_begin() for each in self.drones]
+            moments = [each for each in ahead if each is not None and each > now]
+            self.clock.advance(min([until, now + _LONGEST_STRIDE, *moments]) - now)
+            await self.converse()
+            for sweep in self.sweeps:
+                await sweep.step()
+            await self._load()
+            await self.converse()
+
+    async def converse(self) -> None:
+        """Everybody says what they have to say, until nobody has anything new."""
+        delivered: set[int] = set()
+        for _ in range(60):
+            await self.settle()
+            is_quiet = not await self._listen()
+            while await self.recomposer.step():
+                pass
+            is_quiet = not await self._instruct(delivered) and is_quiet
+            if is_quiet:
+                return
+        raise AssertionError("they talk for ever")
+
+    async def settle(self) -> None:
+        """Let the agents do all that they can do now."""
+        calm = 0
+        said = [len(each.said) + len(each.journal.happened) for each in self.drones]
+        while calm < 30:
+            await asyncio.sleep(0)
+            now_said = [len(each.said) + len(each.journal.happened) for each in self.drones]
+            calm, said = (calm + 1, said) if now_said == said else (0, now_said)
+        crashed = [each.drone_id for each in self.drones if each.has_crashed]
+        assert not crashed
+
+    async def _listen(self) -> bool:
+        batch: list[Received[Any]] = []
+        for drone in self.drones:
+            if not drone.is_held_back:
+                batch += drone.said
+                drone.said = []
+        if batch:
+            self.heard = (self.heard + batch)[-50:]
+            await self.follower.take(batch)
+        return bool(batch)
+
+    async def take(self, batch: list[Received[Any]]) -> None:
+        await self.follower.take(batch)
+        await self.converse()
+
+    async def _instruct(self, delivered: set[int]) -> bool:
+        query = select(outbox).where(outbox.c.channel == "mqtt").order_by(outbox.c.id)
+        async with self.db.read() as connection:
+            rows = (await connection.execute(query)).all()
+        new = [row for row in rows if row.id not in delivered]
+        for row in new:
+            delivered.add(row.id)
+            for drone in self.drones:
+                if drone.drone_id == row.stream and not drone.is_deaf:
+                    drone.hear(row.payload)
+        return bool(new)
+
+    # What people do
+
+    async def book(self, delivery_id: str, request: DeliveryRequest, *, loading: str) -> str:
+        """As the gateway books; the outcome."""
+        self.requests.setdefault(delivery_id, request)
+        attempt = self.attempts[delivery_id] = self.attempts.get(delivery_id, 0) + 1
+        candidates = tuple(
+            Candidate.model_validate(
+                {
+                    "provider_id": each.drone.provider_id,
+                    "drone_id": each.drone_id,
+                    "model": MODEL,
+                    "soc": each.logbook.soc,
+                    "station_id": each.logbook.station_id,
+                    "home_station_id": each.drone.home_station_id,
+                    "tariff": Tariff(base=100, per_km=10),
+                    "loading": loading,
+                }
+            )
+            for each in self.drones
+            if each.logbook.mission is None and each.logbook.station_id is not None
+        )
+        wanted = BookMissions(attempt=attempt, request=request, candidates=candidates)
+        booking = await self.bookings.book(DeliveryId(delivery_id), wanted)
+        await self.converse()
+        return booking.outcome
+
+    async def cancel(self, delivery_id: str, package_ids: tuple[str, ...] | None) -> Cancellation:
+        wanted = CancelMissions.model_validate(
+            {
+                "cancellation_id": self.mint("can"),
+                "package_ids": package_ids,
+                "reason": "changed my mind",
+            }
+        )
+        answer = await self.cancellations.cancel(DeliveryId(delivery_id), wanted)
+        self.released |= {(delivery_id, each) for each in answer.released}
+        await self.converse()
+        return answer
+
+    async def command(self, mission_id: MissionId, name: str, station_id: str | None) -> None:
+        command = Command.model_validate(
+            {"command": name, "station_id": station_id, "reason": "an operator's wish"}
+        )
+        with suppress(Conflict):
+            await self.commands.give(mission_id, command)
+        await self.converse()
+
+    async def _load(self) -> None:
+        """Loaders at the pickups do what they do in these days."""
+        for record in await self.live():
+            if record.mission.loading != "AWAITED" or self.loaders == "NONE":
+                continue
+            factor = {"RIGHT": 1.0, "LITTLE_MORE": 1.03, "WRONG": 1.5}[self.loaders]
+            listed = [
+                PackageOnBoard(package_id=each.package_id, mass_kg=each.mass_kg * factor)
+                for each in record.request.packages
+            ]
+            with suppress(Conflict):
+                await self.loadings.confirm(record.mission_id, listed, provider_id=None)
+
+    async def left_to_book(self, delivery_id: str) -> DeliveryRequest | None:
+        """What of a delivery still lies at the pickup, and nobody is to fetch it."""
+        live = await self.live()
+        request = self.requests[delivery_id]
+        async with self.db.read() as connection:
+            held = await held_packages(connection, DeliveryId(delivery_id))
+        under_way = {each.package_id for one in live for each in one.request.packages}
+        left = tuple(
+            each
+            for each in request.packages
+            if each.package_id not in under_way
+            and (delivery_id, each.package_id) not in self.released
+            and has_never_left(held.get(each.package_id))
+        )
+        return request.model_copy(update={"packages": left}) if left else None
+
+    async def close(self, kind: ClosureKind, **members: Any) -> Closure:
+        now_ms = self.now_ms
+        closure = Closure(
+            ClosureId(""), kind, NetworkId("hot"), from_ms=now_ms, made_ms=now_ms, **members
+        )
+        made, _ = await self.closings.make(closure)
+        await self.converse()
+        return made
+
+    async def reopen(self, closure: Closure) -> None:
+        await self.closings.lift(closure)
+        await self.converse()
+
+    async def live(self) -> list[MissionRecord]:
+        async with self.db.read() as connection:
+            records = await page(connection, MissionFilter(), before=None, limit=10_000)
+        return sorted((each for each in records if each.is_live), key=lambda each: each.drone_id)
+
+    # What must hold
+
+    async def check(self) -> None:
+        """Nothing is broken, in the books or in the world."""
+        assert list(await violations(self.db)) == []
+        handed_over = Counter(self._handed_over())
+        assert [each for each, times in handed_over.items() if times > 1] == []
+        assert [each for each in handed_over if each in self.released] == []
+        assert list(self._shared_pads()) == []
+
+    async def end(self) -> None:
+        """Everything is allowed again; all stories end, and nothing is left behind."""
+        for drone in self.drones:
+            drone.is_held_back = drone.is_deaf = drone.refuses_next = False
+            drone.disturbances = UNDISTURBED
+            drone.set_reception(True)
+        self.loaders = "RIGHT"
+        over_at = self.clock.now() + _OVER_WITHIN
+        while (records := await self.live()) and self.clock.now() < over_at:
+            for record in records:
+                if record.mission.is_held:
+                    await self.command(record.mission_id, "RESUME", None)
+            await self.pass_time(timedelta(minutes=30))
+            await self.check()
+        assert [(each.mission_id, each.mission.state) for each in records] == []
+        await self._check_ended()
+
+    async def _check_ended(self) -> None:
+        async with self.db.read() as connection:
+            assert (await connection.execute(select(pad_reservations))).all() == []
+            rows = await connection.execute(
+                select(outbox).where(outbox.c.channel == "gateway").order_by(outbox.c.id)
+            )
+            reports = [MissionReport.model_validate_json(row.payload) for row in rows]
+            told = {each.mission_id: list[MissionReport]() for each in reports}
+            for report in reports:
+                told[report.mission_id].append(report)
+            for delivery_id in self.requests:
+                held = await held_packages(connection, DeliveryId(delivery_id))
+        for story in told.values():
+            assert [each.seq for each in story] == list(range(1, len(story) + 1))
+            ends = [each.kind for each in story if each.kind in ("ENDED", "REFUSED")]
+            assert len(ends) == 1, story
+        flying = [each.drone_id for each in self.drones if each.logbook.mission is not None]
+        assert flying == []
+
+    def _handed_over(self) -> Iterator[tuple[str, str]]:
+        """What drones have done: a delivery's package for each time it was handed over."""
+        for drone in self.drones:
+            for event in drone.journal.happened:
+                is_delivery = (event.event, event.step_kind) == ("STEP_ENDED", "DELIVER")
+                if is_delivery and event.code is None:
+                    for package_id in event.package_ids:
+                        yield self.delivery_of(event), package_id
+
+    def _shared_pads(self) -> Iterator[tuple[str, str, str]]:
+        """Where drones have charged on the same pad at the same time, whatever was booked."""
+        sessions = sorted(
+            (each.station_id, each.started_at, each.ended_at, drone.drone_id)
+            for drone in self.drones
+            for each in drone.journal.happened
+            if each.step_kind == "RECHARGE" and each.event == "STEP_ENDED"
+        )
+        for (station_id, *_, ended_at, one), (other_id, started_at, _, other) in pairwise(sessions):
+            if station_id == other_id and started_at < ended_at and one != other:
+                yield station_id, one, other
+
+    def delivery_of(self, event: DroneEvent) -> str:
+        # Package ids are unique in this world.
+        return event.package_ids[0].split("_")[0] if event.package_ids else ""
+
+
+class _Deaf:
+    """`Subscriber` on which nothing arrives."""
+
+    async def batches(self, *_: Topic[Any]) -> AsyncIterator[list[Received[Any]]]:
+        await asyncio.Event().wait()
+        yield []
