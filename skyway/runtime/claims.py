@@ -4,16 +4,32 @@ A claimant that dies loses its claims when they run out; whoever finishes frees 
 """
 
 from collections.abc import Sequence
-from typing import Any, Final
+from dataclasses import dataclass
+from typing import Any, Final, Self
 
-from sqlalchemy import BigInteger, Column, ColumnElement, Row, Table, Text, bindparam, select
+from sqlalchemy import (
+    BigInteger,
+    Column,
+    ColumnElement,
+    Executable,
+    Integer,
+    Row,
+    Table,
+    Text,
+    bindparam,
+    select,
+    tuple_,
+)
 
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database
+from skyway.runtime.database import Database, Tx
 from skyway.units import moment_to_ms
 
 #: The values that free a claim.
 FREE: Final = {"claimed_by": None, "claimed_until_ms": 0}
+
+#: The moment of a claim within its statement, wall time in milliseconds.
+NOW_MS: Final = bindparam("now_ms", type_=BigInteger)
 
 
 def claim_columns() -> tuple[Column[str], Column[int]]:
@@ -24,12 +40,62 @@ def claim_columns() -> tuple[Column[str], Column[int]]:
     )
 
 
+@dataclass(frozen=True, slots=True)
+class Claiming:
+    """How rows of one table are claimed: made once, since making statements takes long."""
+
+    statement: Executable
+    order_by: tuple[Column[Any], ...]
+
+    @classmethod
+    def of(
+        cls, table: Table, *, where: ColumnElement[bool], order_by: Sequence[Column[Any]]
+    ) -> Self:
+        """Rows that meet a condition, in this order; the condition may be about `NOW_MS`.
+
+        Any: sort columns have the types of their table.
+        """
+        key = [*table.primary_key]
+        due = (
+            select(*key)
+            .where(where, table.c.claimed_until_ms <= NOW_MS)
+            .order_by(*order_by)
+            .limit(bindparam("most", type_=Integer))
+            .with_for_update(skip_locked=True)
+            # A subquery could be run more than once by PostgreSQL, and take more than the limit.
+            .cte("due")
+        )
+        taken = table.update().where(tuple_(*key).in_(select(*due.c)))
+        new = {
+            "claimed_by": bindparam("claimant", type_=Text),
+            "claimed_until_ms": bindparam("until_ms", type_=BigInteger),
+        }
+        return cls(taken.values(new).returning(table), tuple(order_by))
+
+    async def run(
+        self, tx: Tx, *, limit: int, claimant: str, lease_s: float, clock: FleetClock
+    ) -> list[Row[Any]]:
+        """At most `limit` rows that nobody holds, now held by `claimant`; in order.
+
+        Any: rows have the types of their table.
+        """
+        now_ms = moment_to_ms(clock.wall_now())
+        values = {
+            "now_ms": now_ms,
+            "most": limit,
+            "claimant": claimant,
+            "until_ms": now_ms + int(lease_s * 1000),
+        }
+        taken = await tx.execute(self.statement, values)
+        return sorted(taken, key=lambda row: [row._mapping[each] for each in self.order_by])
+
+
 async def claim(
     db: Database,
     table: Table,
     *,
     where: ColumnElement[bool],
-    order_by: Sequence[ColumnElement[Any]],
+    order_by: Sequence[Column[Any]],
     limit: int,
     claimant: str,
     lease_s: float,
@@ -39,19 +105,6 @@ async def claim(
 
     Any: rows and sort columns have the types of their table.
     """
-    now_ms = moment_to_ms(clock.wall_now())
-    is_free = table.c.claimed_until_ms <= now_ms
-    due = select(table).where(where, is_free).order_by(*order_by).limit(limit)
+    claiming = Claiming.of(table, where=where, order_by=order_by)
     async with db.write() as tx:
-        rows = (await tx.execute(due.with_for_update(skip_locked=True))).all()
-        if rows:
-            key = [column.name for column in table.primary_key]
-            taken = table.update().where(
-                *(table.c[name] == bindparam(f"key_{name}") for name in key)
-            )
-            until_ms = now_ms + int(lease_s * 1000)
-            await tx.execute(
-                taken.values(claimed_by=claimant, claimed_until_ms=until_ms),
-                [{f"key_{name}": getattr(row, name) for name in key} for row in rows],
-            )
-    return list(rows)
+        return await claiming.run(tx, limit=limit, claimant=claimant, lease_s=lease_s, clock=clock)

@@ -9,15 +9,15 @@ lock of the mission or delivery that the stream is about.
 
 import asyncio
 import logging
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from sqlalchemy import ColumnElement, Row, Table, and_, case, exists, func, select
+from sqlalchemy import ColumnElement, Row, Table, and_, bindparam, case, exists, func, select
 
-from skyway.runtime.claims import FREE, claim
+from skyway.runtime.claims import FREE, NOW_MS, Claiming
 from skyway.runtime.clock import FleetClock, sleep_wall
-from skyway.runtime.database import Database
+from skyway.runtime.database import Database, Tx
 from skyway.runtime.loops import Wake, repeat
 from skyway.runtime.metrics import count
 from skyway.runtime.minting import mint
@@ -44,6 +44,15 @@ class Again:
 
 #: Sends one row; None when it is done with. Any: the columns of `outbox_table`.
 Send = Callable[[Row[Any]], Awaitable[Again | None]]
+
+
+@dataclass(frozen=True, slots=True)
+class _Sent:
+    """The outcome of sending a row, at a moment of wall time; it is to be noted yet."""
+
+    row_id: int
+    at_ms: int
+    again: Again | None
 
 
 async def _at_once() -> None:
@@ -73,6 +82,17 @@ class StreamSender:
         self._claimant = mint("snd")
         self._wake = Wake()
         self._under_way: set[asyncio.Task[None]] = set()
+        self._sent: list[_Sent] = []
+        columns = self._table.c
+        is_next = _is_next(self._table, channel)
+        self._claiming = Claiming.of(
+            self._table, where=and_(is_next, columns.due_at_ms <= NOW_MS), order_by=[columns.id]
+        )
+        later = case(
+            (columns.due_at_ms > columns.claimed_until_ms, columns.due_at_ms),
+            else_=columns.claimed_until_ms,
+        )
+        self._earliest = select(func.min(later)).where(is_next)
 
     async def run(self) -> None:
         """Send for ever."""
@@ -92,42 +112,42 @@ class StreamSender:
 
     async def _step(self, group: asyncio.TaskGroup) -> bool:
         await self._ready()
-        rest_s = await self._rest_s()
-        if rest_s > 0:
-            await self._rest(rest_s)
-            return True
-        rows = await claim(
-            self._db,
-            self._table,
-            where=and_(self._is_next(), self._table.c.due_at_ms <= self._now_ms()),
-            order_by=[self._table.c.id],
-            limit=_MOST_UNDER_WAY - len(self._under_way),
-            claimant=self._claimant,
-            lease_s=_LEASE_S,
-            clock=self._clock,
-        )
+        rows, rest_s = await self._turn()
         for row in rows:
             task = group.create_task(self._deliver(row))
             self._under_way.add(task)
             task.add_done_callback(self._finished)
+        if rest_s > 0:
+            await self._rest(rest_s)
         return True
 
     def _finished(self, task: asyncio.Task[None]) -> None:
         self._under_way.discard(task)
         self._wake.set()
 
-    async def _rest_s(self) -> float:
+    async def _turn(self) -> tuple[Sequence[Row[Any]], float]:
+        """Note what was sent and claim what comes next, in one transaction.
+
+        Also the seconds of wall time until there may be more to send.
+        """
+        sent, self._sent = self._sent, []
+        free = _MOST_UNDER_WAY - len(self._under_way)
+        try:
+            async with self._db.write() as tx:
+                await self._settle(tx, sent)
+                if free == 0:
+                    return [], _LONGEST_REST_S
+                rows = await self._claiming.run(
+                    tx, limit=free, claimant=self._claimant, lease_s=_LEASE_S, clock=self._clock
+                )
+                return rows, 0.0 if len(rows) == free else await self._rest_s(tx)
+        except BaseException:
+            self._sent = sent + self._sent
+            raise
+
+    async def _rest_s(self, tx: Tx) -> float:
         """Seconds of wall time until a row can be sent; 0 when one can be now."""
-        if len(self._under_way) >= _MOST_UNDER_WAY:
-            return _LONGEST_REST_S
-        columns = self._table.c
-        later = case(
-            (columns.due_at_ms > columns.claimed_until_ms, columns.due_at_ms),
-            else_=columns.claimed_until_ms,
-        )
-        async with self._db.read() as connection:
-            earliest = await connection.execute(select(func.min(later)).where(self._is_next()))
-            due_ms: int | None = earliest.scalar()
+        due_ms: int | None = (await tx.execute(self._earliest)).scalar()
         if due_ms is None:
             return _LONGEST_REST_S
         return min(max(due_ms - self._now_ms(), 0) / 1000, _LONGEST_REST_S)
@@ -145,36 +165,46 @@ class StreamSender:
         self._wake.set()
 
     async def _deliver(self, row: Row[Any]) -> None:
-        """Send one row and note the outcome; whatever goes wrong, its claim runs out."""
+        """Send one row and keep the outcome; whatever goes wrong, its claim runs out."""
         try:
             with tracing(row.traceparent):
                 again = await self._send(row)
-            await self._settle(row, again)
         except Exception:
             count("skyway_outbox_failures", "sends that broke", channel=self._channel)
             log.exception("send failed", extra={"channel": self._channel, "stream": row.stream})
-
-    async def _settle(self, row: Row[Any], again: Again | None) -> None:
+            return
         count("skyway_outbox_sends", "rows sent, repeats too", channel=self._channel)
-        this = self._table.c.id == row.id
-        async with self._db.write() as tx:
-            if again is None:
-                await tx.execute(self._table.delete().where(this))
-                return
-            due_at_ms = self._now_ms() + int(again.after_s * 1000)
-            stays = {"attempts": again.attempts, "due_at_ms": due_at_ms, **FREE}
-            await tx.execute(self._table.update().where(this).values(stays))
+        self._sent.append(_Sent(row.id, self._now_ms(), again))
 
-    def _is_next(self) -> ColumnElement[bool]:
-        """Whether a row is the oldest of its stream on this channel."""
-        columns = self._table.c
-        older = self._table.alias("older")
-        has_older = exists().where(
-            older.c.channel == columns.channel,
-            older.c.stream == columns.stream,
-            older.c.id < columns.id,
-        )
-        return and_(columns.channel == self._channel, ~has_older)
+    async def _settle(self, tx: Tx, sent: Sequence[_Sent]) -> None:
+        """Delete the rows that are done with, and free the others until they are due again."""
+        row_id = self._table.c.id
+        done = [each.row_id for each in sent if each.again is None]
+        if done:
+            await tx.execute(self._table.delete().where(row_id.in_(done)))
+        stays = [
+            {
+                "sent_id": each.row_id,
+                "attempts": each.again.attempts,
+                "due_at_ms": each.at_ms + int(each.again.after_s * 1000),
+            }
+            for each in sent
+            if each.again is not None
+        ]
+        if stays:
+            this = row_id == bindparam("sent_id")
+            await tx.execute(self._table.update().where(this).values(FREE), stays)
 
     def _now_ms(self) -> int:
         return moment_to_ms(self._clock.wall_now())
+
+
+def _is_next(table: Table, channel: str) -> ColumnElement[bool]:
+    """Whether a row is the oldest of its stream on this channel."""
+    columns, older = table.c, table.alias("older")
+    has_older = exists().where(
+        older.c.channel == columns.channel,
+        older.c.stream == columns.stream,
+        older.c.id < columns.id,
+    )
+    return and_(columns.channel == channel, ~has_older)
