@@ -42,22 +42,18 @@ def outlook(situation: Situation, *, now_ms: int) -> Outlook | None:
     load = Load(situation.masses_kg, situation.carried)
     for step in situation.planned:
         load = load.after(step) if step.step_id < where.next_step else load
-    ahead = list(
-        predict(
-            [each for each in situation.planned if each.step_id >= where.next_step],
-            where,
-            model=with_margin(record.candidate.model, record.mission.margins.energy_margin),
-            load=load,
-            now_ms=now_ms,
-        )
-    )
+    steps = [each for each in situation.planned if each.step_id >= where.next_step]
+    model = record.candidate.model
+    careful = with_margin(model, record.mission.margins.energy_margin)
+    ahead = list(predict(steps, where, model=careful, load=load, now_ms=now_ms))
+    likely = list(predict(steps, where, model=model, load=load, now_ms=now_ms))
     told = {each.package_id: each.eta_at for each in record.mission.packages}
     etas = tuple(_etas(ahead))
     late_by = max(
         (each.eta_at - told[each.package_id] for each in etas if each.package_id in told),
         default=timedelta(0),
     )
-    return Outlook(_trouble(record, ahead), etas, late_by)
+    return Outlook(_trouble(record, ahead, likely), etas, late_by)
 
 
 def _etas(ahead: Sequence[PredictedStep]) -> Iterator[PackageEta]:
@@ -68,21 +64,29 @@ def _etas(ahead: Sequence[PredictedStep]) -> Iterator[PackageEta]:
                 yield PackageEta(package_id=package_id, eta_at=eta_at)
 
 
-def _trouble(record: MissionRecord, ahead: Sequence[PredictedStep]) -> Trouble | None:
-    """The first thing that the plan loses, in the order of its steps."""
-    model, tolerated_s = record.candidate.model, record.mission.margins.tolerated_lateness_s
+def _trouble(
+    record: MissionRecord, ahead: Sequence[PredictedStep], likely: Sequence[PredictedStep]
+) -> Trouble | None:
+    """The first thing that the plan loses, in the order of its steps.
+
+    `ahead` has the margin on all flights to come, `likely` has none: what a tolerated lateness
+    costs of the charge, the margin makes up for.
+    """
+    least_soc = record.candidate.model.reserve_soc - _LEAST_SHORTFALL_SOC
+    tolerated_s = record.mission.margins.tolerated_lateness_s
     short: PredictedStep | None = None
-    for predicted in ahead:
+    for predicted, expected in zip(ahead, likely, strict=True):
         step = predicted.step
         if isinstance(step, RechargeStep) and predicted.is_lost:
             return _late(predicted, f"its pad at {step.station_id!r} is lost")
         if predicted.is_short:
             short = predicted
-        if isinstance(step, FlyStep) and (
-            predicted.soc_end < model.reserve_soc - _LEAST_SHORTFALL_SOC
-        ):
+        if isinstance(step, FlyStep) and predicted.soc_end < least_soc:
             if short is not None and _late_by_s(short) > tolerated_s:
                 return _late(short, "it cannot charge enough")
+            is_late = short is not None and _late_by_s(short) > 0
+            if is_late and expected.soc_end >= least_soc:
+                continue
             detail = f"charge {predicted.soc_end:.3f} at {step.to_id!r} would be below the reserve"
             return Trouble(code="MORE_ENERGY", detail=detail)
         if _misses_deadline(record, predicted) and _late_by_s(predicted) > tolerated_s:

@@ -23,7 +23,7 @@ async def take_step_failure(watch: Watch, record: MissionRecord, event: DroneEve
     """
     step = await store.end_step(watch.tx, record.mission_id, event, status="FAILED")
     record = begun(watch, record, at=event.started_at or event.ended_at)
-    code, detail = event.code or "STEP_FAILED", event.detail or "a step failed"
+    code, detail = event.code or "STEP_FAILED", event.detail or _in_words(event, step)
     if code == "RECIPIENT_ABSENT":
         record = _without_recipient(watch, record, step, detail=detail)
     last_step = event.step_id or 0
@@ -73,6 +73,13 @@ async def _keep_stuck(watch: Watch, record: MissionRecord, stuck: Stuck) -> None
         )
     await watch.keep(replace(record, stuck=stuck))
     await store.plan_at_once(watch.tx, record.mission_id)
+
+
+def _in_words(event: DroneEvent, step: FlightStep | None) -> str:
+    if event.code != "RECIPIENT_ABSENT" or not isinstance(step, DeliverStep):
+        return "a step failed"
+    packages = ", ".join(step.package_ids)
+    return f"nobody took {packages} at {step.station_id!r} within {step.recipient_wait_s:g} s"
 
 
 def _without_recipient(

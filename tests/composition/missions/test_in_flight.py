@@ -1,5 +1,6 @@
 """The world changes under a drone that flies: it is led elsewhere, or down where it is safest."""
 
+from datetime import timedelta
 from typing import Any
 
 import pytest
@@ -177,6 +178,23 @@ async def test_a_late_drone_gets_another_plan_before_its_pad_is_lost(
     assert "pad" in (report.detail or "")
 
 
+async def test_the_margin_makes_up_for_a_lateness_that_is_tolerated(
+    composition: Any, drone: Any, make: Any
+) -> None:
+    """A minute late, it charges a little less than planned, and that is enough all the same."""
+    first = await take_off(composition, drone, "c", make=make)
+    flight = first.steps[1]
+    late_at = flight.planned_end_at + timedelta(seconds=60)
+    composition.clock.advance(late_at - composition.clock.now())
+    await composition.take(
+        flying(drone, first, 2, at=late_at, position=flight.to_position, soc=0.24)
+    )
+
+    await composition.lagging.step()
+
+    assert "REPLANNING" not in await kinds(composition)
+
+
 async def test_a_drone_that_used_too_much_gets_another_plan(
     composition: Any, drone: Any, make: Any
 ) -> None:
@@ -243,3 +261,4 @@ async def test_nobody_there_sends_the_package_back(composition: Any, drone: Any,
         ("REPLANNING", "RECIPIENT_ABSENT"),
         ("REPLANNED", "RECIPIENT_ABSENT"),
     ]
+    assert (await composition.reports())[-1].detail == "nobody took p1 at 'c' within 300 s"
