@@ -138,7 +138,8 @@ async def violations(db: Database) -> Sequence[Mapping[str, str]]:
 async def _needed_pads(connection: AsyncConnection) -> dict[MissionId, set[BookedPad]]:
     """What each live mission needs, but for those whose drones wait for another plan.
 
-    That is the sessions of all steps ahead, and of those that are proposed instead of them.
+    That is the sessions of all steps ahead, and of those that are proposed instead of them; those
+    that are over until the next drone may come.
     """
     live = await connection.execute(
         select(missions.c.mission_id, missions.c.body, missions.c.proposal).where(
@@ -150,18 +151,19 @@ async def _needed_pads(connection: AsyncConnection) -> dict[MissionId, set[Booke
     for row in live:
         gaps_ms[row.mission_id] = _gap_ms(json.loads(row.body))
         needed[row.mission_id] = _proposed_pads(row.proposal)
-    planned = await connection.execute(
-        select(mission_steps.c.mission_id, mission_steps.c.step)
+    charging = await connection.execute(
+        select(mission_steps.c.mission_id, mission_steps.c.step, mission_steps.c.ended_ms)
         .join(missions, missions.c.mission_id == mission_steps.c.mission_id)
         .where(
             _is_live,
             missions.c.stuck.is_(None),
-            mission_steps.c.status == "PLANNED",
+            mission_steps.c.status.in_(("PLANNED", "ENDED")),
             mission_steps.c.kind == "RECHARGE",
         )
     )
-    for step in planned:
-        needed[step.mission_id] += _session(json.loads(step.step), gaps_ms[step.mission_id])
+    for row in charging:
+        gap_ms = gaps_ms[row.mission_id]
+        needed[row.mission_id] += _session(json.loads(row.step), gap_ms, ended_ms=row.ended_ms)
     return {mission_id: set(merged(pads)) for mission_id, pads in needed.items()}
 
 
@@ -173,7 +175,12 @@ def _proposed_pads(text_: str | None) -> list[BookedPad]:
     return [pad for step in proposal["steps"] for pad in _session(step, gap_ms)]
 
 
-def _session(step: Mapping[str, Any], gap_ms: int) -> list[BookedPad]:  # the JSON of a FlightStep
+def _session(
+    step: Mapping[str, Any],  # the JSON of a FlightStep
+    gap_ms: int,
+    *,
+    ended_ms: int | None = None,
+) -> list[BookedPad]:
     """The pad of a step as it is held, if it charges at all."""
     if step["kind"] != "RECHARGE":
         return []
@@ -181,7 +188,10 @@ def _session(step: Mapping[str, Any], gap_ms: int) -> list[BookedPad]:  # the JS
     start_ms, end_ms = moment_to_ms(recharge.not_before_at), moment_to_ms(recharge.not_after_at)
     if start_ms >= end_ms:
         return []
-    return [BookedPad(recharge.station_id, recharge.pad, start_ms, end_ms + gap_ms)]
+    end_ms = gap_ms + (end_ms if ended_ms is None else min(end_ms, ended_ms))
+    if start_ms >= end_ms:
+        return []
+    return [BookedPad(recharge.station_id, recharge.pad, start_ms, end_ms)]
 
 
 def _gap_ms(mission: Mapping[str, Any]) -> int:  # the JSON of a Mission

@@ -1,11 +1,15 @@
-"""Which pads a mission needs, from the steps that lie ahead; all others go back at once."""
+"""Which pads a mission needs, from the steps that lie ahead; all others go back at once.
 
-from collections.abc import Iterable
+A pad that was used is kept until the next drone may come: a gap after the drone has left it.
+"""
+
+from collections.abc import Iterable, Sequence
 
 from skyway.contracts.flight_step import FlightStep, RechargeStep
 from skyway.units import moment_to_ms
 from skyway_composition.missions import store
 from skyway_composition.missions.record import MissionRecord
+from skyway_composition.missions.step_record import StepRecord
 from skyway_composition.missions.watch import Watch
 from skyway_composition.pads.booked_pad import BookedPad, merged
 from skyway_composition.pads.store import hold
@@ -26,18 +30,38 @@ def pads_of(steps: Iterable[FlightStep], *, pad_gap_s: float) -> tuple[BookedPad
     )
 
 
-def needed_pads(record: MissionRecord, planned: Iterable[FlightStep]) -> tuple[BookedPad, ...]:
+def used_pads(steps: Iterable[StepRecord], *, pad_gap_s: float) -> tuple[BookedPad, ...]:
+    """The pads at which a drone has charged: nobody comes there before the gap is over."""
+    gap_ms = round(pad_gap_s * 1000)
+    sessions = (
+        BookedPad(
+            each.step.station_id,
+            each.step.pad,
+            moment_to_ms(each.step.not_before_at),
+            moment_to_ms(min(each.event.ended_at, each.step.not_after_at)) + gap_ms,
+        )
+        for each in steps
+        if isinstance(each.step, RechargeStep)
+        and each.status == "ENDED"
+        and each.event is not None
+        and each.step.not_before_at < each.step.not_after_at
+    )
+    return merged(each for each in sessions if each.start_ms < each.end_ms)
+
+
+def needed_pads(record: MissionRecord, steps: Sequence[StepRecord]) -> tuple[BookedPad, ...]:
     """The pads of the steps ahead, and of those proposed instead until the drone has answered."""
-    needed = pads_of(planned, pad_gap_s=record.mission.margins.pad_gap_s)
+    gap_s = record.mission.margins.pad_gap_s
+    planned = [each.step for each in steps if each.status == "PLANNED"]
+    needed = merged((*pads_of(planned, pad_gap_s=gap_s), *used_pads(steps, pad_gap_s=gap_s)))
     proposal = record.proposal
     if proposal is None:
         return needed
-    gap_s = proposal.mission.margins.pad_gap_s
-    return merged((*needed, *pads_of(proposal.steps, pad_gap_s=gap_s)))
+    proposed_gap_s = proposal.mission.margins.pad_gap_s
+    return merged((*needed, *pads_of(proposal.steps, pad_gap_s=proposed_gap_s)))
 
 
 async def give_back(watch: Watch, record: MissionRecord) -> None:
     """Hold what the mission still needs, and nothing else; a new need may be `Taken`."""
-    known = await store.steps_of(watch.tx.connection, record.mission_id)
-    planned = [each.step for each in known if each.status == "PLANNED"]
-    await hold(watch.tx, record.mission_id, needed_pads(record, planned))
+    steps = await store.steps_of(watch.tx.connection, record.mission_id)
+    await hold(watch.tx, record.mission_id, needed_pads(record, steps))

@@ -1,5 +1,6 @@
 """A revision for a drone that flies counts once the drone has taken it."""
 
+from datetime import timedelta
 from typing import Any
 
 from skyway_composition.missions.give_back import pads_of
@@ -212,17 +213,21 @@ async def test_a_newer_trouble_is_planned_for_after_the_answer(
     assert [each.mission_revision for each in await composition.sent()] == [3]
 
 
-async def test_a_recharge_that_ends_early_gives_its_pad_back(composition: Any, drone: Any) -> None:
+async def test_a_recharge_that_ends_early_gives_its_pad_back_after_the_gap(
+    composition: Any, drone: Any
+) -> None:
     first = await flying(composition, drone)
     flight, recharge = first.steps[1:3]
+    early = timedelta(minutes=10)
 
-    await composition.take(*drone.ended(first, [flight, recharge]))
+    await composition.take(*drone.ended(first, [flight]))
+    await composition.take(*drone.ended(first, [recharge], late_by=-early))
 
-    held = {row.station_id for row in await composition.reservations()}
-    assert (recharge.station_id, recharge.pad) not in [
-        (row.station_id, row.pad)
+    held_until = [
+        row.end_ms
         for row in await composition.reservations()
         if row.start_ms == moment_to_ms(recharge.not_before_at)
     ]
-    assert held
+    left_at = recharge.planned_end_at - early
+    assert held_until == [moment_to_ms(left_at + timedelta(seconds=120))]
     assert await composition.broken() == []
