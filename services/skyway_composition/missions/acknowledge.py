@@ -15,6 +15,7 @@ from skyway_composition.missions.dispatch import call_off
 from skyway_composition.missions.ending import cancel, refuse
 from skyway_composition.missions.failure import wait_for_revision
 from skyway_composition.missions.hold import take_refused_hold
+from skyway_composition.missions.joining import join
 from skyway_composition.missions.new_stream import open_stream
 from skyway_composition.missions.proposal import drop, settle
 from skyway_composition.missions.record import MissionRecord, Proposal
@@ -51,7 +52,7 @@ async def take_ack(watch: Watch, link: DroneLink, ack: Ack) -> None:
     record = watch.missions.get(link.drone_id)
     proposal = None if record is None else record.proposal
     if record is not None and proposal and proposal.instruction_id == sent.instruction_id:
-        await _take_answer_to_proposal(watch, record, proposal, ack)
+        await _take_answer_to_proposal(watch, record, proposal, sent=sent, ack=ack)
     elif sent.kind in _REVISIONS and ack.status == "ACCEPTED":
         await _take_acceptance(watch, link, sent)
     elif sent.kind in _REVISIONS:
@@ -61,9 +62,12 @@ async def take_ack(watch: Watch, link: DroneLink, ack: Ack) -> None:
 
 
 async def _take_answer_to_proposal(
-    watch: Watch, record: MissionRecord, proposal: Proposal, ack: Ack
+    watch: Watch, record: MissionRecord, proposal: Proposal, *, sent: SentInstruction, ack: Ack
 ) -> None:
     if ack.status == "ACCEPTED":
+        if sent.kind != "MISSION":
+            # The flight before a DIVERT flies on, or lands, as what follows has it.
+            await join(watch.tx, record.mission_id, proposal)
         await settle(watch, record, proposal)
         return
     code = ack.code or RefusalCode.MALFORMED

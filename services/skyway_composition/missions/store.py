@@ -258,6 +258,15 @@ async def _insert_steps(
     await tx.execute(insert(mission_steps), rows)
 
 
+async def change_step(tx: Tx, mission_id: MissionId, step: FlightStep) -> None:
+    """Keep a step as its drone flies it now; its number and revision stay."""
+    await tx.execute(
+        update(mission_steps)
+        .where(mission_steps.c.mission_id == mission_id, mission_steps.c.step_id == step.step_id)
+        .values(step=step.model_dump_json(), **step_columns(step))
+    )
+
+
 async def end_step(
     tx: Tx, mission_id: MissionId, event: DroneEvent, *, status: str
 ) -> FlightStep | None:
