@@ -1,13 +1,19 @@
 """Comparing a mission with its plan whenever something new is known of it."""
 
+from typing import Final
+
 from skyway.contracts.drone_report import DroneEvent
+from skyway.runtime.clock import fleet_margin
 from skyway.units import moment_to_ms
 from skyway_composition.missions.deviation import TOLD_LATENESS, Outlook, outlook
-from skyway_composition.missions.record import MissionRecord
+from skyway_composition.missions.record import MissionRecord, Trouble
 from skyway_composition.missions.report import report
 from skyway_composition.missions.situation import Situation
 from skyway_composition.missions.trouble import troubled
 from skyway_composition.missions.watch import Watch
+
+#: Longest time from what a drone does until it is heard here; `fleet_margin` of it. Our own choice.
+ON_ITS_WAY: Final = {"fleet_s": 30.0, "wall_s": 2.0}
 
 
 async def judged(watch: Watch, record: MissionRecord) -> MissionRecord:
@@ -26,7 +32,7 @@ async def judged_after_step(
     if seen is None:
         return record
     if seen.trouble is not None:
-        return await troubled(watch, record, seen.trouble)
+        return await troubled(watch, record, _explained(seen.trouble, event))
     if seen.late_by < TOLD_LATENESS:
         return record
     record = report(
@@ -44,6 +50,14 @@ async def judged_after_step(
     return record
 
 
+def _explained(trouble: Trouble, event: DroneEvent) -> Trouble:
+    """The trouble by its cause, where that has just been told."""
+    if event.code != "SHORT_CHARGE" or trouble.code != "MORE_ENERGY":
+        return trouble
+    detail = f"charged to {event.soc:.3f} only before the session at {event.station_id!r} ended"
+    return Trouble(code="SHORT_CHARGE", detail=f"{detail}: {trouble.detail}")
+
+
 async def _outlook(watch: Watch, record: MissionRecord) -> Outlook | None:
     """What to expect; None where another plan is looked for already, or nothing is to go on."""
     has_other_cares = record.trouble or record.stuck or record.proposal or record.mission.is_held
@@ -52,4 +66,6 @@ async def _outlook(watch: Watch, record: MissionRecord) -> Outlook | None:
     if has_other_cares or is_waiting or not record.is_live:
         return None
     situation = await Situation.of(watch, record)
-    return outlook(situation, now_ms=moment_to_ms(watch.clock.now()))
+    # What a drone has done of late may not have been heard yet: it may be further than we know.
+    known_until = watch.clock.now() - fleet_margin(watch.clock, **ON_ITS_WAY)
+    return outlook(situation, now_ms=moment_to_ms(known_until))

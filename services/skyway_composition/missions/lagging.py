@@ -8,7 +8,7 @@ from skyway.runtime.database import Database
 from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
 from skyway.units import moment_to_ms
-from skyway_composition.missions.judging import judged
+from skyway_composition.missions.judging import ON_ITS_WAY, judged
 from skyway_composition.missions.sweeps.store import perhaps_late
 from skyway_composition.missions.watch import Watch
 
@@ -26,7 +26,7 @@ class Lagging:
         """Look at what is overdue now."""
         async with self.db.read() as connection:
             # What has just ended may still be on its way to us.
-            ended_at = self.clock.now() - fleet_margin(self.clock, fleet_s=30, wall_s=2)
+            ended_at = self.clock.now() - fleet_margin(self.clock, **ON_ITS_WAY)
             drone_ids = await perhaps_late(connection, ended_ms=moment_to_ms(ended_at))
         for drone_id in drone_ids:
             await self._judge(drone_id)

@@ -72,19 +72,7 @@ async def _take_step_end(watch: Watch, record: MissionRecord, event: DroneEvent)
     await watch.keep(record)
     if is_cut:
         return
-    if event.code == "SHORT_CHARGE" and await _flies_on(watch, record):
-        detail = f"charged to {event.soc:.3f} only before the session at {event.station_id!r} ended"
-        await troubled(watch, record, Trouble(code="SHORT_CHARGE", detail=detail))
-        return
     await judged_after_step(watch, record, event)
-
-
-async def _flies_on(watch: Watch, record: MissionRecord) -> bool:
-    """Whether a plan is there that needs the charge, and no other is looked for already."""
-    if record.stuck is not None or record.proposal is not None:
-        return False
-    steps = await store.steps_of(watch.tx.connection, record.mission_id)
-    return any(each.status == "PLANNED" and each.step.kind == "FLY" for each in steps)
 
 
 async def _take_alarm(watch: Watch, link: DroneLink, event: DroneEvent) -> None:
