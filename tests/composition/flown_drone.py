@@ -219,9 +219,7 @@ class FlownDrone:
         self._link.deliver(json.dumps(content).encode())
 
     async def start(self) -> None:
-        vehicle = SimulatedVehicle(
-            self.drone.model, self.clock, disturbances=self.disturbances
-        )
+        vehicle = SimulatedVehicle(self.drone.model, self.clock, disturbances=self.disturbances)
         agent = DroneAgent(
             self.drone,
             journal=self.journal,

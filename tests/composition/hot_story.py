@@ -134,10 +134,7 @@ class Story:
         await self.world.converse()
 
     async def be_deaf(self, chance: Random) -> None:
-        known = [each for each in self.world.drones if each.is_deaf]
-        drone = chance.choice(known or self.world.drones)
-        drone.is_deaf = not drone.is_deaf
-        await self.world.converse()
+        chance.choice(self.world.drones).is_deaf = True
 
     async def lose_what_was_said(self, chance: Random) -> None:
         """Composition was not there to hear it: the time that passes is nobody's."""

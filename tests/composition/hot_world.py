@@ -71,6 +71,9 @@ _RATE = 60.0
 #: Composition looks after missions at least this often.
 _LONGEST_STRIDE = timedelta(minutes=10)
 
+#: What is on its way to a drone that is connected gets there within this time.
+_DEAF_FOR = timedelta(minutes=1)
+
 #: No story goes on for longer than this once everything is allowed again.
 _OVER_WITHIN = timedelta(hours=30)
 
@@ -172,7 +175,11 @@ class HotWorld:
             ahead = [each.next_end() for each in self.drones]
             ahead += [each.next_begin() for each in self.drones]
             moments = [each for each in ahead if each is not None and each > now]
-            self.clock.advance(min([until, now + _LONGEST_STRIDE, *moments]) - now)
+            is_deaf = any(each.is_deaf for each in self.drones)
+            stride = _DEAF_FOR if is_deaf else _LONGEST_STRIDE
+            self.clock.advance(min([until, now + stride, *moments]) - now)
+            for drone in self.drones:
+                drone.is_deaf = False
             await self.converse()
             for sweep in self.sweeps:
                 await sweep.step()

@@ -14,7 +14,11 @@ _DEEDS = st.lists(
 _SETTINGS = settings(
     derandomize=True,
     deadline=None,
-    suppress_health_check=[HealthCheck.too_slow, HealthCheck.data_too_large, HealthCheck.function_scoped_fixture],
+    suppress_health_check=[
+        HealthCheck.too_slow,
+        HealthCheck.data_too_large,
+        HealthCheck.function_scoped_fixture,
+    ],
     max_examples=int(os.environ.get("HOT_EXAMPLES", "15")),
 )
 
