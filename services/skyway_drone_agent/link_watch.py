@@ -3,14 +3,11 @@
 from collections.abc import Callable
 from datetime import datetime, timedelta
 
-from skyway.runtime.clock import FleetClock, sleep_wall
+from skyway.runtime.clock import FleetClock
 from skyway_drone_agent.uplink import Link
 
 #: A link that is down for so long counts as lost: the drone waits at the next landing (wall time).
 LINK_LOST_AFTER = timedelta(seconds=10)
-
-#: Wall seconds between two looks at the link.
-_LOOK_EVERY_S = 1.0
 
 
 class LinkWatch:
@@ -43,12 +40,13 @@ class LinkWatch:
         self._on_change()
 
     async def run(self) -> None:
-        """Look for ever whether the connection still stands."""
+        """Note for ever when the connection is lost."""
         while True:
-            if not self._link.is_connected and self._down_since_wall is None:
+            await self._link.wait_connected()
+            await self._link.wait_lost()
+            if self._down_since_wall is None:
                 self._down_since_wall = self._clock.wall_now()
                 self._on_change()
-            await sleep_wall(self._clock, _LOOK_EVERY_S)
 
     def _is_lost(self) -> bool:
         if self._down_since_wall is None:

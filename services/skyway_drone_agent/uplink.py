@@ -28,6 +28,10 @@ class Link(Protocol):
         """Return once the broker has accepted us."""
         ...
 
+    async def wait_lost(self) -> None:
+        """Return once the broker cannot be reached; at once while it cannot."""
+        ...
+
     async def publish(self, address: Address[M], message: M, *, timeout_s: float = 5.0) -> None:
         """Publish; return after the PUBACK for `mqtt_qos` 1, else raise `MqttUnavailable`."""
         ...

@@ -71,6 +71,8 @@ class MqttClient:
         self._subscribed = 0  # how many of the inboxes the broker knows of
         self._has_new_inbox = asyncio.Event()
         self._connected = asyncio.Event()
+        self._lost = asyncio.Event()
+        self._lost.set()
         self._running: asyncio.Task[Never] | None = None
 
     async def __aenter__(self) -> Self:
@@ -91,6 +93,10 @@ class MqttClient:
     async def wait_connected(self) -> None:
         """Return once the broker has accepted us and all subscriptions are in force."""
         await self._connected.wait()
+
+    async def wait_lost(self) -> None:
+        """Return once there is no connection; at once while there is none."""
+        await self._lost.wait()
 
     async def publish(self, address: Address[M], message: M, *, timeout_s: float = 5.0) -> None:
         """Publish a message on its topic; for `mqtt_qos` 1 return after the PUBACK.
@@ -176,6 +182,7 @@ class MqttClient:
                 await link.open(self._broker)
                 await self._renew_subscriptions(link)
             self._link = link
+            self._lost.clear()
             greeting = asyncio.create_task(self._greet())
             while not link.lost.done():
                 await self._renew_subscriptions(link)
@@ -184,6 +191,7 @@ class MqttClient:
             raise MqttUnavailable(link.lost.result())
         finally:
             self._link = None
+            self._lost.set()
             self._connected.clear()
             self._subscribed = 0
             if greeting is not None:

@@ -38,6 +38,7 @@ class FakeLink:
         self._on_connected = on_connected
         self._will_now: tuple[Address[Any], Any] | None = None
         self._up = asyncio.Event()
+        self._down = asyncio.Event()
         self._arrived: deque[Received[Any]] = deque()
         self._has_news = asyncio.Event()
         self._greetings: set[asyncio.Future[None]] = set()
@@ -54,7 +55,7 @@ class FakeLink:
         trace: TracebackType | None,
         /,
     ) -> None:
-        self._up.clear()
+        self._go_down()
 
     @property
     def is_connected(self) -> bool:
@@ -63,15 +64,23 @@ class FakeLink:
     async def wait_connected(self) -> None:
         await self._up.wait()
 
+    async def wait_lost(self) -> None:
+        await self._down.wait()
+
     def connect(self) -> None:
         self._will_now = self._will()
+        self._down.clear()
         self._up.set()
         self._greetings.add(asyncio.ensure_future(self._on_connected()))
 
     def cut(self) -> None:
         if self._up.is_set() and self._will_now is not None:
             self._world.published.append((self._will_now[0].topic, self._will_now[1]))
+        self._go_down()
+
+    def _go_down(self) -> None:
         self._up.clear()
+        self._down.set()
 
     async def publish(self, address: Address[Any], message: Any, *, timeout_s: float = 5.0) -> None:
         if not self._up.is_set():

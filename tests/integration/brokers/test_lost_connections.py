@@ -50,7 +50,8 @@ async def test_retained_topics_are_republished_after_the_broker_forgot_them(
     await take(arrived, 1)
 
     await broker.stop()
-    await until(lambda: not drone.is_connected)
+    await drone.wait_lost()
+    assert not drone.is_connected
     await broker.start()
     await all_connected(composition, drone)
     later = await connect(broker.service_port, "registry")
