@@ -68,6 +68,8 @@ class HandheldLink:
         self._on_connected = on_connected
         self._will_now: tuple[Address[Any], Any] | None = None
         self._up = asyncio.Event()
+        self._down = asyncio.Event()
+        self._down.set()
         self._arrived: deque[Received[Any]] = deque()
         self._has_news = asyncio.Event()
         self._greetings: set[asyncio.Future[None]] = set()
@@ -93,16 +95,21 @@ class HandheldLink:
     async def wait_connected(self) -> None:
         await self._up.wait()
 
+    async def wait_lost(self) -> None:
+        await self._down.wait()
+
     def connect(self) -> None:
         if not self._up.is_set():
             self._will_now = self._will()
             self._up.set()
+            self._down.clear()
             self._greetings.add(asyncio.ensure_future(self._on_connected()))
 
     def cut(self) -> None:
         if self._up.is_set() and self._will_now is not None:
             self._drone.say(self._will_now[0].topic, self._will_now[1])
         self._up.clear()
+        self._down.set()
 
     async def publish(self, address: Address[Any], message: Any, *, timeout_s: float = 5.0) -> None:
         if not self._up.is_set():
@@ -266,9 +273,10 @@ class FlownDrone:
             return None
         return max(mission.free_at, mission.steps[0].planned_start_at)
 
-    @property
-    def has_crashed(self) -> bool:
-        return self._running is not None and self._running.done()
+    def look_after(self) -> None:
+        """Raise what has ended the agent's process, if anything has."""
+        if self._running is not None and self._running.done():
+            self._running.result()
 
     def _make_link(self, will: Will, on_connected: Callable[[], Awaitable[None]]) -> HandheldLink:
         self._link = HandheldLink(self, will, on_connected)
