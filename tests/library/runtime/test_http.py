@@ -127,40 +127,6 @@ async def test_a_service_that_cannot_be_reached_is_unavailable(
             await registry.call("GET", "/parcels")
 
 
-@pytest.mark.parametrize(
-    ("method", "attempts"), [("GET", 2), ("PUT", 2), ("DELETE", 2), ("POST", 1), ("PATCH", 1)]
-)
-async def test_only_what_may_be_repeated_is_sent_again_once(
-    client_for: Callable[[Answer], ServiceClient], method: str, attempts: int
-) -> None:
-    seen: list[bytes] = []
-
-    def break_off(request: httpx.Request) -> httpx.Response:
-        seen.append(request.content)
-        raise httpx.RemoteProtocolError("server left")
-
-    async with client_for(break_off) as registry:
-        with pytest.raises(ServiceUnavailable):
-            await registry.call(method, "/parcels", body=Parcel(name="a"))
-
-    assert seen == [b'{"name":"a"}'] * attempts
-
-
-async def test_a_repeated_call_that_succeeds_is_answered(
-    client_for: Callable[[Answer], ServiceClient],
-) -> None:
-    answers: list[httpx.Response] = [httpx.Response(200, json={"name": "b"})]
-    breaks = [httpx.ReadError("reset")]
-
-    def answer(_request: httpx.Request) -> httpx.Response:
-        if breaks:
-            raise breaks.pop()
-        return answers.pop()
-
-    async with client_for(answer) as registry:
-        assert await registry.call("GET", "/parcels", answer=Parcel) == Parcel(name="b")
-
-
 async def test_a_client_that_is_not_open_says_so(
     client_for: Callable[[Answer], ServiceClient],
 ) -> None:
