@@ -95,12 +95,17 @@ class Parts:
         return Quotes(self.db, self.networks, self.inquiries, self.clock, self.bookings.busy_among)
 
     @property
+    def impact(self) -> MissionImpact:
+        """Strikes the missions that fly by what is closed or taken away."""
+        return MissionImpact(self.clock, self.mint, self.stuck)
+
+    @property
     def closings(self) -> Closings:
         """Makes and lifts closures."""
         return Closings(
             self.db,
             self.networks,
-            MissionImpact(self.clock, self.mint, self.stuck),
+            self.impact,
             self.clock,
             self.mint,
             self.pads_changed,
@@ -118,7 +123,12 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
         description="What is flown: networks, pads, planning, missions.",
         routers=[
             network_routes(
-                db=db, gate=gate, networks=networks, clock=clock, published=parts.published
+                db=db,
+                gate=gate,
+                networks=networks,
+                clock=clock,
+                published=parts.published,
+                impact=parts.impact,
             ),
             pad_routes(db=db, gate=gate, clock=clock),
             statistics_routes(db=db, gate=gate, clock=clock),

@@ -28,13 +28,15 @@ class Reach:
     """A closure with the stations and segments of the network that it reaches.
 
     At `stations` nobody lands; for a ground stop nobody takes off, and None means everywhere.
-    Drones may be `late_ms` late without another plan.
+    Drones may be `late_ms` late without another plan. `what` says in words what is closed where
+    the closure does not: it stands for what a new version of the network took away.
     """
 
     closure: Closure
     stations: frozenset[StationId] | None = frozenset()
     segments: frozenset[SegmentEnds] = frozenset()
     late_ms: int = 0
+    what: str | None = None
 
 
 class Impact(Protocol):

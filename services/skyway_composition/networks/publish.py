@@ -11,8 +11,11 @@ from skyway.ids import NetworkId
 from skyway.network.geojson import read_network, write_network
 from skyway.network.network import Network
 from skyway.runtime.database import Database, Tx
-from skyway.runtime.errors import Conflict, PreconditionFailed
+from skyway.runtime.errors import Conflict, NotFound, PreconditionFailed
+from skyway_composition.closures.impact import Impact, Reach
 from skyway_composition.networks import store
+from skyway_composition.networks.losses import losses
+from skyway_composition.networks.prepared import PreparedNetwork, PreparedNetworks
 from skyway_composition.networks.settings import settings_of
 from skyway_composition.networks.store import VersionRow
 
@@ -57,8 +60,12 @@ async def publish(
     content: Content,
     if_match: str | None,
     now_ms: int,
+    networks: PreparedNetworks,
+    impact: Impact,
 ) -> Published:
     """Make this the network's current version, unless it is already.
+
+    Missions that fly by what it takes away look for other plans from then on, as when it is closed.
 
     Raises
     ------
@@ -67,18 +74,42 @@ async def publish(
     Conflict
         A station belongs to another network, or a pad that is reserved would go.
     """
-    async with db.write() as tx:
-        current = await store.lock_version(tx, network_id)
-        _check_precondition(current, if_match)
-        if current is not None and current.sha256 == content.sha256:
-            return Published(current, is_new=False)
-        await _refuse_foreign_stations(tx, network_id, content.network)
-        await _refuse_dropped_reservations(tx, network_id, content.network)
-        version = 1 if current is None else current.version + 1
-        row = VersionRow(network_id, version, content.sha256, now_ms)
-        stations = content.network.stations.values()
-        await store.add_version(tx, row, content=content.geojson, of_stations=stations)
-        return Published(row, is_new=current is None)
+    done: Published | None = None
+    while done is None:
+        replaced = await _replaced(networks, network_id)
+        lost: tuple[Reach, ...] = ()
+        if replaced is not None:
+            lost = await asyncio.to_thread(losses, replaced, content.network, now_ms=now_ms)
+        async with db.write() as tx:
+            current = await store.lock_version(tx, network_id)
+            _check_precondition(current, if_match)
+            if current is not None and current.sha256 == content.sha256:
+                return Published(current, is_new=False)
+            if (current and current.version) != (replaced and replaced.version):
+                continue  # somebody else has published meanwhile
+            done = await _put(tx, network_id, current, content=content, now_ms=now_ms)
+            for reach in lost:
+                await impact.strike(tx, reach)
+    return done
+
+
+async def _replaced(networks: PreparedNetworks, network_id: NetworkId) -> PreparedNetwork | None:
+    try:
+        return await networks.current(network_id)
+    except NotFound:
+        return None
+
+
+async def _put(
+    tx: Tx, network_id: NetworkId, current: VersionRow | None, *, content: Content, now_ms: int
+) -> Published:
+    await _refuse_foreign_stations(tx, network_id, content.network)
+    await _refuse_dropped_reservations(tx, network_id, content.network)
+    version = 1 if current is None else current.version + 1
+    row = VersionRow(network_id, version, content.sha256, now_ms)
+    stations = content.network.stations.values()
+    await store.add_version(tx, row, content=content.geojson, of_stations=stations)
+    return Published(row, is_new=current is None)
 
 
 def _read_content(document: Mapping[str, Any]) -> Content:
@@ -114,5 +145,7 @@ async def _refuse_dropped_reservations(tx: Tx, network_id: NetworkId, network: N
     )
     if dropped:
         raise Conflict(
-            "STATION_RESERVED", f"drones have reserved pads that would go: {', '.join(dropped)}"
+            "STATION_RESERVED",
+            "drones have reserved pads that would go, close these stations or pads first: "
+            + ", ".join(dropped),
         )

@@ -19,6 +19,7 @@ from skyway.runtime.identity import Caller, ServiceGate
 from skyway.runtime.loops import Wake
 from skyway.runtime.paging import Page, PageQuery, page_of
 from skyway.units import moment_to_ms, ms_to_moment
+from skyway_composition.closures.impact import Impact
 from skyway_composition.networks import store
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.networks.publish import etag, publish, read_content
@@ -88,6 +89,7 @@ def network_routes(
     networks: PreparedNetworks,
     clock: FleetClock,
     published: Wake,
+    impact: Impact,
 ) -> APIRouter:
     """/v1/networks and what is below it, and POST /internal/station-checks."""
     router = APIRouter(tags=["networks"])
@@ -117,6 +119,8 @@ def network_routes(
             content=content,
             if_match=if_match,
             now_ms=moment_to_ms(clock.now()),
+            networks=networks,
+            impact=impact,
         )
         published.set()
         response.status_code = 201 if done.is_new else 200

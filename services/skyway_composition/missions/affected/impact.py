@@ -9,7 +9,7 @@ from skyway.runtime.database import Database, Tx
 from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
 from skyway.units import moment_to_ms, ms_to_moment
-from skyway_composition.closures.closure import Closure, ClosureKind
+from skyway_composition.closures.closure import ClosureKind
 from skyway_composition.closures.impact import AffectedMission, Reach
 from skyway_composition.missions.affected import store
 from skyway_composition.missions.affected.find import Found, find_hits
@@ -46,7 +46,7 @@ class MissionImpact:
         if not found.hits:
             return ()
         watch = await Watch.over(found.drone_ids, tx=tx, clock=self.clock, mint=self.mint)
-        await _trouble_all(watch, reach.closure, found)
+        await _trouble_all(watch, reach, found)
         tx.after_commit(self.stuck.set)
         return found.shown()
 
@@ -60,7 +60,8 @@ class MissionImpact:
         return moment_to_ms(self.clock.now())
 
 
-async def _trouble_all(watch: Watch, closure: Closure, found: Found) -> None:
+async def _trouble_all(watch: Watch, reach: Reach, found: Found) -> None:
+    closure = reach.closure
     hit_ids = {hit.owner.mission_id for hit in found.hits}
     # Whoever looks for another plan anyway finds a ground stop by itself.
     records = [
@@ -69,12 +70,13 @@ async def _trouble_all(watch: Watch, closure: Closure, found: Found) -> None:
         if record.mission_id in hit_ids
         if closure.kind != "GROUND_STOP" or record.trouble is None
     ]
-    await troubled_all(watch, records, Trouble(code=_CODES[closure.kind], detail=_detail(closure)))
+    await troubled_all(watch, records, Trouble(code=_CODES[closure.kind], detail=_detail(reach)))
 
 
-def _detail(closure: Closure) -> str:
+def _detail(reach: Reach) -> str:
     """What is closed, until when and why, for customers and operators."""
-    what = {
+    closure = reach.closure
+    what = reach.what or {
         "STATION": f"station {closure.station_id!r} is closed",
         "PAD": f"pad {closure.pad} of station {closure.station_id!r} is out of order",
         "SEGMENT": f"the segment {closure.station_id!r} to {closure.to_station_id!r} is closed",
