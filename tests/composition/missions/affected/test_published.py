@@ -12,7 +12,8 @@ OPERATOR, PATH = "operator:op", "/v1/networks/row"
 async def troubles(composition: Any) -> list[tuple[str, str] | None]:
     async with composition.db.read() as connection:
         records = await store.page(connection, store.MissionFilter(), before=None, limit=100)
-    return [each.trouble and (each.trouble.code, each.trouble.detail) for each in records]
+    found = [each.trouble for each in records]
+    return [None if each is None else (each.code, each.detail) for each in found]
 
 
 async def publish(composition: Any, network: dict[str, Any]) -> None:
