@@ -19,7 +19,7 @@ def main(arguments: list[str]) -> int:
     outcome = asyncio.run(run(burst))
     for table in _tables(outcome):
         print(f"{table.as_markdown()}\n", flush=True)
-    return 0 if outcome.violations.startswith("0 violations") else 1
+    return 0 if outcome.is_right else 1
 
 
 def _tables(outcome: Outcome) -> list[Table]:

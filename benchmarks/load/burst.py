@@ -10,7 +10,10 @@ Storage = Literal["embedded", "production"]
 
 @dataclass(frozen=True, slots=True)
 class Burst:
-    """One run; times are wall seconds, `clock_rate` is fleet seconds per wall second."""
+    """One run; times are wall seconds, `clock_rate` is fleet seconds per wall second.
+
+    At production's own clock rate, 1, a drone tells of itself as often as a real one does.
+    """
 
     storage: Storage
     stations: int
@@ -45,7 +48,7 @@ def read_burst(arguments: list[str]) -> Burst:
     parser.add_argument("--providers", type=int, default=20)
     parser.add_argument("--rate-per-s", type=float, default=10.0)
     parser.add_argument("--seconds", type=float, default=60.0)
-    parser.add_argument("--clock-rate", type=float, default=60.0)
+    parser.add_argument("--clock-rate", type=float, default=1.0)
     parser.add_argument("--agents", type=int, default=4, help="processes that host the drones")
     parser.add_argument("--patience-s", type=float, default=30.0, help="after the last request")
     parser.add_argument("--seed", type=int, default=1)

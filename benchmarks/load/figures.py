@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Final
 
 from benchmarks.load.burst import Burst
 from benchmarks.load.cpu import CpuReading
@@ -10,6 +11,9 @@ from benchmarks.load.follow import Followed
 from benchmarks.load.send import Sent
 from skyway.contracts.delivery_event import DeliveryEventType
 from skyway.ids import DeliveryId
+
+#: Rounds of booking in which somebody else was faster, as composition counts them.
+_CONFLICTS: Final = "skyway_booking_conflicts_total"
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,6 +38,11 @@ class Outcome:
     counted: Mapping[str, float]
     violations: str
 
+    @property
+    def is_right(self) -> bool:
+        """Whether no invariant is broken."""
+        return self.violations.startswith("0 violations")
+
     def rows(self) -> list[tuple[str, ...]]:
         """The issue's table, what is measured and its value."""
         sent, followed = self.sent, self.followed
@@ -54,6 +63,7 @@ class Outcome:
             ("planned, dispatched in the end", f"{len(planned)}, {len(dispatched)}"),
             ("completed meanwhile", f"{len(followed.of(DeliveryEventType.COMPLETED))}"),
             ("recompositions", f"{followed.replanned}"),
+            ("conflicts", f"{self.counted.get(_CONFLICTS, 0.0):g}"),
             ("rejected", f"{rejected}" + (f": {reasons}" if reasons else "")),
             ("invariants", self.violations),
         ]

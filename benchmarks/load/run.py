@@ -2,11 +2,13 @@
 
 import asyncio
 import os
+import shutil
 import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
@@ -25,20 +27,22 @@ from skyway.cli.children import Ports
 from skyway.cli.data_folder import DataFolder
 from skyway.cli.keys import read_keys
 from skyway.cli.system import System, running_system
+from skyway.errors import SkywayError
 
 #: Wall seconds to find out what the system costs when nothing is asked of it.
 _IDLE_S: Final = 8.0
 
-#: The first requests compile and fill caches, which is not what a burst costs.
-_WARM_UP_S: Final = 5.0
-_WARM_UP_PER_S: Final = 2.0
+#: The first requests compile and fill caches, which is not what a burst costs: small waves come
+#: until one of them is dispatched almost at once.
+_WAVE_S: Final = 3.0
+_WAVE_PER_S: Final = 3.0
+_WARM_WITHIN_S: Final = 2.0
+_MOST_WAVES: Final = 20
 
 
 async def run(burst: Burst) -> Outcome:
-    """The run from its first process to its last; nothing of it is left behind."""
-    with tempfile.TemporaryDirectory(prefix="skyway-load-") as name:
-        folder = DataFolder(Path(name))
-        folder.make()
+    """The run from its first process to its last; of one that goes wrong the logs are kept."""
+    with _folder() as folder:
         with storage_pair(burst.storage, folder) as servers:
             async with running_system(
                 folder, rate=burst.clock_rate, ports=Ports(gateway=0, broker=0)
@@ -47,7 +51,29 @@ async def run(burst: Burst) -> Outcome:
                 key = read_keys(folder)["SKYWAY_OPERATOR_KEY"]
                 async with GatewayApi(system.urls["gateway"]) as api:
                     world = await populate(system, api, city, operator_key=key, burst=burst)
-                return await _measured(system, world, city, burst=burst, servers=servers)
+                outcome = await _measured(system, world, city, burst=burst, servers=servers)
+        if not outcome.is_right:
+            _keep_logs(folder)
+        return outcome
+
+
+@contextmanager
+def _folder() -> Iterator[DataFolder]:
+    """A data folder for the length of the block."""
+    with tempfile.TemporaryDirectory(prefix="skyway-load-") as name:
+        folder = DataFolder(Path(name))
+        folder.make()
+        try:
+            yield folder
+        except Exception:
+            _keep_logs(folder)
+            raise
+
+
+def _keep_logs(folder: DataFolder) -> None:
+    kept = tempfile.mkdtemp(prefix="skyway-load-logs-")
+    shutil.copytree(folder.logs, kept, dirs_exist_ok=True)
+    print(f"the logs are in {kept}", file=sys.stderr, flush=True)
 
 
 async def _measured(
@@ -89,10 +115,19 @@ async def _idle(pids: Mapping[str, int]) -> tuple[CpuReading, float]:
 
 
 async def _warm_up(system: System, world: World, city: City, *, burst: Burst) -> None:
-    first = city.requests(rate_per_s=_WARM_UP_PER_S, seconds=_WARM_UP_S, seed=burst.seed + 1)
+    wanted = 0
     async with following(world, mqtt_url=system.mqtt_url) as followed:
-        sent = await send(system.urls["gateway"], world, first)
-        await _until_settled(followed, len(sent.asked_at), within_s=burst.patience_s)
+        for wave in range(1, _MOST_WAVES + 1):
+            requests = city.requests(
+                rate_per_s=_WAVE_PER_S, seconds=_WAVE_S, seed=burst.seed + wave
+            )
+            sent = await send(system.urls["gateway"], world, requests)
+            wanted += len(sent.asked_at)
+            ended_s = time.monotonic()
+            await _until_settled(followed, wanted, within_s=burst.patience_s)
+            if time.monotonic() - ended_s < _WARM_WITHIN_S and sent.asked_at:
+                return
+    raise SkywayError(f"the system was not warm after {_MOST_WAVES} waves of requests")
 
 
 async def _until_settled(followed: Followed, wanted: int, *, within_s: float) -> None:

@@ -17,6 +17,8 @@ from skyway.ids import DeliveryId
 
 _CONNECTIONS: Final = 32
 _TIMEOUT_S: Final = 30.0
+#: Servers close what was silent for 5 s; a request must not meet that.
+_KEPT_S: Final = 4.0
 
 
 @dataclass(slots=True)
@@ -35,7 +37,11 @@ class Sent:
 async def send(url: str, world: World, requests: Iterable[Wanted]) -> Sent:
     """Send each request when it is due, and wait for all answers."""
     sent = Sent()
-    limits = httpx.Limits(max_connections=_CONNECTIONS, max_keepalive_connections=_CONNECTIONS)
+    limits = httpx.Limits(
+        max_connections=_CONNECTIONS,
+        max_keepalive_connections=_CONNECTIONS,
+        keepalive_expiry=_KEPT_S,
+    )
     customers = cycle(world.customers)
     started_s = time.monotonic()
     async with (

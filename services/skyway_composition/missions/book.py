@@ -19,10 +19,12 @@ from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database, Tx
 from skyway.runtime.errors import Taken
 from skyway.runtime.loops import Wake
+from skyway.runtime.metrics import count
 from skyway.runtime.minting import Mint
 from skyway.units import moment_to_ms
 from skyway_composition.links.store import occupied_among
 from skyway_composition.missions import store
+from skyway_composition.missions.deliveries.store import close_delivery, lock_delivery
 from skyway_composition.missions.engage import engage
 from skyway_composition.missions.outcome import all_taken, pickup_unknown, without_offer
 from skyway_composition.networks.prepared import PreparedNetworks
@@ -96,12 +98,12 @@ class Bookings:
     async def close(self, delivery_id: DeliveryId) -> ClosedDelivery:
         """Book nothing more for this delivery, unless something is booked already."""
         async with self.db.write() as tx:
-            closed_ms = await store.lock_delivery(tx, delivery_id)
+            closed_ms = await lock_delivery(tx, delivery_id)
             if closed_ms is None:
                 missions = await store.live_missions_of(tx.connection, delivery_id)
                 if missions:
                     return ClosedDelivery(is_closed=False, missions=missions)
-                await store.close_delivery(tx, delivery_id, moment_to_ms(self.clock.now()))
+                await close_delivery(tx, delivery_id, moment_to_ms(self.clock.now()))
             return ClosedDelivery(is_closed=True)
 
     async def _look(self, pickup: StationId) -> World | None:
@@ -156,6 +158,7 @@ class Bookings:
             except Taken as taken:
                 delivery_id = this_round.delivery_id
                 log.info("offer taken", extra={"delivery_id": delivery_id, "by": taken.constraint})
+                _count_conflict(taken.constraint)
                 if taken.constraint != _DRONE_TAKEN:
                     # Every other offer was planned around the same pads.
                     return None, offers.reasons
@@ -164,6 +167,7 @@ class Bookings:
                     return None, offers.reasons
                 busy |= now_busy
             except _Outdated:
+                _count_conflict("outdated")
                 return None, offers.reasons
 
     async def _take(self, tx: Tx, this_round: _Round, offer: Offer) -> Booking:
@@ -173,7 +177,7 @@ class Bookings:
         network, drones, missions, pads.
         """
         delivery_id, wanted = this_round.delivery_id, this_round.wanted
-        if await store.lock_delivery(tx, delivery_id) is not None:
+        if await lock_delivery(tx, delivery_id) is not None:
             return Booking(outcome="CLOSED")
         booked = await store.missions_of(tx.connection, delivery_id, attempt=wanted.attempt)
         if booked:
@@ -194,3 +198,7 @@ class Bookings:
         )
         tx.after_commit(self.pads_changed.set)
         return Booking(outcome="BOOKED", missions=missions)
+
+
+def _count_conflict(by: str) -> None:
+    count("skyway_booking_conflicts", "offers that could not be taken any more", by=by)
