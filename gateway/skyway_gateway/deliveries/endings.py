@@ -17,11 +17,19 @@ CANCELLED_CODE: Final = "CANCELLED"
 def settled(
     progress: Progress, *, at: datetime, code: str | None = None, detail: str | None = None
 ) -> Progress:
-    """The end of the delivery, if all its packages are settled now; else as it was."""
+    """The end of the delivery, if all its packages are settled now; else as it was.
+
+    Without a code of the last report, it is told why the first package was not delivered.
+    """
     delivery = progress.delivery
     if delivery.is_over or not all(package.is_settled for package in delivery.packages):
         return progress
     end = changed(delivery, state=_end_of(delivery), activity=None, flags=Flags(), updated_at=at)
+    if code is None:
+        code, detail = next(
+            ((one.code, one.detail) for one in end.packages if one.state != "DELIVERED"),
+            (None, None),
+        )
     data = told.completed(end) if end.state == "COMPLETED" else told.ended(end, code, detail)
     kind = DeliveryEventType(f"delivery.{end.state.lower()}")
     return Progress(end, (*progress.happenings, Happening(kind, at, data)))

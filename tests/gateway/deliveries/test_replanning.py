@@ -158,6 +158,18 @@ async def test_nobody_there_brings_the_package_to_the_alternative(gateway: Any) 
     assert package["proof"]["station_id"] == "san-antonio"
 
 
+async def test_nobody_there_and_no_alternative_says_why_the_delivery_failed(gateway: Any) -> None:
+    delivery_id = await under_way(gateway)
+    why = {"code": "RECIPIENT_ABSENT", "detail": "nobody took p1"}
+    await gateway.report(delivery_id, "RETURNING", seq=4, package_ids=["p1"], **why)
+    await gateway.report(
+        delivery_id, "RETURNED", seq=5, package_ids=["p1"], station_id="san-marcos"
+    )
+    failed = (await gateway.events(delivery_id))[-1]
+    assert failed["type"] == "delivery.failed"
+    assert {name: failed["data"][name] for name in why} == why
+
+
 async def test_what_is_delivered_stays_delivered_whatever_is_said_later(gateway: Any) -> None:
     delivery_id = await under_way(gateway, packages=2)
     await gateway.report(delivery_id, "DELIVERED", seq=4, package_ids=["p1"])
