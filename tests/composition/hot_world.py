@@ -356,7 +356,7 @@ class HotWorld:
             drone.set_reception(True)
         self.loaders = "RIGHT"
         over_at = self.clock.now() + _OVER_WITHIN
-        while (records := await self.live()) and self.clock.now() < over_at:
+        while ((records := await self.live()) or self._flying()) and self.clock.now() < over_at:
             for record in records:
                 if record.mission.is_held:
                     await self.command(record.mission_id, "RESUME", None)
@@ -381,8 +381,10 @@ class HotWorld:
             assert [each.seq for each in story] == list(range(1, len(story) + 1))
             ends = [each.kind for each in story if each.kind in ("ENDED", "REFUSED")]
             assert len(ends) == 1, story
-        flying = [each.drone_id for each in self.drones if each.logbook.mission is not None]
-        assert flying == []
+        assert self._flying() == []
+
+    def _flying(self) -> list[str]:
+        return [each.drone_id for each in self.drones if each.logbook.mission is not None]
 
     def _handed_over(self) -> Iterator[tuple[str, str]]:
         """What drones have done: a delivery's package for each time it was handed over."""
