@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any
+from typing import Any, Final
 
-from sqlalchemy import ColumnElement, Row, and_, exists, insert, select, update
+from sqlalchemy import ColumnElement, Row, and_, bindparam, exists, insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import KeyId, SubjectId
@@ -16,6 +16,11 @@ from skyway.runtime.paging import PageQuery
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_gateway.access.key import ApiKey, KeyRole
 from skyway_gateway.tables import api_keys
+
+#: Asked with every request, and so made once.
+_CALLER: Final = select(api_keys.c.role, api_keys.c.subject_id).where(
+    api_keys.c.key_hash == bindparam("key_hash"), api_keys.c.deleted_wall_ms.is_(None)
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,10 +59,7 @@ async def add_if_new(tx: Tx, key: ApiKey, *, key_hash: str) -> None:
 
 async def caller_of(connection: AsyncConnection, key_hash: str) -> Caller | None:
     """Whose key this is; None when it is nobody's, or deleted."""
-    statement = select(api_keys.c.role, api_keys.c.subject_id).where(
-        api_keys.c.key_hash == key_hash, api_keys.c.deleted_wall_ms.is_(None)
-    )
-    row = (await connection.execute(statement)).one_or_none()
+    row = (await connection.execute(_CALLER, {"key_hash": key_hash})).one_or_none()
     return None if row is None else Caller(row.role, row.subject_id)
 
 

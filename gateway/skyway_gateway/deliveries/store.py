@@ -9,13 +9,13 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, Final
 
-from sqlalchemy import Row, and_, exists, insert, select, update
+from sqlalchemy import BindParameter, Row, and_, bindparam, exists, insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.mission import MissionReport
 from skyway.ids import DeliveryId, MissionId
-from skyway.runtime.claims import FREE, claim
+from skyway.runtime.claims import FREE, NOW_MS, Claiming
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database, Tx
 from skyway.runtime.errors import NotFound
@@ -34,6 +34,43 @@ from skyway_gateway.tables import custody, deliveries, missions, packages
 #: same, so a claim that runs out costs a question, not a second drone.
 _LEASE_S: Final = 25.0
 
+# Statements of every delivery are made once: to make one takes as long as to run it.
+
+_CLAIMING: Final = Claiming.of(
+    deliveries,
+    where=and_(deliveries.c.is_queued, deliveries.c.next_try_wall_ms <= NOW_MS),
+    order_by=[deliveries.c.next_try_wall_ms, deliveries.c.delivery_id],
+)
+_THIS: Final = deliveries.c.delivery_id == bindparam("this")
+_LOCKED: Final = select(deliveries).where(_THIS).with_for_update()
+_SAVE: Final = update(deliveries).where(
+    _THIS,
+    deliveries.c.state == bindparam("state_before"),
+    deliveries.c.attempt == bindparam("attempt_before"),
+)
+_IDS: Final[BindParameter[Sequence[str]]] = bindparam("ids", expanding=True)
+_PACKAGES: Final = (
+    select(packages).where(packages.c.delivery_id.in_(_IDS)).order_by(packages.c.number)
+)
+#: A refused mission was never flown, and is told in `refusals`.
+_MISSIONS: Final = (
+    select(missions.c.delivery_id, missions.c.body)
+    .where(missions.c.delivery_id.in_(_IDS), missions.c.state != "REFUSED")
+    .order_by(missions.c.attempt, missions.c.trip)
+)
+_SAVE_PACKAGE: Final = (
+    update(packages)
+    .where(
+        packages.c.delivery_id == bindparam("this"),
+        packages.c.package_id == bindparam("this_package"),
+    )
+    .values(custody_seq=packages.c.custody_seq + bindparam("moves"))
+    .returning(packages.c.custody_seq)
+)
+_THIS_MISSION: Final = missions.c.mission_id == bindparam("this")
+_SAVE_MISSION: Final = update(missions).where(_THIS_MISSION)
+_REPORTED: Final = select(missions.c.mission_id, missions.c.report_seq).where(_THIS_MISSION)
+
 
 @dataclass(frozen=True, slots=True)
 class ReportedMission:
@@ -46,7 +83,7 @@ class ReportedMission:
 async def add(tx: Tx, queued: Queued) -> None:
     """Keep a new delivery: from now on it is in the queue, and its packages are in custody."""
     delivery = queued.delivery
-    await tx.execute(insert(deliveries).values(rows.new_delivery(queued)))
+    await tx.execute(insert(deliveries), rows.new_delivery(queued))
     await tx.execute(insert(packages), rows.new_packages(delivery))
     first_links = [rows.custody_row(delivery, package, seq=1) for package in delivery.packages]
     await tx.execute(insert(custody), first_links)
@@ -56,22 +93,9 @@ async def claim_queued(
     db: Database, *, limit: int, claimant: str, clock: FleetClock
 ) -> Sequence[Queued]:
     """Deliveries whose booking is due, the longest waiting first, now held by us."""
-    is_due = and_(
-        deliveries.c.is_queued,
-        deliveries.c.next_try_wall_ms <= moment_to_ms(clock.wall_now()),
-    )
-    due = await claim(
-        db,
-        deliveries,
-        where=is_due,
-        order_by=[deliveries.c.next_try_wall_ms, deliveries.c.delivery_id],
-        limit=limit,
-        claimant=claimant,
-        lease_s=_LEASE_S,
-        clock=clock,
-    )
-    async with db.read() as connection:
-        found = await with_parts(connection, due)
+    async with db.write() as tx:
+        due = await _CLAIMING.run(tx, limit=limit, claimant=claimant, lease_s=_LEASE_S, clock=clock)
+        found = await with_parts(tx.connection, due)
     return [rows.queued_of(row, delivery) for row, delivery in zip(due, found, strict=True)]
 
 
@@ -123,8 +147,7 @@ async def lock(tx: Tx, delivery_id: DeliveryId) -> Delivery:
     NotFound
         There is no such delivery.
     """
-    statement = select(deliveries).where(deliveries.c.delivery_id == delivery_id)
-    found = (await tx.execute(statement.with_for_update())).all()
+    found = (await tx.execute(_LOCKED, {"this": delivery_id})).all()
     if not found:
         raise NotFound("delivery", delivery_id)
     [delivery] = await with_parts(tx.connection, found)
@@ -135,16 +158,16 @@ async def save(tx: Tx, before: Delivery, after: Delivery) -> None:
     """Write what changed of a locked delivery."""
     if not may_follow(after.state, before.state):
         raise RuntimeError(f"a delivery never goes from {before.state} to {after.state}")
-    this = and_(
-        deliveries.c.delivery_id == before.delivery_id,
-        deliveries.c.state == before.state,
-        deliveries.c.attempt == before.attempt,
-    )
+    this = {
+        "this": before.delivery_id,
+        "state_before": before.state,
+        "attempt_before": before.attempt,
+    }
     values = rows.changing(after)
     if (before.attempt, before.is_queued) != (after.attempt, after.is_queued):
         # What is to be booked is another thing now, to be looked at at once.
         values |= {"next_try_wall_ms": 0, **FREE}
-    if (await tx.execute(update(deliveries).where(this).values(values))).rowcount != 1:
+    if (await tx.execute(_SAVE, {**this, **values})).rowcount != 1:
         raise RuntimeError(f"delivery {before.delivery_id} was not locked when it was changed")
     for package, changed in zip(before.packages, after.packages, strict=True):
         if changed != package:
@@ -160,23 +183,21 @@ async def _save_missions(
     known = {mission.mission_id: mission for mission in before}
     for mission in after:
         if mission.mission_id not in known:
-            await tx.execute(insert(missions).values(rows.mission_row(mission)))
+            await tx.execute(insert(missions), rows.mission_row(mission))
         elif mission != known[mission.mission_id]:
-            this = missions.c.mission_id == mission.mission_id
-            await tx.execute(update(missions).where(this).values(rows.mission_values(mission)))
+            values = {"this": mission.mission_id, **rows.mission_values(mission)}
+            await tx.execute(_SAVE_MISSION, values)
 
 
 async def reported_mission(tx: Tx, mission_id: MissionId) -> ReportedMission | None:
     """How far a mission's reports are applied; None for a mission that is not known yet."""
-    statement = select(missions.c.mission_id, missions.c.report_seq)
-    row = (await tx.execute(statement.where(missions.c.mission_id == mission_id))).one_or_none()
+    row = (await tx.execute(_REPORTED, {"this": mission_id})).one_or_none()
     return None if row is None else ReportedMission(row.mission_id, row.report_seq)
 
 
 async def note_report(tx: Tx, report: MissionReport) -> None:
     """Note that a mission's reports are applied up to this one."""
-    this = missions.c.mission_id == report.mission_id
-    await tx.execute(update(missions).where(this).values(rows.reported(report)))
+    await tx.execute(_SAVE_MISSION, {"this": report.mission_id, **rows.reported(report)})
 
 
 async def overdue(
@@ -202,20 +223,11 @@ async def with_parts(
     ids = [row.delivery_id for row in found]
     if not ids:
         return []
-    of_packages = (
-        select(packages).where(packages.c.delivery_id.in_(ids)).order_by(packages.c.number)
-    )
-    # A refused mission was never flown, and is told in `refusals`.
-    of_missions = (
-        select(missions.c.delivery_id, missions.c.body)
-        .where(missions.c.delivery_id.in_(ids), missions.c.state != "REFUSED")
-        .order_by(missions.c.attempt, missions.c.trip)
-    )
     packed: dict[str, list[PackageStatus]] = defaultdict(list)
-    for row in await connection.execute(of_packages):
+    for row in await connection.execute(_PACKAGES, {"ids": ids}):
         packed[row.delivery_id].append(rows.package_of(row))
     flown: dict[str, list[FlownMission]] = defaultdict(list)
-    for row in await connection.execute(of_missions):
+    for row in await connection.execute(_MISSIONS, {"ids": ids}):
         flown[row.delivery_id].append(FlownMission.read(row.body))
     return [rows.delivery_of(row, packed[row.delivery_id], flown[row.delivery_id]) for row in found]
 
@@ -223,15 +235,12 @@ async def with_parts(
 async def _save_package(
     tx: Tx, delivery: Delivery, package: PackageStatus, *, has_moved: bool
 ) -> None:
-    this = and_(
-        packages.c.delivery_id == delivery.delivery_id,
-        packages.c.package_id == package.package_id,
-    )
     values = {
+        "this": delivery.delivery_id,
+        "this_package": package.package_id,
+        "moves": int(has_moved),
         **rows.package_values(package),
-        "custody_seq": packages.c.custody_seq + int(has_moved),
     }
-    statement = update(packages).where(this).values(values).returning(packages.c.custody_seq)
-    seq: int = (await tx.execute(statement)).scalar_one()
+    seq: int = (await tx.execute(_SAVE_PACKAGE, values)).scalar_one()
     if has_moved:
-        await tx.execute(insert(custody).values(rows.custody_row(delivery, package, seq=seq)))
+        await tx.execute(insert(custody), rows.custody_row(delivery, package, seq=seq))

@@ -10,6 +10,7 @@ from sqlalchemy import (
     ColumnElement,
     Row,
     and_,
+    bindparam,
     delete,
     exists,
     false,
@@ -46,16 +47,23 @@ from skyway_gateway.tables import (
 #: Longer than a try may take, seconds of wall time.
 _LEASE_S: Final = 20.0
 
+# Statements of every event are made once: to make one takes as long as to run it.
+
+_TAKE_SEQUENCES: Final = (
+    update(deliveries)
+    .where(deliveries.c.delivery_id == bindparam("this"))
+    .values(last_sequence=deliveries.c.last_sequence + bindparam("count"))
+    .returning(deliveries.c.last_sequence)
+)
+_LISTENING: Final = select(webhooks.c.webhook_id, webhooks.c.event_types).where(
+    webhooks.c.customer_id == bindparam("customer_id"), webhooks.c.state == "ACTIVE"
+)
+
 
 async def take_sequences(tx: Tx, delivery_id: DeliveryId, *, count: int) -> int:
     """The last of `count` new sequences of a delivery; its row stays locked until the commit."""
-    statement = (
-        update(deliveries)
-        .where(deliveries.c.delivery_id == delivery_id)
-        .values(last_sequence=deliveries.c.last_sequence + count)
-        .returning(deliveries.c.last_sequence)
-    )
-    last: int = (await tx.execute(statement)).scalar_one()
+    values = {"this": delivery_id, "count": count}
+    last: int = (await tx.execute(_TAKE_SEQUENCES, values)).scalar_one()
     return last
 
 
@@ -79,9 +87,6 @@ async def notify_webhooks(
     tx: Tx, new: Sequence[DeliveryEvent], *, customer_id: SubjectId, at: datetime
 ) -> bool:
     """Make events due at every active webhook that wants them; True when there is one."""
-    statement = select(webhooks.c.webhook_id, webhooks.c.event_types).where(
-        webhooks.c.customer_id == customer_id, webhooks.c.state == "ACTIVE"
-    )
     rows = [
         {
             "webhook_id": webhook.webhook_id,
@@ -92,7 +97,7 @@ async def notify_webhooks(
             "attempts": 0,
             "next_try_wall_ms": moment_to_ms(at),
         }
-        for webhook in await tx.execute(statement)
+        for webhook in await tx.execute(_LISTENING, {"customer_id": customer_id})
         for event in new
         if webhook.event_types is None or event.type in json.loads(webhook.event_types)
     ]
