@@ -58,7 +58,7 @@ class Courier:
             events_confirmed_seq=link.last_event_seq,
             expires_at=expires_at,
         )
-        await store.save_link(tx, link)
+        await store.save_links(tx, [link])
         await store.add_instruction(tx, link.drone_id, instruction)
         address = INSTRUCTIONS(link.provider_id, link.drone_id)
         tx.send(address, instruction, confirmed_by="receiver", stream=link.drone_id)

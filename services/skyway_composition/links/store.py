@@ -1,14 +1,14 @@
 """All SQL of the links: how far the talk with each drone is, and what was sent to it."""
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
-from sqlalchemy import Row, func, insert, select, update
+from sqlalchemy import Row, bindparam, func, insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.drone_report import Connection, DroneState
-from skyway.contracts.instruction import AnyInstruction
+from skyway.contracts.instruction import AnyInstruction, CancelInstruction
 from skyway.ids import DroneId, InstructionId, MissionId, ProviderId
 from skyway.runtime.database import Tx
 from skyway_composition.links.link import DroneLink
@@ -16,6 +16,32 @@ from skyway_composition.tables import drone_links, instructions
 
 #: What the drone has not finally answered.
 _OPEN = ("SENT", "RECEIVED")
+
+# Statements that each booking and each word of a drone needs: making them takes longer than
+# running them does.
+_LINKS_OF: Final = (
+    select(drone_links)
+    .where(drone_links.c.drone_id.in_(bindparam("drone_ids", expanding=True)))
+    .order_by(drone_links.c.drone_id)
+    .with_for_update()
+)
+# Most drones have no mission; reading all their states would take longer than planning.
+_STATES_WITH_MISSION: Final = select(drone_links.c.drone_id, drone_links.c.state).where(
+    drone_links.c.drone_id.in_(bindparam("drone_ids", expanding=True)),
+    drone_links.c.state.contains('"mission_id":"', autoescape=True),
+)
+_SAVE_LINK: Final = update(drone_links).where(drone_links.c.drone_id == bindparam("of_drone"))
+_ADD_INSTRUCTION: Final = insert(instructions)
+_SENT_TO: Final = select(instructions).where(
+    instructions.c.instruction_id == bindparam("instruction_id"),
+    instructions.c.drone_id == bindparam("drone_id"),
+)
+_LAST_REVISION: Final = select(func.max(instructions.c.mission_revision)).where(
+    instructions.c.mission_id == bindparam("mission_id")
+)
+_SET_STATUS: Final = update(instructions).where(
+    instructions.c.instruction_id == bindparam("of_instruction")
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,18 +62,16 @@ class SentInstruction:
 
 async def lock_link(tx: Tx, drone_id: DroneId, provider_id: ProviderId) -> DroneLink:
     """The link to a drone, begun if there was none; nobody else changes it meanwhile."""
-    await _begin(tx, drone_id, provider_id)
-    return (await lock_links(tx, [drone_id]))[drone_id]
+    known = await lock_links(tx, [drone_id])
+    if not known:
+        await _begin(tx, drone_id, provider_id)
+        known = await lock_links(tx, [drone_id])
+    return known[drone_id]
 
 
 async def lock_links(tx: Tx, drone_ids: Collection[DroneId]) -> dict[DroneId, DroneLink]:
     """The links to those of these drones that are known."""
-    found = await tx.execute(
-        select(drone_links)
-        .where(drone_links.c.drone_id.in_(sorted(drone_ids)))
-        .order_by(drone_links.c.drone_id)
-        .with_for_update()
-    )
+    found = await tx.execute(_LINKS_OF, {"drone_ids": sorted(drone_ids)})
     return {row.drone_id: _link(row) for row in found}
 
 
@@ -62,24 +86,22 @@ async def occupied_among(
     connection: AsyncConnection, drone_ids: Collection[DroneId]
 ) -> frozenset[DroneId]:
     """Those of these drones that say they have a mission, whatever we know of it."""
-    found = await connection.execute(
-        select(drone_links).where(
-            drone_links.c.drone_id.in_(drone_ids),
-            # Most drones have none; reading all their states would take longer than planning.
-            drone_links.c.state.contains('"mission_id":"', autoescape=True),
-        )
-    )
-    links = [_link(row) for row in found]
+    found = await connection.execute(_STATES_WITH_MISSION, {"drone_ids": [*drone_ids]})
     return frozenset(
-        link.drone_id
-        for link in links
-        if link.state is not None and link.state.mission_id is not None
+        row.drone_id for row in found if DroneState.read(row.state).mission_id is not None
     )
 
 
-async def save_link(tx: Tx, link: DroneLink) -> None:
-    """Keep a link that is locked."""
-    values = {
+async def save_links(tx: Tx, links: Iterable[DroneLink]) -> None:
+    """Keep links that are locked."""
+    rows = [_values(link) for link in links]
+    if rows:
+        await tx.execute(_SAVE_LINK, rows)
+
+
+def _values(link: DroneLink) -> dict[str, Any]:  # parameters of `_SAVE_LINK` of any type
+    return {
+        "of_drone": link.drone_id,
         "provider_id": link.provider_id,
         "stream": link.stream,
         "last_seq": link.last_seq,
@@ -90,37 +112,30 @@ async def save_link(tx: Tx, link: DroneLink) -> None:
         "state": None if link.state is None else link.state.model_dump_json(),
         "connection": None if link.connection is None else link.connection.model_dump_json(),
     }
-    await tx.execute(
-        update(drone_links).where(drone_links.c.drone_id == link.drone_id).values(values)
-    )
 
 
 async def add_instruction(tx: Tx, drone_id: DroneId, instruction: AnyInstruction) -> None:
     """Keep an instruction that is being sent."""
-    await tx.execute(
-        insert(instructions).values(
-            instruction_id=instruction.instruction_id,
-            drone_id=drone_id,
-            stream=instruction.stream,
-            seq=instruction.seq,
-            kind=instruction.kind,
-            mission_id=instruction.mission_id,
-            mission_revision=instruction.mission_revision,
-            status="SENT",
-            body=instruction.model_dump_json(),
-        )
-    )
+    row = {
+        "instruction_id": instruction.instruction_id,
+        "drone_id": drone_id,
+        "stream": instruction.stream,
+        "seq": instruction.seq,
+        "kind": instruction.kind,
+        "mission_id": instruction.mission_id,
+        "mission_revision": instruction.mission_revision,
+        "status": "SENT",
+        "body": instruction.model_dump_json(),
+    }
+    await tx.execute(_ADD_INSTRUCTION, row)
 
 
 async def instruction(
     tx: Tx, drone_id: DroneId, instruction_id: InstructionId
 ) -> SentInstruction | None:
     """An instruction that was sent to this drone."""
-    found = await tx.execute(
-        select(instructions).where(
-            instructions.c.instruction_id == instruction_id, instructions.c.drone_id == drone_id
-        )
-    )
+    wanted = {"instruction_id": instruction_id, "drone_id": drone_id}
+    found = await tx.execute(_SENT_TO, wanted)
     row = found.one_or_none()
     return None if row is None else _sent(row)
 
@@ -148,41 +163,47 @@ async def open_instructions(tx: Tx, drone_id: DroneId) -> list[SentInstruction]:
     return [_sent(row) for row in found]
 
 
+async def last_cancel(tx: Tx, link: DroneLink, mission_id: MissionId) -> CancelInstruction | None:
+    """How the drone was last told to forget a mission, in the present stream, if it was."""
+    found = await tx.execute(
+        select(instructions.c.body)
+        .where(
+            instructions.c.drone_id == link.drone_id,
+            instructions.c.mission_id == mission_id,
+            instructions.c.kind == "CANCEL",
+            instructions.c.stream == link.stream,
+        )
+        .order_by(instructions.c.seq.desc())
+        .limit(1)
+    )
+    body = found.scalar_one_or_none()
+    return None if body is None else CancelInstruction.read(body)
+
+
 async def last_revision(tx: Tx, mission_id: MissionId) -> int:
     """The newest revision of a mission that was ever sent, taken or not."""
-    found = await tx.execute(
-        select(func.max(instructions.c.mission_revision)).where(
-            instructions.c.mission_id == mission_id
-        )
-    )
+    found = await tx.execute(_LAST_REVISION, {"mission_id": mission_id})
     return found.scalar_one() or 0
 
 
 async def set_status(tx: Tx, instruction_id: InstructionId, status: str) -> None:
     """Note how far the drone's answer is."""
-    await tx.execute(
-        update(instructions)
-        .where(instructions.c.instruction_id == instruction_id)
-        .values(status=status)
-    )
+    await tx.execute(_SET_STATUS, {"of_instruction": instruction_id, "status": status})
 
 
 async def _begin(tx: Tx, drone_id: DroneId, provider_id: ProviderId) -> None:
     fresh = DroneLink(drone_id, provider_id)
-    await tx.execute(
-        tx.insert(drone_links)
-        .values(
-            drone_id=drone_id,
-            provider_id=provider_id,
-            stream=fresh.stream,
-            last_seq=fresh.last_seq,
-            acked_stream=fresh.acked_stream,
-            acked_session=fresh.acked_session,
-            last_event_seq=fresh.last_event_seq,
-            report_asked_wall_ms=fresh.report_asked_wall_ms,
-        )
-        .on_conflict_do_nothing()
-    )
+    row = {
+        "drone_id": drone_id,
+        "provider_id": provider_id,
+        "stream": fresh.stream,
+        "last_seq": fresh.last_seq,
+        "acked_stream": fresh.acked_stream,
+        "acked_session": fresh.acked_session,
+        "last_event_seq": fresh.last_event_seq,
+        "report_asked_wall_ms": fresh.report_asked_wall_ms,
+    }
+    await tx.execute(tx.insert(drone_links).on_conflict_do_nothing(), row)
 
 
 def _link(row: Row[Any]) -> DroneLink:  # a row of drone_links

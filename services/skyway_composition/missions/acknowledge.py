@@ -39,7 +39,7 @@ async def take_ack(watch: Watch, link: DroneLink, ack: Ack) -> None:
     if sent is None:
         return
     link = link.acked(ack.stream, ack.session)
-    await watch.keep_link(link)
+    watch.note_link(link)
     if ack.code is RefusalCode.SEQUENCE_GAP:
         await _take_gap(watch, link, ack)
         return
@@ -101,7 +101,8 @@ async def _take_acceptance(watch: Watch, link: DroneLink, sent: SentInstruction)
     if record is not None and record.mission_id == sent.mission_id:
         await watch.keep(accepted(watch, record))
         # What has come up meanwhile waited for this answer.
-        await store.plan_at_once(watch.tx, record.mission_id)
+        if record.needs_plan:
+            await store.plan_at_once(watch.tx, record.mission_id)
         return
     if sent.mission_id is None or sent.mission_revision is None:
         return

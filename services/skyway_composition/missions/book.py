@@ -12,6 +12,8 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Final
 
+from sqlalchemy.ext.asyncio import AsyncConnection
+
 from skyway.contracts.candidate import Candidate, ProviderReason
 from skyway.contracts.mission import Booking, BookMissions, ClosedDelivery
 from skyway.ids import DeliveryId, DroneId, StationId
@@ -77,13 +79,14 @@ class Bookings:
         for round_number in range(_MOST_ROUNDS):
             async with self.db.read() as connection:
                 booked = await store.missions_of(connection, delivery_id, attempt=wanted.attempt)
+                busy = await _busy_among(connection, [each.drone_id for each in wanted.candidates])
             if booked:
                 return Booking(outcome="BOOKED", missions=booked)
             world = await self._look(wanted.request.pickup.station_id)
             if world is None:
                 return pickup_unknown(wanted)
             this_round = self._round(delivery_id, wanted, world, round_number)
-            booking, reasons = await self._book_in(this_round)
+            booking, reasons = await self._book_in(this_round, busy)
             if booking is not None:
                 return booking
         return all_taken(wanted, reasons)
@@ -91,9 +94,7 @@ class Bookings:
     async def busy_among(self, drone_ids: Collection[DroneId]) -> frozenset[DroneId]:
         """Those of these drones that are on a mission, or may be."""
         async with self.db.read() as connection:
-            busy = await store.busy_among(connection, drone_ids)
-            # A drone that was given up on may still be out there with its mission.
-            return busy | await occupied_among(connection, drone_ids)
+            return await _busy_among(connection, drone_ids)
 
     async def close(self, delivery_id: DeliveryId) -> ClosedDelivery:
         """Book nothing more for this delivery, unless something is booked already."""
@@ -136,11 +137,10 @@ class Bookings:
         )
 
     async def _book_in(
-        self, this_round: _Round
+        self, this_round: _Round, busy: frozenset[DroneId]
     ) -> tuple[Booking | None, tuple[ProviderReason, ...]]:
         """The booking of the best offer that nobody else has taken; None when a look is due."""
         drone_ids = [each.drone_id for each in this_round.candidates]
-        busy = await self.busy_among(drone_ids)
         while True:
             offers = await plan_offers(
                 this_round.finder,
@@ -202,3 +202,11 @@ class Bookings:
 
 def _count_conflict(by: str) -> None:
     count("skyway_booking_conflicts", "offers that could not be taken any more", by=by)
+
+
+async def _busy_among(
+    connection: AsyncConnection, drone_ids: Collection[DroneId]
+) -> frozenset[DroneId]:
+    busy = await store.busy_among(connection, drone_ids)
+    # A drone that was given up on may still be out there with its mission.
+    return busy | await occupied_among(connection, drone_ids)

@@ -90,13 +90,14 @@ async def _add_steps(
         terms=StepTerms.of(record, skyway.settings),
         first_step=1,
     )
-    await store.add_steps(tx, record.mission_id, steps, revision=1)
+    await store.add_steps(tx, record.mission_id, steps)
     return steps
 
 
 async def _begin_custody(tx: Tx, records: Sequence[MissionRecord]) -> None:
     """The pickup station holds what no earlier attempt has begun to carry."""
-    held = await store.held_packages(tx.connection, records[0].mission.delivery_id)
+    first = records[0].mission
+    held = await store.held_packages(tx.connection, first.delivery_id) if first.attempt > 1 else {}
     for record in records:
         station = Custodian("STATION", record.request.pickup.station_id)
         rows = [

@@ -6,6 +6,7 @@ missing; states and connections only ever replace older ones. So a batch may be 
 every replica may read everything.
 """
 
+import asyncio
 import logging
 from collections.abc import AsyncIterator, Sequence
 from dataclasses import replace
@@ -22,6 +23,7 @@ from skyway.runtime.loops import Wake, repeat
 from skyway.runtime.metrics import count
 from skyway.runtime.minting import Mint
 from skyway.runtime.mqtt import Received
+from skyway.runtime.mqtt_inbox import BATCH_SIZE
 from skyway_composition.links.link import DroneLink
 from skyway_composition.links.store import lock_link
 from skyway_composition.missions import store
@@ -34,6 +36,10 @@ log = logging.getLogger(__name__)
 
 #: A batch that fails this often is let go: drones repeat what matters, others must not wait.
 _TRIES = 3
+
+#: Seconds of wall time between two batches: what arrives meanwhile takes one transaction, and what
+#: a drone says of one thing, an acknowledgement and two states, comes together.
+_PAUSE_S = 0.05
 
 
 class Subscriber(Protocol):
@@ -75,7 +81,9 @@ class Follower:
         except ServiceUnavailable:
             self._tries -= 1  # that is not the batch's fault
             raise
-        self._batch = []
+        is_full, self._batch = len(self._batch) >= BATCH_SIZE, []
+        if not is_full:
+            await asyncio.sleep(_PAUSE_S)
         return True
 
     async def take(self, batch: Sequence[Received[Any]]) -> None:
@@ -88,6 +96,7 @@ class Follower:
                 watch.links[drone_id] = await lock_link(tx, drone_id, writers[drone_id])
             for received in batch:
                 await self._take_one(watch, received)
+            await watch.keep_links()
             if any(record.needs_plan for record in watch.missions.values()):
                 tx.after_commit(self._stuck.set)
 
@@ -116,9 +125,9 @@ class Follower:
             case DroneState() as state:
                 await take_state(watch, link, state)
             case Connection() as connection:
-                await _take_connection(watch, link, connection)
+                _take_connection(watch, link, connection)
 
 
-async def _take_connection(watch: Watch, link: DroneLink, connection: Connection) -> None:
+def _take_connection(watch: Watch, link: DroneLink, connection: Connection) -> None:
     if link.connects_newer(connection):
-        await watch.keep_link(replace(link, connection=connection))
+        watch.note_link(replace(link, connection=connection))

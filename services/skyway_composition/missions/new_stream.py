@@ -18,7 +18,7 @@ async def open_stream(watch: Watch, link: DroneLink, state: DroneState) -> None:
         "new stream", extra={"drone_id": link.drone_id, "stream": link.in_new_stream(state).stream}
     )
     await watch.courier.withdraw_open(watch.tx, link)
-    await watch.keep_link(link.in_new_stream(state))
+    watch.note_link(link.in_new_stream(state))
     record = watch.missions.get(link.drone_id)
     if record is None:
         return

@@ -32,7 +32,7 @@ async def take_event(watch: Watch, link: DroneLink, event: DroneEvent) -> None:
     if event.seq > link.last_event_seq + 1:
         watch.links[link.drone_id] = await watch.courier.ask_for_events(watch.tx, link)
         return
-    await watch.keep_link(replace(link, last_event_seq=event.seq))
+    watch.note_link(replace(link, last_event_seq=event.seq))
     record = watch.missions.get(link.drone_id)
     if event.event == "ALARM":
         await _take_alarm(watch, link, event)

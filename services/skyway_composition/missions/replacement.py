@@ -22,7 +22,9 @@ async def replace_plan(
         Somebody else holds one of the new pads.
     """
     mission = revision.mission
-    await store.add_steps(watch.tx, record.mission_id, revision.steps, revision=mission.revision)
+    await store.replace_planned(
+        watch.tx, record.mission_id, revision.steps, revision=mission.revision
+    )
     record = with_aims(watch, record, revision.aims, code=trouble.code, detail=trouble.detail)
     record = replace(record, mission=mission, stuck=None, trouble=None, told=None)
     await give_back(watch, record)

@@ -11,6 +11,9 @@ from skyway_composition.missions.record import MissionRecord
 
 _PATH: Final = "/internal/mission-reports"
 
+#: What makes a drone busy or free: all that the registry wants to know.
+_OF_THE_DRONE: Final = ("ACCEPTED", "REFUSED", "ENDED")
+
 
 def report(
     tx: Tx,
@@ -39,6 +42,7 @@ def report(
             **fields,
         }
     )
-    for service in ("gateway", "registry"):
-        tx.report(service, _PATH, told, stream=mission.mission_id)
+    tx.report("gateway", _PATH, told, stream=mission.mission_id)
+    if kind in _OF_THE_DRONE:
+        tx.report("registry", _PATH, told, stream=mission.mission_id)
     return replace(record, report_seq=told.seq)

@@ -6,6 +6,7 @@ from typing import Final
 from skyway.contracts.drone_report import DroneState
 from skyway.ids import DroneId, MissionId
 from skyway_composition.links.link import DroneLink
+from skyway_composition.links.store import last_cancel
 from skyway_composition.missions import store
 from skyway_composition.missions.beginning import begun
 from skyway_composition.missions.custody import on_board
@@ -38,7 +39,7 @@ async def take_state(watch: Watch, link: DroneLink, state: DroneState) -> None:
     if must_open_stream:
         await open_stream(watch, link, state)
         return
-    await watch.keep_link(link)
+    watch.note_link(link)
     if state.stream == link.stream and state.last_event_seq > link.last_event_seq:
         watch.links[link.drone_id] = await watch.courier.ask_for_events(watch.tx, link)
     record = watch.missions.get(link.drone_id)
@@ -55,7 +56,14 @@ async def _call_off_if_over(
 ) -> None:
     """Have the drone forget a mission of its own that ended here without its knowing."""
     known = await store.get(watch.tx.connection, mission_id, provider_id=None)
-    if known is not None and known.drone_id == drone_id:
+    told = await last_cancel(watch.tx, watch.links[drone_id], mission_id)
+    # Told once, it answers with a state like this one, until it has landed or handed over.
+    is_told = (
+        told is not None
+        and state.last_event_seq <= told.events_confirmed_seq
+        and watch.clock.now() <= told.expires_at
+    )
+    if known is not None and known.drone_id == drone_id and not is_told:
         revision = state.mission_revision or known.mission.revision
         await call_off(
             watch,

@@ -21,12 +21,59 @@ from skyway_composition.missions.custody import Custodian, Held
 from skyway_composition.missions.record import Aim, MissionRecord, Proposal, Stuck, Trouble
 from skyway_composition.missions.step_columns import step_columns
 from skyway_composition.missions.step_record import StepRecord, read_step
-from skyway_composition.tables import custody, deliveries, mission_steps, missions
+from skyway_composition.tables import custody, mission_steps, missions
 
 _AIMS: Final = TypeAdapter(tuple[Aim, ...])
 
 #: An event that names no revision is of whichever is known.
 _ANY_REVISION: Final = 2**31 - 1
+
+# Statements that each booking and each word of a drone needs: making them takes longer than
+# running them does.
+_OF_ATTEMPT: Final = (
+    select(missions.c.body)
+    .where(
+        missions.c.delivery_id == bindparam("delivery_id"),
+        missions.c.attempt == bindparam("attempt"),
+    )
+    .order_by(missions.c.trip)
+)
+_BUSY: Final = select(missions.c.drone_id).where(
+    missions.c.drone_id.in_(bindparam("drone_ids", expanding=True)),
+    missions.c.state.in_(LIVE_MISSION_STATES),
+)
+_LIVE: Final = (
+    select(missions)
+    .where(
+        missions.c.drone_id.in_(bindparam("drone_ids", expanding=True)),
+        missions.c.state.in_(LIVE_MISSION_STATES),
+    )
+    .order_by(missions.c.drone_id)
+    .with_for_update()
+)
+_ADD: Final = insert(missions)
+_SAVE: Final = update(missions).where(missions.c.mission_id == bindparam("of_mission"))
+_ADD_STEPS: Final = insert(mission_steps)
+_PLANNED_STEP: Final = select(mission_steps.c.step).where(
+    mission_steps.c.mission_id == bindparam("mission_id"),
+    mission_steps.c.step_id == bindparam("step_id"),
+    mission_steps.c.status == "PLANNED",
+    # A step that was cut has the number of the one in its place, which came later.
+    mission_steps.c.revision <= bindparam("revision"),
+)
+_END_STEP: Final = update(mission_steps).where(
+    mission_steps.c.mission_id == bindparam("of_mission"),
+    mission_steps.c.step_id == bindparam("of_step"),
+)
+_STEPS: Final = (
+    select(mission_steps)
+    .where(mission_steps.c.mission_id == bindparam("mission_id"))
+    .order_by(mission_steps.c.step_id)
+)
+_CHAIN: Final = (
+    select(custody).where(custody.c.delivery_id == bindparam("delivery_id")).order_by(custody.c.seq)
+)
+_ADD_CUSTODY: Final = insert(custody)
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,35 +87,13 @@ class MissionFilter:
     loading: str | None = None
 
 
-async def lock_delivery(tx: Tx, delivery_id: DeliveryId) -> int | None:
-    """When the delivery was closed, None while it is open; others who ask wait for this one."""
-    await tx.execute(tx.insert(deliveries).values(delivery_id=delivery_id).on_conflict_do_nothing())
-    found = await tx.execute(
-        select(deliveries.c.closed_ms)
-        .where(deliveries.c.delivery_id == delivery_id)
-        .with_for_update()
-    )
-    closed_ms: int | None = found.scalar_one()
-    return closed_ms
-
-
-async def close_delivery(tx: Tx, delivery_id: DeliveryId, now_ms: int) -> None:
-    """Write the tombstone: nothing is booked for this delivery any more."""
-    await tx.execute(
-        update(deliveries).where(deliveries.c.delivery_id == delivery_id).values(closed_ms=now_ms)
-    )
-
-
 async def missions_of(
     connection: AsyncConnection, delivery_id: DeliveryId, *, attempt: int
 ) -> tuple[Mission, ...]:
     """The missions that were booked for this attempt, in the order of their trips."""
-    found = await connection.execute(
-        select(missions)
-        .where(missions.c.delivery_id == delivery_id, missions.c.attempt == attempt)
-        .order_by(missions.c.trip)
-    )
-    return tuple(_record(row).mission for row in found)
+    wanted = {"delivery_id": delivery_id, "attempt": attempt}
+    found = await connection.execute(_OF_ATTEMPT, wanted)
+    return tuple(Mission.read(body) for body in found.scalars())
 
 
 async def live_missions_of(
@@ -87,11 +112,7 @@ async def busy_among(
     connection: AsyncConnection, drone_ids: Collection[DroneId]
 ) -> frozenset[DroneId]:
     """Those of these drones that are on a mission."""
-    found = await connection.execute(
-        select(missions.c.drone_id).where(
-            missions.c.drone_id.in_(drone_ids), missions.c.state.in_(LIVE_MISSION_STATES)
-        )
-    )
+    found = await connection.execute(_BUSY, {"drone_ids": [*drone_ids]})
     return frozenset(found.scalars())
 
 
@@ -104,40 +125,29 @@ async def add(tx: Tx, record: MissionRecord) -> None:
         `mission_drone`: its drone is on another one; `mission_attempt`: it was booked already.
     """
     mission = record.mission
-    await tx.execute(
-        insert(missions).values(
-            mission_id=mission.mission_id,
-            delivery_id=mission.delivery_id,
-            attempt=mission.attempt,
-            trip=mission.trip,
-            provider_id=mission.provider_id,
-            drone_id=mission.drone_id,
-            network_id=record.network_id,
-            expires_ms=record.expires_ms,
-            request=record.request.model_dump_json(),
-            candidate=record.candidate.model_dump_json(),
-            **_changing(record),
-        )
-    )
+    row = {
+        "mission_id": mission.mission_id,
+        "delivery_id": mission.delivery_id,
+        "attempt": mission.attempt,
+        "trip": mission.trip,
+        "provider_id": mission.provider_id,
+        "drone_id": mission.drone_id,
+        "network_id": record.network_id,
+        "request": record.request.model_dump_json(),
+        "candidate": record.candidate.model_dump_json(),
+        **_changing(record),
+    }
+    await tx.execute(_ADD, row)
 
 
 async def save(tx: Tx, record: MissionRecord) -> None:
     """Keep what changed of a mission that is locked."""
-    await tx.execute(
-        update(missions)
-        .where(missions.c.mission_id == record.mission_id)
-        .values(expires_ms=record.expires_ms, **_changing(record))
-    )
+    await tx.execute(_SAVE, {"of_mission": record.mission_id, **_changing(record)})
 
 
 async def lock_live(tx: Tx, drone_ids: Collection[DroneId]) -> dict[DroneId, MissionRecord]:
     """The live missions of these drones; nobody else changes them meanwhile."""
-    found = await tx.execute(
-        select(missions)
-        .where(missions.c.drone_id.in_(drone_ids), missions.c.state.in_(LIVE_MISSION_STATES))
-        .order_by(missions.c.drone_id)
-        .with_for_update()
-    )
+    found = await tx.execute(_LIVE, {"drone_ids": [*drone_ids]})
     return {row.drone_id: _record(row) for row in found}
 
 
@@ -212,7 +222,12 @@ async def plan_at_once(tx: Tx, mission_id: MissionId) -> None:
     )
 
 
-async def add_steps(
+async def add_steps(tx: Tx, mission_id: MissionId, steps: Iterable[FlightStep]) -> None:
+    """Add the steps of a new mission."""
+    await _insert_steps(tx, mission_id, steps, revision=1)
+
+
+async def replace_planned(
     tx: Tx, mission_id: MissionId, steps: Iterable[FlightStep], *, revision: int
 ) -> None:
     """Add the steps of a revision; those it replaces, which never began, go."""
@@ -255,7 +270,7 @@ async def _insert_steps(
         }
         for step in steps
     ]
-    await tx.execute(insert(mission_steps), rows)
+    await tx.execute(_ADD_STEPS, rows)
 
 
 async def change_step(tx: Tx, mission_id: MissionId, step: FlightStep) -> None:
@@ -271,38 +286,30 @@ async def end_step(
     tx: Tx, mission_id: MissionId, event: DroneEvent, *, status: str
 ) -> FlightStep | None:
     """The step that an event ends, unless it has ended already, was never sent or replaced."""
-    found = await tx.execute(
-        select(mission_steps.c.step).where(
-            mission_steps.c.mission_id == mission_id,
-            mission_steps.c.step_id == event.step_id,
-            mission_steps.c.status == "PLANNED",
-            # A step that was cut has the number of the one in its place, which came later.
-            mission_steps.c.revision <= (event.mission_revision or _ANY_REVISION),
-        )
-    )
+    wanted = {
+        "mission_id": mission_id,
+        "step_id": event.step_id,
+        "revision": event.mission_revision or _ANY_REVISION,
+    }
+    found = await tx.execute(_PLANNED_STEP, wanted)
     text = found.scalar_one_or_none()
     if text is None:
         return None
-    await tx.execute(
-        update(mission_steps)
-        .where(mission_steps.c.mission_id == mission_id, mission_steps.c.step_id == event.step_id)
-        .values(
-            status=status,
-            started_ms=None if event.started_at is None else moment_to_ms(event.started_at),
-            ended_ms=moment_to_ms(event.ended_at),
-            event=event.model_dump_json(),
-        )
-    )
+    ended = {
+        "of_mission": mission_id,
+        "of_step": event.step_id,
+        "status": status,
+        "started_ms": None if event.started_at is None else moment_to_ms(event.started_at),
+        "ended_ms": moment_to_ms(event.ended_at),
+        "event": event.model_dump_json(),
+    }
+    await tx.execute(_END_STEP, ended)
     return read_step(text)
 
 
 async def steps_of(connection: AsyncConnection, mission_id: MissionId) -> list[StepRecord]:
     """All steps of a mission, in order."""
-    found = await connection.execute(
-        select(mission_steps)
-        .where(mission_steps.c.mission_id == mission_id)
-        .order_by(mission_steps.c.step_id)
-    )
+    found = await connection.execute(_STEPS, {"mission_id": mission_id})
     return [
         StepRecord(
             step=read_step(row.step),
@@ -318,9 +325,7 @@ async def held_packages(
     connection: AsyncConnection, delivery_id: DeliveryId
 ) -> dict[PackageId, Held]:
     """Who holds each package of a delivery now."""
-    found = await connection.execute(
-        select(custody).where(custody.c.delivery_id == delivery_id).order_by(custody.c.seq)
-    )
+    found = await connection.execute(_CHAIN, {"delivery_id": delivery_id})
     return {
         row.package_id: Held(
             row.package_id, row.seq, Custodian(row.custodian_kind, row.custodian_id)
@@ -344,7 +349,7 @@ async def add_custody(tx: Tx, record: MissionRecord, rows: Iterable[Held], *, at
         for held in rows
     ]
     if added:
-        await tx.execute(insert(custody), added)
+        await tx.execute(_ADD_CUSTODY, added)
 
 
 def _changing(record: MissionRecord) -> dict[str, Any]:  # column values of any type
@@ -353,6 +358,7 @@ def _changing(record: MissionRecord) -> dict[str, Any]:  # column values of any 
         "state": mission.state,
         "start_ms": moment_to_ms(mission.start_at),
         "released_ms": moment_to_ms(mission.released_at),
+        "expires_ms": record.expires_ms,
         "body": mission.model_dump_json(),
         "report_seq": record.report_seq,
         "told": record.told,

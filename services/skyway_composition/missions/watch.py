@@ -1,7 +1,7 @@
 """The watch over some drones in one transaction: their links and live missions, locked together."""
 
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Self
 
 from skyway.ids import DroneId
@@ -10,7 +10,7 @@ from skyway.runtime.database import Tx
 from skyway.runtime.minting import Mint
 from skyway_composition.links.courier import Courier
 from skyway_composition.links.link import DroneLink
-from skyway_composition.links.store import lock_links, save_link
+from skyway_composition.links.store import lock_links, save_links
 from skyway_composition.missions import store
 from skyway_composition.missions.record import MissionRecord
 
@@ -24,6 +24,7 @@ class Watch:
     mint: Mint
     links: dict[DroneId, DroneLink]
     missions: dict[DroneId, MissionRecord]
+    _changed: set[DroneId] = field(default_factory=set)
 
     @classmethod
     async def over(
@@ -38,10 +39,16 @@ class Watch:
         """Sends instructions to these drones."""
         return Courier(self.clock, self.mint)
 
-    async def keep_link(self, link: DroneLink) -> None:
-        """Keep what changed of a link."""
-        self.links[link.drone_id] = link
-        await save_link(self.tx, link)
+    def note_link(self, link: DroneLink) -> None:
+        """Know what changed of a link; `keep_links` keeps it."""
+        if link != self.links[link.drone_id]:
+            self.links[link.drone_id] = link
+            self._changed.add(link.drone_id)
+
+    async def keep_links(self) -> None:
+        """Keep what was noted of links: once a transaction, however much their drones say."""
+        await save_links(self.tx, [self.links[each] for each in sorted(self._changed)])
+        self._changed.clear()
 
     async def keep(self, record: MissionRecord) -> None:
         """Keep what changed of a mission; one that has ended is no longer watched."""

@@ -1,25 +1,18 @@
 """All SQL of the deliveries: a row to lock, and the tombstone in it."""
 
-from typing import Final
-
-from sqlalchemy import bindparam, select, update
+from sqlalchemy import update
 
 from skyway.ids import DeliveryId
 from skyway.runtime.database import Tx
 from skyway_composition.tables import deliveries
 
-_CLOSED_MS: Final = (
-    select(deliveries.c.closed_ms)
-    .where(deliveries.c.delivery_id == bindparam("delivery_id"))
-    .with_for_update()
-)
-
 
 async def lock_delivery(tx: Tx, delivery_id: DeliveryId) -> int | None:
     """When the delivery was closed, None while it is open; others who ask wait for this one."""
-    this = {"delivery_id": delivery_id}
-    await tx.execute(tx.insert(deliveries).on_conflict_do_nothing(), this)
-    found = await tx.execute(_CLOSED_MS, this)
+    added = tx.insert(deliveries)
+    same = {"delivery_id": added.excluded.delivery_id}
+    locked = added.on_conflict_do_update(index_elements=["delivery_id"], set_=same)
+    found = await tx.execute(locked.returning(deliveries.c.closed_ms), {"delivery_id": delivery_id})
     closed_ms: int | None = found.scalar_one()
     return closed_ms
 

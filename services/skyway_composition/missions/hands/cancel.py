@@ -12,6 +12,7 @@ from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
 from skyway.units import moment_to_ms
 from skyway_composition.missions import store as mission_store
+from skyway_composition.missions.deliveries.store import lock_delivery
 from skyway_composition.missions.hands import store
 from skyway_composition.missions.hands.recall import has_never_left
 from skyway_composition.missions.hands.stop_packages import stop_packages
@@ -38,7 +39,7 @@ class Cancellations:
         then drones and their missions.
         """
         async with self.db.write() as tx:
-            await mission_store.lock_delivery(tx, delivery_id)
+            await lock_delivery(tx, delivery_id)
             known = await store.cancellation(tx, delivery_id, wanted.cancellation_id)
             if known is not None:
                 return known
