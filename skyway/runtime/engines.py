@@ -5,10 +5,10 @@ from typing import Any, Final, Literal
 
 from sqlalchemy import event, make_url
 from sqlalchemy.engine import URL, Connection, ExceptionContext
-from sqlalchemy.engine.interfaces import DBAPIConnection
-from sqlalchemy.exc import ArgumentError
+from sqlalchemy.engine.interfaces import AdaptedConnection, DBAPIConnection
+from sqlalchemy.exc import ArgumentError, InvalidatePoolError
 from sqlalchemy.ext.asyncio import AsyncEngine, create_async_engine
-from sqlalchemy.pool import AsyncAdaptedQueuePool
+from sqlalchemy.pool import AsyncAdaptedQueuePool, ConnectionPoolEntry, PoolProxiedConnection
 
 from skyway.errors import InvalidInput
 from skyway.runtime.errors import UnsafeDatabase
@@ -72,18 +72,32 @@ def sqlite_reader_engine(url: URL) -> AsyncEngine:
 
 def postgresql_engine(url: URL) -> AsyncEngine:
     """An engine that notices connections lost to a restart of the server."""
-    return create_async_engine(
+    engine = create_async_engine(
         url.set(drivername="postgresql+asyncpg"),
         isolation_level="READ COMMITTED",
-        pool_pre_ping=True,
         pool_size=5,
         max_overflow=10,
         connect_args={"timeout": 10, "command_timeout": 60},
     )
+    event.listen(engine.sync_engine, "checkout", _leave_closed)
+    return engine
+
+
+def _leave_closed(
+    connection: AdaptedConnection, _record: ConnectionPoolEntry, _proxy: PoolProxiedConnection
+) -> None:
+    """Have the pool connect anew when this connection is gone, and others with it.
+
+    The driver hears at once when the server closes; asking the server before each use, as the
+    pool's own ping does, takes three round trips.
+    """
+    if connection.driver_connection.is_closed():
+        raise InvalidatePoolError
 
 
 def _begin_deferred(connection: Connection) -> None:
-    connection.exec_driver_sql("BEGIN DEFERRED")
+    # Past SQLAlchemy's execution, which takes ten times as long as this does.
+    connection.connection.cursor().execute("BEGIN DEFERRED")
 
 
 def _make_read_only(connection: DBAPIConnection, _record: Any) -> None:
