@@ -15,6 +15,7 @@ from skyway_composition.closures.closure import Closure, ClosureKind
 from skyway_composition.missions.affected.impact import MissionImpact
 from skyway_composition.missions.affected.stops_watch import StopsWatch
 from skyway_composition.missions.book import Bookings
+from skyway_composition.missions.custody import delivered
 from skyway_composition.missions.follow import Follower
 from skyway_composition.missions.hands.cancel import Cancellations
 from skyway_composition.missions.hands.commands import Command, Commands
@@ -347,6 +348,7 @@ class HotWorld:
         assert [each for each, times in handed_over.items() if times > 1] == []
         assert [each for each in handed_over if each in self.released] == []
         assert list(self._shared_pads()) == []
+        assert await self._completed() - self._ended_by_drones() == set()
 
     async def end(self) -> None:
         """Everything is allowed again; all stories end, and nothing is left behind."""
@@ -375,13 +377,33 @@ class HotWorld:
             told = {each.mission_id: list[MissionReport]() for each in reports}
             for report in reports:
                 told[report.mission_id].append(report)
-            for delivery_id in self.requests:
-                held = await held_packages(connection, DeliveryId(delivery_id))
+            received = {
+                (delivery_id, package_id)
+                for delivery_id in self.requests
+                for package_id in delivered(
+                    await held_packages(connection, DeliveryId(delivery_id))
+                )
+            }
+        assert received <= set(self._handed_over())
         for story in told.values():
             assert [each.seq for each in story] == list(range(1, len(story) + 1))
             ends = [each.kind for each in story if each.kind in ("ENDED", "REFUSED")]
             assert len(ends) == 1, story
         assert self._flying() == []
+
+    async def _completed(self) -> set[str]:
+        async with self.db.read() as connection:
+            shown = MissionFilter(state="COMPLETED")
+            records = await page(connection, shown, before=None, limit=10_000)
+        return {each.mission_id for each in records}
+
+    def _ended_by_drones(self) -> set[str]:
+        return {
+            each.mission_id or ""
+            for drone in self.drones
+            for each in drone.journal.happened
+            if each.event == "MISSION_ENDED"
+        }
 
     def _flying(self) -> list[str]:
         return [each.drone_id for each in self.drones if each.logbook.mission is not None]
