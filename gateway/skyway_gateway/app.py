@@ -37,6 +37,7 @@ from skyway_gateway.clients import Composition, Registry, RestComposition, RestR
 from skyway_gateway.deliveries import store as delivery_store
 from skyway_gateway.deliveries.accept import Acceptance
 from skyway_gateway.deliveries.book import Booker
+from skyway_gateway.deliveries.booking_loop import BookingLoop
 from skyway_gateway.deliveries.cancel import Canceller
 from skyway_gateway.deliveries.earnings.routes import earnings_routes
 from skyway_gateway.deliveries.follow import Follower
@@ -56,6 +57,7 @@ from skyway_gateway.notifications.targets import Targets
 from skyway_gateway.quotes import store as quote_store
 from skyway_gateway.quotes.checks import Checks
 from skyway_gateway.quotes.make import QuoteMaker
+from skyway_gateway.quotes.payload_limits import PayloadLimits
 from skyway_gateway.quotes.routes import quote_routes
 from skyway_gateway.settings import GatewaySettings
 from skyway_gateway.statistics.routes import statistics_routes
@@ -65,7 +67,6 @@ SERVICE: Final = "gateway"
 PACKAGE: Final = "skyway_gateway"
 
 #: Seconds of wall time between two looks of a loop that nothing has woken.
-_QUEUE_EVERY_S: Final = 0.5
 _ACCOUNTS_EVERY_S: Final = 10.0
 _SWEEP_EVERY_S: Final = 600.0
 _OVERDUE_EVERY_S: Final = 1.0
@@ -143,7 +144,8 @@ class Parts:
     @property
     def checks(self) -> Checks:
         """Checks delivery requests against the world."""
-        return Checks(self.registry, self.composition, self.clock)
+        limits = PayloadLimits(self.registry, self.clock)
+        return Checks(limits, self.composition, self.clock)
 
 
 def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> FastAPI:
@@ -219,8 +221,8 @@ def build_app(settings: GatewaySettings) -> FastAPI:
             told = {"composition": parts.clients["composition"]}
             loops.start("reports", ReportSender(parts.db, told, parts.clock).run())
             loops.start("webhooks", parts.sender.run())
-            for number in range(settings.booking_workers):
-                _start_booking(loops, parts, f"book {number}")
+            booking = BookingLoop(parts.booker, most=settings.bookings_at_once)
+            loops.start("booking", booking.run())
             _start_sweeping(loops, parts)
             yield
 
@@ -248,11 +250,6 @@ async def take_over(parts: Parts) -> None:
     if parts.db.dialect == "sqlite":
         async with parts.db.write() as tx:
             await delivery_store.free_claims(tx)
-
-
-def _start_booking(loops: Loops, parts: Parts, name: str) -> None:
-    step = parts.booker.step
-    loops.start(name, repeat(name, step, every_s=_QUEUE_EVERY_S, wake=parts.queued))
 
 
 def _start_sweeping(loops: Loops, parts: Parts) -> None:

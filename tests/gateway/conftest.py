@@ -90,10 +90,17 @@ class Gateway:
         assert answer.status_code == 202, answer.text
         return str(answer.json()["delivery_id"])
 
+    async def book_next(self) -> bool:
+        """Book the delivery that is due first; False when none is."""
+        due = await self.parts.booker.claim(limit=1)
+        for queued in due:
+            await self.parts.booker.book_or_retry(queued)
+        return bool(due)
+
     async def planned(self, *, packages: int = 1) -> str:
         """The id of a delivery that was just booked."""
         delivery_id = await self.accepted(packages=packages)
-        while await self.parts.booker.step():
+        while await self.book_next():
             pass
         assert (await self.get(delivery_id))["state"] == "PLANNED"
         return delivery_id

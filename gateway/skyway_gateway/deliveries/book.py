@@ -1,4 +1,4 @@
-"""From a request to booked missions: the loop over all deliveries with packages that wait.
+"""From a request to booked missions: one round for a delivery with packages that wait.
 
 Each round asks the registry who could fly, then composition to book the best plan, and writes
 down what came of it. The process may be killed between any two lines: the row is still in the
@@ -53,23 +53,21 @@ class Booker:
     queued: Wake
     chance: random.Random = field(default_factory=random.SystemRandom)
 
-    async def step(self) -> bool:
-        """Step of a loop: book the delivery that is due first; False when none is."""
-        due = await store.claim_queued(
-            self.db, limit=1, claimant=self.mint("bkr"), clock=self.clock
+    async def claim(self, *, limit: int) -> Sequence[Queued]:
+        """Deliveries whose booking is due, the longest waiting first, now ours to book."""
+        return await store.claim_queued(
+            self.db, limit=limit, claimant=self.mint("bkr"), clock=self.clock
         )
-        for queued in due:
-            with tracing(queued.traceparent):
-                await self._book_or_retry(queued)
-        return bool(due)
 
-    async def _book_or_retry(self, queued: Queued) -> None:
-        try:
-            await self.book(queued)
-        except (ServiceUnavailable, RemoteProblem) as trouble:
-            about = {"delivery_id": queued.delivery.delivery_id, "reason": str(trouble)}
-            log.warning("booking put off", extra=about)
-            await self._try_later(queued.delivery, reasons=None)
+    async def book_or_retry(self, queued: Queued) -> None:
+        """One round; what cannot be asked now is put off."""
+        with tracing(queued.traceparent):
+            try:
+                await self.book(queued)
+            except (ServiceUnavailable, RemoteProblem) as trouble:
+                about = {"delivery_id": queued.delivery.delivery_id, "reason": str(trouble)}
+                log.warning("booking put off", extra=about)
+                await self._try_later(queued.delivery, reasons=None)
 
     async def book(self, queued: Queued) -> None:
         """One round: what waits is planned, waits for another round, or is given up."""

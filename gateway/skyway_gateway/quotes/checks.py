@@ -8,14 +8,14 @@ from dataclasses import dataclass
 from datetime import timedelta
 from typing import Final
 
-from skyway.contracts.candidate import PayloadLimitQuery
 from skyway.contracts.station_check import StationCheck, StationCheckQuery
 from skyway.delivery.request import DeliveryRequest, ProviderChoice
 from skyway.errors import InvalidInput
 from skyway.geo import Position
 from skyway.ids import StationId
 from skyway.runtime.clock import FleetClock
-from skyway_gateway.clients import Composition, Registry
+from skyway_gateway.clients import Composition
+from skyway_gateway.quotes.payload_limits import PayloadLimits
 
 #: Nobody plans further ahead; a year that is a typing mistake is found at once.
 _LONGEST_AHEAD: Final = timedelta(days=366)
@@ -28,7 +28,7 @@ _MASS_TOLERANCE_KG: Final = 1e-9
 class Checks:
     """Checks requests against the clock, the network and the fleets."""
 
-    registry: Registry
+    payload_limits: PayloadLimits
     composition: Composition
     clock: FleetClock
 
@@ -76,7 +76,8 @@ class Checks:
     async def _check_payload(self, request: DeliveryRequest) -> None:
         """Each package by itself: together they may take several trips."""
         choice = request.qos.providers
-        limit = await self.registry.payload_limit(PayloadLimitQuery(providers=choice))
+        heaviest_kg = max(package.mass_kg for package in request.packages)
+        limit = await self.payload_limits.limit_for(heaviest_kg, choice)
         for provider_id in limit.unknown_provider_ids:
             field = f"qos.providers.{_place_of(provider_id, choice)}"
             raise InvalidInput(field, f"provider {provider_id!r} is unknown")

@@ -13,8 +13,8 @@ import pytest
 async def test_a_request_becomes_a_planned_delivery(gateway_on_both: Any) -> None:
     gateway = gateway_on_both
     delivery_id = await gateway.accepted(packages=3)
-    assert await gateway.parts.booker.step()
-    assert not await gateway.parts.booker.step()
+    assert await gateway.book_next()
+    assert not await gateway.book_next()
 
     delivery = await gateway.get(delivery_id)
     assert delivery["state"] == "PLANNED"
@@ -31,7 +31,7 @@ async def test_a_request_becomes_a_planned_delivery(gateway_on_both: Any) -> Non
 
 async def test_the_registry_is_asked_with_place_mass_and_choice(gateway: Any) -> None:
     await gateway.accepted(packages=2, qos={"providers": {"denied": ["prv_9"]}})
-    await gateway.parts.booker.step()
+    await gateway.book_next()
     [query] = gateway.registry.queries
     assert query.pickup_station_id == "san-marcos"
     assert query.pickup_position == (-98.0, 29.0)
@@ -74,10 +74,10 @@ async def test_a_round_that_is_killed_anywhere_is_finished_by_the_next(
         wait += 1
         delivery_id = await gateway.accepted()
         before = gateway.composition.booking_count
-        was_killed = await _is_killed(gateway.parts.booker.step(), wait)
+        was_killed = await _is_killed(gateway.book_next(), wait)
         # The claim of a dead process runs out.
         gateway.clock.advance(timedelta(seconds=30))
-        while await gateway.parts.booker.step():
+        while await gateway.book_next():
             pass
         delivery = await gateway.get(delivery_id)
         ends.append(delivery["state"])
@@ -98,7 +98,7 @@ async def test_a_booking_whose_drone_is_no_candidate_any_more_is_still_found(
     gateway.clock.advance(timedelta(seconds=30))
 
     gateway.registry.candidates_now = []
-    await gateway.parts.booker.step()
+    await gateway.book_next()
     assert (await gateway.get(delivery_id))["state"] == "PLANNED"
     assert gateway.composition.booking_count == 1
 
@@ -117,9 +117,9 @@ async def test_a_mission_that_was_refused_before_it_was_planned_here_is_asked_an
     assert (await gateway.report(delivery_id, "REFUSED", seq=1)).status_code == 409
 
     gateway.clock.advance(timedelta(seconds=30))
-    await gateway.parts.booker.step()
+    await gateway.book_next()
     assert (await gateway.report(delivery_id, "REFUSED", seq=1)).status_code == 204
-    await gateway.parts.booker.step()
+    await gateway.book_next()
     delivery = await gateway.get(delivery_id)
     assert (delivery["state"], delivery["attempt"]) == ("PLANNED", 2)
     assert delivery["missions"][0]["drone_id"] == "drn_2"
@@ -154,16 +154,16 @@ async def test_busy_keeps_the_request_and_tries_again_in_a_while(
         reason("OVERWEIGHT", is_temporary=False, provider_id="prv_2"),
     ]
     delivery_id = await gateway.accepted()
-    assert await gateway.parts.booker.step()
+    assert await gateway.book_next()
     delivery = await gateway.get(delivery_id)
     assert delivery["state"] == "REQUESTED"
     assert [(one["provider_id"], one["code"]) for one in delivery["reasons"]] == [
         ("prv_1", "BUSY"),
         ("prv_2", "OVERWEIGHT"),
     ]
-    assert not await gateway.parts.booker.step(), "tried again at once"
+    assert not await gateway.book_next(), "tried again at once"
     gateway.clock.advance(timedelta(seconds=3))
-    assert await gateway.parts.booker.step()
+    assert await gateway.book_next()
 
 
 async def test_composition_says_busy_although_all_reasons_are_final(
@@ -172,14 +172,14 @@ async def test_composition_says_busy_although_all_reasons_are_final(
     gateway.composition.is_busy = True
     gateway.composition.reasons = [reason("OUT_OF_RANGE", is_temporary=False)]
     delivery_id = await gateway.accepted()
-    await gateway.parts.booker.step()
+    await gateway.book_next()
     assert (await gateway.get(delivery_id))["state"] == "REQUESTED"
 
 
 async def test_nobody_registered_yet_is_not_never(gateway: Any) -> None:
     gateway.registry.candidates_now = []
     delivery_id = await gateway.accepted()
-    await gateway.parts.booker.step()
+    await gateway.book_next()
     assert (await gateway.get(delivery_id))["state"] == "REQUESTED"
 
 
@@ -190,7 +190,7 @@ async def test_only_final_reasons_close_the_delivery_and_reject_it(
     gateway.composition.reasons = [reason("OUT_OF_RANGE", is_temporary=False)]
     gateway.registry.infeasible = [reason("OVERWEIGHT", is_temporary=False, provider_id="prv_2")]
     delivery_id = await gateway.accepted()
-    await gateway.parts.booker.step()
+    await gateway.book_next()
     delivery = await gateway.get(delivery_id)
     assert delivery["state"] == "REJECTED"
     assert delivery_id in gateway.composition.closed
@@ -210,12 +210,12 @@ async def test_a_request_is_given_up_when_its_patience_ends(
     gateway.registry.candidates_now = []
     gateway.registry.infeasible = [reason("BUSY", is_temporary=True)]
     delivery_id = await gateway.accepted()
-    await gateway.parts.booker.step()
+    await gateway.book_next()
     gateway.clock.advance(timedelta(minutes=59))
-    await gateway.parts.booker.step()
+    await gateway.book_next()
     assert (await gateway.get(delivery_id))["state"] == "REQUESTED"
     gateway.clock.advance(timedelta(minutes=2))
-    await gateway.parts.booker.step()
+    await gateway.book_next()
     delivery = await gateway.get(delivery_id)
     assert delivery["state"] == "REJECTED"
     assert [one["code"] for one in delivery["reasons"]] == ["BUSY"]
@@ -226,10 +226,10 @@ async def test_a_request_is_given_up_at_its_deadline(gateway: Any) -> None:
     deadline_at = (gateway.clock.now() + timedelta(hours=5)).isoformat()
     delivery_id = await gateway.accepted(qos={"deadline_at": deadline_at})
     gateway.clock.advance(timedelta(hours=4))
-    await gateway.parts.booker.step()
+    await gateway.book_next()
     assert (await gateway.get(delivery_id))["state"] == "REQUESTED"
     gateway.clock.advance(timedelta(hours=1))
-    await gateway.parts.booker.step()
+    await gateway.book_next()
     delivery = await gateway.get(delivery_id)
     assert delivery["state"] == "REJECTED"
     (reason,) = delivery["reasons"]
@@ -242,7 +242,7 @@ async def test_what_was_booked_before_the_deadline_is_planned_after_it(gateway: 
     [queued] = await _claimed(gateway)
     await _ask(gateway, queued)
     gateway.clock.advance(timedelta(hours=2))
-    await gateway.parts.booker.step()
+    await gateway.book_next()
     assert (await gateway.get(delivery_id))["state"] == "PLANNED"
 
 
@@ -253,11 +253,11 @@ async def test_a_service_that_is_away_costs_time_and_nothing_else(
     delivery_id = await gateway.accepted()
     getattr(gateway, service).is_away = True
     for _ in range(3):
-        assert await gateway.parts.booker.step()
+        assert await gateway.book_next()
         gateway.clock.advance(timedelta(seconds=3))
     assert (await gateway.get(delivery_id))["state"] == "REQUESTED"
     getattr(gateway, service).is_away = False
-    await gateway.parts.booker.step()
+    await gateway.book_next()
     assert (await gateway.get(delivery_id))["state"] == "PLANNED"
 
 
@@ -276,7 +276,7 @@ async def test_a_drone_that_refuses_is_not_asked_again(
     assert delivery["flags"]["replanning"]
     assert delivery["missions"] == []
 
-    assert await gateway.parts.booker.step()
+    assert await gateway.book_next()
     delivery = await gateway.get(delivery_id)
     assert delivery["state"] == "PLANNED"
     assert [mission["drone_id"] for mission in delivery["missions"]] == ["drn_2"]
@@ -297,10 +297,10 @@ async def test_after_five_refusals_the_delivery_is_rejected(
         await gateway.report(delivery_id, "REFUSED", seq=1, attempt=attempt, code="EXPIRED")
         # The fifth time the tombstone cannot be written at first.
         gateway.composition.is_away = attempt == 5
-        await gateway.parts.booker.step()
+        await gateway.book_next()
     gateway.composition.is_away = False
     gateway.clock.advance(timedelta(hours=2))
-    await gateway.parts.booker.step()
+    await gateway.book_next()
     delivery = await gateway.get(delivery_id)
     assert delivery["state"] == "REJECTED"
     assert gateway.composition.booking_count == 5

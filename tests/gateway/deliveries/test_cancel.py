@@ -45,7 +45,7 @@ async def test_a_request_that_waits_is_closed_and_then_cancelled(gateway_on_both
         "package.cancelled",
         "delivery.cancelled",
     ]
-    assert not await gateway.parts.booker.step()
+    assert not await gateway.book_next()
 
 
 async def test_cancelling_again_is_answered_alike_and_told_once(gateway: Any) -> None:
@@ -120,7 +120,7 @@ async def test_one_package_that_waits_is_left_out_of_the_booking(gateway: Any) -
     delivery = (await cancel(gateway, delivery_id, package_ids=["p1"])).json()
     assert (delivery["state"], states(delivery)) == ("REQUESTED", ["CANCELLED", "CREATED"])
     assert gateway.composition.cancellations == []
-    await gateway.parts.booker.step()
+    await gateway.book_next()
     [package] = gateway.composition.asked[-1].request.packages
     assert package.package_id == "p2"
 
@@ -130,7 +130,7 @@ async def test_a_package_that_is_cancelled_while_it_is_booked_is_called_off(gate
     await _booked_in_composition(gateway)
     await cancel(gateway, delivery_id, package_ids=["p1"])
     gateway.clock.advance(timedelta(seconds=30))
-    await gateway.parts.booker.step()
+    await gateway.book_next()
     delivery = await gateway.get(delivery_id)
     assert (delivery["state"], states(delivery)) == ("PLANNED", ["CANCELLED", "CREATED"])
     [told] = await _told_to_composition(gateway)
@@ -146,7 +146,7 @@ async def test_a_delivery_that_is_cancelled_while_it_is_booked_is_called_off(gat
     assert gateway.composition.cancellations[0].package_ids == ("p1", "p2")
     assert delivery_id in gateway.composition.closed
     gateway.clock.advance(timedelta(seconds=30))
-    assert not await gateway.parts.booker.step()
+    assert not await gateway.book_next()
 
 
 async def test_a_mission_that_is_booked_after_all_is_called_off_when_it_reports(
@@ -215,14 +215,14 @@ async def test_trips_that_have_not_begun_are_called_off_and_the_others_return(
     gateway.composition.packages_per_trip = 1
     gateway.registry.candidates_now = [candidate("drn_1"), candidate("drn_2")]
     delivery_id = await gateway.accepted(packages=3)
-    await gateway.parts.booker.step()
+    await gateway.book_next()
     await reports(gateway, delivery_id, "ACCEPTED", "LOADING", "LOADED", trip=1)
     gateway.composition.loaded = {"p1"}
     delivery = (await cancel(gateway, delivery_id)).json()
     assert states(delivery) == ["RETURNING", "CANCELLED", "CANCELLED"]
     assert gateway.composition.cancellations[0].package_ids == ("p1", "p2")
     gateway.registry.candidates_now = [candidate("drn_3")]
-    assert not await gateway.parts.booker.step(), "booked what was cancelled"
+    assert not await gateway.book_next(), "booked what was cancelled"
 
 
 async def test_a_package_that_nobody_takes_and_returns_fails_the_delivery(gateway: Any) -> None:
@@ -249,7 +249,7 @@ async def test_without_composition_nothing_is_said_to_be_cancelled(
     assert (await gateway.get(delivery_id))["state"] == "REQUESTED"
     gateway.composition.is_away = False
     if service_is == "away and back":  # the loop ends what was begun
-        await gateway.parts.booker.step()
+        await gateway.book_next()
     else:
         await cancel(gateway, delivery_id)
     assert (await gateway.get(delivery_id))["state"] == "CANCELLED"
@@ -261,7 +261,7 @@ async def test_cancelling_and_giving_up_at_once_say_one_of_both(
     gateway = gateway_on_both
     gateway.composition.reasons = [reason("OUT_OF_RANGE", is_temporary=False)]
     delivery_id = await gateway.accepted()
-    answer, _ = await asyncio.gather(cancel(gateway, delivery_id), gateway.parts.booker.step())
+    answer, _ = await asyncio.gather(cancel(gateway, delivery_id), gateway.book_next())
     delivery = await gateway.get(delivery_id)
     assert delivery["state"] in ("CANCELLED", "REJECTED")
     assert (answer.status_code == 200) == (delivery["state"] == "CANCELLED")
@@ -276,7 +276,7 @@ async def test_who_cancels_first_is_not_told_that_nobody_flies_it(gateway: Any) 
     await gateway.parts.booker.book(queued)
     assert (await gateway.get(delivery_id))["state"] == "REQUESTED"
     gateway.clock.advance(timedelta(seconds=30))
-    await gateway.parts.booker.step()
+    await gateway.book_next()
     assert (await gateway.get(delivery_id))["state"] == "CANCELLED"
 
 
@@ -311,7 +311,7 @@ async def test_a_cancellation_that_is_killed_anywhere_is_ended_or_never_began(
             was_killed = False
         except asyncio.CancelledError:
             was_killed = True
-        while await gateway.parts.booker.step():
+        while await gateway.book_next():
             pass
         delivery = await gateway.get(delivery_id)
         ends.append(delivery["state"])

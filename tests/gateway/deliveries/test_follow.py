@@ -159,7 +159,7 @@ async def test_a_report_that_overtakes_the_booking_waits_for_it(
     )
     answer = await gateway.report(delivery_id, "ACCEPTED", seq=1)
     assert answer.status_code == 409
-    await gateway.parts.booker.step()
+    await gateway.book_next()
     assert (await gateway.report(delivery_id, "ACCEPTED", seq=1)).status_code == 204
     assert (await gateway.get(delivery_id))["state"] == "DISPATCHED"
 
@@ -177,7 +177,7 @@ async def test_late_words_about_a_refused_mission_change_nothing(
     gateway.registry.candidates_now = [candidate("drn_1"), candidate("drn_2")]
     delivery_id = await gateway.planned()
     await gateway.report(delivery_id, "REFUSED", seq=1, code="EXPIRED")
-    await gateway.parts.booker.step()
+    await gateway.book_next()
     before = await gateway.get(delivery_id)
     assert (await gateway.report(delivery_id, "ENDED", seq=2)).status_code == 204
     assert await gateway.get(delivery_id) == before
@@ -190,7 +190,7 @@ async def test_refusing_again_after_a_long_time_leaves_patience_to_ask_others(
     delivery_id = await gateway.planned()
     gateway.clock.advance(timedelta(hours=3))
     await gateway.report(delivery_id, "REFUSED", seq=1, code="EXPIRED")
-    await gateway.parts.booker.step()
+    await gateway.book_next()
     assert (await gateway.get(delivery_id))["state"] == "PLANNED"
 
 

@@ -36,7 +36,7 @@ async def test_a_taken_offer_is_booked_with_its_limits(
         "price": offer["price"],
         "within_s": offer["delivery_time_s"],
     }
-    await gateway.parts.booker.step()
+    await gateway.book_next()
     assert (await gateway.get(delivery["delivery_id"]))["state"] == "PLANNED"
     asked = gateway.composition.asked[-1]
     assert asked.offer.price.amount == offer["price"]["amount"]
@@ -113,7 +113,7 @@ async def test_an_offer_that_is_lost_is_rejected_in_one_round(
     delivery_id = (await taken(gateway, choice)).json()["delivery_id"]
     gateway.composition.is_busy = is_busy
     gateway.composition.reasons = [reason("NO_PAD_IN_TIME", is_temporary=is_busy)]
-    await gateway.parts.booker.step()
+    await gateway.book_next()
     delivery = await gateway.get(delivery_id)
     assert delivery["state"] == "REJECTED"
     codes = [one["code"] for one in delivery["reasons"]]
@@ -127,11 +127,11 @@ async def test_an_offer_outlives_a_service_that_is_away(
     _, choice = await quoted(gateway, request_body())
     delivery_id = (await taken(gateway, choice)).json()["delivery_id"]
     gateway.composition.is_away = True
-    await gateway.parts.booker.step()
+    await gateway.book_next()
     assert (await gateway.get(delivery_id))["state"] == "REQUESTED"
     gateway.composition.is_away = False
     gateway.clock.advance(timedelta(seconds=3))
-    await gateway.parts.booker.step()
+    await gateway.book_next()
     assert (await gateway.get(delivery_id))["state"] == "PLANNED"
 
 
@@ -142,9 +142,9 @@ async def test_a_refused_trip_of_an_offer_is_booked_within_what_is_left(
     quote, choice = await quoted(gateway, request_body(packages=2))
     delivery_id = (await taken(gateway, choice)).json()["delivery_id"]
     gateway.composition.packages_per_trip = 1
-    await gateway.parts.booker.step()
+    await gateway.book_next()
     await gateway.report(delivery_id, "REFUSED", seq=1, trip=2, code="EXPIRED")
-    await gateway.parts.booker.step()
+    await gateway.book_next()
     asked = gateway.composition.asked[-1]
     left = max(0, quote["offers"][0]["price"]["amount"] - 1234)
     assert asked.offer.price.amount == left

@@ -7,7 +7,7 @@ from typing import Any
 
 async def under_way(gateway: Any, *, packages: int = 1, **changes: object) -> str:
     delivery_id = str(await gateway.accepted(packages=packages, **changes))
-    await gateway.parts.booker.step()
+    await gateway.book_next()
     for seq, kind in enumerate(("ACCEPTED", "LOADING", "LOADED"), start=1):
         assert (await gateway.report(delivery_id, kind, seq=seq)).status_code == 204
     return delivery_id
@@ -69,7 +69,7 @@ async def test_of_two_plans_that_do_not_hold_one_is_not_enough(
     gateway.composition.packages_per_trip = 1
     gateway.registry.candidates_now = [candidate("drn_1"), candidate("drn_2")]
     delivery_id = await gateway.accepted(packages=2)
-    await gateway.parts.booker.step()
+    await gateway.book_next()
 
     async def is_replanning() -> bool:
         return bool((await gateway.get(delivery_id))["flags"]["replanning"])
@@ -90,7 +90,7 @@ async def test_a_mission_that_ends_is_not_planned_anew_any_more(
     gateway.composition.packages_per_trip = 1
     gateway.registry.candidates_now = [candidate("drn_1"), candidate("drn_2")]
     delivery_id = await gateway.accepted(packages=2)
-    await gateway.parts.booker.step()
+    await gateway.book_next()
     await gateway.report(delivery_id, "ACCEPTED", seq=1)
     await gateway.report(delivery_id, "REPLANNING", seq=2, code="ZONE")
     await gateway.report(delivery_id, "ENDED", seq=3, mission_state="ABORTED", code="NO_PLAN")

@@ -57,7 +57,7 @@ async def test_the_plan_tells_when_each_mission_starts(gateway: Any) -> None:
     delivery_id = await gateway.accepted()
     path = f"/v1/deliveries/{delivery_id}/plan"
     assert (await gateway.http.get(path, headers=gateway.customer)).json()["missions"] == []
-    await gateway.parts.booker.step()
+    await gateway.book_next()
     plan = (await gateway.http.get(path, headers=gateway.customer)).json()
     assert plan["state"] == "PLANNED"
     [mission] = plan["missions"]

@@ -23,7 +23,7 @@ def with_drones(gateway: Any, candidate: Callable[..., Any], count: int) -> Any:
 
 async def booked(gateway: Any, *, packages: int, **changes: object) -> str:
     delivery_id = str(await gateway.accepted(packages=packages, **changes))
-    while await gateway.parts.booker.step():
+    while await gateway.book_next():
         pass
     return delivery_id
 
@@ -96,14 +96,14 @@ async def test_packages_that_are_left_over_are_booked_by_a_later_attempt(
 ) -> None:
     gateway = with_drones(gateway_on_both, candidate, 2)
     delivery_id = await gateway.accepted(packages=3)
-    assert await gateway.parts.booker.step()
+    assert await gateway.book_next()
     delivery = await gateway.get(delivery_id)
     assert (delivery["state"], delivery["attempt"]) == ("PLANNED", 2)
     assert delivery["packages"][2]["mission_id"] is None
 
     await reports(gateway, delivery_id, "ACCEPTED", "LOADING", "LOADED", trip=1)
-    assert await gateway.parts.booker.step()
-    assert not await gateway.parts.booker.step()
+    assert await gateway.book_next()
+    assert not await gateway.book_next()
     asked = gateway.composition.asked[-1]
     assert [package.package_id for package in asked.request.packages] == ["p3"]
     assert gateway.registry.queries[-1].payload_kg == 0.5
@@ -128,7 +128,7 @@ async def test_a_refused_trip_goes_back_with_its_packages_alone(drones: Any) -> 
     await drones.report(delivery_id, "REFUSED", seq=1, trip=3, code="NOT_AT_START")
     assert (await drones.get(delivery_id))["attempt"] == 2, "asked for both at once"
 
-    await drones.parts.booker.step()
+    await drones.book_next()
     delivery = await drones.get(delivery_id)
     assert {mission["drone_id"] for mission in delivery["missions"]} == {"drn_1"}
     assert drones.registry.queries[-1].excluded_drone_ids == ("drn_2", "drn_3")
@@ -147,7 +147,7 @@ async def test_a_price_limit_is_for_the_sum_of_all_missions(drones: Any) -> None
     delivery_id = await booked(drones, packages=2, qos={"max_price": 3000})
     assert drones.composition.asked[-1].request.qos.max_price == 3000
     await drones.report(delivery_id, "REFUSED", seq=1, trip=2, code="EXPIRED")
-    await drones.parts.booker.step()
+    await drones.book_next()
     assert drones.composition.asked[-1].request.qos.max_price == 3000 - 1234
 
 
@@ -156,20 +156,20 @@ async def test_what_waits_too_long_is_given_up_and_the_rest_goes_on(
 ) -> None:
     gateway = with_drones(gateway_on_both, candidate, 1)
     delivery_id = await gateway.accepted(packages=2)
-    await gateway.parts.booker.step()
+    await gateway.book_next()
     gateway.registry.candidates_now = []
     gateway.registry.infeasible = [reason("BUSY", is_temporary=True)]
-    await gateway.parts.booker.step()
+    await gateway.book_next()
     await reports(gateway, delivery_id, "ACCEPTED", "LOADING", "LOADED")
     gateway.clock.advance(timedelta(hours=2))
-    await gateway.parts.booker.step()
+    await gateway.book_next()
     delivery = await gateway.get(delivery_id)
     assert delivery["state"] == "IN_PROGRESS"
     assert states(delivery) == ["LOADED", "CANCELLED"]
     assert delivery["packages"][1]["code"] == "NOT_PLANNED"
     assert [one["code"] for one in delivery["reasons"]] == ["BUSY"]
     assert (await gateway.told(delivery_id))[-1] == "package.cancelled"
-    assert not await gateway.parts.booker.step()
+    assert not await gateway.book_next()
 
     await gateway.report(delivery_id, "DELIVERED", seq=4, package_ids=["p1"])
     assert (await gateway.get(delivery_id))["state"] == "PARTIALLY_COMPLETED"
@@ -180,9 +180,9 @@ async def test_waiting_packages_outlive_the_other_missions(
 ) -> None:
     with_drones(gateway, candidate, 1)
     delivery_id = await gateway.accepted(packages=2)
-    await gateway.parts.booker.step()
+    await gateway.book_next()
     gateway.registry.candidates_now = []
-    await gateway.parts.booker.step()
+    await gateway.book_next()
     await reports(gateway, delivery_id, "ACCEPTED", "LOADING", "LOADED")
     await gateway.report(delivery_id, "DELIVERED", seq=4, package_ids=["p1"])
     await gateway.report(delivery_id, "ENDED", seq=5)
@@ -191,7 +191,7 @@ async def test_waiting_packages_outlive_the_other_missions(
 
     gateway.registry.candidates_now = [candidate("drn_2")]
     gateway.clock.advance(timedelta(seconds=3))
-    await gateway.parts.booker.step()
+    await gateway.book_next()
     await reports(gateway, delivery_id, "ACCEPTED", "LOADING", "LOADED", attempt=2)
     await gateway.report(delivery_id, "DELIVERED", seq=4, attempt=2, package_ids=["p2"])
     assert (await gateway.get(delivery_id))["state"] == "COMPLETED"
@@ -202,11 +202,11 @@ async def test_reports_of_other_missions_do_not_hurry_the_queue(
 ) -> None:
     with_drones(gateway, candidate, 1)
     delivery_id = await gateway.accepted(packages=2)
-    await gateway.parts.booker.step()
+    await gateway.book_next()
     gateway.registry.candidates_now = []
-    await gateway.parts.booker.step()
+    await gateway.book_next()
     await reports(gateway, delivery_id, "ACCEPTED", "LOADING", "LOADED")
-    assert not await gateway.parts.booker.step()
+    assert not await gateway.book_next()
 
 
 async def test_a_mission_that_ends_takes_only_its_own_packages(drones: Any) -> None:
@@ -234,7 +234,7 @@ async def test_a_round_that_is_overtaken_by_reports_keeps_what_they_said(drones:
     delivery_id = await drones.accepted(packages=2)
     drones.composition.packages_per_trip = 1
     drones.registry.candidates_now = drones.registry.candidates_now[:1]
-    await drones.parts.booker.step()
+    await drones.book_next()
     from skyway_gateway.deliveries.store import claim_queued
 
     [queued] = await claim_queued(drones.parts.db, limit=1, claimant="slow", clock=drones.clock)

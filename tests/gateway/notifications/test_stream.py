@@ -13,7 +13,7 @@ async def test_a_new_event_wakes_the_stream_at_once(gateway: Any) -> None:
     frames = stream.frames(delivery_id, after=0)
     assert (await anext(frames)).startswith("id: 1\nevent: delivery.requested\n")
     waiting = asyncio.ensure_future(anext(frames))
-    await gateway.parts.booker.step()
+    await gateway.book_next()
     assert (await waiting).startswith("id: 2\nevent: delivery.planned\n")
     await frames.aclose()
 
@@ -23,7 +23,7 @@ async def test_an_event_of_another_replica_is_found_by_looking(gateway: Any) -> 
     deaf = EventStream(gateway.parts.db, News(), poll_s=0.01, heartbeat_s=3600)
     frames = deaf.frames(delivery_id, after=1)
     waiting = asyncio.ensure_future(anext(frames))
-    await gateway.parts.booker.step()
+    await gateway.book_next()
     assert (await waiting).startswith("id: 2\n")
     await frames.aclose()
 

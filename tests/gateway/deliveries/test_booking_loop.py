@@ -1,0 +1,108 @@
+"""The booking loop: as many at once as it may, and none waits for a slow or a broken one."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from skyway_gateway.deliveries.booking_loop import BookingLoop
+
+from skyway.runtime.loops import Wake
+
+
+@dataclass
+class Booker:
+    """A queue of names; each is booked once its gate opens, and those named broken fail."""
+
+    waiting: list[str]
+    queued: Wake = field(default_factory=Wake)
+    under_way: set[str] = field(default_factory=set)
+    booked: list[str] = field(default_factory=list)
+    looks: int = 0
+    gate: asyncio.Event = field(default_factory=asyncio.Event)
+
+    async def claim(self, *, limit: int) -> list[Any]:
+        self.looks += 1
+        taken, self.waiting = self.waiting[:limit], self.waiting[limit:]
+        return [SimpleNamespace(delivery=SimpleNamespace(delivery_id=name)) for name in taken]
+
+    async def book_or_retry(self, queued: Any) -> None:
+        name = queued.delivery.delivery_id
+        self.under_way.add(name)
+        if name.startswith("slow"):
+            await self.gate.wait()
+        if name.startswith("broken"):
+            raise RuntimeError(name)
+        self.under_way.discard(name)
+        self.booked.append(name)
+
+
+Until = Callable[[Callable[[], bool]], Awaitable[None]]
+
+
+@pytest.fixture
+def until() -> Until:
+    async def wait(is_so: Callable[[], bool]) -> None:
+        async with asyncio.timeout(5):
+            while not is_so():  # noqa: ASYNC110 - it is the loop under test that goes on
+                await asyncio.sleep(0)
+
+    return wait
+
+
+async def _run(booker: Booker, most: int, test: Callable[[], Awaitable[None]]) -> None:
+    running = asyncio.create_task(BookingLoop(booker, most=most).run())  # type: ignore[arg-type]
+    try:
+        await test()
+    finally:
+        running.cancel()
+        await asyncio.gather(running, return_exceptions=True)
+
+
+async def test_a_slow_booking_holds_up_no_other(until: Until) -> None:
+    booker = Booker(["slow 1", "a", "b", "c", "d"])
+
+    async def test() -> None:
+        await until(lambda: booker.booked == ["a", "b", "c", "d"])
+        assert booker.under_way == {"slow 1"}
+
+    await _run(booker, 2, test)
+
+
+async def test_no_more_than_the_most_are_booked_at_once(until: Until) -> None:
+    booker = Booker(["slow 1", "slow 2", "slow 3"])
+
+    async def test() -> None:
+        await until(lambda: len(booker.under_way) == 2)
+        booker.queued.set()
+        for _ in range(20):
+            await asyncio.sleep(0)
+        assert booker.under_way == {"slow 1", "slow 2"}
+        booker.gate.set()
+        await until(lambda: len(booker.booked) == 3)
+
+    await _run(booker, 2, test)
+
+
+async def test_a_booking_that_breaks_leaves_the_others_alone(until: Until) -> None:
+    booker = Booker(["broken", "a"])
+
+    async def test() -> None:
+        await until(lambda: booker.booked == ["a"])
+        booker.waiting.append("b")
+        booker.queued.set()
+        await until(lambda: booker.booked == ["a", "b"])
+
+    await _run(booker, 2, test)
+
+
+async def test_one_look_claims_all_that_is_due(until: Until) -> None:
+    booker = Booker(["slow 1", "slow 2", "slow 3"])
+
+    async def test() -> None:
+        await until(lambda: len(booker.under_way) == 3)
+        assert booker.looks == 1
+
+    await _run(booker, 8, test)
