@@ -137,6 +137,10 @@ async def test_a_drone_that_flies_what_was_given_up_is_called_off_again_and_agai
     (_, first) = await composition.sent()
     await composition.take(drone.state(**flying))
     await composition.take(drone.ack(first, "REJECTED", code="STEP_RELEASED"))
+    # Its answer changes its state: told at once, they would talk for ever.
+    await composition.take(drone.state(**flying))
+    assert [each.kind for each in await composition.sent()] == ["MISSION"]
+    composition.clock.advance(first.expires_at - composition.clock.now() + timedelta(seconds=1))
     await composition.take(drone.state(**flying))
 
     *_, again = await composition.sent()
