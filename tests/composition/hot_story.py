@@ -8,10 +8,8 @@ from typing import Any, Final
 from hot_world import HotWorld
 from hypothesis import note
 from skyway_composition.closures.closure import Area, Closure
-from skyway_composition.missions.record import MissionRecord
 from skyway_drone_agent.disturbances import Disturbances
 
-from skyway.contracts.flight_step import PackageOnBoard
 from skyway.delivery.request import DeliveryRequest
 
 #: A zone through which the segment from a to b leads, and no station lies in it.

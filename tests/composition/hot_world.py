@@ -5,8 +5,8 @@ import random
 from collections import Counter
 from collections.abc import AsyncIterator, Iterator
 from contextlib import suppress
-from itertools import pairwise
 from datetime import UTC, datetime, timedelta
+from itertools import pairwise
 from typing import Any, Self
 
 from flown_drone import FlownDrone
