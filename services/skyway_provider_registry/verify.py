@@ -40,7 +40,7 @@ _CHECKS: Final[Mapping[str, Select[*tuple[Any, ...]]]] = {
 async def violations(db: Database) -> Sequence[Mapping[str, str]]:
     """Every violation: the rule that is broken, and by whom."""
     found: list[Mapping[str, str]] = []
-    async with db.read() as connection:
+    async with db.survey() as connection:
         for rule, statement in _CHECKS.items():
             subjects = (await connection.execute(statement)).scalars()
             found.extend({"rule": rule, "subject": str(subject)} for subject in subjects)

@@ -1,8 +1,8 @@
 """A service's own database, the same to use on SQLite and PostgreSQL.
 
-`read` lends a connection that cannot write; `write` lends a transaction, and leaving its block is
-the only commit there is. SQLite has one writer whose commits are grouped (`sqlite_writer`);
-PostgreSQL has a connection per block.
+`read` lends a connection that cannot write, `survey` one for questions that take long. `write`
+lends a transaction, and leaving its block is the only commit there is. SQLite has one writer whose
+commits are grouped (`sqlite_writer`); PostgreSQL has a connection per block.
 """
 
 import asyncio
@@ -15,7 +15,13 @@ from sqlalchemy import Table, text
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
-from skyway.runtime.engines import Dialect, postgresql_engine, read_url, sqlite_reader_engine
+from skyway.runtime.engines import (
+    Dialect,
+    postgresql_engine,
+    read_url,
+    sqlite_reader_engine,
+    sqlite_survey_engine,
+)
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.loops import Wake
 from skyway.runtime.sqlite_writer import SqliteWriter
@@ -42,6 +48,7 @@ class Database:
         self._wakes: list[Wake] = []
         self._opened = AsyncExitStack()
         self._pool: AsyncEngine | None = None
+        self._surveys: AsyncEngine | None = None
         self._sqlite_writer: SqliteWriter | None = None
 
     async def __aenter__(self) -> Self:
@@ -49,21 +56,27 @@ class Database:
             # The writer opens first: it turns the file into one that many can read.
             self._sqlite_writer = await self._opened.enter_async_context(SqliteWriter(self._url))
             self._pool = sqlite_reader_engine(self._url)
+            self._surveys = sqlite_survey_engine(self._url)
+            self._opened.push_async_callback(self._surveys.dispose)
         else:
-            self._pool = postgresql_engine(self._url)
+            self._pool = self._surveys = postgresql_engine(self._url)
         self._opened.push_async_callback(self._pool.dispose)
         return self
 
     async def __aexit__(self, *_: object) -> None:
         await self._opened.aclose()
-        self._pool = self._sqlite_writer = None
+        self._pool = self._surveys = self._sqlite_writer = None
 
     @asynccontextmanager
     async def read(self) -> AsyncIterator[AsyncConnection]:
         """A connection to read from: on SQLite one moment's data, however long it is held."""
-        async with self._connect() as connection:
-            if self.dialect == "postgresql":
-                await connection.execution_options(postgresql_readonly=True)
+        async with self._reading(self._pool) as connection:
+            yield connection
+
+    @asynccontextmanager
+    async def survey(self) -> AsyncIterator[AsyncConnection]:
+        """A connection to read much from; on SQLite others go on while a statement runs."""
+        async with self._reading(self._surveys) as connection:
             yield connection
 
     @asynccontextmanager
@@ -98,11 +111,18 @@ class Database:
         return True
 
     @asynccontextmanager
-    async def _connect(self) -> AsyncIterator[AsyncConnection]:
+    async def _reading(self, pool: AsyncEngine | None) -> AsyncIterator[AsyncConnection]:
+        async with self._connect(pool) as connection:
+            if self.dialect == "postgresql":
+                await connection.execution_options(postgresql_readonly=True)
+            yield connection
+
+    @asynccontextmanager
+    async def _connect(self, pool: AsyncEngine | None) -> AsyncIterator[AsyncConnection]:
         """A connection of the pool; a server that is gone is told in our own words."""
-        if self._pool is None:
+        if pool is None:
             raise ServiceUnavailable("database", "it is not open")
-        connection = self._pool.connect()
+        connection = pool.connect()
         try:
             await connection.start()
         except (OSError, DBAPIError, PostgresError) as error:
@@ -122,5 +142,5 @@ class Database:
 
     @asynccontextmanager
     async def _begin_on_postgresql(self) -> AsyncIterator[AsyncConnection]:
-        async with self._connect() as connection, connection.begin():
+        async with self._connect(self._pool) as connection, connection.begin():
             yield connection

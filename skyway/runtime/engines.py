@@ -3,6 +3,7 @@
 import asyncio
 from typing import Any, Final, Literal
 
+import aiosqlite
 from sqlalchemy import event, make_url
 from sqlalchemy.engine import URL, Connection, ExceptionContext
 from sqlalchemy.engine.interfaces import AdaptedConnection, DBAPIConnection
@@ -43,8 +44,11 @@ def read_url(text: str) -> URL:
     return url.set(drivername=dialect)
 
 
-def sqlite_engine(url: URL) -> AsyncEngine:
-    """An engine that leaves BEGIN and COMMIT to its caller, and never commits by itself."""
+def sqlite_engine(url: URL, **driver: Any) -> AsyncEngine:
+    """An engine that leaves BEGIN and COMMIT to its caller, and never commits by itself.
+
+    Any: what else the driver is told; each option has a type of its own.
+    """
     engine = create_async_engine(
         url.set(drivername="sqlite+aiosqlite"),
         # Without an isolation level the driver begins nothing by itself.
@@ -52,6 +56,7 @@ def sqlite_engine(url: URL) -> AsyncEngine:
             "timeout": _BUSY_TIMEOUT_S,
             "isolation_level": None,
             "async_creator_fn": connect,
+            **driver,
         },
         poolclass=AsyncAdaptedQueuePool,
         pool_size=4,
@@ -62,12 +67,20 @@ def sqlite_engine(url: URL) -> AsyncEngine:
     return engine
 
 
-def sqlite_reader_engine(url: URL) -> AsyncEngine:
-    """An engine that cannot write, and whose transactions see one moment's data."""
-    engine = sqlite_engine(url)
+def sqlite_reader_engine(url: URL, **driver: Any) -> AsyncEngine:
+    """An engine that cannot write, and whose transactions see one moment's data.
+
+    Any: what else the driver is told; each option has a type of its own.
+    """
+    engine = sqlite_engine(url, **driver)
     event.listen(engine.sync_engine, "connect", _make_read_only)
     event.listen(engine.sync_engine, "begin", _begin_deferred)
     return engine
+
+
+def sqlite_survey_engine(url: URL) -> AsyncEngine:
+    """A reading engine whose statements run in a thread, however long they take."""
+    return sqlite_reader_engine(url, async_creator_fn=aiosqlite.connect)
 
 
 def postgresql_engine(url: URL) -> AsyncEngine:

@@ -35,7 +35,7 @@ def audit_routes(*, db: Database, gate: KeyGate) -> APIRouter:
         """What operators and providers did, the newest first."""
         caller.must_be("operator")
         wanted = AuditFilter(query.role, query.subject_id, query.path)
-        async with db.read() as connection:
+        async with db.survey() as connection:
             found = await store.page(connection, query, wanted)
         return page_of(found, query, item=lambda it: it, sort_key=lambda it: (it.entry_id,))
 

@@ -27,7 +27,7 @@ def statistics_routes(*, db: Database, gate: KeyGate, clock: FleetClock) -> APIR
         caller.must_be("provider", "operator")
         span, provider_id = query.span(clock.now()), _provider(caller, query.provider_id)
         wanted = Wanted(span, provider_id, query.bucket_ms(span))
-        async with db.read() as connection:
+        async with db.survey() as connection:
             found = await store.sums(connection, wanted)
         return statistics(found, query, span=span, provider_id=provider_id)
 

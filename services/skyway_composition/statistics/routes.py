@@ -39,7 +39,7 @@ def statistics_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> 
         """How much of a span pads were taken, station by station; by a provider's own drones."""
         wanted = _wanted(caller, query, clock)
         after = query.after(str)
-        async with db.read() as connection:
+        async with db.survey() as connection:
             total = await store.pad_sums(connection, wanted, query.network_id)
             rows = await store.pads_page(
                 connection,
@@ -74,7 +74,7 @@ def statistics_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> 
         """What drones spent a span on; one that did not fly in it is not listed."""
         wanted = _wanted(caller, query, clock)
         after = query.after(str)
-        async with db.read() as connection:
+        async with db.survey() as connection:
             total = await store.drone_sums(connection, wanted)
             rows = await store.drones_page(
                 connection,

@@ -2,7 +2,6 @@
 
 import asyncio
 import contextlib
-from collections.abc import AsyncIterator
 
 import pytest
 from sqlalchemy import Column, Integer, MetaData, Table, Text, func, select, text
@@ -21,7 +20,7 @@ STATIONS = Table(
 
 
 @pytest.fixture
-async def db(database: Database) -> AsyncIterator[Database]:
+async def db(database: Database) -> Database:
     async with database.write() as tx:
         await tx.connection.run_sync(METADATA.create_all)
     return database
@@ -42,6 +41,32 @@ async def test_what_a_block_wrote_is_read_after_it(db: Database) -> None:
     await add(db, "san-marcos", "bulverde")
 
     assert await names(db) == ["san-marcos", "bulverde"]
+
+
+#: Half a second of work for SQLite, and not much less for PostgreSQL.
+LONG = text(
+    "WITH RECURSIVE up(n) AS (SELECT 1 UNION ALL SELECT n + 1 FROM up WHERE n < 1000000)"
+    " SELECT max(n) FROM up"
+)
+
+
+async def test_others_go_on_while_a_survey_runs(db: Database) -> None:
+    async def survey() -> object:
+        async with db.survey() as connection:
+            return (await connection.execute(LONG)).scalar_one()
+
+    surveying = asyncio.create_task(survey())
+    await add(db, "san-marcos")
+    still_runs = not surveying.done()
+
+    assert await surveying == 1_000_000
+    assert still_runs
+
+
+async def test_a_survey_cannot_write(db: Database) -> None:
+    async with db.survey() as connection:
+        with pytest.raises(DBAPIError):
+            await connection.execute(STATIONS.insert().values(name="san-marcos"))
 
 
 async def test_a_block_that_fails_leaves_nothing(db: Database) -> None:

@@ -27,7 +27,7 @@ def earnings_routes(*, db: Database, gate: KeyGate) -> APIRouter:
         caller.must_be("provider", "operator")
         if caller.role == "provider" and caller.subject_id != provider_id:
             raise NotFound("provider", provider_id)
-        async with db.read() as connection:
+        async with db.survey() as connection:
             return earnings_of(provider_id, await store.days_of(connection, provider_id, query))
 
     return router
