@@ -108,8 +108,13 @@ class DroneVoice:
     def flown(self, instruction: Any) -> list[Received[Any]]:
         """The end of each step as planned, and of the mission."""
         events = self.ended(instruction, instruction.steps)
-        last = instruction.steps[-1].planned_end_at
-        ended = self.event("MISSION_ENDED", mission_id=instruction.mission_id, ended_at=last)
+        last = instruction.steps[-1]
+        ended = self.event(
+            "MISSION_ENDED",
+            mission_id=instruction.mission_id,
+            ended_at=last.planned_end_at,
+            station_id=last.to_id if isinstance(last, FlyStep) else last.station_id,
+        )
         return [*events, ended]
 
     def _envelope(self) -> dict[str, Any]:

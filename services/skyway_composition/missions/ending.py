@@ -69,15 +69,19 @@ async def abort(
     at: datetime,
     code: str,
     detail: str | None,
+    station_id: StationId | None = None,
 ) -> None:
     """End a mission that cannot go on; packages on board are stranded where the drone stands.
+
+    That is `station_id`, where the drone has just said so itself.
 
     A drone that stands and waits is told to forget it, so that it can serve again.
     """
     if record.mission.state == "BOOKED":
         await refuse(watch, record, code=code, detail=detail)
         return
-    station_id = None if record.stuck is None else record.stuck.station_id
+    if station_id is None and record.stuck is not None:
+        station_id = record.stuck.station_id
     link = watch.links.get(record.drone_id)
     if station_id is None and link is not None and link.state is not None:
         station_id = link.state.station_id

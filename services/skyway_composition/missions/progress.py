@@ -107,6 +107,15 @@ async def _take_mission_end(watch: Watch, record: MissionRecord, event: DroneEve
     if not missing:
         await complete(watch, record, at=event.ended_at)
         return
+    given_up = record.mission.given_up
     detail = f"the drone ended it with {len(missing)} packages not delivered"
-    code = record.mission.given_up or event.code or "NOT_DELIVERED"
-    await abort(watch, record, at=event.ended_at, code=code, detail=detail)
+    if given_up is not None:
+        detail = f"no way was left to deliver or return {len(missing)} packages"
+    await abort(
+        watch,
+        record,
+        at=event.ended_at,
+        code=given_up or event.code or "NOT_DELIVERED",
+        detail=detail,
+        station_id=event.station_id,
+    )

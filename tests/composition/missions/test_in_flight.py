@@ -136,13 +136,15 @@ async def test_a_drone_that_can_land_nowhere_else_lands_where_it_flies_to(
     alarms = await composition.rows("SELECT level, code FROM alarms")
     assert [tuple(row) for row in alarms] == [("CRITICAL", "NO_SAFE_LANDING")]
 
+    # Its state is the last to come, so that where it stands is known from its events alone.
     await composition.take(
         drone.ack(revision), *drone.ended(first, [first.steps[1]]), *drone.flown(revision)
     )
 
     report = (await composition.reports())[-1]
     assert (report.kind, report.mission_state) == ("ENDED", "ABORTED")
-    assert report.stranded_package_ids == ("p1",)
+    assert (report.stranded_package_ids, report.station_id) == (("p1",), "b")
+    assert report.detail == "no way was left to deliver or return 1 packages"
     chain = await composition.rows("SELECT custodian_kind, custodian_id FROM custody ORDER BY seq")
     assert tuple(chain[-1]) == ("STATION", "b")
     assert await composition.reservations() == []
