@@ -48,6 +48,8 @@ def configure_logs(service: str, level: str) -> None:
     handler.setFormatter(JsonLines(service))
     logging.basicConfig(level=level.upper(), handlers=[handler], force=True)
     logging.captureWarnings(capture=True)
+    # It writes a line for each request of ours to another service, which logs what it does itself.
+    logging.getLogger("httpx").setLevel(logging.WARNING)
 
 
 def _is_secret(name: str) -> bool:

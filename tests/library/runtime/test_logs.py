@@ -5,7 +5,7 @@ import logging
 
 import pytest
 
-from skyway.runtime.logs import JsonLines
+from skyway.runtime.logs import JsonLines, configure_logs
 from skyway.runtime.tracing import current_trace_id, tracing
 
 
@@ -48,3 +48,21 @@ def test_an_exception_is_a_member() -> None:
     written = line("failed", exc_info=(type(error), error, None))
 
     assert "LookupError: lost" in str(written["exception"])
+
+
+def test_requests_between_services_leave_no_line_each(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    root = logging.getLogger()
+    before = root.level, root.handlers[:]
+    try:
+        configure_logs("gateway", "INFO")
+        logging.getLogger("httpx").info("HTTP Request: GET http://registry 200")
+        logging.getLogger("skyway").info("delivery planned")
+    finally:
+        root.setLevel(before[0])
+        root.handlers[:] = before[1]
+        logging.captureWarnings(capture=False)
+
+    [written] = capsys.readouterr().err.splitlines()
+    assert json.loads(written)["event"] == "delivery planned"
