@@ -81,8 +81,9 @@ async def _measured(
 ) -> Outcome:
     pids = _pids(system, world) | servers
     requests = city.requests(rate_per_s=burst.rate_per_s, seconds=burst.seconds, seed=burst.seed)
-    idle, idle_s = await _idle(pids)
     await _warm_up(system, world, city, burst=burst)
+    # Afterwards: a service that has just started still compiles and reads.
+    idle, idle_s = await _idle(pids)
     async with following(world, mqtt_url=system.mqtt_url) as followed:
         counted = await counters(system.urls)
         with profiled(_python_only(pids), burst.profile):
