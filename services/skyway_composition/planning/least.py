@@ -29,6 +29,10 @@ class Least:
     request: DeliveryRequest
     approaches_m: dict[StationId, float]
     tour_m: float
+    #: Of the request: its destinations, its mass, and the lightest of its packages.
+    destinations: tuple[StationId, ...]
+    payload_kg: float
+    lightest_kg: float
 
     @classmethod
     def of(
@@ -36,13 +40,18 @@ class Least:
     ) -> Self:
         """The bounds for a request whose places are all in the network, as the candidates' are."""
         pickup = request.pickup.station_id
-        stops = [each for each in request.destinations if each != pickup]
+        destinations = request.destinations
+        stops = [each for each in destinations if each != pickup]
         starts = {candidate.station_id for candidate in candidates}
         return cls(
             skyway,
             request,
             least_m_to(skyway.network, pickup, starts),
             least_tour_m(skyway.network, pickup, stops),
+            destinations,
+            request.payload_kg,
+            # Each flight between deliveries carries at least this one.
+            min(package.mass_kg for package in request.packages),
         )
 
     def values(self, alike: Sequence[Candidate]) -> tuple[OfferValues, ...]:
@@ -53,13 +62,11 @@ class Least:
         first = alike[0]
         model = with_margin(first.model, self.skyway.settings.energy_margin)
         approach_m = self.approaches_m[first.station_id]
-        # Each flight between deliveries carries at least the lightest package.
-        lightest_kg = min(package.mass_kg for package in self.request.packages)
         fastest_mps = max(model.speed_empty_mps, model.speed_full_mps)
         flight_s = approach_m / model.speed_empty_mps + self.tour_m / fastest_mps
         energy_j = (
             approach_m * flight_power_w(model, 0.0) / model.speed_empty_mps
-            + self.tour_m * flight_power_w(model, lightest_kg) / fastest_mps
+            + self.tour_m * flight_power_w(model, self.lightest_kg) / fastest_mps
         )
         recharging_s = _recharging_s(model, first.soc, energy_j)
         time_s = flight_s + recharging_s + self._stops_s(model, first.station_id)
@@ -80,15 +87,15 @@ class Least:
         return amount_of(
             tariff,
             distance_m=least_m,
-            payload_kg=self.request.payload_kg,
+            payload_kg=self.payload_kg,
             recharging_s=recharging_s,
         )
 
     def _stops_s(self, model: DroneModel, station_id: StationId) -> float:
         """Landing for, and taking, each hand-over and the loading."""
         pickup, settings = self.request.pickup.station_id, self.skyway.settings
-        stops = len(self.request.destinations)
-        landings = stops - (pickup in self.request.destinations) + (station_id != pickup)
+        stops = len(self.destinations)
+        landings = stops - (pickup in self.destinations) + (station_id != pickup)
         return settings.loading_s + stops * settings.dropoff_s + landings * model.stop_s
 
 

@@ -15,7 +15,7 @@ from skyway_composition.planning.offer import Offer, Offers, Part
 from skyway_composition.planning.refusals import Refusals, fit_candidates
 from skyway_composition.planning.round_trip import NoTrip
 from skyway_composition.planning.trip_finder import TripFinder
-from skyway_composition.planning.trips import carries_all, split_offers
+from skyway_composition.planning.trips import carrying_all, split_offers
 
 
 async def plan_offers(
@@ -38,10 +38,11 @@ async def plan_offers(
     if not fit:
         return Offers((), refusals.of_providers(()))
     settings = world.skyway.settings
-    able = [each for each in fit if carries_all(each, request, settings)]
+    able = carrying_all(fit, request, settings)
     if able:
+        payload_kg = request.payload_kg
         for each in fit:
-            if not carries_all(each, request, settings):
+            if each.model.max_payload_kg < payload_kg:
                 _refuse_overweight(refusals, each, request)
         offers = await _single_offers(finder, request, able, limits=limits, refusals=refusals)
     else:

@@ -17,12 +17,14 @@ from skyway_composition.planning.round_trip import NoTrip
 from skyway_composition.planning.trip_finder import TripFinder
 
 
-def carries_all(candidate: Candidate, request: DeliveryRequest, settings: NetworkSettings) -> bool:
-    """Whether one trip of this drone may take all packages of the request."""
-    return (
-        request.payload_kg <= candidate.model.max_payload_kg
-        and len(request.destinations) <= settings.max_destinations_per_trip
-    )
+def carrying_all(
+    candidates: Sequence[Candidate], request: DeliveryRequest, settings: NetworkSettings
+) -> list[Candidate]:
+    """Those of whose drones one trip may take all packages of the request."""
+    if len(request.destinations) > settings.max_destinations_per_trip:
+        return []
+    payload_kg = request.payload_kg
+    return [each for each in candidates if payload_kg <= each.model.max_payload_kg]
 
 
 async def split_offers(
