@@ -210,3 +210,25 @@ async def test_a_server_that_is_not_there_is_unavailable(tmp_path: object) -> No
                 await tx.execute(text("SELECT 1"))
 
     assert not answering
+
+
+@pytest.mark.parametrize(
+    "database_url", [pytest.param("postgresql", marks=pytest.mark.integration)], indirect=True
+)
+async def test_connections_that_the_server_closed_are_made_anew(database_url: str) -> None:
+    async with Database(database_url) as db, Database(database_url) as other:
+        async with db.read() as connection:
+            before = (await connection.execute(text("SELECT pg_backend_pid()"))).scalar_one()
+            driver = (await connection.get_raw_connection()).driver_connection
+        assert driver is not None
+        is_closed = asyncio.Event()
+        driver.add_termination_listener(lambda _: is_closed.set())
+        async with other.write() as tx:
+            await tx.execute(text("SELECT pg_terminate_backend(:pid)"), {"pid": before})
+        async with asyncio.timeout(10):
+            await is_closed.wait()
+
+        async with db.read() as connection:
+            after = (await connection.execute(text("SELECT pg_backend_pid()"))).scalar_one()
+
+    assert after != before
