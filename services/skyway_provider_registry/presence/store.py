@@ -109,7 +109,7 @@ async def record(tx: Tx, sightings: Mapping[DroneId, Sighting], heard: Heard) ->
         (_ORDER_OF_SAMPLE, samples),
     ):
         if rows:
-            await tx.execute(_if_later(order), rows)
+            await tx.execute(_IF_LATER[order], rows)
 
 
 async def is_news(connection: AsyncConnection, report: MissionReport) -> bool:
@@ -117,10 +117,7 @@ async def is_news(connection: AsyncConnection, report: MissionReport) -> bool:
 
     What comes between two reports of the same state says the same, so keeping the first will do.
     """
-    known = select(mission_hints.c.seq, mission_hints.c.mission_state).where(
-        mission_hints.c.mission_id == report.mission_id
-    )
-    row = (await connection.execute(known)).one_or_none()
+    row = (await connection.execute(_KNOWN_WORD, {"about": report.mission_id})).one_or_none()
     return row is None or (row.seq < report.seq and row.mission_state != report.mission_state)
 
 
@@ -144,21 +141,14 @@ async def record_report(tx: Tx, report: MissionReport, *, wall_at: datetime) -> 
             where=mission_hints.c.seq < statement.excluded.seq,
         )
     )
-    await tx.execute(
-        delete(mission_hints).where(
-            mission_hints.c.drone_id == report.drone_id,
-            mission_hints.c.is_live.is_(False),
-            mission_hints.c.reported_wall_ms < moment_to_ms(wall_at) - _REMEMBERED_MS,
-        )
-    )
+    forgotten_ms = moment_to_ms(wall_at) - _REMEMBERED_MS
+    await tx.execute(_FORGET, {"about": report.drone_id, "before_ms": forgotten_ms})
 
 
 async def touch(tx: Tx, drone_id: DroneId) -> None:
     """Have every reader read this drone again."""
     change = await next_change(tx)
-    await tx.execute(
-        presence.update().where(presence.c.drone_id == drone_id).values(changed=change)
-    )
+    await tx.execute(_TOUCH, {"about": drone_id, "changed": change})
 
 
 def presence_of(row: AnyRow) -> Presence:
@@ -221,6 +211,21 @@ def _if_later(names: tuple[str, ...]) -> Update:
     is_about = presence.c.drone_id == bindparam("about", type_=Text)
     return presence.update().where(is_about, known < new)
 
+
+# Statements of every message and report are made once: to make one takes as long as to run it.
+
+_IF_LATER: Final = {
+    order: _if_later(order) for order in (_ORDER_OF_CONNECTION, _ORDER_OF_STATE, _ORDER_OF_SAMPLE)
+}
+_KNOWN_WORD: Final = select(mission_hints.c.seq, mission_hints.c.mission_state).where(
+    mission_hints.c.mission_id == bindparam("about", type_=Text)
+)
+_FORGET: Final = delete(mission_hints).where(
+    mission_hints.c.drone_id == bindparam("about", type_=Text),
+    mission_hints.c.is_live.is_(False),
+    mission_hints.c.reported_wall_ms < bindparam("before_ms", type_=BigInteger),
+)
+_TOUCH: Final = presence.update().where(presence.c.drone_id == bindparam("about", type_=Text))
 
 _live: Final = (
     select(mission_hints.c.drone_id, func.max(mission_hints.c.mission_id).label("mission_id"))
