@@ -281,3 +281,11 @@ class FlownDrone:
     def _make_link(self, will: Will, on_connected: Callable[[], Awaitable[None]]) -> HandheldLink:
         self._link = HandheldLink(self, will, on_connected)
         return self._link
+
+
+class DeafSubscriber:
+    """`Subscriber` on which nothing arrives."""
+
+    async def batches(self, *_: Topic[Any]) -> AsyncIterator[list[Received[Any]]]:
+        await asyncio.Event().wait()
+        yield []

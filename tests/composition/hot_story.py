@@ -1,5 +1,6 @@
 """Stories of a hot world: deeds of customers, drones, loaders and operators, one after another."""
 
+import asyncio
 from collections.abc import Sequence
 from datetime import timedelta
 from random import Random
@@ -11,13 +12,15 @@ from skyway_composition.closures.closure import Area, Closure
 from skyway_drone_agent.disturbances import Disturbances
 
 from skyway.delivery.request import DeliveryRequest
+from skyway.ids import StationId
 
 #: A zone through which the segment from a to b leads, and no station lies in it.
 _ZONE: Final = [[0.04, -0.01], [0.06, -0.01], [0.06, 0.01], [0.04, 0.01], [0.04, -0.01]]
 
 #: Each deed as often as it is done.
 DEEDS: Final = (
-    *["book"] * 7,
+    *["book"] * 6,
+    *["book_at_once"] * 2,
     *["time_passes"] * 12,
     *["be_disturbed"] * 2,
     *["close"] * 2,
@@ -58,8 +61,19 @@ class Story:
                 await world.reopen(closure)
             await world.end()
 
+    async def book_at_once(self, chance: Random) -> None:
+        """Several customers, who all see the same drones and pads free."""
+        async with asyncio.TaskGroup() as customers:
+            for _ in range(3):
+                customers.create_task(self._order(chance))
+        await self.world.converse()
+
     async def book(self, chance: Random) -> None:
-        delivery_id = f"d{len(self.world.requests)}"
+        await self._order(chance)
+        await self.world.converse()
+
+    async def _order(self, chance: Random) -> None:
+        delivery_id = self.world.new_delivery()
         pickup = chance.choice("aabc")
         others = [each for each in "abc" if each != pickup]
         mass_kg = chance.choice([0.4, 0.4, 3.0, 10.0])
@@ -90,6 +104,7 @@ class Story:
         request = await self.world.left_to_book(delivery_id)
         if request is not None:
             note(f"  {await self.world.book(delivery_id, request, loading='AUTOMATIC')}")
+            await self.world.converse()
 
     async def cancel(self, chance: Random) -> None:
         if not self.world.requests:
@@ -104,9 +119,9 @@ class Story:
 
     async def be_disturbed(self, chance: Random) -> None:
         drone = chance.choice(self.world.drones)
-        factors = [chance.choice([0.8, 1.0, 1.0, 1.1, 1.25, 1.6]) for _ in range(3)]
-        absent = frozenset(each for each in "abc" if chance.random() < 0.2)
-        drone.disturbances = Disturbances(*factors, absent)
+        time, energy, charge = (chance.choice([0.8, 1.0, 1.0, 1.1, 1.25, 1.6]) for _ in range(3))
+        absent = frozenset(StationId(each) for each in "abc" if chance.random() < 0.2)
+        drone.disturbances = Disturbances(time, energy, charge, absent)
         await drone.restart(with_journal=True)
         await self.world.converse()
 

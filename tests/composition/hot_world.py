@@ -3,13 +3,14 @@
 import asyncio
 import random
 from collections import Counter
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import Iterator
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from itertools import pairwise
 from typing import Any, Self
 
-from flown_drone import FlownDrone
+from flown_drone import DeafSubscriber, FlownDrone
+from hot_network import MODEL, PLACES, network
 from skyway_composition.closures.closing import Closings
 from skyway_composition.closures.closure import Closure, ClosureKind
 from skyway_composition.missions.affected.impact import MissionImpact
@@ -45,12 +46,9 @@ from skyway.contracts.mission import (
     CancelMissions,
     MissionReport,
 )
-from skyway.contracts.topic import Topic
 from skyway.delivery.offer import Tariff
 from skyway.delivery.request import DeliveryRequest
-from skyway.drone.models import DRONE_MODELS
-from skyway.geo import Position
-from skyway.ids import ClosureId, DeliveryId, DroneModelId, MissionId, NetworkId
+from skyway.ids import ClosureId, DeliveryId, MissionId, NetworkId
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.database import Database
 from skyway.runtime.errors import Conflict
@@ -58,14 +56,6 @@ from skyway.runtime.loops import Wake
 from skyway.runtime.minting import CountingMint
 from skyway.runtime.mqtt import Received
 from skyway.units import moment_to_ms
-
-#: Three stations, 12 km from each other, with a pad each.
-_PLACES = {"a": Position(0.0, 0.0), "b": Position(0.1079, 0.0), "c": Position(0.05395, 0.0934)}
-
-#: Flies two of the three legs with one charge, and lands with something to lose.
-MODEL = DRONE_MODELS[DroneModelId("paper-scenario")].model_copy(
-    update={"reserve_soc": 0.05, "stop_s": 30.0, "stop_j": 4_000.0}
-)
 
 #: Fleet seconds per second of wall time.
 _RATE = 60.0
@@ -78,29 +68,6 @@ _DEAF_FOR = timedelta(minutes=1)
 
 #: No story goes on for longer than this once everything is allowed again.
 _OVER_WITHIN = timedelta(hours=30)
-
-
-def _network() -> dict[str, Any]:
-    points = [
-        {
-            "type": "Feature",
-            "geometry": {"type": "Point", "coordinates": list(position)},
-            "properties": {"kind": "station", "station_id": name, "pads": 1},
-        }
-        for name, position in _PLACES.items()
-    ]
-    lines = [
-        {
-            "type": "Feature",
-            "geometry": {
-                "type": "LineString",
-                "coordinates": [list(_PLACES[start]), list(_PLACES[end])],
-            },
-            "properties": {"kind": "segment", "from": start, "to": end},
-        }
-        for start, end in ("ab", "bc", "ca")
-    ]
-    return {"type": "FeatureCollection", "features": points + lines}
 
 
 class HotWorld:
@@ -126,7 +93,7 @@ class HotWorld:
         async with self.db.write() as tx:
             for table in reversed(metadata.sorted_tables):
                 await tx.execute(delete(table))
-            content = await read_content(_network())
+            content = await read_content(network())
             await add_version(
                 tx,
                 VersionRow(NetworkId("hot"), 1, content.sha256, self.now_ms),
@@ -135,7 +102,7 @@ class HotWorld:
             )
         for number, home in enumerate("aabc", 1):
             drone = FlownDrone(
-                f"drn_{number}", model=MODEL, home=home, position=_PLACES[home], clock=self.clock
+                f"drn_{number}", model=MODEL, home=home, position=PLACES[home], clock=self.clock
             )
             self.drones.append(drone)
             await drone.start()
@@ -160,7 +127,7 @@ class HotWorld:
         )
         self.cancellations, self.commands = Cancellations(*hands), Commands(*hands)
         self.loadings = Loadings(*hands)
-        self.follower = Follower(db, _Deaf(), clock=clock, mint=mint, stuck=stuck)
+        self.follower = Follower(db, DeafSubscriber(), clock=clock, mint=mint, stuck=stuck)
         self.recomposer = Recomposer(db, networks, self.solver, clock, mint, "hot", pads_changed)
         self.sweeps = (
             Lagging(db, clock, mint, stuck),
@@ -246,6 +213,9 @@ class HotWorld:
 
     # What people do
 
+    def new_delivery(self) -> str:
+        return self.mint("dlv").replace("_", "")
+
     async def book(self, delivery_id: str, request: DeliveryRequest, *, loading: str) -> str:
         """As the gateway books; the outcome."""
         self.requests.setdefault(delivery_id, request)
@@ -268,7 +238,6 @@ class HotWorld:
         )
         wanted = BookMissions(attempt=attempt, request=request, candidates=candidates)
         booking = await self.bookings.book(DeliveryId(delivery_id), wanted)
-        await self.converse()
         return booking.outcome
 
     async def cancel(self, delivery_id: str, package_ids: tuple[str, ...] | None) -> Cancellation:
@@ -432,11 +401,3 @@ class HotWorld:
     def delivery_of(self, event: DroneEvent) -> str:
         # Package ids are unique in this world.
         return event.package_ids[0].split("_")[0] if event.package_ids else ""
-
-
-class _Deaf:
-    """`Subscriber` on which nothing arrives."""
-
-    async def batches(self, *_: Topic[Any]) -> AsyncIterator[list[Received[Any]]]:
-        await asyncio.Event().wait()
-        yield []
