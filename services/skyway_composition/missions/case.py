@@ -59,6 +59,8 @@ def _wish(record: MissionRecord) -> tuple[object, ...]:
     return (
         record.mission_id,
         record.mission.revision,
+        # New steps would end a hold that was ordered while they were planned.
+        record.mission.is_held,
         record.stuck,
         record.trouble,
         record.proposal,

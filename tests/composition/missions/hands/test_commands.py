@@ -1,8 +1,11 @@
 """Operators hold, resume, divert, call home and cancel; nobody else does."""
 
+from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import pytest
+from skyway_composition.planning.solver_pool import SolverPool
 
 
 async def give(
@@ -44,6 +47,39 @@ async def test_a_drone_that_does_not_hold_is_shown_as_flying_on(
     assert not (await shown(composition, instruction.mission_id))["mission"]["is_held"]
     (alarm,) = (await composition("operator:op", "GET", "/v1/alarms")).json()["items"]
     assert (alarm["code"], alarm["mission_id"]) == ("HOLD_REFUSED", instruction.mission_id)
+
+
+class HoldingSolver(SolverPool):
+    """An operator holds the mission while a plan is made for it."""
+
+    def __init__(self, composition: Any, mission_id: str) -> None:
+        super().__init__(threads=1, time_limit_s=30.0)
+        self._hold = partial(give, composition, mission_id, "HOLD")
+        self._is_held = False
+
+    async def compose(self, *arguments: Any, **options: Any) -> Any:
+        if not self._is_held:
+            self._is_held = True
+            assert (await self._hold()).status_code == 202
+        return await super().compose(*arguments, **options)
+
+
+async def test_a_plan_that_was_under_way_does_not_end_a_hold(
+    composition: Any, drone: Any, make: Any, begin: Any
+) -> None:
+    instruction = await begin.loaded(composition, drone, make)
+    mission_id = instruction.mission_id
+    await composition.take(
+        drone.event("ALARM", mission_id=mission_id, code="PLAN_WANTED", detail="head wind")
+    )
+
+    async with HoldingSolver(composition, mission_id) as solver:
+        recomposer = replace(composition.recomposer, solver=solver)
+        for _ in range(2):
+            await recomposer.step()
+
+    assert [each.kind for each in await composition.sent()] == ["HOLD"]
+    assert (await shown(composition, mission_id))["mission"]["is_held"]
 
 
 async def test_a_resumed_drone_is_told_and_gets_another_plan(
