@@ -1,15 +1,13 @@
 """A hot small world: real agents, a real composition, one pad a station, and no time but ours."""
 
 import asyncio
-import random
 from collections import Counter
-from collections.abc import Iterator
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
-from itertools import pairwise
 from typing import Any, Self
 
 from flown_drone import DeafSubscriber, FlownDrone
+from hot_deeds import ended_missions, handed_over, shared_pads
 from hot_network import MODEL, PLACES, network
 from skyway_composition.closures.closing import Closings
 from skyway_composition.closures.closure import Closure, ClosureKind
@@ -38,7 +36,6 @@ from skyway_drone_agent.disturbances import UNDISTURBED
 from sqlalchemy import delete, select
 
 from skyway.contracts.candidate import Candidate
-from skyway.contracts.drone_report import DroneEvent
 from skyway.contracts.flight_step import PackageOnBoard
 from skyway.contracts.mission import (
     BookMissions,
@@ -76,7 +73,6 @@ class HotWorld:
     def __init__(self, url: str) -> None:
         self.clock = ManualClock(datetime(2026, 3, 1, 12, tzinfo=UTC), rate=_RATE)
         self.mint = CountingMint()
-        self.chance = random.Random(0)
         self.db = Database(url, outbox=outbox)
         self.solver = SolverPool(threads=1, time_limit_s=5.0)
         self.drones: list[FlownDrone] = []
@@ -313,11 +309,11 @@ class HotWorld:
     async def check(self) -> None:
         """Nothing is broken, in the books or in the world."""
         assert list(await violations(self.db)) == []
-        handed_over = Counter(self._handed_over())
-        assert [each for each, times in handed_over.items() if times > 1] == []
-        assert [each for each in handed_over if each in self.released] == []
-        assert list(self._shared_pads()) == []
-        assert await self._completed() - self._ended_by_drones() == set()
+        times = Counter(handed_over(self.drones))
+        assert [each for each, count in times.items() if count > 1] == []
+        assert [each for each in times if each in self.released] == []
+        assert list(shared_pads(self.drones)) == []
+        assert await self._completed() - ended_missions(self.drones) == set()
 
     async def end(self) -> None:
         """Everything is allowed again; all stories end, and nothing is left behind."""
@@ -353,7 +349,7 @@ class HotWorld:
                     await held_packages(connection, DeliveryId(delivery_id))
                 )
             }
-        assert received <= set(self._handed_over())
+        assert received <= set(handed_over(self.drones))
         for story in told.values():
             assert [each.seq for each in story] == list(range(1, len(story) + 1))
             ends = [each.kind for each in story if each.kind in ("ENDED", "REFUSED")]
@@ -366,38 +362,5 @@ class HotWorld:
             records = await page(connection, shown, before=None, limit=10_000)
         return {each.mission_id for each in records}
 
-    def _ended_by_drones(self) -> set[str]:
-        return {
-            each.mission_id or ""
-            for drone in self.drones
-            for each in drone.journal.happened
-            if each.event == "MISSION_ENDED"
-        }
-
     def _flying(self) -> list[str]:
         return [each.drone_id for each in self.drones if each.logbook.mission is not None]
-
-    def _handed_over(self) -> Iterator[tuple[str, str]]:
-        """What drones have done: a delivery's package for each time it was handed over."""
-        for drone in self.drones:
-            for event in drone.journal.happened:
-                is_delivery = (event.event, event.step_kind) == ("STEP_ENDED", "DELIVER")
-                if is_delivery and event.code is None:
-                    for package_id in event.package_ids:
-                        yield self.delivery_of(event), package_id
-
-    def _shared_pads(self) -> Iterator[tuple[str, str, str]]:
-        """Where drones have charged on the same pad at the same time, whatever was booked."""
-        sessions = sorted(
-            (each.station_id, each.started_at, each.ended_at, drone.drone_id)
-            for drone in self.drones
-            for each in drone.journal.happened
-            if each.step_kind == "RECHARGE" and each.event == "STEP_ENDED"
-        )
-        for (station_id, *_, ended_at, one), (other_id, started_at, _, other) in pairwise(sessions):
-            if station_id == other_id and started_at < ended_at and one != other:
-                yield station_id, one, other
-
-    def delivery_of(self, event: DroneEvent) -> str:
-        # Package ids are unique in this world.
-        return event.package_ids[0].split("_")[0] if event.package_ids else ""

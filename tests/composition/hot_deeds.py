@@ -1,0 +1,40 @@
+"""What the drones of a hot world have done, by their own journals: the truth to compare with."""
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+
+from flown_drone import FlownDrone
+
+
+def ended_missions(drones: Sequence[FlownDrone]) -> set[str]:
+    """Missions that their drones say are at their end."""
+    return {
+        each.mission_id or ""
+        for drone in drones
+        for each in drone.journal.happened
+        if each.event == "MISSION_ENDED"
+    }
+
+
+def handed_over(drones: Sequence[FlownDrone]) -> Iterator[tuple[str, str]]:
+    """A delivery's package for each time it was handed over."""
+    for drone in drones:
+        for event in drone.journal.happened:
+            is_delivery = (event.event, event.step_kind) == ("STEP_ENDED", "DELIVER")
+            if is_delivery and event.code is None:
+                for package_id in event.package_ids:
+                    # A package of this world is called after its delivery.
+                    yield package_id.split("_")[0], package_id
+
+
+def shared_pads(drones: Sequence[FlownDrone]) -> Iterator[tuple[str, str, str]]:
+    """Where drones have charged on the same pad at the same time, whatever was booked."""
+    sessions = sorted(
+        (each.station_id, each.started_at, each.ended_at, drone.drone_id)
+        for drone in drones
+        for each in drone.journal.happened
+        if each.step_kind == "RECHARGE" and each.event == "STEP_ENDED"
+    )
+    for (station_id, *_, ended_at, one), (other_id, started_at, _, other) in pairwise(sessions):
+        if station_id == other_id and started_at < ended_at and one != other:
+            yield station_id, one, other
