@@ -30,11 +30,11 @@ def handed_over(drones: Sequence[FlownDrone]) -> Iterator[tuple[str, str]]:
 def shared_pads(drones: Sequence[FlownDrone]) -> Iterator[tuple[str, str, str]]:
     """Where drones have charged on the same pad at the same time, whatever was booked."""
     sessions = sorted(
-        (each.station_id, each.started_at, each.ended_at, drone.drone_id)
+        (each.station_id or "", each.started_at, each.ended_at, drone.drone_id)
         for drone in drones
         for each in drone.journal.happened
-        if each.step_kind == "RECHARGE" and each.event == "STEP_ENDED"
+        if (each.event, each.step_kind) == ("STEP_ENDED", "RECHARGE") and each.started_at
     )
-    for (station_id, *_, ended_at, one), (other_id, started_at, _, other) in pairwise(sessions):
-        if station_id == other_id and started_at < ended_at and one != other:
+    for (station_id, _, ended_at, one), (other_id, began_at, _, other) in pairwise(sessions):
+        if station_id == other_id and began_at < ended_at and one != other:
             yield station_id, one, other
