@@ -26,7 +26,7 @@ def quote_routes(*, db: Database, gate: KeyGate, maker: QuoteMaker) -> APIRouter
         idempotency_key: Annotated[str | None, Header()] = None,
     ) -> Response:
         """Ask for offers, the best first; they reserve nothing, and one of them can be taken."""
-        caller.must_be("customer")
+        caller.must_be("customer", "operator")
         answer = await maker.make(
             caller, wanted, idempotency_key=idempotency_key, body=await request.body()
         )

@@ -125,12 +125,12 @@ async def test_a_quote_is_read_by_its_customer_and_operators_alone(
     assert (await gateway.http.get(path, headers=gateway.customer)).json() == made
 
 
-async def test_only_customers_ask_for_quotes(
+async def test_customers_and_operators_ask_for_quotes(
     gateway: Any, request_body: Callable[..., Any]
 ) -> None:
-    for headers in (gateway.provider, gateway.operator):
+    for headers, status in ((gateway.provider, 403), (gateway.operator, 201)):
         answer = await gateway.http.post("/v1/quotes", json=request_body(), headers=headers)
-        assert answer.status_code == 403
+        assert answer.status_code == status
 
 
 async def test_only_quotes_that_expired_before_are_forgotten(
