@@ -76,13 +76,16 @@ async def _trouble_all(watch: Watch, reach: Reach, found: Found) -> None:
 def _detail(reach: Reach) -> str:
     """What is closed, until when and why, for customers and operators."""
     closure = reach.closure
-    what = reach.what or {
-        "STATION": f"station {closure.station_id!r} is closed",
-        "PAD": f"pad {closure.pad} of station {closure.station_id!r} is out of order",
-        "SEGMENT": f"the segment {closure.station_id!r} to {closure.to_station_id!r} is closed",
-        "ZONE": "a zone is closed to flight",
-        "GROUND_STOP": "drones may not take off",
-    }[closure.kind]
+    what = (
+        reach.what
+        or {
+            "STATION": f"station {closure.station_id!r} is closed",
+            "PAD": f"pad {closure.pad} of station {closure.station_id!r} is out of order",
+            "SEGMENT": f"the segment {closure.station_id!r} to {closure.to_station_id!r} is closed",
+            "ZONE": "a zone is closed to flight",
+            "GROUND_STOP": "drones may not take off",
+        }[closure.kind]
+    )
     since = f" from {ms_to_moment(closure.from_ms).isoformat()}"
     until = (
         "" if closure.until_ms is None else f" until {ms_to_moment(closure.until_ms).isoformat()}"
