@@ -27,13 +27,19 @@ def handed_over(drones: Sequence[FlownDrone]) -> Iterator[tuple[str, str]]:
                     yield package_id.split("_")[0], package_id
 
 
-def shared_pads(drones: Sequence[FlownDrone]) -> Iterator[tuple[str, str, str]]:
-    """Where drones have charged on the same pad at the same time, whatever was booked."""
+def shared_pads(
+    drones: Sequence[FlownDrone], *, given_up: set[str]
+) -> Iterator[tuple[str, str, str]]:
+    """Where drones have charged on the same pad at the same time, whatever was booked.
+
+    A drone that was silent for hours, and given up, may fly on by a plan without any pads.
+    """
     sessions = sorted(
         (each.station_id or "", each.started_at, each.ended_at, drone.drone_id)
         for drone in drones
         for each in drone.journal.happened
         if (each.event, each.step_kind) == ("STEP_ENDED", "RECHARGE") and each.started_at
+        if each.mission_id not in given_up
     )
     for (station_id, _, ended_at, one), (other_id, began_at, _, other) in pairwise(sessions):
         if station_id == other_id and began_at < ended_at and one != other:
