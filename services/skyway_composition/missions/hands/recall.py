@@ -6,6 +6,7 @@ from typing import Final
 
 from skyway.contracts.flight_step import PickUpStep
 from skyway.runtime.clock import FleetClock, fleet_margin
+from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.custody import Held
 from skyway_composition.missions.record import MissionRecord
 from skyway_composition.missions.step_record import StepRecord
@@ -27,17 +28,25 @@ def is_being_loaded(record: MissionRecord) -> bool:
 
 
 def can_be_kept_off(
-    record: MissionRecord, steps: Sequence[StepRecord], clock: FleetClock, *, needs_plan: bool
+    record: MissionRecord,
+    steps: Sequence[StepRecord],
+    clock: FleetClock,
+    *,
+    link: DroneLink,
+    needs_plan: bool,
 ) -> bool:
     """Whether the drone surely hears of it before it takes the packages on board.
 
     A PICK_UP that has begun by itself cannot be stopped; one that waits for a loader can, until
-    the loader has confirmed. A drone that waits for a revision begins nothing.
+    the loader has confirmed. A drone that waits for a revision begins nothing. One that is out of
+    reach begins to load as soon as it is back, and hears of what was cancelled after that.
     """
     if is_being_loaded(record):
         return False
     if record.mission.loading == "AWAITED" or record.stuck is not None:
         return True
+    if link.is_gone:
+        return False
     margin = _time_to_tell(clock, needs_plan=needs_plan)
     return all(
         each.step.planned_start_at > clock.now() + margin

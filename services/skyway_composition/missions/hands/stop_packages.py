@@ -43,7 +43,10 @@ async def stop_packages(
 
     steps = await mission_store.steps_of(watch.tx.connection, record.mission_id)
     takes_others = len(waiting) < len(record.request.packages)
-    if waiting and not can_be_kept_off(record, steps, watch.clock, needs_plan=takes_others):
+    link = watch.links[record.drone_id]
+    if waiting and not can_be_kept_off(
+        record, steps, watch.clock, link=link, needs_plan=takes_others
+    ):
         if record.mission.state == "BOOKED":
             too_late += waiting
         else:
