@@ -43,6 +43,19 @@ async def test_a_delivery_cancelled_before_loading_never_leaves_the_pickup(
     assert await composition.broken() == []
 
 
+async def test_what_a_drone_out_of_reach_may_load_is_promised_to_come_back(
+    composition: Any, drone: Any, make: Any, begin: Any
+) -> None:
+    instruction = await begin.accepted(composition, drone, make)
+    await composition.take(drone.connection("LOST"))
+
+    answer = await cancel(composition)
+
+    assert answer.json() == {"released": [], "returning": ["p1"], "too_late": []}
+    assert await composition.state_of(instruction.mission_id) == "ACCEPTED"
+    assert await composition.broken() == []
+
+
 async def test_the_same_cancellation_again_says_the_same_and_does_nothing(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
