@@ -12,8 +12,6 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Final
 
-from sqlalchemy.ext.asyncio import AsyncConnection
-
 from skyway.contracts.candidate import Candidate, ProviderReason
 from skyway.contracts.mission import Booking, BookMissions, ClosedDelivery
 from skyway.ids import DeliveryId, DroneId, StationId
@@ -24,7 +22,6 @@ from skyway.runtime.loops import Wake
 from skyway.runtime.metrics import count
 from skyway.runtime.minting import Mint
 from skyway.units import moment_to_ms
-from skyway_composition.links.store import occupied_among
 from skyway_composition.missions import store
 from skyway_composition.missions.deliveries.store import close_delivery, lock_delivery
 from skyway_composition.missions.engage import engage
@@ -79,7 +76,9 @@ class Bookings:
         for round_number in range(_MOST_ROUNDS):
             async with self.db.read() as connection:
                 booked = await store.missions_of(connection, delivery_id, attempt=wanted.attempt)
-                busy = await _busy_among(connection, [each.drone_id for each in wanted.candidates])
+                busy = await store.busy_among(
+                    connection, [each.drone_id for each in wanted.candidates]
+                )
             if booked:
                 return Booking(outcome="BOOKED", missions=booked)
             world = await self._look(wanted.request.pickup.station_id)
@@ -94,7 +93,7 @@ class Bookings:
     async def busy_among(self, drone_ids: Collection[DroneId]) -> frozenset[DroneId]:
         """Those of these drones that are on a mission, or may be."""
         async with self.db.read() as connection:
-            return await _busy_among(connection, drone_ids)
+            return await store.busy_among(connection, drone_ids)
 
     async def close(self, delivery_id: DeliveryId) -> ClosedDelivery:
         """Book nothing more for this delivery, unless something is booked already."""
@@ -202,11 +201,3 @@ class Bookings:
 
 def _count_conflict(by: str) -> None:
     count("skyway_booking_conflicts", "offers that could not be taken any more", by=by)
-
-
-async def _busy_among(
-    connection: AsyncConnection, drone_ids: Collection[DroneId]
-) -> frozenset[DroneId]:
-    busy = await store.busy_among(connection, drone_ids)
-    # A drone that was given up on may still be out there with its mission.
-    return busy | await occupied_among(connection, drone_ids)

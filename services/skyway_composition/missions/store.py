@@ -17,6 +17,7 @@ from skyway.ids import DeliveryId, DroneId, MissionId, PackageId, ProviderId
 from skyway.runtime.claims import FREE
 from skyway.runtime.database import Tx
 from skyway.units import moment_to_ms
+from skyway_composition.links.store import occupied_among
 from skyway_composition.missions.custody import Custodian, Held
 from skyway_composition.missions.record import Aim, MissionRecord, Proposal, Stuck, Trouble
 from skyway_composition.missions.step_columns import step_columns
@@ -111,9 +112,9 @@ async def live_missions_of(
 async def busy_among(
     connection: AsyncConnection, drone_ids: Collection[DroneId]
 ) -> frozenset[DroneId]:
-    """Those of these drones that are on a mission."""
+    """Those of these drones that are on a mission, or say so: given up on, they may still fly."""
     found = await connection.execute(_BUSY, {"drone_ids": [*drone_ids]})
-    return frozenset(found.scalars())
+    return frozenset(found.scalars()) | await occupied_among(connection, drone_ids)
 
 
 async def add(tx: Tx, record: MissionRecord) -> None:
