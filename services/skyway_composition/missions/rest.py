@@ -7,6 +7,7 @@ the drone can land soonest.
 
 from dataclasses import dataclass, replace
 
+from skyway.delivery.request import Package, Place
 from skyway.drone.model import DroneModel
 from skyway.ids import StationId
 from skyway_composition.missions.aiming import aims_to_try
@@ -157,7 +158,7 @@ class RestPlanner:
                 self.world,
                 drone,
                 pickup=record.request.pickup.station_id,
-                packages=record.request.packages,
+                packages=_as_aimed(replace(record, aims=aims)),
                 start_ms=start_ms,
                 latest_ms=None,
             )
@@ -186,6 +187,17 @@ class RestPlanner:
 
     def _standing(self, anchor: Anchor) -> Standing:
         return Standing(self.record.candidate.model, anchor.soc, anchor.station_id)
+
+
+def _as_aimed(record: MissionRecord) -> tuple[Package, ...]:
+    """The mission's packages, each with where it goes now for its destination.
+
+    What was cancelled too late to be kept off is handed back where it is picked up.
+    """
+    return tuple(
+        each.model_copy(update={"destination": Place(station_id=record.aim_of(each))})
+        for each in record.request.packages
+    )
 
 
 def _is_temporary(found: Rest | NoTrip) -> bool:

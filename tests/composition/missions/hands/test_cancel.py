@@ -56,6 +56,24 @@ async def test_what_a_drone_out_of_reach_may_load_is_promised_to_come_back(
     assert await composition.broken() == []
 
 
+async def test_what_may_be_loaded_all_the_same_is_handed_back_where_it_is_picked_up(
+    composition: Any, drone: Any, make: Any, begin: Any
+) -> None:
+    instruction = await begin.accepted(composition, drone, make)
+    await composition.take(drone.connection("LOST"))
+    await cancel(composition)
+
+    await composition.recomposer.step()
+
+    revision = (await composition.sent())[-1]
+    pickup = next(step for step in instruction.steps if step.kind == "PICK_UP")
+    assert [
+        (step.kind, step.station_id)
+        for step in revision.steps
+        if step.kind in ("PICK_UP", "RETURN", "DELIVER")
+    ] == [("PICK_UP", pickup.station_id), ("RETURN", pickup.station_id)]
+
+
 async def test_the_same_cancellation_again_says_the_same_and_does_nothing(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
