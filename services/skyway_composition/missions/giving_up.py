@@ -3,12 +3,11 @@
 from dataclasses import replace
 
 from skyway.contracts.flight_step import PickUpStep
-from skyway.units import moment_to_ms
-from skyway_composition.alarms.store import add as raise_alarm
 from skyway_composition.links.store import open_instructions
 from skyway_composition.missions.anchor import Anchor
 from skyway_composition.missions.ending import abort, cancel
 from skyway_composition.missions.hold import hold
+from skyway_composition.missions.mission_alarm import raise_alarm
 from skyway_composition.missions.record import MissionRecord, Trouble
 from skyway_composition.missions.situation import Situation
 from skyway_composition.missions.watch import Watch
@@ -48,15 +47,11 @@ async def hold_for_stop(watch: Watch, record: MissionRecord, *, stop: str) -> No
 async def raise_no_landing(watch: Watch, record: MissionRecord, anchor: Anchor) -> None:
     """Tell operators of a drone that lands where nobody should, since it can reach nothing else."""
     await raise_alarm(
-        watch.tx,
+        watch,
+        record,
         level="CRITICAL",
         code="NO_SAFE_LANDING",
         detail=f"no open station is in reach; the drone lands at {anchor.station_id!r}",
-        at_ms=moment_to_ms(watch.clock.now()),
-        mint=watch.mint,
-        provider_id=record.mission.provider_id,
-        drone_id=record.drone_id,
-        mission_id=record.mission_id,
         station_id=anchor.station_id,
         data={"soc": anchor.soc},
     )
@@ -65,15 +60,11 @@ async def raise_no_landing(watch: Watch, record: MissionRecord, anchor: Anchor) 
 async def stop_trying(watch: Watch, record: MissionRecord, trouble: Trouble) -> None:
     """Let a drone that refuses every revision fly on by its plan, and tell operators."""
     await raise_alarm(
-        watch.tx,
+        watch,
+        record,
         level="URGENT",
         code="REVISIONS_REFUSED",
         detail=f"no revision was taken; the drone flies on in spite of {trouble.code}",
-        at_ms=moment_to_ms(watch.clock.now()),
-        mint=watch.mint,
-        provider_id=record.mission.provider_id,
-        drone_id=record.drone_id,
-        mission_id=record.mission_id,
     )
     await watch.keep(replace(record, trouble=None))
 
@@ -81,14 +72,10 @@ async def stop_trying(watch: Watch, record: MissionRecord, trouble: Trouble) -> 
 async def stop_diverting(watch: Watch, record: MissionRecord, *, reason: str) -> None:
     """Leave a drone held where it stands or lands next, since it cannot go where it was sent."""
     await raise_alarm(
-        watch.tx,
+        watch,
+        record,
         level="URGENT",
         code="DIVERSION_IMPOSSIBLE",
         detail=f"the drone is held where it stands or lands next; {reason}",
-        at_ms=moment_to_ms(watch.clock.now()),
-        mint=watch.mint,
-        provider_id=record.mission.provider_id,
-        drone_id=record.drone_id,
-        mission_id=record.mission_id,
     )
     await watch.keep(replace(record, trouble=None))

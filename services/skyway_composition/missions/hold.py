@@ -5,10 +5,9 @@ from functools import partial
 
 from skyway.contracts.instruction import HoldInstruction, ResumeInstruction
 from skyway.ids import InstructionId
-from skyway.units import moment_to_ms
-from skyway_composition.alarms.store import add as raise_alarm
 from skyway_composition.links.courier import Draft
 from skyway_composition.links.store import SentInstruction, open_instructions
+from skyway_composition.missions.mission_alarm import raise_alarm
 from skyway_composition.missions.record import MissionRecord
 from skyway_composition.missions.watch import Watch
 
@@ -45,15 +44,11 @@ async def take_refused_hold(
     if is_told_again or not is_held:
         return
     await raise_alarm(
-        watch.tx,
+        watch,
+        record,
         level="URGENT",
         code="HOLD_REFUSED",
         detail=f"the drone flies on, since it refused to hold: {code}",
-        at_ms=moment_to_ms(watch.clock.now()),
-        mint=watch.mint,
-        provider_id=record.mission.provider_id,
-        drone_id=record.drone_id,
-        mission_id=record.mission_id,
     )
     await watch.keep(held(record, is_held=False))
 
