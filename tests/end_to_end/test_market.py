@@ -83,7 +83,8 @@ def test_many_requests_at_once_into_few_pads_all_end_and_none_is_double_booked(
         system.call("POST", f"/v1/deliveries/{delivery_id}/cancel", key=key, body={})
     ended = [system.until_state(delivery_id, *_OVER, within_s=180) for delivery_id in ids]
 
-    assert len(ended) == len(ids)
+    # Nobody fails: drones are healthy, and what was cancelled comes back or stays.
+    assert [delivery["packages"] for delivery in ended if delivery["state"] == "FAILED"] == []
     assert any(delivery["state"] == "COMPLETED" for delivery in ended)
     verified = system.command("verify")
     assert verified.returncode == 0, verified.stdout + verified.stderr
