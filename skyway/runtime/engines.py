@@ -20,6 +20,10 @@ Dialect = Literal["sqlite", "postgresql"]
 #: How long a statement waits for another process that holds SQLite's lock, seconds.
 _BUSY_TIMEOUT_S: Final = 10
 
+#: Connections of one process to PostgreSQL, all kept: one that the pool drops again after use costs
+#: a process of the server, a sign-in and all its prepared statements each time.
+_CONNECTIONS: Final = 16
+
 #: What a connection to SQLite must say of itself: 2 is FULL, every commit is synced.
 _SAFE: Final = {"journal_mode": "wal", "synchronous": 2, "foreign_keys": 1}
 
@@ -88,9 +92,9 @@ def postgresql_engine(url: URL) -> AsyncEngine:
     engine = create_async_engine(
         url.set(drivername="postgresql+asyncpg"),
         isolation_level="READ COMMITTED",
-        pool_size=5,
-        max_overflow=10,
-        connect_args={"timeout": 10, "command_timeout": 60},
+        pool_size=_CONNECTIONS,
+        max_overflow=0,
+        connect_args={"timeout": 10, "command_timeout": 60, "server_settings": {"jit": "off"}},
     )
     event.listen(engine.sync_engine, "checkout", _leave_closed)
     return engine

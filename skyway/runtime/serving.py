@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from typing import Final, Protocol
 
 import uvicorn
+import uvloop
 from starlette.types import ASGIApp
 
 #: An open SSE stream would otherwise hold the exit up for ever.
@@ -54,7 +55,7 @@ def serve(app: ASGIApp, settings: ServingSettings) -> int:
         timeout_graceful_shutdown=_GRACE_S,
     )
     server = _Server(config)
-    with asyncio.Runner() as runner:
+    with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
         return runner.run(_serve(server, settings))
 
 
