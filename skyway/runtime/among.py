@@ -1,0 +1,45 @@
+"""A column's value is one of many, in SQL that stays the same however many there are.
+
+SQLAlchemy's own ``in_`` writes a parameter for each value: another text for every number of them,
+written anew at each execution and prepared anew by each connection.
+"""
+
+from typing import Any
+
+from sqlalchemy import JSON, ColumnElement, bindparam
+from sqlalchemy.dialects.postgresql import ARRAY
+from sqlalchemy.ext.compiler import compiles
+from sqlalchemy.sql.compiler import SQLCompiler
+from sqlalchemy.sql.functions import FunctionElement
+from sqlalchemy.types import Boolean
+
+
+def among(column: ColumnElement[Any], name: str) -> ColumnElement[bool]:
+    """Whether a column's value is in the list of values given as parameter `name`.
+
+    Any: a column may hold whatever both databases can compare.
+    """
+    values = ARRAY(column.type).with_variant(JSON(), "sqlite")
+    return _Among(column, bindparam(name, type_=values))
+
+
+class _Among(FunctionElement[bool]):
+    """A value and the parameter that holds the list."""
+
+    inherit_cache = True
+    type = Boolean()
+
+
+@compiles(_Among, "postgresql")
+def _on_postgresql(among: _Among, compiler: SQLCompiler, **options: Any) -> str:
+    """Any: what a statement's parts are told when they are compiled."""
+    value, values = (compiler.process(each, **options) for each in among.clauses)
+    return f"{value} = ANY ({values})"
+
+
+@compiles(_Among, "sqlite")
+def _on_sqlite(among: _Among, compiler: SQLCompiler, **options: Any) -> str:
+    """Any: what a statement's parts are told when they are compiled."""
+    value, values = (compiler.process(each, **options) for each in among.clauses)
+    # These are compiled parts, such as a column and a question mark: nobody's input.
+    return f"{value} IN (SELECT value FROM json_each({values}))"  # noqa: S608
