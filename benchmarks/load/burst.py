@@ -27,7 +27,7 @@ class Burst:
     #: How long the run waits after the last request until all are dispatched or told why not.
     patience_s: float
     seed: int
-    #: Where py-spy leaves what every process did during the burst.
+    #: Where py-spy leaves what every process did during the burst, and PostgreSQL its statements.
     profile: Path | None = None
 
     def as_text(self) -> str:
@@ -52,5 +52,5 @@ def read_burst(arguments: list[str]) -> Burst:
     parser.add_argument("--agents", type=int, default=4, help="processes that host the drones")
     parser.add_argument("--patience-s", type=float, default=30.0, help="after the last request")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--profile", type=Path, metavar="FOLDER", help="stacks, by py-spy")
+    parser.add_argument("--profile", type=Path, metavar="FOLDER", help="stacks, statements")
     return Burst(**vars(parser.parse_args(arguments)))

@@ -46,6 +46,10 @@ class Followed:
         """When this was first told, by delivery."""
         return self.heard.get(kind, {})
 
+    def dispatched(self) -> int:
+        """How many deliveries a drone has taken."""
+        return len(self.of(DeliveryEventType.DISPATCHED))
+
     def are_settled(self, wanted: int) -> bool:
         """Whether so many deliveries are dispatched, or over without that."""
         return len(self.of(DeliveryEventType.DISPATCHED).keys() | self.ended) >= wanted

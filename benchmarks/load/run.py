@@ -20,6 +20,7 @@ from benchmarks.load.figures import Outcome, Usage
 from benchmarks.load.follow import Followed, following
 from benchmarks.load.profile import profiled
 from benchmarks.load.send import send
+from benchmarks.load.statements import SERVER_OPTIONS, statements_counted
 from benchmarks.load.storage_pair import storage_pair
 from benchmarks.load.world import World, populate
 from skyway.cli.api import GatewayApi
@@ -43,7 +44,9 @@ _MOST_WAVES: Final = 20
 async def run(burst: Burst) -> Outcome:
     """The run from its first process to its last; of one that goes wrong the logs are kept."""
     with _folder() as folder:
-        with storage_pair(burst.storage, folder) as servers:
+        # Counting takes some of the time that is measured, so only who looks for it has it.
+        options = () if burst.profile is None else SERVER_OPTIONS
+        with storage_pair(burst.storage, folder, postgresql_options=options) as servers:
             async with running_system(
                 folder, rate=burst.clock_rate, ports=Ports(gateway=0, broker=0)
             ) as system:
@@ -87,10 +90,11 @@ async def _measured(
     async with following(world, mqtt_url=system.mqtt_url) as followed:
         counted = await counters(system.urls)
         with profiled(_python_only(pids), burst.profile):
-            busy_from, started_s = CpuReading.of(pids), time.monotonic()
-            sent = await send(system.urls["gateway"], world, requests)
-            await _until_settled(followed, len(sent.asked_at), within_s=burst.patience_s)
-            busy_to, ended_s = CpuReading.of(pids), time.monotonic()
+            async with statements_counted(burst.profile, dispatched=followed.dispatched):
+                busy_from, started_s = CpuReading.of(pids), time.monotonic()
+                sent = await send(system.urls["gateway"], world, requests)
+                await _until_settled(followed, len(sent.asked_at), within_s=burst.patience_s)
+                busy_to, ended_s = CpuReading.of(pids), time.monotonic()
         after = await counters(system.urls)
     return Outcome(
         burst=burst,

@@ -32,7 +32,9 @@ _SETTINGS = ("SKYWAY_DATABASE_URL", "SKYWAY_MQTT_URL", "SKYWAY_MQTT_DRONE_URL")
 
 
 @contextmanager
-def storage_pair(storage: Storage, folder: DataFolder) -> Iterator[dict[str, int]]:
+def storage_pair(
+    storage: Storage, folder: DataFolder, *, postgresql_options: Sequence[str] = ()
+) -> Iterator[dict[str, int]]:
     """Start the servers of this pair and set the environment for it; their process ids by name."""
     with ExitStack() as stack:
         stack.enter_context(_environment_kept())
@@ -40,7 +42,7 @@ def storage_pair(storage: Storage, folder: DataFolder) -> Iterator[dict[str, int
             os.environ.pop(name, None)
         pids: dict[str, int] = {}
         if storage == "production":
-            pids["postgresql"] = stack.enter_context(_postgresql())
+            pids["postgresql"] = stack.enter_context(_postgresql(postgresql_options))
             pids["mosquitto"] = stack.enter_context(_mosquitto(folder))
         yield pids
 
@@ -59,7 +61,7 @@ def _environment_kept() -> Iterator[None]:
 
 
 @contextmanager
-def _postgresql() -> Iterator[int]:
+def _postgresql(more_options: Sequence[str]) -> Iterator[int]:
     """A cluster in a folder of its own, reached through a socket there; its postmaster's id."""
     binaries = _postgresql_program("initdb").parent
     # A socket's path may have about 100 characters.
@@ -73,7 +75,9 @@ def _postgresql() -> Iterator[int]:
         if made.wait() != 0:
             raise SkywayError(f"initdb failed: {(folder / 'log').read_text()}")
         options = [option.format(folder=folder) for option in _POSTGRESQL]
-        server = _as_user(user, [binaries / "postgres", "-D", data, *options], folder)
+        server = _as_user(
+            user, [binaries / "postgres", "-D", data, *options, *more_options], folder
+        )
         try:
             _until_accepting(binaries / "pg_isready", folder)
             os.environ["SKYWAY_DATABASE_URL"] = f"postgresql://skyway@/postgres?host={folder}"
