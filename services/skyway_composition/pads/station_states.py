@@ -1,29 +1,19 @@
 """How taken stations are, told to everybody: retained, on change and after every connect."""
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from skyway.contracts.topics import STATION_STATE
 from skyway.contracts.world import StationState
 from skyway.ids import StationId
-from skyway.planner.pad_book import OPEN_MS
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database
 from skyway.runtime.minting import Mint
 from skyway.runtime.mqtt import MqttClient
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.closures.store import outages
-from skyway_composition.pads.booked_pad import BookedPad
-from skyway_composition.pads.outage import Outage, outages_by_pad
-from skyway_composition.pads.store import booked_by_station, pads_everywhere, pads_of_all
-
-
-@dataclass(frozen=True, slots=True)
-class _Taken:
-    pads: int
-    pads_taken: int
-    queue: int
-    next_free_ms: int | None
+from skyway_composition.pads.outage import outages_by_pad
+from skyway_composition.pads.pad_use import PadUse
+from skyway_composition.pads.store import booked_at, pads_everywhere, pads_of_all, used_stations
 
 
 @dataclass(slots=True)
@@ -37,7 +27,7 @@ class StationStates:
     mqtt: MqttClient
     clock: FleetClock
     mint: Mint
-    _told: dict[StationId, _Taken] = field(default_factory=dict)
+    _told: dict[StationId, PadUse] = field(default_factory=dict)
     _connects: int = 1
     _told_connects: int = 0
 
@@ -52,59 +42,45 @@ class StationStates:
             return False
         now_ms = moment_to_ms(self.clock.now())
         connects = self._connects  # a connect in the middle of this step has all told once more
-        async with self.db.read() as connection:
-            booked = await booked_by_station(connection, ending_after_ms=now_ms)
-            broken = outages_by_pad(await outages(connection, at_ms=now_ms))
-            if self._told_connects == connects:
-                pads = await pads_of_all(
-                    connection, sorted({*booked, *broken, *self._told_as_booked()})
-                )
-            else:
-                pads = await pads_everywhere(connection)
-        for station_id in sorted(pads):
-            state = _state_of(
-                pads[station_id],
-                booked.get(station_id, []),
-                broken.get(station_id, {}),
-                now_ms=now_ms,
-            )
-            if self._told.get(station_id) != state:
-                await self.mqtt.publish(STATION_STATE(station_id), self._message(station_id, state))
-                self._told[station_id] = state
+        for station_id, use in sorted((await self._uses(now_ms, connects)).items()):
+            if self._told.get(station_id) != use:
+                await self.mqtt.publish(STATION_STATE(station_id), self._message(station_id, use))
+                self._told[station_id] = use
         self._told_connects = connects
         return False
 
-    def _told_as_booked(self) -> list[StationId]:
-        return [name for name, state in self._told.items() if state.pads_taken or state.queue]
+    async def _uses(self, now_ms: int, connects: int) -> dict[StationId, PadUse]:
+        """Of the stations that are used, or were told so; of all after a connect."""
+        async with self.db.read() as connection:
+            used = await used_stations(connection, at_ms=now_ms)
+            broken = outages_by_pad(await outages(connection, at_ms=now_ms))
+            held = await booked_at(connection, sorted(broken), moment_ms=now_ms) if broken else []
+            if self._told_connects == connects:
+                others = {*broken, *self._told_as_used()} - used.keys()
+                pads = await pads_of_all(connection, sorted(others)) if others else {}
+            else:
+                pads = await pads_everywhere(connection)
+        uses = {station_id: PadUse(count) for station_id, count in pads.items()} | used
+        for station_id in broken.keys() & uses.keys():
+            taken = [
+                (pad, end_ms)
+                for at, pad, start_ms, end_ms in held
+                if at == station_id and start_ms <= now_ms
+            ]
+            uses[station_id] = uses[station_id].with_outages(taken, broken[station_id])
+        return uses
 
-    def _message(self, station_id: StationId, state: _Taken) -> StationState:
-        next_free_ms = state.next_free_ms
+    def _told_as_used(self) -> list[StationId]:
+        return [station_id for station_id, use in self._told.items() if not use.is_none]
+
+    def _message(self, station_id: StationId, use: PadUse) -> StationState:
+        next_free_ms = use.next_free_ms
         return StationState(
             message_id=self.mint("msg"),
             sent_at=self.clock.now(),
             station_id=station_id,
-            pads=state.pads,
-            pads_taken=state.pads_taken,
-            queue=state.queue,
+            pads=use.pads,
+            pads_taken=use.pads_taken,
+            queue=use.queue,
             next_free_at=None if next_free_ms is None else ms_to_moment(next_free_ms),
         )
-
-
-def _state_of(
-    pads: int, booked: Sequence[BookedPad], broken: Mapping[int, Outage], *, now_ms: int
-) -> _Taken:
-    """How taken a station is; a pad that is out of order is free when it works again."""
-    taken = {each.pad: each.end_ms for each in booked if each.start_ms <= now_ms}
-    queue = len(booked) - len(taken)
-    for pad, outage in broken.items():
-        if outage.until_ms is None:
-            taken[pad] = OPEN_MS
-        else:
-            taken[pad] = max(taken.get(pad, 0), outage.until_ms)
-    next_free_ms = min(taken.values(), default=OPEN_MS)
-    return _Taken(
-        pads=pads,
-        pads_taken=sum(pad < pads for pad in taken),
-        queue=queue,
-        next_free_ms=None if next_free_ms == OPEN_MS else next_free_ms,
-    )

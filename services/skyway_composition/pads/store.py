@@ -4,12 +4,13 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from sqlalchemy import BigInteger, Select, delete, insert, literal, select
+from sqlalchemy import BigInteger, Select, bindparam, delete, func, insert, literal, select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import MissionId, NetworkId, StationId
 from skyway.runtime.database import Tx
 from skyway_composition.pads.booked_pad import BookedPad, merged
+from skyway_composition.pads.pad_use import PadUse
 from skyway_composition.tables import pad_reservations, stations
 
 #: A pad held in [start_ms, end_ms): station, pad, start_ms, end_ms.
@@ -19,6 +20,22 @@ PadHeld = tuple[StationId, int, int, int]
 _IDS_PER_STATEMENT: Final = 10_000
 
 _ADD: Final = insert(pad_reservations)
+
+# Added up by the database: with many missions in flight there are many rows, and few stations.
+_IS_BEGUN: Final = pad_reservations.c.start_ms <= bindparam("at_ms")
+_IS_TAKEN: Final = _IS_BEGUN & (pad_reservations.c.pad < stations.c.pads)
+_USED: Final = (
+    select(
+        stations.c.station_id,
+        stations.c.pads,
+        func.count().filter(_IS_TAKEN),
+        func.count().filter(~_IS_BEGUN),
+        func.min(pad_reservations.c.end_ms).filter(_IS_TAKEN),
+    )
+    .join_from(pad_reservations, stations, stations.c.station_id == pad_reservations.c.station_id)
+    .where(pad_reservations.c.end_ms > bindparam("at_ms"))
+    .group_by(stations.c.station_id, stations.c.pads)
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,18 +181,10 @@ async def reservations_of(
     ]
 
 
-async def booked_by_station(
-    connection: AsyncConnection, *, ending_after_ms: int
-) -> dict[StationId, list[BookedPad]]:
-    """The pads that are taken or will be, by station."""
-    found = await connection.execute(
-        select(pad_reservations).where(pad_reservations.c.end_ms > ending_after_ms)
-    )
-    by_station: dict[StationId, list[BookedPad]] = {}
-    for row in found:
-        booked = BookedPad(row.station_id, row.pad, row.start_ms, row.end_ms)
-        by_station.setdefault(row.station_id, []).append(booked)
-    return by_station
+async def used_stations(connection: AsyncConnection, *, at_ms: int) -> dict[StationId, PadUse]:
+    """How taken the stations are of whose pads some are taken, or will be."""
+    found = await connection.execute(_USED, {"at_ms": at_ms})
+    return {station_id: PadUse(*use) for station_id, *use in found}
 
 
 async def pads_of_all(
