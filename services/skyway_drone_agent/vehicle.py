@@ -9,6 +9,7 @@ from skyway.drone.model import DroneModel
 from skyway.geo import Position
 from skyway_drone_agent.current_mission import CutStep
 from skyway_drone_agent.logbook import Logbook
+from skyway_drone_agent.reading import Reading
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,6 +25,15 @@ class StepRun:
     load_kg: float
     position: Position
     changed_at: datetime | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """A drone between two steps; a simulated one knows only so where it is."""
+
+    position: Position
+    soc: float
+    load_kg: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,6 +79,24 @@ class Vehicle(Protocol):
     def sample(self, run: StepRun, at: datetime) -> Sample:
         """How far the step has come at this moment."""
         ...
+
+    def read(self, doing: StepRun | Standing, at: datetime) -> Reading:
+        """What the sensors show at this moment."""
+        ...
+
+    async def land(self, run: StepRun) -> Outcome:
+        """End a flight here and now, wherever that is, and return once the drone is down."""
+        ...
+
+    def recall(self, run: StepRun) -> bool | None:
+        """Whether a hand-over that had begun before a restart was done; None: it cannot know."""
+        ...
+
+
+def doing_now(logbook: Logbook) -> StepRun | Standing:
+    """What the drone does, or where it stands."""
+    run = run_under_way(logbook)
+    return run or Standing(logbook.position, logbook.soc, logbook.load_kg)
 
 
 def run_under_way(logbook: Logbook) -> StepRun | None:

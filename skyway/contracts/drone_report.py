@@ -5,6 +5,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from skyway.contracts.drone_health import ActiveFailsafe, AlarmLevel, DroneHealth, Fault
 from skyway.contracts.flight_step import StepKind
 from skyway.contracts.message import Count, DroneMessage, FleetMoment, Message, Soc
 from skyway.geo import Position
@@ -24,9 +25,7 @@ class RefusalCode(StrEnum):
     OTHER_MISSION_ACTIVE = "OTHER_MISSION_ACTIVE"
     INSUFFICIENT_ENERGY = "INSUFFICIENT_ENERGY"
     OVERWEIGHT = "OVERWEIGHT"
-
-
-AlarmLevel = Literal["WARNING", "URGENT", "CRITICAL"]
+    FAILSAFE_ACTIVE = "FAILSAFE_ACTIVE"
 
 
 class Ack(DroneMessage):
@@ -45,9 +44,13 @@ class Ack(DroneMessage):
 class DroneEvent(DroneMessage):
     """A step's end or failure, or the mission's end; `seq` goes on across sessions.
 
-    STEP_FAILED leaves the drone waiting at `station_id` for a new revision. A step that a DIVERT or
-    RETURN_HOME ended before its time is STEP_ENDED with code CUT and the `mission_revision` that it
-    belonged to; the first new step has the same `step_id`.
+    STEP_FAILED leaves the drone waiting at `station_id` for a new revision: that of the step, or
+    another one, when a failsafe has led the drone there. Without a station it is down at
+    `position` and flies no more before people have fetched it. Code UNKNOWN: the drone was
+    restarted within a hand-over, and cannot know whether it was done; it never does it again.
+
+    A step that a DIVERT or RETURN_HOME ended before its time is STEP_ENDED with code CUT and the
+    `mission_revision` that it belonged to; the first new step has the same `step_id`.
     """
 
     event: Literal["STEP_ENDED", "STEP_FAILED", "MISSION_ENDED", "ALARM"]
@@ -78,7 +81,8 @@ class DroneState(DroneMessage):
     """
 
     at: FleetMoment
-    activity: Literal["IDLE", "LOADING", "FLYING", "WAITING", "RECHARGING", "DELIVERING"]
+    #: DOWN: landed away from every station, it waits for people.
+    activity: Literal["IDLE", "LOADING", "FLYING", "WAITING", "RECHARGING", "DELIVERING", "DOWN"]
     stream: Count
     last_instruction_seq: Count
     last_event_seq: Count
@@ -92,16 +96,25 @@ class DroneState(DroneMessage):
     soc: Soc
     load_kg: Annotated[float, Field(ge=0)] = 0.0
     package_ids: tuple[PackageId, ...] = ()
+    health: DroneHealth | None = None
+    faults: tuple[Fault, ...] = ()
+    failsafe: ActiveFailsafe | None = None
 
 
 class Telemetry(DroneMessage):
-    """A light sample of a drone that moves or charges."""
+    """A light sample of a drone that moves or charges; `speed_mps` is over ground.
+
+    Sent when something has changed beyond a dead band, and at least every 10 s of wall time.
+    """
 
     at: FleetMoment
     position: Position
     soc: Soc
     power_w: float
     speed_mps: float
+    voltage_v: float | None = None
+    temperature_c: float | None = None
+    range_m: float | None = None
 
 
 class Connection(Message):

@@ -43,6 +43,9 @@ class _Replacement(_Instruction):
     `last_valid_step` is the step under way or a later one. It may be the one before the step under
     way, when that is a WAIT, RECHARGE or PICK_UP: it then ends at once. Where a flight is followed
     by another flight now, it does not land any more.
+
+    While a failsafe acts, one that does not override it is refused: FAILSAFE_ACTIVE. Landing at
+    once because no landing can be reached is never overridden.
     """
 
     mission_id: MissionId
@@ -51,6 +54,7 @@ class _Replacement(_Instruction):
     last_valid_step: Annotated[int, Field(ge=0)]
     steps: Annotated[tuple[FlightStep, ...], Field(min_length=1)]
     reason: str
+    overrides_failsafe: bool = False
 
     @property
     def first_step(self) -> int:

@@ -1,4 +1,4 @@
-"""Gateway and registry ask composition: do these stations exist, where, and are they connected."""
+"""Gateway and registry ask composition: which stations exist, where, and are they connected."""
 
 from skyway.geo import Position
 from skyway.ids import NetworkId, StationId
@@ -23,3 +23,17 @@ class StationCheck(WireModel):
     positions: dict[StationId, Position]
     unknown: tuple[StationId, ...]
     unreachable: tuple[StationId, ...] = ()
+
+
+class NetworkStations(WireModel):
+    """All stations of a network's current version, a place in the lists for each.
+
+    From a station a path leads to all others of the same part; to other parts it may or may not.
+    A network too large to be told at once is told without any.
+    """
+
+    network_id: NetworkId
+    version: int
+    station_ids: tuple[StationId, ...] = ()
+    positions: tuple[Position, ...] = ()
+    parts: tuple[int, ...] = ()
