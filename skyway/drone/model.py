@@ -2,9 +2,9 @@
 
 from functools import cached_property
 from itertools import pairwise
-from typing import Annotated, NamedTuple, Self
+from typing import Annotated, NamedTuple
 
-from pydantic import FailFast, Field, model_validator
+from pydantic import FailFast, Field, ValidationInfo, field_validator
 
 from skyway.ids import DroneModelId
 from skyway.json_model import JsonModel
@@ -42,26 +42,30 @@ class DroneModel(JsonModel):
         FailFast(),
     ]
 
-    @model_validator(mode="after")
-    def _charge_curve_is_concave(self) -> Self:
-        if len(self.charge_curve) < 2:
-            raise ValueError(
-                f"charge_curve has {len(self.charge_curve)} points, at least 2 are due"
-            )
+    # Of the field, not of the model: those run again wherever a finished model is put into another.
+    @field_validator("charge_curve")
+    @classmethod
+    def _charge_curve_is_concave(
+        cls, curve: tuple[ChargePoint, ...], info: ValidationInfo
+    ) -> tuple[ChargePoint, ...]:
+        if len(curve) < 2:
+            raise ValueError(f"charge_curve has {len(curve)} points, at least 2 are due")
         slopes = []
-        for before, after in pairwise(self.charge_curve):
+        for before, after in pairwise(curve):
             if after.time_s <= before.time_s or after.soc <= before.soc:
                 raise ValueError("charge_curve must rise strictly in time and in charge")
             slopes.append((after.soc - before.soc) / (after.time_s - before.time_s))
         for earlier, later in pairwise(slopes):
             if later > earlier * (1 + 1e-9):
                 raise ValueError("charge_curve must be concave: charging may only get slower")
-        if self.reserve_soc < self.charge_curve[0].soc:
+        # Not there when it is wrong itself, which is told then.
+        reserve_soc = info.data.get("reserve_soc")
+        if reserve_soc is not None and reserve_soc < curve[0].soc:
             raise ValueError(
-                f"reserve_soc {self.reserve_soc} lies below the charge_curve's first charge "
-                f"{self.charge_curve[0].soc}"
+                f"reserve_soc {reserve_soc} lies below the charge_curve's first charge "
+                f"{curve[0].soc}"
             )
-        return self
+        return curve
 
     @cached_property
     def charge_columns(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
