@@ -78,16 +78,13 @@ class Parts:
     solver: SolverPool
     #: Plans that are only asked for; no booking waits behind them.
     inquiries: SolverPool
-    pads_changed: Wake
     published: Wake
     stuck: Wake
 
     @property
     def bookings(self) -> Bookings:
         """Books missions."""
-        return Bookings(
-            self.db, self.networks, self.solver, self.clock, self.mint, self.pads_changed
-        )
+        return Bookings(self.db, self.networks, self.solver, self.clock, self.mint)
 
     @property
     def quotes(self) -> Quotes:
@@ -102,21 +99,14 @@ class Parts:
     @property
     def closings(self) -> Closings:
         """Makes and lifts closures."""
-        return Closings(
-            self.db,
-            self.networks,
-            self.impact,
-            self.clock,
-            self.mint,
-            self.pads_changed,
-        )
+        return Closings(self.db, self.networks, self.impact, self.clock, self.mint)
 
 
 def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> FastAPI:
     """All rooms' routes on these parts, which the lifespan opens."""
     db, gate, clock, networks = parts.db, parts.gate, parts.clock, parts.networks
     known = KnownNetworks(db, networks, clock)
-    hands = (db, clock, parts.mint, parts.stuck, parts.pads_changed)
+    hands = (db, clock, parts.mint, parts.stuck)
     return create_app(
         service=SERVICE,
         title="Skyway composition",
@@ -166,12 +156,10 @@ class Work:
         self._instructions = MqttSender(db, mqtt, clock)
         self._reports = ReportSender(db, clients, clock)
         self._follower = Follower(db, mqtt, clock=clock, mint=mint, stuck=parts.stuck)
-        self._overdue = Overdue(db, clock, mint, parts.pads_changed)
+        self._overdue = Overdue(db, clock, mint)
         self._lagging = Lagging(db, clock, mint, parts.stuck)
-        self._recomposer = Recomposer(
-            db, parts.networks, parts.solver, clock, mint, replica, parts.pads_changed
-        )
-        self._loading_watch = LoadingWatch(db, parts.networks, clock, mint, parts.pads_changed)
+        self._recomposer = Recomposer(db, parts.networks, parts.solver, clock, mint, replica)
+        self._loading_watch = LoadingWatch(db, parts.networks, clock, mint)
         self._stops_watch = StopsWatch(db, parts.closings, clock)
         self._station_states = StationStates(db, mqtt, clock, mint)
         self._network_versions = NetworkVersions(db, mqtt, clock, mint)
@@ -180,7 +168,6 @@ class Work:
         """After every connect: tell what the broker has forgotten, ask for what we missed."""
         self._station_states.forget()
         self._network_versions.forget()
-        self._parts.pads_changed.set()
         self._parts.published.set()
         await self._follower.ask_live_drones()
 
@@ -195,7 +182,7 @@ class Work:
             ("lagging", self._lagging.step, Wake()),
             ("loading", self._loading_watch.step, Wake()),
             ("ground stops", self._stops_watch.step, Wake()),
-            ("station states", self._station_states.step, self._parts.pads_changed),
+            ("station states", self._station_states.step, Wake()),
             ("network versions", self._network_versions.step, self._parts.published),
         ):
             loops.start(name, repeat(name, step, every_s=_LOOK_EVERY_S, wake=wake))
@@ -270,7 +257,6 @@ def _parts(settings: CompositionSettings) -> Parts:
         networks=PreparedNetworks(db),
         solver=_pool(settings),
         inquiries=_pool(settings),
-        pads_changed=Wake(),
         published=Wake(),
         stuck=Wake(),
     )

@@ -27,6 +27,7 @@ from sqlalchemy import select, text
 from skyway.contracts.candidate import Candidate
 from skyway.contracts.instruction import Instruction
 from skyway.contracts.mission import Booking, BookMissions, MissionReport
+from skyway.contracts.shortlist import Shortlist
 from skyway.contracts.topic import Topic
 from skyway.delivery.offer import Tariff
 from skyway.delivery.request import DeliveryRequest
@@ -168,7 +169,7 @@ class Composition:
         body = BookMissions(
             attempt=attempt,
             request=request or make_request("c"),
-            candidates=candidates or (make_candidate(),),
+            shortlist=Shortlist.of(candidates or [make_candidate()]),
         )
         path = f"/internal/deliveries/{delivery_id}/missions"
         answer = await self(GATEWAY, "PUT", path, body.model_dump(mode="json"))
@@ -267,7 +268,6 @@ async def composition(
             networks=PreparedNetworks(db),
             solver=solver,
             inquiries=inquiries,
-            pads_changed=Wake(),
             published=Wake(),
             stuck=Wake(),
         )
@@ -278,11 +278,9 @@ async def composition(
             headers={"Authorization": "Bearer secret of gateway"},
         ) as client:
             follower = Follower(db, SilentSubscriber(), clock=clock, mint=mint, stuck=parts.stuck)
-            overdue = Overdue(db, clock, mint, parts.pads_changed)
+            overdue = Overdue(db, clock, mint)
             lagging = Lagging(db, clock, mint, parts.stuck)
-            recomposer = Recomposer(
-                db, parts.networks, solver, clock, mint, "test", parts.pads_changed
-            )
+            recomposer = Recomposer(db, parts.networks, solver, clock, mint, "test")
             whole = Composition(client, parts, clock, follower, overdue, lagging, recomposer)
             await whole.publish()
             yield whole

@@ -44,6 +44,7 @@ from skyway.contracts.mission import (
     MissionReport,
     MissionState,
 )
+from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.offer import Tariff
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import ClosureId, DeliveryId, MissionId, NetworkId
@@ -115,22 +116,20 @@ class HotWorld:
     def restart(self) -> None:
         """As after kill -9 of composition: new objects on the same database."""
         db, clock, mint = self.db, self.clock, self.mint
-        stuck, pads_changed = Wake(), Wake()
+        stuck = Wake()
         networks = PreparedNetworks(db)
-        hands = (db, clock, mint, stuck, pads_changed)
-        self.bookings = Bookings(db, networks, self.solver, clock, mint, pads_changed)
-        self.closings = Closings(
-            db, networks, MissionImpact(clock, mint, stuck), clock, mint, pads_changed
-        )
+        hands = (db, clock, mint, stuck)
+        self.bookings = Bookings(db, networks, self.solver, clock, mint)
+        self.closings = Closings(db, networks, MissionImpact(clock, mint, stuck), clock, mint)
         self.cancellations, self.commands = Cancellations(*hands), Commands(*hands)
         self.loadings = Loadings(*hands)
         self.follower = Follower(db, DeafSubscriber(), clock=clock, mint=mint, stuck=stuck)
-        self.recomposer = Recomposer(db, networks, self.solver, clock, mint, "hot", pads_changed)
+        self.recomposer = Recomposer(db, networks, self.solver, clock, mint, "hot")
         self.sweeps = (
             Lagging(db, clock, mint, stuck),
-            LoadingWatch(db, networks, clock, mint, pads_changed),
+            LoadingWatch(db, networks, clock, mint),
             StopsWatch(db, self.closings, clock),
-            Overdue(db, clock, mint, pads_changed),
+            Overdue(db, clock, mint),
         )
 
     @property
@@ -217,7 +216,7 @@ class HotWorld:
         """As the gateway books; the outcome."""
         self.requests.setdefault(delivery_id, request)
         attempt = self.attempts[delivery_id] = self.attempts.get(delivery_id, 0) + 1
-        candidates = tuple(
+        candidates = [
             Candidate.model_validate(
                 {
                     "provider_id": each.drone.provider_id,
@@ -232,8 +231,9 @@ class HotWorld:
             )
             for each in self.drones
             if each.logbook.mission is None and each.logbook.station_id is not None
-        )
-        wanted = BookMissions(attempt=attempt, request=request, candidates=candidates)
+        ]
+        shortlist = Shortlist.of(candidates)
+        wanted = BookMissions(attempt=attempt, request=request, shortlist=shortlist)
         booking = await self.bookings.book(DeliveryId(delivery_id), wanted)
         return booking.outcome
 
@@ -334,13 +334,17 @@ class HotWorld:
         assert [(each.mission_id, each.mission.state) for each in records] == []
         await self._check_ended()
 
+    async def reports(self) -> list[MissionReport]:
+        """All that the gateway is told, in order."""
+        query = select(outbox).where(outbox.c.channel == "gateway").order_by(outbox.c.id)
+        async with self.db.read() as connection:
+            rows = (await connection.execute(query)).all()
+        return [MissionReport.model_validate_json(row.payload) for row in rows]
+
     async def _check_ended(self) -> None:
+        reports = await self.reports()
         async with self.db.read() as connection:
             assert (await connection.execute(select(pad_reservations))).all() == []
-            rows = await connection.execute(
-                select(outbox).where(outbox.c.channel == "gateway").order_by(outbox.c.id)
-            )
-            reports = [MissionReport.model_validate_json(row.payload) for row in rows]
             told = {each.mission_id: list[MissionReport]() for each in reports}
             for report in reports:
                 told[report.mission_id].append(report)

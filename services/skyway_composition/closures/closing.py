@@ -13,7 +13,6 @@ from skyway.network.zones import contains
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database
 from skyway.runtime.errors import NotFound
-from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
 from skyway.units import moment_to_ms
 from skyway_composition.closures import store
@@ -64,14 +63,13 @@ class CurrentNetworks(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Closings:
-    """Makes and lifts closures; `pads_changed` is woken after each."""
+    """Makes and lifts closures."""
 
     db: Database
     networks: CurrentNetworks
     impact: Impact
     clock: FleetClock
     mint: Mint
-    pads_changed: Wake
 
     @property
     def now_ms(self) -> int:
@@ -104,7 +102,6 @@ class Closings:
             await store.change_conditions(tx, closure.network_id)
             await store.add(tx, closure)
             affected = await self.impact.strike(tx, reach)
-            tx.after_commit(self.pads_changed.set)
         return closure, affected
 
     async def lift(self, closure: Closure) -> None:
@@ -114,7 +111,6 @@ class Closings:
             await store.change_conditions(tx, closure.network_id)
             if await store.lift(tx, closure.closure_id, now_ms=self.now_ms):
                 await self.impact.relieve(tx, reach)
-                tx.after_commit(self.pads_changed.set)
 
     async def reach(self, closure: Closure) -> Reach:
         """The closure with what of the world it reaches.

@@ -18,7 +18,6 @@ from skyway.ids import DeliveryId, DroneId, StationId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database, Tx
 from skyway.runtime.errors import Taken
-from skyway.runtime.loops import Wake
 from skyway.runtime.metrics import count
 from skyway.runtime.minting import Mint
 from skyway.units import moment_to_ms
@@ -61,14 +60,13 @@ class _Round:
 
 @dataclass(frozen=True, slots=True)
 class Bookings:
-    """Books missions for deliveries; `pads_changed` is woken after each."""
+    """Books missions for deliveries."""
 
     db: Database
     networks: PreparedNetworks
     solver: SolverPool
     clock: FleetClock
     mint: Mint
-    pads_changed: Wake
 
     async def book(self, delivery_id: DeliveryId, wanted: BookMissions) -> Booking:
         """The missions of this attempt: those booked before, or those of the best offer."""
@@ -195,7 +193,6 @@ class Bookings:
             clock=self.clock,
             mint=self.mint,
         )
-        tx.after_commit(self.pads_changed.set)
         return Booking(outcome="BOOKED", missions=missions)
 
 

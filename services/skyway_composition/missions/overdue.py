@@ -8,7 +8,6 @@ from typing import Final
 from skyway.ids import DroneId
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.runtime.database import Database
-from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.links.link import DroneLink
@@ -49,12 +48,11 @@ def is_silent(record: MissionRecord, link: DroneLink, *, since: datetime) -> boo
 
 @dataclass(frozen=True, slots=True)
 class Overdue:
-    """Sweeps missions whose time is over; `pads_changed` is woken when one is ended."""
+    """Sweeps missions whose time is over."""
 
     db: Database
     clock: FleetClock
     mint: Mint
-    pads_changed: Wake
 
     async def step(self) -> bool:
         """End what is overdue now."""
@@ -91,6 +89,3 @@ class Overdue:
             elif is_long_over and is_silent(record, link, since=silent_since):
                 detail = "nothing was heard of the drone"
                 await abort(watch, record, at=now, code="SILENT", detail=detail)
-            else:
-                return
-            tx.after_commit(self.pads_changed.set)

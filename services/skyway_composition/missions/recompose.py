@@ -15,7 +15,6 @@ from skyway.ids import DroneId
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.runtime.database import Database, Tx
 from skyway.runtime.errors import Taken
-from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
 from skyway.units import moment_to_ms
 from skyway_composition.missions import store
@@ -58,7 +57,7 @@ _HEARD_WITHIN_S: Final = (5.0, 2.0)
 
 @dataclass(frozen=True, slots=True)
 class Recomposer:
-    """Finds new plans for missions that need one; `pads_changed` is woken after each."""
+    """Finds new plans for missions that need one."""
 
     db: Database
     networks: PreparedNetworks
@@ -66,7 +65,6 @@ class Recomposer:
     clock: FleetClock
     mint: Mint
     claimant: str
-    pads_changed: Wake
 
     async def step(self) -> bool:
         """Plan for a few missions that need it; True when there may be more."""
@@ -195,7 +193,6 @@ class Recomposer:
             await propose(watch, record, revision, anchor=anchor, trouble=case.trouble)
         else:
             await replace_plan(watch, record, revision, trouble=case.trouble)
-        tx.after_commit(self.pads_changed.set)
 
     async def _retry_later(self, record: MissionRecord) -> None:
         async with self.db.write() as tx:
@@ -234,7 +231,6 @@ class Recomposer:
             record = watch.missions.get(planned.drone_id)
             if record is not None and record.mission_id == planned.mission_id:
                 await give_up(watch, record, code=code, detail=detail)
-                tx.after_commit(self.pads_changed.set)
 
     async def _watch(self, drone_id: DroneId, tx: Tx) -> Watch:
         return await Watch.over([drone_id], tx=tx, clock=self.clock, mint=self.mint)

@@ -11,6 +11,7 @@ from sqlalchemy import text
 
 from skyway.contracts.flight_step import FlyStep, RechargeStep
 from skyway.contracts.mission import BookMissions
+from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.plan import Plan
 from skyway.ids import DeliveryId
 from skyway.planner.problem import Problem
@@ -195,9 +196,7 @@ async def test_nothing_is_left_of_a_booking_that_fails_at_its_last_row(
     make: Any,
 ) -> None:
     parts = composition.parts
-    failing = Bookings(
-        parts.db, parts.networks, parts.solver, parts.clock, NoInstruction(), parts.pads_changed
-    )
+    failing = Bookings(parts.db, parts.networks, parts.solver, parts.clock, NoInstruction())
 
     with pytest.raises(RuntimeError):
         await failing.book(DeliveryId("dlv_1"), wanted(make))
@@ -247,9 +246,7 @@ async def test_a_plan_made_on_an_older_network_is_not_booked(composition: Any, m
         feature for feature in cut_off["features"] if feature["properties"].get("from") != "b"
     ]
     async with PublishingSolver(composition, cut_off) as solver:
-        bookings = Bookings(
-            parts.db, parts.networks, solver, parts.clock, parts.mint, parts.pads_changed
-        )
+        bookings = Bookings(parts.db, parts.networks, solver, parts.clock, parts.mint)
 
         booking = await bookings.book(DeliveryId("dlv_1"), wanted(make))
 
@@ -278,7 +275,9 @@ async def test_a_taken_pad_makes_the_next_drone_wait_for_it(composition: Any, ma
 
 
 def wanted(make: Any) -> BookMissions:
-    return BookMissions(attempt=1, request=make.request("c"), candidates=(make.candidate(),))
+    return BookMissions(
+        attempt=1, request=make.request("c"), shortlist=Shortlist.of([make.candidate()])
+    )
 
 
 async def write(composition: Any, statement: str) -> None:

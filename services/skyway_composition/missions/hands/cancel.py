@@ -24,13 +24,12 @@ CANCELLED = "CANCELLED"
 
 @dataclass(frozen=True, slots=True)
 class Cancellations:
-    """Cancels what can be cancelled; `stuck` and `pads_changed` are woken after it."""
+    """Cancels what can be cancelled; `stuck` is woken after it."""
 
     db: Database
     clock: FleetClock
     mint: Mint
     stuck: Wake
-    pads_changed: Wake
 
     async def cancel(self, delivery_id: DeliveryId, wanted: CancelMissions) -> Cancellation:
         """What becomes of each package; the same cancellation again is answered the same.
@@ -52,7 +51,6 @@ class Cancellations:
                 at_ms=moment_to_ms(self.clock.now()),
             )
             tx.after_commit(self.stuck.set)
-            tx.after_commit(self.pads_changed.set)
             return answer
 
     async def _stop(self, tx: Tx, delivery_id: DeliveryId, wanted: CancelMissions) -> Cancellation:

@@ -54,13 +54,12 @@ class CommandAnswer(JsonModel):
 
 @dataclass(frozen=True, slots=True)
 class Commands:
-    """Carries commands out; `stuck` and `pads_changed` are woken after each."""
+    """Carries commands out; `stuck` is woken after each."""
 
     db: Database
     clock: FleetClock
     mint: Mint
     stuck: Wake
-    pads_changed: Wake
 
     async def give(self, mission_id: MissionId, command: Command) -> CommandAnswer:
         """Do what can be done at once, and have the rest planned.
@@ -80,7 +79,6 @@ class Commands:
             )
             instruction_id = await _obeyed(watch, record, command)
             tx.after_commit(self.stuck.set)
-            tx.after_commit(self.pads_changed.set)
         return CommandAnswer(
             mission_id=mission_id, command=command.command, instruction_id=instruction_id
         )

@@ -39,13 +39,12 @@ class LoadingAnswer(JsonModel):
 
 @dataclass(frozen=True, slots=True)
 class Loadings:
-    """Takes loaders' words; `stuck` and `pads_changed` are woken after each."""
+    """Takes loaders' words; `stuck` is woken after each."""
 
     db: Database
     clock: FleetClock
     mint: Mint
     stuck: Wake
-    pads_changed: Wake
 
     async def confirm(
         self,
@@ -75,7 +74,6 @@ class Loadings:
             tx.after_commit(self.stuck.set)
             fault = loading_fault(record, listed)
             if fault is not None:
-                tx.after_commit(self.pads_changed.set)
                 await refuse_loading(watch, record, fault)
                 return LoadingAnswer(outcome="REFUSED", code=fault.code, detail=fault.detail)
             await _confirm(watch, record, listed)

@@ -6,7 +6,6 @@ from datetime import datetime, timedelta
 from skyway.contracts.flight_step import PickUpStep
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database
-from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
 from skyway.units import moment_to_ms
 from skyway_composition.missions import store as mission_store
@@ -22,13 +21,12 @@ from skyway_composition.networks.prepared import PreparedNetworks
 
 @dataclass(frozen=True, slots=True)
 class LoadingWatch:
-    """Ends missions that nobody has loaded in time; `pads_changed` is woken after each."""
+    """Ends missions that nobody has loaded in time."""
 
     db: Database
     networks: PreparedNetworks
     clock: FleetClock
     mint: Mint
-    pads_changed: Wake
 
     async def step(self) -> bool:
         """End what has waited too long."""
@@ -55,7 +53,6 @@ class LoadingWatch:
             detail = f"nobody has confirmed the loading since {since.isoformat()}"
             fault = LoadingFault("LOADING_TIMEOUT", detail, {"timeout_s": timeout.total_seconds()})
             await refuse_loading(watch, record, fault)
-            tx.after_commit(self.pads_changed.set)
 
 
 async def _loading_since(watch: Watch, record: MissionRecord) -> datetime | None:

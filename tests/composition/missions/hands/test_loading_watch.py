@@ -11,7 +11,7 @@ TIMEOUT = timedelta(seconds=1_800)
 
 async def sweep(composition: Any) -> None:
     parts = composition.parts
-    await LoadingWatch(parts.db, parts.networks, parts.clock, parts.mint, parts.pads_changed).step()
+    await LoadingWatch(parts.db, parts.networks, parts.clock, parts.mint).step()
 
 
 async def test_a_drone_that_nobody_loads_is_free_again(
