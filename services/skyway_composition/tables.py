@@ -1,5 +1,7 @@
 """The tables of composition; `_ms` is fleet time, `_wall_ms` wall time, in ms since 1970."""
 
+from typing import Final
+
 from sqlalchemy import (
     BigInteger,
     Boolean,
@@ -14,9 +16,11 @@ from sqlalchemy import (
     Table,
     Text,
     UniqueConstraint,
+    literal_column,
     text,
 )
 
+from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.runtime.claims import claim_columns
 from skyway.runtime.outbox import outbox_table
 
@@ -102,6 +106,12 @@ missions = Table(
     ),
     Index("missions_by_state", "state", "released_ms"),
     Index("missions_by_provider", "provider_id", "mission_id"),
+)
+
+#: Whether a mission is under way. Written out: as parameters, the states would be put in at each
+#: execution, and an index of some rows is only used where the statement itself says which.
+is_live: Final = missions.c.state.in_(
+    [literal_column(f"'{state}'") for state in LIVE_MISSION_STATES]
 )
 
 #: The steps of a mission through all its revisions, as they were sent, and how they ended.

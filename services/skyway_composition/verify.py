@@ -8,7 +8,7 @@ from sqlalchemy import Select, and_, func, literal_column, select, text
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.flight_step import RechargeStep
-from skyway.contracts.mission import LIVE_MISSION_STATES, Cancellation
+from skyway.contracts.mission import Cancellation
 from skyway.ids import MissionId
 from skyway.runtime.database import Database
 from skyway.units import moment_to_ms
@@ -18,6 +18,7 @@ from skyway_composition.tables import (
     custody,
     deliveries,
     instructions,
+    is_live,
     mission_steps,
     missions,
     network_versions,
@@ -27,7 +28,6 @@ from skyway_composition.tables import (
 
 _one = pad_reservations.alias("one")
 _other = pad_reservations.alias("other")
-_is_live = missions.c.state.in_(LIVE_MISSION_STATES)
 _sent = instructions.alias("sent")
 _before = instructions.alias("before")
 _link = custody.alias("link")
@@ -46,12 +46,12 @@ _CHECKS: Final[Mapping[str, Select[*tuple[Any, ...]]]] = {
         ),
     ),
     "I2 a drone is on at most one mission": select(missions.c.drone_id)
-    .where(_is_live)
+    .where(is_live)
     .group_by(missions.c.drone_id)
     .having(func.count() > 1),
     "I3 a reservation has a live mission": select(pad_reservations.c.mission_id)
     .join(missions, missions.c.mission_id == pad_reservations.c.mission_id)
-    .where(~_is_live),
+    .where(~is_live),
     "I4 a mission was sent to its drone": select(missions.c.mission_id).where(
         missions.c.mission_id.not_in(
             select(instructions.c.mission_id).where(instructions.c.kind == "MISSION")
@@ -62,7 +62,7 @@ _CHECKS: Final[Mapping[str, Select[*tuple[Any, ...]]]] = {
     ),
     "a closed delivery has no live mission": select(missions.c.mission_id)
     .join(deliveries, deliveries.c.delivery_id == missions.c.delivery_id)
-    .where(deliveries.c.closed_ms.is_not(None), _is_live),
+    .where(deliveries.c.closed_ms.is_not(None), is_live),
     "I7 instructions of a stream have no gaps": select(_sent.c.instruction_id).where(
         _sent.c.seq > 1,
         ~select(literal_column("1"))
@@ -143,7 +143,7 @@ async def _needed_pads(connection: AsyncConnection) -> dict[MissionId, set[Booke
     """
     live = await connection.execute(
         select(missions.c.mission_id, missions.c.body, missions.c.proposal).where(
-            _is_live, missions.c.stuck.is_(None)
+            is_live, missions.c.stuck.is_(None)
         )
     )
     needed: dict[MissionId, list[BookedPad]] = {}
@@ -155,7 +155,7 @@ async def _needed_pads(connection: AsyncConnection) -> dict[MissionId, set[Booke
         select(mission_steps.c.mission_id, mission_steps.c.step, mission_steps.c.ended_ms)
         .join(missions, missions.c.mission_id == mission_steps.c.mission_id)
         .where(
-            _is_live,
+            is_live,
             missions.c.stuck.is_(None),
             mission_steps.c.status.in_(("PLANNED", "ENDED")),
             mission_steps.c.kind == "RECHARGE",

@@ -15,6 +15,7 @@ from typing import Any, Final
 
 from sqlalchemy import ColumnElement, Row, Table, and_, bindparam, case, exists, func, select
 
+from skyway.runtime.among import among
 from skyway.runtime.claims import FREE, NOW_MS, Claiming
 from skyway.runtime.clock import FleetClock, sleep_wall
 from skyway.runtime.database import Database, Tx
@@ -93,6 +94,8 @@ class StreamSender:
             else_=columns.claimed_until_ms,
         )
         self._earliest = select(func.min(later)).where(is_next)
+        self._done = self._table.delete().where(among(columns.id, "done"))
+        self._stays = self._table.update().where(columns.id == bindparam("sent_id")).values(FREE)
 
     async def run(self) -> None:
         """Send for ever."""
@@ -178,10 +181,9 @@ class StreamSender:
 
     async def _settle(self, tx: Tx, sent: Sequence[_Sent]) -> None:
         """Delete the rows that are done with, and free the others until they are due again."""
-        row_id = self._table.c.id
         done = [each.row_id for each in sent if each.again is None]
         if done:
-            await tx.execute(self._table.delete().where(row_id.in_(done)))
+            await tx.execute(self._done, {"done": done})
         stays = [
             {
                 "sent_id": each.row_id,
@@ -192,8 +194,7 @@ class StreamSender:
             if each.again is not None
         ]
         if stays:
-            this = row_id == bindparam("sent_id")
-            await tx.execute(self._table.update().where(this).values(FREE), stays)
+            await tx.execute(self._stays, stays)
 
     def _now_ms(self) -> int:
         return moment_to_ms(self._clock.wall_now())

@@ -10,6 +10,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 from skyway.contracts.drone_report import Connection, DroneState
 from skyway.contracts.instruction import AnyInstruction, CancelInstruction
 from skyway.ids import DroneId, InstructionId, MissionId, ProviderId
+from skyway.runtime.among import among
 from skyway.runtime.database import Tx
 from skyway_composition.links.link import DroneLink
 from skyway_composition.tables import drone_links, instructions
@@ -21,13 +22,13 @@ _OPEN = ("SENT", "RECEIVED")
 # running them does.
 _LINKS_OF: Final = (
     select(drone_links)
-    .where(drone_links.c.drone_id.in_(bindparam("drone_ids", expanding=True)))
+    .where(among(drone_links.c.drone_id, "drone_ids"))
     .order_by(drone_links.c.drone_id)
     .with_for_update()
 )
 # Most drones have no mission; reading all their states would take longer than planning.
 _STATES_WITH_MISSION: Final = select(drone_links.c.drone_id, drone_links.c.state).where(
-    drone_links.c.drone_id.in_(bindparam("drone_ids", expanding=True)),
+    among(drone_links.c.drone_id, "drone_ids"),
     drone_links.c.state.contains('"mission_id":"', autoescape=True),
 )
 _SAVE_LINK: Final = update(drone_links).where(drone_links.c.drone_id == bindparam("of_drone"))

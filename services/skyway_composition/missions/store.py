@@ -11,9 +11,10 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 from skyway.contracts.candidate import Candidate
 from skyway.contracts.drone_report import DroneEvent
 from skyway.contracts.flight_step import FlightStep
-from skyway.contracts.mission import LIVE_MISSION_STATES, Mission
+from skyway.contracts.mission import Mission
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId, DroneId, MissionId, PackageId, ProviderId
+from skyway.runtime.among import among
 from skyway.runtime.claims import FREE
 from skyway.runtime.database import Tx
 from skyway.units import moment_to_ms
@@ -22,7 +23,7 @@ from skyway_composition.missions.custody import Custodian, Held
 from skyway_composition.missions.record import Aim, MissionRecord, Proposal, Stuck, Trouble
 from skyway_composition.missions.step_columns import step_columns
 from skyway_composition.missions.step_record import StepRecord, read_step
-from skyway_composition.tables import custody, mission_steps, missions
+from skyway_composition.tables import custody, is_live, mission_steps, missions
 
 _AIMS: Final = TypeAdapter(tuple[Aim, ...])
 
@@ -39,19 +40,14 @@ _OF_ATTEMPT: Final = (
     )
     .order_by(missions.c.trip)
 )
-_BUSY: Final = select(missions.c.drone_id).where(
-    missions.c.drone_id.in_(bindparam("drone_ids", expanding=True)),
-    missions.c.state.in_(LIVE_MISSION_STATES),
-)
+_BUSY: Final = select(missions.c.drone_id).where(among(missions.c.drone_id, "drone_ids"), is_live)
 _LIVE: Final = (
     select(missions)
-    .where(
-        missions.c.drone_id.in_(bindparam("drone_ids", expanding=True)),
-        missions.c.state.in_(LIVE_MISSION_STATES),
-    )
+    .where(among(missions.c.drone_id, "drone_ids"), is_live)
     .order_by(missions.c.drone_id)
     .with_for_update()
 )
+_LIVE_DRONES: Final = select(missions.c.drone_id).where(is_live).order_by(missions.c.drone_id)
 _ADD: Final = insert(missions)
 _SAVE: Final = update(missions).where(missions.c.mission_id == bindparam("of_mission"))
 _ADD_STEPS: Final = insert(mission_steps)
@@ -184,11 +180,7 @@ async def page(
 
 async def live_drones(connection: AsyncConnection) -> list[DroneId]:
     """The drones that are on missions."""
-    found = await connection.execute(
-        select(missions.c.drone_id)
-        .where(missions.c.state.in_(LIVE_MISSION_STATES))
-        .order_by(missions.c.drone_id)
-    )
+    found = await connection.execute(_LIVE_DRONES)
     return list(found.scalars())
 
 

@@ -2,16 +2,29 @@
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
-from sqlalchemy import Row, delete, func, insert, select, update
+from sqlalchemy import Row, bindparam, delete, func, insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.geo import Position
 from skyway.ids import NetworkId, StationId
 from skyway.network.network import Station
+from skyway.runtime.among import among
 from skyway.runtime.database import Tx
 from skyway_composition.tables import network_versions, networks, pad_reservations, stations
+
+# Statements that each booking needs: making them takes longer than running them does.
+_CURRENT: Final = select(networks).where(networks.c.network_id == bindparam("of_network"))
+_SHARE: Final = (
+    select(networks.c.version, networks.c.conditions)
+    .where(networks.c.network_id == bindparam("of_network"))
+    .with_for_update(read=True)
+)
+_NETWORK_OF: Final = select(stations.c.network_id).where(
+    stations.c.station_id == bindparam("of_station")
+)
+_STATIONS_NAMED: Final = select(stations).where(among(stations.c.station_id, "station_ids"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,7 +50,7 @@ class StationRow:
 
 async def current_version(connection: AsyncConnection, network_id: NetworkId) -> VersionRow | None:
     """The current version of a network."""
-    found = await connection.execute(select(networks).where(networks.c.network_id == network_id))
+    found = await connection.execute(_CURRENT, {"of_network": network_id})
     row = found.one_or_none()
     return None if row is None else _version_row(row)
 
@@ -56,11 +69,7 @@ async def share_world(tx: Tx, network_id: NetworkId) -> tuple[int, int] | None:
 
     Nobody publishes, closes or reopens anything in this network before the transaction ends.
     """
-    found = await tx.execute(
-        select(networks.c.version, networks.c.conditions)
-        .where(networks.c.network_id == network_id)
-        .with_for_update(read=True)
-    )
+    found = await tx.execute(_SHARE, {"of_network": network_id})
     row = found.one_or_none()
     return None if row is None else (row.version, row.conditions)
 
@@ -115,9 +124,7 @@ async def content(connection: AsyncConnection, network_id: NetworkId, version: i
 
 async def network_of(connection: AsyncConnection, station_id: StationId) -> NetworkId | None:
     """The network that has this station now."""
-    found = await connection.execute(
-        select(stations.c.network_id).where(stations.c.station_id == station_id)
-    )
+    found = await connection.execute(_NETWORK_OF, {"of_station": station_id})
     network_id: NetworkId | None = found.scalar_one_or_none()
     return network_id
 
@@ -126,7 +133,7 @@ async def stations_named(
     connection: AsyncConnection, station_ids: Collection[StationId]
 ) -> dict[StationId, StationRow]:
     """Those of the named stations that exist."""
-    found = await connection.execute(select(stations).where(stations.c.station_id.in_(station_ids)))
+    found = await connection.execute(_STATIONS_NAMED, {"station_ids": [*station_ids]})
     return {row.station_id: _station_row(row) for row in found}
 
 

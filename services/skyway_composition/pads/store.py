@@ -4,10 +4,11 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from sqlalchemy import BigInteger, Select, bindparam, delete, func, insert, literal, select
+from sqlalchemy import BigInteger, bindparam, delete, func, insert, literal, select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import MissionId, NetworkId, StationId
+from skyway.runtime.among import among
 from skyway.runtime.database import Tx
 from skyway_composition.pads.booked_pad import BookedPad, merged
 from skyway_composition.pads.pad_use import PadUse
@@ -16,10 +17,44 @@ from skyway_composition.tables import pad_reservations, stations
 #: A pad held in [start_ms, end_ms): station, pad, start_ms, end_ms.
 PadHeld = tuple[StationId, int, int, int]
 
-# Drivers limit the parameters of one statement: 32,766 on SQLite.
-_IDS_PER_STATEMENT: Final = 10_000
+#: In the place of a mission whose pads count as free, where none does.
+_NO_MISSION: Final = MissionId("")
 
+# Statements that each booking needs: making them takes longer than running them does.
+_LASTING: Final = select(
+    pad_reservations.c.station_id,
+    pad_reservations.c.pad,
+    pad_reservations.c.start_ms,
+    pad_reservations.c.end_ms,
+).where(
+    pad_reservations.c.end_ms > bindparam("moment_ms"),
+    pad_reservations.c.mission_id != bindparam("without"),
+)
+_BOOKED_AT: Final = _LASTING.where(among(pad_reservations.c.station_id, "station_ids"))
+_BOOKED_EVERYWHERE: Final = _LASTING.join(
+    stations, stations.c.station_id == pad_reservations.c.station_id
+).where(stations.c.network_id == bindparam("network_id"))
+_PADS_OF: Final = select(stations.c.station_id, stations.c.pads).where(
+    among(stations.c.station_id, "station_ids")
+)
+_LOCK: Final = (
+    select(stations.c.station_id)
+    .where(among(stations.c.station_id, "station_ids"))
+    .order_by(stations.c.station_id)
+    .with_for_update()
+)
 _ADD: Final = insert(pad_reservations)
+_HELD_BY: Final = select(pad_reservations).where(
+    pad_reservations.c.mission_id == bindparam("of_mission")
+)
+_FREE: Final = delete(pad_reservations).where(
+    pad_reservations.c.mission_id == bindparam("of_mission")
+)
+_GIVE_UP: Final = _FREE.where(
+    pad_reservations.c.station_id == bindparam("of_station"),
+    pad_reservations.c.pad == bindparam("of_pad"),
+    pad_reservations.c.start_ms == bindparam("from_ms"),
+)
 
 # Added up by the database: with many missions in flight there are many rows, and few stations.
 _IS_BEGUN: Final = pad_reservations.c.start_ms <= bindparam("at_ms")
@@ -59,8 +94,7 @@ async def reserve(tx: Tx, booked: Mapping[MissionId, Sequence[BookedPad]]) -> No
     if not everything:
         return
     await _lock_stations(tx, everything)
-    for mission_id, pads in booked.items():
-        await _insert(tx, mission_id, pads)
+    await _insert(tx, booked)
 
 
 async def hold(tx: Tx, mission_id: MissionId, booked: Iterable[BookedPad]) -> None:
@@ -77,21 +111,23 @@ async def hold(tx: Tx, mission_id: MissionId, booked: Iterable[BookedPad]) -> No
     if any(not _is_within(each, held) for each in taken):
         # Given up before it is locked, a pad could make two missions wait for each other.
         await _lock_stations(tx, given_up | taken)
-    for each in given_up:
-        await tx.execute(
-            delete(pad_reservations).where(
-                pad_reservations.c.station_id == each.station_id,
-                pad_reservations.c.pad == each.pad,
-                pad_reservations.c.start_ms == each.start_ms,
-                pad_reservations.c.mission_id == mission_id,
-            )
-        )
-    await _insert(tx, mission_id, sorted(taken))
+    if given_up:
+        rows = [
+            {
+                "of_station": each.station_id,
+                "of_pad": each.pad,
+                "from_ms": each.start_ms,
+                "of_mission": mission_id,
+            }
+            for each in given_up
+        ]
+        await tx.execute(_GIVE_UP, rows)
+    await _insert(tx, {mission_id: sorted(taken)})
 
 
 async def free(tx: Tx, mission_id: MissionId) -> None:
     """Give up all pads of a mission."""
-    await tx.execute(delete(pad_reservations).where(pad_reservations.c.mission_id == mission_id))
+    await tx.execute(_FREE, {"of_mission": mission_id})
 
 
 async def booked_at(
@@ -102,13 +138,12 @@ async def booked_at(
     without_mission_id: MissionId | None = None,
 ) -> list[PadHeld]:
     """The reservations of these stations that last beyond a moment."""
-    query = _lasting(moment_ms, without_mission_id)
-    held: list[PadHeld] = []
-    for start in range(0, len(station_ids), _IDS_PER_STATEMENT):
-        part = station_ids[start : start + _IDS_PER_STATEMENT]
-        found = await connection.execute(query.where(pad_reservations.c.station_id.in_(part)))
-        held.extend(found)
-    return held
+    wanted = {
+        "station_ids": station_ids,
+        "moment_ms": moment_ms,
+        "without": without_mission_id or _NO_MISSION,
+    }
+    return [*await connection.execute(_BOOKED_AT, wanted)]
 
 
 async def booked_everywhere(
@@ -119,25 +154,12 @@ async def booked_everywhere(
     without_mission_id: MissionId | None = None,
 ) -> list[PadHeld]:
     """The reservations at a network's stations that last beyond a moment."""
-    query = _lasting(moment_ms, without_mission_id)
-    found = await connection.execute(
-        query.join(stations, stations.c.station_id == pad_reservations.c.station_id).where(
-            stations.c.network_id == network_id
-        )
-    )
-    return [*found]
-
-
-def _lasting(
-    moment_ms: int, without_mission_id: MissionId | None
-) -> Select[StationId, int, int, int]:
-    held = pad_reservations.c
-    query = select(held.station_id, held.pad, held.start_ms, held.end_ms).where(
-        held.end_ms > moment_ms
-    )
-    if without_mission_id is not None:
-        query = query.where(held.mission_id != without_mission_id)
-    return query
+    wanted = {
+        "network_id": network_id,
+        "moment_ms": moment_ms,
+        "without": without_mission_id or _NO_MISSION,
+    }
+    return [*await connection.execute(_BOOKED_EVERYWHERE, wanted)]
 
 
 async def pads_of(connection: AsyncConnection, station_id: StationId) -> int | None:
@@ -191,9 +213,7 @@ async def pads_of_all(
     connection: AsyncConnection, station_ids: Sequence[StationId]
 ) -> dict[StationId, int]:
     """How many pads these stations have."""
-    found = await connection.execute(
-        select(stations.c.station_id, stations.c.pads).where(stations.c.station_id.in_(station_ids))
-    )
+    found = await connection.execute(_PADS_OF, {"station_ids": station_ids})
     return {row.station_id: row.pads for row in found}
 
 
@@ -204,9 +224,7 @@ async def pads_everywhere(connection: AsyncConnection) -> dict[StationId, int]:
 
 
 async def _held_by(tx: Tx, mission_id: MissionId) -> set[BookedPad]:
-    found = await tx.execute(
-        select(pad_reservations).where(pad_reservations.c.mission_id == mission_id)
-    )
+    found = await tx.execute(_HELD_BY, {"of_mission": mission_id})
     return {BookedPad(row.station_id, row.pad, row.start_ms, row.end_ms) for row in found}
 
 
@@ -228,15 +246,10 @@ async def _lock_stations(tx: Tx, booked: Iterable[BookedPad]) -> None:
     if tx.dialect == "sqlite":
         return  # its blocks run one after another
     station_ids = sorted({each.station_id for each in booked})
-    await tx.execute(
-        select(stations.c.station_id)
-        .where(stations.c.station_id.in_(station_ids))
-        .order_by(stations.c.station_id)
-        .with_for_update()
-    )
+    await tx.execute(_LOCK, {"station_ids": station_ids})
 
 
-async def _insert(tx: Tx, mission_id: MissionId, booked: Iterable[BookedPad]) -> None:
+async def _insert(tx: Tx, booked: Mapping[MissionId, Iterable[BookedPad]]) -> None:
     rows = [
         {
             "station_id": each.station_id,
@@ -245,7 +258,8 @@ async def _insert(tx: Tx, mission_id: MissionId, booked: Iterable[BookedPad]) ->
             "end_ms": each.end_ms,
             "mission_id": mission_id,
         }
-        for each in booked
+        for mission_id, pads in booked.items()
+        for each in pads
     ]
     if rows:
         await tx.execute(_ADD, rows)

@@ -7,13 +7,13 @@ from typing import Any, Final
 from sqlalchemy import ColumnElement, Row, Select, and_, select, text, true, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.ids import DroneId, DroneModelId, MissionId, NetworkId, ProviderId, StationId
 from skyway.runtime.database import Tx
 from skyway_composition.missions.affected.planned import Doing, HeldPad, Owner, PlannedFlight
 from skyway_composition.missions.record import Proposal
 from skyway_composition.tables import (
     drone_links,
+    is_live,
     mission_steps,
     missions,
     pad_reservations,
@@ -25,7 +25,6 @@ Reader = AsyncConnection
 #: Stations above which all flights are read: naming each station takes longer.
 _MOST_NAMED: Final = 5_000
 
-_is_live = missions.c.state.in_(LIVE_MISSION_STATES)
 # Written out, because an index of some rows is only used where the statement itself says which.
 _is_to_fly = text("mission_steps.status = 'PLANNED' AND mission_steps.kind = 'FLY'")
 
@@ -84,7 +83,7 @@ async def pads_held(connection: Reader, station_id: StationId, pad: int) -> list
     found = await connection.execute(
         select(*_WHOSE, held.start_ms, held.end_ms)
         .join(pad_reservations, held.mission_id == missions.c.mission_id)
-        .where(held.station_id == station_id, held.pad == pad, _is_live)
+        .where(held.station_id == station_id, held.pad == pad, is_live)
     )
     return [HeldPad(_owner(row), station_id, row.start_ms, row.end_ms) for row in found]
 
@@ -93,7 +92,7 @@ async def proposals(
     connection: Reader, network_id: NetworkId | None
 ) -> list[tuple[Owner, Proposal]]:
     """The revisions that were sent and not accepted yet."""
-    query = select(*_WHOSE, missions.c.proposal).where(_is_live, missions.c.proposal.is_not(None))
+    query = select(*_WHOSE, missions.c.proposal).where(is_live, missions.c.proposal.is_not(None))
     if network_id is not None:
         query = query.where(missions.c.network_id == network_id)
     found = await connection.execute(query)
@@ -106,7 +105,7 @@ async def drones_of_model(
     """Those of these drones on missions that are of a model."""
     found = await connection.execute(
         select(missions.c.drone_id, missions.c.candidate).where(
-            missions.c.drone_id.in_(drone_ids), _is_live
+            missions.c.drone_id.in_(drone_ids), is_live
         )
     )
     models = {row.drone_id: json.loads(row.candidate)["model"]["model_id"] for row in found}
@@ -135,7 +134,7 @@ async def doings_of(connection: Reader, drone_ids: Collection[DroneId]) -> dict[
 async def look_again(tx: Tx, network_id: NetworkId | None) -> None:
     """Have the missions that wait for another plan be planned for at once."""
     waits = missions.c.stuck.is_not(None) | missions.c.trouble.is_not(None)
-    where = and_(_is_live, waits)
+    where = and_(is_live, waits)
     if network_id is not None:
         where = and_(where, missions.c.network_id == network_id)
     await tx.execute(update(missions).where(where).values(retry_wall_ms=0))
@@ -166,7 +165,7 @@ def _flights(network_id: NetworkId | None) -> Select[Any]:
             step.planned_end_ms,
         )
         .join(mission_steps, step.mission_id == missions.c.mission_id)
-        .where(_is_to_fly, _is_live)
+        .where(_is_to_fly, is_live)
     )
     if network_id is not None:
         query = query.where(missions.c.network_id == network_id)

@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from sqlalchemy import insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from skyway.contracts.mission import LIVE_MISSION_STATES, Cancellation
+from skyway.contracts.mission import Cancellation
 from skyway.ids import DeliveryId, DroneId, MissionId, NetworkId
 from skyway.runtime.database import Tx
 from skyway_composition.missions.record import MissionRecord
-from skyway_composition.tables import cancellations, missions
+from skyway_composition.tables import cancellations, is_live, missions
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +54,7 @@ async def drones_serving(connection: AsyncConnection, delivery_id: DeliveryId) -
     """The drones on live missions of a delivery, in the order of their trips."""
     found = await connection.execute(
         select(missions.c.drone_id)
-        .where(missions.c.delivery_id == delivery_id, missions.c.state.in_(LIVE_MISSION_STATES))
+        .where(missions.c.delivery_id == delivery_id, is_live)
         .order_by(missions.c.attempt, missions.c.trip)
     )
     return list(found.scalars())
@@ -78,7 +78,7 @@ async def awaited_loadings(
             missions.c.mission_id, missions.c.drone_id, missions.c.network_id, missions.c.start_ms
         )
         .where(
-            missions.c.state.in_(LIVE_MISSION_STATES),
+            is_live,
             missions.c.loading == "AWAITED",
             missions.c.start_ms < started_before_ms,
         )

@@ -3,13 +3,12 @@
 from sqlalchemy import and_, or_, select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.ids import DroneId
 from skyway.runtime.claims import claim
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database
 from skyway.units import moment_to_ms
-from skyway_composition.tables import mission_steps, missions
+from skyway_composition.tables import is_live, mission_steps, missions
 
 
 async def perhaps_overdue(
@@ -22,7 +21,7 @@ async def perhaps_overdue(
             or_(
                 and_(missions.c.state == "BOOKED", missions.c.expires_ms < expired_ms),
                 and_(
-                    missions.c.state.in_(LIVE_MISSION_STATES),
+                    is_live,
                     missions.c.released_ms < released_ms,
                 ),
             )
@@ -63,7 +62,7 @@ async def claim_stuck(db: Database, clock: FleetClock, claimant: str) -> list[Dr
         db,
         missions,
         where=and_(
-            missions.c.state.in_(LIVE_MISSION_STATES),
+            is_live,
             or_(missions.c.stuck.is_not(None), missions.c.trouble.is_not(None)),
             # What was proposed is answered first: two revisions on their way could cross.
             missions.c.proposal.is_(None),
