@@ -56,6 +56,7 @@ from skyway_gateway.notifications.stream import EventStream
 from skyway_gateway.notifications.targets import Targets
 from skyway_gateway.quotes import store as quote_store
 from skyway_gateway.quotes.checks import Checks
+from skyway_gateway.quotes.known_networks import KnownNetworks
 from skyway_gateway.quotes.make import QuoteMaker
 from skyway_gateway.quotes.payload_limits import PayloadLimits
 from skyway_gateway.quotes.routes import quote_routes
@@ -85,6 +86,7 @@ class Parts:
     clients: Mapping[str, ServiceClient]
     registry: Registry
     composition: Composition
+    networks: KnownNetworks
     gate: KeyGate
     services: ServiceGate
     keys: Keys
@@ -145,7 +147,7 @@ class Parts:
     def checks(self) -> Checks:
         """Checks delivery requests against the world."""
         limits = PayloadLimits(self.registry, self.clock)
-        return Checks(limits, self.composition, self.clock)
+        return Checks(limits, self.networks, self.composition, self.clock)
 
 
 def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> FastAPI:
@@ -221,6 +223,7 @@ def build_app(settings: GatewaySettings) -> FastAPI:
             told = {"composition": parts.clients["composition"]}
             loops.start("reports", ReportSender(parts.db, told, parts.clock).run())
             loops.start("webhooks", parts.sender.run())
+            loops.start("networks", parts.networks.run(mqtt))
             booking = BookingLoop(parts.booker, most=settings.bookings_at_once)
             loops.start("booking", booking.run())
             _start_sweeping(loops, parts)
@@ -280,6 +283,7 @@ def build_parts(
     """The parts on these clients and this clock; nothing is opened."""
     db = Database(settings.database_url, outbox=outbox)
     registry = RestRegistry(clients["registry"])
+    composition = RestComposition(clients["composition"])
     news, told, targets = News(), Wake(), Targets(settings.webhook_allow_networks)
     post = WebhookPost(targets)
     return Parts(
@@ -288,7 +292,8 @@ def build_parts(
         anchor=anchor,
         clients=clients,
         registry=registry,
-        composition=RestComposition(clients["composition"]),
+        composition=composition,
+        networks=KnownNetworks(composition),
         gate=KeyGate(db),
         services=ServiceGate(settings.secrets_dir, allowed=("composition",)),
         keys=Keys(db, accounts=registry, secrets_dir=settings.secrets_dir, clock=clock, mint=mint),

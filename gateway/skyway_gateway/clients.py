@@ -13,9 +13,9 @@ from skyway.contracts.mission import (
     ClosedDelivery,
 )
 from skyway.contracts.quote import QuoteAnswer, QuoteQuery
-from skyway.contracts.station_check import StationCheck, StationCheckQuery
+from skyway.contracts.station_check import NetworkStations, StationCheck, StationCheckQuery
 from skyway.contracts.track import Track
-from skyway.ids import DeliveryId, SubjectId
+from skyway.ids import DeliveryId, NetworkId, SubjectId
 from skyway.json_model import WireModel
 from skyway.runtime.http import ServiceClient
 
@@ -46,6 +46,10 @@ class Composition(Protocol):
         ...
 
     async def quote(self, query: QuoteQuery) -> QuoteAnswer:
+    async def all_stations(self, network_id: NetworkId) -> NetworkStations:
+        """All stations of a network's current version, unless they are very many."""
+        ...
+
         """What each provider could offer now, the best first; nothing is reserved."""
         ...
 
@@ -111,6 +115,11 @@ class RestComposition:
         )
 
     async def quote(self, query: QuoteQuery) -> QuoteAnswer:
+    async def all_stations(self, network_id: NetworkId) -> NetworkStations:
+        """All stations of a network's current version, unless they are very many."""
+        path = f"/internal/networks/{network_id}/stations"
+        return await self._client.call("GET", path, answer=NetworkStations)
+
         """What each provider could offer now, the best first; nothing is reserved."""
         return await self._client.call(
             "POST", "/internal/quotes", body=query, answer=QuoteAnswer, timeout_s=_COMPOSING_S

@@ -29,15 +29,23 @@ def components(one: Indices, other: Indices, *, stations: int) -> Indices:
             root = flatter
 
 
-def component_sizes(network: Network) -> list[int]:
-    """How many stations each component has: within one, there is a way from each to each."""
+def station_parts(network: Network) -> Indices:
+    """The part of each station, ``(n,)``: within one, there is a way from each to each."""
     columns, stations = network.columns, len(network.columns.station_ids)
     forth = segment_keys(columns.from_row, columns.to_row, stations=stations)
     back = segment_keys(columns.to_row, columns.from_row, stations=stations)
     if np.array_equal(np.sort(forth), np.sort(back)):
         one, other = columns.from_row.astype(np.int64), columns.to_row.astype(np.int64)
-        sizes = np.bincount(components(one, other, stations=stations), minlength=stations)
-        return [size for size in sizes.tolist() if size]
+        return components(one, other, stations=stations)
     from networkx import strongly_connected_components
 
-    return [len(component) for component in strongly_connected_components(to_networkx(network))]
+    parts = np.empty(stations, dtype=np.int64)
+    for part in strongly_connected_components(to_networkx(network)):
+        rows = [network.row_of[station_id] for station_id in part]
+        parts[rows] = min(rows)
+    return parts
+
+
+def component_sizes(network: Network) -> list[int]:
+    """How many stations each component has: within one, there is a way from each to each."""
+    return [size for size in np.bincount(station_parts(network)).tolist() if size]

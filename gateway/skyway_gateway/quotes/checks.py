@@ -15,6 +15,7 @@ from skyway.geo import Position
 from skyway.ids import StationId
 from skyway.runtime.clock import FleetClock
 from skyway_gateway.clients import Composition
+from skyway_gateway.quotes.known_networks import KnownNetworks
 from skyway_gateway.quotes.payload_limits import PayloadLimits
 
 #: Nobody plans further ahead; a year that is a typing mistake is found at once.
@@ -29,6 +30,7 @@ class Checks:
     """Checks requests against the clock, the network and the fleets."""
 
     payload_limits: PayloadLimits
+    networks: KnownNetworks
     composition: Composition
     clock: FleetClock
 
@@ -63,6 +65,9 @@ class Checks:
 
     async def _check_stations(self, request: DeliveryRequest) -> Position:
         pickup, named = request.pickup.station_id, _stations_by_field(request)
+        position = self.networks.start_of_ways(pickup, to=named.values())
+        if position is not None:
+            return position
         query = StationCheckQuery(
             station_ids=tuple(dict.fromkeys((pickup, *named.values()))), reachable_from=pickup
         )

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Final, Literal
 from fastapi import APIRouter, Depends, Header, Query, Request, Response
 from pydantic import Field
 
-from skyway.contracts.station_check import StationCheck, StationCheckQuery
+from skyway.contracts.station_check import NetworkStations, StationCheck, StationCheckQuery
 from skyway.errors import InvalidNetwork
 from skyway.geo import Position
 from skyway.ids import NetworkId, StationId, ZoneId
@@ -21,6 +21,7 @@ from skyway.runtime.paging import Page, PageQuery, page_of
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.closures.impact import Impact
 from skyway_composition.networks import store
+from skyway_composition.networks.all_stations import all_stations
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.networks.publish import etag, publish, read_content
 from skyway_composition.networks.station_check import check_stations
@@ -91,7 +92,7 @@ def network_routes(
     published: Wake,
     impact: Impact,
 ) -> APIRouter:
-    """/v1/networks and what is below it, and POST /internal/station-checks."""
+    """/v1/networks and what is below it, and what other services ask about stations."""
     router = APIRouter(tags=["networks"])
 
     @router.put(
@@ -247,6 +248,14 @@ def network_routes(
         """Which of these stations exist, where they are, and to which a path leads."""
         caller.must_be("service")
         return await check_stations(db, networks, query)
+
+    @router.get("/internal/networks/{network_id}/stations")
+    async def get_all_stations(
+        caller: Annotated[Caller, Depends(gate)], network_id: NetworkId
+    ) -> NetworkStations:
+        """All stations of the current version, where they are and which of them hang together."""
+        caller.must_be("service")
+        return all_stations(await networks.current(network_id))
 
     return router
 

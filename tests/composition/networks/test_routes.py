@@ -174,3 +174,16 @@ async def test_station_checks_are_for_services(composition: Any) -> None:
     )
 
     assert answer.status_code == 403
+
+
+async def test_all_stations_are_told_at_once_to_services_alone(composition: Any) -> None:
+    path = "/internal/networks/row/stations"
+
+    answer = await composition("service:gateway", "GET", path)
+    refused = await composition("customer:c", "GET", path)
+
+    told = answer.json()
+    assert (told["network_id"], told["version"]) == ("row", 1)
+    assert told["positions"][told["station_ids"].index("c")] == [2 * 0.17986, 0.0]
+    assert set(told["parts"]) == {0}
+    assert refused.status_code == 403

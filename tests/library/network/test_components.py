@@ -3,7 +3,8 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from skyway.network.components import component_sizes, components
+from skyway.ids import StationId
+from skyway.network.components import component_sizes, components, station_parts
 from skyway.network.network import Network
 from skyway.network.nx import from_networkx
 
@@ -52,3 +53,15 @@ def test_components_of_segments_both_ways_are_the_connected(lines: list[tuple[in
     sizes = component_sizes(make_network(lines, graph=graph))
 
     assert sorted(sizes) == sorted(map(len, networkx.connected_components(graph)))
+
+
+@given(lines=LINES)
+def test_stations_of_one_part_reach_one_another(lines: list[tuple[int, int]]) -> None:
+    graph: networkx.DiGraph[int] = networkx.DiGraph()
+    network = make_network(lines, graph=graph)
+
+    parts = station_parts(network).tolist()
+
+    for component in networkx.strongly_connected_components(graph):
+        assert len({parts[network.row_of[StationId(str(station))]] for station in component}) == 1
+    assert len(set(parts)) == networkx.number_strongly_connected_components(graph)
