@@ -4,7 +4,7 @@ from typing import Annotated, Final, Protocol
 
 from pydantic import Field
 
-from skyway.contracts.candidate import CandidateQuery, Candidates, PayloadLimit, PayloadLimitQuery
+from skyway.contracts.candidate import CandidateQuery, PayloadLimit, PayloadLimitQuery
 from skyway.contracts.mission import (
     Booking,
     BookMissions,
@@ -13,6 +13,7 @@ from skyway.contracts.mission import (
     ClosedDelivery,
 )
 from skyway.contracts.quote import QuoteAnswer, QuoteQuery
+from skyway.contracts.shortlist import Candidates
 from skyway.contracts.station_check import NetworkStations, StationCheck, StationCheckQuery
 from skyway.contracts.track import Track
 from skyway.ids import DeliveryId, NetworkId, SubjectId
@@ -45,11 +46,11 @@ class Composition(Protocol):
         """Whether stations exist, where they are, and whether a path leads to them."""
         ...
 
-    async def quote(self, query: QuoteQuery) -> QuoteAnswer:
     async def all_stations(self, network_id: NetworkId) -> NetworkStations:
         """All stations of a network's current version, unless they are very many."""
         ...
 
+    async def quote(self, query: QuoteQuery) -> QuoteAnswer:
         """What each provider could offer now, the best first; nothing is reserved."""
         ...
 
@@ -114,12 +115,12 @@ class RestComposition:
             "POST", "/internal/station-checks", body=query, answer=StationCheck
         )
 
-    async def quote(self, query: QuoteQuery) -> QuoteAnswer:
     async def all_stations(self, network_id: NetworkId) -> NetworkStations:
         """All stations of a network's current version, unless they are very many."""
         path = f"/internal/networks/{network_id}/stations"
         return await self._client.call("GET", path, answer=NetworkStations)
 
+    async def quote(self, query: QuoteQuery) -> QuoteAnswer:
         """What each provider could offer now, the best first; nothing is reserved."""
         return await self._client.call(
             "POST", "/internal/quotes", body=query, answer=QuoteAnswer, timeout_s=_COMPOSING_S

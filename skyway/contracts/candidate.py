@@ -1,4 +1,7 @@
-"""Gateway asks registry: which drones could fly this request, and why can the others not."""
+"""Gateway asks registry: which drones could fly this request, and why can the others not.
+
+The answer is `skyway.contracts.shortlist.Candidates`.
+"""
 
 from typing import Annotated, Any, Literal
 
@@ -86,13 +89,6 @@ class ProviderReason(WireModel):
     is_temporary: bool
     #: Numbers behind the code, such as mass_kg and limit_kg.
     data: dict[str, Any] = Field(default_factory=dict)
-
-
-class Candidates(WireModel):
-    """The drones to compare, nearest first, and the providers that have none."""
-
-    candidates: tuple[Candidate, ...]
-    infeasible: tuple[ProviderReason, ...]
 
 
 class PayloadLimitQuery(WireModel):

@@ -6,6 +6,7 @@ from pydantic import Field
 
 from skyway.contracts.candidate import Candidate, ProviderReason
 from skyway.contracts.message import FleetMoment, Soc
+from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.offer import Price
 from skyway.delivery.plan import Plan, Recharge
 from skyway.delivery.request import DeliveryRequest
@@ -99,8 +100,13 @@ class BookMissions(WireModel):
 
     attempt: Annotated[int, Field(ge=1)]
     request: DeliveryRequest
-    candidates: tuple[Candidate, ...]
+    shortlist: Shortlist
     offer: OfferLimits | None = None
+
+    @property
+    def candidates(self) -> tuple[Candidate, ...]:
+        """The drones to compare."""
+        return self.shortlist.candidates
 
 
 class Booking(WireModel):

@@ -7,6 +7,7 @@ from pydantic import Field
 from skyway.contracts.candidate import Candidate, ProviderReason
 from skyway.contracts.message import FleetMoment
 from skyway.contracts.mission import Margins, PackageEta
+from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.offer import Price
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DroneId, DroneModelId, ProviderId
@@ -17,7 +18,12 @@ class QuoteQuery(WireModel):
     """The body of POST /internal/quotes."""
 
     request: DeliveryRequest
-    candidates: tuple[Candidate, ...]
+    shortlist: Shortlist
+
+    @property
+    def candidates(self) -> tuple[Candidate, ...]:
+        """The drones to compare."""
+        return self.shortlist.candidates
 
 
 class OfferTerms(WireModel):

@@ -11,7 +11,6 @@ from gateway_fake_composition import STATIONS, FakeComposition, make_mission, ma
 from skyway.contracts.candidate import (
     Candidate,
     CandidateQuery,
-    Candidates,
     PayloadLimit,
     PayloadLimitQuery,
     ProviderReason,
@@ -21,6 +20,7 @@ from skyway.contracts.mission import (
     CancelMissions,
 )
 from skyway.contracts.quote import QuoteQuery
+from skyway.contracts.shortlist import Candidates, Shortlist
 from skyway.contracts.station_check import StationCheckQuery
 from skyway.delivery.offer import Tariff
 from skyway.drone.models import PAPER_SCENARIO
@@ -76,7 +76,7 @@ class FakeRegistry:
         self._answer()
         self.queries.append(query)
         free = [c for c in self.candidates_now if c.drone_id not in query.excluded_drone_ids]
-        return Candidates(candidates=tuple(free), infeasible=tuple(self.infeasible))
+        return Candidates(shortlist=Shortlist.of(free), infeasible=tuple(self.infeasible))
 
     async def payload_limit(self, query: PayloadLimitQuery) -> PayloadLimit:
         self._answer()

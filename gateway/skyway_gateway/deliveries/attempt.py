@@ -1,7 +1,8 @@
 """What is asked for in one attempt to book: the packages that wait, within what is promised."""
 
-from skyway.contracts.candidate import Candidate, CandidateQuery
+from skyway.contracts.candidate import CandidateQuery
 from skyway.contracts.mission import BookMissions, OfferLimits
+from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.offer import Price
 from skyway.delivery.request import DeliveryRequest, ProviderChoice
 from skyway_gateway.deliveries.delivery import Delivery
@@ -25,12 +26,12 @@ def candidate_query(queued: Queued) -> CandidateQuery:
     )
 
 
-def wanted_missions(delivery: Delivery, candidates: tuple[Candidate, ...]) -> BookMissions:
+def wanted_missions(delivery: Delivery, shortlist: Shortlist) -> BookMissions:
     """What composition is asked to book."""
     return BookMissions(
         attempt=delivery.attempt,
         request=_request(delivery),
-        candidates=candidates,
+        shortlist=shortlist,
         offer=_limits(delivery),
     )
 

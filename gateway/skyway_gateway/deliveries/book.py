@@ -13,8 +13,9 @@ from dataclasses import dataclass, field
 from datetime import timedelta
 from typing import Final
 
-from skyway.contracts.candidate import Candidates, ProviderReason
+from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.mission import Booking, CancelMissions, Mission
+from skyway.contracts.shortlist import Candidates
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database
 from skyway.runtime.errors import RemoteProblem, ServiceUnavailable
@@ -84,7 +85,7 @@ class Booker:
             return
         candidates = await self.registry.candidates(candidate_query(queued))
         # Asked even without candidates: an earlier round may have booked this attempt and died.
-        wanted = wanted_missions(delivery, candidates.candidates)
+        wanted = wanted_missions(delivery, candidates.shortlist)
         booking = await self.composition.book(delivery.delivery_id, wanted)
         await self._decide(delivery, booking, candidates)
 

@@ -4,8 +4,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Final
 
-from skyway.contracts.candidate import Candidates, ProviderReason
+from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.mission import Booking, OfferLimits
+from skyway.contracts.shortlist import Candidates
 from skyway_gateway.deliveries.delivery import Delivery, Refusal
 
 #: So often may drones refuse a delivery before it is given up (decisions.md, Booking).
@@ -35,7 +36,7 @@ def why_never(offer: OfferLimits | None, booking: Booking, candidates: Candidate
     reasons = (*booking.reasons, *candidates.infeasible)
     if offer is not None:
         return _lost(offer, reasons)
-    is_busy = booking.outcome == "BUSY" and bool(candidates.candidates)
+    is_busy = booking.outcome == "BUSY" and not candidates.shortlist.is_empty
     if is_busy or not reasons or any(reason.is_temporary for reason in reasons):
         return None
     detail = "no provider can fly it: " + "; ".join(_in_words(reason) for reason in reasons)

@@ -77,8 +77,8 @@ class QuoteMaker:
         position = await self.checks.check(request)
         found = await self.registry.candidates(_candidate_query(request, position))
         answer = QuoteAnswer(offers=(), infeasible=())
-        if found.candidates:
-            query = QuoteQuery(request=request, candidates=found.candidates)
+        if not found.shortlist.is_empty:
+            query = QuoteQuery(request=request, shortlist=found.shortlist)
             answer = await self.composition.quote(query)
         # Counted from here: what was planned is as old as its answer.
         expires_at = self.clock.wall_now() + timedelta(seconds=OFFER_LIFE_S)

@@ -6,10 +6,10 @@ from fastapi import APIRouter, Depends, Response
 
 from skyway.contracts.candidate import (
     CandidateQuery,
-    Candidates,
     PayloadLimit,
     PayloadLimitQuery,
 )
+from skyway.contracts.shortlist import Candidates
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.http_app import internal_body
 from skyway.runtime.identity import Caller, ServiceGate

@@ -1,5 +1,6 @@
 """Who could fly a request: the nearest able drones, fairly over the providers."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -9,12 +10,11 @@ import numpy.typing as npt
 from skyway.contracts.candidate import (
     MAX_CANDIDATES,
     MAX_CANDIDATES_PER_PROVIDER,
-    Candidate,
     CandidateQuery,
-    Candidates,
     ProviderReason,
     ProviderReasonCode,
 )
+from skyway.contracts.shortlist import Candidates, ProviderTerms, Shortlist
 from skyway.geo import unit_vector
 from skyway.ids import ProviderId
 from skyway_provider_registry.candidates.fleet_columns import Fleet, FleetColumns, Rows
@@ -67,7 +67,7 @@ def select(query: CandidateQuery, fleet: Fleet, *, wall_now_ms: int) -> Candidat
         else:
             reasons[provider_id] = _reason(query, columns, found, provider_id)
     return Candidates(
-        candidates=tuple(_candidate(one, fleet.providers[one.provider_id]) for one in candidates),
+        shortlist=_shortlist(candidates, fleet.providers),
         infeasible=tuple(sorted(reasons.values(), key=lambda reason: reason.provider_id or "")),
     )
 
@@ -166,16 +166,25 @@ def _in_turn(ranked: _Ranked, providers: int) -> Rows:
     return rows
 
 
-def _candidate(drone: KnownDrone, provider: KnownProvider) -> Candidate:
-    if drone.station_id is None:
-        raise ValueError(f"{drone.drone_id} is not standing anywhere")
-    return Candidate(
-        provider_id=drone.provider_id,
-        drone_id=drone.drone_id,
-        model=drone.model,
-        soc=drone.soc,
-        station_id=drone.station_id,
-        home_station_id=drone.home_station_id,
-        tariff=provider.tariff,
-        loading=provider.loading,
+def _shortlist(
+    drones: Sequence[KnownDrone], providers: Mapping[ProviderId, KnownProvider]
+) -> Shortlist:
+    return Shortlist(
+        models=tuple({each.model.model_id: each.model for each in drones}.values()),
+        providers=tuple(
+            _terms(providers[provider_id])
+            for provider_id in dict.fromkeys(each.provider_id for each in drones)
+        ),
+        drone_ids=tuple(each.drone_id for each in drones),
+        provider_ids=tuple(each.provider_id for each in drones),
+        model_ids=tuple(each.model.model_id for each in drones),
+        socs=tuple(each.soc for each in drones),
+        station_ids=tuple(each.station_id for each in drones if each.station_id is not None),
+        home_station_ids=tuple(each.home_station_id for each in drones),
+    )
+
+
+def _terms(provider: KnownProvider) -> ProviderTerms:
+    return ProviderTerms(
+        provider_id=provider.provider_id, tariff=provider.tariff, loading=provider.loading
     )

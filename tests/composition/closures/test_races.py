@@ -15,6 +15,7 @@ from skyway_composition.missions import store
 
 from skyway.contracts.flight_step import FlyStep
 from skyway.contracts.mission import BookMissions
+from skyway.contracts.shortlist import Shortlist
 from skyway.ids import DeliveryId
 from skyway.runtime.database import Database, Tx
 
@@ -74,7 +75,9 @@ async def test_a_plan_made_before_a_closure_is_not_booked_after_it(
             closed.append((await composition(OPERATOR, "POST", path, body)).status_code)
 
     bookings = replace(composition.parts.bookings, db=Meddling(composition.db, close_once))
-    wanted = BookMissions(attempt=1, request=make.request("c"), candidates=(make.candidate(),))
+    wanted = BookMissions(
+        attempt=1, request=make.request("c"), shortlist=Shortlist.of([make.candidate()])
+    )
 
     booking = await bookings.book(DeliveryId("dlv_1"), wanted)
 
@@ -117,7 +120,9 @@ async def test_a_plan_made_before_an_outage_is_not_booked_after_it(
             closed.append(answer.status_code)
 
     bookings = replace(composition.parts.bookings, db=Meddling(composition.db, fail_once))
-    wanted = BookMissions(attempt=1, request=make.request("c"), candidates=(make.candidate(),))
+    wanted = BookMissions(
+        attempt=1, request=make.request("c"), shortlist=Shortlist.of([make.candidate()])
+    )
 
     booking = await bookings.book(DeliveryId("dlv_1"), wanted)
 

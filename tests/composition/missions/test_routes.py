@@ -72,7 +72,7 @@ async def test_customers_have_no_missions_to_see(composition: Any) -> None:
 
 
 async def test_only_services_book(composition: Any, make: Any) -> None:
-    body = {"attempt": 1, "request": make.request("c").model_dump(mode="json"), "candidates": []}
+    body = {"attempt": 1, "request": make.request("c").model_dump(mode="json"), "shortlist": {}}
 
     for path in ("missions", "closed"):
         answer = await composition("operator:op", "PUT", f"/internal/deliveries/dlv_1/{path}", body)
@@ -133,7 +133,7 @@ async def test_the_cheapest_offer_is_taken_when_price_counts(composition: Any, m
 async def test_without_candidates_the_gateway_is_told_to_ask_again(
     composition: Any, make: Any
 ) -> None:
-    body = {"attempt": 1, "request": make.request("c").model_dump(mode="json"), "candidates": []}
+    body = {"attempt": 1, "request": make.request("c").model_dump(mode="json"), "shortlist": {}}
 
     answer = await composition(
         "service:gateway", "PUT", "/internal/deliveries/dlv_1/missions", body

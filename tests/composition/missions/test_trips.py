@@ -8,6 +8,7 @@ import pytest
 
 from skyway.contracts.mission import Booking, BookMissions
 from skyway.contracts.quote import QuoteQuery
+from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId
 from skyway.runtime.minting import CountingMint
@@ -27,7 +28,8 @@ class NoSecondInstruction(CountingMint):
 
 
 async def book(composition: Any, *candidates: Any, **members: Any) -> Booking:
-    body = BookMissions.model_validate({"attempt": 1, "candidates": candidates, **members})
+    shortlist = Shortlist.of(candidates)
+    body = BookMissions.model_validate({"attempt": 1, "shortlist": shortlist, **members})
     path = "/internal/deliveries/dlv_1/missions"
     answer = await composition("service:gateway", "PUT", path, body.model_dump(mode="json"))
     assert answer.status_code == 200, answer.text
@@ -96,12 +98,12 @@ async def test_of_two_trips_both_are_booked_or_none(composition: Any, make: Any)
     await publish_short(composition, make)
     parts = composition.parts
     failing = replace(parts.bookings, mint=NoSecondInstruction())
-    drones = (make.candidate(1), make.candidate(2))
+    drones = Shortlist.of([make.candidate(1), make.candidate(2)])
 
     with pytest.raises(RuntimeError):
         await failing.book(
             DeliveryId("dlv_1"),
-            BookMissions(attempt=1, request=heavy(make, "b", "c"), candidates=drones),
+            BookMissions(attempt=1, request=heavy(make, "b", "c"), shortlist=drones),
         )
 
     tables = ("missions", "mission_steps", "pad_reservations", "instructions", "custody", "outbox")
@@ -231,7 +233,7 @@ async def test_plans_show_the_margins_they_were_booked_with(composition: Any, ma
 
 
 def _query(request: Any, candidates: Any) -> QuoteQuery:
-    return QuoteQuery(request=request, candidates=tuple(candidates))
+    return QuoteQuery(request=request, shortlist=Shortlist.of(candidates))
 
 
 def _limits(offer: Any, *, price: int | None = None, within_s: float | None = None) -> Any:

@@ -5,6 +5,7 @@ from typing import Any
 import pytest
 
 from skyway.contracts.quote import QuoteAnswer, QuoteQuery
+from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.offer import Tariff
 from skyway.drone.models import DJI_MATRICE_300_RTK
 
@@ -12,7 +13,7 @@ pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 
 
 async def quote(composition: Any, request: Any, *candidates: Any) -> QuoteAnswer:
-    body = QuoteQuery(request=request, candidates=candidates).model_dump(mode="json")
+    body = QuoteQuery(request=request, shortlist=Shortlist.of(candidates)).model_dump(mode="json")
     answer = await composition("service:gateway", "POST", "/internal/quotes", body)
     assert answer.status_code == 200, answer.text
     return QuoteAnswer.model_validate_json(answer.content)
@@ -163,7 +164,7 @@ async def test_a_closed_segment_is_not_planned_through(composition: Any, make: A
 
 
 async def test_only_services_ask_for_quotes(composition: Any, make: Any) -> None:
-    body = QuoteQuery(request=make.request("c"), candidates=()).model_dump(mode="json")
+    body = QuoteQuery(request=make.request("c"), shortlist=Shortlist()).model_dump(mode="json")
 
     answer = await composition("customer:c", "POST", "/internal/quotes", body)
 

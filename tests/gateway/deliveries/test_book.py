@@ -319,5 +319,5 @@ async def _ask(gateway: Any, queued: Any) -> Any:
     from skyway_gateway.deliveries.attempt import candidate_query, wanted_missions
 
     found = await gateway.registry.candidates(candidate_query(queued))
-    wanted = wanted_missions(queued.delivery, found.candidates)
+    wanted = wanted_missions(queued.delivery, found.shortlist)
     return await gateway.composition.book(queued.delivery.delivery_id, wanted)

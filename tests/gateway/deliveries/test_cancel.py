@@ -360,19 +360,21 @@ async def _booked_in_composition(gateway: Any) -> None:
     """A round of booking that died before it wrote anything down."""
     from skyway_gateway.deliveries.attempt import wanted_missions
 
+    from skyway.contracts.shortlist import Shortlist
+
     delivery = (await _claimed(gateway)).delivery
-    wanted = wanted_missions(delivery, tuple(gateway.registry.candidates_now))
+    wanted = wanted_missions(delivery, Shortlist.of(gateway.registry.candidates_now))
     await gateway.composition.book(delivery.delivery_id, wanted)
 
 
 async def _wanted(gateway: Any, delivery_id: str) -> Any:
     from skyway.contracts.mission import BookMissions
+    from skyway.contracts.shortlist import Shortlist
     from skyway.delivery.request import DeliveryRequest
 
     request = DeliveryRequest.model_validate((await gateway.get(delivery_id))["request"])
-    return BookMissions(
-        attempt=1, request=request, candidates=tuple(gateway.registry.candidates_now)
-    )
+    shortlist = Shortlist.of(gateway.registry.candidates_now)
+    return BookMissions(attempt=1, request=request, shortlist=shortlist)
 
 
 async def _told_to_composition(gateway: Any) -> list[dict[str, Any]]:

@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 from skyway_gateway.deliveries.verdict import why_never
 
-from skyway.contracts.candidate import Candidates
 from skyway.contracts.mission import Booking, OfferLimits
+from skyway.contracts.shortlist import Candidates, Shortlist
 from skyway.delivery.offer import Price
 
 BUSY, NEVER = True, False
@@ -36,13 +36,14 @@ def test_only_reasons_that_last_are_never(
     is_never: bool,
 ) -> None:
     reasons = tuple(reason("NO_DRONES", is_temporary=is_temporary) for is_temporary in told)
-    found = Candidates(candidates=(candidate(),) if has_candidates else (), infeasible=reasons)
+    shortlist = Shortlist.of([candidate()] if has_candidates else [])
+    found = Candidates(shortlist=shortlist, infeasible=reasons)
     assert (why_never(None, Booking(outcome=outcome), found) is not None) == is_never
 
 
 def test_the_sentence_names_provider_code_and_detail(reason: Callable[..., Any]) -> None:
     booking = Booking(outcome="INFEASIBLE", reasons=(reason("OUT_OF_RANGE", is_temporary=False),))
-    never = why_never(None, booking, Candidates(candidates=(), infeasible=()))
+    never = why_never(None, booking, Candidates(shortlist=Shortlist(), infeasible=()))
     assert never is not None
     assert never.detail == "no provider can fly it: prv_1: OUT_OF_RANGE, why OUT_OF_RANGE"
 
@@ -51,7 +52,7 @@ def test_an_offer_does_not_wait_and_its_loss_is_a_reason(reason: Callable[..., A
     price = Price(amount=700, currency="USD")
     offer = OfferLimits(provider_id="prv_1", price=price, within_s=900)
     booking = Booking(outcome="BUSY", reasons=(reason("BUSY", is_temporary=True),))
-    never = why_never(offer, booking, Candidates(candidates=(), infeasible=()))
+    never = why_never(offer, booking, Candidates(shortlist=Shortlist(), infeasible=()))
     assert never is not None
     assert [one.code for one in never.reasons] == ["OFFER_LOST", "BUSY"]
     assert never.reasons[0].data["price"] == {"amount": 700, "currency": "USD"}

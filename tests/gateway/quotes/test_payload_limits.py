@@ -5,7 +5,8 @@ from datetime import UTC, datetime, timedelta
 import pytest
 from skyway_gateway.quotes.payload_limits import PayloadLimits
 
-from skyway.contracts.candidate import Candidates, PayloadLimit, PayloadLimitQuery
+from skyway.contracts.candidate import PayloadLimit, PayloadLimitQuery
+from skyway.contracts.shortlist import Candidates
 from skyway.delivery.request import ProviderChoice
 from skyway.ids import DroneModelId, ProviderId
 from skyway.runtime.clock import ManualClock

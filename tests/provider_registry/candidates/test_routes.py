@@ -8,7 +8,9 @@ import pytest
 from skyway_provider_registry.presence.follow import Recorder
 
 from skyway.contracts.drone_report import Connection, DroneState
+from skyway.contracts.shortlist import Candidates, Shortlist
 from skyway.contracts.topics import CONNECTION, STATE
+from skyway.drone.model import DroneModel
 from skyway.geo import Position
 from skyway.ids import MissionId, StationId
 from skyway.runtime.clock import ManualClock
@@ -60,10 +62,10 @@ def ready(api: Any, db: Database, clock: ManualClock) -> Ready:
     return make
 
 
-async def ask(api: Any, **members: object) -> Any:
+async def ask(api: Any, **members: object) -> Candidates:
     answer = await api(None, "POST", "/internal/candidates", {**QUERY, **members})
     assert answer.status_code == 200, answer.text
-    return answer.json()
+    return Candidates.model_validate_json(answer.content)
 
 
 async def test_a_drone_that_stands_online_is_a_candidate(api: Any, ready: Ready) -> None:
@@ -72,23 +74,23 @@ async def test_a_drone_that_stands_online_is_a_candidate(api: Any, ready: Ready)
 
     found = await ask(api)
 
-    (candidate,) = found["candidates"]
-    assert candidate["drone_id"] == drone["drone_id"]
-    assert candidate["provider_id"] == provider_id
-    assert (candidate["station_id"], candidate["soc"]) == ("san-marcos", 0.8)
-    assert candidate["home_station_id"] == "san-marcos"
-    assert candidate["tariff"]["base"] == 300
-    assert candidate["loading"] == "AUTOMATIC"
-    assert candidate["model"] == drone["model"]
-    assert found["infeasible"] == []
+    (candidate,) = found.shortlist.candidates
+    assert candidate.drone_id == drone["drone_id"]
+    assert candidate.provider_id == provider_id
+    assert (candidate.station_id, candidate.soc) == ("san-marcos", 0.8)
+    assert candidate.home_station_id == "san-marcos"
+    assert candidate.tariff.base == 300
+    assert candidate.loading == "AUTOMATIC"
+    assert candidate.model == DroneModel.model_validate(drone["model"])
+    assert found.infeasible == ()
 
 
 async def test_a_candidate_says_who_confirms_its_loading(api: Any, ready: Ready) -> None:
     await ready(await api.provider(loading="CONFIRMED"))
 
-    (candidate,) = (await ask(api))["candidates"]
+    (candidate,) = (await ask(api)).shortlist.candidates
 
-    assert candidate["loading"] == "CONFIRMED"
+    assert candidate.loading == "CONFIRMED"
 
 
 async def test_a_drone_that_was_never_heard_of_is_none(api: Any) -> None:
@@ -96,8 +98,8 @@ async def test_a_drone_that_was_never_heard_of_is_none(api: Any) -> None:
 
     found = await ask(api)
 
-    assert found["candidates"] == []
-    assert [reason["code"] for reason in found["infeasible"]] == ["OFFLINE"]
+    assert found.shortlist.is_empty
+    assert [reason.code for reason in found.infeasible] == ["OFFLINE"]
 
 
 async def test_a_drone_that_says_it_flies_a_mission_is_busy(api: Any, ready: Ready) -> None:
@@ -105,7 +107,7 @@ async def test_a_drone_that_says_it_flies_a_mission_is_busy(api: Any, ready: Rea
 
     found = await ask(api)
 
-    assert [reason["code"] for reason in found["infeasible"]] == ["BUSY"]
+    assert [reason.code for reason in found.infeasible] == ["BUSY"]
 
 
 async def test_a_drone_that_fell_silent_is_none(api: Any, ready: Ready, clock: ManualClock) -> None:
@@ -114,7 +116,7 @@ async def test_a_drone_that_fell_silent_is_none(api: Any, ready: Ready, clock: M
 
     found = await ask(api)
 
-    assert [reason["code"] for reason in found["infeasible"]] == ["OFFLINE"]
+    assert [reason.code for reason in found.infeasible] == ["OFFLINE"]
 
 
 async def test_a_drone_that_refused_is_left_out(api: Any, ready: Ready) -> None:
@@ -122,7 +124,7 @@ async def test_a_drone_that_refused_is_left_out(api: Any, ready: Ready) -> None:
 
     found = await ask(api, excluded_drone_ids=[drone["drone_id"]])
 
-    assert [reason["code"] for reason in found["infeasible"]] == ["REFUSED"]
+    assert [reason.code for reason in found.infeasible] == ["REFUSED"]
 
 
 async def test_a_suspended_provider_has_none(api: Any, ready: Ready) -> None:
@@ -132,11 +134,11 @@ async def test_a_suspended_provider_has_none(api: Any, ready: Ready) -> None:
 
     found = await ask(api)
 
-    assert [reason["code"] for reason in found["infeasible"]] == ["NOT_ADMITTED"]
+    assert [reason.code for reason in found.infeasible] == ["NOT_ADMITTED"]
 
 
 async def test_without_providers_there_is_nobody_to_blame(api: Any) -> None:
-    assert await ask(api) == {"candidates": [], "infeasible": []}
+    assert await ask(api) == Candidates(shortlist=Shortlist(), infeasible=())
 
 
 async def test_a_bad_query_is_told_its_field(api: Any) -> None:

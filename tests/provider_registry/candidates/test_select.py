@@ -7,7 +7,8 @@ from skyway_provider_registry.candidates.fleet_columns import Fleet, FleetColumn
 from skyway_provider_registry.candidates.reasons import KnownDrone, KnownProvider
 from skyway_provider_registry.candidates.select import select as select_from
 
-from skyway.contracts.candidate import CandidateQuery, Candidates
+from skyway.contracts.candidate import CandidateQuery
+from skyway.contracts.shortlist import Candidates
 from skyway.delivery.offer import Tariff
 from skyway.delivery.request import ProviderChoice
 from skyway.drone.models import DJI_MATRICE_300_RTK, PAPER_SCENARIO
@@ -66,7 +67,7 @@ def make_drone(
 def test_a_candidate_carries_what_composition_needs() -> None:
     found = select(make_query(), providers=[make_provider("p")], drones=[make_drone("d")])
 
-    (candidate,) = found.candidates
+    (candidate,) = found.shortlist.candidates
     assert (candidate.drone_id, candidate.provider_id) == ("d", "p")
     assert (candidate.station_id, candidate.home_station_id) == ("pickup", "home")
     assert (candidate.model, candidate.soc) == (PAPER_SCENARIO, 0.9)
@@ -85,7 +86,7 @@ def test_the_pickup_comes_first_then_the_nearest_then_the_fullest() -> None:
 
     found = select(make_query(), providers=[make_provider("p")], drones=drones)
 
-    assert [candidate.drone_id for candidate in found.candidates] == [
+    assert [each.drone_id for each in found.shortlist.candidates] == [
         "there-full",
         "there-empty",
         "near-full",
@@ -100,7 +101,10 @@ def test_a_drone_at_the_pickup_comes_before_one_that_stands_nearer_by_its_own_wo
 
     found = select(make_query(), providers=[make_provider("p")], drones=[elsewhere, there])
 
-    assert [candidate.drone_id for candidate in found.candidates] == ["there", "elsewhere"]
+    assert [each.drone_id for each in found.shortlist.candidates] == [
+        "there",
+        "elsewhere",
+    ]
 
 
 def test_equals_are_ordered_by_id_whatever_order_they_come_in() -> None:
@@ -108,7 +112,7 @@ def test_equals_are_ordered_by_id_whatever_order_they_come_in() -> None:
 
     found = select(make_query(), providers=[make_provider("p")], drones=drones)
 
-    assert [candidate.drone_id for candidate in found.candidates] == ["a", "b", "c"]
+    assert [each.drone_id for each in found.shortlist.candidates] == ["a", "b", "c"]
 
 
 def test_a_provider_sends_its_five_best() -> None:
@@ -116,7 +120,13 @@ def test_a_provider_sends_its_five_best() -> None:
 
     found = select(make_query(), providers=[make_provider("p")], drones=drones)
 
-    assert [candidate.drone_id for candidate in found.candidates] == ["d0", "d1", "d2", "d3", "d4"]
+    assert [each.drone_id for each in found.shortlist.candidates] == [
+        "d0",
+        "d1",
+        "d2",
+        "d3",
+        "d4",
+    ]
 
 
 def test_sixty_are_compared_and_everybodys_best_comes_before_anybodys_second() -> None:
@@ -131,9 +141,9 @@ def test_sixty_are_compared_and_everybodys_best_comes_before_anybodys_second() -
 
     found = select(make_query(), providers=providers, drones=drones)
 
-    names = [candidate.drone_id for candidate in found.candidates]
+    names = [each.drone_id for each in found.shortlist.candidates]
     assert len(names) == 60
-    assert {candidate.provider_id for candidate in found.candidates} == {
+    assert {each.provider_id for each in found.shortlist.candidates} == {
         provider.provider_id for provider in providers
     }
     assert names[:40] == [f"p{n:02}-0" for n in range(40)]
@@ -148,7 +158,7 @@ def test_with_more_than_sixty_providers_the_nearest_are_compared_and_the_rest_to
 
     found = select(make_query(), providers=providers, drones=drones)
 
-    assert len(found.candidates) == 60
+    assert len(found.shortlist.candidates) == 60
     told = [(reason.provider_id, reason.code, reason.is_temporary) for reason in found.infeasible]
     assert told == [("p00", "NOT_COMPARED", True), ("p01", "NOT_COMPARED", True)]
 
@@ -172,7 +182,7 @@ def test_a_drone_that_cannot_fly_it_is_told_as_its_providers_reason(
 
     found = select(query, providers=[make_provider("p")], drones=[drone])
 
-    assert found.candidates == ()
+    assert found.shortlist.candidates == ()
     (reason,) = found.infeasible
     assert (reason.provider_id, reason.code, reason.is_temporary) == ("p", code, is_temporary)
 
@@ -182,7 +192,7 @@ def test_a_charge_at_the_reserve_is_enough() -> None:
 
     found = select(make_query(), providers=[make_provider("p")], drones=[drone])
 
-    assert len(found.candidates) == 1
+    assert len(found.shortlist.candidates) == 1
 
 
 def test_what_ends_by_itself_is_told_before_what_does_not() -> None:
@@ -225,7 +235,7 @@ def test_a_provider_that_must_split_sends_its_strongest_first() -> None:
 
     found = select(query, providers=[make_provider("p")], drones=drones)
 
-    names = [candidate.drone_id for candidate in found.candidates]
+    names = [each.drone_id for each in found.shortlist.candidates]
     assert names == ["weak-0", "weak-1", "weak-2", "strong-near", "strong-far"]
 
 
@@ -235,7 +245,7 @@ def test_what_a_provider_splits_must_still_be_lifted_package_by_package() -> Non
 
     found = select(query, providers=[make_provider("p")], drones=drones)
 
-    assert [candidate.drone_id for candidate in found.candidates] == ["strong"]
+    assert [each.drone_id for each in found.shortlist.candidates] == ["strong"]
 
 
 def test_a_provider_whose_only_strong_drone_is_busy_is_busy_and_splits_nothing() -> None:
@@ -244,7 +254,7 @@ def test_a_provider_whose_only_strong_drone_is_busy_is_busy_and_splits_nothing()
 
     found = select(query, providers=[make_provider("p")], drones=drones)
 
-    assert found.candidates == ()
+    assert found.shortlist.candidates == ()
     assert [reason.code for reason in found.infeasible] == ["BUSY"]
 
 
@@ -258,7 +268,7 @@ def test_one_provider_splits_while_another_lifts_everything() -> None:
 
     found = select(query, providers=[make_provider("p"), make_provider("q")], drones=drones)
 
-    assert {candidate.drone_id for candidate in found.candidates} == {"weak", "strong"}
+    assert {each.drone_id for each in found.shortlist.candidates} == {"weak", "strong"}
 
 
 def test_too_heavy_a_package_is_told_by_itself() -> None:
@@ -276,7 +286,7 @@ def test_what_is_known_now_replaces_what_was_known() -> None:
     columns.put([make_drone("d7", soc=0.4)])
     fleet = Fleet({ProviderId("p"): make_provider("p")}, columns)
 
-    (candidate,) = select_from(make_query(), fleet, wall_now_ms=NOW_MS).candidates
+    (candidate,) = select_from(make_query(), fleet, wall_now_ms=NOW_MS).shortlist.candidates
 
     assert (candidate.drone_id, candidate.soc) == ("d7", 0.4)
 
@@ -288,7 +298,7 @@ def test_masses_that_only_add_up_above_the_limit_by_rounding_are_lifted() -> Non
         make_query(payload_kg=2.7000000000000006), providers=[make_provider("p")], drones=[drone]
     )
 
-    assert len(found.candidates) == 1
+    assert len(found.shortlist.candidates) == 1
 
 
 def test_a_provider_without_drones_says_so() -> None:
@@ -311,7 +321,7 @@ def test_only_providers_that_the_request_admits_are_asked(choice: ProviderChoice
 
     found = select(make_query(providers=choice), providers=providers, drones=drones)
 
-    assert [candidate.provider_id for candidate in found.candidates] == ["good"]
+    assert [each.provider_id for each in found.shortlist.candidates] == ["good"]
     assert [(reason.provider_id, reason.code) for reason in found.infeasible] == [
         ("bad", "NOT_ADMITTED")
     ]
@@ -322,5 +332,5 @@ def test_a_suspended_provider_gets_no_missions() -> None:
 
     found = select(make_query(), providers=[provider], drones=[make_drone("d")])
 
-    assert found.candidates == ()
+    assert found.shortlist.candidates == ()
     assert [reason.code for reason in found.infeasible] == ["NOT_ADMITTED"]

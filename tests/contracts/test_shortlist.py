@@ -1,0 +1,79 @@
+"""Candidates travel as columns, and arrive as they were."""
+
+from typing import Any
+
+import pytest
+from pydantic import ValidationError
+
+from skyway.contracts.candidate import Candidate
+from skyway.contracts.shortlist import Shortlist
+from skyway.delivery.offer import Tariff
+from skyway.drone.models import DJI_MATRICE_300_RTK, PAPER_SCENARIO
+
+
+def make_candidate(number: int, **members: Any) -> Candidate:
+    values = {
+        "provider_id": "prv_1",
+        "drone_id": f"drn_{number}",
+        "model": PAPER_SCENARIO,
+        "soc": 1.0 - number / 100,
+        "station_id": f"here-{number}",
+        "home_station_id": f"home-{number}",
+        "tariff": Tariff(base=100),
+        **members,
+    }
+    return Candidate.model_validate(values)
+
+
+def sent(shortlist: Shortlist) -> Shortlist:
+    return Shortlist.read(shortlist.model_dump_json())
+
+
+def test_candidates_arrive_as_they_were_and_in_their_order() -> None:
+    candidates = (
+        make_candidate(3),
+        make_candidate(1, provider_id="prv_2", tariff=Tariff(base=5), loading="CONFIRMED"),
+        make_candidate(2, model=DJI_MATRICE_300_RTK),
+    )
+
+    arrived = sent(Shortlist.of(candidates))
+
+    assert arrived.candidates == candidates
+
+
+def test_candidates_of_a_model_share_it_and_those_of_a_provider_its_tariff() -> None:
+    arrived = sent(Shortlist.of([make_candidate(1), make_candidate(2)]))
+
+    first, second = arrived.candidates
+    assert first.model is second.model
+    assert first.tariff is second.tariff
+
+
+def test_a_model_and_the_terms_of_a_provider_are_sent_once() -> None:
+    shortlist = Shortlist.of([make_candidate(number) for number in range(9)])
+
+    assert (len(shortlist.models), len(shortlist.providers)) == (1, 1)
+
+
+def test_nobody_is_an_empty_shortlist() -> None:
+    assert sent(Shortlist()).is_empty
+    assert Shortlist().candidates == ()
+    assert not Shortlist.of([make_candidate(1)]).is_empty
+
+
+@pytest.mark.parametrize(
+    ("column", "value"),
+    [
+        ("socs", []),
+        ("station_ids", ["a", "b"]),
+        ("models", []),
+        ("providers", []),
+        ("model_ids", ["unheard-of"]),
+        ("socs", [1.5]),
+    ],
+)
+def test_a_broken_row_is_refused_where_it_arrives(column: str, value: list[object]) -> None:
+    whole = Shortlist.of([make_candidate(1)]).model_dump(mode="json")
+
+    with pytest.raises(ValidationError):
+        Shortlist.model_validate({**whole, column: value})
