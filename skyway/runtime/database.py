@@ -2,7 +2,8 @@
 
 `read` lends a connection that cannot write, `survey` one for questions that take long. `write`
 lends a transaction, and leaving its block is the only commit there is. SQLite has one writer whose
-commits are grouped (`sqlite_writer`); PostgreSQL has a connection per block.
+commits are grouped (`sqlite_writer`); PostgreSQL has a connection per block, of those that can
+write or of those that cannot.
 """
 
 import asyncio
@@ -18,6 +19,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 from skyway.runtime.engines import (
     Dialect,
     postgresql_engine,
+    postgresql_reader_engine,
     read_url,
     sqlite_reader_engine,
     sqlite_survey_engine,
@@ -47,36 +49,42 @@ class Database:
         self.outbox = outbox
         self._wakes: list[Wake] = []
         self._opened = AsyncExitStack()
-        self._pool: AsyncEngine | None = None
+        self._readers: AsyncEngine | None = None
         self._surveys: AsyncEngine | None = None
+        self._writers: AsyncEngine | None = None
         self._sqlite_writer: SqliteWriter | None = None
 
     async def __aenter__(self) -> Self:
         if self.dialect == "sqlite":
             # The writer opens first: it turns the file into one that many can read.
             self._sqlite_writer = await self._opened.enter_async_context(SqliteWriter(self._url))
-            self._pool = sqlite_reader_engine(self._url)
+            self._readers = sqlite_reader_engine(self._url)
             self._surveys = sqlite_survey_engine(self._url)
             self._opened.push_async_callback(self._surveys.dispose)
         else:
-            self._pool = self._surveys = postgresql_engine(self._url)
-        self._opened.push_async_callback(self._pool.dispose)
+            self._readers = self._surveys = postgresql_reader_engine(self._url)
+            self._writers = postgresql_engine(self._url)
+            self._opened.push_async_callback(self._writers.dispose)
+        self._opened.push_async_callback(self._readers.dispose)
         return self
 
     async def __aexit__(self, *_: object) -> None:
         await self._opened.aclose()
-        self._pool = self._surveys = self._sqlite_writer = None
+        self._readers = self._surveys = self._writers = self._sqlite_writer = None
 
     @asynccontextmanager
     async def read(self) -> AsyncIterator[AsyncConnection]:
-        """A connection to read from: on SQLite one moment's data, however long it is held."""
-        async with self._reading(self._pool) as connection:
+        """A connection to read from: on SQLite one moment's data, however long it is held.
+
+        On PostgreSQL each statement sees the data of its own moment.
+        """
+        async with self._connect(self._readers) as connection:
             yield connection
 
     @asynccontextmanager
     async def survey(self) -> AsyncIterator[AsyncConnection]:
         """A connection to read much from; on SQLite others go on while a statement runs."""
-        async with self._reading(self._surveys) as connection:
+        async with self._connect(self._surveys) as connection:
             yield connection
 
     @asynccontextmanager
@@ -111,13 +119,6 @@ class Database:
         return True
 
     @asynccontextmanager
-    async def _reading(self, pool: AsyncEngine | None) -> AsyncIterator[AsyncConnection]:
-        async with self._connect(pool) as connection:
-            if self.dialect == "postgresql":
-                await connection.execution_options(postgresql_readonly=True)
-            yield connection
-
-    @asynccontextmanager
     async def _connect(self, pool: AsyncEngine | None) -> AsyncIterator[AsyncConnection]:
         """A connection of the pool; a server that is gone is told in our own words."""
         if pool is None:
@@ -142,5 +143,5 @@ class Database:
 
     @asynccontextmanager
     async def _begin_on_postgresql(self) -> AsyncIterator[AsyncConnection]:
-        async with self._connect(self._pool) as connection, connection.begin():
+        async with self._connect(self._writers) as connection, connection.begin():
             yield connection

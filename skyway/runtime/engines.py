@@ -1,12 +1,13 @@
 """How Skyway opens SQLite and PostgreSQL: drivers, durability, who begins a transaction."""
 
 import asyncio
+from collections.abc import Mapping
 from typing import Any, Final, Literal
 
 import aiosqlite
 from sqlalchemy import event, make_url
 from sqlalchemy.engine import URL, Connection, ExceptionContext
-from sqlalchemy.engine.interfaces import AdaptedConnection, DBAPIConnection
+from sqlalchemy.engine.interfaces import AdaptedConnection, DBAPIConnection, IsolationLevel
 from sqlalchemy.exc import ArgumentError, InvalidatePoolError
 from sqlalchemy.ext.asyncio import AsyncEngine, create_async_engine
 from sqlalchemy.pool import AsyncAdaptedQueuePool, ConnectionPoolEntry, PoolProxiedConnection
@@ -20,9 +21,13 @@ Dialect = Literal["sqlite", "postgresql"]
 #: How long a statement waits for another process that holds SQLite's lock, seconds.
 _BUSY_TIMEOUT_S: Final = 10
 
-#: Connections of one process to PostgreSQL, all kept: one that the pool drops again after use costs
-#: a process of the server, a sign-in and all its prepared statements each time.
-_CONNECTIONS: Final = 16
+#: Connections of one process to PostgreSQL for writing, and as many for reading, all kept: one that
+#: the pool drops again after use costs a process of the server, a sign-in and all its prepared
+#: statements each time.
+_CONNECTIONS: Final = 8
+
+#: Statements that each of them keeps prepared: more than a service has.
+_STATEMENTS: Final = 500
 
 #: What a connection to SQLite must say of itself: 2 is FULL, every commit is synced.
 _SAFE: Final = {"journal_mode": "wal", "synchronous": 2, "foreign_keys": 1}
@@ -88,13 +93,38 @@ def sqlite_survey_engine(url: URL) -> AsyncEngine:
 
 
 def postgresql_engine(url: URL) -> AsyncEngine:
+    """An engine for transactions that write."""
+    return _postgresql_engine(url, isolation_level="READ COMMITTED", settings={})
+
+
+def postgresql_reader_engine(url: URL) -> AsyncEngine:
+    """An engine that cannot write, and on which each statement is on its own.
+
+    READ COMMITTED has each statement see a moment of its own anyway, so BEGIN and ROLLBACK around
+    them would be two round trips for nothing.
+    """
+    settings = {"default_transaction_read_only": "on"}
+    return _postgresql_engine(url, isolation_level="AUTOCOMMIT", settings=settings)
+
+
+def _postgresql_engine(
+    url: URL, *, isolation_level: IsolationLevel, settings: Mapping[str, str]
+) -> AsyncEngine:
     """An engine that notices connections lost to a restart of the server."""
     engine = create_async_engine(
         url.set(drivername="postgresql+asyncpg"),
-        isolation_level="READ COMMITTED",
+        isolation_level=isolation_level,
+        skip_autocommit_rollback=True,
         pool_size=_CONNECTIONS,
         max_overflow=0,
-        connect_args={"timeout": 10, "command_timeout": 60, "server_settings": {"jit": "off"}},
+        # The one used last has its statements prepared, and what they read at hand.
+        pool_use_lifo=True,
+        connect_args={
+            "timeout": 10,
+            "command_timeout": 60,
+            "prepared_statement_cache_size": _STATEMENTS,
+            "server_settings": {"jit": "off", **settings},
+        },
     )
     event.listen(engine.sync_engine, "checkout", _leave_closed)
     return engine
