@@ -30,6 +30,7 @@ from skyway.runtime.minting import mint
 from skyway.runtime.mqtt import MqttClient
 from skyway.runtime.outbox import MqttSender, ReportSender
 from skyway_gateway.access.keys import Keys
+from skyway_gateway.access.known_keys import KnownKeys
 from skyway_gateway.access.routes import KeyGate, key_routes
 from skyway_gateway.audit.routes import audit_routes
 from skyway_gateway.audit.trail import AuditTrail
@@ -87,6 +88,7 @@ class Parts:
     registry: Registry
     composition: Composition
     networks: KnownNetworks
+    known_keys: KnownKeys
     gate: KeyGate
     services: ServiceGate
     keys: Keys
@@ -286,6 +288,7 @@ def build_parts(
     composition = RestComposition(clients["composition"])
     news, told, targets = News(), Wake(), Targets(settings.webhook_allow_networks)
     post = WebhookPost(targets)
+    known_keys = KnownKeys(db, clock)
     return Parts(
         db=db,
         clock=clock,
@@ -294,9 +297,17 @@ def build_parts(
         registry=registry,
         composition=composition,
         networks=KnownNetworks(composition),
-        gate=KeyGate(db),
+        known_keys=known_keys,
+        gate=KeyGate(known_keys),
         services=ServiceGate(settings.secrets_dir, allowed=("composition",)),
-        keys=Keys(db, accounts=registry, secrets_dir=settings.secrets_dir, clock=clock, mint=mint),
+        keys=Keys(
+            db,
+            known=known_keys,
+            accounts=registry,
+            secrets_dir=settings.secrets_dir,
+            clock=clock,
+            mint=mint,
+        ),
         news=news,
         events=Events(clock=clock, mint=mint, news=news, webhooks=told),
         targets=targets,

@@ -22,6 +22,7 @@ from skyway_gateway.access.key import (
     new_secret,
     secret_hash,
 )
+from skyway_gateway.access.known_keys import KnownKeys
 
 #: Accounts of Skyway's own processes, and what drones' accounts begin with.
 _RESERVED_NAMES: Final = frozenset({"operator", "gateway", "registry", "composition"})
@@ -53,12 +54,14 @@ class Keys:
         self,
         db: Database,
         *,
+        known: KnownKeys,
         accounts: BrokerAccounts,
         secrets_dir: Path,
         clock: FleetClock,
         mint: Mint,
     ) -> None:
         self._db = db
+        self._known = known
         self._accounts = accounts
         self._secrets_dir = secrets_dir
         self._clock = clock
@@ -121,6 +124,7 @@ class Keys:
         """Stop a key at once; a customer without keys loses the broker account too."""
         async with self._db.write() as tx:
             await store.delete(tx, key_id, at=self._clock.wall_now())
+            tx.after_commit(self._known.forget)
         self.wake.set()
 
     async def close_orphaned_accounts(self) -> bool:

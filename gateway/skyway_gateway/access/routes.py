@@ -11,8 +11,9 @@ from skyway.runtime.errors import Unauthenticated
 from skyway.runtime.identity import Caller
 from skyway.runtime.paging import Page, PageQuery, page_of
 from skyway_gateway.access import store
-from skyway_gateway.access.key import ApiKey, IssuedKey, KeyRole, NewKey, secret_hash
+from skyway_gateway.access.key import ApiKey, IssuedKey, KeyRole, NewKey
 from skyway_gateway.access.keys import Keys
+from skyway_gateway.access.known_keys import KnownKeys
 from skyway_gateway.access.store import KeyFilter
 
 _bearer = HTTPBearer(auto_error=False, description="an API key: sk_...")
@@ -21,19 +22,18 @@ _bearer = HTTPBearer(auto_error=False, description="an API key: sk_...")
 class KeyGate:
     """A dependency that lets only known keys in, and gives whose they are."""
 
-    def __init__(self, db: Database) -> None:
-        self._db = db
+    def __init__(self, known: KnownKeys) -> None:
+        self._known = known
 
     async def __call__(
         self,
         request: Request,
         shown: Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)],
     ) -> Caller:
-        """The caller whose key is shown; looked up anew each time, so a deleted one stops."""
+        """The caller whose key is shown."""
         if shown is None:
             raise Unauthenticated("an API key is needed: Authorization: Bearer sk_...")
-        async with self._db.read() as connection:
-            caller = await store.caller_of(connection, secret_hash(shown.credentials))
+        caller = await self._known.caller_of(shown.credentials)
         if caller is None:
             raise Unauthenticated("this API key is not known, or was deleted")
         # The audit trail, which sees the request from outside, asks who it was.
