@@ -9,7 +9,9 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from sqlalchemy import select
+from sqlalchemy.dialects import postgresql
 from sqlalchemy.ext.asyncio import AsyncConnection
+from sqlalchemy.sql.dml import ReturningInsert
 
 from skyway.runtime.database import Tx
 from skyway_provider_registry.tables import changes
@@ -29,17 +31,17 @@ class ChangeMarks:
 
 async def next_change(tx: Tx) -> int:
     """The number of this write, for the `changed` of the rows that it changes."""
-    return await _taken(tx)
+    return await _taken(tx, _NEXT)
 
 
 async def mark_providers(tx: Tx) -> None:
     """Have every reader read the providers again."""
-    await _taken(tx, "providers")
+    await _taken(tx, _NEXT_OF_PROVIDERS)
 
 
 async def mark_removal(tx: Tx) -> None:
     """Have every reader read all drones again: of a row that is gone nothing else tells."""
-    await _taken(tx, "removals")
+    await _taken(tx, _NEXT_REMOVAL)
 
 
 async def marks(connection: AsyncConnection) -> ChangeMarks:
@@ -48,13 +50,21 @@ async def marks(connection: AsyncConnection) -> ChangeMarks:
     return ChangeMarks() if row is None else ChangeMarks(row.latest, row.providers, row.removals)
 
 
-_MARKS: Final = select(changes.c.latest, changes.c.providers, changes.c.removals)
+async def _taken(tx: Tx, statement: ReturningInsert[*tuple[Any, ...]]) -> int:
+    return int((await tx.execute(statement)).scalar_one())
 
 
-async def _taken(tx: Tx, *named: str) -> int:
+def _taking(*named: str) -> ReturningInsert[*tuple[Any, ...]]:
+    """Takes the next number, as that of all changes and of the named ones."""
     first = {"only": _ONLY, "latest": 1} | dict.fromkeys(("providers", "removals"), 0)
     following: dict[str, Any] = dict.fromkeys(("latest", *named), changes.c.latest + 1)
-    statement = tx.insert(changes).values(first | dict.fromkeys(named, 1))
+    # SQLite's compiler takes it as it is: both spell ON CONFLICT the same.
+    statement = postgresql.insert(changes).values(first | dict.fromkeys(named, 1))
     statement = statement.on_conflict_do_update(index_elements=["only"], set_=following)
-    taken = await tx.execute(statement.returning(changes.c.latest))
-    return int(taken.scalar_one())
+    return statement.returning(changes.c.latest)
+
+
+_MARKS: Final = select(changes.c.latest, changes.c.providers, changes.c.removals)
+_NEXT: Final = _taking()
+_NEXT_OF_PROVIDERS: Final = _taking("providers")
+_NEXT_REMOVAL: Final = _taking("removals")

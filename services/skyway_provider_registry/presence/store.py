@@ -6,7 +6,9 @@ from datetime import datetime
 from typing import Any, Final
 
 from sqlalchemy import BigInteger, Row, Text, Update, bindparam, delete, func, select, tuple_
+from sqlalchemy.dialects import postgresql
 from sqlalchemy.ext.asyncio import AsyncConnection
+from sqlalchemy.sql.dml import ReturningInsert
 
 from skyway.contracts.mission import LIVE_MISSION_STATES, MissionReport
 from skyway.geo import Position
@@ -112,43 +114,34 @@ async def record(tx: Tx, sightings: Mapping[DroneId, Sighting], heard: Heard) ->
             await tx.execute(_IF_LATER[order], rows)
 
 
-async def is_news(connection: AsyncConnection, report: MissionReport) -> bool:
-    """Whether this is the first word of its mission's state.
+async def record_report(tx: Tx, report: MissionReport, *, wall_at: datetime) -> None:
+    """Keep composition's word on a mission if it is news, and of a drone of this provider.
 
     What comes between two reports of the same state says the same, so keeping the first will do.
     """
-    row = (await connection.execute(_KNOWN_WORD, {"about": report.mission_id})).one_or_none()
-    return row is None or (row.seq < report.seq and row.mission_state != report.mission_state)
-
-
-async def record_report(tx: Tx, report: MissionReport, *, wall_at: datetime) -> None:
-    """Keep what composition says of a mission, unless a later report is known already."""
-    await touch(tx, report.drone_id)
-    row = {
+    change = await next_change(tx)
+    wall_ms, is_live = moment_to_ms(wall_at), report.mission_state in LIVE_MISSION_STATES
+    word = {
         "mission_id": report.mission_id,
-        "drone_id": report.drone_id,
+        "about": report.drone_id,
+        "of_provider": report.provider_id,
         "seq": report.seq,
         "mission_state": report.mission_state,
-        "is_live": report.mission_state in LIVE_MISSION_STATES,
-        "reported_wall_ms": moment_to_ms(wall_at),
+        "is_live": is_live,
+        "reported_wall_ms": wall_ms,
     }
-    statement = tx.insert(mission_hints).values(row)
-    changed = ("seq", "mission_state", "is_live", "reported_wall_ms")
-    await tx.execute(
-        statement.on_conflict_do_update(
-            index_elements=["mission_id"],
-            set_={name: statement.excluded[name] for name in changed},
-            where=mission_hints.c.seq < statement.excluded.seq,
-        )
-    )
-    forgotten_ms = moment_to_ms(wall_at) - _REMEMBERED_MS
-    await tx.execute(_FORGET, {"about": report.drone_id, "before_ms": forgotten_ms})
+    if (await tx.execute(_KEEP_WORD, word)).one_or_none() is None:
+        return
+    await tx.execute(_TOUCH, {"about": report.drone_id, "change": change})
+    if not is_live:
+        forgotten_ms = wall_ms - _REMEMBERED_MS
+        await tx.execute(_FORGET, {"about": report.drone_id, "before_ms": forgotten_ms})
 
 
 async def touch(tx: Tx, drone_id: DroneId) -> None:
     """Have every reader read this drone again."""
     change = await next_change(tx)
-    await tx.execute(_TOUCH, {"about": drone_id, "changed": change})
+    await tx.execute(_TOUCH, {"about": drone_id, "change": change})
 
 
 def presence_of(row: AnyRow) -> Presence:
@@ -212,20 +205,43 @@ def _if_later(names: tuple[str, ...]) -> Update:
     return presence.update().where(is_about, known < new)
 
 
+def _keep_word() -> ReturningInsert[*tuple[Any, ...]]:
+    """An insert of composition's word, which returns the drone unless it is nobody's or no news."""
+    names = ("seq", "mission_state", "is_live", "reported_wall_ms")
+    values = [
+        bindparam(name, type_=mission_hints.c[name].type).label(name)
+        for name in ("mission_id", *names)
+    ]
+    own = select(drones.c.drone_id, *values).where(
+        drones.c.drone_id == bindparam("about", type_=Text),
+        drones.c.provider_id == bindparam("of_provider", type_=Text),
+    )
+    # SQLite's compiler takes it as it is: both spell ON CONFLICT the same.
+    new = postgresql.insert(mission_hints).from_select(["drone_id", "mission_id", *names], own)
+    is_news = (mission_hints.c.seq < new.excluded.seq) & (
+        mission_hints.c.mission_state != new.excluded.mission_state
+    )
+    changed = {name: new.excluded[name] for name in names}
+    kept = new.on_conflict_do_update(index_elements=["mission_id"], set_=changed, where=is_news)
+    return kept.returning(mission_hints.c.drone_id)
+
+
 # Statements of every message and report are made once: to make one takes as long as to run it.
 
 _IF_LATER: Final = {
     order: _if_later(order) for order in (_ORDER_OF_CONNECTION, _ORDER_OF_STATE, _ORDER_OF_SAMPLE)
 }
-_KNOWN_WORD: Final = select(mission_hints.c.seq, mission_hints.c.mission_state).where(
-    mission_hints.c.mission_id == bindparam("about", type_=Text)
-)
+_KEEP_WORD: Final = _keep_word()
 _FORGET: Final = delete(mission_hints).where(
     mission_hints.c.drone_id == bindparam("about", type_=Text),
     mission_hints.c.is_live.is_(False),
     mission_hints.c.reported_wall_ms < bindparam("before_ms", type_=BigInteger),
 )
-_TOUCH: Final = presence.update().where(presence.c.drone_id == bindparam("about", type_=Text))
+_TOUCH: Final = (
+    presence.update()
+    .where(presence.c.drone_id == bindparam("about", type_=Text))
+    .values(changed=bindparam("change", type_=BigInteger))
+)
 
 _live: Final = (
     select(mission_hints.c.drone_id, func.max(mission_hints.c.mission_id).label("mission_id"))

@@ -149,7 +149,7 @@ async def test_ended_missions_are_forgotten_after_a_day(
     await tell(api, make_report(drone, 1, **ENDED))
     clock.advance(timedelta(hours=25))
 
-    await tell(api, make_report(drone, 1, mission_id="msn_2"))
+    await tell(api, make_report(drone, 1, mission_id="msn_2", **ENDED))
 
     async with db.read() as connection:
         left = (await connection.execute(select(mission_hints.c.mission_id))).scalars().all()
