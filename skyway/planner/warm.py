@@ -6,6 +6,8 @@
 from collections.abc import Iterator
 from typing import Any
 
+import numpy as np
+
 from skyway.drone.model import ChargePoint, DroneModel
 from skyway.geo import Position
 from skyway.ids import DroneModelId, StationId
@@ -13,6 +15,7 @@ from skyway.network.network import Network, Segment, Station
 from skyway.planner.compose import compose
 from skyway.planner.exact_memory import enlarged, new_memory
 from skyway.planner.hierarchy import Hierarchy
+from skyway.planner.kernels.ways import lengths_from
 from skyway.planner.pad_book import PadBook
 from skyway.planner.problem import PadReservation, Problem
 
@@ -42,6 +45,10 @@ def warm() -> None:
         compose(problem, booked=booked)
         compose(problem, booked=booked, hierarchy=hierarchy)
     enlarged(new_memory(trees=1))
+    away = network.outgoing
+    lengths_from(
+        away.offsets, away.station, away.length_m, 0, np.array([2], np.int64), len(_STATIONS)
+    )
 
 
 def _problems() -> Iterator[dict[str, Any]]:

@@ -1,13 +1,15 @@
 """How far it is at least between stations, along segments: for bounds, without composing."""
 
-import heapq
 import math
 from collections.abc import Collection, Sequence
 from typing import Final
 
+import numpy as np
+
 from skyway.ids import StationId
 from skyway.network.adjacency import Adjacency
 from skyway.network.network import Network
+from skyway.planner.kernels.ways import lengths_from
 
 #: Stations after which the search ends: what is farther is at least as far as the last of these.
 _MOST_SETTLED: Final = 2_000
@@ -62,28 +64,14 @@ def _row(network: Network, start: StationId, ends: Sequence[StationId]) -> list[
 def _least_m(
     network: Network, adjacent: Adjacency, root: StationId, wanted: Collection[StationId]
 ) -> dict[StationId, float]:
-    """The shortest ways from the root along these segments, by Dijkstra's method."""
-    rows = {network.row_of[each]: each for each in wanted}
-    open_rows = set(rows)
-    offsets = adjacent.offsets
-    tentative_m = {network.row_of[root]: 0.0}
-    settled: dict[int, float] = {}
-    heap = [(0.0, network.row_of[root])]
-    radius_m = math.inf
-    while heap and open_rows:
-        length_m, row = heapq.heappop(heap)
-        if row in settled:
-            continue
-        if len(settled) >= _MOST_SETTLED:
-            radius_m = length_m
-            break
-        settled[row] = length_m
-        open_rows.discard(row)
-        leaving = slice(offsets[row], offsets[row + 1])
-        for other, more_m in zip(
-            adjacent.station[leaving].tolist(), adjacent.length_m[leaving].tolist(), strict=True
-        ):
-            if length_m + more_m < tentative_m.get(other, math.inf):
-                tentative_m[other] = length_m + more_m
-                heapq.heappush(heap, (length_m + more_m, other))
-    return {station_id: settled.get(row, radius_m) for row, station_id in rows.items()}
+    """The shortest ways from the root along these segments."""
+    rows = np.array([network.row_of[each] for each in wanted], np.int64)
+    least_m = lengths_from(
+        adjacent.offsets,
+        adjacent.station,
+        adjacent.length_m,
+        network.row_of[root],
+        rows,
+        _MOST_SETTLED,
+    )
+    return dict(zip(wanted, least_m.tolist(), strict=True))

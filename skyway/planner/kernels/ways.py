@@ -1,0 +1,46 @@
+"""Shortest ways from one station, until all that is wanted is known (Dijkstra's method)."""
+
+from heapq import heappop, heappush
+
+import numpy as np
+
+from skyway.planner.kernels.compiler import entrance
+from skyway.planner.kernels.memory import Floats, Ints, Longs, int64
+
+
+@entrance
+def lengths_from(
+    offsets: Longs, station: Ints, length_m: Floats, root: int, wanted: Longs, most_settled: int
+) -> Floats:
+    """The length of the shortest way from the root to each wanted row, or less, metres.
+
+    The segments are those of an `Adjacency`. The search ends after `most_settled` stations: what
+    is farther is at least as far as the last of these. inf where there is no way.
+    """
+    count = offsets.size - 1
+    tentative_m = np.full(count, np.inf)
+    is_settled = np.zeros(count, np.bool_)
+    is_open = np.zeros(count, np.bool_)
+    is_open[wanted] = True
+    still_open = is_open.sum()
+    settled = 0
+    radius_m = np.inf
+    tentative_m[root] = 0.0
+    heap = [(0.0, int64(root))]
+    while len(heap) > 0 and still_open > 0:
+        here_m, row = heappop(heap)
+        if is_settled[row]:
+            continue
+        if settled >= most_settled:
+            radius_m = here_m
+            break
+        is_settled[row] = True
+        settled += 1
+        still_open -= is_open[row]
+        for index in range(offsets[row], offsets[row + 1]):
+            other = int64(station[index])
+            there_m = here_m + length_m[index]
+            if there_m < tentative_m[other]:
+                tentative_m[other] = there_m
+                heappush(heap, (there_m, other))
+    return np.where(is_settled[wanted], tentative_m[wanted], radius_m)
