@@ -67,6 +67,10 @@ class DroneModel(JsonModel):
             )
         return curve
 
+    def __hash__(self) -> int:
+        """By its name, which equal models share: of all fields it would take long."""
+        return hash(self.model_id)
+
     @cached_property
     def charge_columns(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
         """The charge curve's times in seconds, and its charges."""

@@ -60,13 +60,11 @@ def next_to_compose(
 
 
 def _improves(least: OfferValues, best: BestValues, weights: Weights) -> bool:
-    return any(
-        weight > 0 and value < best_value * (1 - _ROUNDING)
-        for weight, value, best_value in (
-            (weights.time, least.time_s, best.time_s),
-            (weights.price, least.price, best.price),
-            (weights.energy, least.energy_j, best.energy_j),
-        )
+    less = 1 - _ROUNDING
+    return (
+        (weights.time > 0 and least.time_s < best.time_s * less)
+        or (weights.price > 0 and least.price < best.price * less)
+        or (weights.energy > 0 and least.energy_j < best.energy_j * less)
     )
 
 

@@ -1,7 +1,7 @@
 """What a candidate's offer takes at least, in time, price and energy: known without composing."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -18,6 +18,31 @@ from skyway_composition.planning.ways import least_m_to, least_tour_m
 
 
 @dataclass(frozen=True, slots=True)
+class _Pace:
+    """What flights of one model take at least: to the pickup by the metre, and after it in all."""
+
+    approach_s_per_m: float
+    approach_j_per_m: float
+    tour_s: float
+    tour_j: float
+    recharging_s_per_j: float
+    stop_s: float
+
+    @classmethod
+    def of(cls, model: DroneModel, *, tour_m: float, least_load_kg: float) -> Self:
+        """The pace of a model, margin included, on a tour with at least this load."""
+        fastest_mps = max(model.speed_empty_mps, model.speed_full_mps)
+        return cls(
+            approach_s_per_m=1 / model.speed_empty_mps,
+            approach_j_per_m=flight_power_w(model, 0.0) / model.speed_empty_mps,
+            tour_s=tour_m / fastest_mps,
+            tour_j=tour_m * flight_power_w(model, least_load_kg) / fastest_mps,
+            recharging_s_per_j=fastest_s_per_soc(model) / model.battery_j,
+            stop_s=model.stop_s,
+        )
+
+
+@dataclass(frozen=True, slots=True)
 class Least:
     """Bounds of every candidate's values for one request: no plan goes below them.
 
@@ -27,12 +52,12 @@ class Least:
 
     skyway: PreparedNetwork
     request: DeliveryRequest
-    approaches_m: dict[StationId, float]
+    approaches_m: Mapping[StationId, float]
     tour_m: float
-    #: Of the request: its destinations, its mass, and the lightest of its packages.
+    paces: Mapping[DroneModel, _Pace]
+    #: Of the request: its destinations and its mass.
     destinations: tuple[StationId, ...]
     payload_kg: float
-    lightest_kg: float
 
     @classmethod
     def of(
@@ -41,17 +66,25 @@ class Least:
         """The bounds for a request whose places are all in the network, as the candidates' are."""
         pickup = request.pickup.station_id
         destinations = request.destinations
-        stops = [each for each in destinations if each != pickup]
-        starts = {candidate.station_id for candidate in candidates}
+        tour_m = least_tour_m(
+            skyway.network, pickup, [each for each in destinations if each != pickup]
+        )
+        # Each flight between deliveries carries at least this one.
+        lightest_kg = min(package.mass_kg for package in request.packages)
+        margin = skyway.settings.energy_margin
         return cls(
             skyway,
             request,
-            least_m_to(skyway.network, pickup, starts),
-            least_tour_m(skyway.network, pickup, stops),
+            least_m_to(skyway.network, pickup, {each.station_id for each in candidates}),
+            tour_m,
+            {
+                model: _Pace.of(
+                    with_margin(model, margin), tour_m=tour_m, least_load_kg=lightest_kg
+                )
+                for model in {each.model for each in candidates}
+            },
             destinations,
             request.payload_kg,
-            # Each flight between deliveries carries at least this one.
-            min(package.mass_kg for package in request.packages),
         )
 
     def values(self, alike: Sequence[Candidate]) -> tuple[OfferValues, ...]:
@@ -60,16 +93,12 @@ class Least:
         They are alike: same model, place and charge.
         """
         first = alike[0]
-        model = with_margin(first.model, self.skyway.settings.energy_margin)
-        approach_m = self.approaches_m[first.station_id]
-        fastest_mps = max(model.speed_empty_mps, model.speed_full_mps)
-        flight_s = approach_m / model.speed_empty_mps + self.tour_m / fastest_mps
-        energy_j = (
-            approach_m * flight_power_w(model, 0.0) / model.speed_empty_mps
-            + self.tour_m * flight_power_w(model, self.lightest_kg) / fastest_mps
-        )
-        recharging_s = _recharging_s(model, first.soc, energy_j)
-        time_s = flight_s + recharging_s + self._stops_s(model, first.station_id)
+        pace, approach_m = self.paces[first.model], self.approaches_m[first.station_id]
+        energy_j = approach_m * pace.approach_j_per_m + pace.tour_j
+        usable_j = max(0.0, first.soc - first.model.reserve_soc) * first.model.battery_j
+        recharging_s = max(0.0, energy_j - usable_j) * pace.recharging_s_per_j
+        flight_s = approach_m * pace.approach_s_per_m + pace.tour_s
+        time_s = flight_s + recharging_s + self._stops_s(pace, first.station_id)
         return tuple(
             OfferValues(
                 time_s=time_s,
@@ -91,15 +120,9 @@ class Least:
             recharging_s=recharging_s,
         )
 
-    def _stops_s(self, model: DroneModel, station_id: StationId) -> float:
+    def _stops_s(self, pace: _Pace, station_id: StationId) -> float:
         """Landing for, and taking, each hand-over and the loading."""
         pickup, settings = self.request.pickup.station_id, self.skyway.settings
         stops = len(self.destinations)
         landings = stops - (pickup in self.destinations) + (station_id != pickup)
-        return settings.loading_s + stops * settings.dropoff_s + landings * model.stop_s
-
-
-def _recharging_s(model: DroneModel, soc: float, energy_j: float) -> float:
-    """The least time on pads to fly with this much energy, starting with this charge."""
-    usable_j = max(0.0, soc - model.reserve_soc) * model.battery_j
-    return max(0.0, energy_j - usable_j) / model.battery_j * fastest_s_per_soc(model)
+        return settings.loading_s + stops * settings.dropoff_s + landings * pace.stop_s

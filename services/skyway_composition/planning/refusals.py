@@ -91,7 +91,7 @@ def fit_candidates(
     at_ms: int,
 ) -> list[Candidate]:
     """The candidates worth composing for; why the others are not is kept."""
-    known = world.skyway.network.stations
+    known = world.skyway.network.row_of
     places: list[StationId] = [request.pickup.station_id, *request.destinations]
     missing = [place for place in places if place not in known]
     fit: list[Candidate] = []
@@ -110,7 +110,7 @@ def fit_candidates(
 
 def _away(world: World, candidate: Candidate, missing: Sequence[StationId]) -> NoTrip | None:
     away = [*missing]
-    if candidate.station_id not in world.skyway.network.stations:
+    if candidate.station_id not in world.skyway.network.row_of:
         away.append(candidate.station_id)
     if not away:
         return None
