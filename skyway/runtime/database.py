@@ -47,7 +47,7 @@ class Database:
         self._url = read_url(url)
         self.dialect: Dialect = "sqlite" if self._url.drivername == "sqlite" else "postgresql"
         self.outbox = outbox
-        self._wakes: list[Wake] = []
+        self._wakes: dict[str, list[Wake]] = {}
         self._opened = AsyncExitStack()
         self._readers: AsyncEngine | None = None
         self._surveys: AsyncEngine | None = None
@@ -99,15 +99,15 @@ class Database:
         async with self._begin() as connection:
             tx = Tx(connection, dialect=self.dialect, outbox=self.outbox)
             yield tx
-            has_messages = await tx.finish()
-        if has_messages:
-            for wake in self._wakes:
+            channels = await tx.finish()
+        for channel in channels:
+            for wake in self._wakes.get(channel, ()):
                 wake.set()
         tx.committed()
 
-    def wake_when_sent(self, wake: Wake) -> None:
-        """Set `wake` after each commit that put messages into the outbox."""
-        self._wakes.append(wake)
+    def wake_when_sent(self, wake: Wake, *, channel: str) -> None:
+        """Set `wake` after each commit that put messages for this channel into the outbox."""
+        self._wakes.setdefault(channel, []).append(wake)
 
     async def is_answering(self) -> bool:
         """Whether the database can be read now."""

@@ -8,12 +8,15 @@ lock of the mission or delivery that the stream is about.
 """
 
 import asyncio
+import heapq
 import logging
+import math
+import time
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from sqlalchemy import ColumnElement, Row, Table, and_, bindparam, case, exists, func, select
+from sqlalchemy import ColumnElement, Row, Table, and_, bindparam, exists
 
 from skyway.runtime.among import among
 from skyway.runtime.claims import FREE, NOW_MS, Claiming
@@ -33,6 +36,9 @@ _LEASE_S: Final = 15.0
 _MOST_UNDER_WAY: Final = 64
 #: Longest look away from the table, seconds: another replica may have written to it.
 _LONGEST_REST_S: Final = 1.0
+#: Seconds of wall time from one look at the table to the next: what is written and sent meanwhile
+#: takes one transaction, and a row that comes after a while of silence waits for nothing.
+_PAUSE_S: Final = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,11 +55,11 @@ Send = Callable[[Row[Any]], Awaitable[Again | None]]
 
 @dataclass(frozen=True, slots=True)
 class _Sent:
-    """The outcome of sending a row, at a moment of wall time; it is to be noted yet."""
+    """A row that was sent, to be noted yet: it is done with, or due again at a wall time."""
 
     row_id: int
-    at_ms: int
-    again: Again | None
+    attempts: int
+    due_at_ms: int | None
 
 
 async def _at_once() -> None:
@@ -84,22 +90,19 @@ class StreamSender:
         self._wake = Wake()
         self._under_way: set[asyncio.Task[None]] = set()
         self._sent: list[_Sent] = []
+        self._due_at_ms: list[int] = []  # a heap of when rows that we have sent are due again
+        self._looked_s = -math.inf
         columns = self._table.c
         is_next = _is_next(self._table, channel)
         self._claiming = Claiming.of(
             self._table, where=and_(is_next, columns.due_at_ms <= NOW_MS), order_by=[columns.id]
         )
-        later = case(
-            (columns.due_at_ms > columns.claimed_until_ms, columns.due_at_ms),
-            else_=columns.claimed_until_ms,
-        )
-        self._earliest = select(func.min(later)).where(is_next)
         self._done = self._table.delete().where(among(columns.id, "done"))
         self._stays = self._table.update().where(columns.id == bindparam("sent_id")).values(FREE)
 
     async def run(self) -> None:
         """Send for ever."""
-        self._db.wake_when_sent(self._wake)
+        self._db.wake_when_sent(self._wake, channel=self._channel)
         if self._db.dialect == "sqlite":
             await self._free_claims()
         async with asyncio.TaskGroup() as group:
@@ -115,49 +118,51 @@ class StreamSender:
 
     async def _step(self, group: asyncio.TaskGroup) -> bool:
         await self._ready()
-        rows, rest_s = await self._turn()
+        await self._pause()
+        rows = await self._turn()
         for row in rows:
             task = group.create_task(self._deliver(row))
             self._under_way.add(task)
             task.add_done_callback(self._finished)
-        if rest_s > 0:
-            await self._rest(rest_s)
+        await self._rest()
         return True
 
     def _finished(self, task: asyncio.Task[None]) -> None:
         self._under_way.discard(task)
         self._wake.set()
 
-    async def _turn(self) -> tuple[Sequence[Row[Any]], float]:
-        """Note what was sent and claim what comes next, in one transaction.
+    async def _pause(self) -> None:
+        """Wait until some time has passed since the last look."""
+        now_s = time.monotonic()
+        pause_s = self._looked_s + _PAUSE_S - now_s
+        if pause_s > 0:
+            await asyncio.sleep(pause_s)
+        self._looked_s = max(now_s, self._looked_s + _PAUSE_S)
 
-        Also the seconds of wall time until there may be more to send.
-        """
+    async def _turn(self) -> Sequence[Row[Any]]:
+        """Note what was sent and claim what comes next, in one transaction."""
         sent, self._sent = self._sent, []
         free = _MOST_UNDER_WAY - len(self._under_way)
+        while self._due_at_ms and self._due_at_ms[0] <= self._now_ms():
+            heapq.heappop(self._due_at_ms)
         try:
             async with self._db.write() as tx:
                 await self._settle(tx, sent)
                 if free == 0:
-                    return [], _LONGEST_REST_S
-                rows = await self._claiming.run(
+                    return []
+                return await self._claiming.run(
                     tx, limit=free, claimant=self._claimant, lease_s=_LEASE_S, clock=self._clock
                 )
-                return rows, 0.0 if len(rows) == free else await self._rest_s(tx)
         except BaseException:
             self._sent = sent + self._sent
             raise
 
-    async def _rest_s(self, tx: Tx) -> float:
-        """Seconds of wall time until a row can be sent; 0 when one can be now."""
-        due_ms: int | None = (await tx.execute(self._earliest)).scalar()
-        if due_ms is None:
-            return _LONGEST_REST_S
-        return min(max(due_ms - self._now_ms(), 0) / 1000, _LONGEST_REST_S)
-
-    async def _rest(self, duration_s: float) -> None:
-        """Wait until something is sent or finished, or the clock has moved on."""
-        alarm = asyncio.create_task(self._wake_after(duration_s))
+    async def _rest(self) -> None:
+        """Wait until something is written, finished or due again, but no longer than a while."""
+        rest_s = _LONGEST_REST_S
+        if self._due_at_ms:
+            rest_s = min((self._due_at_ms[0] - self._now_ms()) / 1000, rest_s)
+        alarm = asyncio.create_task(self._wake_after(rest_s))
         try:
             await self._wake.wait(_LONGEST_REST_S)
         finally:
@@ -177,21 +182,22 @@ class StreamSender:
             log.exception("send failed", extra={"channel": self._channel, "stream": row.stream})
             return
         count("skyway_outbox_sends", "rows sent, repeats too", channel=self._channel)
-        self._sent.append(_Sent(row.id, self._now_ms(), again))
+        if again is None:
+            self._sent.append(_Sent(row.id, row.attempts, None))
+            return
+        due_at_ms = self._now_ms() + int(again.after_s * 1000)
+        self._sent.append(_Sent(row.id, again.attempts, due_at_ms))
+        heapq.heappush(self._due_at_ms, due_at_ms)
 
     async def _settle(self, tx: Tx, sent: Sequence[_Sent]) -> None:
         """Delete the rows that are done with, and free the others until they are due again."""
-        done = [each.row_id for each in sent if each.again is None]
+        done = [each.row_id for each in sent if each.due_at_ms is None]
         if done:
             await tx.execute(self._done, {"done": done})
         stays = [
-            {
-                "sent_id": each.row_id,
-                "attempts": each.again.attempts,
-                "due_at_ms": each.at_ms + int(each.again.after_s * 1000),
-            }
+            {"sent_id": each.row_id, "attempts": each.attempts, "due_at_ms": each.due_at_ms}
             for each in sent
-            if each.again is not None
+            if each.due_at_ms is not None
         ]
         if stays:
             await tx.execute(self._stays, stays)

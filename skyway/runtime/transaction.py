@@ -128,13 +128,13 @@ class Tx:
             raise RuntimeError("this database was opened without an outbox")
         return self._outbox
 
-    async def finish(self) -> bool:
-        """Write the messages that leave, right before the COMMIT; True when there are any."""
+    async def finish(self) -> frozenset[str]:
+        """Write the messages that leave, right before the COMMIT; the channels they leave on."""
         if self._failure is not None:
             raise self._failure
         if self._leaving:
             await self.execute(self.outbox_table().insert(), self._leaving)
-        return bool(self._leaving)
+        return frozenset(row["channel"] for row in self._leaving)
 
     def committed(self) -> None:
         """Tell those who asked to be told after the COMMIT."""
