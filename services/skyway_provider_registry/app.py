@@ -29,8 +29,10 @@ from skyway.runtime.minting import Mint, mint
 from skyway.runtime.mqtt import MqttClient
 from skyway_provider_registry.candidates.fleet_view import FleetView
 from skyway_provider_registry.candidates.routes import candidate_routes
+from skyway_provider_registry.enrolment.drone_keys.routes import drone_key_routes
 from skyway_provider_registry.enrolment.password_file import PasswordFile
 from skyway_provider_registry.enrolment.routes import enrolment_routes
+from skyway_provider_registry.fleets.credentials.routes import credential_routes
 from skyway_provider_registry.fleets.drone_models.routes import drone_model_routes
 from skyway_provider_registry.fleets.home_stations import CompositionStations, StationLookup
 from skyway_provider_registry.fleets.registration.routes import (
@@ -87,6 +89,8 @@ def registry_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> F
             fleet_routes(
                 db=db, gate=gate, clock=clock, stations=stations, password_file=password_file
             ),
+            credential_routes(db=db, gate=gate, clock=clock, password_file=password_file),
+            drone_key_routes(db=db, gate=gate, password_file=password_file),
             enrolment_routes(db=db, gate=gate, password_file=password_file),
             presence_routes(db=db, gate=gate, clock=clock),
             candidate_routes(view=FleetView(db), gate=gate, clock=clock),

@@ -111,7 +111,32 @@ broker_accounts = Table(
     Column("user_name", Text, primary_key=True),
     Column("kind", Text, nullable=False),
     Column("password_hash", Text, nullable=False),
+    # Since when nobody may log in with it, until the drone enrols again.
+    Column("revoked_wall_ms", BigInteger),
     CheckConstraint("kind IN ('DRONE', 'CUSTOMER')", name="broker_account_kind"),
+)
+
+#: The last token that was made for each drone, as SHA-256.
+enrolment_tokens = Table(
+    "enrolment_tokens",
+    metadata,
+    Column("drone_id", Text, ForeignKey("drones.drone_id", ondelete="CASCADE"), primary_key=True),
+    Column("token_hash", Text, nullable=False),
+    Column("expires_wall_ms", BigInteger, nullable=False),
+    Column("used_wall_ms", BigInteger),
+    UniqueConstraint("token_hash", name="enrolment_token_hash"),
+)
+
+#: Keys of enrolled drones, as SHA-256; the next ones count when the next key is first shown.
+drone_keys = Table(
+    "drone_keys",
+    metadata,
+    Column("drone_id", Text, ForeignKey("drones.drone_id", ondelete="CASCADE"), primary_key=True),
+    Column("key_hash", Text, nullable=False),
+    Column("next_key_hash", Text),
+    Column("next_password_hash", Text),
+    UniqueConstraint("key_hash", name="drone_key_hash"),
+    UniqueConstraint("next_key_hash", name="drone_next_key_hash"),
 )
 
 #: One row: the last number of a change, and the last ones of two kinds.

@@ -45,7 +45,7 @@ def test_verify_tells_each_violation_as_a_line(tmp_path: Path) -> None:
     path = tmp_path / "registry.db"
     asyncio.run(migrate(f"sqlite:///{path}", PACKAGE))
     with sqlite3.connect(path) as connection:
-        connection.execute("INSERT INTO broker_accounts VALUES ('drn_9', 'DRONE', '')")
+        connection.execute("INSERT INTO broker_accounts VALUES ('drn_9', 'DRONE', '', NULL)")
     connection.close()
 
     verified = run("verify", SKYWAY_DATABASE_URL=f"sqlite:///{path}")

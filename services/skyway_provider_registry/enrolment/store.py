@@ -1,12 +1,14 @@
 """All SQL of the broker's accounts."""
 
 from collections.abc import Mapping
+from datetime import datetime
 
-from sqlalchemy import delete, select
+from sqlalchemy import delete, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import DroneId, SubjectId
 from skyway.runtime.database import Tx
+from skyway.units import moment_to_ms
 from skyway_provider_registry.tables import broker_accounts
 
 
@@ -33,6 +35,19 @@ async def put_customer(tx: Tx, user_name: SubjectId, *, password_hash: str) -> N
     )
 
 
+async def set_password(tx: Tx, drone_id: DroneId, *, password_hash: str) -> None:
+    """Give a drone's account another password, also one that was revoked."""
+    this = (broker_accounts.c.user_name == drone_id) & (broker_accounts.c.kind == "DRONE")
+    values = {"password_hash": password_hash, "revoked_wall_ms": None}
+    await tx.execute(update(broker_accounts).where(this).values(values))
+
+
+async def revoke(tx: Tx, drone_id: DroneId, *, at: datetime) -> None:
+    """Keep a drone out until its account gets another password."""
+    this = (broker_accounts.c.user_name == drone_id) & (broker_accounts.c.kind == "DRONE")
+    await tx.execute(update(broker_accounts).where(this).values(revoked_wall_ms=moment_to_ms(at)))
+
+
 async def remove_drone(tx: Tx, drone_id: DroneId) -> None:
     """Close a drone's account."""
     await _remove(tx, "DRONE", drone_id)
@@ -44,8 +59,10 @@ async def remove_customer(tx: Tx, user_name: SubjectId) -> None:
 
 
 async def every_hash(connection: AsyncConnection) -> dict[str, str]:
-    """User name to hash of every account."""
-    columns = select(broker_accounts.c.user_name, broker_accounts.c.password_hash)
+    """User name to hash of every account that may log in."""
+    columns = select(broker_accounts.c.user_name, broker_accounts.c.password_hash).where(
+        broker_accounts.c.revoked_wall_ms.is_(None)
+    )
     return {row.user_name: row.password_hash for row in await connection.execute(columns)}
 
 

@@ -77,8 +77,12 @@ class Drone(JsonModel):
 
 
 class RegisteredDrone(Drone):
-    """The answer to a registration: its `mqtt` account is shown this once."""
+    """The answer to a registration: a token to enrol with, and an `mqtt` account; either works.
 
+    Both are shown this once; the account's password stops when the token is exchanged.
+    """
+
+    enrolment_token: str
     mqtt: MqttAccount
 
 

@@ -36,10 +36,12 @@ class FleetDrone:
         """What its provider sees of it."""
         return Drone.model_construct(**self._members(wall_now))
 
-    def shown_once(self, wall_now: datetime, *, password: str) -> RegisteredDrone:
-        """What its provider sees at its registration: with the account it logs in with."""
+    def shown_once(self, wall_now: datetime, *, password: str, token: str) -> RegisteredDrone:
+        """What its provider sees at its registration: with what it enrols or logs in with."""
         account = MqttAccount(user_name=self.drone_id, password=password)
-        return RegisteredDrone.model_construct(**self._members(wall_now), mqtt=account)
+        return RegisteredDrone.model_construct(
+            **self._members(wall_now), enrolment_token=token, mqtt=account
+        )
 
     def _members(self, wall_now: datetime) -> dict[str, Any]:  # of every type
         """The members of a `Drone`: valid already, and a fleet has thousands of the same model."""

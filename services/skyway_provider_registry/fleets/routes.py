@@ -55,8 +55,8 @@ def fleet_routes(
     async def get_drone(
         provider_id: ProviderId, drone_id: DroneId, caller: Annotated[Caller, Depends(gate)]
     ) -> Drone:
-        """A drone and what is known of it now."""
-        caller.must_be("operator", "provider")
+        """A drone and what is known of it now; a drone sees itself."""
+        caller.must_be("operator", "provider", "drone")
         async with db.read() as connection:
             drone = await store.of_caller(
                 connection, caller, provider_id=provider_id, drone_id=drone_id

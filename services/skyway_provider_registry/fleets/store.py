@@ -78,6 +78,20 @@ async def of_caller(
     return _drone(row, await drone_models.every(connection))
 
 
+async def any_one(connection: AsyncConnection, drone_id: DroneId) -> FleetDrone:
+    """The drone, whoever asks.
+
+    Raises
+    ------
+    NotFound
+        There is none.
+    """
+    row = (await connection.execute(_fleet.where(drones.c.drone_id == drone_id))).one_or_none()
+    if row is None:
+        raise NotFound("drone", drone_id)
+    return _drone(row, await drone_models.every(connection))
+
+
 async def page_of_caller(
     connection: AsyncConnection, caller: Caller, *, provider_id: ProviderId, query: PageQuery
 ) -> Sequence[FleetDrone]:
@@ -148,7 +162,10 @@ def _conflict(registration: str) -> Conflict:
 
 
 def _is_own(caller: Caller, provider_id: ProviderId) -> ColumnElement[bool]:
-    return (drones.c.provider_id == provider_id) & owned(caller, drones.c.provider_id)
+    of_provider = drones.c.provider_id == provider_id
+    if caller.role == "drone":
+        return of_provider & (drones.c.drone_id == caller.subject_id)
+    return of_provider & owned(caller, drones.c.provider_id)
 
 
 def _drone(row: AnyRow, models: Mapping[DroneModelId, DroneModel]) -> FleetDrone:

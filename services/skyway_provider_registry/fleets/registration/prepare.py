@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 
 from skyway.contracts.station_check import StationCheck
 from skyway.drone.model import DroneModel
@@ -12,6 +13,8 @@ from skyway.runtime.minting import Mint
 from skyway_provider_registry.changes.store import next_change
 from skyway_provider_registry.enrolment import store as accounts
 from skyway_provider_registry.enrolment.passwords import new_passwords
+from skyway_provider_registry.enrolment.tokens import store as tokens
+from skyway_provider_registry.enrolment.tokens.token import TOKEN_LIFE, new_token, token_hash
 from skyway_provider_registry.fleets import store
 from skyway_provider_registry.fleets.drone import NewDrone, RegisteredDrone
 from skyway_provider_registry.fleets.fleet_drone import FleetDrone
@@ -25,6 +28,8 @@ class PreparedDrones:
 
     drones: tuple[FleetDrone, ...]
     password_hashes: Mapping[DroneId, str]
+    token_hashes: Mapping[DroneId, str]
+    tokens_expire_at: datetime
     shown: tuple[RegisteredDrone, ...]
 
 
@@ -56,13 +61,25 @@ def prepare(
         for wanted in new_drones
     )
     passwords, hashes = new_passwords(drone.drone_id for drone in drones)
-    shown = (drone.shown_once(wall_now, password=passwords[drone.drone_id]) for drone in drones)
-    return PreparedDrones(drones, hashes, tuple(shown))
+    shown_tokens = {drone.drone_id: new_token() for drone in drones}
+    return PreparedDrones(
+        drones=drones,
+        password_hashes=hashes,
+        token_hashes={drone_id: token_hash(token) for drone_id, token in shown_tokens.items()},
+        tokens_expire_at=wall_now + TOKEN_LIFE,
+        shown=tuple(
+            drone.shown_once(
+                wall_now, password=passwords[drone.drone_id], token=shown_tokens[drone.drone_id]
+            )
+            for drone in drones
+        ),
+    )
 
 
 async def keep(tx: Tx, prepared: PreparedDrones) -> None:
-    """Keep drones, their accounts and room for what they will tell: all or none."""
+    """Keep drones, their accounts, tokens and room for what they will tell: all or none."""
     change = await next_change(tx)
     await store.add(tx, prepared.drones)
     await presence.begin(tx, prepared.password_hashes, change=change)
     await accounts.add_drones(tx, prepared.password_hashes)
+    await tokens.add_new(tx, prepared.token_hashes, expires_at=prepared.tokens_expire_at)

@@ -87,7 +87,7 @@ def registration_routes(
         wanted: NewDrones,
         idempotency_key: Annotated[str | None, Header()] = None,
     ) -> Response:
-        """Register one drone, or a list of them: all or none; `mqtt` is shown this once."""
+        """Register drones, all or none; `enrolment_token` and `mqtt` are shown this once."""
         caller.must_be("operator", "provider")
         raw = await request.body()
         new_drones = wanted if isinstance(wanted, list) else [wanted]

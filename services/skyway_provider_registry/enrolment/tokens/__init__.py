@@ -1,0 +1,1 @@
+"""Enrolment tokens: each shown once, exchanged once, and good for thirty days."""

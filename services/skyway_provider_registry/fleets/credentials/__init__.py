@@ -1,0 +1,1 @@
+"""Credentials of drones: how one gets them, changes them, and loses them."""

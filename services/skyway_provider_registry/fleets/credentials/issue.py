@@ -1,0 +1,93 @@
+"""Issuing a drone's credentials: all at once by a token, or the next ones by a rotation."""
+
+from dataclasses import dataclass, field
+from datetime import datetime
+
+from skyway.ids import DroneId
+from skyway.runtime.broker_passwords import hash_password
+from skyway.runtime.database import Tx
+from skyway.runtime.errors import AccessDenied
+from skyway_provider_registry.enrolment import store as accounts
+from skyway_provider_registry.enrolment.drone_keys import store as drone_keys
+from skyway_provider_registry.enrolment.drone_keys.key import key_hash, new_key
+from skyway_provider_registry.enrolment.passwords import new_password
+from skyway_provider_registry.enrolment.tokens import store as tokens
+from skyway_provider_registry.enrolment.tokens.token import TOKEN_LIFE, new_token, token_hash
+from skyway_provider_registry.fleets import store
+from skyway_provider_registry.fleets.credentials.credentials import (
+    Credentials,
+    Enrolment,
+    IssuedToken,
+)
+from skyway_provider_registry.fleets.drone import MqttAccount
+
+
+@dataclass(frozen=True, slots=True)
+class _Secrets:
+    """A password and a key that nobody has yet."""
+
+    password: str = field(default_factory=new_password, repr=False)
+    key: str = field(default_factory=new_key, repr=False)
+
+
+async def issue_token(tx: Tx, drone_id: DroneId, *, wall_now: datetime) -> IssuedToken:
+    """A new token for a drone; the one before it stops, what the drone uses does not."""
+    token, expires_at = new_token(), wall_now + TOKEN_LIFE
+    await tokens.put(tx, drone_id, token_hash=token_hash(token), expires_at=expires_at)
+    return IssuedToken(drone_id=drone_id, enrolment_token=token, expires_at=expires_at)
+
+
+async def enrol(tx: Tx, token: str, *, wall_now: datetime) -> Enrolment:
+    """The credentials that a token is exchanged for; whatever the drone had before stops.
+
+    Raises
+    ------
+    AccessDenied
+        No drone has this token.
+    Conflict
+        It was used before, or is too old.
+    """
+    drone_id = await tokens.take(tx, token_hash(token), at=wall_now)
+    drone = (await store.any_one(tx.connection, drone_id)).shown(wall_now)
+    made = _Secrets()
+    await accounts.set_password(tx, drone_id, password_hash=hash_password(made.password))
+    await drone_keys.put(tx, drone_id, key_hash=key_hash(made.key))
+    return Enrolment(
+        drone_id=drone_id,
+        provider_id=drone.provider_id,
+        model=drone.model,
+        home_station_id=drone.home_station_id,
+        home_position=drone.home_position,
+        station_id=drone.station_id,
+        position=drone.position,
+        soc=drone.soc,
+        mqtt=MqttAccount(user_name=drone_id, password=made.password),
+        key=made.key,
+    )
+
+
+async def rotate(tx: Tx, drone_id: DroneId) -> Credentials:
+    """The credentials that follow; they count, and the present ones stop, once the key is shown.
+
+    Raises
+    ------
+    AccessDenied
+        The drone was revoked meanwhile.
+    """
+    made = _Secrets()
+    has_followed = await drone_keys.put_next(
+        tx,
+        drone_id,
+        key_hash=key_hash(made.key),
+        password_hash=hash_password(made.password),
+    )
+    if not has_followed:
+        raise AccessDenied(f"drone {drone_id} has no credentials to rotate")
+    return Credentials(mqtt=MqttAccount(user_name=drone_id, password=made.password), key=made.key)
+
+
+async def revoke(tx: Tx, drone_id: DroneId, *, wall_now: datetime) -> None:
+    """Stop all that a drone may log in, call or enrol with."""
+    await accounts.revoke(tx, drone_id, at=wall_now)
+    await drone_keys.remove(tx, drone_id)
+    await tokens.remove(tx, drone_id)

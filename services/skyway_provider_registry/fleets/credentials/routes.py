@@ -1,0 +1,117 @@
+"""Credentials of drones over REST: the drone exchanges and rotates, its provider revokes."""
+
+from collections.abc import Awaitable, Callable
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Header, Request, Response
+
+from skyway.ids import DroneId, ProviderId
+from skyway.json_model import JsonModel
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.database import Database, Tx
+from skyway.runtime.idempotency import Answer, once
+from skyway.runtime.identity import Caller, ServiceGate
+from skyway_provider_registry.enrolment.password_file import PasswordFile
+from skyway_provider_registry.fleets import store
+from skyway_provider_registry.fleets.credentials.credentials import (
+    Credentials,
+    Enrolment,
+    EnrolmentRequest,
+    IssuedToken,
+)
+from skyway_provider_registry.fleets.credentials.issue import enrol, issue_token, revoke, rotate
+
+_DRONE = "/v1/providers/{provider_id}/drones/{drone_id}"
+
+IdempotencyKey = Annotated[str | None, Header()]
+
+
+def credential_routes(
+    *, db: Database, gate: ServiceGate, clock: FleetClock, password_file: PasswordFile
+) -> APIRouter:
+    """POST /v1/enrolments and /rotations, a drone's enrolment tokens, DELETE of credentials."""
+    router = APIRouter(tags=["enrolment"])
+
+    async def answer_once(
+        request: Request,
+        caller: Caller,
+        key: str | None,
+        act: Callable[[Tx], Awaitable[JsonModel]],
+    ) -> Response:
+        async def shown(tx: Tx) -> Answer:
+            return Answer(201, (await act(tx)).model_dump_json().encode())
+
+        answer = await once(
+            db,
+            caller=str(caller),
+            route=f"POST {request.scope['path']}",
+            key=key,
+            body=await request.body(),
+            act=shown,
+            clock=clock,
+        )
+        # Nobody between us and the drone may keep what is shown once.
+        headers = {**answer.headers, "Cache-Control": "no-store"}
+        return Response(answer.body, answer.status, headers, "application/json")
+
+    @router.post("/v1/enrolments", status_code=201, response_model=Enrolment)
+    async def enrol_drone(
+        request: Request,
+        caller: Annotated[Caller, Depends(gate)],
+        wanted: EnrolmentRequest,
+        idempotency_key: IdempotencyKey = None,
+    ) -> Response:
+        """Exchange an enrolment token, once; with an Idempotency-Key a lost answer is repeated."""
+        caller.must_be("service")
+
+        async def act(tx: Tx) -> Enrolment:
+            return await enrol(tx, wanted.enrolment_token, wall_now=clock.wall_now())
+
+        answer = await answer_once(request, caller, idempotency_key, act)
+        await password_file.refresh()
+        return answer
+
+    @router.post("/v1/enrolments/rotations", status_code=201, response_model=Credentials)
+    async def rotate_credentials(
+        request: Request,
+        caller: Annotated[Caller, Depends(gate)],
+        idempotency_key: IdempotencyKey = None,
+    ) -> Response:
+        """New credentials for the drone; the old ones stop when the new key is first used."""
+        caller.must_be("drone")
+
+        async def act(tx: Tx) -> Credentials:
+            return await rotate(tx, DroneId(caller.subject_id))
+
+        return await answer_once(request, caller, idempotency_key, act)
+
+    @router.post(f"{_DRONE}/enrolment-tokens", status_code=201, response_model=IssuedToken)
+    async def make_enrolment_token(
+        provider_id: ProviderId,
+        drone_id: DroneId,
+        request: Request,
+        caller: Annotated[Caller, Depends(gate)],
+        idempotency_key: IdempotencyKey = None,
+    ) -> Response:
+        """Another enrolment token; the one before stops, the drone's credentials do not."""
+        caller.must_be("operator", "provider")
+
+        async def act(tx: Tx) -> IssuedToken:
+            await store.of_caller(tx.connection, caller, provider_id=provider_id, drone_id=drone_id)
+            return await issue_token(tx, drone_id, wall_now=clock.wall_now())
+
+        return await answer_once(request, caller, idempotency_key, act)
+
+    @router.delete(f"{_DRONE}/credentials", status_code=204)
+    async def revoke_credentials(
+        provider_id: ProviderId, drone_id: DroneId, caller: Annotated[Caller, Depends(gate)]
+    ) -> Response:
+        """Cut a drone off at once; it may enrol again with another token."""
+        caller.must_be("operator", "provider")
+        async with db.write() as tx:
+            await store.of_caller(tx.connection, caller, provider_id=provider_id, drone_id=drone_id)
+            await revoke(tx, drone_id, wall_now=clock.wall_now())
+        await password_file.refresh()
+        return Response(status_code=204)
+
+    return router

@@ -1,0 +1,23 @@
+"""Whose key a drone shows: the gateway asks, the registry knows."""
+
+from typing import Annotated, Final
+
+from pydantic import Field
+
+from skyway.ids import DroneId
+from skyway.json_model import WireModel
+
+#: How every key of a drone begins; all others are keys that the gateway made.
+DRONE_KEY_PREFIX: Final = "dk_"
+
+
+class DroneKeyQuery(WireModel):
+    """The SHA-256 of a shown key, in hexadecimal."""
+
+    key_hash: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+
+
+class DroneKeyAnswer(WireModel):
+    """The drone that may show this key; None when it is nobody's, or not any more."""
+
+    drone_id: DroneId | None
