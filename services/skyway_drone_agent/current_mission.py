@@ -1,6 +1,7 @@
 """The accepted mission as a drone knows it: what is left to do, and what is under way."""
 
-from skyway.contracts.flight_step import FlightStep
+from skyway.contracts.drone_health import Failsafe, Fault
+from skyway.contracts.flight_step import FlightStep, FlyStep
 from skyway.contracts.message import FleetMoment
 from skyway.ids import DeliveryId, MissionId
 from skyway.json_model import WireModel
@@ -16,6 +17,21 @@ class CutStep(WireModel):
     revision: int
 
 
+class Escape(WireModel):
+    """Why another flight than planned is under way; `instead_of` is the one that was planned."""
+
+    fault: Fault
+    failsafe: Failsafe
+    instead_of: FlyStep
+
+
+class FlownBefore(WireModel):
+    """The part of the flight under way that was flown before it was turned."""
+
+    since: FleetMoment
+    used_j: float
+
+
 class CurrentMission(WireModel):
     """The accepted mission: the steps that have not ended, and where the drone is in them.
 
@@ -24,6 +40,9 @@ class CurrentMission(WireModel):
     `began_at` when the first of `steps` began, or None; `changed_at` when an instruction last
     changed that step. After a failure nothing is flown until a new revision comes. A mission that
     `is_called_off` is forgotten once the drone stands.
+
+    During an `escape` the first of `steps` is the flight that the failsafe has put there. A flight
+    that was turned begins anew in the air; `flown_before` is what it had behind it then.
     """
 
     mission_id: MissionId
@@ -39,6 +58,9 @@ class CurrentMission(WireModel):
     began_at: FleetMoment | None = None
     changed_at: FleetMoment | None = None
     cut: CutStep | None = None
+    escape: Escape | None = None
+    flown_before: FlownBefore | None = None
+    ignored_faults: tuple[Fault, ...] = ()
     has_failed: bool = False
     is_held: bool = False
     is_called_off: bool = False

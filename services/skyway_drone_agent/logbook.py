@@ -4,6 +4,7 @@ from datetime import datetime
 
 from pydantic import Field
 
+from skyway.contracts.drone_health import Fault
 from skyway.contracts.drone_report import DroneEvent
 from skyway.contracts.flight_step import (
     DeliverStep,
@@ -27,11 +28,16 @@ from skyway.ids import MissionId, StationId
 from skyway.json_model import WireModel
 from skyway_drone_agent.calling_off import called_off
 from skyway_drone_agent.current_mission import CurrentMission
+from skyway_drone_agent.escape import mission_escaping, mission_overridden
 from skyway_drone_agent.records import (
     AcceptanceTold,
     Answer,
     EventRecorded,
+    FailsafeBegun,
+    FailsafeOverridden,
+    FaultEnded,
     InstructionAnswered,
+    Placed,
     Record,
     StepBegun,
 )
@@ -45,7 +51,11 @@ ENDED_MISSIONS_KEPT = 16
 
 
 class Logbook(WireModel):
-    """Everything a drone must still know after a restart; `station_id` is None in the air."""
+    """Everything a drone must still know after a restart.
+
+    `station_id` is None in the air, and when the drone is down: landed away from every station.
+    `faults` are those that an alarm was raised for and that are not over.
+    """
 
     session: int = 0
     stream: int = 0
@@ -59,6 +69,13 @@ class Logbook(WireModel):
     position: Position
     soc: Soc
     packages: tuple[PackageOnBoard, ...] = ()
+    is_down: bool = False
+    faults: tuple[Fault, ...] = ()
+
+    @property
+    def is_airborne(self) -> bool:
+        """Whether the drone flies."""
+        return self.station_id is None and not self.is_down
 
     @property
     def load_kg(self) -> float:
@@ -77,6 +94,15 @@ def logbook_after(logbook: Logbook, record: Record) -> Logbook:
             return _begun(logbook, record)
         case EventRecorded():
             return _happened(logbook, record.event)
+        case FailsafeBegun():
+            return _escaping(logbook, record)
+        case FailsafeOverridden():
+            return _overridden(logbook, record)
+        case FaultEnded():
+            faults = tuple(fault for fault in logbook.faults if fault is not record.fault)
+            return logbook.model_copy(update={"faults": faults})
+        case Placed():
+            return _placed(logbook, record)
 
 
 def _answered(logbook: Logbook, record: InstructionAnswered) -> Logbook:
@@ -98,7 +124,7 @@ def _answered(logbook: Logbook, record: InstructionAnswered) -> Logbook:
 def _obeyed(
     logbook: Logbook, instruction: AnyInstruction, *, answer: Answer, at: datetime
 ) -> Logbook:
-    before, is_airborne = logbook.mission, logbook.station_id is None
+    before, is_airborne = logbook.mission, logbook.is_airborne
     if isinstance(instruction, MissionInstruction | DivertInstruction | ReturnHomeInstruction):
         mission = mission_after(before, instruction, answer=answer, at=at, is_airborne=is_airborne)
         return logbook.model_copy(update={"mission": mission})
@@ -117,7 +143,7 @@ def _obeyed(
 
 
 def _called_off(logbook: Logbook, before: CurrentMission, *, at: datetime) -> Logbook:
-    left = called_off(before, at=at, is_airborne=logbook.station_id is None)
+    left = called_off(before, at=at, is_airborne=logbook.is_airborne)
     if left is not None:
         return logbook.model_copy(update={"mission": left})
     return _without_mission(logbook)
@@ -141,32 +167,83 @@ def _begun(logbook: Logbook, record: StepBegun) -> Logbook:
     return logbook.model_copy(update={"mission": mission, "station_id": station_id})
 
 
+def _escaping(logbook: Logbook, record: FailsafeBegun) -> Logbook:
+    """What is under way begins anew, here."""
+    if logbook.mission is None:
+        return logbook
+    return logbook.model_copy(
+        update={
+            "mission": mission_escaping(logbook.mission, record),
+            "position": record.flight.from_position,
+            "soc": record.soc,
+        }
+    )
+
+
+def _overridden(logbook: Logbook, record: FailsafeOverridden) -> Logbook:
+    if logbook.mission is None:
+        return logbook
+    changes: dict[str, object] = {"mission": mission_overridden(logbook.mission, record)}
+    if record.flight is not None:
+        changes |= {"position": record.flight.from_position, "soc": record.soc}
+    return logbook.model_copy(update=changes)
+
+
+def _placed(logbook: Logbook, record: Placed) -> Logbook:
+    """The mission in which it went down is over."""
+    changes = {"is_down": False, "station_id": record.station_id, "position": record.position}
+    return _without_mission(logbook.model_copy(update=changes)).model_copy(update={"packages": ()})
+
+
 def _happened(logbook: Logbook, event: DroneEvent) -> Logbook:
     logbook = logbook.model_copy(
         update={"last_event_seq": event.seq, "events": (*logbook.events, event)}
     )
+    if event.event == "ALARM":
+        return _alarmed(logbook, event)
     mission = logbook.mission
     if mission is None:
         return logbook
-    if event.event == "MISSION_ENDED":
-        return _without_mission(logbook)
-    if event.event == "STEP_FAILED":
-        failed = mission.model_copy(
-            update={
-                "has_failed": True,
-                "free_at": event.ended_at,
-                "began_at": None,
-                "changed_at": None,
-            }
-        )
-        return logbook.model_copy(update={"mission": failed})
-    if event.event == "STEP_ENDED":
-        ended = _step_ended if mission.cut is None else _cut_step_ended
-        logbook = ended(logbook, mission, event)
-        left = logbook.mission
-        is_over = left is not None and left.is_called_off and not left.steps
-        return _without_mission(logbook) if is_over else logbook
-    return logbook
+    match event.event:
+        case "MISSION_ENDED":
+            return _without_mission(logbook)
+        case "STEP_FAILED":
+            logbook = _step_failed(logbook, mission, event)
+        case "STEP_ENDED" if mission.cut is None:
+            logbook = _step_ended(logbook, mission, event)
+        case "STEP_ENDED":
+            logbook = _cut_step_ended(logbook, mission, event)
+    left = logbook.mission
+    is_over = left is not None and left.is_called_off and (left.has_failed or not left.steps)
+    return _without_mission(logbook) if is_over else logbook
+
+
+def _alarmed(logbook: Logbook, event: DroneEvent) -> Logbook:
+    new = tuple(fault for fault in Fault if fault == event.code and fault not in logbook.faults)
+    return logbook.model_copy(update={"faults": (*logbook.faults, *new)})
+
+
+def _step_failed(logbook: Logbook, mission: CurrentMission, event: DroneEvent) -> Logbook:
+    """The drone stands where the event says, or is down; nothing further is released."""
+    failed = mission.model_copy(
+        update={
+            "has_failed": True,
+            "free_at": event.ended_at,
+            "began_at": None,
+            "changed_at": None,
+            "escape": None,
+            "flown_before": None,
+        }
+    )
+    return logbook.model_copy(
+        update={
+            "mission": failed,
+            "station_id": event.station_id,
+            "position": event.position,
+            "soc": event.soc,
+            "is_down": event.station_id is None,
+        }
+    )
 
 
 def _step_ended(logbook: Logbook, mission: CurrentMission, event: DroneEvent) -> Logbook:
@@ -181,6 +258,7 @@ def _step_ended(logbook: Logbook, mission: CurrentMission, event: DroneEvent) ->
         "steps": tuple(remaining),
         "began_at": None,
         "changed_at": None,
+        "flown_before": None,
         "free_at": event.ended_at,
     }
     return logbook.model_copy(
@@ -203,8 +281,14 @@ def _cut_step_ended(logbook: Logbook, mission: CurrentMission, event: DroneEvent
 
 
 def _without_mission(logbook: Logbook) -> Logbook:
-    """What is still on board is stranded: it stays at the station where the drone stands."""
+    """What is still on board is stranded: it stays at the station where the drone stands.
+
+    A drone that is down keeps it on board until people come.
+    """
     if logbook.mission is None:
         return logbook
     ended = (*logbook.ended_mission_ids, logbook.mission.mission_id)[-ENDED_MISSIONS_KEPT:]
-    return logbook.model_copy(update={"mission": None, "ended_mission_ids": ended, "packages": ()})
+    packages = logbook.packages if logbook.is_down else ()
+    return logbook.model_copy(
+        update={"mission": None, "ended_mission_ids": ended, "packages": packages}
+    )

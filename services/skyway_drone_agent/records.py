@@ -4,10 +4,13 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
+from skyway.contracts.drone_health import Failsafe, Fault
 from skyway.contracts.drone_report import DroneEvent, RefusalCode
+from skyway.contracts.flight_step import FlyStep
 from skyway.contracts.instruction import Instruction
-from skyway.contracts.message import FleetMoment
-from skyway.ids import InstructionId
+from skyway.contracts.message import FleetMoment, Soc
+from skyway.geo import Position
+from skyway.ids import InstructionId, StationId
 from skyway.json_model import WireModel
 
 
@@ -56,7 +59,62 @@ class EventRecorded(WireModel):
     event: DroneEvent
 
 
-Record = InstructionAnswered | AcceptanceTold | StepBegun | EventRecorded
+class FailsafeBegun(WireModel):
+    """A failsafe turns the flight under way: `flight` is flown instead, from here.
+
+    `soc` is the charge here, `used_j` what the flight under way has taken up to here. A LAND_NOW
+    goes down on the spot: its flight ends where it begins.
+    """
+
+    kind: Literal["FAILSAFE"] = "FAILSAFE"
+    fault: Fault
+    failsafe: Failsafe
+    at: FleetMoment
+    flight: FlyStep
+    soc: Soc
+    used_j: float
+
+
+class FailsafeOverridden(WireModel):
+    """People know better: these faults count no more in this mission.
+
+    A flight that a failsafe has turned goes on from here to where it was to go first; `flight` is
+    None when nothing was turned.
+    """
+
+    kind: Literal["OVERRIDDEN"] = "OVERRIDDEN"
+    faults: tuple[Fault, ...]
+    at: FleetMoment
+    flight: FlyStep | None = None
+    soc: Soc | None = None
+    used_j: float = 0.0
+
+
+class FaultEnded(WireModel):
+    """A fault that an alarm was raised for is over."""
+
+    kind: Literal["FAULT_ENDED"] = "FAULT_ENDED"
+    fault: Fault
+
+
+class Placed(WireModel):
+    """People have fetched a drone that was down, emptied it, and put it at a station."""
+
+    kind: Literal["PLACED"] = "PLACED"
+    station_id: StationId
+    position: Position
+
+
+Record = (
+    InstructionAnswered
+    | AcceptanceTold
+    | StepBegun
+    | EventRecorded
+    | FailsafeBegun
+    | FailsafeOverridden
+    | FaultEnded
+    | Placed
+)
 
 #: A record as a line of the journal names its kind.
 RecordLine = Annotated[Record, Field(discriminator="kind")]

@@ -104,7 +104,7 @@ def _no_way_back(instruction: CancelInstruction, logbook: Logbook) -> Refusal | 
         # What is not there is forgotten already.
         return _is_over(instruction, logbook)
     can_stop = can_be_called_off(
-        mission, is_airborne=logbook.station_id is None, is_loaded=bool(logbook.packages)
+        mission, is_airborne=logbook.is_airborne, is_loaded=bool(logbook.packages)
     )
     if can_stop:
         return None

@@ -59,7 +59,7 @@ def _place_after(kept: tuple[FlightStep, ...], logbook: Logbook) -> StationId | 
     if kept:
         return end_of(kept[-1])
     mission = logbook.mission
-    if logbook.station_id is None and mission is not None:
+    if logbook.is_airborne and mission is not None:
         # Over a station, between two flights.
         return start_of(mission.steps[0])
     return logbook.station_id
@@ -80,7 +80,7 @@ def _not_well_formed(
     kept: tuple[FlightStep, ...],
     first_step: int,
 ) -> Refusal | None:
-    if logbook.station_id is None and not isinstance(steps[0], FlyStep):
+    if logbook.is_airborne and not isinstance(steps[0], FlyStep):
         return Refusal(RefusalCode.MALFORMED, f"step {first_step} needs a landing before")
     fault = fault_in(
         steps,

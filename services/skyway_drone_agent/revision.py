@@ -77,13 +77,20 @@ def mission_after(
             # Over a station there is no standing still.
             "free_at": before.free_at if is_airborne else max(at, before.free_at),
             "cut": before.cut,
+            "ignored_faults": before.ignored_faults,
         }
     )
     if cuts_step_under_way(before, revision):
         return accepted.model_copy(update={"cut": before.cut_of_step_under_way(at)})
     is_changed = kept[:1] != before.steps[:1]
     changed_at = at if before.began_at is not None and is_changed else before.changed_at
-    return accepted.model_copy(update={"began_at": before.began_at, "changed_at": changed_at})
+    return accepted.model_copy(
+        update={
+            "began_at": before.began_at,
+            "changed_at": changed_at,
+            "flown_before": before.flown_before,
+        }
+    )
 
 
 def _released_through(
