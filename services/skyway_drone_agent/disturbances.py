@@ -1,28 +1,156 @@
-"""What goes otherwise than planned for a simulated drone; by default nothing does."""
+"""What goes otherwise than planned for simulated drones; by default nothing does.
 
-from dataclasses import dataclass
+These are the keys of a scenario file, with their limits; docs/scenarios.md explains them.
+"""
 
-from skyway.errors import InvalidInput
-from skyway.ids import StationId
+from typing import Annotated, Literal, Self
+
+from pydantic import AwareDatetime, Field, model_validator
+
+from skyway.ids import DroneId, StationId
+from skyway.json_model import JsonModel
+
+Factor = Annotated[float, Field(gt=0.0, le=100.0)]
+Share = Annotated[float, Field(ge=0.0, le=1.0)]
+Seconds = Annotated[float, Field(ge=0.0, le=1e6)]
 
 
-@dataclass(frozen=True, slots=True)
-class Disturbances:
-    """Factors on what the drone model says, and stations where nobody takes packages.
+class Wind(JsonModel):
+    """A mean wind, and gusts on it: a field over place and time, the same for all drones.
 
-    The flight factors hold for the way, not for a landing; all are above 0.
+    `gust_mps` is the standard deviation of each of the wind's two components; gusts that are
+    `gust_span_m` or `gust_span_s` apart have little to do with one another.
     """
 
-    flight_time_factor: float = 1.0
-    flight_energy_factor: float = 1.0
-    charge_time_factor: float = 1.0
-    absent_station_ids: frozenset[StationId] = frozenset()
+    mean_mps: Annotated[float, Field(ge=0.0, le=40.0)] = 0.0
+    from_deg: Annotated[float, Field(ge=0.0, le=360.0)] = 0.0
+    gust_mps: Annotated[float, Field(ge=0.0, le=20.0)] = 0.0
+    gust_span_m: Annotated[float, Field(ge=10.0, le=1e6)] = 3_000.0
+    gust_span_s: Annotated[float, Field(ge=1.0, le=1e6)] = 600.0
 
-    def __post_init__(self) -> None:
-        for name in ("flight_time_factor", "flight_energy_factor", "charge_time_factor"):
-            factor = getattr(self, name)
-            if not 0.0 < factor < float("inf"):
-                raise InvalidInput(name, f"{factor:g} is not above 0")
+    @property
+    def blows(self) -> bool:
+        """Whether there is any wind."""
+        return self.mean_mps > 0.0 or self.gust_mps > 0.0
+
+
+class Battery(JsonModel):
+    """The battery of a share of the drones: worn, and their cells uneven; the air's warmth."""
+
+    temperature_c: Annotated[float, Field(ge=-40.0, le=90.0)] = 25.0
+    worn_share: Share = 0.0
+    capacity: Annotated[float, Field(ge=0.3, le=1.0)] = 1.0
+    resistance_factor: Annotated[float, Field(ge=1.0, le=10.0)] = 1.0
+    cell_spread_v: Annotated[float, Field(ge=0.0, le=0.5)] = 0.0
+
+
+class Sensors(JsonModel):
+    """Standard deviations of what sensors show; `current_share` is one gain error per drone."""
+
+    gps_m: Annotated[float, Field(ge=0.0, le=100.0)] = 0.0
+    air_speed_mps: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
+    voltage_v: Annotated[float, Field(ge=0.0, le=2.0)] = 0.0
+    current_share: Annotated[float, Field(ge=0.0, le=0.2)] = 0.0
+    temperature_c: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
+
+    @property
+    def err(self) -> bool:
+        """Whether any sensor is wrong at all."""
+        return any((self.gps_m, self.air_speed_mps, self.voltage_v, self.temperature_c))
+
+
+class TakenPad(JsonModel):
+    """A pad that somebody else stands on for a while; all pads of the station without `pad`."""
+
+    station_id: StationId
+    pad: Annotated[int, Field(ge=0)] | None = None
+    from_at: AwareDatetime
+    until_at: AwareDatetime
+
+    @model_validator(mode="after")
+    def _ends_after_it_begins(self) -> Self:
+        if self.until_at <= self.from_at:
+            raise ValueError(f"until_at {self.until_at} does not lie after from_at {self.from_at}")
+        return self
+
+
+class Pads(JsonModel):
+    """Each pad is taken for a share of the time, `taken_s` at a time; and named ones beside."""
+
+    taken_share: Annotated[float, Field(ge=0.0, le=0.9)] = 0.0
+    taken_s: Annotated[float, Field(ge=1.0, le=1e6)] = 900.0
+    taken: tuple[TakenPad, ...] = ()
+
+
+class FlightFault(JsonModel):
+    """Befalls a share of the flights, `after_s` after the take-off; of named drones or of all."""
+
+    share: Share = 0.0
+    after_s: Seconds = 60.0
+    drone_ids: frozenset[DroneId] | None = None
+
+
+class GpsLoss(FlightFault):
+    """No position for so long."""
+
+    for_s: Seconds = 120.0
+
+
+class MotorFailure(FlightFault):
+    """A motor stops: the others draw so many times the power until the drone is down."""
+
+    power_factor: Annotated[float, Field(ge=1.0, le=5.0)] = 1.3
+
+
+class Drift(FlightFault):
+    """The drone strays to the right of its track: `most_m` in the middle of what was left."""
+
+    most_m: Annotated[float, Field(ge=0.0, le=10_000.0)] = 300.0
+
+
+class LinkLoss(JsonModel):
+    """In a share of all spans of `every_s` the link is down once, for `for_s`.
+
+    `seconds` says whether these count by the wall's clock or the fleet's.
+    """
+
+    share: Share = 0.0
+    every_s: Annotated[float, Field(ge=1.0, le=1e6)] = 600.0
+    for_s: Annotated[float, Field(gt=0.0, le=1e6)] = 30.0
+    seconds: Literal["wall", "fleet"] = "wall"
+    drone_ids: frozenset[DroneId] | None = None
+
+    @model_validator(mode="after")
+    def _fits(self) -> Self:
+        if self.for_s >= self.every_s:
+            raise ValueError(f"for_s {self.for_s:g} is not below every_s {self.every_s:g}")
+        return self
+
+
+class Disturbances(JsonModel):
+    """Factors on what the drone model says, nature, and faults.
+
+    The flight factors hold for the way, not for a landing. `power_noise` is the standard deviation
+    of a flight's power as a share of the model's, half of it the same for all flights of a drone.
+    All chance comes from `seed`, the drone and the case: not from how often anything is asked.
+    """
+
+    title: str = ""
+    seed: Annotated[int, Field(ge=0, lt=2**63)] = 0
+    flight_time_factor: Factor = 1.0
+    flight_energy_factor: Factor = 1.0
+    charge_time_factor: Factor = 1.0
+    power_noise: Annotated[float, Field(ge=0.0, le=0.5)] = 0.0
+    absent_station_ids: frozenset[StationId] = frozenset()
+    absent_share: Share = 0.0
+    wind: Wind = Wind()
+    battery: Battery = Battery()
+    sensors: Sensors = Sensors()
+    pads: Pads = Pads()
+    gps: GpsLoss = GpsLoss()
+    motor: MotorFailure = MotorFailure()
+    drift: Drift = Drift()
+    link: LinkLoss = LinkLoss()
 
 
 #: Everything goes by the drone model.

@@ -8,12 +8,14 @@ from typing import Never
 
 from skyway.runtime.minting import mint
 from skyway.runtime.mqtt import MqttClient, Will
-from skyway_drone_agent.agent import DroneAgent
+from skyway_drone_agent.agent import DroneAgent, MakeLink
 from skyway_drone_agent.clock_keeper import KeptClock
 from skyway_drone_agent.disturbances import UNDISTURBED, Disturbances
 from skyway_drone_agent.enrolled_drone import EnrolledDrone
 from skyway_drone_agent.journal_folder import JournalFolder
+from skyway_drone_agent.simulated_link_loss import LinkWithOutages, has_outages
 from skyway_drone_agent.simulated_vehicle import SimulatedVehicle
+from skyway_drone_agent.vehicle import Vehicle
 
 log = logging.getLogger(__name__)
 
@@ -35,21 +37,23 @@ async def host_fleet(
     clock = KeptClock(folder.clock_file)
     async with asyncio.TaskGroup() as group:
         for drone in drones:
-            vehicle = SimulatedVehicle(drone.model, clock, disturbances=disturbances)
-            serving = _keep_flying(drone, folder, vehicle=vehicle, clock=clock, mqtt_url=mqtt_url)
+            vehicle = SimulatedVehicle(
+                drone.model, clock, disturbances=disturbances, drone_id=drone.drone_id
+            )
+            make_link = _link_maker(drone, clock, mqtt_url=mqtt_url, disturbances=disturbances)
+            serving = _keep_flying(drone, folder, vehicle=vehicle, clock=clock, make_link=make_link)
             group.create_task(serving, name=drone.drone_id)
 
 
-async def _keep_flying(
-    drone: EnrolledDrone,
-    folder: JournalFolder,
-    *,
-    vehicle: SimulatedVehicle,
-    clock: KeptClock,
-    mqtt_url: str,
-) -> Never:
-    def make_link(will: Will, on_connected: Callable[[], Awaitable[None]]) -> MqttClient:
-        return MqttClient(
+def _link_maker(
+    drone: EnrolledDrone, clock: KeptClock, *, mqtt_url: str, disturbances: Disturbances
+) -> MakeLink:
+    """Makes the drone's links to the broker, which are lost now and then if it is so disturbed."""
+
+    def make_link(
+        will: Will, on_connected: Callable[[], Awaitable[None]]
+    ) -> MqttClient | LinkWithOutages:
+        client = MqttClient(
             mqtt_url,
             client_id=drone.mqtt.user_name,
             user_name=drone.mqtt.user_name,
@@ -57,7 +61,21 @@ async def _keep_flying(
             will=will,
             on_connected=on_connected,
         )
+        if not has_outages(disturbances, drone.drone_id):
+            return client
+        return LinkWithOutages(client, clock, disturbed=disturbances, drone_id=drone.drone_id)
 
+    return make_link
+
+
+async def _keep_flying(
+    drone: EnrolledDrone,
+    folder: JournalFolder,
+    *,
+    vehicle: Vehicle,
+    clock: KeptClock,
+    make_link: MakeLink,
+) -> Never:
     while True:
         try:
             agent = DroneAgent(

@@ -4,9 +4,14 @@ import argparse
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, Final
 
 from skyway.runtime.errors import InvalidSettings
-from skyway_drone_agent.disturbances import Disturbances
+from skyway_drone_agent.disturbances import UNDISTURBED, Disturbances
+from skyway_drone_agent.scenario import changed, read_scenario, scenario_names
+
+#: Keys of a scenario that have an option each, which comes before what the file says.
+_OPTIONS: Final = ("seed", "flight_time_factor", "flight_energy_factor", "charge_time_factor")
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,13 +44,18 @@ def read_settings(arguments: Sequence[str], environment: Mapping[str, str]) -> A
         mqtt_url=mqtt_url,
         parent_fd=int(parent_fd) if parent_fd else None,
         log_level=environment.get("SKYWAY_LOG_LEVEL", "INFO"),
-        disturbances=Disturbances(
-            flight_time_factor=given.flight_time_factor,
-            flight_energy_factor=given.flight_energy_factor,
-            charge_time_factor=given.charge_time_factor,
-            absent_station_ids=frozenset(given.absent_station),
-        ),
+        disturbances=_disturbances(given),
     )
+
+
+def _disturbances(given: argparse.Namespace) -> Disturbances:
+    scenario = UNDISTURBED if given.scenario is None else read_scenario(given.scenario)
+    options: dict[str, Any] = {  # numbers and station ids
+        key: getattr(given, key) for key in _OPTIONS if getattr(given, key) is not None
+    }
+    if given.absent_station:
+        options["absent_station_ids"] = given.absent_station
+    return changed(scenario, options) if options else scenario
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -71,12 +81,20 @@ def _parser() -> argparse.ArgumentParser:
 def _add_disturbances(parser: argparse.ArgumentParser) -> None:
     """The options of what goes otherwise than planned, named as `skyway fleet` names them."""
     disturbed = parser.add_argument_group("what goes otherwise than planned")
+    disturbed.add_argument(
+        "--scenario",
+        metavar="NAME|FILE",
+        help=f"{', '.join(scenario_names())}, or a file (docs/scenarios.md)",
+    )
+    disturbed.add_argument(
+        "--seed", type=int, metavar="N", help="which of the scenario's many days it is"
+    )
     for option, what in (
         ("--flight-time-factor", "flights take so many times as long as planned"),
         ("--flight-energy-factor", "flights take so many times the energy planned"),
         ("--charge-time-factor", "recharges take so many times as long as planned"),
     ):
-        disturbed.add_argument(option, type=float, default=1.0, metavar="FACTOR", help=what)
+        disturbed.add_argument(option, type=float, metavar="FACTOR", help=what)
     disturbed.add_argument(
         "--absent-station",
         action="append",

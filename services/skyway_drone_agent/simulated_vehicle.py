@@ -1,10 +1,12 @@
 """A drone that exists only as physics: the same `skyway.drone` that the planner plans with."""
 
 import asyncio
-from datetime import datetime, timedelta
+from datetime import datetime
+from typing import Final
 
 from skyway.contracts.flight_step import PickUpStep
 from skyway.drone.model import DroneModel
+from skyway.ids import DroneId
 from skyway.runtime.clock import FleetClock
 from skyway_drone_agent.disturbances import UNDISTURBED, Disturbances
 from skyway_drone_agent.reading import Reading
@@ -12,14 +14,22 @@ from skyway_drone_agent.simulated_physics import Physics
 from skyway_drone_agent.simulated_sensors import reading_of
 from skyway_drone_agent.vehicle import Outcome, Sample, Standing, StepRun
 
+#: A drone that needs no luck of its own.
+_NOBODY: Final = DroneId("")
+
 
 class SimulatedVehicle:
     """Performs steps by computing when they end, and waiting until then."""
 
     def __init__(
-        self, model: DroneModel, clock: FleetClock, *, disturbances: Disturbances = UNDISTURBED
+        self,
+        model: DroneModel,
+        clock: FleetClock,
+        *,
+        disturbances: Disturbances = UNDISTURBED,
+        drone_id: DroneId = _NOBODY,
     ) -> None:
-        self._physics = Physics(model, disturbances)
+        self._physics = Physics(model, disturbances, drone_id=drone_id)
         self._clock = clock
 
     @property
@@ -48,21 +58,13 @@ class SimulatedVehicle:
 
     def read(self, doing: StepRun | Standing, at: datetime) -> Reading:
         """What the sensors show at this moment."""
-        if isinstance(doing, Standing):
-            sample = Sample(doing.position, doing.soc, power_w=0.0, speed_mps=0.0)
-        else:
-            sample = self._physics.sample(doing, at)
-        return reading_of(sample, doing, model=self.model, at=at)
+        return reading_of(self._physics, doing, at)
 
     async def land(self, run: StepRun) -> Outcome:
         """End a flight here and now, wherever that is, and return once the drone is down."""
-        began_at = self._clock.now()
-        sample = self._physics.sample(run, began_at)
-        landed_at = began_at + timedelta(seconds=self.model.stop_s)
-        await self._clock.sleep_until(landed_at)
-        used_j = (run.soc - sample.soc) * self.model.battery_j + self.model.stop_j
-        soc = max(0.0, run.soc - used_j / self.model.battery_j)
-        return Outcome(landed_at, soc, used_j)
+        outcome = self._physics.landed(run, self._clock.now())
+        await self._clock.sleep_until(outcome.ended_at)
+        return outcome
 
     def recall(self, run: StepRun) -> bool | None:
         """A simulated hand-over is done at its end, which a restart does not change."""

@@ -26,18 +26,34 @@ FileArgument = Annotated[
 
 _DISTURBED = "What goes otherwise than planned"
 
+ScenarioOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="NAME|FILE",
+        help="A day with its wind and faults: calm, windy, stormy, ... or a file.",
+        rich_help_panel=_DISTURBED,
+    ),
+]
+
+SeedOption = Annotated[
+    int | None,
+    typer.Option(
+        min=0, help="Which of the scenario's many days it is.", rich_help_panel=_DISTURBED
+    ),
+]
+
 FlightTimeOption = Annotated[
-    float,
+    float | None,
     typer.Option(help="Flights take so many times as long.", rich_help_panel=_DISTURBED),
 ]
 
 FlightEnergyOption = Annotated[
-    float,
+    float | None,
     typer.Option(help="Flights take so many times the energy.", rich_help_panel=_DISTURBED),
 ]
 
 ChargeTimeOption = Annotated[
-    float,
+    float | None,
     typer.Option(help="Recharges take so many times as long.", rich_help_panel=_DISTURBED),
 ]
 
@@ -54,9 +70,11 @@ AbsentOption = Annotated[
 def drone_command(
     file: Annotated[Path, typer.Argument(help="The answer of POST /v1/providers/{id}/drones.")],
     drone_id: Annotated[str | None, typer.Option(help="Which one, when the file has many.")] = None,
-    flight_time_factor: FlightTimeOption = 1.0,
-    flight_energy_factor: FlightEnergyOption = 1.0,
-    charge_time_factor: ChargeTimeOption = 1.0,
+    scenario: ScenarioOption = None,
+    seed: SeedOption = None,
+    flight_time_factor: FlightTimeOption = None,
+    flight_energy_factor: FlightEnergyOption = None,
+    charge_time_factor: ChargeTimeOption = None,
     absent_station: AbsentOption = None,
     data: DataOption = None,
 ) -> None:
@@ -66,7 +84,14 @@ def drone_command(
     if len(chosen) != 1:
         fail(f"{file} holds {len(chosen)} drones to choose from: name one with --drone-id")
     disturbed = _arguments(
-        flight_time_factor, flight_energy_factor, charge_time_factor, absent_station
+        {
+            "scenario": scenario,
+            "seed": seed,
+            "flight-time-factor": flight_time_factor,
+            "flight-energy-factor": flight_energy_factor,
+            "charge-time-factor": charge_time_factor,
+        },
+        absent_station,
     )
     _run_agent(data_folder(data), chosen, disturbed)
 
@@ -85,9 +110,11 @@ def fleet_command(
     provider_id: Annotated[
         str | None, typer.Option(help="With --drones: whose; a new provider if not given.")
     ] = None,
-    flight_time_factor: FlightTimeOption = 1.0,
-    flight_energy_factor: FlightEnergyOption = 1.0,
-    charge_time_factor: ChargeTimeOption = 1.0,
+    scenario: ScenarioOption = None,
+    seed: SeedOption = None,
+    flight_time_factor: FlightTimeOption = None,
+    flight_energy_factor: FlightEnergyOption = None,
+    charge_time_factor: ChargeTimeOption = None,
     absent_station: AbsentOption = None,
     data: DataOption = None,
 ) -> None:
@@ -97,7 +124,14 @@ def fleet_command(
     """
     folder = data_folder(data)
     disturbed = _arguments(
-        flight_time_factor, flight_energy_factor, charge_time_factor, absent_station
+        {
+            "scenario": scenario,
+            "seed": seed,
+            "flight-time-factor": flight_time_factor,
+            "flight-energy-factor": flight_energy_factor,
+            "charge-time-factor": charge_time_factor,
+        },
+        absent_station,
     )
     if file is not None and (drones is None or file.exists()):
         _run_agent(folder, _read(file), disturbed)
@@ -173,17 +207,10 @@ def _write(file: Path, drones: list[dict[str, Any]]) -> None:
         json.dump({"items": drones}, output)
 
 
-def _arguments(
-    flight_time: float, flight_energy: float, charge_time: float, absent: list[str] | None
-) -> list[str]:
-    """Disturbances as the agent's arguments."""
-    factors = {
-        "--flight-time-factor": flight_time,
-        "--flight-energy-factor": flight_energy,
-        "--charge-time-factor": charge_time,
-    }
-    arguments = [f"{option}={factor}" for option, factor in factors.items()]
-    return arguments + [f"--absent-station={station}" for station in absent or ()]
+def _arguments(options: dict[str, object], absent: list[str] | None) -> list[str]:
+    """Disturbances as the agent's arguments; what is not given is left to the scenario."""
+    given = [f"--{name}={value}" for name, value in options.items() if value is not None]
+    return given + [f"--absent-station={station}" for station in absent or ()]
 
 
 def _run_agent(folder: DataFolder, drones: list[dict[str, Any]], arguments: list[str]) -> NoReturn:

@@ -132,6 +132,11 @@ class MqttClient:
         except TimeoutError as error:
             raise MqttUnavailable(f"no PUBACK on {name} within {timeout_s:g} s") from error
 
+    def drop(self) -> None:
+        """Lose the connection as a radio loses it: without a goodbye, so the last will is sent."""
+        if self._link is not None:
+            self._link.drop()
+
     @overload
     def batches(self, only: Topic[M] | Address[M], /) -> AsyncIterator[list[Received[M]]]: ...
 

@@ -135,14 +135,24 @@ class MqttLink:
 
     def close(self) -> None:
         """Say goodbye, so that the broker does not send the last will, and close the socket."""
-        self._paho.disconnect()
-        self._paho.loop_write()
+        if not self.lost.done():
+            self._paho.disconnect()
+            self._paho.loop_write()
+        # Still there when the goodbye did not fit into a full socket.
+        self._close_socket()
+        self._has_lost("closed by this side")
+
+    def drop(self) -> None:
+        """Close the socket without a goodbye, as a lost radio does: the broker sends the will."""
+        self._close_socket()
+        self._has_lost("dropped by this side")
+
+    def _close_socket(self) -> None:
         sock = self._paho.socket()
-        if sock is not None:  # the goodbye did not fit into a full socket
+        if sock is not None:
             self._stop_watching_writes(sock)
             self._stop_reading(sock)
             sock.close()
-        self._has_lost("closed by this side")
 
     async def _answer_to(self, mid: int) -> None:
         """Return when the broker has answered the packet with this id."""

@@ -44,7 +44,7 @@ def test_disturbances_are_read_from_the_arguments() -> None:
 
 
 def test_a_factor_that_is_not_above_zero_is_named() -> None:
-    with pytest.raises(InvalidInput, match="charge_time_factor: 0 is not above 0"):
+    with pytest.raises(InvalidInput, match="charge_time_factor: .* greater than 0, not 0"):
         read_settings([*FLEET, *PLACES, "--charge-time-factor", "0"], {})
 
 
@@ -66,3 +66,12 @@ def test_a_factor_that_is_not_above_zero_is_named() -> None:
 def test_what_is_missing_or_wrong_is_named(environment: dict[str, str], named: str) -> None:
     with pytest.raises(InvalidSettings, match=named):
         read_settings(FLEET, environment)
+
+
+def test_options_come_before_what_the_scenario_says() -> None:
+    scenario = ["--scenario", "cold", "--seed", "7", "--charge-time-factor", "2"]
+
+    settings = read_settings([*FLEET, *PLACES, *scenario], {})
+
+    assert settings.disturbances.battery.temperature_c == -8.0
+    assert (settings.disturbances.seed, settings.disturbances.charge_time_factor) == (7, 2.0)

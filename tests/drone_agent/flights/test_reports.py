@@ -90,6 +90,8 @@ async def test_telemetry_comes_at_most_once_a_wall_second_and_only_when_it_moves
 
 async def test_telemetry_rests_while_nothing_changes(world: Any, cloud: Any, steps: Any) -> None:
     world.clock.rate = 1.0
+    lands_for_nothing = world.drone.model.model_copy(update={"stop_j": 0.0})
+    world.drone = world.drone.model_copy(update={"model": lands_for_nothing})
     short_hop = steps().fly("home", "shop", length_m=200, duration_s=40)
     await world.start()
     await world.send(cloud.mission(short_hop.made))
