@@ -1,7 +1,8 @@
 """The battery as its makers describe it: cells, their open-circuit voltage, inner resistance."""
 
 from bisect import bisect_right
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from itertools import pairwise
 from typing import Final
 
@@ -25,27 +26,40 @@ _LIPO_CURVE: Final = (
 
 @dataclass(frozen=True, slots=True)
 class BatteryPack:
-    """Cells in series; `resistance_ohm` is that of the whole pack."""
+    """Cells in series; `resistance_ohm` is that of the whole pack.
+
+    Build one and keep it: the columns of its curve are worked out once.
+    """
 
     cells: int = 6
     resistance_ohm: float = 0.02
     curve: tuple[tuple[float, float], ...] = _LIPO_CURVE
+    _socs: tuple[float, ...] = field(init=False, repr=False, compare=False)
+    _volts: tuple[float, ...] = field(init=False, repr=False, compare=False)
+    _slopes: tuple[float, ...] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        socs = tuple(soc for soc, _ in self.curve)
+        volts = tuple(self.cells * cell_v for _, cell_v in self.curve)
+        rises = zip(pairwise(socs), pairwise(volts), strict=True)
+        object.__setattr__(self, "_socs", socs)
+        object.__setattr__(self, "_volts", volts)
+        object.__setattr__(
+            self, "_slopes", tuple((v_1 - v_0) / (s_1 - s_0) for (s_0, s_1), (v_0, v_1) in rises)
+        )
 
     def open_voltage_v(self, soc: float) -> float:
         """The pack's voltage without a load."""
-        return self.cells * _along(self.curve, soc)
+        return _along(self._socs, self._volts, soc)
 
     def soc_at_rest(self, open_voltage_v: float) -> float:
         """The charge that shows this voltage without a load, from 0 to 1."""
-        inverse = tuple((volts, soc) for soc, volts in self.curve)
-        return _along(inverse, open_voltage_v / self.cells)
+        return _along(self._volts, self._socs, open_voltage_v)
 
     def volts_per_soc(self, soc: float) -> float:
         """How steep the pack's curve is: on its flat middle a voltage says little."""
-        for (soc_0, volts_0), (soc_1, volts_1) in pairwise(self.curve):
-            if soc <= soc_1:
-                return self.cells * (volts_1 - volts_0) / (soc_1 - soc_0)
-        return self.volts_per_soc(1.0)
+        after = bisect_right(self._socs, soc, 1, len(self._socs) - 1)
+        return self._slopes[after - 1]
 
     def current_a(self, soc: float, power_w: float) -> float:
         """The current that gives this power; negative while charging.
@@ -58,12 +72,12 @@ class BatteryPack:
         return float((open_v - root) / (2 * self.resistance_ohm))
 
 
-def _along(curve: tuple[tuple[float, float], ...], x: float) -> float:
+def _along(xs: Sequence[float], ys: Sequence[float], x: float) -> float:
     """Straight between the points of a rising curve, flat beyond its ends."""
-    if x <= curve[0][0]:
-        return curve[0][1]
-    if x >= curve[-1][0]:
-        return curve[-1][1]
-    after = bisect_right(curve, (x, float("inf")))
-    (x_0, y_0), (x_1, y_1) = curve[after - 1], curve[after]
-    return y_0 + (y_1 - y_0) * (x - x_0) / (x_1 - x_0)
+    if x <= xs[0]:
+        return ys[0]
+    if x >= xs[-1]:
+        return ys[-1]
+    after = bisect_right(xs, x)
+    x_0, y_0 = xs[after - 1], ys[after - 1]
+    return y_0 + (ys[after] - y_0) * (x - x_0) / (xs[after] - x_0)

@@ -1,0 +1,35 @@
+"""The charge to begin with: what the journal says, and what the plan has used since."""
+
+from typing import Final
+
+from skyway.contracts.flight_step import RechargeStep
+from skyway.drone.charging import soc_after_recharge
+from skyway.drone.model import DroneModel
+from skyway_drone_agent.leg import Leg
+from skyway_drone_agent.reading import Reading
+from skyway_drone_agent.vehicle import StepRun
+
+#: Error of the charge that the journal holds.
+_JOURNAL_ERROR: Final = 0.02
+
+#: Error of what a step under way has used or charged, as a share of it.
+_PLAN_ERROR: Final = 0.25
+
+
+def first_charge(
+    reading: Reading, run: StepRun | None, leg: Leg | None, *, model: DroneModel, soc: float
+) -> tuple[float, float]:
+    """The charge and its standard deviation, by a logbook that says `soc`.
+
+    An agent that starts again in the middle of a step has not counted what came before.
+    """
+    by_now = soc
+    if leg is not None:
+        flown_j = (1.0 - leg.share_left(reading.position)) * leg.flight_j
+        by_now = soc - flown_j / model.battery_j
+    elif run is not None and isinstance(run.step, RechargeStep) and soc < run.step.until_soc:
+        seconds = max(0.0, (reading.at - run.started_at).total_seconds())
+        on_curve = max(soc, model.charge_curve[0].soc)
+        by_now = min(run.step.until_soc, soc_after_recharge(model, on_curve, seconds))
+    by_now = min(1.0, max(0.0, by_now))
+    return by_now, _JOURNAL_ERROR + _PLAN_ERROR * abs(by_now - soc)

@@ -1,0 +1,44 @@
+"""The lookout: reads the sensors once for all who want to know how the drone is."""
+
+from typing import Final
+
+from skyway.runtime.clock import FleetClock, fleet_margin
+from skyway_drone_agent.analysis import Analysis, Assessment
+from skyway_drone_agent.flight_recorder import FlightRecorder
+from skyway_drone_agent.logbook import Logbook
+from skyway_drone_agent.vehicle import Vehicle, doing_now
+
+#: The newest assessment is good for so many seconds of fleet time, or of wall time if longer.
+_FRESH_FLEET_S, _FRESH_WALL_S = 1.0, 0.25
+
+#: A clock's ticks do not fall together with those who ask: so many times as old is still fresh.
+_SLACK: Final = 1.5
+
+
+class Lookout:
+    """Guard, state and telemetry see the same assessment."""
+
+    __slots__ = ("_analysis", "_clock", "_newest", "_recorder", "_seen", "_vehicle")
+
+    def __init__(self, recorder: FlightRecorder, vehicle: Vehicle, clock: FleetClock) -> None:
+        self._recorder = recorder
+        self._vehicle = vehicle
+        self._clock = clock
+        self._analysis = Analysis(vehicle.model)
+        self._newest: Assessment | None = None
+        self._seen: Logbook | None = None
+
+    def look(self) -> Assessment:
+        """Read the sensors now."""
+        logbook = self._recorder.logbook
+        reading = self._vehicle.read(doing_now(logbook), self._clock.now())
+        self._newest, self._seen = self._analysis.take(reading, logbook), logbook
+        return self._newest
+
+    def newest(self) -> Assessment:
+        """The last assessment, or a new one if it is old or the logbook has changed since."""
+        newest = self._newest
+        if newest is None or self._seen is not self._recorder.logbook:
+            return self.look()
+        fresh = fleet_margin(self._clock, fleet_s=_FRESH_FLEET_S, wall_s=_FRESH_WALL_S)
+        return self.look() if self._clock.now() - newest.at > _SLACK * fresh else newest
