@@ -132,9 +132,12 @@ class Acceptance:
             delivery_id, customer_id=customer_id, request=request, offer=offer, at=now
         )
         give_up = give_up_at(request, self.clock)
-        await store.add(tx, Queued(delivery, checked.position, give_up, current_traceparent()))
+        queued = Queued(delivery, checked.position, give_up, current_traceparent())
         requested = Happening(DeliveryEventType.REQUESTED, now, told.requested(delivery))
-        await self.events.tell(tx, [requested], delivery_id=delivery_id, customer_id=customer_id)
+        place = await store.add(tx, queued, new_events=1)
+        await self.events.tell(
+            tx, [requested], place, delivery_id=delivery_id, customer_id=customer_id
+        )
         tx.after_commit(self.queued.set)
         return delivery
 

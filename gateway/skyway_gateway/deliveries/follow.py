@@ -38,20 +38,19 @@ class Follower:
         async with self.db.write() as tx:
             # The lock comes first: two replicas may be told of the same mission at once.
             delivery = await store.lock(tx, report.delivery_id)
-            if await self._is_next(tx, delivery, report):
+            if await store.take_report(tx, report):
                 await self._apply(tx, delivery, report)
+            else:
+                await self._pass_over(tx, delivery, report)
 
-    async def _is_next(self, tx: Tx, delivery: Delivery, report: MissionReport) -> bool:
-        """Whether it is new and its turn; a report that was applied before is not new."""
-        mission = await store.reported_mission(tx, report.mission_id)
-        if mission is None:
+    async def _pass_over(self, tx: Tx, delivery: Delivery, report: MissionReport) -> None:
+        """Nothing to do for a report that was applied before; another one comes too early."""
+        last = await store.last_report(tx, report.mission_id)
+        if last is None:
             self._refuse_if_not_yet(delivery, report)
             _call_off(tx, delivery, report)
-            return False
-        if report.seq > mission.report_seq + 1:
-            detail = f"report {report.seq} comes before {mission.report_seq + 1}"
-            raise Conflict("NOT_YET", detail)
-        return report.seq == mission.report_seq + 1
+        elif report.seq > last:
+            raise Conflict("NOT_YET", f"report {report.seq} comes before {last + 1}")
 
     def _refuse_if_not_yet(self, delivery: Delivery, report: MissionReport) -> None:
         """A mission that is still to be planned here is one of the attempt that is due."""
@@ -62,7 +61,6 @@ class Follower:
     async def _apply(self, tx: Tx, delivery: Delivery, report: MissionReport) -> None:
         progress = after_report(delivery, report)
         await keep(tx, self.events, delivery, progress)
-        await store.note_report(tx, report)
         if report.kind == "REFUSED" and progress.delivery.is_queued:
             # Its patience begins anew: the drone that refused has used some of it up.
             until = give_up_at(delivery.request, self.clock)

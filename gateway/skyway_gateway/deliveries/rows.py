@@ -55,7 +55,6 @@ def new_delivery(queued: Queued) -> Values:
         "created_ms": moment_to_ms(delivery.created_at),
         "give_up_ms": moment_to_ms(queued.give_up_at),
         "offer": delivery.offer and delivery.offer.model_dump_json(),
-        "last_sequence": 0,
         "traceparent": queued.traceparent,
         "next_try_wall_ms": 0,
         **changing(delivery),
@@ -114,12 +113,12 @@ def package_values(package: PackageStatus) -> dict[str, object]:
     }
 
 
-def custody_row(delivery: Delivery, package: PackageStatus, *, seq: int) -> dict[str, object]:
-    """One more link of a package's chain of custody."""
+def first_custody_row(delivery: Delivery, package: PackageStatus) -> dict[str, object]:
+    """The first link of a package's chain of custody."""
     return {
         "delivery_id": delivery.delivery_id,
         "package_id": package.package_id,
-        "seq": seq,
+        "seq": 1,
         "custodian_kind": package.custodian.kind,
         "custodian_id": package.custodian.id,
         "at_ms": moment_to_ms(delivery.updated_at),

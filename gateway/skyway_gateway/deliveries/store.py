@@ -5,16 +5,16 @@ Any, for rows: their columns are of every type.
 
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, Final
 
-from sqlalchemy import BindParameter, Row, and_, bindparam, exists, insert, select, update
+from sqlalchemy import BigInteger, Row, and_, bindparam, exists, insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.mission import MissionReport
 from skyway.ids import DeliveryId, MissionId
+from skyway.runtime.among import among
 from skyway.runtime.claims import FREE, NOW_MS, Claiming
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database, Tx
@@ -28,6 +28,8 @@ from skyway_gateway.deliveries.states import (
     UNDER_WAY_STATES,
     may_follow,
 )
+from skyway_gateway.notifications.events import Place
+from skyway_gateway.notifications.store import HAS_WEBHOOKS
 from skyway_gateway.tables import custody, deliveries, missions, packages
 
 #: As long as one booking may take, seconds of wall time. Two that book the same are answered the
@@ -43,50 +45,70 @@ _CLAIMING: Final = Claiming.of(
 )
 _THIS: Final = deliveries.c.delivery_id == bindparam("this")
 _LOCKED: Final = select(deliveries).where(_THIS).with_for_update()
-_SAVE: Final = update(deliveries).where(
-    _THIS,
-    deliveries.c.state == bindparam("state_before"),
-    deliveries.c.attempt == bindparam("attempt_before"),
+_ADD: Final = insert(deliveries).returning(HAS_WEBHOOKS)
+_SAVE: Final = (
+    update(deliveries)
+    .where(
+        _THIS,
+        deliveries.c.state == bindparam("state_before"),
+        deliveries.c.attempt == bindparam("attempt_before"),
+    )
+    .values(last_sequence=deliveries.c.last_sequence + bindparam("new_events"))
+    .returning(deliveries.c.last_sequence, HAS_WEBHOOKS)
 )
-_IDS: Final[BindParameter[Sequence[str]]] = bindparam("ids", expanding=True)
 _PACKAGES: Final = (
-    select(packages).where(packages.c.delivery_id.in_(_IDS)).order_by(packages.c.number)
+    select(packages).where(among(packages.c.delivery_id, "ids")).order_by(packages.c.number)
 )
 #: A refused mission was never flown, and is told in `refusals`.
 _MISSIONS: Final = (
     select(missions.c.delivery_id, missions.c.body)
-    .where(missions.c.delivery_id.in_(_IDS), missions.c.state != "REFUSED")
+    .where(among(missions.c.delivery_id, "ids"), missions.c.state != "REFUSED")
     .order_by(missions.c.attempt, missions.c.trip)
 )
-_SAVE_PACKAGE: Final = (
+_ADD_PACKAGES: Final = insert(packages)
+_THIS_PACKAGE: Final = and_(
+    packages.c.delivery_id == bindparam("this"),
+    packages.c.package_id == bindparam("this_package"),
+)
+_SAVE_PACKAGES: Final = (
     update(packages)
-    .where(
-        packages.c.delivery_id == bindparam("this"),
-        packages.c.package_id == bindparam("this_package"),
-    )
+    .where(_THIS_PACKAGE)
     .values(custody_seq=packages.c.custody_seq + bindparam("moves"))
-    .returning(packages.c.custody_seq)
+)
+_ADD_CUSTODY: Final = insert(custody)
+#: The next link of a package's chain: whose it is now, under the number that its row counts.
+_HAND_OVER: Final = insert(custody).from_select(
+    [each.name for each in custody.columns],
+    select(
+        packages.c.delivery_id,
+        packages.c.package_id,
+        packages.c.custody_seq,
+        packages.c.custodian_kind,
+        packages.c.custodian_id,
+        bindparam("at_ms", type_=BigInteger),
+    ).where(_THIS_PACKAGE),
 )
 _THIS_MISSION: Final = missions.c.mission_id == bindparam("this")
+_ADD_MISSIONS: Final = insert(missions)
 _SAVE_MISSION: Final = update(missions).where(_THIS_MISSION)
-_REPORTED: Final = select(missions.c.mission_id, missions.c.report_seq).where(_THIS_MISSION)
+_APPLY_NEXT: Final = update(missions).where(
+    _THIS_MISSION, missions.c.report_seq == bindparam("seq_before")
+)
+_REPORTED: Final = select(missions.c.report_seq).where(_THIS_MISSION)
 
 
-@dataclass(frozen=True, slots=True)
-class ReportedMission:
-    """How far a mission's reports are applied."""
+async def add(tx: Tx, queued: Queued, *, new_events: int) -> Place:
+    """Keep a new delivery: from now on it is in the queue, and its packages are in custody.
 
-    mission_id: MissionId
-    report_seq: int
-
-
-async def add(tx: Tx, queued: Queued) -> None:
-    """Keep a new delivery: from now on it is in the queue, and its packages are in custody."""
+    The place of its first events, which count as told.
+    """
     delivery = queued.delivery
-    await tx.execute(insert(deliveries), rows.new_delivery(queued))
-    await tx.execute(insert(packages), rows.new_packages(delivery))
-    first_links = [rows.custody_row(delivery, package, seq=1) for package in delivery.packages]
-    await tx.execute(insert(custody), first_links)
+    values = {**rows.new_delivery(queued), "last_sequence": new_events}
+    has_webhooks = await tx.execute(_ADD, {**values, "listener": delivery.customer_id})
+    await tx.execute(_ADD_PACKAGES, rows.new_packages(delivery))
+    first_links = [rows.first_custody_row(delivery, package) for package in delivery.packages]
+    await tx.execute(_ADD_CUSTODY, first_links)
+    return Place(0, has_webhooks.scalar_one())
 
 
 async def claim_queued(
@@ -154,50 +176,71 @@ async def lock(tx: Tx, delivery_id: DeliveryId) -> Delivery:
     return delivery
 
 
-async def save(tx: Tx, before: Delivery, after: Delivery) -> None:
-    """Write what changed of a locked delivery."""
+async def save(tx: Tx, before: Delivery, after: Delivery, *, new_events: int) -> Place:
+    """Write what changed of a locked delivery; the place of new events, which count as told."""
     if not may_follow(after.state, before.state):
         raise RuntimeError(f"a delivery never goes from {before.state} to {after.state}")
     this = {
         "this": before.delivery_id,
         "state_before": before.state,
         "attempt_before": before.attempt,
+        "new_events": new_events,
+        "listener": before.customer_id,
     }
     values = rows.changing(after)
     if (before.attempt, before.is_queued) != (after.attempt, after.is_queued):
         # What is to be booked is another thing now, to be looked at at once.
         values |= {"next_try_wall_ms": 0, **FREE}
-    if (await tx.execute(_SAVE, {**this, **values})).rowcount != 1:
+    saved = (await tx.execute(_SAVE, {**this, **values})).one_or_none()
+    if saved is None:
         raise RuntimeError(f"delivery {before.delivery_id} was not locked when it was changed")
-    for package, changed in zip(before.packages, after.packages, strict=True):
-        if changed != package:
-            await _save_package(
-                tx, after, changed, has_moved=changed.custodian != package.custodian
-            )
+    await _save_packages(tx, before, after)
     await _save_missions(tx, before.missions, after.missions)
+    return Place(saved.last_sequence - new_events, saved.has_webhooks)
+
+
+async def _save_packages(tx: Tx, before: Delivery, after: Delivery) -> None:
+    pairs = [*zip(before.packages, after.packages, strict=True)]
+    moved = [new for old, new in pairs if new.custodian != old.custodian]
+    changed = [
+        {**_this_package(after, new), "moves": int(new in moved), **rows.package_values(new)}
+        for old, new in pairs
+        if new != old
+    ]
+    if changed:
+        await tx.execute(_SAVE_PACKAGES, changed)
+    if moved:
+        at = {"at_ms": moment_to_ms(after.updated_at)}
+        await tx.execute(_HAND_OVER, [{**_this_package(after, new), **at} for new in moved])
+
+
+def _this_package(delivery: Delivery, package: PackageStatus) -> dict[str, object]:
+    return {"this": delivery.delivery_id, "this_package": package.package_id}
 
 
 async def _save_missions(
     tx: Tx, before: Sequence[FlownMission], after: Sequence[FlownMission]
 ) -> None:
     known = {mission.mission_id: mission for mission in before}
+    new = [rows.mission_row(mission) for mission in after if mission.mission_id not in known]
+    if new:
+        await tx.execute(_ADD_MISSIONS, new)
     for mission in after:
-        if mission.mission_id not in known:
-            await tx.execute(insert(missions), rows.mission_row(mission))
-        elif mission != known[mission.mission_id]:
+        if mission != known.get(mission.mission_id, mission):
             values = {"this": mission.mission_id, **rows.mission_values(mission)}
             await tx.execute(_SAVE_MISSION, values)
 
 
-async def reported_mission(tx: Tx, mission_id: MissionId) -> ReportedMission | None:
-    """How far a mission's reports are applied; None for a mission that is not known yet."""
-    row = (await tx.execute(_REPORTED, {"this": mission_id})).one_or_none()
-    return None if row is None else ReportedMission(row.mission_id, row.report_seq)
+async def take_report(tx: Tx, report: MissionReport) -> bool:
+    """Note a report that is the next one of its mission; False when it is not."""
+    this = {"this": report.mission_id, "seq_before": report.seq - 1}
+    return (await tx.execute(_APPLY_NEXT, {**this, **rows.reported(report)})).rowcount == 1
 
 
-async def note_report(tx: Tx, report: MissionReport) -> None:
-    """Note that a mission's reports are applied up to this one."""
-    await tx.execute(_SAVE_MISSION, {"this": report.mission_id, **rows.reported(report)})
+async def last_report(tx: Tx, mission_id: MissionId) -> int | None:
+    """The number of a mission's last report; None for a mission that is not known yet."""
+    found: int | None = (await tx.execute(_REPORTED, {"this": mission_id})).scalar()
+    return found
 
 
 async def overdue(
@@ -227,20 +270,8 @@ async def with_parts(
     for row in await connection.execute(_PACKAGES, {"ids": ids}):
         packed[row.delivery_id].append(rows.package_of(row))
     flown: dict[str, list[FlownMission]] = defaultdict(list)
-    for row in await connection.execute(_MISSIONS, {"ids": ids}):
+    # Most that is booked or cancelled early was never booked before: there is nothing to look for.
+    booked = [row.delivery_id for row in found if row.state != "REQUESTED" or row.attempt > 1]
+    for row in await connection.execute(_MISSIONS, {"ids": booked}) if booked else ():
         flown[row.delivery_id].append(FlownMission.read(row.body))
     return [rows.delivery_of(row, packed[row.delivery_id], flown[row.delivery_id]) for row in found]
-
-
-async def _save_package(
-    tx: Tx, delivery: Delivery, package: PackageStatus, *, has_moved: bool
-) -> None:
-    values = {
-        "this": delivery.delivery_id,
-        "this_package": package.package_id,
-        "moves": int(has_moved),
-        **rows.package_values(package),
-    }
-    seq: int = (await tx.execute(_SAVE_PACKAGE, values)).scalar_one()
-    if has_moved:
-        await tx.execute(insert(custody), rows.custody_row(delivery, package, seq=seq))

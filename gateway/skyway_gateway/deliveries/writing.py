@@ -27,11 +27,13 @@ async def write(db: Database, events: Events, delivery_id: DeliveryId, *, change
 
 async def keep(tx: Tx, events: Events, before: Delivery, progress: Progress) -> None:
     """Keep what became of a locked delivery, and tell it."""
-    if progress.delivery != before:
-        await store.save(tx, before, progress.delivery)
+    if progress.delivery == before and not progress.happenings:
+        return
+    place = await store.save(tx, before, progress.delivery, new_events=len(progress.happenings))
     await events.tell(
         tx,
         progress.happenings,
+        place,
         delivery_id=before.delivery_id,
         customer_id=before.customer_id,
     )

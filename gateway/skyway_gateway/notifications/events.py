@@ -1,4 +1,4 @@
-"""The only writer of an event's sequence: what is told, is told to every channel at once.
+"""The only writer of events: what is told, is told to every channel at once.
 
 The event, its webhook notifications and its MQTT message are rows of the transaction of the fact
 that they tell, so that there is never one without the others.
@@ -32,6 +32,17 @@ class Happening:
     data: dict[str, Any] = field(default_factory=dict)
 
 
+@dataclass(frozen=True, slots=True)
+class Place:
+    """Where new events of a delivery stand: which is the last before them, and who listens.
+
+    The row of the delivery counts its events; whoever writes that row takes their place.
+    """
+
+    after: int
+    has_webhooks: bool
+
+
 class Events:
     """Writes events; `webhooks` is set when there is something to notify."""
 
@@ -45,6 +56,7 @@ class Events:
         self,
         tx: Tx,
         happenings: Sequence[Happening],
+        place: Place,
         *,
         delivery_id: DeliveryId,
         customer_id: SubjectId,
@@ -52,22 +64,20 @@ class Events:
         """Tell the customer what happened, in this order, once the transaction is committed."""
         if not happenings:
             return
-        last = await store.take_sequences(tx, delivery_id, count=len(happenings))
-        first = last - len(happenings) + 1
         events = [
             self._event(happening, delivery_id, sequence)
-            for sequence, happening in enumerate(happenings, start=first)
+            for sequence, happening in enumerate(happenings, start=place.after + 1)
         ]
-        await store.add_events(tx, events, recorded_at=self._clock.wall_now())
-        has_webhooks = await store.notify_webhooks(
-            tx, events, customer_id=customer_id, at=self._clock.wall_now()
-        )
+        wall_now = self._clock.wall_now()
+        await store.add_events(tx, events, recorded_at=wall_now)
+        if place.has_webhooks and await store.notify_webhooks(
+            tx, events, customer_id=customer_id, at=wall_now
+        ):
+            tx.after_commit(self._webhooks.set)
         for event in events:
             address = DELIVERY_EVENTS(customer_id, delivery_id)
             tx.send(address, event, confirmed_by="broker", stream=delivery_id)
         tx.after_commit(lambda: self._announce(delivery_id, events))
-        if has_webhooks:
-            tx.after_commit(self._webhooks.set)
 
     def _announce(self, delivery_id: DeliveryId, events: Sequence[DeliveryEvent]) -> None:
         self._news.ring(delivery_id)

@@ -37,7 +37,6 @@ from skyway_gateway.notifications.webhook import (
     WebhookAttempt,
 )
 from skyway_gateway.tables import (
-    deliveries,
     events,
     notifications,
     webhook_attempts,
@@ -49,22 +48,16 @@ _LEASE_S: Final = 20.0
 
 # Statements of every event are made once: to make one takes as long as to run it.
 
-_TAKE_SEQUENCES: Final = (
-    update(deliveries)
-    .where(deliveries.c.delivery_id == bindparam("this"))
-    .values(last_sequence=deliveries.c.last_sequence + bindparam("count"))
-    .returning(deliveries.c.last_sequence)
+#: Whether a customer has webhooks: told by the statement that counts the delivery's new events.
+HAS_WEBHOOKS: Final = (
+    exists()
+    .where(webhooks.c.customer_id == bindparam("listener"), webhooks.c.state == "ACTIVE")
+    .label("has_webhooks")
 )
+_ADD_EVENTS: Final = insert(events)
 _LISTENING: Final = select(webhooks.c.webhook_id, webhooks.c.event_types).where(
     webhooks.c.customer_id == bindparam("customer_id"), webhooks.c.state == "ACTIVE"
 )
-
-
-async def take_sequences(tx: Tx, delivery_id: DeliveryId, *, count: int) -> int:
-    """The last of `count` new sequences of a delivery; its row stays locked until the commit."""
-    values = {"this": delivery_id, "count": count}
-    last: int = (await tx.execute(_TAKE_SEQUENCES, values)).scalar_one()
-    return last
 
 
 async def add_events(tx: Tx, new: Sequence[DeliveryEvent], *, recorded_at: datetime) -> None:
@@ -80,7 +73,7 @@ async def add_events(tx: Tx, new: Sequence[DeliveryEvent], *, recorded_at: datet
         }
         for event in new
     ]
-    await tx.execute(insert(events), rows)
+    await tx.execute(_ADD_EVENTS, rows)
 
 
 async def notify_webhooks(
