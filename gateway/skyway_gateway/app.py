@@ -29,6 +29,7 @@ from skyway.runtime.migrations import migrate
 from skyway.runtime.minting import mint
 from skyway.runtime.mqtt import MqttClient
 from skyway.runtime.outbox import MqttSender, ReportSender
+from skyway_gateway.access.drone_keys import DroneKeys
 from skyway_gateway.access.keys import Keys
 from skyway_gateway.access.known_keys import KnownKeys
 from skyway_gateway.access.routes import KeyGate, key_routes
@@ -298,7 +299,7 @@ def build_parts(
         composition=composition,
         networks=KnownNetworks(composition),
         known_keys=known_keys,
-        gate=KeyGate(known_keys),
+        gate=KeyGate(known_keys, DroneKeys(registry)),
         services=ServiceGate(settings.secrets_dir, allowed=("composition",)),
         keys=Keys(
             db,

@@ -5,6 +5,7 @@ from typing import Annotated, Final, Protocol
 from pydantic import Field
 
 from skyway.contracts.candidate import CandidateQuery, PayloadLimit, PayloadLimitQuery
+from skyway.contracts.drone_key import DroneKeyAnswer, DroneKeyQuery
 from skyway.contracts.mission import (
     Booking,
     BookMissions,
@@ -16,7 +17,7 @@ from skyway.contracts.quote import QuoteAnswer, QuoteQuery
 from skyway.contracts.shortlist import Candidates
 from skyway.contracts.station_check import NetworkStations, StationCheck, StationCheckQuery
 from skyway.contracts.track import Track
-from skyway.ids import DeliveryId, NetworkId, SubjectId
+from skyway.ids import DeliveryId, DroneId, NetworkId, SubjectId
 from skyway.json_model import WireModel
 from skyway.runtime.http import ServiceClient
 
@@ -97,6 +98,14 @@ class RestRegistry:
         """Open a broker account, or give it another password."""
         body = _BrokerPassword(password=password)
         await self._client.call("PUT", f"/internal/broker-accounts/{user_name}", body=body)
+
+    async def drone_of(self, key_hash: str) -> DroneId | None:
+        """The drone whose key this is; None when it is nobody's, or not any more."""
+        query = DroneKeyQuery(key_hash=key_hash)
+        answer = await self._client.call(
+            "POST", "/internal/drone-keys", body=query, answer=DroneKeyAnswer
+        )
+        return answer.drone_id
 
     async def close_account(self, user_name: SubjectId) -> None:
         """Close a broker account; one that is not there is closed already."""

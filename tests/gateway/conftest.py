@@ -77,6 +77,7 @@ class Gateway:
     other: dict[str, str] = field(default_factory=dict)
     provider: dict[str, str] = field(default_factory=dict)
     operator: dict[str, str] = field(default_factory=dict)
+    drone: dict[str, str] = field(default_factory=dict)
 
     async def post(self, body: object, **headers: str) -> httpx.Response:
         """POST /v1/deliveries as the customer."""
@@ -250,6 +251,8 @@ async def _make_callers(gateway: Gateway) -> None:
             secret = f"sk_{name}"
             await add_key(tx, key, key_hash=secret_hash(secret), is_account_open=True)
             setattr(gateway, name, {"Authorization": f"Bearer {secret}"})
+    gateway.registry.drone_keys[secret_hash("dk_drone")] = "drn_1"
+    gateway.drone = {"Authorization": "Bearer dk_drone"}
 
 
 @pytest.fixture

@@ -15,6 +15,7 @@ from skyway.contracts.candidate import (
     PayloadLimitQuery,
     ProviderReason,
 )
+from skyway.contracts.drone_key import DroneKeyAnswer, DroneKeyQuery
 from skyway.contracts.mission import (
     BookMissions,
     CancelMissions,
@@ -71,6 +72,7 @@ class FakeRegistry:
     is_away: bool = False
     queries: list[CandidateQuery] = field(default_factory=list)
     accounts: dict[str, str] = field(default_factory=dict)
+    drone_keys: dict[str, str] = field(default_factory=dict)
 
     async def candidates(self, query: CandidateQuery) -> Candidates:
         self._answer()
@@ -89,6 +91,10 @@ class FakeRegistry:
     async def close_account(self, user_name: str) -> None:
         self._answer()
         self.accounts.pop(user_name, None)
+
+    async def drone_of(self, query: DroneKeyQuery) -> DroneKeyAnswer:
+        self._answer()
+        return DroneKeyAnswer(drone_id=self.drone_keys.get(query.key_hash))
 
     def _answer(self) -> None:
         if self.is_away:
@@ -149,6 +155,10 @@ class Peers:
                 lambda request, name: registry.open_account(
                     name, password=json.loads(request.content)["password"]
                 ),
+            ),
+            (
+                "registry POST /internal/drone-keys()",
+                lambda request, _: registry.drone_of(DroneKeyQuery.read(request.content)),
             ),
             (f"registry DELETE {account}", lambda _, name: registry.close_account(name)),
             (

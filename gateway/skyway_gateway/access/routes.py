@@ -5,25 +5,28 @@ from typing import Annotated
 from fastapi import APIRouter, Depends, Header, Query, Request, Response
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 
+from skyway.contracts.drone_key import DRONE_KEY_PREFIX
 from skyway.ids import KeyId, SubjectId
 from skyway.runtime.database import Database
 from skyway.runtime.errors import Unauthenticated
 from skyway.runtime.identity import Caller
 from skyway.runtime.paging import Page, PageQuery, page_of
 from skyway_gateway.access import store
+from skyway_gateway.access.drone_keys import DroneKeys
 from skyway_gateway.access.key import ApiKey, IssuedKey, KeyRole, NewKey
 from skyway_gateway.access.keys import Keys
 from skyway_gateway.access.known_keys import KnownKeys
 from skyway_gateway.access.store import KeyFilter
 
-_bearer = HTTPBearer(auto_error=False, description="an API key: sk_...")
+_bearer = HTTPBearer(auto_error=False, description="an API key: sk_..., or a drone's: dk_...")
 
 
 class KeyGate:
     """A dependency that lets only known keys in, and gives whose they are."""
 
-    def __init__(self, known: KnownKeys) -> None:
+    def __init__(self, known: KnownKeys, drones: DroneKeys) -> None:
         self._known = known
+        self._drones = drones
 
     async def __call__(
         self,
@@ -33,9 +36,10 @@ class KeyGate:
         """The caller whose key is shown."""
         if shown is None:
             raise Unauthenticated("an API key is needed: Authorization: Bearer sk_...")
-        caller = await self._known.caller_of(shown.credentials)
+        is_drones = shown.credentials.startswith(DRONE_KEY_PREFIX)
+        caller = await (self._drones if is_drones else self._known).caller_of(shown.credentials)
         if caller is None:
-            raise Unauthenticated("this API key is not known, or was deleted")
+            raise Unauthenticated("this API key is not known, or was withdrawn")
         # The audit trail, which sees the request from outside, asks who it was.
         request.state.caller = caller
         return caller

@@ -29,7 +29,7 @@ def forward_routes(*, gate: KeyGate, clients: Mapping[str, ServiceClient]) -> AP
     for row in FORWARDED:
         router.add_api_route(
             row.path,
-            _passing_on(row, gate, clients[row.service]),
+            _handler(row, gate, clients[row.service]),
             methods=[row.method],
             operation_id=row.operation_id,
             tags=[row.service],
@@ -41,18 +41,24 @@ def forward_routes(*, gate: KeyGate, clients: Mapping[str, ServiceClient]) -> AP
     return router
 
 
-def _passing_on(
+def _handler(
     row: Forwarded, gate: KeyGate, client: ServiceClient
 ) -> Callable[..., Awaitable[Response]]:
-    async def pass_on(request: Request, caller: Annotated[Caller, Depends(gate)]) -> Response:
-        caller.must_be(*row.roles)
-        _refuse_foreign(caller, request)
+    async def pass_on(request: Request, caller: Caller | None) -> Response:
         path = request.scope["path"]
         return await while_wanted(
             request, lambda read: client.forward(read, path, caller, timeout_s=row.timeout_s)
         )
 
-    return pass_on
+    async def for_caller(request: Request, caller: Annotated[Caller, Depends(gate)]) -> Response:
+        caller.must_be(*row.roles)
+        _refuse_foreign(caller, request)
+        return await pass_on(request, caller)
+
+    async def for_anybody(request: Request) -> Response:
+        return await pass_on(request, None)
+
+    return for_caller if row.roles else for_anybody
 
 
 def provider_routes(

@@ -12,7 +12,10 @@ Method = Literal["GET", "POST", "PUT", "PATCH", "DELETE"]
 Service = Literal["registry", "composition"]
 
 _ANY: Final[tuple[CallerRole, ...]] = ("customer", "provider", "operator")
+_ANY_OR_DRONE: Final[tuple[CallerRole, ...]] = (*_ANY, "drone")
 _FLEETS: Final[tuple[CallerRole, ...]] = ("provider", "operator")
+_FLEETS_OR_DRONE: Final[tuple[CallerRole, ...]] = (*_FLEETS, "drone")
+_DRONE: Final[tuple[CallerRole, ...]] = ("drone",)
 _OPERATOR: Final[tuple[CallerRole, ...]] = ("operator",)
 
 #: Bytes and wall seconds for what is large or heavy (decisions.md, Processes).
@@ -27,7 +30,10 @@ _JSON: Final[Mapping[str, Any]] = {"application/json": {"schema": {}}}
 
 @dataclass(frozen=True, slots=True)
 class Forwarded:
-    """One call: who answers it, and who may make it. `{provider_id}` is a provider's own only."""
+    """One call: who answers it, and who may make it. `{provider_id}` is a provider's own only.
+
+    Without roles nobody has to say who they are: the body holds the proof.
+    """
 
     method: Method
     path: str
@@ -127,7 +133,11 @@ FORWARDED: Final[tuple[Forwarded, ...]] = (
         "GET", "/v1/providers/{provider_id}/drones", "registry", _FLEETS, "List a fleet's drones"
     ),
     Forwarded(
-        "GET", "/v1/providers/{provider_id}/drones/{drone_id}", "registry", _FLEETS, "Show a drone"
+        "GET",
+        "/v1/providers/{provider_id}/drones/{drone_id}",
+        "registry",
+        _FLEETS_OR_DRONE,
+        "Show a drone",
     ),
     Forwarded(
         "PATCH",
@@ -143,6 +153,38 @@ FORWARDED: Final[tuple[Forwarded, ...]] = (
         _FLEETS,
         "Remove a drone",
         statuses=(204,),
+    ),
+    Forwarded(
+        "POST",
+        "/v1/providers/{provider_id}/drones/{drone_id}/enrolment-tokens",
+        "registry",
+        _FLEETS,
+        "Make another enrolment token for a drone",
+        statuses=(201,),
+    ),
+    Forwarded(
+        "DELETE",
+        "/v1/providers/{provider_id}/drones/{drone_id}/credentials",
+        "registry",
+        _FLEETS,
+        "Cut a drone off: its password and key stop at once",
+        statuses=(204,),
+    ),
+    Forwarded(
+        "POST",
+        "/v1/enrolments",
+        "registry",
+        (),
+        "Exchange an enrolment token, once, for a drone's credentials; no bearer",
+        statuses=(201,),
+    ),
+    Forwarded(
+        "POST",
+        "/v1/enrolments/rotations",
+        "registry",
+        _DRONE,
+        "New credentials for the calling drone; the old ones stop when the new key is first used",
+        statuses=(201,),
     ),
     Forwarded("GET", "/v1/networks", "composition", _ANY, "List skyway networks"),
     Forwarded(
@@ -168,14 +210,22 @@ FORWARDED: Final[tuple[Forwarded, ...]] = (
         "GET", "/v1/networks/{network_id}/versions", "composition", _ANY, "List its versions"
     ),
     Forwarded(
-        "GET", "/v1/networks/{network_id}/stations", "composition", _ANY, "List its stations"
+        "GET",
+        "/v1/networks/{network_id}/stations",
+        "composition",
+        _ANY_OR_DRONE,
+        "List its stations, or those around a point",
     ),
     Forwarded(
         "GET", "/v1/networks/{network_id}/segments", "composition", _ANY, "List its segments"
     ),
     Forwarded("GET", "/v1/networks/{network_id}/zones", "composition", _ANY, "List its zones"),
     Forwarded(
-        "GET", "/v1/stations/{station_id}/pads", "composition", _ANY, "Show who holds which pad"
+        "GET",
+        "/v1/stations/{station_id}/pads",
+        "composition",
+        _ANY_OR_DRONE,
+        "Show who holds which pad",
     ),
     Forwarded(
         "GET",
@@ -193,9 +243,13 @@ FORWARDED: Final[tuple[Forwarded, ...]] = (
         limit_bytes=_NETWORK_BYTES,
         timeout_s=_HEAVY_S,
     ),
-    Forwarded("GET", "/v1/missions", "composition", _FLEETS, "List missions"),
+    Forwarded("GET", "/v1/missions", "composition", _FLEETS_OR_DRONE, "List missions"),
     Forwarded(
-        "GET", "/v1/missions/{mission_id}", "composition", _FLEETS, "Show a mission's progress"
+        "GET",
+        "/v1/missions/{mission_id}",
+        "composition",
+        _FLEETS_OR_DRONE,
+        "Show a mission's progress",
     ),
     Forwarded(
         "POST",
