@@ -22,12 +22,7 @@ _PACK: Final = BatteryPack()
 
 def reading_of(physics: Physics, doing: StepRun | Standing, at: datetime) -> Reading:
     """What the sensors show at this moment; without disturbances exactly what is."""
-    sample = _sample_of(physics, doing, at)
-    true = _electric_reading(physics, sample, at)
-    true = replace(true, load_kg=doing.load_kg)
-    velocity = _velocity_mps(doing, sample.speed_mps)
-    air = _air_mps(physics.disturbances, velocity, position=sample.position, at=at)
-    true = replace(true, ground_mps=velocity, air_mps=air)
+    true = _true_reading(physics, doing, at)
     if isinstance(doing, StepRun):
         true = _with_faults(true, doing, physics=physics, at=at)
     if not physics.disturbances.sensors.err:
@@ -41,7 +36,9 @@ def _sample_of(physics: Physics, doing: StepRun | Standing, at: datetime) -> Sam
     return Sample(doing.position, doing.soc, power_w=0.0, speed_mps=0.0)
 
 
-def _electric_reading(physics: Physics, sample: Sample, at: datetime) -> Reading:
+def _true_reading(physics: Physics, doing: StepRun | Standing, at: datetime) -> Reading:
+    sample = _sample_of(physics, doing, at)
+    ground_mps = _velocity_mps(doing, sample.speed_mps)
     battery, sensors = physics.disturbances.battery, physics.disturbances.sensors
     pack, spread_v = _PACK, 0.0
     if physics.is_worn:
@@ -55,14 +52,15 @@ def _electric_reading(physics: Physics, sample: Sample, at: datetime) -> Reading
     return Reading(
         at=at,
         position=sample.position,
-        ground_mps=(0.0, 0.0),
-        air_mps=(0.0, 0.0),
+        ground_mps=ground_mps,
+        air_mps=_air_mps(physics.disturbances, ground_mps, position=sample.position, at=at),
         voltage_v=voltage_v,
         current_a=current_a * gain,
         consumed_j=(1.0 - sample.soc) * physics.battery_j * gain,
         cell_low_v=voltage_v / pack.cells - spread_v / 2,
         cell_high_v=voltage_v / pack.cells + spread_v / 2,
         temperature_c=battery.temperature_c,
+        load_kg=doing.load_kg,
     )
 
 
