@@ -110,12 +110,12 @@ def mission_routes(*, db: Database, gate: ServiceGate, bookings: Bookings) -> AP
     async def list_missions(
         caller: Annotated[Caller, Depends(gate)], query: Annotated[MissionQuery, Query()]
     ) -> Page[Mission]:
-        """Missions, the newest first: all for operators, its own for a provider."""
+        """Missions, the newest first: all for operators, its own for a provider or a drone."""
         shown = MissionFilter(
             provider_id=_own(caller),
             state=query.state,
             delivery_id=query.delivery_id,
-            drone_id=query.drone_id,
+            drone_id=_own_drone(caller) or query.drone_id,
             loading=query.loading,
         )
         after = query.after(str)
@@ -140,7 +140,7 @@ def mission_routes(*, db: Database, gate: ServiceGate, bookings: Bookings) -> AP
         """A mission with its progress."""
         async with db.read() as connection:
             record = await store.get(connection, mission_id, provider_id=_own(caller))
-            if record is None:
+            if record is None or _own_drone(caller) not in (None, record.drone_id):
                 raise NotFound("mission", mission_id)
             steps = await store.steps_of(connection, mission_id)
             events = await ended_events(connection, mission_id)
@@ -175,6 +175,11 @@ def _proposed(record: MissionRecord) -> ProposedRevision | None:
 
 
 def _own(caller: Caller) -> ProviderId | None:
-    """The provider whose missions the caller may see; None for operators, who see all."""
-    caller.must_be("operator", "provider")
-    return None if caller.role == "operator" else ProviderId(caller.subject_id)
+    """The provider whose missions the caller may see; None when that is not what decides."""
+    caller.must_be("operator", "provider", "drone")
+    return ProviderId(caller.subject_id) if caller.role == "provider" else None
+
+
+def _own_drone(caller: Caller) -> str | None:
+    """The drone that sees its own missions only; None for everybody else."""
+    return caller.subject_id if caller.role == "drone" else None

@@ -76,15 +76,16 @@ class PreparedNetworks:
 
     async def around(self, station_id: StationId) -> PreparedNetwork | None:
         """The current version of the network that has this station; None when none has."""
-        for network_id, versions in [*self._kept.items()]:
-            if any(station_id in each.network.row_of for each in versions.values()):
-                skyway = await self.current(network_id)
-                # A station is in one network only, and has moved if it is no longer in this one.
-                if station_id in skyway.network.row_of:
-                    return skyway
+        present = await self.present_around(station_id)
+        return None if present is None else present[0]
+
+    async def present_around(self, station_id: StationId) -> tuple[PreparedNetwork, int] | None:
+        """The same with the number of its conditions, both as they were at one moment."""
         async with self._db.read() as connection:
-            found = await store.network_of(connection, station_id)
-        return None if found is None else await self.current(found)
+            found = await store.present_around(connection, station_id)
+        if found is None:
+            return None
+        return await self.version(found.network_id, found.version), found.conditions
 
     async def version(self, network_id: NetworkId, version: int) -> PreparedNetwork:
         """One version of a network.

@@ -4,7 +4,7 @@ from datetime import datetime
 from typing import Annotated, Any, Final, Literal
 
 from fastapi import APIRouter, Depends, Header, Query, Request, Response
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from skyway.contracts.station_check import NetworkStations, StationCheck, StationCheckQuery
 from skyway.errors import InvalidNetwork
@@ -22,6 +22,7 @@ from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.closures.impact import Impact
 from skyway_composition.networks import store
 from skyway_composition.networks.all_stations import all_stations
+from skyway_composition.networks.box import Box
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.networks.publish import etag, publish, read_content
 from skyway_composition.networks.station_check import check_stations
@@ -75,6 +76,26 @@ class ZoneInfo(JsonModel):
     coordinates: tuple[tuple[Position, ...], ...]
     active_from: datetime | None
     active_until: datetime | None
+
+
+class StationQuery(PageQuery):
+    """Which stations a list shows: all, or those in a box."""
+
+    bbox: Annotated[
+        str | None, Field(max_length=100, description="west,south,east,north in degrees")
+    ] = None
+
+    @field_validator("bbox")
+    @classmethod
+    def _is_a_box(cls, value: str | None) -> str | None:
+        if value is not None:
+            Box.parse(value)
+        return value
+
+    @property
+    def box(self) -> Box | None:
+        """The box; None for all stations."""
+        return None if self.bbox is None else Box.parse(self.bbox)
 
 
 class VersionQuery(JsonModel):
@@ -185,15 +206,19 @@ def network_routes(
     async def list_stations(
         network_id: NetworkId,
         caller: Annotated[Caller, Depends(gate)],
-        query: Annotated[PageQuery, Query()],
+        query: Annotated[StationQuery, Query()],
     ) -> Page[StationInfo]:
-        """The stations of the current version, by id."""
-        _must_be_somebody(caller)
+        """The stations of the current version, by id; those in a `bbox` if one is given."""
+        caller.must_be("customer", "provider", "operator", "service", "drone")
         await _current(db, network_id)
         after = query.after(str)
         async with db.read() as connection:
             rows = await store.stations_after(
-                connection, network_id, str(after[0]) if after else "", limit=query.limit + 1
+                connection,
+                network_id,
+                str(after[0]) if after else "",
+                box=query.box,
+                limit=query.limit + 1,
             )
         return page_of(rows, query, item=_station, sort_key=lambda row: (row.station_id,))
 

@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from sqlalchemy import Row, bindparam, delete, func, insert, select, update
+from sqlalchemy import ColumnElement, Row, bindparam, delete, func, insert, select, true, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.geo import Position
@@ -12,6 +12,7 @@ from skyway.ids import NetworkId, StationId
 from skyway.network.network import Station
 from skyway.runtime.among import among
 from skyway.runtime.database import Tx
+from skyway_composition.networks.box import Box
 from skyway_composition.tables import network_versions, networks, pad_reservations, stations
 
 # Statements that each booking needs: making them takes longer than running them does.
@@ -20,6 +21,11 @@ _SHARE: Final = (
     select(networks.c.version, networks.c.conditions)
     .where(networks.c.network_id == bindparam("of_network"))
     .with_for_update(read=True)
+)
+_PRESENT_AROUND: Final = (
+    select(networks.c.network_id, networks.c.version, networks.c.conditions)
+    .join(stations, stations.c.network_id == networks.c.network_id)
+    .where(stations.c.station_id == bindparam("of_station"))
 )
 _NETWORK_OF: Final = select(stations.c.network_id).where(
     stations.c.station_id == bindparam("of_station")
@@ -35,6 +41,15 @@ class VersionRow:
     version: int
     sha256: str
     published_ms: int
+
+
+@dataclass(frozen=True, slots=True)
+class Present:
+    """A network as it is now: its version, and the number of its conditions."""
+
+    network_id: NetworkId
+    version: int
+    conditions: int
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,6 +144,13 @@ async def network_of(connection: AsyncConnection, station_id: StationId) -> Netw
     return network_id
 
 
+async def present_around(connection: AsyncConnection, station_id: StationId) -> Present | None:
+    """The network that has this station now, as it is at one moment."""
+    found = await connection.execute(_PRESENT_AROUND, {"of_station": station_id})
+    row = found.one_or_none()
+    return None if row is None else Present(*row)
+
+
 async def stations_named(
     connection: AsyncConnection, station_ids: Collection[StationId]
 ) -> dict[StationId, StationRow]:
@@ -138,12 +160,18 @@ async def stations_named(
 
 
 async def stations_after(
-    connection: AsyncConnection, network_id: NetworkId, station_id: str, *, limit: int
+    connection: AsyncConnection,
+    network_id: NetworkId,
+    station_id: str,
+    *,
+    box: Box | None,
+    limit: int,
 ) -> list[StationRow]:
-    """The stations of a network that follow this id."""
+    """The stations of a network that follow this id, all or those in a box."""
     found = await connection.execute(
         select(stations)
         .where(stations.c.network_id == network_id, stations.c.station_id > station_id)
+        .where(true() if box is None else _lies_in(box))
         .order_by(stations.c.station_id)
         .limit(limit)
     )
@@ -218,6 +246,14 @@ def _parts(station_ids: Sequence[StationId]) -> Iterable[Sequence[StationId]]:
 
 def _version_row(row: Row[*tuple[Any, ...]]) -> VersionRow:
     return VersionRow(row.network_id, row.version, row.sha256, row.published_ms)
+
+
+def _lies_in(box: Box) -> ColumnElement[bool]:
+    (west, south), (east, north) = box.south_west, box.north_east
+    is_east, is_west = stations.c.longitude_deg >= west, stations.c.longitude_deg <= east
+    return stations.c.latitude_deg.between(south, north) & (
+        (is_east | is_west) if box.crosses_date_line else (is_east & is_west)
+    )
 
 
 def _station_row(row: Row[*tuple[Any, ...]]) -> StationRow:

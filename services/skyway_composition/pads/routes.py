@@ -60,7 +60,7 @@ def pad_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> APIRout
         station_id: StationId, caller: Annotated[Caller, Depends(gate)]
     ) -> StationPads:
         """Which pads of a station are taken now."""
-        caller.must_be("customer", "provider", "operator", "service")
+        caller.must_be("customer", "provider", "operator", "service", "drone")
         at = clock.now()
         now_ms = moment_to_ms(at)
         async with db.read() as connection:

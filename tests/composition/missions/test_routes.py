@@ -29,6 +29,17 @@ async def test_a_provider_sees_its_own_missions_only(composition: Any, make: Any
     assert (own.status_code, foreign.status_code) == (200, 404)
 
 
+async def test_a_drone_sees_its_own_missions_only(composition: Any, make: Any) -> None:
+    mine, theirs = await two_missions(composition, make)
+
+    listed = await composition("drone:drn_1", "GET", "/v1/missions?drone_id=drn_2")
+    own = await composition("drone:drn_1", "GET", f"/v1/missions/{mine}")
+    foreign = await composition("drone:drn_1", "GET", f"/v1/missions/{theirs}")
+
+    assert [item["mission_id"] for item in listed.json()["items"]] == [mine]
+    assert (own.status_code, foreign.status_code) == (200, 404)
+
+
 async def test_operators_see_all_missions_and_can_narrow_them(composition: Any, make: Any) -> None:
     mine, theirs = await two_missions(composition, make)
 

@@ -129,6 +129,35 @@ async def test_lists_go_on_where_they_stopped(composition: Any) -> None:
         assert len(seen) == len({str(item) for item in seen}) == length
 
 
+async def test_a_drone_finds_the_stations_in_a_box(composition: Any) -> None:
+    every = (await composition("drone:d", "GET", f"{PATH}/stations")).json()["items"]
+    second = next(item for item in every if item["station_id"] == "b")
+    longitude, latitude = second["position"]
+    around = f"{longitude - 0.001},{latitude - 0.001},{longitude + 0.001},{latitude + 0.001}"
+    over_the_date_line = f"{longitude + 0.001},-90,{longitude - 0.001},90"
+
+    inside = await composition("drone:d", "GET", f"{PATH}/stations?bbox={around}")
+    others = await composition("drone:d", "GET", f"{PATH}/stations?bbox={over_the_date_line}")
+
+    assert inside.json()["items"] == [second]
+    assert [item["station_id"] for item in others.json()["items"]] == ["a", "c", "d", "e"]
+
+
+@pytest.mark.parametrize("bbox", ["", "1,2,3", "1,2,3,x", "0,1,0,0", "0,0,0,91", "nan,0,0,0"])
+async def test_a_box_that_cannot_be_is_named(composition: Any, bbox: str) -> None:
+    answer = await composition("drone:d", "GET", f"{PATH}/stations?bbox={bbox}")
+
+    assert (answer.status_code, answer.json()["errors"][0]["field"]) == (422, "bbox")
+
+
+async def test_a_drone_reads_pads_and_neither_networks_nor_reservations(composition: Any) -> None:
+    paths = ("/v1/stations/b/pads", "/v1/stations/b/reservations", PATH, "/v1/networks")
+
+    answers = [await composition("drone:d", "GET", path) for path in paths]
+
+    assert [answer.status_code for answer in answers] == [200, 403, 403, 403]
+
+
 async def test_a_cursor_of_another_list_is_refused(composition: Any) -> None:
     stations = await composition("operator:op", "GET", f"{PATH}/stations?limit=2")
 
