@@ -18,11 +18,18 @@ class KnownConditions:
     async def read(self, db: Database, *, after_ms: int) -> tuple[int, Conditions]:
         """The number of the present conditions, and those of them that last beyond a moment."""
         async with db.read() as connection:
-            # The number first: what changes between the two reads then looks changed, and is.
             number = await store.conditions_number(connection, self._network_id)
-            if number == self._number:
-                return number, self._conditions
+        return number, await self.numbered(number, db, after_ms=after_ms)
+
+    async def numbered(self, number: int, db: Database, *, after_ms: int) -> Conditions:
+        """The conditions of a number that has just been read.
+
+        What has changed since looks changed to whoever compares the numbers, and is.
+        """
+        if number == self._number:
+            return self._conditions
+        async with db.read() as connection:
             closures = await store.in_force(connection, self._network_id, after_ms=after_ms)
         conditions = Conditions(self._conditions.network, closures)
         self._number, self._conditions = number, conditions
-        return number, conditions
+        return conditions

@@ -18,6 +18,13 @@ from skyway_composition.tables import drone_links, instructions
 #: What the drone has not finally answered.
 _OPEN = ("SENT", "RECEIVED")
 
+#: The states of those among `drone_ids` that say they have a mission, whatever we know of it. Most
+#: drones have none; reading all their states would take longer than planning.
+STATES_WITH_MISSION: Final = select(drone_links.c.drone_id, drone_links.c.state).where(
+    among(drone_links.c.drone_id, "drone_ids"),
+    drone_links.c.state.contains('"mission_id":"', autoescape=True),
+)
+
 # Statements that each booking and each word of a drone needs: making them takes longer than
 # running them does.
 _LINKS_OF: Final = (
@@ -25,11 +32,6 @@ _LINKS_OF: Final = (
     .where(among(drone_links.c.drone_id, "drone_ids"))
     .order_by(drone_links.c.drone_id)
     .with_for_update()
-)
-# Most drones have no mission; reading all their states would take longer than planning.
-_STATES_WITH_MISSION: Final = select(drone_links.c.drone_id, drone_links.c.state).where(
-    among(drone_links.c.drone_id, "drone_ids"),
-    drone_links.c.state.contains('"mission_id":"', autoescape=True),
 )
 _SAVE_LINK: Final = update(drone_links).where(drone_links.c.drone_id == bindparam("of_drone"))
 _ADD_INSTRUCTION: Final = insert(instructions)
@@ -81,16 +83,6 @@ async def link_to(connection: AsyncConnection, drone_id: DroneId) -> DroneLink |
     found = await connection.execute(select(drone_links).where(drone_links.c.drone_id == drone_id))
     row = found.one_or_none()
     return None if row is None else _link(row)
-
-
-async def occupied_among(
-    connection: AsyncConnection, drone_ids: Collection[DroneId]
-) -> frozenset[DroneId]:
-    """Those of these drones that say they have a mission, whatever we know of it."""
-    found = await connection.execute(_STATES_WITH_MISSION, {"drone_ids": [*drone_ids]})
-    return frozenset(
-        row.drone_id for row in found if DroneState.read(row.state).mission_id is not None
-    )
 
 
 async def save_links(tx: Tx, links: Iterable[DroneLink]) -> None:

@@ -14,7 +14,7 @@ from typing import Final
 
 from skyway.contracts.candidate import Candidate, ProviderReason
 from skyway.contracts.mission import Booking, BookMissions, ClosedDelivery
-from skyway.ids import DeliveryId, DroneId, StationId
+from skyway.ids import DeliveryId, DroneId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database, Tx
 from skyway.runtime.errors import Taken
@@ -79,7 +79,8 @@ class Bookings:
                 )
             if booked:
                 return Booking(outcome="BOOKED", missions=booked)
-            world = await self._look(wanted.request.pickup.station_id)
+            pickup, after_ms = wanted.request.pickup.station_id, moment_to_ms(self.clock.now())
+            world = await World.around(pickup, self.networks, db=self.db, after_ms=after_ms)
             if world is None:
                 return pickup_unknown(wanted)
             this_round = self._round(delivery_id, wanted, world, round_number)
@@ -96,19 +97,13 @@ class Bookings:
     async def close(self, delivery_id: DeliveryId) -> ClosedDelivery:
         """Book nothing more for this delivery, unless something is booked already."""
         async with self.db.write() as tx:
-            closed_ms = await lock_delivery(tx, delivery_id)
-            if closed_ms is None:
+            locked = await lock_delivery(tx, delivery_id)
+            if not locked.is_closed:
                 missions = await store.live_missions_of(tx.connection, delivery_id)
                 if missions:
                     return ClosedDelivery(is_closed=False, missions=missions)
                 await close_delivery(tx, delivery_id, moment_to_ms(self.clock.now()))
             return ClosedDelivery(is_closed=True)
-
-    async def _look(self, pickup: StationId) -> World | None:
-        skyway = await self.networks.around(pickup)
-        if skyway is None:
-            return None
-        return await World.of(skyway, self.db, after_ms=moment_to_ms(self.clock.now()))
 
     def _round(
         self, delivery_id: DeliveryId, wanted: BookMissions, world: World, round_number: int
@@ -174,11 +169,13 @@ class Bookings:
         network, drones, missions, pads.
         """
         delivery_id, wanted = this_round.delivery_id, this_round.wanted
-        if await lock_delivery(tx, delivery_id) is not None:
+        locked = await lock_delivery(tx, delivery_id)
+        if locked.is_closed:
             return Booking(outcome="CLOSED")
-        booked = await store.missions_of(tx.connection, delivery_id, attempt=wanted.attempt)
-        if booked:
-            return Booking(outcome="BOOKED", missions=booked)
+        if not locked.is_new:
+            booked = await store.missions_of(tx.connection, delivery_id, attempt=wanted.attempt)
+            if booked:
+                return Booking(outcome="BOOKED", missions=booked)
         # I11: the version is read inside the transaction, and cannot change before it ends.
         world = this_round.finder.world
         starts_too_soon = this_round.finder.start_ms < moment_to_ms(self.clock.now())

@@ -36,12 +36,12 @@ class Quotes:
     async def answer(self, query: QuoteQuery) -> QuoteAnswer:
         """The best offer of each provider, best first, and why the others make none."""
         pickup = query.request.pickup.station_id
-        skyway = await self.networks.around(pickup)
-        if skyway is None:
+        after_ms = moment_to_ms(self.clock.now())
+        world = await World.around(pickup, self.networks, db=self.db, after_ms=after_ms)
+        if world is None:
             detail = f"pickup station {pickup!r} is in no network"
             reasons = refused_for_all(query.candidates, "DESTINATION_UNREACHABLE", detail)
             return QuoteAnswer(offers=(), infeasible=tuple(reasons))
-        world = await World.of(skyway, self.db, after_ms=moment_to_ms(self.clock.now()))
         offers = await self._offers(query, world)
         if not offers.ranked:
             return QuoteAnswer(offers=(), infeasible=offers.reasons)
@@ -49,7 +49,7 @@ class Quotes:
         weights = query.request.qos.ranking
         return QuoteAnswer(
             offers=tuple(
-                terms_of(offer, best=best, weights=weights, settings=skyway.settings)
+                terms_of(offer, best=best, weights=weights, settings=world.skyway.settings)
                 for offer in offers.ranked
             ),
             infeasible=offers.reasons,

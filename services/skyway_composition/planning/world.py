@@ -2,10 +2,10 @@
 
 from dataclasses import dataclass
 
-from skyway.ids import MissionId
+from skyway.ids import MissionId, StationId
 from skyway.runtime.database import Database, Tx
 from skyway_composition.closures.conditions import Conditions
-from skyway_composition.networks.prepared import PreparedNetwork
+from skyway_composition.networks.prepared import PreparedNetwork, PreparedNetworks
 from skyway_composition.networks.store import share_world
 from skyway_composition.pads.known_pads import KnownPads
 
@@ -23,6 +23,19 @@ class World:
     conditions_version: int
 
     @classmethod
+    async def around(
+        cls, station_id: StationId, networks: PreparedNetworks, *, db: Database, after_ms: int
+    ) -> "World | None":
+        """The world of whoever begins at a station; None when no network has it."""
+        present = await networks.present_around(station_id)
+        if present is None:
+            return None
+        skyway, number = present
+        conditions = await skyway.conditions.numbered(number, db, after_ms=after_ms)
+        pads = _pads(skyway, db, conditions, after_ms=after_ms)
+        return cls(skyway, pads, conditions, number)
+
+    @classmethod
     async def of(
         cls,
         skyway: PreparedNetwork,
@@ -36,18 +49,37 @@ class World:
 
         Others' reservations begin `pad_gap_s` early (None: as long as the network wants).
         """
-        gap_s = skyway.settings.pad_gap_s if pad_gap_s is None else pad_gap_s
-        version, conditions = await skyway.conditions.read(db, after_ms=after_ms)
-        pads = KnownPads(
+        number, conditions = await skyway.conditions.read(db, after_ms=after_ms)
+        pads = _pads(
+            skyway,
             db,
-            skyway.network_id,
-            skyway.network,
+            conditions,
             after_ms=after_ms,
             without_mission_id=without_mission_id,
-            outages=conditions.pad_outages(after_ms),
-            gap_ms=round(gap_s * 1000),
+            pad_gap_s=pad_gap_s,
         )
-        return cls(skyway, pads, conditions, version)
+        return cls(skyway, pads, conditions, number)
+
+
+def _pads(
+    skyway: PreparedNetwork,
+    db: Database,
+    conditions: Conditions,
+    *,
+    after_ms: int,
+    without_mission_id: MissionId | None = None,
+    pad_gap_s: float | None = None,
+) -> KnownPads:
+    gap_s = skyway.settings.pad_gap_s if pad_gap_s is None else pad_gap_s
+    return KnownPads(
+        db,
+        skyway.network_id,
+        skyway.network,
+        after_ms=after_ms,
+        without_mission_id=without_mission_id,
+        outages=conditions.pad_outages(after_ms),
+        gap_ms=round(gap_s * 1000),
+    )
 
 
 async def still_holds(tx: Tx, world: World) -> bool:
