@@ -16,11 +16,25 @@ from typing import Final, Self
 from cryptography.fernet import Fernet
 from cryptography.hazmat.primitives.hashes import SHA256
 from cryptography.hazmat.primitives.kdf.hkdf import HKDF
-from sqlalchemy import BigInteger, Column, Index, LargeBinary, MetaData, Table, Text, select
+from sqlalchemy import (
+    BigInteger,
+    Column,
+    Executable,
+    Index,
+    LargeBinary,
+    MetaData,
+    Table,
+    Text,
+    bindparam,
+    select,
+)
+from sqlalchemy.dialects import postgresql, sqlite
+from sqlalchemy.dialects.postgresql import Insert
 
 from skyway.errors import InvalidInput
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database, Tx
+from skyway.runtime.engines import Dialect
 from skyway.runtime.errors import IdempotencyKeyReused
 from skyway.units import hours_to_s, moment_to_ms
 
@@ -61,6 +75,29 @@ def idempotency_table(metadata: MetaData) -> Table:
 #: The same table for the statements here: its name and columns are the same in every service.
 _KEYS: Final = idempotency_table(MetaData())
 
+# Statements of every request are made once: to make one takes as long as to run it.
+
+_THIS: Final = _KEYS.c.key_hash == bindparam("this")
+_FIND: Final = select(_KEYS.c.body_hash, _KEYS.c.answer).where(_THIS)
+_REMEMBER: Final = _KEYS.update().where(_THIS)
+
+
+def _taking(insert: Insert) -> Executable:
+    """Take a key that nobody has, or whose day is over."""
+    new = insert.excluded
+    return insert.on_conflict_do_update(
+        index_elements=[_KEYS.c.key_hash],
+        set_={"body_hash": new.body_hash, "answer": None, "created_at_ms": new.created_at_ms},
+        where=_KEYS.c.created_at_ms <= bindparam("forgotten_ms", type_=BigInteger),
+    )
+
+
+#: The two classes share what is used of them.
+_TAKE: Final[Mapping[Dialect, Executable]] = {
+    "postgresql": _taking(postgresql.insert(_KEYS)),
+    "sqlite": _taking(sqlite.insert(_KEYS)),  # type: ignore[arg-type]
+}
+
 
 async def once(
     db: Database,
@@ -93,8 +130,8 @@ async def once(
             if not await _is_first(tx, note, body=body, now_ms=now_ms):
                 return await _recall(tx, note, body=body)
             answer = _unless_failed(await act(tx))
-            this = _KEYS.c.key_hash == note.key_hash
-            await tx.execute(_KEYS.update().where(this).values(answer=note.seal(answer)))
+            sealed = {"this": note.key_hash, "answer": note.seal(answer)}
+            await tx.execute(_REMEMBER, sealed)
             return answer
     except _Failed as failed:
         return failed.answer
@@ -156,20 +193,17 @@ class _Note:
 
 async def _is_first(tx: Tx, note: _Note, *, body: bytes, now_ms: int) -> bool:
     """Take the key; a caller that comes at the same time waits here for our COMMIT."""
-    this = _KEYS.c.key_hash == note.key_hash
-    await tx.execute(_KEYS.delete().where(this, _KEYS.c.created_at_ms <= now_ms - _KEPT_MS))
     row = {
         "key_hash": note.key_hash,
         "body_hash": note.body_hash(body),
         "created_at_ms": now_ms,
+        "forgotten_ms": now_ms - _KEPT_MS,
     }
-    taken = await tx.execute(tx.insert(_KEYS).values(row).on_conflict_do_nothing())
-    return taken.rowcount == 1
+    return (await tx.execute(_TAKE[tx.dialect], row)).rowcount == 1
 
 
 async def _recall(tx: Tx, note: _Note, *, body: bytes) -> Answer:
-    found = await tx.execute(select(_KEYS).where(_KEYS.c.key_hash == note.key_hash))
-    row = found.one()
+    row = (await tx.execute(_FIND, {"this": note.key_hash})).one()
     if not hmac.compare_digest(row.body_hash, note.body_hash(body)):
         raise IdempotencyKeyReused
     return note.unseal(row.answer)
