@@ -20,6 +20,7 @@ from skyway_drone_agent.flight_recorder import FlightRecorder
 from skyway_drone_agent.inbox import RAW_INSTRUCTIONS, Inbox
 from skyway_drone_agent.journal import Journal
 from skyway_drone_agent.link_watch import LinkWatch
+from skyway_drone_agent.lookout import Lookout
 from skyway_drone_agent.mission import Gates
 from skyway_drone_agent.pilot import Pilot
 from skyway_drone_agent.presence import Presence
@@ -108,8 +109,9 @@ class DroneAgent:
         acks = AckQueue(uplink, recorder, clock)
         events = EventSender(uplink, recorder)
         watch = LinkWatch(self._link, clock, on_change=recorder.tell_watchers)
-        state = StateSender(uplink, recorder, vehicle, clock, events=events)
-        telemetry = TelemetrySender(uplink, recorder, vehicle, clock)
+        lookout = Lookout(recorder, vehicle, clock)
+        state = StateSender(uplink, recorder, lookout, clock, events=events)
+        telemetry = TelemetrySender(uplink, recorder, lookout, clock)
         inbox = Inbox(recorder, clock, vehicle=vehicle, answers=acks, events=events)
         pilot = Pilot(recorder, vehicle, clock, gates=lambda: self._gates(watch), uplink=uplink)
         self._watch, self._state = watch, state

@@ -2,9 +2,11 @@
 
 from dataclasses import dataclass
 
-from skyway.contracts.flight_step import FlightStep, FlyStep
+from skyway.contracts.flight_step import FlyStep
 from skyway.geo import Position
 from skyway.ids import StationId
+from skyway_drone_agent.current_mission import CurrentMission
+from skyway_drone_agent.escape import lands_on_the_spot
 from skyway_drone_agent.logbook import Logbook
 
 #: So many landings are kept in mind; the ones heard of longest ago are forgotten first.
@@ -25,8 +27,11 @@ def landings_of(logbook: Logbook) -> tuple[Landing, ...]:
     if logbook.station_id is not None:
         found[logbook.station_id] = logbook.position
     if logbook.mission is not None:
-        for step in logbook.mission.steps:
-            found |= _ends_of(step)
+        for place, flight in enumerate(_planned_flights(logbook.mission)):
+            # A flight that was turned begins in the air, whatever its station is called.
+            if place > 0 or logbook.mission.flown_before is None:
+                found[flight.from_id] = flight.from_position
+            found[flight.to_id] = flight.to_position
     return tuple(Landing(station_id, position) for station_id, position in found.items())
 
 
@@ -53,7 +58,9 @@ class KnownLandings:
         return tuple(self._known.values())
 
 
-def _ends_of(step: FlightStep) -> dict[StationId, Position]:
-    if not isinstance(step, FlyStep):
-        return {}
-    return {step.from_id: step.from_position, step.to_id: step.to_position}
+def _planned_flights(mission: CurrentMission) -> list[FlyStep]:
+    """The flights that end at stations: straight down is not one, the one instead of it was."""
+    flights = [step for step in mission.steps if isinstance(step, FlyStep)]
+    if mission.escape is not None and lands_on_the_spot(mission):
+        return [mission.escape.instead_of, *flights[1:]]
+    return flights

@@ -18,8 +18,9 @@ from skyway.geo import Position, bearing_rad, distance_m
 from skyway_drone_agent.current_mission import CurrentMission
 from skyway_drone_agent.reading import Reading
 
-#: A drone that moves through the air at less than this share of its speed is landing.
-_LEAST_SPEED: Final = 0.1
+#: A drone that moves over ground at less than this share of its speed lands, if it is this near
+#: to where it should: farther off it has the wind against it.
+_LEAST_SPEED, _NEAR_M = 0.1, 100.0
 
 #: A share of the way that is only rounding.
 _NO_WAY: Final = 1e-9
@@ -44,8 +45,10 @@ class Leg:
 
     def is_on_the_way(self, reading: Reading) -> bool:
         """Whether the drone still flies, and does not land."""
-        is_fast = math.hypot(*reading.air_mps) >= _LEAST_SPEED * self.speed_mps
-        return is_fast and self.share_left(reading.position) > _NO_WAY
+        left = self.share_left(reading.position)
+        if left * self.span_m > _NEAR_M:
+            return True
+        return left > _NO_WAY and math.hypot(*reading.ground_mps) >= _LEAST_SPEED * self.speed_mps
 
 
 def leg_of(step: FlyStep, *, model: DroneModel, load_kg: float) -> Leg:

@@ -29,9 +29,11 @@ class Lookout:
         self._seen: Logbook | None = None
 
     def look(self) -> Assessment:
-        """Read the sensors now."""
-        logbook = self._recorder.logbook
-        reading = self._vehicle.read(doing_now(logbook), self._clock.now())
+        """Read the sensors now, unless that was done already."""
+        logbook, now = self._recorder.logbook, self._clock.now()
+        if self._newest is not None and self._newest.at == now and self._seen is logbook:
+            return self._newest
+        reading = self._vehicle.read(doing_now(logbook), now)
         self._newest, self._seen = self._analysis.take(reading, logbook), logbook
         return self._newest
 

@@ -7,16 +7,16 @@ from skyway.contracts.topics import EVENTS, STATE
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.runtime.errors import MqttUnavailable
 from skyway_drone_agent.flight_recorder import FlightRecorder
+from skyway_drone_agent.lookout import Lookout
 from skyway_drone_agent.snapshot import snapshot_of
 from skyway_drone_agent.uplink import Uplink
-from skyway_drone_agent.vehicle import Vehicle
 from skyway_drone_agent.waiting import wait_for_news
 
 #: Wall seconds after which the state is sent although nothing has changed.
 STATE_EVERY_S = 30.0
 
 #: What may differ between two states that say the same.
-_PASSING = {"message_id", "sent_at", "seq", "at", "soc", "position", "traceparent"}
+_PASSING = {"message_id", "sent_at", "seq", "at", "soc", "position", "health", "traceparent"}
 
 
 class EventSender:
@@ -56,7 +56,7 @@ class EventSender:
             self._progress.set()
 
     def _next(self) -> DroneEvent | None:
-        events = self._recorder.logbook.events
+        events = self._recorder.written_events
         return next((event for event in events if event.seq > self._sent_through), None)
 
 
@@ -70,7 +70,7 @@ class StateSender:
         self,
         uplink: Uplink,
         recorder: FlightRecorder,
-        vehicle: Vehicle,
+        lookout: Lookout,
         clock: FleetClock,
         *,
         events: EventSender,
@@ -78,7 +78,7 @@ class StateSender:
         self._events = events
         self._uplink = uplink
         self._recorder = recorder
-        self._vehicle = vehicle
+        self._lookout = lookout
         self._clock = clock
         self._news: asyncio.Event = recorder.watch()
         self._is_due = True
@@ -114,9 +114,9 @@ class StateSender:
                 return state
 
     def _state(self) -> DroneState:
-        now = self._clock.now()
+        assessment = self._lookout.look()
         return snapshot_of(
-            self._recorder.logbook, self._vehicle, at=now, envelope=self._uplink.envelope(STATE)
+            self._recorder.logbook, assessment, envelope=self._uplink.envelope(STATE)
         )
 
 

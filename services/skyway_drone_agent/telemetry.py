@@ -6,26 +6,29 @@ from skyway.contracts.drone_report import Telemetry
 from skyway.contracts.topics import TELEMETRY
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.runtime.errors import MqttUnavailable
+from skyway_drone_agent.analysis import Assessment
 from skyway_drone_agent.flight_recorder import FlightRecorder
-from skyway_drone_agent.uplink import Uplink
-from skyway_drone_agent.vehicle import Sample, Vehicle, run_under_way
+from skyway_drone_agent.lookout import Lookout
+from skyway_drone_agent.telemetry_thinning import TelemetryThinning
+from skyway_drone_agent.uplink import Envelope, Uplink
+from skyway_drone_agent.vehicle import run_under_way
 
 #: At most one sample per so many seconds of fleet time, and of wall time.
 _EVERY_S = 1.0
 
 
 class TelemetrySender:
-    """Samples the vehicle during steps that change something."""
+    """Samples the drone during steps that change something."""
 
     def __init__(
-        self, uplink: Uplink, recorder: FlightRecorder, vehicle: Vehicle, clock: FleetClock
+        self, uplink: Uplink, recorder: FlightRecorder, lookout: Lookout, clock: FleetClock
     ) -> None:
         self._uplink = uplink
         self._recorder = recorder
-        self._vehicle = vehicle
+        self._lookout = lookout
         self._clock = clock
         self._news = recorder.watch()
-        self._last: Sample | None = None
+        self._thinning = TelemetryThinning()
 
     async def run(self) -> Never:
         """Sample for ever; a sample that the link does not take is not sent again."""
@@ -36,23 +39,32 @@ class TelemetrySender:
                 self._news.clear()
                 continue
             now = self._clock.now()
-            await self._send(self._vehicle.sample(run, now))
+            await self._send_news(self._lookout.newest())
             pause = fleet_margin(self._clock, fleet_s=_EVERY_S, wall_s=_EVERY_S)
             await self._clock.sleep_until(now + pause)
 
-    async def _send(self, sample: Sample) -> None:
-        if sample == self._last:
+    async def _send_news(self, assessment: Assessment) -> None:
+        wall_at = self._clock.wall_now()
+        if not self._thinning.is_news(assessment, wall_at=wall_at):
             return
-        message = Telemetry(
-            **self._uplink.envelope(TELEMETRY),
-            at=self._clock.now(),
-            position=sample.position,
-            soc=sample.soc,
-            power_w=sample.power_w,
-            speed_mps=sample.speed_mps,
-        )
+        sample = telemetry_of(assessment, envelope=self._uplink.envelope(TELEMETRY))
         try:
-            await self._uplink.send(TELEMETRY, message)
+            await self._uplink.send(TELEMETRY, sample)
         except MqttUnavailable:
             return
-        self._last = sample
+        self._thinning.sent(assessment, wall_at=wall_at)
+
+
+def telemetry_of(assessment: Assessment, *, envelope: Envelope) -> Telemetry:
+    """The sample of this assessment."""
+    return Telemetry(
+        **envelope,
+        at=assessment.at,
+        position=assessment.position,
+        soc=assessment.soc,
+        power_w=assessment.power_w,
+        speed_mps=assessment.speed_mps,
+        voltage_v=assessment.voltage_v,
+        temperature_c=assessment.temperature_c,
+        range_m=assessment.range_m,
+    )

@@ -81,24 +81,27 @@ async def test_telemetry_comes_at_most_once_a_wall_second_and_only_when_it_moves
     await world.pass_until(lambda: world.is_over)
     await world.pass_time(timedelta(hours=2))
 
-    moments = [sample.at for sample in world.messages(TELEMETRY)]
+    moments = [sample.sent_at for sample in world.messages(TELEMETRY)]
     gaps = [later - earlier for earlier, later in pairwise(moments)]
     assert 3 <= len(moments) <= 6
     assert min(gaps) >= timedelta(seconds=600)
     assert max(moments) <= trip[-1].planned_end_at
 
 
-async def test_telemetry_rests_while_nothing_changes(world: Any, cloud: Any, steps: Any) -> None:
+async def test_telemetry_of_a_straight_flight_goes_out_every_ten_seconds(
+    world: Any, cloud: Any, steps: Any
+) -> None:
     world.clock.rate = 1.0
-    lands_for_nothing = world.drone.model.model_copy(update={"stop_j": 0.0})
-    world.drone = world.drone.model_copy(update={"model": lands_for_nothing})
-    short_hop = steps().fly("home", "shop", length_m=200, duration_s=40)
+    straight = steps().fly("home", "over", length_m=9_630, duration_s=512)
     await world.start()
-    await world.send(cloud.mission(short_hop.made))
+    await world.send(cloud.mission(straight.made))
 
     await world.pass_until(lambda: world.is_over)
 
-    assert len(world.messages(TELEMETRY)) == 11
+    moments = [sample.sent_at for sample in world.messages(TELEMETRY)]
+    gaps = [later - earlier for earlier, later in pairwise(moments)]
+    assert max(gaps) == timedelta(seconds=10)
+    assert 482 / 10 <= len(moments) <= 482 / 10 + 10
 
 
 async def test_events_asked_for_while_one_is_sent_are_sent_too(
