@@ -4,7 +4,6 @@ import math
 from bisect import bisect_right
 from dataclasses import dataclass
 from datetime import datetime, timedelta
-from typing import Final
 
 from skyway.contracts.flight_step import FlyStep
 from skyway.drone.flight import flight_energy_j, flight_time_s
@@ -14,10 +13,7 @@ from skyway.ids import DroneId
 from skyway_drone_agent.chance import happens, normals
 from skyway_drone_agent.disturbances import Disturbances, FlightFault
 from skyway_drone_agent.wind_field import wind_field
-
-#: Ground speed that a head wind leaves, as a share of the air speed: no flight takes for ever.
-#: Our own choice.
-_SLOWEST_SHARE: Final = 0.2
+from skyway_drone_agent.wind_triangle import ground_speed_mps
 
 #: Stretches per span of gusts, over which the wind counts as the same; and the most of a flight.
 _STRETCHES_PER_SPAN, _MOST_STRETCHES = 4, 60
@@ -165,12 +161,8 @@ def _ends_s(
         middle = point_between(
             step.from_position, step.to_position, fraction=(stretch + 0.5) / count
         )
-        east, north = field.at(middle, started_at + timedelta(seconds=elapsed_s))
-        along_mps = east * math.sin(bearing) + north * math.cos(bearing)
-        across_mps = east * math.cos(bearing) - north * math.sin(bearing)
-        forward_mps = math.sqrt(max(0.0, air_mps**2 - across_mps**2))
-        ground_mps = max(_SLOWEST_SHARE * air_mps, forward_mps + along_mps)
-        elapsed_s += step.length_m / count / ground_mps
+        wind_mps = field.at(middle, started_at + timedelta(seconds=elapsed_s))
+        elapsed_s += step.length_m / count / ground_speed_mps(air_mps, bearing, wind_mps)
         ends_s.append(elapsed_s)
     return tuple(ends_s)
 

@@ -1,0 +1,64 @@
+"""A simulated drone whose link is lost for a while, on both brokers."""
+
+from datetime import UTC, datetime, timedelta
+
+import pytest
+from skyway_drone_agent.disturbances import Disturbances, LinkLoss
+from skyway_drone_agent.simulated_link_loss import LinkWithOutages, outages
+
+from skyway.contracts.topics import ACKS, CONNECTION, INSTRUCTIONS
+from skyway.contracts.world import ClockAnchor
+from skyway.ids import DroneId
+from skyway.runtime.clock import ManualClock
+from skyway.runtime.errors import MqttUnavailable
+from skyway.runtime.mqtt import MqttClient
+
+DRONE = DroneId("drone-1")
+NOON = datetime(2026, 3, 1, 12, tzinfo=UTC)
+LOSSY = Disturbances(link=LinkLoss(share=1.0, every_s=600, for_s=30))
+
+
+class KnownClock(ManualClock):
+    """A clock that need not be told by the cloud."""
+
+    def keep(self, anchor: ClockAnchor) -> None:
+        raise AssertionError(f"nobody tells the time here: {anchor}")
+
+    async def wait_known(self) -> None:
+        return
+
+
+async def test_in_an_outage_the_will_is_sent_and_nothing_passes_until_it_is_over(
+    broker, connect, make, take, all_connected, until
+):
+    clock = KnownClock(NOON)
+    outage = next(outages(NOON, disturbed=LOSSY, drone_id=DRONE))
+    composition = await connect(broker.service_port, "composition")
+    told = composition.batches(CONNECTION)
+    await all_connected(composition)
+    client = MqttClient(
+        f"mqtt://127.0.0.1:{broker.port}",
+        client_id=DRONE,
+        user_name=DRONE,
+        password=DRONE,
+        will=lambda: (CONNECTION("p", DRONE), make.connection(1, "LOST")),
+    )
+    async with LinkWithOutages(client, clock, disturbed=LOSSY, drone_id=DRONE) as link:
+        arrived = link.batches(INSTRUCTIONS("p", DRONE))
+        await link.wait_connected()
+
+        clock.advance(outage.from_at - clock.now())
+        await link.wait_lost()
+        [lost] = await take(told, 1)
+        with pytest.raises(MqttUnavailable):
+            await link.publish(ACKS("p", DRONE), make.ack(1))
+        assert not link.is_connected
+
+        clock.advance(outage.until_at - clock.now() - timedelta(seconds=1))
+        assert not link.is_connected
+        clock.advance(timedelta(seconds=1))
+        await link.wait_connected()
+        await composition.publish(INSTRUCTIONS("p", DRONE), make.instruction(1))
+        await take(arrived, 1)
+
+    assert lost.message.status == "LOST"
