@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import Any, Final
 
-from sqlalchemy import Row, bindparam, func, insert, select, update
+from sqlalchemy import Row, bindparam, case, func, insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.drone_report import Connection, DroneState
@@ -12,7 +12,7 @@ from skyway.contracts.instruction import AnyInstruction, CancelInstruction
 from skyway.ids import DroneId, InstructionId, MissionId, ProviderId
 from skyway.runtime.among import among
 from skyway.runtime.database import Tx
-from skyway_composition.links.link import DroneLink
+from skyway_composition.links.link import DroneLink, Numbered
 from skyway_composition.tables import drone_links, instructions
 
 #: What the drone has not finally answered.
@@ -34,8 +34,24 @@ _LINKS_OF: Final = (
     .with_for_update()
 )
 _SAVE_LINK: Final = update(drone_links).where(drone_links.c.drone_id == bindparam("of_drone"))
+_COUNT: Final = (
+    update(drone_links)
+    .where(drone_links.c.drone_id == bindparam("of_drone"))
+    .values(
+        provider_id=bindparam("of_provider"),
+        stream=case((drone_links.c.stream < 1, 1), else_=drone_links.c.stream),
+        last_seq=drone_links.c.last_seq + 1,
+    )
+    .returning(
+        drone_links.c.drone_id,
+        drone_links.c.provider_id,
+        drone_links.c.stream,
+        drone_links.c.last_seq,
+        drone_links.c.last_event_seq,
+    )
+)
 _ADD_INSTRUCTION: Final = insert(instructions)
-_SENT_TO: Final = select(instructions).where(
+_SENT_TO: Final = select(instructions.c.instruction_id).where(
     instructions.c.instruction_id == bindparam("instruction_id"),
     instructions.c.drone_id == bindparam("drone_id"),
 )
@@ -45,22 +61,30 @@ _LAST_REVISION: Final = select(func.max(instructions.c.mission_revision)).where(
 _SET_STATUS: Final = update(instructions).where(
     instructions.c.instruction_id == bindparam("of_instruction")
 )
+_ANSWER: Final = (
+    update(instructions)
+    .where(
+        instructions.c.instruction_id == bindparam("of_instruction"),
+        instructions.c.drone_id == bindparam("to_drone"),
+        instructions.c.status.in_(_OPEN),
+    )
+    .returning(
+        instructions.c.instruction_id,
+        instructions.c.kind,
+        instructions.c.mission_id,
+        instructions.c.mission_revision,
+    )
+)
 
 
 @dataclass(frozen=True, slots=True)
 class SentInstruction:
-    """An instruction as it was sent, and how far its answer is."""
+    """An instruction as it was sent."""
 
     instruction_id: InstructionId
     kind: str
     mission_id: MissionId | None
     mission_revision: int | None
-    status: str
-
-    @property
-    def is_open(self) -> bool:
-        """Whether the drone has still to answer finally."""
-        return self.status in _OPEN
 
 
 async def lock_link(tx: Tx, drone_id: DroneId, provider_id: ProviderId) -> DroneLink:
@@ -70,6 +94,16 @@ async def lock_link(tx: Tx, drone_id: DroneId, provider_id: ProviderId) -> Drone
         await _begin(tx, drone_id, provider_id)
         known = await lock_links(tx, [drone_id])
     return known[drone_id]
+
+
+async def take_next(tx: Tx, drone_id: DroneId, provider_id: ProviderId) -> Numbered:
+    """The place of the next instruction to this provider's drone, whose link is locked by that."""
+    wanted = {"of_drone": drone_id, "of_provider": provider_id}
+    taken = (await tx.execute(_COUNT, wanted)).one_or_none()
+    if taken is None:
+        await _begin(tx, drone_id, provider_id)
+        taken = (await tx.execute(_COUNT, wanted)).one()
+    return Numbered(*taken)
 
 
 async def lock_links(tx: Tx, drone_ids: Collection[DroneId]) -> dict[DroneId, DroneLink]:
@@ -123,14 +157,11 @@ async def add_instruction(tx: Tx, drone_id: DroneId, instruction: AnyInstruction
     await tx.execute(_ADD_INSTRUCTION, row)
 
 
-async def instruction(
-    tx: Tx, drone_id: DroneId, instruction_id: InstructionId
-) -> SentInstruction | None:
-    """An instruction that was sent to this drone."""
+async def was_sent(tx: Tx, drone_id: DroneId, instruction_id: InstructionId) -> bool:
+    """Whether an instruction was ever sent to this drone."""
     wanted = {"instruction_id": instruction_id, "drone_id": drone_id}
     found = await tx.execute(_SENT_TO, wanted)
-    row = found.one_or_none()
-    return None if row is None else _sent(row)
+    return found.scalar_one_or_none() is not None
 
 
 async def is_answered(tx: Tx, link: DroneLink, *, seq: int) -> bool:
@@ -179,6 +210,16 @@ async def last_revision(tx: Tx, mission_id: MissionId) -> int:
     return found.scalar_one() or 0
 
 
+async def answer(
+    tx: Tx, drone_id: DroneId, instruction_id: InstructionId, status: str
+) -> SentInstruction | None:
+    """An instruction whose answer this drone has just given; None when it had none to give."""
+    answered = {"of_instruction": instruction_id, "to_drone": drone_id, "status": status}
+    found = await tx.execute(_ANSWER, answered)
+    row = found.one_or_none()
+    return None if row is None else _sent(row)
+
+
 async def set_status(tx: Tx, instruction_id: InstructionId, status: str) -> None:
     """Note how far the drone's answer is."""
     await tx.execute(_SET_STATUS, {"of_instruction": instruction_id, "status": status})
@@ -215,6 +256,4 @@ def _link(row: Row[Any]) -> DroneLink:  # a row of drone_links
 
 
 def _sent(row: Row[Any]) -> SentInstruction:  # a row of instructions
-    return SentInstruction(
-        row.instruction_id, row.kind, row.mission_id, row.mission_revision, row.status
-    )
+    return SentInstruction(row.instruction_id, row.kind, row.mission_id, row.mission_revision)

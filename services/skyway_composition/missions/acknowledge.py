@@ -35,18 +35,17 @@ _LOOK_AGAIN_MS: Final = 2_000
 
 async def take_ack(watch: Watch, link: DroneLink, ack: Ack) -> None:
     """RECEIVED is noted; ACCEPTED and REJECTED are final."""
-    sent = await link_store.instruction(watch.tx, link.drone_id, ack.instruction_id)
-    if sent is None:
+    is_gap = ack.code is RefusalCode.SEQUENCE_GAP
+    sent = None
+    if not is_gap:
+        sent = await link_store.answer(watch.tx, link.drone_id, ack.instruction_id, ack.status)
+    if sent is None and not await link_store.was_sent(watch.tx, link.drone_id, ack.instruction_id):
         return
     link = link.acked(ack.stream, ack.session)
     watch.note_link(link)
-    if ack.code is RefusalCode.SEQUENCE_GAP:
+    if is_gap:
         await _take_gap(watch, link, ack)
-        return
-    if not sent.is_open:
-        return
-    await link_store.set_status(watch.tx, sent.instruction_id, ack.status)
-    if ack.status == "RECEIVED":
+    if sent is None or ack.status == "RECEIVED":
         return
     await confirm(watch.tx, sent.instruction_id)
     record = watch.missions.get(link.drone_id)

@@ -8,7 +8,7 @@ every replica may read everything.
 
 import asyncio
 import logging
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Iterator, Sequence
 from dataclasses import replace
 from typing import Any, Protocol
 
@@ -94,7 +94,7 @@ class Follower:
             # In sorted order, as links are locked everywhere.
             for drone_id in sorted(writers.keys() - watch.links.keys()):
                 watch.links[drone_id] = await lock_link(tx, drone_id, writers[drone_id])
-            for received in batch:
+            for received in _without_superseded(batch):
                 await self._take_one(watch, received)
             await watch.keep_links()
             if any(record.needs_plan for record in watch.missions.values()):
@@ -126,6 +126,19 @@ class Follower:
                 await take_state(watch, link, state)
             case Connection() as connection:
                 _take_connection(watch, link, connection)
+
+
+def _without_superseded(batch: Sequence[Received[Any]]) -> Iterator[Received[Any]]:
+    """The batch without the news that an instruction has come, where its answer follows."""
+    answered = {
+        (*each.ids, each.message.instruction_id)
+        for each in batch
+        if isinstance(each.message, Ack) and each.message.status != "RECEIVED"
+    }
+    for each in batch:
+        is_news = isinstance(each.message, Ack) and each.message.status == "RECEIVED"
+        if not is_news or (*each.ids, each.message.instruction_id) not in answered:
+            yield each
 
 
 def _take_connection(watch: Watch, link: DroneLink, connection: Connection) -> None:
