@@ -40,7 +40,9 @@ from skyway_provider_registry.fleets.registration.routes import (
     registration_routes,
 )
 from skyway_provider_registry.fleets.routes import fleet_routes
+from skyway_provider_registry.pace import Pace
 from skyway_provider_registry.presence.follow import PRESENCE_TOPICS, PresenceFollower
+from skyway_provider_registry.presence.reports import ReportKeeper
 from skyway_provider_registry.presence.routes import presence_routes
 from skyway_provider_registry.providers.routes import provider_routes
 from skyway_provider_registry.settings import RegistrySettings
@@ -53,6 +55,10 @@ _REWRITE_EVERY_S: Final = 5.0
 _SWEEP_EVERY_S: Final = 600.0
 #: Seconds of wall time between two transactions of what drones say of themselves.
 _PRESENCE_EVERY_S: Final = 0.25
+#: The same for composition's mission reports, and for looks at what has changed: under load a few
+#: share one, and after a rest nobody waits.
+_REPORTS_EVERY_S: Final = 0.1
+_LOOK_EVERY_S: Final = 0.05
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,8 +98,8 @@ def registry_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> F
             credential_routes(db=db, gate=gate, clock=clock, password_file=password_file),
             drone_key_routes(db=db, gate=gate, password_file=password_file),
             enrolment_routes(db=db, gate=gate, password_file=password_file),
-            presence_routes(db=db, gate=gate, clock=clock),
-            candidate_routes(view=FleetView(db), gate=gate, clock=clock),
+            presence_routes(keeper=ReportKeeper(db, clock, Pace(_REPORTS_EVERY_S)), gate=gate),
+            candidate_routes(view=FleetView(db, Pace(_LOOK_EVERY_S)), gate=gate, clock=clock),
         ],
         lifespan=lifespan,
         readiness=readiness,

@@ -60,6 +60,9 @@ class FleetColumns:
             self.drones[row] = drone
             self._table[row] = self._row_of(drone)
 
+    def __contains__(self, drone_id: DroneId) -> bool:
+        return drone_id in self._rows
+
     def column(self, name: str) -> npt.NDArray[Any]:  # each column has a type of its own
         """One column of all drones: a view, to be read at once."""
         column: npt.NDArray[Any] = self._table[name][: len(self.drones)]

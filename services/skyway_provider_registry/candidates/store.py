@@ -3,16 +3,17 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from sqlalchemy import Row, Select, exists, or_, select
+from sqlalchemy import BigInteger, Row, bindparam, exists, or_, select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.drone.model import DroneModel
 from skyway.geo import Position
 from skyway.ids import DroneModelId, ProviderId
 from skyway_provider_registry.candidates.reasons import KnownDrone, KnownProvider
+from skyway_provider_registry.changes.store import ChangeMarks
 from skyway_provider_registry.presence.known import SILENCE
 from skyway_provider_registry.providers import store as providers
-from skyway_provider_registry.tables import drones, mission_hints, presence
+from skyway_provider_registry.tables import changes, drones, mission_hints, presence
 
 _SILENCE_MS: Final = round(SILENCE.total_seconds() * 1000)
 
@@ -25,7 +26,7 @@ _own_mission_is_over = exists().where(
 )
 _is_busy = or_(_has_live_mission, presence.c.mission_id.is_not(None) & ~_own_mission_is_over)
 
-_DRONES: Final = select(
+_known: Final = (
     drones.c.drone_id,
     drones.c.provider_id,
     drones.c.model_id,
@@ -42,7 +43,13 @@ _DRONES: Final = select(
     presence.c.latitude_deg,
     presence.c.soc,
     _is_busy.label("is_busy"),
-).join_from(drones, presence, presence.c.drone_id == drones.c.drone_id)
+)
+_heard: Final = drones.join(presence, presence.c.drone_id == drones.c.drone_id)
+_EVERY_DRONE: Final = select(*_known).select_from(_heard)
+#: The marks, and all drones that changed after a number: one row at least, once there is anything.
+_CHANGES: Final = select(
+    changes.c.latest, changes.c.providers, changes.c.removals, *_known
+).select_from(changes.outerjoin(_heard, presence.c.changed > bindparam("since", type_=BigInteger)))
 
 Rows = Sequence[Row[*tuple[Any, ...]]]  # columns of every type
 
@@ -62,16 +69,17 @@ async def known_providers(connection: AsyncConnection) -> dict[ProviderId, Known
 
 async def every_drone(connection: AsyncConnection) -> Rows:
     """What is known of each drone now, for `known_drone`."""
-    return await _rows(connection, _DRONES)
+    return (await connection.execute(_EVERY_DRONE)).all()
 
 
-async def changed_drones(connection: AsyncConnection, *, since: int) -> Rows:
-    """Of the drones that changed after this number, what is known now."""
-    return await _rows(connection, _DRONES.where(presence.c.changed > since))
-
-
-async def _rows(connection: AsyncConnection, statement: Select[*tuple[Any, ...]]) -> Rows:
-    return (await connection.execute(statement)).all()
+async def changed_drones(connection: AsyncConnection, *, since: int) -> tuple[ChangeMarks, Rows]:
+    """The marks as they are committed, and what is known of the drones that changed after one."""
+    rows = (await connection.execute(_CHANGES, {"since": since})).all()
+    if not rows:
+        return ChangeMarks(), ()
+    first = rows[0]
+    marks = ChangeMarks(first.latest, first.providers, first.removals)
+    return marks, [row for row in rows if row.drone_id is not None]
 
 
 def known_drone(

@@ -8,9 +8,7 @@ all that came before it. Taking it first also keeps writers from waiting for eac
 from dataclasses import dataclass
 from typing import Any, Final
 
-from sqlalchemy import select
 from sqlalchemy.dialects import postgresql
-from sqlalchemy.ext.asyncio import AsyncConnection
 from sqlalchemy.sql.dml import ReturningInsert
 
 from skyway.runtime.database import Tx
@@ -44,12 +42,6 @@ async def mark_removal(tx: Tx) -> None:
     await _taken(tx, _NEXT_REMOVAL)
 
 
-async def marks(connection: AsyncConnection) -> ChangeMarks:
-    """The numbers as they are committed."""
-    row = (await connection.execute(_MARKS)).one_or_none()
-    return ChangeMarks() if row is None else ChangeMarks(row.latest, row.providers, row.removals)
-
-
 async def _taken(tx: Tx, statement: ReturningInsert[*tuple[Any, ...]]) -> int:
     return int((await tx.execute(statement)).scalar_one())
 
@@ -64,7 +56,6 @@ def _taking(*named: str) -> ReturningInsert[*tuple[Any, ...]]:
     return statement.returning(changes.c.latest)
 
 
-_MARKS: Final = select(changes.c.latest, changes.c.providers, changes.c.removals)
 _NEXT: Final = _taking()
 _NEXT_OF_PROVIDERS: Final = _taking("providers")
 _NEXT_REMOVAL: Final = _taking("removals")

@@ -5,14 +5,12 @@ from typing import Annotated
 from fastapi import APIRouter, Depends, Response
 
 from skyway.contracts.mission import MissionReport
-from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database
 from skyway.runtime.http_app import internal_body
 from skyway.runtime.identity import Caller, ServiceGate
-from skyway_provider_registry.presence import store
+from skyway_provider_registry.presence.reports import ReportKeeper
 
 
-def presence_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> APIRouter:
+def presence_routes(*, keeper: ReportKeeper, gate: ServiceGate) -> APIRouter:
     """POST /internal/mission-reports."""
     router = APIRouter(tags=["internal"])
 
@@ -23,8 +21,7 @@ def presence_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> AP
     ) -> Response:
         """Note that a drone is busy or free; a report that is known, or of no drone, is nothing."""
         caller.must_be("service")
-        async with db.write() as tx:
-            await store.record_report(tx, report, wall_at=clock.wall_now())
+        await keeper.keep(report)
         return Response(status_code=204)
 
     return router

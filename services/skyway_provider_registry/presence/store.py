@@ -1,14 +1,24 @@
 """All SQL of presence: guarded updates, so that what is known never moves backwards."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, Final
 
-from sqlalchemy import BigInteger, Row, Text, Update, bindparam, delete, func, select, tuple_
+from sqlalchemy import (
+    BigInteger,
+    Insert,
+    Row,
+    Text,
+    Update,
+    bindparam,
+    delete,
+    func,
+    select,
+    tuple_,
+)
 from sqlalchemy.dialects import postgresql
 from sqlalchemy.ext.asyncio import AsyncConnection
-from sqlalchemy.sql.dml import ReturningInsert
 
 from skyway.contracts.mission import LIVE_MISSION_STATES, MissionReport
 from skyway.geo import Position
@@ -114,28 +124,32 @@ async def record(tx: Tx, sightings: Mapping[DroneId, Sighting], heard: Heard) ->
             await tx.execute(_IF_LATER[order], rows)
 
 
-async def record_report(tx: Tx, report: MissionReport, *, wall_at: datetime) -> None:
-    """Keep composition's word on a mission if it is news, and of a drone of this provider.
+async def record_reports(tx: Tx, reports: Sequence[MissionReport], *, wall_at: datetime) -> None:
+    """Keep composition's words on missions that are news, and of drones of their own provider.
 
     What comes between two reports of the same state says the same, so keeping the first will do.
     """
-    change = await next_change(tx)
-    wall_ms, is_live = moment_to_ms(wall_at), report.mission_state in LIVE_MISSION_STATES
-    word = {
-        "mission_id": report.mission_id,
-        "about": report.drone_id,
-        "of_provider": report.provider_id,
-        "seq": report.seq,
-        "mission_state": report.mission_state,
-        "is_live": is_live,
-        "reported_wall_ms": wall_ms,
-    }
-    if (await tx.execute(_KEEP_WORD, word)).one_or_none() is None:
-        return
-    await tx.execute(_TOUCH, {"about": report.drone_id, "change": change})
-    if not is_live:
-        forgotten_ms = wall_ms - _REMEMBERED_MS
-        await tx.execute(_FORGET, {"about": report.drone_id, "before_ms": forgotten_ms})
+    change, wall_ms = await next_change(tx), moment_to_ms(wall_at)
+    words = [
+        {
+            "mission_id": report.mission_id,
+            "about": report.drone_id,
+            "of_provider": report.provider_id,
+            "seq": report.seq,
+            "mission_state": report.mission_state,
+            "is_live": report.mission_state in LIVE_MISSION_STATES,
+            "reported_wall_ms": wall_ms,
+        }
+        for report in reports
+    ]
+    await tx.execute(_KEEP_WORD, words)
+    await tx.execute(_TOUCH, [{"about": word["about"], "change": change} for word in words])
+    before_ms = wall_ms - _REMEMBERED_MS
+    ended = [
+        {"about": word["about"], "before_ms": before_ms} for word in words if not word["is_live"]
+    ]
+    if ended:
+        await tx.execute(_FORGET, ended)
 
 
 async def touch(tx: Tx, drone_id: DroneId) -> None:
@@ -205,8 +219,8 @@ def _if_later(names: tuple[str, ...]) -> Update:
     return presence.update().where(is_about, known < new)
 
 
-def _keep_word() -> ReturningInsert[*tuple[Any, ...]]:
-    """An insert of composition's word, which returns the drone unless it is nobody's or no news."""
+def _keep_word() -> Insert:
+    """An insert of composition's word, unless its drone is not the provider's, or it is no news."""
     names = ("seq", "mission_state", "is_live", "reported_wall_ms")
     values = [
         bindparam(name, type_=mission_hints.c[name].type).label(name)
@@ -222,8 +236,7 @@ def _keep_word() -> ReturningInsert[*tuple[Any, ...]]:
         mission_hints.c.mission_state != new.excluded.mission_state
     )
     changed = {name: new.excluded[name] for name in names}
-    kept = new.on_conflict_do_update(index_elements=["mission_id"], set_=changed, where=is_news)
-    return kept.returning(mission_hints.c.drone_id)
+    return new.on_conflict_do_update(index_elements=["mission_id"], set_=changed, where=is_news)
 
 
 # Statements of every message and report are made once: to make one takes as long as to run it.

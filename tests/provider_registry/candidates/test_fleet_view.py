@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from skyway_provider_registry.candidates.fleet_view import FleetView
 from skyway_provider_registry.candidates.reasons import KnownDrone
+from skyway_provider_registry.pace import Pace
 from skyway_provider_registry.presence.follow import Recorder
 
 from skyway.contracts.drone_report import Connection, DroneState
@@ -25,7 +26,7 @@ AT = datetime(2026, 3, 1, 12, tzinfo=UTC)
 @pytest.fixture
 def view(db: Database) -> FleetView:
     """The view of another replica than the one that is called."""
-    return FleetView(db)
+    return FleetView(db, Pace())
 
 
 def batch_of(drone: dict[str, Any], *, seq: int = 1, mission: str | None = None) -> list[Any]:
@@ -148,6 +149,22 @@ async def test_a_model_that_was_added_since_is_known(api: Any, view: FleetView) 
     await api.drone(provider_id, model_id="added")
 
     assert [drone.model.max_payload_kg for drone in await drones(view)] == [40.0]
+
+
+async def test_a_model_that_was_replaced_while_nobody_had_it_is_the_new_one(
+    api: Any, view: FleetView
+) -> None:
+    provider_id = await api.provider()
+    for limit_kg in (40.0, 50.0):
+        changed = {"model_id": "added", "max_payload_kg": limit_kg}
+        body = PAPER_SCENARIO.model_copy(update=changed).model_dump(mode="json")
+        await api("operator:op", "PUT", "/v1/drone-models/added", body)
+        made = await api.drone(provider_id, model_id="added")
+        seen = [drone.model.max_payload_kg for drone in await drones(view)]
+        path = f"/v1/providers/{provider_id}/drones/{made['drone_id']}"
+        await api("operator:op", "DELETE", path)
+
+    assert seen == [50.0]
 
 
 async def test_looks_at_the_same_time_all_see_what_was_written_before(
