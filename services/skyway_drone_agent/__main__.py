@@ -1,4 +1,4 @@
-"""`python -m skyway_drone_agent --fleet FILE [--journal DIR] [--mqtt-url URL] ...`."""
+"""`python -m skyway_drone_agent [--fleet FILE | --enrol TOKEN --api URL] [--journal DIR] ...`."""
 
 import asyncio
 import contextlib
@@ -8,7 +8,10 @@ import sys
 
 from skyway.errors import SkywayError
 from skyway.runtime.logs import configure_logs
-from skyway_drone_agent.enrolled_drone import EnrolledDrone, read_fleet
+from skyway_drone_agent.enrolled_drone import read_fleet
+from skyway_drone_agent.enrolment.credentials_folder import CredentialsFolder
+from skyway_drone_agent.enrolment.crew import Crew, EnrolledCrew, RegisteredCrew
+from skyway_drone_agent.enrolment.enrol import enrol, enrolled
 from skyway_drone_agent.fleet import allow_open_files, host_fleet
 from skyway_drone_agent.journal_folder import JournalFolder
 from skyway_drone_agent.settings import AgentSettings, read_settings
@@ -19,23 +22,49 @@ def main() -> int:
     try:
         settings = read_settings(sys.argv[1:], os.environ)
         configure_logs("drone_agent", settings.log_level)
-        drones = read_fleet(settings.fleet)
-        allow_open_files(len(drones))
-        with JournalFolder(settings.journal, (drone.drone_id for drone in drones)) as folder:
-            asyncio.run(_serve(drones, folder, settings))
+        crew = _crew(settings)
+        allow_open_files(len(crew.drones))
+        with JournalFolder(settings.journal, (drone.drone_id for drone in crew.drones)) as folder:
+            # With the locks of the journals: nobody else serves these drones meanwhile.
+            crew.settle()
+            if settings.enrolment.wants_rotation:
+                crew.rotate()
+            asyncio.run(_serve(crew, folder, settings))
     except (SkywayError, OSError) as error:
         sys.stderr.write(f"{error}\n")
         return 2
     return 0
 
 
-async def _serve(
-    drones: tuple[EnrolledDrone, ...], folder: JournalFolder, settings: AgentSettings
-) -> None:
-    hosting = host_fleet(
-        drones, folder, mqtt_url=settings.mqtt_url, disturbances=settings.disturbances
-    )
-    serving = asyncio.create_task(hosting)
+def _crew(settings: AgentSettings) -> Crew:
+    if settings.fleet is not None:
+        return RegisteredCrew(read_fleet(settings.fleet))
+    folder, wanted = CredentialsFolder(settings.journal), settings.enrolment
+    if wanted.token is None:
+        return EnrolledCrew(enrolled(folder), folder)
+    return EnrolledCrew([enrol(wanted.token, api_url=wanted.api_url, folder=folder)], folder)
+
+
+async def _host(crew: Crew, folder: JournalFolder, settings: AgentSettings) -> None:
+    """Serve the drones, and anew whenever they have other credentials."""
+    while True:
+        hosting = host_fleet(
+            crew.drones, folder, mqtt_url=settings.mqtt_url, disturbances=settings.disturbances
+        )
+        serving, changing = asyncio.create_task(hosting), asyncio.create_task(crew.changed())
+        try:
+            await asyncio.wait((serving, changing), return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            for task in (serving, changing):
+                task.cancel()
+            # Until the farewell is said; what broke is raised by the look at the result.
+            await asyncio.wait((serving, changing))
+        if not serving.cancelled():
+            serving.result()
+
+
+async def _serve(crew: Crew, folder: JournalFolder, settings: AgentSettings) -> None:
+    serving = asyncio.create_task(_host(crew, folder, settings))
     loop = asyncio.get_running_loop()
     for stop in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(stop, serving.cancel)

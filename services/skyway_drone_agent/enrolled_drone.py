@@ -22,18 +22,23 @@ class BrokerLogin(WireModel):
 
 
 class EnrolledDrone(WireModel):
-    """The answer to POST /v1/providers/{id}/drones, as far as the agent needs it."""
+    """A drone as the registry tells of it once, at its registration or its enrolment."""
 
     drone_id: DroneId
     provider_id: ProviderId
     model: DroneModel
     home_station_id: StationId
     home_position: Position
+    #: Where the cloud saw it last, when it enrols on another computer.
+    station_id: StationId | None = None
+    position: Position | None = None
     soc: Soc
     mqtt: BrokerLogin
 
     def at_first(self) -> Logbook:
-        """The logbook of a drone that has never flown: it stands at home."""
+        """The logbook of a drone without a journal: where it was seen last, or at home."""
+        if self.station_id is not None and self.position is not None:
+            return Logbook(station_id=self.station_id, position=self.position, soc=self.soc)
         return Logbook(station_id=self.home_station_id, position=self.home_position, soc=self.soc)
 
 

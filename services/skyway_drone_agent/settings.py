@@ -2,7 +2,7 @@
 
 import argparse
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
@@ -15,10 +15,23 @@ _OPTIONS: Final = ("seed", "flight_time_factor", "flight_energy_factor", "charge
 
 
 @dataclass(frozen=True, slots=True)
-class AgentSettings:
-    """Which drones, where their journals lie, and the broker; `parent_fd` ends us when closed."""
+class EnrolmentSettings:
+    """A token to exchange, where, and whether the drones change their credentials now."""
 
-    fleet: Path
+    token: str | None = field(repr=False)
+    api_url: str
+    wants_rotation: bool
+
+
+@dataclass(frozen=True, slots=True)
+class AgentSettings:
+    """Which drones, where their journals lie, and the broker; `parent_fd` ends us when closed.
+
+    Without a fleet file the drones are those that enrolled here, or are about to.
+    """
+
+    fleet: Path | None
+    enrolment: EnrolmentSettings
     journal: Path
     mqtt_url: str
     parent_fd: int | None
@@ -39,13 +52,25 @@ def read_settings(arguments: Sequence[str], environment: Mapping[str, str]) -> A
     if parent_fd and not parent_fd.isdecimal():
         raise InvalidSettings(f"SKYWAY_PARENT_FD is a file descriptor, not {parent_fd!r}")
     return AgentSettings(
-        fleet=Path(given.fleet),
+        fleet=None if given.fleet is None else Path(given.fleet),
+        enrolment=_enrolment(given, environment),
         journal=Path(journal),
         mqtt_url=mqtt_url,
         parent_fd=int(parent_fd) if parent_fd else None,
         log_level=environment.get("SKYWAY_LOG_LEVEL", "INFO"),
         disturbances=_disturbances(given),
     )
+
+
+def _enrolment(given: argparse.Namespace, environment: Mapping[str, str]) -> EnrolmentSettings:
+    if given.fleet is not None and given.rotate:
+        raise InvalidSettings("--rotate is for drones that enrolled, not for those of --fleet")
+    # Everybody on the machine can read arguments, and nobody else's environment.
+    token = given.enrol or environment.get("SKYWAY_ENROLMENT_TOKEN")
+    api_url = given.api or environment.get("SKYWAY_GATEWAY_URL")
+    if given.fleet is None and token and not api_url:
+        raise InvalidSettings("where to exchange the token: --api or SKYWAY_GATEWAY_URL")
+    return EnrolmentSettings(token or None, api_url or "", wants_rotation=given.rotate)
 
 
 def _disturbances(given: argparse.Namespace) -> Disturbances:
@@ -64,10 +89,11 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--fleet",
-        required=True,
         metavar="FILE",
-        help="the answer of POST /v1/providers/{id}/drones: one drone, a list, or {items: [...]}",
+        help="the answer of POST /v1/providers/{id}/drones: one drone, a list, or {items: [...]};"
+        " without it: the drones that enrolled with the journals' folder",
     )
+    _add_enrolment(parser)
     parser.add_argument(
         "--journal", metavar="DIR", help="folder of the journals (or SKYWAY_AGENT_JOURNAL)"
     )
@@ -76,6 +102,21 @@ def _parser() -> argparse.ArgumentParser:
     )
     _add_disturbances(parser)
     return parser
+
+
+def _add_enrolment(parser: argparse.ArgumentParser) -> None:
+    enrolment = parser.add_argument_group("enrolment")
+    enrolment.add_argument(
+        "--enrol",
+        metavar="TOKEN",
+        help="exchange this token, once, and keep what it gives (or SKYWAY_ENROLMENT_TOKEN)",
+    )
+    enrolment.add_argument(
+        "--api", metavar="URL", help="https://host of the cloud (or SKYWAY_GATEWAY_URL)"
+    )
+    enrolment.add_argument(
+        "--rotate", action="store_true", help="change the drones' credentials before they serve"
+    )
 
 
 def _add_disturbances(parser: argparse.ArgumentParser) -> None:

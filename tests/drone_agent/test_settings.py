@@ -75,3 +75,29 @@ def test_options_come_before_what_the_scenario_says() -> None:
 
     assert settings.disturbances.battery.temperature_c == -8.0
     assert (settings.disturbances.seed, settings.disturbances.charge_time_factor) == (7, 2.0)
+
+
+def test_without_a_fleet_file_the_enrolled_drones_are_served() -> None:
+    settings = read_settings(PLACES, {})
+
+    assert settings.fleet is None
+    assert settings.enrolment.token is None
+
+
+def test_a_token_may_come_from_the_environment_and_is_not_shown() -> None:
+    environment = {"SKYWAY_ENROLMENT_TOKEN": "enr_x", "SKYWAY_GATEWAY_URL": "http://here"}
+
+    settings = read_settings(PLACES, environment)
+
+    assert (settings.enrolment.token, settings.enrolment.api_url) == ("enr_x", "http://here")
+    assert "enr_x" not in repr(settings)
+
+
+def test_a_token_needs_a_place_to_exchange_it() -> None:
+    with pytest.raises(InvalidSettings, match="--api"):
+        read_settings([*PLACES, "--enrol", "enr_x"], {})
+
+
+def test_drones_of_a_file_do_not_rotate() -> None:
+    with pytest.raises(InvalidSettings, match="--rotate"):
+        read_settings([*FLEET, *PLACES, "--rotate"], {})

@@ -1,0 +1,98 @@
+"""The drone's own REST calls: rare, small, and made where waiting does no harm."""
+
+import http.client
+import json
+import urllib.error
+import urllib.request
+from collections.abc import Mapping
+from typing import Any, Final
+from urllib.parse import urlsplit
+
+from skyway.errors import InvalidInput, SkywayError
+
+_TIMEOUT_S: Final = 10.0
+_LARGEST_ANSWER: Final = 1 << 20
+_SERVER_ERROR: Final = 500
+
+
+class CloudRefused(SkywayError):
+    """The cloud understood, and said no; asking again is no use."""
+
+    def __init__(self, status: int, code: str, detail: str) -> None:
+        super().__init__(f"the cloud refused ({status} {code}): {detail}")
+        self.status = status
+        self.code = code
+
+
+class CloudUnreachable(SkywayError):
+    """The cloud did not answer, or could not say; what was asked may have been done."""
+
+
+class _NoRedirects(urllib.request.HTTPRedirectHandler):
+    """A redirect would carry the drone's key to somebody else."""
+
+    def redirect_request(self, *_: Any, **__: Any) -> None:  # as urllib calls it
+        return None
+
+
+class Cloud:
+    """The gateway at a URL, asked with blocking calls."""
+
+    def __init__(self, api_url: str) -> None:
+        parts = urlsplit(api_url)
+        if parts.scheme not in ("http", "https") or not parts.hostname:
+            raise InvalidInput("api", "must look like https://host or http://host:port")
+        self._url = api_url.rstrip("/")
+        self._opener = urllib.request.build_opener(_NoRedirects)
+
+    def get(self, path: str, *, key: str) -> Any:  # whatever JSON the route documents
+        """What is answered to a GET.
+
+        Raises
+        ------
+        CloudRefused
+            It was answered 4xx.
+        CloudUnreachable
+            There was no answer, or not one of ours.
+        """
+        return self._ask("GET", path, {"Authorization": f"Bearer {key}"}, None)
+
+    def post(
+        self,
+        path: str,
+        body: Mapping[str, object],
+        *,
+        key: str | None = None,
+        idempotency_key: str | None = None,
+    ) -> Any:  # whatever JSON the route documents
+        """What is answered to a POST; it raises as `get` does."""
+        headers = {"Content-Type": "application/json"}
+        if key is not None:
+            headers["Authorization"] = f"Bearer {key}"
+        if idempotency_key is not None:
+            headers["Idempotency-Key"] = idempotency_key
+        return self._ask("POST", path, headers, json.dumps(body).encode())
+
+    def _ask(self, method: str, path: str, headers: dict[str, str], body: bytes | None) -> Any:
+        # The scheme is http or https: see above.
+        request = urllib.request.Request(  # noqa: S310
+            self._url + path, data=body, headers=headers, method=method
+        )
+        try:
+            with self._opener.open(request, timeout=_TIMEOUT_S) as answer:
+                return json.loads(answer.read(_LARGEST_ANSWER))
+        except urllib.error.HTTPError as error:
+            raise _refusal(error) from error
+        except (OSError, http.client.HTTPException, ValueError) as error:
+            raise CloudUnreachable(f"{self._url} does not answer: {error}") from error
+
+
+def _refusal(error: urllib.error.HTTPError) -> SkywayError:
+    try:
+        problem = json.loads(error.read(_LARGEST_ANSWER))
+        code, detail = str(problem.get("code", "")), str(problem.get("detail", error.reason))
+    except (OSError, http.client.HTTPException, ValueError, AttributeError):
+        code, detail = "", str(error.reason)
+    if error.code >= _SERVER_ERROR:
+        return CloudUnreachable(f"the cloud cannot say now ({error.code}): {detail}")
+    return CloudRefused(error.code, code, detail)

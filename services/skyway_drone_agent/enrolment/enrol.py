@@ -1,0 +1,59 @@
+"""Exchanging an enrolment token, so that a crash at any moment can be made good."""
+
+import hashlib
+import secrets
+
+from skyway.errors import SkywayError
+from skyway_drone_agent.enrolment.cloud import Cloud
+from skyway_drone_agent.enrolment.credentials import Enrolment, KeptCredentials
+from skyway_drone_agent.enrolment.credentials_folder import CredentialsFolder
+
+
+class NotEnrolled(SkywayError):
+    """No drone has enrolled here, and none is about to."""
+
+    def __init__(self) -> None:
+        super().__init__(
+            "no drone has enrolled here: give --fleet FILE, or --enrol TOKEN --api URL"
+        )
+
+
+def enrol(token: str, *, api_url: str, folder: CredentialsFolder) -> KeptCredentials:
+    """The credentials that this token is exchanged for, or was before.
+
+    Raises
+    ------
+    CloudRefused
+        The token is unknown, used up or too old.
+    CloudUnreachable
+        The same call later goes on where this one stopped.
+    """
+    token_sha256 = hashlib.sha256(token.encode()).hexdigest()
+    for kept in folder.every():
+        if kept.token_sha256 == token_sha256:
+            folder.forget_attempt(token_sha256)
+            return kept
+    # On disk before the call: whoever asks again under it is told the same.
+    attempt = folder.attempt(token_sha256, new_key=secrets.token_urlsafe(32))
+    answer = Cloud(api_url).post(
+        "/v1/enrolments", {"enrolment_token": token}, idempotency_key=attempt
+    )
+    drone = Enrolment.model_validate(answer)
+    kept = KeptCredentials(api_url=api_url, token_sha256=token_sha256, drone=drone)
+    folder.keep(kept)
+    folder.forget_attempt(token_sha256)
+    return kept
+
+
+def enrolled(folder: CredentialsFolder) -> tuple[KeptCredentials, ...]:
+    """The credentials of all drones that enrolled here.
+
+    Raises
+    ------
+    NotEnrolled
+        There are none.
+    """
+    every = folder.every()
+    if not every:
+        raise NotEnrolled
+    return every

@@ -1,0 +1,106 @@
+"""A token is exchanged once, whatever is lost or crashes on the way."""
+
+import hashlib
+import logging
+import stat
+from pathlib import Path
+from typing import Any
+
+import pytest
+from skyway_drone_agent.enrolment.cloud import Cloud, CloudRefused, CloudUnreachable
+from skyway_drone_agent.enrolment.credentials_folder import CredentialsFolder, DamagedCredentials
+from skyway_drone_agent.enrolment.enrol import NotEnrolled, enrol, enrolled
+
+from skyway.errors import InvalidInput
+
+
+def test_a_token_gives_credentials_that_are_kept_for_us_alone(tmp_path: Path, cloud: Any) -> None:
+    folder = CredentialsFolder(tmp_path / "journal")
+
+    given = enrol("enr_good", api_url=cloud.url, folder=folder)
+
+    assert (given.drone.drone_id, given.drone.mqtt.password) == ("drn_1", cloud.password)
+    assert enrolled(folder) == (given,)
+    [kept] = (tmp_path / "journal").iterdir()
+    assert stat.S_IMODE(kept.stat().st_mode) == 0o600
+
+
+def test_the_same_command_line_asks_once(tmp_path: Path, cloud: Any) -> None:
+    folder = CredentialsFolder(tmp_path)
+    first = enrol("enr_good", api_url=cloud.url, folder=folder)
+    cloud.is_down = True
+
+    again = enrol("enr_good", api_url=cloud.url, folder=folder)
+
+    assert again == first
+    assert cloud.asked == ["POST /v1/enrolments"]
+
+
+def test_a_lost_answer_is_asked_for_again(tmp_path: Path, cloud: Any) -> None:
+    folder = CredentialsFolder(tmp_path)
+    cloud.loses = 1
+    with pytest.raises(CloudUnreachable):
+        enrol("enr_good", api_url=cloud.url, folder=folder)
+
+    # As after a crash: nothing but the folder is left.
+    given = enrol("enr_good", api_url=cloud.url, folder=CredentialsFolder(tmp_path))
+
+    assert given.drone.mqtt.password == cloud.password
+    assert cloud.made == 1
+
+
+def test_who_stole_the_token_gets_nothing_after_us(tmp_path: Path, cloud: Any) -> None:
+    enrol("enr_good", api_url=cloud.url, folder=CredentialsFolder(tmp_path / "ours"))
+
+    with pytest.raises(CloudRefused, match="TOKEN_USED"):
+        enrol("enr_good", api_url=cloud.url, folder=CredentialsFolder(tmp_path / "theirs"))
+
+
+def test_no_secret_is_told(tmp_path: Path, cloud: Any, caplog: pytest.LogCaptureFixture) -> None:
+    caplog.set_level(logging.DEBUG)
+    folder = CredentialsFolder(tmp_path)
+    given = enrol("enr_good", api_url=cloud.url, folder=folder)
+    with pytest.raises(CloudRefused) as refused:
+        enrol("enr_bad", api_url=cloud.url, folder=folder)
+
+    told = f"{caplog.text} {given!r} {refused.value}"
+    for secret in ("enr_good", "enr_bad", cloud.password, given.drone.key):
+        assert secret not in told
+
+
+def test_a_cloud_that_is_not_there_is_named(tmp_path: Path) -> None:
+    with pytest.raises(CloudUnreachable, match="does not answer"):
+        enrol("enr_good", api_url="http://127.0.0.1:9", folder=CredentialsFolder(tmp_path))
+
+
+@pytest.mark.parametrize("url", ["", "ftp://host", "file:///etc/passwd", "host:80"])
+def test_an_address_that_is_none_is_refused(url: str) -> None:
+    with pytest.raises(InvalidInput, match="api"):
+        Cloud(url)
+
+
+def test_without_enrolment_there_is_nobody_to_serve(tmp_path: Path) -> None:
+    with pytest.raises(NotEnrolled):
+        enrolled(CredentialsFolder(tmp_path))
+
+
+def test_damaged_credentials_are_named_without_what_is_in_them(tmp_path: Path, cloud: Any) -> None:
+    folder = CredentialsFolder(tmp_path)
+    enrol("enr_good", api_url=cloud.url, folder=folder)
+    [path] = tmp_path.glob("*.credentials.json")
+    path.write_text(path.read_text().replace('"soc"', '"sock"'))
+
+    with pytest.raises(DamagedCredentials) as damaged:
+        folder.every()
+
+    assert cloud.password not in str(damaged.value)
+
+
+def test_an_attempt_keeps_its_first_key(tmp_path: Path) -> None:
+    folder = CredentialsFolder(tmp_path)
+    token_sha256 = hashlib.sha256(b"enr_good").hexdigest()
+
+    first = folder.attempt(token_sha256, new_key="one")
+    again = folder.attempt(token_sha256, new_key="two")
+
+    assert (first, again) == ("one", "one")

@@ -1,0 +1,138 @@
+"""A rotation may be cut short anywhere: what is kept works, or will once it is settled."""
+
+import asyncio
+from pathlib import Path
+from typing import Any
+
+import pytest
+from skyway_drone_agent.enrolment.cloud import CloudRefused, CloudUnreachable
+from skyway_drone_agent.enrolment.credentials import KeptCredentials
+from skyway_drone_agent.enrolment.credentials_folder import CredentialsFolder
+from skyway_drone_agent.enrolment.crew import EnrolledCrew
+from skyway_drone_agent.enrolment.enrol import enrol
+from skyway_drone_agent.enrolment.rotate import begin, settle
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> CredentialsFolder:
+    return CredentialsFolder(tmp_path)
+
+
+@pytest.fixture
+def kept(cloud: Any, folder: CredentialsFolder) -> KeptCredentials:
+    return enrol("enr_good", api_url=cloud.url, folder=folder)
+
+
+def restarted(folder: CredentialsFolder) -> EnrolledCrew:
+    """What the next process starts with."""
+    return EnrolledCrew(folder.every(), folder)
+
+
+def password(crew: EnrolledCrew) -> str:
+    [drone] = crew.drones
+    return drone.mqtt.password
+
+
+def test_a_rotation_ends_with_what_the_broker_takes(
+    cloud: Any, kept: KeptCredentials, folder: CredentialsFolder
+) -> None:
+    crew = EnrolledCrew([kept], folder)
+
+    crew.rotate()
+
+    assert password(crew) == cloud.password != kept.drone.mqtt.password
+    assert password(restarted(folder)) == cloud.password
+
+
+def test_a_lost_rotation_leaves_the_old_credentials(
+    cloud: Any, kept: KeptCredentials, folder: CredentialsFolder
+) -> None:
+    cloud.loses = 1
+    with pytest.raises(CloudUnreachable):
+        begin(kept, folder)
+
+    crew = restarted(folder)
+    crew.settle()
+
+    assert password(crew) == cloud.password == kept.drone.mqtt.password
+
+
+def test_a_crash_before_the_first_use_is_made_good(
+    cloud: Any, kept: KeptCredentials, folder: CredentialsFolder
+) -> None:
+    begin(kept, folder)
+
+    crew = restarted(folder)
+    before = cloud.password
+    crew.settle()
+
+    assert before == kept.drone.mqtt.password
+    assert password(crew) == cloud.password != before
+
+
+def test_a_crash_after_the_first_use_is_made_good(
+    cloud: Any, kept: KeptCredentials, folder: CredentialsFolder
+) -> None:
+    begun = begin(kept, folder)
+    cloud.loses = 1
+    with pytest.raises(CloudUnreachable):
+        settle(begun, folder)
+
+    crew = restarted(folder)
+    crew.settle()
+
+    assert cloud.password != kept.drone.mqtt.password
+    assert password(crew) == cloud.password
+
+
+def test_credentials_that_were_never_in_force_are_dropped(
+    cloud: Any, kept: KeptCredentials, folder: CredentialsFolder
+) -> None:
+    begin(kept, folder)
+    del cloud.keys["next"]
+
+    crew = restarted(folder)
+    crew.settle()
+
+    assert password(crew) == cloud.password
+    assert folder.every() == (kept,)
+
+
+def test_without_the_cloud_the_drone_starts_all_the_same(
+    cloud: Any, kept: KeptCredentials, folder: CredentialsFolder
+) -> None:
+    begin(kept, folder)
+    cloud.is_down = True
+
+    crew = restarted(folder)
+    crew.settle()
+
+    assert password(crew) == kept.drone.mqtt.password
+
+
+async def test_what_was_open_at_the_start_is_settled_when_the_cloud_is_back(
+    cloud: Any, kept: KeptCredentials, folder: CredentialsFolder
+) -> None:
+    begun = begin(kept, folder)
+    cloud.loses = 1
+    with pytest.raises(CloudUnreachable):
+        settle(begun, folder)
+    crew = EnrolledCrew(folder.every(), folder, again_after_s=0.01)
+
+    async with asyncio.timeout(10):
+        await crew.changed()
+
+    assert password(crew) == cloud.password
+
+
+def test_a_revoked_drone_cannot_rotate_and_keeps_what_it_has(
+    cloud: Any, kept: KeptCredentials, folder: CredentialsFolder
+) -> None:
+    cloud.keys = {}
+    with pytest.raises(CloudRefused, match="401"):
+        begin(kept, folder)
+
+    crew = restarted(folder)
+    crew.rotate()
+
+    assert password(crew) == kept.drone.mqtt.password
