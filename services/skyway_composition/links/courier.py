@@ -15,7 +15,7 @@ from skyway.runtime.minting import Mint
 from skyway.runtime.outbox import confirm
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.links import store
-from skyway_composition.links.link import DroneLink
+from skyway_composition.links.link import DroneLink, Numbered
 
 #: Makes the instruction once its envelope is known: `functools.partial` of a model.
 Draft = Callable[..., AnyInstruction]
@@ -47,22 +47,28 @@ class Courier:
         self, tx: Tx, link: DroneLink, draft: Draft, *, expires_at: datetime
     ) -> tuple[DroneLink, InstructionId]:
         """The same; the instruction's id too, by which its answer is known."""
-        link = replace(link, stream=max(1, link.stream), last_seq=link.last_seq + 1)
+        link, place = link.with_next()
+        await store.save_links(tx, [link])
+        return link, await self.post_at(tx, place, draft, expires_at=expires_at)
+
+    async def post_at(
+        self, tx: Tx, place: Numbered, draft: Draft, *, expires_at: datetime
+    ) -> InstructionId:
+        """Send an instruction whose place is taken already; its id."""
         instruction_id = InstructionId(self.mint("ins"))
         instruction = draft(
             message_id=instruction_id,
             sent_at=self.clock.now(),
             instruction_id=instruction_id,
-            stream=link.stream,
-            seq=link.last_seq,
-            events_confirmed_seq=link.last_event_seq,
+            stream=place.stream,
+            seq=place.seq,
+            events_confirmed_seq=place.events_confirmed_seq,
             expires_at=expires_at,
         )
-        await store.save_links(tx, [link])
-        await store.add_instruction(tx, link.drone_id, instruction)
-        address = INSTRUCTIONS(link.provider_id, link.drone_id)
-        tx.send(address, instruction, confirmed_by="receiver", stream=link.drone_id)
-        return link, instruction_id
+        await store.add_instruction(tx, place.drone_id, instruction)
+        address = INSTRUCTIONS(place.provider_id, place.drone_id)
+        tx.send(address, instruction, confirmed_by="receiver", stream=place.drone_id)
+        return instruction_id
 
     async def ask_for_events(self, tx: Tx, link: DroneLink) -> DroneLink:
         """Ask the drone for the events after the last one that we have, unless just asked."""

@@ -8,6 +8,17 @@ from skyway.ids import DroneId, ProviderId
 
 
 @dataclass(frozen=True, slots=True)
+class Numbered:
+    """The place of an instruction: its `seq` in the drone's stream, and what it confirms."""
+
+    drone_id: DroneId
+    provider_id: ProviderId
+    stream: int
+    seq: int
+    events_confirmed_seq: int
+
+
+@dataclass(frozen=True, slots=True)
 class DroneLink:
     """How far the talk with one drone has come.
 
@@ -26,6 +37,13 @@ class DroneLink:
     report_asked_wall_ms: int = 0
     state: DroneState | None = None
     connection: Connection | None = None
+
+    def with_next(self) -> tuple["DroneLink", Numbered]:
+        """The link once one more instruction goes to the drone, and that one's place."""
+        link = replace(self, stream=max(1, self.stream), last_seq=self.last_seq + 1)
+        return link, Numbered(
+            link.drone_id, link.provider_id, link.stream, link.last_seq, link.last_event_seq
+        )
 
     def hears_newer(self, state: DroneState) -> bool:
         """Whether this state comes after the one that is known."""

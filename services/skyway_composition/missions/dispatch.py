@@ -11,7 +11,7 @@ from skyway.contracts.mission import Mission
 from skyway.ids import DroneId, MissionId
 from skyway.runtime.database import Tx
 from skyway.units import moment_to_ms
-from skyway_composition.links.courier import Courier
+from skyway_composition.links.courier import Courier, Draft
 from skyway_composition.links.link import DroneLink
 from skyway_composition.links.store import open_instructions
 from skyway_composition.missions import store
@@ -29,7 +29,12 @@ async def dispatch(
     expires_at: datetime,
 ) -> DroneLink:
     """Send these steps as the mission's present revision."""
-    draft = partial(
+    return await courier.send(tx, link, mission_draft(mission, steps), expires_at=expires_at)
+
+
+def mission_draft(mission: Mission, steps: Sequence[FlightStep]) -> Draft:
+    """The instruction that brings these steps as the mission's present revision."""
+    return partial(
         MissionInstruction,
         mission_id=mission.mission_id,
         mission_revision=mission.revision,
@@ -37,7 +42,6 @@ async def dispatch(
         first_step=steps[0].step_id,
         steps=tuple(steps),
     )
-    return await courier.send(tx, link, draft, expires_at=expires_at)
 
 
 async def call_off(

@@ -1,7 +1,6 @@
 """Engaging the drones of an offer: their missions, steps, pads, packages and instructions."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 from skyway.contracts.flight_step import FlightStep
 from skyway.contracts.mission import Mission
@@ -11,10 +10,10 @@ from skyway.runtime.database import Tx
 from skyway.runtime.minting import Mint
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.links.courier import Courier
-from skyway_composition.links.store import lock_link
+from skyway_composition.links.store import take_next
 from skyway_composition.missions import store
 from skyway_composition.missions.custody import Custodian, Held
-from skyway_composition.missions.dispatch import dispatch
+from skyway_composition.missions.dispatch import mission_draft
 from skyway_composition.missions.instruct import StepTerms, flight_steps
 from skyway_composition.missions.record import MissionRecord
 from skyway_composition.missions.revision import record_of
@@ -43,7 +42,9 @@ async def engage(
     courier = Courier(clock, mint)
     # Everybody locks drones in this order.
     drones = sorted((part.candidate for part in offer.parts), key=lambda each: each.drone_id)
-    links = {each.drone_id: await lock_link(tx, each.drone_id, each.provider_id) for each in drones}
+    places = {
+        each.drone_id: await take_next(tx, each.drone_id, each.provider_id) for each in drones
+    }
     expires_at = courier.expiry()
     records = [
         record_of(
@@ -69,13 +70,11 @@ async def engage(
     await reserve(tx, by_mission)
     await _begin_custody(tx, records)
     for record, part in zip(records, offer.parts, strict=True):
-        link = replace(links[record.drone_id], provider_id=part.candidate.provider_id)
-        await dispatch(
+        steps = await _add_steps(tx, record, part, skyway)
+        await courier.post_at(
             tx,
-            courier,
-            link,
-            mission=record.mission,
-            steps=await _add_steps(tx, record, part, skyway),
+            places[record.drone_id],
+            mission_draft(record.mission, steps),
             expires_at=ms_to_moment(record.expires_ms),
         )
     return tuple(record.mission for record in records)
