@@ -41,7 +41,7 @@ def _crew(settings: AgentSettings) -> Crew:
         return RegisteredCrew(read_fleet(settings.fleet))
     folder, wanted = CredentialsFolder(settings.journal), settings.enrolment
     if wanted.token is None:
-        return EnrolledCrew(enrolled(folder), folder)
+        return EnrolledCrew(enrolled(folder, drone_id=wanted.drone_id), folder)
     return EnrolledCrew([enrol(wanted.token, api_url=wanted.api_url, folder=folder)], folder)
 
 

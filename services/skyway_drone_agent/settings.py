@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
+from skyway.ids import DroneId
 from skyway.runtime.errors import InvalidSettings
 from skyway_drone_agent.disturbances import UNDISTURBED, Disturbances
 from skyway_drone_agent.scenario import changed, read_scenario, scenario_names
@@ -16,10 +17,11 @@ _OPTIONS: Final = ("seed", "flight_time_factor", "flight_energy_factor", "charge
 
 @dataclass(frozen=True, slots=True)
 class EnrolmentSettings:
-    """A token to exchange, where, and whether the drones change their credentials now."""
+    """A token to exchange, where, which drone alone, and whether credentials change now."""
 
     token: str | None = field(repr=False)
     api_url: str
+    drone_id: DroneId | None
     wants_rotation: bool
 
 
@@ -70,7 +72,12 @@ def _enrolment(given: argparse.Namespace, environment: Mapping[str, str]) -> Enr
     api_url = given.api or environment.get("SKYWAY_GATEWAY_URL")
     if given.fleet is None and token and not api_url:
         raise InvalidSettings("where to exchange the token: --api or SKYWAY_GATEWAY_URL")
-    return EnrolmentSettings(token or None, api_url or "", wants_rotation=given.rotate)
+    return EnrolmentSettings(
+        token or None,
+        api_url or "",
+        drone_id=None if given.drone_id is None else DroneId(given.drone_id),
+        wants_rotation=given.rotate,
+    )
 
 
 def _disturbances(given: argparse.Namespace) -> Disturbances:
@@ -113,6 +120,9 @@ def _add_enrolment(parser: argparse.ArgumentParser) -> None:
     )
     enrolment.add_argument(
         "--api", metavar="URL", help="https://host of the cloud (or SKYWAY_GATEWAY_URL)"
+    )
+    enrolment.add_argument(
+        "--drone-id", metavar="ID", help="serve this drone alone of those that enrolled here"
     )
     enrolment.add_argument(
         "--rotate", action="store_true", help="change the drones' credentials before they serve"

@@ -2,16 +2,15 @@
 
 import json
 import os
-import sys
 from itertools import cycle, islice
 from pathlib import Path
 from typing import Annotated, Any, NoReturn, TypeGuard
 
 import typer
 
+from skyway.cli.agent_process import become_agent
 from skyway.cli.data_folder import DataFolder, data_folder
 from skyway.cli.gateway import call_gateway, fail
-from skyway.cli.keys import read_keys
 from skyway.cli.up import DataOption
 
 _OPERATOR_KEY = "SKYWAY_OPERATOR_KEY"
@@ -22,6 +21,31 @@ _PAGE = 200
 FileArgument = Annotated[
     Path | None,
     typer.Argument(metavar="[FILE]", help="The answer of POST /v1/providers/{id}/drones."),
+]
+
+_ENROLMENT = "Enrolment"
+
+EnrolOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="TOKEN",
+        envvar="SKYWAY_ENROLMENT_TOKEN",
+        show_envvar=True,
+        help="Exchange this token for the drone's credentials, once.",
+        rich_help_panel=_ENROLMENT,
+    ),
+]
+
+ApiOption = Annotated[
+    str | None,
+    typer.Option(help="Where; else SKYWAY_GATEWAY_URL.", rich_help_panel=_ENROLMENT),
+]
+
+RotateOption = Annotated[
+    bool,
+    typer.Option(
+        "--rotate", help="Change its credentials before it flies.", rich_help_panel=_ENROLMENT
+    ),
 ]
 
 _DISTURBED = "What goes otherwise than planned"
@@ -68,8 +92,11 @@ AbsentOption = Annotated[
 
 
 def drone_command(
-    file: Annotated[Path, typer.Argument(help="The answer of POST /v1/providers/{id}/drones.")],
-    drone_id: Annotated[str | None, typer.Option(help="Which one, when the file has many.")] = None,
+    file: FileArgument = None,
+    drone_id: Annotated[str | None, typer.Option(help="Which one, when there are many.")] = None,
+    enrol: EnrolOption = None,
+    api: ApiOption = None,
+    rotate: RotateOption = False,
     scenario: ScenarioOption = None,
     seed: SeedOption = None,
     flight_time_factor: FlightTimeOption = None,
@@ -78,11 +105,10 @@ def drone_command(
     absent_station: AbsentOption = None,
     data: DataOption = None,
 ) -> None:
-    """Run the agent of one drone until Ctrl-C."""
-    drones = _read(file)
-    chosen = [drone for drone in drones if drone_id in (None, drone["drone_id"])]
-    if len(chosen) != 1:
-        fail(f"{file} holds {len(chosen)} drones to choose from: name one with --drone-id")
+    """Run the agent of one drone until Ctrl-C.
+
+    Without FILE it is the drone that enrolled here before, or enrols now with a token.
+    """
     disturbed = _arguments(
         {
             "scenario": scenario,
@@ -93,6 +119,13 @@ def drone_command(
         },
         absent_station,
     )
+    if file is None:
+        _run_enrolled(data_folder(data), enrol, disturbed + _wishes(drone_id, api, rotate))
+    if enrol is not None or rotate:
+        fail("--enrol and --rotate are for a drone without FILE")
+    chosen = [drone for drone in _read(file) if drone_id in (None, drone["drone_id"])]
+    if len(chosen) != 1:
+        fail(f"{file} holds {len(chosen)} drones to choose from: name one with --drone-id")
     _run_agent(data_folder(data), chosen, disturbed)
 
 
@@ -213,21 +246,23 @@ def _arguments(options: dict[str, object], absent: list[str] | None) -> list[str
     return given + [f"--absent-station={station}" for station in absent or ()]
 
 
+def _wishes(drone_id: str | None, api: str | None, rotate: bool) -> list[str]:
+    """What is wanted of an enrolled drone, as the agent's arguments."""
+    named = {"--drone-id": drone_id, "--api": api}
+    arguments = [f"{option}={value}" for option, value in named.items() if value is not None]
+    return arguments + (["--rotate"] if rotate else [])
+
+
+def _run_enrolled(folder: DataFolder, token: str | None, arguments: list[str]) -> NoReturn:
+    """Become the agent of drones that enrolled with this data folder."""
+    told = {} if token is None else {"SKYWAY_ENROLMENT_TOKEN": token}
+    become_agent(folder, arguments, told=told)
+
+
 def _run_agent(folder: DataFolder, drones: list[dict[str, Any]], arguments: list[str]) -> NoReturn:
     """Become the agent of these drones."""
     folder.make()
     fleet_file = folder.path / f"fleet-{drones[0]['drone_id']}.json"
     _write(fleet_file, drones)
-    settings = read_keys(folder)
-    if "SKYWAY_MQTT_URL" not in settings:
-        fail(f"SKYWAY_MQTT_URL is not set, neither in the environment nor in {folder.keys_file}")
-    environment = {
-        **os.environ,
-        "SKYWAY_MQTT_URL": settings["SKYWAY_MQTT_URL"],
-        "SKYWAY_AGENT_JOURNAL": str(folder.journals),
-    }
-    command = [sys.executable, "-m", "skyway_drone_agent", "--fleet", str(fleet_file)]
-    command += arguments
     typer.echo(f"{len(drones)} drones fly until Ctrl-C", err=True)
-    # In place of this process, so that who ends this one ends the agent.
-    os.execve(sys.executable, command, environment)  # noqa: S606 - there is no shell to want
+    become_agent(folder, ["--fleet", str(fleet_file), *arguments])

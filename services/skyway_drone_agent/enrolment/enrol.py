@@ -4,6 +4,7 @@ import hashlib
 import secrets
 
 from skyway.errors import SkywayError
+from skyway.ids import DroneId
 from skyway_drone_agent.enrolment.cloud import Cloud
 from skyway_drone_agent.enrolment.credentials import Enrolment, KeptCredentials
 from skyway_drone_agent.enrolment.credentials_folder import CredentialsFolder
@@ -14,7 +15,7 @@ class NotEnrolled(SkywayError):
 
     def __init__(self) -> None:
         super().__init__(
-            "no drone has enrolled here: give --fleet FILE, or --enrol TOKEN --api URL"
+            "no such drone has enrolled here: give --fleet FILE, or --enrol TOKEN --api URL"
         )
 
 
@@ -45,15 +46,15 @@ def enrol(token: str, *, api_url: str, folder: CredentialsFolder) -> KeptCredent
     return kept
 
 
-def enrolled(folder: CredentialsFolder) -> tuple[KeptCredentials, ...]:
-    """The credentials of all drones that enrolled here.
+def enrolled(folder: CredentialsFolder, *, drone_id: DroneId | None) -> tuple[KeptCredentials, ...]:
+    """The credentials of all drones that enrolled here, or of one alone.
 
     Raises
     ------
     NotEnrolled
         There are none.
     """
-    every = folder.every()
-    if not every:
+    wanted = tuple(kept for kept in folder.every() if drone_id in (None, kept.drone.drone_id))
+    if not wanted:
         raise NotEnrolled
-    return every
+    return wanted

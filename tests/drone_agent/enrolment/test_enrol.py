@@ -12,6 +12,7 @@ from skyway_drone_agent.enrolment.credentials_folder import CredentialsFolder, D
 from skyway_drone_agent.enrolment.enrol import NotEnrolled, enrol, enrolled
 
 from skyway.errors import InvalidInput
+from skyway.ids import DroneId
 
 
 def test_a_token_gives_credentials_that_are_kept_for_us_alone(tmp_path: Path, cloud: Any) -> None:
@@ -20,7 +21,7 @@ def test_a_token_gives_credentials_that_are_kept_for_us_alone(tmp_path: Path, cl
     given = enrol("enr_good", api_url=cloud.url, folder=folder)
 
     assert (given.drone.drone_id, given.drone.mqtt.password) == ("drn_1", cloud.password)
-    assert enrolled(folder) == (given,)
+    assert enrolled(folder, drone_id=None) == (given,)
     [kept] = (tmp_path / "journal").iterdir()
     assert stat.S_IMODE(kept.stat().st_mode) == 0o600
 
@@ -79,9 +80,16 @@ def test_an_address_that_is_none_is_refused(url: str) -> None:
         Cloud(url)
 
 
-def test_without_enrolment_there_is_nobody_to_serve(tmp_path: Path) -> None:
+def test_without_enrolment_there_is_nobody_to_serve(tmp_path: Path, cloud: Any) -> None:
+    folder = CredentialsFolder(tmp_path)
     with pytest.raises(NotEnrolled):
-        enrolled(CredentialsFolder(tmp_path))
+        enrolled(folder, drone_id=None)
+
+    given = enrol("enr_good", api_url=cloud.url, folder=folder)
+
+    assert enrolled(folder, drone_id=given.drone.drone_id) == (given,)
+    with pytest.raises(NotEnrolled):
+        enrolled(folder, drone_id=DroneId("drn_2"))
 
 
 def test_damaged_credentials_are_named_without_what_is_in_them(tmp_path: Path, cloud: Any) -> None:

@@ -31,3 +31,31 @@ def test_the_agent_is_told_what_is_disturbed_and_refuses_what_cannot_be(
 
     assert done.returncode == 2
     assert done.stderr.endswith("charge_time_factor: -2 is not above 0\n")
+
+
+def test_a_drone_without_a_file_enrols_and_its_token_is_no_argument(tmp_path: Path) -> None:
+    api = "http://127.0.0.1:9"
+
+    done = subprocess.run(
+        [
+            sys.executable,
+            "-c",
+            ENTRY,
+            "drone",
+            "--enrol",
+            "enr_x",
+            "--api",
+            api,
+            "--data",
+            tmp_path,
+        ],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "SKYWAY_MQTT_URL": "mqtt://127.0.0.1:9"},
+        check=False,
+        timeout=60,
+    )
+
+    assert done.returncode == 2
+    assert f"{api} does not answer" in done.stderr
+    assert "enr_x" not in done.stderr
