@@ -30,7 +30,7 @@ def test_the_agent_is_told_what_is_disturbed_and_refuses_what_cannot_be(
     )
 
     assert done.returncode == 2
-    assert done.stderr.endswith("charge_time_factor: -2 is not above 0\n")
+    assert "charge_time_factor: Input should be greater than 0, not -2.0\n" in done.stderr
 
 
 def test_a_drone_without_a_file_enrols_and_its_token_is_no_argument(tmp_path: Path) -> None:
