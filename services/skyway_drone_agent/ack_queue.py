@@ -53,7 +53,7 @@ class AckQueue:
     def _note_told(self, answer: Answer) -> None:
         mission = self._recorder.logbook.mission
         if mission is not None and answer == mission.accepted_by and mission.told_at is None:
-            self._recorder.record(AcceptanceTold(told_at=self._clock.now()))
+            self._recorder.note(AcceptanceTold(told_at=self._clock.now()))
 
     def _ack(self, status: _Status, answer: Answer) -> Ack:
         is_final = status != "RECEIVED"

@@ -2,6 +2,7 @@
 
 import contextlib
 from collections.abc import AsyncIterator, Awaitable, Callable
+from datetime import datetime
 from types import TracebackType
 from typing import Any, Never, Protocol, Self
 
@@ -15,8 +16,11 @@ from skyway.runtime.minting import Mint
 from skyway.runtime.mqtt import Received, Will
 from skyway_drone_agent.ack_queue import AckQueue
 from skyway_drone_agent.clock_keeper import ClockFromCloud
+from skyway_drone_agent.cloud_watch import CloudWatch
 from skyway_drone_agent.enrolled_drone import EnrolledDrone
+from skyway_drone_agent.event_writer import EventWriter
 from skyway_drone_agent.flight_recorder import FlightRecorder
+from skyway_drone_agent.guard import Guard
 from skyway_drone_agent.inbox import RAW_INSTRUCTIONS, Inbox
 from skyway_drone_agent.journal import Journal
 from skyway_drone_agent.link_watch import LinkWatch
@@ -79,6 +83,7 @@ class DroneAgent:
         )
         self._link = make_link(self._presence.last_will, self._connected)
         self._watch: LinkWatch | None = None
+        self._cloud: CloudWatch | None = None
         self._state: StateSender | None = None
 
     async def run(self) -> None:
@@ -109,33 +114,68 @@ class DroneAgent:
         acks = AckQueue(uplink, recorder, clock)
         events = EventSender(uplink, recorder)
         watch = LinkWatch(self._link, clock, on_change=recorder.tell_watchers)
+        cloud = CloudWatch(self._link, clock, on_change=recorder.tell_watchers)
         lookout = Lookout(recorder, vehicle, clock)
         state = StateSender(uplink, recorder, lookout, clock, events=events)
         telemetry = TelemetrySender(uplink, recorder, lookout, clock)
-        inbox = Inbox(recorder, clock, vehicle=vehicle, answers=acks, events=events)
-        pilot = Pilot(recorder, vehicle, clock, gates=lambda: self._gates(watch), uplink=uplink)
-        self._watch, self._state = watch, state
+        writer = EventWriter(recorder, uplink)
+        guard = Guard(
+            recorder,
+            vehicle,
+            clock,
+            lookout=lookout,
+            events=writer,
+            link=watch,
+            cloud=cloud,
+        )
+
+        def consumption_factor() -> float:
+            return lookout.newest().consumption_factor
+
+        inbox = Inbox(
+            recorder,
+            clock,
+            vehicle=vehicle,
+            answers=acks,
+            events=events,
+            consumption_factor=consumption_factor,
+        )
+        pilot = Pilot(
+            recorder,
+            vehicle,
+            clock,
+            gates=lambda: self._gates(watch, cloud, guard),
+            consumption_factor=consumption_factor,
+            events=writer,
+        )
+        self._watch, self._cloud, self._state = watch, cloud, state
         if self._link.is_connected:
             await self._say_online()
-        for part in (acks, events, watch, state, telemetry):
+        for part in (acks, events, watch, state, telemetry, guard):
             loops.start(type(part).__name__, part.run())
-        loops.start("inbox", self._take(instructions, inbox))
+        loops.start("inbox", self._take(instructions, inbox, cloud=cloud))
         await pilot.run()
 
     async def _keep_time(self, batches: AsyncIterator[list[Received[ClockAnchor]]]) -> None:
         async for batch in batches:
             self._clock.keep(batch[-1].message)
+            if self._cloud is not None:
+                self._cloud.heard_clock(is_repeated=not batch[-1].retained)
 
-    async def _take(self, batches: AsyncIterator[list[Received[Any]]], inbox: Inbox) -> None:
+    async def _take(
+        self, batches: AsyncIterator[list[Received[Any]]], inbox: Inbox, *, cloud: CloudWatch
+    ) -> None:
         async for batch in batches:
+            cloud.heard()
             for received in batch:
                 inbox.take(received.message)
 
     async def _connected(self) -> None:
         """Be present, once instructions can be taken."""
-        if self._watch is None or self._state is None:
+        if self._watch is None or self._cloud is None or self._state is None:
             return
         await self._say_online()
+        self._cloud.heard()
         self._watch.came_up()
         self._state.send_anew()
 
@@ -143,12 +183,15 @@ class DroneAgent:
         with contextlib.suppress(MqttUnavailable):
             await self._link.publish(self._presence.address, self._presence.online())
 
-    def _gates(self, watch: LinkWatch) -> Gates:
+    def _gates(self, watch: LinkWatch, cloud: CloudWatch, guard: Guard) -> Gates:
         mission = self._recorder.logbook.mission
         told_at = mission.told_at if mission else None
         up_since = watch.up_since
         return Gates(
-            take_off_at=watch.not_lost_since,
+            take_off_at=_latest(
+                watch.not_lost_since, cloud.not_silent_since, guard.takes_off_since
+            ),
+            begin_at=guard.begins_since,
             loading_at=max(told_at, up_since) if told_at and up_since else None,
         )
 
@@ -156,3 +199,9 @@ class DroneAgent:
         address: Address[Connection] = self._presence.address
         with contextlib.suppress(MqttUnavailable):
             await self._link.publish(address, self._presence.offline(), timeout_s=_FAREWELL_S)
+
+
+def _latest(*moments: datetime | None) -> datetime | None:
+    """Since when all of them hold; None while one does not."""
+    known = [moment for moment in moments if moment is not None]
+    return max(known) if len(known) == len(moments) else None

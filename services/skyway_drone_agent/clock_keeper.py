@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import logging
 import os
 from datetime import datetime
 from pathlib import Path
@@ -9,6 +10,8 @@ from typing import Protocol
 
 from skyway.contracts.world import ClockAnchor
 from skyway.runtime.clock import AnchoredClock, FleetClock, load_clock
+
+log = logging.getLogger(__name__)
 
 #: Wall seconds to wait for the cloud's word after a start before the kept anchor is believed: it
 #: is too far on when the whole system, and with it fleet time, stood still meanwhile.
@@ -78,11 +81,18 @@ class KeptClock:
         clock = AnchoredClock(anchor.fleet_at, anchor.wall_at, anchor.rate)
         if self._is_known.is_set() and clock == self._clock:
             return
+        self._go_by(clock)
+        try:
+            self._write(anchor)
+        except OSError as error:
+            # A full disk: only a restart without the cloud goes by the file.
+            log.warning("fleet clock not kept", extra={"error": str(error)})
+
+    def _write(self, anchor: ClockAnchor) -> None:
         # A name of its own: agents of other drones may share the folder.
         beside = self._path.with_suffix(f".{os.getpid()}")
         beside.write_text(anchor.model_dump_json(include={"fleet_at", "wall_at", "rate"}))
         beside.replace(self._path)
-        self._go_by(clock)
 
     def _go_by(self, clock: AnchoredClock) -> None:
         self._clock = clock

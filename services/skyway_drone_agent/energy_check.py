@@ -19,6 +19,10 @@ from skyway.drone.model import DroneModel
 #: tolerance, so that no plan it verified is refused for rounding.
 _ENERGY_TOLERANCE = 1e-6
 
+#: A drone that was found to use so little more than its model says is judged by the model alone:
+#: that is within what its sensors err, and plans may use all that is above the reserve.
+_AS_PLANNED_FACTOR = 1.02
+
 
 @dataclass(frozen=True, slots=True)
 class Shortfall:
@@ -35,11 +39,14 @@ def shortfall_of(
     model: DroneModel,
     soc: float,
     packages: tuple[PackageOnBoard, ...],
+    consumption_factor: float = 1.0,
 ) -> Shortfall | None:
     """The first stretch that the battery cannot fly, if each recharge gives what it promises.
 
-    `need_j` counts the whole stretch, up to the next recharge or the end.
+    `need_j` counts the whole stretch, up to the next recharge or the end. `consumption_factor` is
+    what flights were found to take against what the drone model says.
     """
+    factor = consumption_factor if consumption_factor > _AS_PLANNED_FACTOR else 1.0
     load = {package.package_id: package.mass_kg for package in packages}
     have_j, need_j = _above_reserve_j(model, soc), 0.0
     failing: FlyStep | None = None
@@ -50,7 +57,7 @@ def shortfall_of(
             case DeliverStep() | ReturnStep():
                 load = {key: mass for key, mass in load.items() if key not in step.package_ids}
             case FlyStep():
-                need_j += _flight_j(model, step, load_kg=sum(load.values()))
+                need_j += _flight_j(model, step, load_kg=sum(load.values()), factor=factor)
                 if failing is None and need_j > have_j + _ENERGY_TOLERANCE * model.battery_j:
                     failing = step
             case RechargeStep():
@@ -72,6 +79,6 @@ def _above_reserve_j(model: DroneModel, soc: float) -> float:
     return (soc - model.reserve_soc) * model.battery_j
 
 
-def _flight_j(model: DroneModel, step: FlyStep, *, load_kg: float) -> float:
+def _flight_j(model: DroneModel, step: FlyStep, *, load_kg: float, factor: float) -> float:
     landing_j = model.stop_j if step.lands else 0.0
-    return flight_energy_j(model, length_m=step.length_m, load_kg=load_kg) + landing_j
+    return factor * flight_energy_j(model, length_m=step.length_m, load_kg=load_kg) + landing_j

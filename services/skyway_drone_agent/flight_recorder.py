@@ -1,35 +1,85 @@
 """The flight recorder: the journal and the logbook in step, and word to whoever watches."""
 
 import asyncio
+import logging
 from datetime import datetime
 
+from skyway.contracts.drone_report import DroneEvent
 from skyway.ids import DroneId
-from skyway_drone_agent.journal import Journal
+from skyway_drone_agent.journal import Journal, JournalUnwritable
 from skyway_drone_agent.logbook import Logbook, logbook_after
-from skyway_drone_agent.records import Record
+from skyway_drone_agent.records import EventRecorded, Record
+
+log = logging.getLogger(__name__)
 
 
 class FlightRecorder:
-    """The only writer of a drone's journal; `logbook` is always what the journal says."""
+    """The only writer of a drone's journal; `logbook` is what the journal says.
+
+    While the disk takes nothing, the logbook is ahead of the journal by what happened meanwhile;
+    none of that is told to the cloud before it is written, for its numbers could come again.
+    """
 
     def __init__(self, journal: Journal, *, drone_id: DroneId, at_first: Logbook) -> None:
         self.drone_id = drone_id
         self._journal = journal
         self._watchers: list[asyncio.Event] = []
+        self._unwritten: list[Record] = []
         self.logbook = journal.read(at_first=at_first)
+        self.is_full = False
+
+    @property
+    def written_events(self) -> tuple[DroneEvent, ...]:
+        """The events that the cloud may hear of."""
+        unwritten = [one.event.seq for one in self._unwritten if isinstance(one, EventRecorded)]
+        if not unwritten:
+            return self.logbook.events
+        return tuple(event for event in self.logbook.events if event.seq < unwritten[0])
 
     def begin_session(self, wall_now: datetime) -> None:
         """Start a session above all earlier ones, also when the journal was lost meanwhile."""
         session = max(self.logbook.session + 1, int(wall_now.timestamp()))
         self.logbook = self.logbook.model_copy(update={"session": session})
-        self._journal.compact(self.logbook)
+        self.make_room()
 
     def record(self, *records: Record) -> None:
-        """Write the records to the disk; only then do they count."""
-        self._journal.append(records)
-        for record in records:
-            self.logbook = logbook_after(self.logbook, record)
-        self.tell_watchers()
+        """Write the records to the disk; only then do they count.
+
+        Raises
+        ------
+        JournalUnwritable
+            The disk does not take them: what they say must not be begun.
+        """
+        try:
+            self._journal.append([*self._unwritten, *records])
+        except JournalUnwritable:
+            self._note_full()
+            raise
+        self._unwritten.clear()
+        self._count(records)
+
+    def note(self, *records: Record) -> None:
+        """Write down what has happened already, or must be in the air; if not now, then later."""
+        try:
+            self._journal.append([*self._unwritten, *records])
+            self._unwritten.clear()
+        except JournalUnwritable:
+            self._unwritten += records
+            self._note_full()
+        self._count(records)
+
+    def make_room(self) -> None:
+        """Write the journal anew, as short as can be; try again later if the disk is full."""
+        try:
+            self._journal.compact(self.logbook)
+        except JournalUnwritable:
+            self._note_full()
+            return
+        self._unwritten.clear()
+        if self.is_full:
+            self.is_full = False
+            log.info("journal written again", extra={"drone_id": self.drone_id})
+            self.tell_watchers()
 
     def watch(self) -> asyncio.Event:
         """An event that is set whenever there is something new; the watcher clears it."""
@@ -41,3 +91,14 @@ class FlightRecorder:
         """Have all watchers look again, for what changed outside the journal."""
         for watcher in self._watchers:
             watcher.set()
+
+    def _count(self, records: tuple[Record, ...]) -> None:
+        for record in records:
+            self.logbook = logbook_after(self.logbook, record)
+        self.tell_watchers()
+
+    def _note_full(self) -> None:
+        if not self.is_full:
+            self.is_full = True
+            log.error("journal cannot be written", extra={"drone_id": self.drone_id})
+            self.tell_watchers()

@@ -1,6 +1,7 @@
 """Instructions: in order, each answered once and for all, in the journal before on the wire."""
 
 import logging
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, Final, Protocol
 
@@ -14,7 +15,9 @@ from skyway.ids import InstructionId
 from skyway.json_model import WireModel
 from skyway.runtime.clock import FleetClock
 from skyway_drone_agent.flight_recorder import FlightRecorder
-from skyway_drone_agent.logbook import Logbook
+from skyway_drone_agent.journal import JournalUnwritable
+from skyway_drone_agent.logbook import Logbook, logbook_after
+from skyway_drone_agent.overriding import overridden_by
 from skyway_drone_agent.records import Answer, InstructionAnswered
 from skyway_drone_agent.refusal import Refusal
 from skyway_drone_agent.refusals import refusal_of
@@ -69,12 +72,14 @@ class Inbox:
         vehicle: Vehicle,
         answers: Answers,
         events: Events,
+        consumption_factor: Callable[[], float] = lambda: 1.0,
     ) -> None:
         self._recorder = recorder
         self._clock = clock
         self._vehicle = vehicle
         self._answers = answers
         self._events = events
+        self._consumption_factor = consumption_factor
 
     def take(self, raw: dict[str, Any]) -> None:
         """Answer an instruction as it came from the wire; the answer is journaled first."""
@@ -98,14 +103,32 @@ class Inbox:
             self._answer(envelope, raw)
 
     def _answer(self, envelope: _Envelope, raw: dict[str, Any]) -> None:
-        now, logbook = self._clock.now(), self._recorder.logbook
+        now = self._clock.now()
         instruction, refusal = _understood(raw)
+        logbook, overridden = self._recorder.logbook, None
         if instruction is not None:
-            refusal = refusal_of(instruction, logbook, vehicle=self._vehicle, now=now)
+            overridden = overridden_by(instruction, logbook, vehicle=self._vehicle, now=now)
+            refusal = refusal_of(
+                instruction,
+                logbook if overridden is None else logbook_after(logbook, overridden),
+                vehicle=self._vehicle,
+                now=now,
+                consumption_factor=self._consumption_factor(),
+            )
         answer = _accepted(envelope) if refusal is None else _refused(envelope, refusal)
-        self._recorder.record(
-            InstructionAnswered(answered_at=now, answer=answer, instruction=instruction)
-        )
+        answered = InstructionAnswered(answered_at=now, answer=answer, instruction=instruction)
+        # The override first: alone it has the drone fly on as planned, and the cloud sends again.
+        before = (overridden,) if overridden is not None and refusal is None else ()
+        try:
+            self._recorder.record(*before, answered)
+        except JournalUnwritable:
+            # What is not in the journal gets no ack: the cloud sends it again.
+            return
+        self._tell(answer)
+        if refusal is None and isinstance(instruction, ReportInstruction):
+            self._events.resend_after(instruction.events_after_seq)
+
+    def _tell(self, answer: Answer) -> None:
         log.info(
             "instruction answered",
             extra={
@@ -118,8 +141,6 @@ class Inbox:
         )
         self._answers.received(answer)
         self._answers.answered(answer)
-        if refusal is None and isinstance(instruction, ReportInstruction):
-            self._events.resend_after(instruction.events_after_seq)
 
     def _answer_again(self, envelope: _Envelope, logbook: Logbook) -> None:
         """The same answer as the first time; nothing is done twice."""

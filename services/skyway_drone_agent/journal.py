@@ -1,5 +1,6 @@
 """The journal: an append-only file of records that survives kill -9 and loss of power."""
 
+import contextlib
 import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -15,7 +16,10 @@ _LINE: TypeAdapter[Record] = TypeAdapter(RecordLine)
 
 
 class Journal(Protocol):
-    """Where records are kept; what `append` or `compact` returned from is never lost."""
+    """Where records are kept; what `append` or `compact` returned from is never lost.
+
+    Both raise `JournalUnwritable` when nothing can be kept, and have changed nothing then.
+    """
 
     def read(self, *, at_first: Logbook) -> Logbook:
         """The sum of what is kept; `at_first` for a drone that has written nothing yet."""
@@ -37,6 +41,14 @@ class DamagedJournal(SkywayError):
         super().__init__(f"{path}: line {line} is damaged")
         self.path = path
         self.line = line
+
+
+class JournalUnwritable(SkywayError):
+    """The disk is full, or does not take what is written for another reason."""
+
+    def __init__(self, path: Path, cause: OSError) -> None:
+        super().__init__(f"{path}: {cause.strerror or cause}")
+        self.path = path
 
 
 class FileJournal:
@@ -73,13 +85,25 @@ class FileJournal:
 
     def append(self, records: Sequence[Record]) -> None:
         """Write the records behind the others and wait for the disk."""
-        self._write(self._path, os.O_APPEND, [record.model_dump_json() for record in records])
+        try:
+            self._write(self._path, os.O_APPEND, [record.model_dump_json() for record in records])
+        except OSError as error:
+            raise JournalUnwritable(self._path, error) from error
 
     def compact(self, logbook: Logbook) -> None:
         """Replace the file as a whole, so that a crash leaves the old one or the new one."""
         beside = self._path.with_suffix(".new")
-        self._write(beside, os.O_TRUNC, [logbook.model_dump_json()])
-        beside.replace(self._path)
+        try:
+            self._write(beside, os.O_TRUNC, [logbook.model_dump_json()])
+            beside.replace(self._path)
+            self._sync_folder()
+        except OSError as error:
+            # What was written of it takes the room that is missing.
+            with contextlib.suppress(OSError):
+                beside.unlink(missing_ok=True)
+            raise JournalUnwritable(self._path, error) from error
+
+    def _sync_folder(self) -> None:
         folder = os.open(self._path.parent, os.O_RDONLY)
         try:
             self._sync(folder)
@@ -90,9 +114,17 @@ class FileJournal:
         # Opened for each write, so that a fleet of thousands holds no file open per drone.
         file = os.open(path, os.O_WRONLY | os.O_CREAT | flag, 0o600)
         try:
-            text = b"".join(line.encode() + b"\n" for line in lines)
-            while text:
-                text = text[os.write(file, text) :]
-            self._sync(file)
+            length = os.fstat(file).st_size
+            try:
+                self._write_all(file, b"".join(line.encode() + b"\n" for line in lines))
+            except OSError:
+                # A torn line in the middle would make all that follows unreadable.
+                os.ftruncate(file, length)
+                raise
         finally:
             os.close(file)
+
+    def _write_all(self, file: int, text: bytes) -> None:
+        while text:
+            text = text[os.write(file, text) :]
+        self._sync(file)

@@ -9,14 +9,17 @@ nothing there. Whatever begins or ends is in the journal first.
 """
 
 from dataclasses import dataclass, field
-from datetime import datetime
-from typing import Any
+from datetime import UTC, datetime
+from typing import Any, Final
 
 from skyway.contracts.flight_step import FlightStep, FlyStep, PickUpStep, RechargeStep
 from skyway_drone_agent.current_mission import CurrentMission
 from skyway_drone_agent.energy_check import shortfall_of, stretch_of
+from skyway_drone_agent.escape import lands_on_the_spot
 from skyway_drone_agent.logbook import Logbook
 from skyway_drone_agent.vehicle import StepRun, Vehicle, run_to_cut, run_under_way
+
+_ALWAYS: Final = datetime.min.replace(tzinfo=UTC)
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,11 +27,12 @@ class Gates:
     """Since when the drone may do what needs the cloud; None while it may not (fleet moments).
 
     `take_off_at` closes when the link is lost for long, `loading_at` whenever it is down and until
-    the broker has the drone's ACCEPTED.
+    the broker has the drone's ACCEPTED; `begin_at` when a failsafe says STAY.
     """
 
     take_off_at: datetime | None
     loading_at: datetime | None
+    begin_at: datetime | None = _ALWAYS
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,6 +49,13 @@ class Begin:
     step: FlightStep
     at: datetime
     released_through: int
+
+
+@dataclass(frozen=True, slots=True)
+class Land:
+    """Go down on the spot: a failsafe says so."""
+
+    run: StepRun
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,11 +84,17 @@ class End:
     at: datetime
 
 
-Act = Stand | Begin | StepRun | Cut | Fail | End
+Act = Stand | Begin | StepRun | Land | Cut | Fail | End
 
 
 def next_act(
-    logbook: Logbook, *, vehicle: Vehicle, now: datetime, gates: Gates, agent_started_at: datetime
+    logbook: Logbook,
+    *,
+    vehicle: Vehicle,
+    now: datetime,
+    gates: Gates,
+    agent_started_at: datetime,
+    consumption_factor: float = 1.0,
 ) -> Act:
     """What to do now; a `StepRun` is under way and is to be performed to its end."""
     mission = logbook.mission
@@ -90,7 +107,7 @@ def next_act(
         return Stand(until=None)
     run = run_under_way(logbook)
     if run is not None:
-        return run
+        return Land(run) if lands_on_the_spot(mission) else run
     if mission.steps and mission.steps[0].step_id <= mission.released_through:
         # Over a station, not on it: the flight goes on whatever has happened meanwhile.
         return Begin(mission.steps[0], mission.free_at, mission.released_through)
@@ -98,30 +115,44 @@ def next_act(
         return Stand(until=None)
     if not mission.steps:
         return End(mission.free_at)
+    if gates.begin_at is None:
+        return Stand(until=None)
+    # No step begins while no agent runs, so a restart may make the drone late.
+    earliest = max(mission.free_at, _not_before(mission.steps[0]), agent_started_at, gates.begin_at)
+    if now < earliest:
+        return Stand(until=earliest)
     return _next_on_the_ground(
-        logbook, mission, vehicle=vehicle, now=now, gates=gates, agent_started_at=agent_started_at
+        logbook,
+        mission,
+        earliest,
+        vehicle=vehicle,
+        gates=gates,
+        consumption_factor=consumption_factor,
     )
 
 
 def _next_on_the_ground(
     logbook: Logbook,
     mission: CurrentMission,
+    earliest: datetime,
     *,
     vehicle: Vehicle,
-    now: datetime,
     gates: Gates,
-    agent_started_at: datetime,
+    consumption_factor: float,
 ) -> Act:
     step = mission.steps[0]
-    # No step begins while no agent runs, so a restart may make the drone late.
-    earliest = max(mission.free_at, _not_before(step), agent_started_at)
-    if now < earliest:
-        return Stand(until=earliest)
     match step:
         case PickUpStep():
             return _load_or_not(mission, step, earliest, gates=gates)
         case FlyStep():
-            return _take_off_or_not(logbook, mission, earliest, vehicle=vehicle, gates=gates)
+            return _take_off_or_not(
+                logbook,
+                mission,
+                earliest,
+                vehicle=vehicle,
+                gates=gates,
+                consumption_factor=consumption_factor,
+            )
         case RechargeStep() if earliest >= step.not_after_at:
             return Fail(step, earliest, code="PAD_LOST")
         case _:
@@ -132,10 +163,18 @@ def _not_before(step: FlightStep) -> datetime:
     return step.not_before_at if isinstance(step, RechargeStep) else step.planned_start_at
 
 
+def has_expired(mission: CurrentMission) -> bool:
+    """Whether the cloud was told too late that the drone loads: another one may have been sent."""
+    if mission.told_at is None or mission.began_at is not None or mission.has_failed:
+        return False
+    is_next = bool(mission.steps) and isinstance(mission.steps[0], PickUpStep)
+    return is_next and mission.told_at > mission.expires_at
+
+
 def _load_or_not(
     mission: CurrentMission, step: PickUpStep, earliest: datetime, *, gates: Gates
 ) -> Act:
-    if mission.told_at is not None and mission.told_at > mission.expires_at:
+    if mission.told_at is not None and has_expired(mission):
         return Fail(step, max(earliest, mission.told_at), code="EXPIRED")
     if gates.loading_at is None:
         return Stand(until=None)
@@ -149,6 +188,7 @@ def _take_off_or_not(
     *,
     vehicle: Vehicle,
     gates: Gates,
+    consumption_factor: float,
 ) -> Act:
     if gates.take_off_at is None:
         return Stand(until=None)
@@ -158,6 +198,7 @@ def _take_off_or_not(
         model=vehicle.model,
         soc=logbook.soc,
         packages=logbook.packages,
+        consumption_factor=consumption_factor,
     )
     if shortfall is not None:
         energy = {"need_j": shortfall.need_j, "have_j": shortfall.have_j}

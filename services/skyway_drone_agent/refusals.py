@@ -17,6 +17,7 @@ from skyway.contracts.message import utc_text
 from skyway_drone_agent.calling_off import can_be_called_off
 from skyway_drone_agent.current_mission import CurrentMission
 from skyway_drone_agent.logbook import Logbook
+from skyway_drone_agent.overriding import failsafe_against
 from skyway_drone_agent.refusal import Refusal
 from skyway_drone_agent.refused_steps import not_these_steps
 from skyway_drone_agent.revision import CUTTABLE, Revision
@@ -24,7 +25,12 @@ from skyway_drone_agent.vehicle import Vehicle
 
 
 def refusal_of(
-    instruction: AnyInstruction, logbook: Logbook, *, vehicle: Vehicle, now: datetime
+    instruction: AnyInstruction,
+    logbook: Logbook,
+    *,
+    vehicle: Vehicle,
+    now: datetime,
+    consumption_factor: float = 1.0,
 ) -> Refusal | None:
     """Why the drone will not do this; None when it will."""
     if now > instruction.expires_at:
@@ -32,8 +38,16 @@ def refusal_of(
         return Refusal(RefusalCode.EXPIRED, detail)
     match instruction:
         case MissionInstruction() | DivertInstruction() | ReturnHomeInstruction():
-            return _not_this_revision(instruction, logbook) or not_these_steps(
-                instruction, logbook, vehicle=vehicle, now=now
+            return (
+                _not_this_revision(instruction, logbook)
+                or failsafe_against(instruction, logbook)
+                or not_these_steps(
+                    instruction,
+                    logbook,
+                    vehicle=vehicle,
+                    now=now,
+                    consumption_factor=consumption_factor,
+                )
             )
         case HoldInstruction() | ResumeInstruction():
             return _not_flown(instruction, logbook)

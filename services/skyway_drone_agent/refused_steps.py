@@ -20,9 +20,17 @@ _MASS_TOLERANCE_KG = 1e-9
 
 
 def not_these_steps(
-    revision: Revision, logbook: Logbook, *, vehicle: Vehicle, now: datetime
+    revision: Revision,
+    logbook: Logbook,
+    *,
+    vehicle: Vehicle,
+    now: datetime,
+    consumption_factor: float,
 ) -> Refusal | None:
-    """The first reason against these steps after those that are kept; None when there is none."""
+    """The first reason against these steps after those that are kept; None when there is none.
+
+    People who override a failsafe in the air know how much is left, and say so.
+    """
     kept = kept_steps(logbook.mission, revision)
     flown = (*kept, *revision.steps)
     soc = _soc_before(revision, logbook, vehicle=vehicle, now=now)
@@ -31,7 +39,9 @@ def not_these_steps(
         or _not_at_start(revision, _place_after(kept, logbook))
         or _not_well_formed(flown, logbook, kept=kept, first_step=revision.first_step)
         or _too_heavy(flown, logbook, model=vehicle.model)
-        or _too_far(flown, logbook, model=vehicle.model, soc=soc)
+        or _too_far(
+            flown, logbook, model=vehicle.model, soc=soc, consumption_factor=consumption_factor
+        )
     )
 
 
@@ -104,9 +114,23 @@ def _too_heavy(
 
 
 def _too_far(
-    steps: tuple[FlightStep, ...], logbook: Logbook, *, model: DroneModel, soc: float
+    steps: tuple[FlightStep, ...],
+    logbook: Logbook,
+    *,
+    model: DroneModel,
+    soc: float,
+    consumption_factor: float,
 ) -> Refusal | None:
-    shortfall = shortfall_of(steps, model=model, soc=soc, packages=logbook.packages)
+    mission = logbook.mission
+    if logbook.is_airborne and mission is not None and mission.ignored_faults:
+        return None
+    shortfall = shortfall_of(
+        steps,
+        model=model,
+        soc=soc,
+        packages=logbook.packages,
+        consumption_factor=consumption_factor,
+    )
     if shortfall is None:
         return None
     return Refusal(

@@ -68,7 +68,8 @@ class SimulatedVehicle:
 
     def recall(self, run: StepRun) -> bool | None:
         """A simulated hand-over is done at its end, which a restart does not change."""
-        return self._physics.outcome_of(run).ended_at <= self._clock.now()
+        outcome = self._physics.outcome_of(run)
+        return outcome.ended_at <= self._clock.now() and not outcome.has_failed
 
 
 def _awaits_confirmation(run: StepRun) -> bool:

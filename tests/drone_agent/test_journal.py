@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 from skyway_drone_agent.flight_recorder import FlightRecorder
-from skyway_drone_agent.journal import DamagedJournal, FileJournal, Journal
+from skyway_drone_agent.journal import DamagedJournal, FileJournal, JournalUnwritable, Journal
 from skyway_drone_agent.logbook import Logbook
 from skyway_drone_agent.memory_journal import MemoryJournal
 from skyway_drone_agent.records import Answer, EventRecorded, InstructionAnswered
@@ -127,7 +127,7 @@ def test_a_crash_while_compacting_leaves_the_old_journal(tmp_path: Path) -> None
     def cut_power(_file: int) -> None:
         raise OSError("no power")
 
-    with pytest.raises(OSError, match="no power"):
+    with pytest.raises(JournalUnwritable, match="no power"):
         FileJournal(path, sync=cut_power).compact(HOME)
 
     assert FileJournal(path).read(at_first=HOME).last_event_seq == 1
