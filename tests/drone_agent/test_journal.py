@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 from skyway_drone_agent.flight_recorder import FlightRecorder
-from skyway_drone_agent.journal import DamagedJournal, FileJournal, JournalUnwritable, Journal
+from skyway_drone_agent.journal import DamagedJournal, FileJournal, Journal, JournalUnwritable
 from skyway_drone_agent.logbook import Logbook
 from skyway_drone_agent.memory_journal import MemoryJournal
 from skyway_drone_agent.records import Answer, EventRecorded, InstructionAnswered
