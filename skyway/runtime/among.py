@@ -4,13 +4,14 @@ SQLAlchemy's own ``in_`` writes a parameter for each value: another text for eve
 written anew at each execution and prepared anew by each connection.
 """
 
-from typing import Any
+from typing import Any, Self
 
 from sqlalchemy import JSON, ColumnElement, bindparam
 from sqlalchemy.dialects.postgresql import ARRAY
 from sqlalchemy.ext.compiler import compiles
 from sqlalchemy.sql.compiler import SQLCompiler
 from sqlalchemy.sql.functions import FunctionElement
+from sqlalchemy.sql.operators import OperatorType
 from sqlalchemy.types import Boolean
 
 
@@ -28,6 +29,10 @@ class _Among(FunctionElement[bool]):
 
     inherit_cache = True
     type = Boolean()
+
+    def self_group(self, against: OperatorType | None = None) -> Self:
+        """As it is: SQLAlchemy would ask SQLite whether it equals 1, and so past the index."""
+        return self
 
 
 @compiles(_Among, "postgresql")

@@ -70,6 +70,16 @@ def test_the_list_is_a_single_parameter(dialect: ModuleType) -> None:
     assert [*NAMED.compile(dialect=dialect.dialect()).params] == ["ids"]
 
 
+@pytest.mark.parametrize("database_url", ["sqlite"], indirect=True)
+async def test_rows_are_found_by_the_index(db: Database) -> None:
+    query = NAMED.where(DRONES.c.number > 0).compile(dialect=sqlite.dialect())
+
+    async with db.read() as connection:
+        found = await connection.exec_driver_sql(f"EXPLAIN QUERY PLAN {query}", ("[]", 0))
+
+        assert "SEARCH drones" in str(found.all())
+
+
 async def test_two_columns_have_statements_of_their_own(db: Database) -> None:
     texts = select(DRONES.c.number).where(among(DRONES.c.drone_id, "wanted"))
     numbers = select(DRONES.c.number).where(among(DRONES.c.number, "wanted"))
