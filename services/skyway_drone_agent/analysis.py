@@ -19,7 +19,7 @@ from skyway_drone_agent.landings import KnownLandings
 from skyway_drone_agent.leg import Leg
 from skyway_drone_agent.logbook import Logbook
 from skyway_drone_agent.off_course import off_course_m
-from skyway_drone_agent.reach import NextLanding, Reach, SafeLanding
+from skyway_drone_agent.reach import LandingInReach, NextLanding, Reach
 from skyway_drone_agent.reading import Reading
 from skyway_drone_agent.vehicle import StepRun, run_under_way
 from skyway_drone_agent.wind_estimate import WindEstimate
@@ -35,9 +35,9 @@ _CALM: Final = (0.0, 0.0)
 class Assessment:
     """What is known at a moment of fleet time; the words are those of `DroneHealth`.
 
-    `landing` is the end of the released flights, None on the ground. `safe_landings` are nearest
-    first. `off_course_m` is the distance from the leg, 0 on the ground. `reach` answers what else
-    could be flown.
+    `landing` is the end of the released flights, None on the ground. `landings_in_reach` are
+    nearest first. `off_course_m` is the distance from the leg, 0 on the ground. `reach` answers
+    what else could be flown.
     """
 
     at: datetime
@@ -55,7 +55,7 @@ class Assessment:
     velocity_mps: Velocity
     range_m: float
     landing: NextLanding | None
-    safe_landings: tuple[SafeLanding, ...]
+    landings_in_reach: tuple[LandingInReach, ...]
     off_course_m: float
     has_gps: bool
     motors_work: bool
@@ -67,6 +67,11 @@ class Assessment:
     def speed_mps(self) -> float:
         """Over ground."""
         return math.hypot(*self.velocity_mps)
+
+    @property
+    def safe_landings(self) -> tuple[LandingInReach, ...]:
+        """Those in reach even if there is less charge than estimated."""
+        return tuple(landing for landing in self.landings_in_reach if landing.is_safe)
 
 
 class Analysis:
@@ -123,9 +128,13 @@ class Analysis:
         if charge is None:
             soc, error = first_charge(reading, run, leg, model=self._model, soc=soc)
             charge = self._charge = BatteryEstimate(self._pack, soc=soc, error=error)
-        capacity_j = self._model.battery_j * self._health.state_of_health
-        charge.take(reading, capacity_j=capacity_j)
-        self._health.take(reading, resistance_ohm=charge.resistance_ohm)
+        health = self._health
+        charge.take(
+            reading,
+            capacity_j=self._model.battery_j * health.state_of_health,
+            capacity_error=health.error / health.state_of_health,
+        )
+        health.take(reading, resistance_ohm=charge.resistance_ohm)
         return charge
 
     def _assess(
@@ -157,7 +166,7 @@ class Analysis:
             velocity_mps=reading.ground_mps,
             range_m=reach.range_m(load_kg),
             landing=landing,
-            safe_landings=reach.safe_landings(
+            landings_in_reach=reach.landings_in_reach(
                 self._landings.after(logbook), position=reading.position, load_kg=load_kg
             ),
             off_course_m=off_course_m(leg, reading.position) if leg else 0.0,

@@ -33,16 +33,6 @@ _WORST: Final = 0.3
 _SPREAD_OVER_S: Final = 20.0
 
 
-@dataclass(frozen=True, slots=True)
-class BatteryLimits:
-    """Where a battery is not well any more (lithium polymer, as makers of drones warn)."""
-
-    hottest_c: float = 60.0
-    coldest_c: float = -10.0
-    most_spread_v: float = 0.15
-    least_health: float = 0.8
-
-
 @dataclass(slots=True)
 class _Rest:
     """A while at rest: the mean of its voltages, and where the counter stood."""
@@ -53,16 +43,19 @@ class _Rest:
 
 
 class BatteryHealth:
-    """What one battery still holds, as a share of the model's capacity, and its cells."""
+    """What one battery still holds, as a share of the model's capacity, and its cells.
+
+    `error` is the standard deviation of that share.
+    """
 
     __slots__ = (
-        "_error",
         "_known",
         "_pack",
         "_rated_j",
         "_rest",
         "_seen_at",
         "cell_spread_v",
+        "error",
         "state_of_health",
     )
 
@@ -71,7 +64,7 @@ class BatteryHealth:
         self.cell_spread_v = 0.0
         self._pack = pack
         self._rated_j = rated_j
-        self._error = _FIRST_ERROR
+        self.error = _FIRST_ERROR
         self._rest: _Rest | None = None
         self._known: _Rest | None = None
         self._seen_at: datetime | None = None
@@ -116,11 +109,11 @@ class BatteryHealth:
             # The counter has begun anew meanwhile.
             return
         error = math.hypot(self._error_of(known), self._error_of(rest)) * seen / abs(between)
-        variance = self._error * self._error
+        variance = self.error * self.error
         gain = variance / (variance + error * error)
         health = self.state_of_health + gain * (seen - self.state_of_health)
         self.state_of_health = min(1.0, max(_WORST, health))
-        self._error = max(_LEAST_ERROR, (variance * (1.0 - gain)) ** 0.5)
+        self.error = max(_LEAST_ERROR, (variance * (1.0 - gain)) ** 0.5)
 
     def _soc_of(self, rest: _Rest) -> float:
         return self._pack.soc_at_rest(rest.open_v)

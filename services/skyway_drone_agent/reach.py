@@ -27,15 +27,21 @@ _DEVIATIONS, _MOST_OF_RESERVE = 2.0, 0.5
 #: Rounding, as a share of the battery.
 _ROUNDING: Final = 1e-9
 
+_CALM: Final = (0.0, 0.0)
+
 
 @dataclass(frozen=True, slots=True)
-class SafeLanding:
-    """A station that can be reached, and the charge that is left once the drone is down there."""
+class LandingInReach:
+    """A station, and the charge that is expected to be left once the drone is down there.
+
+    It `is_safe` if it is also reached when the charge is less than estimated.
+    """
 
     station_id: StationId
     position: Position
     distance_m: float
     soc_at_landing: float
+    is_safe: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,25 +96,28 @@ class Reach:
         spare_j = (self.soc - self.model.reserve_soc) * self.model.battery_j
         return max(0.0, spare_j - self.model.stop_j / self.state_of_health) / metre_j
 
-    def safe_landings(
+    def landings_in_reach(
         self, landings: Iterable[Landing], *, position: Position, load_kg: float
-    ) -> tuple[SafeLanding, ...]:
+    ) -> tuple[LandingInReach, ...]:
         """Those of the nearest landings that can be flown to straight from here, nearest first."""
         speed, metre_j = speed_mps(self.model, load_kg), self._metre_j(load_kg)
         stop_j = self.model.stop_j / self.state_of_health
-        least_soc = self._least_soc()
-        safe = []
+        safe_soc = self._safe_soc()
+        in_reach = []
         for landing in _nearest(landings, position):
             length_m = distance_m(position, landing.position)
             flight_j = length_m * metre_j
-            if self.wind_mps != (0.0, 0.0):
+            if self.wind_mps != _CALM:
                 flight_j *= self._slower(speed, bearing_rad(position, landing.position))
             soc = self.soc_after(flight_j + stop_j)
-            if soc >= least_soc:
-                safe.append(SafeLanding(landing.station_id, landing.position, length_m, soc))
-        return tuple(sorted(safe, key=lambda one: one.distance_m))
+            if soc >= -_ROUNDING:
+                is_safe = soc >= safe_soc
+                in_reach.append(
+                    LandingInReach(landing.station_id, landing.position, length_m, soc, is_safe)
+                )
+        return tuple(sorted(in_reach, key=lambda one: one.distance_m))
 
-    def _least_soc(self) -> float:
+    def _safe_soc(self) -> float:
         reserve = self.model.reserve_soc
         in_hand = min(_DEVIATIONS * self.soc_error, _MOST_OF_RESERVE * reserve)
         return _LEAST_OF_RESERVE * reserve + in_hand - _ROUNDING
@@ -119,7 +128,7 @@ class Reach:
         return planned * self.still_air_factor / self.state_of_health
 
     def _slower(self, speed: float, bearing: float) -> float:
-        if self.wind_mps == (0.0, 0.0):
+        if self.wind_mps == _CALM:
             return 1.0
         return speed / ground_speed_mps(speed, bearing, self.wind_mps)
 

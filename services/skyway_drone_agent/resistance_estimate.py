@@ -9,7 +9,7 @@ from skyway_drone_agent.reading import Reading
 _LEAST_CHANGE_A: Final = 5.0
 
 #: Error of a difference of two voltages.
-_VOLTAGE_ERROR_V: Final = 0.1
+_VOLTAGE_ERROR_V: Final = 0.14
 
 #: What the maker says may be wrong by so much of it: age and cold double it.
 _FIRST_ERROR: Final = 1.0

@@ -56,15 +56,15 @@ class TelemetrySender:
 
 
 def telemetry_of(assessment: Assessment, *, envelope: Envelope) -> Telemetry:
-    """The sample of this assessment."""
+    """The sample of this assessment, as finely as sensors see."""
     return Telemetry(
         **envelope,
         at=assessment.at,
         position=assessment.position,
         soc=assessment.soc,
-        power_w=assessment.power_w,
-        speed_mps=assessment.speed_mps,
-        voltage_v=assessment.voltage_v,
-        temperature_c=assessment.temperature_c,
-        range_m=assessment.range_m,
+        power_w=round(assessment.power_w, 1),
+        speed_mps=round(assessment.speed_mps, 2),
+        voltage_v=round(assessment.voltage_v, 3),
+        temperature_c=round(assessment.temperature_c, 1),
+        range_m=round(assessment.range_m, 0),
     )

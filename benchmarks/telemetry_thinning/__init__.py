@@ -1,0 +1,1 @@
+"""What thinning telemetry on board saves."""
