@@ -161,9 +161,11 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
         title="Skyway",
         description="The public face: deliveries, their events, and what operators and providers "
         "ask of the other services.",
+        # A request is compared with every route before its own: the busiest come first.
         routers=[
-            quote_routes(db=db, gate=gate, maker=parts.quote_maker),
             delivery_routes(gate=gate, acceptance=parts.acceptance, canceller=parts.canceller),
+            report_routes(gate=parts.services, follower=parts.follower),
+            quote_routes(db=db, gate=gate, maker=parts.quote_maker),
             reading_routes(
                 db=db,
                 gate=gate,
@@ -187,7 +189,6 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
             statistics_routes(db=db, gate=gate, clock=clock),
             audit_routes(db=db, gate=gate),
             forward_routes(gate=gate, clients=parts.clients),
-            report_routes(gate=parts.services, follower=parts.follower),
         ],
         lifespan=lifespan,
         readiness=readiness,

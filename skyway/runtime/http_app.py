@@ -76,9 +76,7 @@ def create_app(
         middleware=[boundary, *middleware],
     )
     install_problems(app)
-    app.include_router(_health_routes(service, readiness))
-    app.include_router(docs_page.router)
-    for router in routers:
+    for router in (*routers, _health_routes(service, readiness), docs_page.router):
         app.include_router(router)
     return app
 
