@@ -1,12 +1,14 @@
 """The drone itself, as the agent sees it: something that performs steps and can be looked at."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
+from itertools import pairwise
 from typing import Protocol
 
-from skyway.contracts.flight_step import FlightStep
+from skyway.contracts.flight_step import FlightStep, FlyStep
 from skyway.drone.model import DroneModel
 from skyway.geo import Position
+from skyway.ids import StationId
 from skyway_drone_agent.current_mission import CutStep
 from skyway_drone_agent.logbook import Logbook
 from skyway_drone_agent.reading import Reading
@@ -17,6 +19,7 @@ class StepRun:
     """A step that has begun, with what the drone had then.
 
     `changed_at` is when an instruction last changed the step under way: it ends no earlier.
+    `onward` are the flights that follow a flight which does not land, up to the landing.
     """
 
     step: FlightStep
@@ -25,6 +28,7 @@ class StepRun:
     load_kg: float
     position: Position
     changed_at: datetime | None = None
+    onward: tuple[FlyStep, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,14 +41,26 @@ class Standing:
 
 
 @dataclass(frozen=True, slots=True)
+class Elsewhere:
+    """Where a drone is that has not come to its step's end; without a station it is down."""
+
+    station_id: StationId | None
+    position: Position
+
+
+@dataclass(frozen=True, slots=True)
 class Outcome:
-    """How a step ended; `code` when it ended otherwise than asked, or did not come about."""
+    """How a step ended; `code` when it ended otherwise than asked, or did not come about.
+
+    `elsewhere` is where a failed step has left the drone, if not where the step leads.
+    """
 
     ended_at: datetime
     soc: float
     energy_j: float
     code: str | None = None
     has_failed: bool = False
+    elsewhere: Elsewhere | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,14 +120,26 @@ def run_under_way(logbook: Logbook) -> StepRun | None:
     mission = logbook.mission
     if mission is None or mission.began_at is None:
         return None
-    return _run(
+    run = _run(
         logbook, mission.steps[0], started_at=mission.began_at, changed_at=mission.changed_at
     )
+    onward = _onward(mission.steps)
+    return replace(run, onward=onward) if onward else run
 
 
 def run_to_cut(logbook: Logbook, cut: CutStep) -> StepRun:
     """The step that an instruction has cut, and whose end is not written yet."""
     return _run(logbook, cut.step, started_at=cut.began_at, changed_at=None)
+
+
+def _onward(steps: tuple[FlightStep, ...]) -> tuple[FlyStep, ...]:
+    """The flights behind the first step, up to the one that lands."""
+    onward: list[FlyStep] = []
+    for step, after in pairwise(steps):
+        if not isinstance(step, FlyStep) or step.lands or not isinstance(after, FlyStep):
+            break
+        onward.append(after)
+    return tuple(onward)
 
 
 def _run(

@@ -1,0 +1,150 @@
+"""A MAVLink connection in the event loop; pymavlink is imported only when one is opened.
+
+pymavlink reads and writes without waiting once a connection stands, so its file descriptor is
+watched by the loop; only the opening, which may wait, runs in a thread.
+"""
+
+import asyncio
+import contextlib
+import logging
+import os
+from collections.abc import AsyncIterator, Callable, Iterator
+from typing import Any, Final, Never
+
+from skyway.errors import SkywayError
+
+log = logging.getLogger(__name__)
+
+#: Wall seconds between two heartbeats of ours, as MAVLink asks of every component.
+_HEARTBEAT_S: Final = 1.0
+
+#: A system id like the drone's own, so that its autopilot takes us for its companion.
+_OUR_SYSTEM: Final = 1
+
+#: A MAVLink message; Any, for pymavlink makes their classes at run time.
+MavlinkMessage = Any
+
+
+class NoMavlink(SkywayError):
+    """MAVLink cannot be spoken: the extra is missing, or the address is wrong."""
+
+
+class Ear:
+    """Hears messages of some types, from its making on."""
+
+    def __init__(self, types: frozenset[str]) -> None:
+        self.types = types
+        self._heard: asyncio.Queue[MavlinkMessage] = asyncio.Queue()
+
+    def hear(self, message: MavlinkMessage) -> None:
+        """Take in a message of these types."""
+        self._heard.put_nowait(message)
+
+    async def next(self, timeout_s: float) -> MavlinkMessage | None:
+        """The next message; None when none has come in time."""
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(timeout_s):
+                return await self._heard.get()
+        return None
+
+
+class MavlinkLink:
+    """Messages from and to one autopilot; `mav` sends, with pymavlink's own methods."""
+
+    def __init__(self, connection: Any, dialect: Any) -> None:  # pymavlink has no types
+        self._connection = connection
+        self._ears: list[Ear] = []
+        self._listeners: list[Callable[[MavlinkMessage], None]] = []
+        self.dialect = dialect
+        self.mav = connection.mav
+        self._target: asyncio.Future[tuple[int, int]] = asyncio.get_running_loop().create_future()
+
+    def listen(self, listener: Callable[[MavlinkMessage], None]) -> None:
+        """Have every message of the autopilot from now on."""
+        self._listeners.append(listener)
+
+    @contextlib.contextmanager
+    def hearing(self, *types: str) -> Iterator[Ear]:
+        """Hear the autopilot's messages of these types meanwhile."""
+        ear = Ear(frozenset(types))
+        self._ears.append(ear)
+        try:
+            yield ear
+        finally:
+            self._ears.remove(ear)
+
+    async def target_known(self) -> tuple[int, int]:
+        """The autopilot's system and component, once its first heartbeat was heard."""
+        return await asyncio.shield(self._target)
+
+    def read(self) -> None:
+        """Pass on whatever has arrived."""
+        while (message := self._connection.recv_msg()) is not None:
+            kind = message.get_type()
+            if kind == "BAD_DATA":
+                continue
+            source = (message.get_srcSystem(), message.get_srcComponent())
+            if kind == "HEARTBEAT" and message.autopilot != self.dialect.MAV_AUTOPILOT_INVALID:
+                self._found(source)
+            if not self._target.done() or source != self._target.result():
+                continue
+            for listener in self._listeners:
+                listener(message)
+            for ear in self._ears:
+                if kind in ear.types:
+                    ear.hear(message)
+
+    def _found(self, source: tuple[int, int]) -> None:
+        if not self._target.done():
+            self._target.set_result(source)
+            log.info("autopilot found", extra={"system": source[0], "component": source[1]})
+
+    async def beat(self) -> Never:
+        """Say for ever that we are here."""
+        kind = self.dialect.MAV_TYPE_ONBOARD_CONTROLLER
+        nothing, active = self.dialect.MAV_AUTOPILOT_INVALID, self.dialect.MAV_STATE_ACTIVE
+        while True:
+            self.mav.heartbeat_send(kind, nothing, 0, 0, active)
+            await asyncio.sleep(_HEARTBEAT_S)
+
+
+@contextlib.asynccontextmanager
+async def mavlink_link(address: str) -> AsyncIterator[MavlinkLink]:
+    """The connection at an address in pymavlink's form: ``udpin:127.0.0.1:14550``.
+
+    Raises
+    ------
+    NoMavlink
+        pymavlink is not installed, or cannot open the address.
+    """
+    connection, dialect = await asyncio.to_thread(_opened, address)
+    link = MavlinkLink(connection, dialect)
+    loop, descriptor = asyncio.get_running_loop(), connection.fd
+    loop.add_reader(descriptor, link.read)
+    beating = asyncio.create_task(link.beat())
+    try:
+        yield link
+    finally:
+        beating.cancel()
+        loop.remove_reader(descriptor)
+        connection.close()
+
+
+def _opened(address: str) -> tuple[Any, Any]:  # pymavlink has no types
+    # Read by pymavlink while it is imported: version 2 of the protocol, and its common messages.
+    os.environ.setdefault("MAVLINK20", "1")
+    os.environ.setdefault("MAVLINK_DIALECT", "common")
+    try:
+        from pymavlink import mavutil
+    except ImportError as error:
+        raise NoMavlink("pymavlink is not installed: pip install 'skyway[mavlink]'") from error
+    companion = mavutil.mavlink.MAV_COMP_ID_ONBOARD_COMPUTER
+    try:
+        connection = mavutil.mavlink_connection(
+            address, source_system=_OUR_SYSTEM, source_component=companion
+        )
+    except (OSError, ValueError, IndexError) as error:
+        raise NoMavlink(f"no MAVLink connection at {address}: {error}") from error
+    if getattr(connection, "fd", None) is None:
+        raise NoMavlink(f"{address} is no address of a vehicle")
+    return connection, mavutil.mavlink

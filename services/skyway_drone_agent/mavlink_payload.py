@@ -1,0 +1,61 @@
+"""How a drone lets go of what it carries, as the autopilot's command."""
+
+import math
+from dataclasses import dataclass
+from typing import Any, Final, Self
+
+from skyway.runtime.errors import InvalidSettings
+
+#: Pulse widths that servos understand, microseconds.
+_PULSES_US: Final = (500, 2_500)
+
+
+@dataclass(frozen=True, slots=True)
+class PayloadRelease:
+    """A gripper that opens, or a servo that turns to a pulse width in microseconds.
+
+    The same command lets go of the next packages: one dispenser, not one actuator for each.
+    """
+
+    instance: int
+    pulse_us: int | None = None
+
+    @classmethod
+    def parse(cls, text: str) -> Self:
+        """Read ``gripper:1`` or ``servo:9:1900``."""
+        parts = text.split(":")
+        numbers = [int(part) for part in parts[1:] if part.isdecimal()]
+        least_us, most_us = _PULSES_US
+        match parts[0], numbers:
+            case "gripper", [instance] if len(parts) == 2 and instance >= 1:
+                return cls(instance)
+            case "servo", [instance, pulse_us] if len(parts) == 3 and instance >= 1:
+                if least_us <= pulse_us <= most_us:
+                    return cls(instance, pulse_us)
+        raise InvalidSettings(
+            f"a payload is gripper:NUMBER or servo:NUMBER:MICROSECONDS ({least_us} to {most_us}), "
+            f"not {text!r}"
+        )
+
+    def command(self, dialect: Any) -> tuple[float, ...]:  # pymavlink's numbers
+        """The id and the parameters of the command that lets go."""
+        if self.pulse_us is None:
+            return (
+                dialect.MAV_CMD_DO_GRIPPER,
+                self.instance,
+                dialect.GRIPPER_ACTION_RELEASE,
+            )
+        return dialect.MAV_CMD_DO_SET_SERVO, self.instance, self.pulse_us
+
+
+@dataclass(frozen=True, slots=True)
+class MavlinkSettings:
+    """Where the autopilot is, and how the drone it flies is used."""
+
+    address: str
+    payload: PayloadRelease
+    altitude_m: float
+
+    def __post_init__(self) -> None:
+        if not 1.0 <= self.altitude_m <= 500.0 or math.isnan(self.altitude_m):
+            raise InvalidSettings(f"--altitude-m is 1 to 500, not {self.altitude_m:g}")
