@@ -39,6 +39,8 @@ _CHUNK: Final = 500
 _ORDER_OF_CONNECTION: Final = ("connection_session", "connection_number", "connection_rank")
 _ORDER_OF_STATE: Final = ("state_session", "state_seq")
 _ORDER_OF_SAMPLE: Final = ("sample_session", "sample_seq")
+#: What a message's place in its topic is called among a statement's parameters.
+_NEW: Final = "new_{}".format
 
 #: A row of any query; its columns are of every type.
 AnyRow = Row[*tuple[Any, ...]]
@@ -206,17 +208,16 @@ def _moment(moment_ms: int | None) -> datetime | None:
 
 
 def _order(names: tuple[str, ...], message: PresenceMessage) -> dict[str, Any]:
-    """The message's place in its topic, as values to keep and as values to compare with."""
-    values = dict(zip(names, order_of(message), strict=False))
-    return values | {f"new_{name}": value for name, value in values.items()}
+    """The message's place in its topic, for `_if_later`."""
+    return {_NEW(name): value for name, value in zip(names, order_of(message), strict=False)}
 
 
 def _if_later(names: tuple[str, ...]) -> Update:
     """An update of one drone's row, which does nothing unless the message is later."""
     known = tuple_(*(presence.c[name] for name in names))
-    new = tuple_(*(bindparam(f"new_{name}", type_=BigInteger) for name in names))
+    new = {name: bindparam(_NEW(name), type_=BigInteger) for name in names}
     is_about = presence.c.drone_id == bindparam("about", type_=Text)
-    return presence.update().where(is_about, known < new)
+    return presence.update().where(is_about, known < tuple_(*new.values())).values(new)
 
 
 def _keep_word() -> Insert:
