@@ -49,7 +49,11 @@ async def _host(crew: Crew, folder: JournalFolder, settings: AgentSettings) -> N
     """Serve the drones, and anew whenever they have other credentials."""
     while True:
         hosting = host_fleet(
-            crew.drones, folder, mqtt_url=settings.mqtt_url, disturbances=settings.disturbances
+            crew.drones,
+            folder,
+            mqtt_url=settings.mqtt_url,
+            disturbances=settings.disturbances,
+            mavlink=settings.mavlink,
         )
         serving, changing = asyncio.create_task(hosting), asyncio.create_task(crew.changed())
         try:

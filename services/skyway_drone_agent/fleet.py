@@ -6,6 +6,7 @@ import resource
 from collections.abc import Awaitable, Callable
 from typing import Never
 
+from skyway.runtime.errors import InvalidSettings
 from skyway.runtime.minting import mint
 from skyway.runtime.mqtt import MqttClient, Will
 from skyway_drone_agent.agent import DroneAgent, MakeLink
@@ -13,6 +14,7 @@ from skyway_drone_agent.clock_keeper import KeptClock
 from skyway_drone_agent.disturbances import UNDISTURBED, Disturbances
 from skyway_drone_agent.enrolled_drone import EnrolledDrone
 from skyway_drone_agent.journal_folder import JournalFolder
+from skyway_drone_agent.mavlink_settings import MavlinkSettings
 from skyway_drone_agent.simulated_link_loss import LinkWithOutages, has_outages
 from skyway_drone_agent.simulated_vehicle import SimulatedVehicle
 from skyway_drone_agent.vehicle import Vehicle
@@ -32,9 +34,16 @@ async def host_fleet(
     *,
     mqtt_url: str,
     disturbances: Disturbances = UNDISTURBED,
+    mavlink: MavlinkSettings | None = None,
 ) -> None:
-    """Serve all drones until cancelled; one that fails does not disturb the others."""
+    """Serve all drones until cancelled; one that fails does not disturb the others.
+
+    With `mavlink` there is one drone, and its autopilot flies it.
+    """
     clock = KeptClock(folder.clock_file)
+    if mavlink is not None:
+        await _host_real_drone(drones, folder, clock=clock, mqtt_url=mqtt_url, mavlink=mavlink)
+        return
     async with asyncio.TaskGroup() as group:
         for drone in drones:
             vehicle = SimulatedVehicle(
@@ -43,6 +52,25 @@ async def host_fleet(
             make_link = _link_maker(drone, clock, mqtt_url=mqtt_url, disturbances=disturbances)
             serving = _keep_flying(drone, folder, vehicle=vehicle, clock=clock, make_link=make_link)
             group.create_task(serving, name=drone.drone_id)
+
+
+async def _host_real_drone(
+    drones: tuple[EnrolledDrone, ...],
+    folder: JournalFolder,
+    *,
+    clock: KeptClock,
+    mqtt_url: str,
+    mavlink: MavlinkSettings,
+) -> None:
+    if len(drones) != 1:
+        raise InvalidSettings(f"--vehicle is one drone's, and there are {len(drones)}")
+    # Only now, so that agents of simulated drones do without it.
+    from skyway_drone_agent.mavlink_vehicle import mavlink_vehicle
+
+    (drone,) = drones
+    make_link = _link_maker(drone, clock, mqtt_url=mqtt_url, disturbances=UNDISTURBED)
+    async with mavlink_vehicle(drone.model, clock, mavlink) as vehicle:
+        await _keep_flying(drone, folder, vehicle=vehicle, clock=clock, make_link=make_link)
 
 
 def _link_maker(

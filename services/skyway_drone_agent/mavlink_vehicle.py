@@ -2,6 +2,8 @@
 
 import asyncio
 import logging
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from datetime import datetime
 from typing import Final
 
@@ -19,9 +21,9 @@ from skyway.runtime.clock import FleetClock, sleep_wall
 from skyway_drone_agent.mavlink_autopilot import Autopilot
 from skyway_drone_agent.mavlink_commands import command, command_once
 from skyway_drone_agent.mavlink_flight import MavlinkFlight, begin_flight
-from skyway_drone_agent.mavlink_link import MavlinkLink
+from skyway_drone_agent.mavlink_link import MavlinkLink, mavlink_link
 from skyway_drone_agent.mavlink_mission import MissionRefused
-from skyway_drone_agent.mavlink_payload import MavlinkSettings
+from skyway_drone_agent.mavlink_settings import MavlinkSettings
 from skyway_drone_agent.reading import Reading
 from skyway_drone_agent.vehicle import Elsewhere, Outcome, Sample, Standing, StepRun
 
@@ -229,6 +231,24 @@ class MavlinkVehicle:
 
     def _soc(self, run: StepRun) -> float:
         return run.soc if self._autopilot.soc is None else self._autopilot.soc
+
+
+@asynccontextmanager
+async def mavlink_vehicle(
+    model: DroneModel, clock: FleetClock, settings: MavlinkSettings
+) -> AsyncIterator[MavlinkVehicle]:
+    """The drone whose autopilot is at this address, once it has said where it is.
+
+    Raises
+    ------
+    NoMavlink
+        pymavlink is not installed, or cannot open the address.
+    """
+    async with mavlink_link(settings.address) as link:
+        log.info("waiting for the autopilot", extra={"address": settings.address})
+        vehicle = MavlinkVehicle(model, clock, link, settings)
+        await vehicle.ready()
+        yield vehicle
 
 
 def _key(run: StepRun) -> tuple[int, datetime]:

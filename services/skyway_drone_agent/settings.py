@@ -9,6 +9,7 @@ from typing import Any, Final
 from skyway.ids import DroneId
 from skyway.runtime.errors import InvalidSettings
 from skyway_drone_agent.disturbances import UNDISTURBED, Disturbances
+from skyway_drone_agent.mavlink_settings import MavlinkSettings, PayloadRelease
 from skyway_drone_agent.scenario import changed, read_scenario, scenario_names
 
 #: Keys of a scenario that have an option each, which comes before what the file says.
@@ -39,6 +40,7 @@ class AgentSettings:
     parent_fd: int | None
     log_level: str
     disturbances: Disturbances
+    mavlink: MavlinkSettings | None = None
 
 
 def read_settings(arguments: Sequence[str], environment: Mapping[str, str]) -> AgentSettings:
@@ -61,7 +63,17 @@ def read_settings(arguments: Sequence[str], environment: Mapping[str, str]) -> A
         parent_fd=int(parent_fd) if parent_fd else None,
         log_level=environment.get("SKYWAY_LOG_LEVEL", "INFO"),
         disturbances=_disturbances(given),
+        mavlink=_mavlink(given),
     )
+
+
+def _mavlink(given: argparse.Namespace) -> MavlinkSettings | None:
+    if given.vehicle is None:
+        return None
+    kind, _, address = given.vehicle.partition(":")
+    if kind != "mavlink" or not address:
+        raise InvalidSettings(f"a vehicle is mavlink:ADDRESS, not {given.vehicle!r}")
+    return MavlinkSettings(address, PayloadRelease.parse(given.payload), given.altitude_m)
 
 
 def _enrolment(given: argparse.Namespace, environment: Mapping[str, str]) -> EnrolmentSettings:
@@ -107,8 +119,27 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--mqtt-url", metavar="URL", help="mqtt://host:port or mqtts:// (or SKYWAY_MQTT_URL)"
     )
+    _add_vehicle(parser)
     _add_disturbances(parser)
     return parser
+
+
+def _add_vehicle(parser: argparse.ArgumentParser) -> None:
+    vehicle = parser.add_argument_group("a real drone (docs/mavlink.md)")
+    vehicle.add_argument(
+        "--vehicle",
+        metavar="mavlink:ADDRESS",
+        help="its autopilot, in pymavlink's form: mavlink:udpin:127.0.0.1:14550",
+    )
+    vehicle.add_argument(
+        "--payload",
+        default="gripper:1",
+        metavar="RELEASE",
+        help="what lets go of packages: gripper:NUMBER or servo:NUMBER:MICROSECONDS",
+    )
+    vehicle.add_argument(
+        "--altitude-m", type=float, default=60.0, metavar="M", help="above the take-off"
+    )
 
 
 def _add_enrolment(parser: argparse.ArgumentParser) -> None:

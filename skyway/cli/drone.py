@@ -90,6 +90,30 @@ AbsentOption = Annotated[
     ),
 ]
 
+_REAL = "A real drone (docs/mavlink.md)"
+
+VehicleOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="mavlink:ADDRESS",
+        help="Its autopilot: mavlink:udpin:127.0.0.1:14550.",
+        rich_help_panel=_REAL,
+    ),
+]
+
+PayloadOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="RELEASE",
+        help="What lets go: gripper:NUMBER or servo:NUMBER:MICROSECONDS.",
+        rich_help_panel=_REAL,
+    ),
+]
+
+AltitudeOption = Annotated[
+    float | None, typer.Option(help="Metres above the take-off.", rich_help_panel=_REAL)
+]
+
 
 def drone_command(
     file: FileArgument = None,
@@ -103,30 +127,36 @@ def drone_command(
     flight_energy_factor: FlightEnergyOption = None,
     charge_time_factor: ChargeTimeOption = None,
     absent_station: AbsentOption = None,
+    vehicle: VehicleOption = None,
+    payload: PayloadOption = None,
+    altitude_m: AltitudeOption = None,
     data: DataOption = None,
 ) -> None:
     """Run the agent of one drone until Ctrl-C.
 
     Without FILE it is the drone that enrolled here before, or enrols now with a token.
     """
-    disturbed = _arguments(
+    arguments = _arguments(
         {
             "scenario": scenario,
             "seed": seed,
             "flight-time-factor": flight_time_factor,
             "flight-energy-factor": flight_energy_factor,
             "charge-time-factor": charge_time_factor,
+            "vehicle": vehicle,
+            "payload": payload,
+            "altitude-m": altitude_m,
         },
         absent_station,
     )
     if file is None:
-        _run_enrolled(data_folder(data), enrol, disturbed + _wishes(drone_id, api, rotate))
+        _run_enrolled(data_folder(data), enrol, arguments + _wishes(drone_id, api, rotate))
     if enrol is not None or rotate:
         fail("--enrol and --rotate are for a drone without FILE")
     chosen = [drone for drone in _read(file) if drone_id in (None, drone["drone_id"])]
     if len(chosen) != 1:
         fail(f"{file} holds {len(chosen)} drones to choose from: name one with --drone-id")
-    _run_agent(data_folder(data), chosen, disturbed)
+    _run_agent(data_folder(data), chosen, arguments)
 
 
 def fleet_command(
@@ -241,7 +271,7 @@ def _write(file: Path, drones: list[dict[str, Any]]) -> None:
 
 
 def _arguments(options: dict[str, object], absent: list[str] | None) -> list[str]:
-    """Disturbances as the agent's arguments; what is not given is left to the scenario."""
+    """Options as the agent's arguments; what is not given is left to it and the scenario."""
     given = [f"--{name}={value}" for name, value in options.items() if value is not None]
     return given + [f"--absent-station={station}" for station in absent or ()]
 

@@ -1,4 +1,4 @@
-"""How a drone lets go of what it carries, as the autopilot's command."""
+"""Where a drone's autopilot is, and how the drone lets go of what it carries."""
 
 import math
 from dataclasses import dataclass
