@@ -16,7 +16,7 @@ class GatewaySettings(ServiceSettings):
     #: Networks like 127.0.0.0/8, separated by commas: webhooks may point into them.
     webhook_allow_networks: Annotated[tuple[IPv4Network | IPv6Network, ...], NoDecode] = ()
     #: Deliveries that are booked at the same time.
-    bookings_at_once: int = Field(default=4, ge=1, le=64)
+    bookings_at_once: int = Field(default=8, ge=1, le=64)
 
     @field_validator("webhook_allow_networks", mode="before")
     @classmethod
