@@ -84,12 +84,18 @@ class BestValues:
         return cls(min(times_s), min(prices), min(energies_j))
 
     def score(self, offer: OfferValues, weights: Weights) -> float:
-        """The sum of weight x value / best value, the lower the better."""
-        return (
-            weights.time * _relative(offer.time_s, self.time_s)
-            + weights.price * _relative(offer.price, self.price)
-            + weights.energy * _relative(offer.energy_j, self.energy_j)
-        )
+        """The sum of weight x value / best value, the lower the better.
+
+        What weighs nothing is not looked at, however much it is.
+        """
+        score = 0.0
+        if weights.time > 0:
+            score += weights.time * _relative(offer.time_s, self.time_s)
+        if weights.price > 0:
+            score += weights.price * _relative(offer.price, self.price)
+        if weights.energy > 0:
+            score += weights.energy * _relative(offer.energy_j, self.energy_j)
+        return score
 
     def rank(self, offer: OfferValues, weights: Weights) -> tuple[float, int, ProviderId, DroneId]:
         """What offers are sorted by: the score, then price, provider and drone."""
