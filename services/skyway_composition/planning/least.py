@@ -13,32 +13,50 @@ from skyway.drone.model import DroneModel
 from skyway.drone.power import flight_power_w
 from skyway.ids import StationId
 from skyway_composition.networks.prepared import PreparedNetwork
+from skyway_composition.networks.settings import NetworkSettings
 from skyway_composition.planning.margins import with_margin
 from skyway_composition.planning.ways import least_m_to, least_tour_m
 
 
 @dataclass(frozen=True, slots=True)
 class _Pace:
-    """What flights of one model take at least: to the pickup by the metre, and after it in all."""
+    """What drones of one model take at least: to the pickup by the metre, and after it in all.
+
+    `stops_s` are all stops of a drone that stands at the pickup; any other lands there, too.
+    """
 
     approach_s_per_m: float
     approach_j_per_m: float
     tour_s: float
     tour_j: float
     recharging_s_per_j: float
-    stop_s: float
+    stops_s: float
+    landing_s: float
 
     @classmethod
-    def of(cls, model: DroneModel, *, tour_m: float, least_load_kg: float) -> Self:
-        """The pace of a model, margin included, on a tour with at least this load."""
+    def of(
+        cls,
+        model: DroneModel,
+        request: DeliveryRequest,
+        settings: NetworkSettings,
+        *,
+        tour_m: float,
+    ) -> Self:
+        """The pace of a model, margin included, on a tour of this length."""
         fastest_mps = max(model.speed_empty_mps, model.speed_full_mps)
+        # Each flight between deliveries carries at least this.
+        lightest_kg = min(package.mass_kg for package in request.packages)
+        destinations = request.destinations
+        stops = len(destinations)
+        landings = stops - (request.pickup.station_id in destinations)
         return cls(
             approach_s_per_m=1 / model.speed_empty_mps,
             approach_j_per_m=flight_power_w(model, 0.0) / model.speed_empty_mps,
             tour_s=tour_m / fastest_mps,
-            tour_j=tour_m * flight_power_w(model, least_load_kg) / fastest_mps,
+            tour_j=tour_m * flight_power_w(model, lightest_kg) / fastest_mps,
             recharging_s_per_j=fastest_s_per_soc(model) / model.battery_j,
-            stop_s=model.stop_s,
+            stops_s=settings.loading_s + stops * settings.dropoff_s + landings * model.stop_s,
+            landing_s=model.stop_s,
         )
 
 
@@ -50,41 +68,32 @@ class Least:
     closures are not looked at.
     """
 
-    skyway: PreparedNetwork
-    request: DeliveryRequest
+    pickup: StationId
     approaches_m: Mapping[StationId, float]
     tour_m: float
-    paces: Mapping[DroneModel, _Pace]
-    #: Of the request: its destinations and its mass.
-    destinations: tuple[StationId, ...]
     payload_kg: float
+    paces: Mapping[DroneModel, _Pace]
 
     @classmethod
     def of(
         cls, skyway: PreparedNetwork, request: DeliveryRequest, candidates: Sequence[Candidate]
     ) -> Self:
         """The bounds for a request whose places are all in the network, as the candidates' are."""
+        network, settings = skyway.network, skyway.settings
         pickup = request.pickup.station_id
-        destinations = request.destinations
-        tour_m = least_tour_m(
-            skyway.network, pickup, [each for each in destinations if each != pickup]
-        )
-        # Each flight between deliveries carries at least this one.
-        lightest_kg = min(package.mass_kg for package in request.packages)
-        margin = skyway.settings.energy_margin
+        stops = [each for each in request.destinations if each != pickup]
+        tour_m = least_tour_m(network, pickup, stops)
         return cls(
-            skyway,
-            request,
-            least_m_to(skyway.network, pickup, {each.station_id for each in candidates}),
+            pickup,
+            least_m_to(network, pickup, {each.station_id for each in candidates}),
             tour_m,
+            request.payload_kg,
             {
                 model: _Pace.of(
-                    with_margin(model, margin), tour_m=tour_m, least_load_kg=lightest_kg
+                    with_margin(model, settings.energy_margin), request, settings, tour_m=tour_m
                 )
                 for model in {each.model for each in candidates}
             },
-            destinations,
-            request.payload_kg,
         )
 
     def values(self, alike: Sequence[Candidate]) -> tuple[OfferValues, ...]:
@@ -97,8 +106,9 @@ class Least:
         energy_j = approach_m * pace.approach_j_per_m + pace.tour_j
         usable_j = max(0.0, first.soc - first.model.reserve_soc) * first.model.battery_j
         recharging_s = max(0.0, energy_j - usable_j) * pace.recharging_s_per_j
-        flight_s = approach_m * pace.approach_s_per_m + pace.tour_s
-        time_s = flight_s + recharging_s + self._stops_s(pace, first.station_id)
+        time_s = approach_m * pace.approach_s_per_m + pace.tour_s + recharging_s + pace.stops_s
+        if first.station_id != self.pickup:
+            time_s += pace.landing_s
         return tuple(
             OfferValues(
                 time_s=time_s,
@@ -119,10 +129,3 @@ class Least:
             payload_kg=self.payload_kg,
             recharging_s=recharging_s,
         )
-
-    def _stops_s(self, pace: _Pace, station_id: StationId) -> float:
-        """Landing for, and taking, each hand-over and the loading."""
-        pickup, settings = self.request.pickup.station_id, self.skyway.settings
-        stops = len(self.destinations)
-        landings = stops - (pickup in self.destinations) + (station_id != pickup)
-        return settings.loading_s + stops * settings.dropoff_s + landings * pace.stop_s
