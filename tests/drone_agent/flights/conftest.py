@@ -152,6 +152,7 @@ class World:
         self.drone = drone
         self.clock = clock
         self.disturbances = UNDISTURBED
+        self.vehicle_type = SimulatedVehicle
         self.mint = CountingMint()
         self.trace: list[str] = []
         self.published: list[tuple[Topic[Any], Any]] = []
@@ -168,7 +169,7 @@ class World:
         agent = DroneAgent(
             self.drone,
             journal=self.journal,
-            vehicle=SimulatedVehicle(self.drone.model, self.clock, disturbances=self.disturbances),
+            vehicle=self.vehicle_type(self.drone.model, self.clock, disturbances=self.disturbances),
             clock=self.clock,
             make_link=self._make_link,
             mint=self.mint,
