@@ -1,5 +1,7 @@
 """Stations that are known without asking composition."""
 
+import asyncio
+from collections.abc import AsyncIterator, Callable
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any
@@ -8,9 +10,11 @@ import pytest
 from skyway_gateway.quotes.known_networks import KnownNetworks
 
 from skyway.contracts.station_check import NetworkStations
+from skyway.contracts.topic import Topic
 from skyway.contracts.world import NetworkVersion
 from skyway.geo import Position
 from skyway.ids import NetworkId, StationId
+from skyway.runtime.mqtt_inbox import Received
 
 
 @dataclass
@@ -135,3 +139,45 @@ async def test_stations_beyond_what_may_be_kept_are_asked_about(
 
     assert start_of_ways(known, "s0", "s1") is None
     assert composition.asked == ["city"]
+
+
+class Line:
+    """An MQTT client as far as it is heard: what arrives, and whether it is connected."""
+
+    def __init__(self) -> None:
+        self.arrived: asyncio.Queue[NetworkVersion] = asyncio.Queue()
+        self.connected, self.lost = asyncio.Event(), asyncio.Event()
+
+    async def batches(self, topic: Topic[NetworkVersion]) -> AsyncIterator[list[Any]]:
+        while True:
+            message = await self.arrived.get()
+            yield [Received(topic, (message.network_id,), message, retained=True)]
+
+    async def wait_connected(self) -> None:
+        await self.connected.wait()
+
+    async def wait_lost(self) -> None:
+        await self.lost.wait()
+        self.connected.clear()
+
+
+async def until(holds: Callable[[], bool]) -> None:
+    async with asyncio.timeout(5):
+        while not holds():  # noqa: ASYNC110 - what is waited for tells nobody
+            await asyncio.sleep(0)
+
+
+async def test_what_is_heard_is_learned_and_forgotten_with_the_connection(
+    known: KnownNetworks,
+) -> None:
+    line: Any = Line()
+    line.connected.set()
+    running = asyncio.create_task(known.run(line))
+
+    line.arrived.put_nowait(announced())
+    await until(lambda: start_of_ways(known, "a", "b") is not None)
+    line.lost.set()
+    await until(lambda: start_of_ways(known, "a", "b") is None)
+
+    running.cancel()
+    await asyncio.gather(running, return_exceptions=True)
