@@ -16,6 +16,7 @@ from sqlalchemy import (
     func,
     select,
     tuple_,
+    update,
 )
 from sqlalchemy.dialects import postgresql
 from sqlalchemy.ext.asyncio import AsyncConnection
@@ -152,6 +153,15 @@ async def record_reports(tx: Tx, reports: Sequence[MissionReport], *, wall_at: d
     ]
     if ended:
         await tx.execute(_FORGET, ended)
+
+
+async def cut_off(tx: Tx, drone_id: DroneId) -> None:
+    """Take a drone for lost: whom Mosquitto puts out, its last will is not sent."""
+    change = await next_change(tx)
+    was_connected = (presence.c.drone_id == drone_id) & presence.c.connection_status.is_not(None)
+    await tx.execute(
+        update(presence).where(was_connected).values(connection_status="LOST", changed=change)
+    )
 
 
 async def touch(tx: Tx, drone_id: DroneId) -> None:

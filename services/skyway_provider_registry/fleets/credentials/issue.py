@@ -20,6 +20,7 @@ from skyway_provider_registry.fleets.credentials.credentials import (
     IssuedToken,
 )
 from skyway_provider_registry.fleets.drone import MqttAccount
+from skyway_provider_registry.presence import store as presence
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +88,8 @@ async def rotate(tx: Tx, drone_id: DroneId) -> Credentials:
 
 
 async def revoke(tx: Tx, drone_id: DroneId, *, wall_now: datetime) -> None:
-    """Stop all that a drone may log in, call or enrol with."""
+    """Stop all that a drone may log in, call or enrol with; it is as good as gone."""
+    await presence.cut_off(tx, drone_id)
     await accounts.revoke(tx, drone_id, at=wall_now)
     await drone_keys.remove(tx, drone_id)
     await tokens.remove(tx, drone_id)

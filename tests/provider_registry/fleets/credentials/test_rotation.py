@@ -5,7 +5,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from skyway_provider_registry.tables import presence
 from skyway_provider_registry.verify import violations
+from sqlalchemy import update
 
 from skyway.runtime.broker_passwords import matches, read_password_file
 from skyway.runtime.database import Database
@@ -120,6 +122,19 @@ async def test_a_revoked_drone_has_nothing_left(
     assert (await api(GATEWAY, "POST", "/v1/enrolments", body)).status_code == 403
     assert (await api(f"drone:{drone_id}", "POST", ROTATIONS)).status_code == 403
     assert await violations(db) == []
+
+
+async def test_a_revoked_drone_counts_as_lost(api: Any, db: Database, enrolled: Any) -> None:
+    drone_id, provider_id = enrolled["drone_id"], enrolled["provider_id"]
+    path = f"/v1/providers/{provider_id}/drones/{drone_id}"
+    online = {"connection_status": "ONLINE", "connection_session": 1, "connection_number": 1}
+    seen = {"last_seen_ms": 1_772_366_400_000, "last_seen_wall_ms": 1_772_366_400_000}
+    async with db.write() as tx:
+        await tx.execute(update(presence).values(online | seen))
+
+    await api(f"provider:{provider_id}", "DELETE", f"{path}/credentials")
+
+    assert (await api("operator:op", "GET", path)).json()["state"] == "OFFLINE"
 
 
 async def test_a_revoked_drone_comes_back_with_another_token(

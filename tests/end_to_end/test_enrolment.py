@@ -1,0 +1,120 @@
+"""A drone's credentials through every process: got by a token, rotated, revoked, got again."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytestmark = pytest.mark.end_to_end
+
+SKYWAY = (sys.executable, "-m", "skyway.cli")
+
+
+@pytest.fixture
+def drone(system: Any) -> dict[str, Any]:
+    """A drone that is registered, and has never been heard of."""
+    system.publish_corridor()
+    terms = {"name": "Test Air", "tariff": {"currency": "USD", "base": 100, "per_km": 10}}
+    provider_id = system.operate("POST", "/v1/providers", terms)["provider_id"]
+    body = {"model_id": "paper-scenario", "home_station_id": "s1"}
+    made: dict[str, Any] = system.operate("POST", f"/v1/providers/{provider_id}/drones", body)
+    return made
+
+
+def path_of(drone: dict[str, Any]) -> str:
+    return f"/v1/providers/{drone['provider_id']}/drones/{drone['drone_id']}"
+
+
+def run(system: Any, *options: str, token: str | None = None) -> subprocess.Popen[bytes]:
+    """`skyway drone` in the background."""
+    told = {} if token is None else {"SKYWAY_ENROLMENT_TOKEN": token}
+    with (system.folder.path / "drone.log").open("ab") as log:
+        process = subprocess.Popen(
+            [*SKYWAY, "drone", *options, "--data", str(system.folder.path)],
+            stdout=log,
+            stderr=log,
+            env=system.environment | told,
+        )
+    system.fleets.append(process)
+    return process
+
+
+def until(system: Any, drone: dict[str, Any], state: str, *, within_s: float) -> float:
+    """Wall seconds until the cloud sees the drone in this state."""
+    since = time.monotonic()
+    system.eventually(
+        lambda: system.operate("GET", path_of(drone))["state"] == state,
+        within_s=within_s,
+        what=f"{drone['drone_id']} {state}",
+    )
+    return time.monotonic() - since
+
+
+def cut_off(system: Any, drone: dict[str, Any]) -> float:
+    """Wall seconds between the answer to a revocation and the end of the drone's connection."""
+    log = system.folder.path / "drone.log"
+    before = log.stat().st_size
+    system.operate("DELETE", f"{path_of(drone)}/credentials")
+    since = time.monotonic()
+    system.eventually(
+        lambda: b"no connection to the broker" in log.read_bytes()[before:],
+        within_s=10,
+        what="the end of the connection",
+    )
+    return time.monotonic() - since
+
+
+def kept_by(system: Any, drone: dict[str, Any]) -> dict[str, Any]:
+    """What the agent has on disk."""
+    [path] = Path(system.folder.journals).glob(f"{drone['drone_id']}.credentials.json")
+    kept: dict[str, Any] = json.loads(path.read_text())["drone"]
+    return kept
+
+
+def test_a_drone_enrols_rotates_is_revoked_and_enrols_again(
+    system: Any, drone: dict[str, Any]
+) -> None:
+    first = run(system, token=drone["enrolment_token"])
+    until(system, drone, "AVAILABLE", within_s=30)
+    enrolled = kept_by(system, drone)
+    own = system.call("GET", path_of(drone), key=enrolled["key"])
+    foreign = system.call("GET", "/v1/deliveries", key=enrolled["key"])
+    used = system.call(
+        "POST", "/v1/enrolments", key="none", body={"enrolment_token": drone["enrolment_token"]}
+    )
+    first.send_signal(signal.SIGTERM)
+    first.wait(timeout=30)
+    until(system, drone, "OFFLINE", within_s=10)
+
+    second = run(system, "--rotate")
+    until(system, drone, "AVAILABLE", within_s=30)
+    rotated = kept_by(system, drone)
+    old = system.call("GET", path_of(drone), key=enrolled["key"])
+    cut_off_s = cut_off(system, drone)
+    gone_s = until(system, drone, "OFFLINE", within_s=10)
+    revoked = system.call("GET", path_of(drone), key=rotated["key"])
+    made = system.operate("POST", f"{path_of(drone)}/enrolment-tokens")
+    second.send_signal(signal.SIGTERM)
+    second.wait(timeout=30)
+    run(system, token=made["enrolment_token"])
+    until(system, drone, "AVAILABLE", within_s=30)
+
+    assert (own.status_code, foreign.status_code) == (200, 403)
+    assert (used.status_code, used.json()["code"]) == (409, "TOKEN_USED")
+    assert (old.status_code, revoked.status_code) == (401, 401)
+    assert cut_off_s < 1.0
+    assert gone_s < 1.0
+    again = kept_by(system, drone)
+    keys = {one["key"] for one in (enrolled, rotated, again)}
+    passwords = {one["mqtt"]["password"] for one in (enrolled, rotated, again, drone)}
+    assert (len(keys), len(passwords)) == (3, 4)
+    secrets = keys | passwords | {drone["enrolment_token"], made["enrolment_token"]}
+    folder = system.folder.path
+    told = [path for pattern in ("logs/*", "*.db*", "*.log") for path in folder.glob(pattern)]
+    assert [p.name for p in told for one in secrets if one.encode() in p.read_bytes()] == []
+    assert system.command("verify").returncode == 0
