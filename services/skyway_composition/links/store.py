@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import Any, Final
 
-from sqlalchemy import Row, bindparam, case, func, insert, select, update
+from sqlalchemy import Row, bindparam, case, func, insert, literal_column, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.drone_report import Connection, DroneState
@@ -27,6 +27,7 @@ STATES_WITH_MISSION: Final = select(drone_links.c.drone_id, drone_links.c.state)
 
 # Statements that each booking and each word of a drone needs: making them takes longer than
 # running them does.
+_is_open: Final = instructions.c.status.in_([literal_column(f"'{each}'") for each in _OPEN])
 _LINKS_OF: Final = (
     select(drone_links)
     .where(among(drone_links.c.drone_id, "drone_ids"))
@@ -66,7 +67,7 @@ _ANSWER: Final = (
     .where(
         instructions.c.instruction_id == bindparam("of_instruction"),
         instructions.c.drone_id == bindparam("to_drone"),
-        instructions.c.status.in_(_OPEN),
+        _is_open,
     )
     .returning(
         instructions.c.instruction_id,
@@ -181,7 +182,7 @@ async def open_instructions(tx: Tx, drone_id: DroneId) -> list[SentInstruction]:
     """What this drone has not finally answered, in the order of sending."""
     found = await tx.execute(
         select(instructions)
-        .where(instructions.c.drone_id == drone_id, instructions.c.status.in_(_OPEN))
+        .where(instructions.c.drone_id == drone_id, _is_open)
         .order_by(instructions.c.stream, instructions.c.seq)
     )
     return [_sent(row) for row in found]

@@ -12,12 +12,16 @@ from skyway_composition.planning.world import World
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """All that a new plan is made from; whoever keeps one looks again whether it still is so."""
+    """All that a new plan is made from; whoever keeps one looks again whether it still is so.
+
+    `sent_revisions` counts what was ever sent, taken or not: a number is used once.
+    """
 
     situation: Situation
     trouble: Trouble
     world: World
     closed: ClosedAhead
+    sent_revisions: int
 
     @property
     def record(self) -> MissionRecord:

@@ -17,6 +17,7 @@ from skyway.runtime.database import Database, Tx
 from skyway.runtime.errors import Taken
 from skyway.runtime.minting import Mint
 from skyway.units import moment_to_ms
+from skyway_composition.links.store import last_revision
 from skyway_composition.missions import store
 from skyway_composition.missions.anchor import Anchor, anchor_of_stuck, find_anchor
 from skyway_composition.missions.case import Case, may_be_planned, trouble_of
@@ -76,19 +77,20 @@ class Recomposer:
 
     async def recompose(self, drone_id: DroneId) -> None:
         """Give this drone's mission a new revision; without a plan try again later, or give up."""
-        situation = await self._look_at(drone_id)
-        if situation is None:
+        seen = await self._look_at(drone_id)
+        if seen is None:
             return
+        situation, sent_revisions = seen
         record, trouble = situation.record, trouble_of(situation.record)
         if trouble is None or not may_be_planned(record, trouble):
             await self._retry_later(record)
             return
-        if situation.sent_revisions >= _MOST_REVISIONS:
+        if sent_revisions >= _MOST_REVISIONS:
             await self._stop_trying(record, trouble)
             return
         world = await self._world(record)
         closed = ClosedAhead.of(world, now_ms=self._now_ms())
-        await self._plan(Case(situation, trouble, world, closed))
+        await self._plan(Case(situation, trouble, world, closed, sent_revisions))
 
     async def _plan(self, case: Case) -> None:
         anchor = self._anchor(case, closed=case.closed)
@@ -129,11 +131,15 @@ class Recomposer:
             code = refusal_code(case.situation, case.trouble, code=reason.code)
             await self._give_up(case.record, code=code, detail=reason.detail)
 
-    async def _look_at(self, drone_id: DroneId) -> Situation | None:
+    async def _look_at(self, drone_id: DroneId) -> tuple[Situation, int] | None:
+        """The situation of its mission, and how many revisions of it were sent."""
         async with self.db.write() as tx:
             watch = await self._watch(drone_id, tx)
             record = watch.missions.get(drone_id)
-            return None if record is None else await Situation.of(watch, record)
+            if record is None:
+                return None
+            sent = max(record.mission.revision, await last_revision(tx, record.mission_id))
+            return await Situation.of(watch, record), sent
 
     async def _world(self, record: MissionRecord) -> World:
         skyway = await self.networks.current(record.network_id)
@@ -183,7 +189,7 @@ class Recomposer:
             rest,
             anchor=anchor,
             trouble=case.trouble,
-            number=case.situation.sent_revisions + 1,
+            number=case.sent_revisions + 1,
             skyway=case.world.skyway,
             link=watch.links[record.drone_id],
         )

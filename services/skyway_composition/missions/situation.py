@@ -7,7 +7,6 @@ from typing import Self
 from skyway.contracts.flight_step import FlightStep, PickUpStep
 from skyway.ids import PackageId
 from skyway_composition.links.link import DroneLink
-from skyway_composition.links.store import last_revision
 from skyway_composition.missions import store
 from skyway_composition.missions.custody import Held, delivered, on_board
 from skyway_composition.missions.record import MissionRecord
@@ -17,16 +16,12 @@ from skyway_composition.missions.watch import Watch
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """Read in one transaction; `held` is of this mission's packages alone.
-
-    `sent_revisions` counts what was ever sent, taken or not: a number is used once.
-    """
+    """Read in one transaction; `held` is of this mission's packages alone."""
 
     record: MissionRecord
     link: DroneLink
     steps: tuple[StepRecord, ...]
     held: Mapping[PackageId, Held]
-    sent_revisions: int
 
     @classmethod
     async def of(cls, watch: Watch, record: MissionRecord) -> Self:
@@ -34,8 +29,7 @@ class Situation:
         connection = watch.tx.connection
         held = await store.held_packages(connection, record.mission.delivery_id)
         steps = await store.steps_of(connection, record.mission_id)
-        sent = max(record.mission.revision, await last_revision(watch.tx, record.mission_id))
-        return cls(record, watch.links[record.drone_id], tuple(steps), record.own(held), sent)
+        return cls(record, watch.links[record.drone_id], tuple(steps), record.own(held))
 
     @property
     def planned(self) -> tuple[FlightStep, ...]:
