@@ -135,6 +135,17 @@ async def test_a_connection_to_read_cannot_write(db: Database) -> None:
     assert await names(db) == []
 
 
+@pytest.mark.parametrize(
+    "database_url", [pytest.param("postgresql", marks=pytest.mark.integration)], indirect=True
+)
+async def test_each_statement_of_a_reader_is_its_own_transaction(db: Database) -> None:
+    async with db.read() as connection:
+        # What now() says is the moment at which the transaction began.
+        moments = [(await connection.execute(text("SELECT now()"))).scalar_one() for _ in range(2)]
+
+    assert moments[0] < moments[1]
+
+
 async def test_a_reader_does_not_see_an_open_block(db: Database) -> None:
     async with db.write() as tx:
         await tx.execute(STATIONS.insert(), {"name": "san-marcos"})

@@ -16,6 +16,7 @@ from skyway.json_model import JsonModel
 from skyway.runtime.clock import FleetClock, ManualClock
 from skyway.runtime.database import Database
 from skyway.runtime.errors import MqttUnavailable, RemoteProblem, ServiceUnavailable
+from skyway.runtime.loops import Wake
 from skyway.runtime.outbox import MqttSender, ReportSender, confirm, outbox_table
 from skyway.runtime.tracing import current_traceparent, tracing
 from skyway.units import ms_to_moment
@@ -349,6 +350,27 @@ async def test_a_service_that_hangs_holds_no_other(db: Database, clock: FleetClo
         await report(db, "/a", service="gateway")
         await report(db, "/b", service="registry")
         await registry.changes.until(lambda: registry.paths() == ["/b"])
+
+
+async def test_a_commit_wakes_the_sender_of_its_channel_alone(db: Database) -> None:
+    woken: list[str] = []
+
+    class Sleeper(Wake):
+        def __init__(self, channel: str) -> None:
+            super().__init__()
+            self.channel = channel
+
+        def set(self) -> None:
+            woken.append(self.channel)
+
+    for channel in ("mqtt", "gateway", "registry"):
+        db.wake_when_sent(Sleeper(channel), channel=channel)
+
+    await report(db, "/a", "/b", service="registry")
+    async with db.write():
+        pass
+
+    assert woken == ["registry"]
 
 
 async def test_a_database_without_an_outbox_sends_nothing(database: Database) -> None:

@@ -1,0 +1,66 @@
+"""Booking a delivery and hearing its drone take few statements: each holds up all others."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import pytest
+from sqlalchemy import Engine, event
+
+pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
+
+
+@contextmanager
+def statements() -> Iterator[list[str]]:
+    """What is executed while the block lasts; many rows in one go count once."""
+    seen: list[str] = []
+
+    def note(_connection: Any, _cursor: Any, statement: str, *_: Any) -> None:
+        seen.append(" ".join(statement.split()))
+
+    event.listen(Engine, "before_cursor_execute", note)
+    try:
+        yield seen
+    finally:
+        event.remove(Engine, "before_cursor_execute", note)
+
+
+@pytest.fixture
+async def known(composition: Any, drone: Any) -> Any:
+    """A composition that has its network at hand, and knows of drone 1."""
+    await composition.book(delivery_id="dlv_0")
+    (instruction,) = await composition.sent()
+    await composition.take(drone.ack(instruction, "REJECTED", code="MALFORMED"))
+    return composition
+
+
+async def test_a_booking_takes_few_statements(known: Any) -> None:
+    with statements() as seen:
+        await known.book()
+
+    assert len(seen) <= 13, seen
+
+
+async def test_an_accepted_mission_takes_few_statements(known: Any, drone: Any) -> None:
+    await known.book()
+    (instruction,) = await known.sent()
+    doing = {"mission_id": instruction.mission_id, "mission_revision": 1}
+    state = drone.state(last_instruction_seq=2, **doing)
+
+    with statements() as seen:
+        await known.take(drone.ack(instruction, "RECEIVED"), drone.ack(instruction), state)
+
+    assert await known.state_of(instruction.mission_id) == "ACCEPTED"
+    assert len(seen) <= 7, seen
+
+
+async def test_a_loaded_mission_takes_few_statements(known: Any, drone: Any) -> None:
+    await known.book()
+    (instruction,) = await known.sent()
+    await known.take(drone.ack(instruction))
+
+    with statements() as seen:
+        await known.take(*drone.ended(instruction, instruction.steps[:1]))
+
+    assert await known.state_of(instruction.mission_id) == "ACTIVE"
+    assert len(seen) <= 11, seen
