@@ -24,6 +24,9 @@ _ERROR_LASTS_S, _SAG_ERROR_LASTS_S = 60.0, 900.0
 #: No estimate is better than this share of the charge, however often the voltage agrees.
 _LEAST_ERROR: Final = 0.005
 
+#: Charges that are closer together have one slope.
+_SAME_CHARGE: Final = 1e-4
+
 #: A counter that jumps by more than the whole battery has begun anew.
 _MOST_USED: Final = 1.0
 
@@ -74,10 +77,10 @@ class BatteryEstimate:
     def _correct(self, reading: Reading, *, seconds: float) -> None:
         if seconds <= 0.0:
             return
-        pack, soc = self._pack, self.soc
-        sag_v = reading.current_a * self._resistance.ohm
-        surprise_v = reading.voltage_v + sag_v - pack.open_voltage_v(soc)
-        steepness = pack.volts_per_soc(soc)
+        soc = self.soc
+        open_v = reading.voltage_v + reading.current_a * self._resistance.ohm
+        surprise_v = open_v - self._pack.open_voltage_v(soc)
+        steepness = self._steepness(open_v, surprise_v)
         sag_error_v = reading.current_a * self._resistance.error_ohm
         noise = _VOLTAGE_ERROR_V * _VOLTAGE_ERROR_V * max(1.0, _ERROR_LASTS_S / seconds)
         noise += sag_error_v * sag_error_v * max(1.0, _SAG_ERROR_LASTS_S / seconds)
@@ -85,3 +88,14 @@ class BatteryEstimate:
         gain = variance * steepness / (variance * steepness * steepness + noise)
         self.soc = min(1.0, max(0.0, soc + gain * surprise_v))
         self.error = max(_LEAST_ERROR, (variance * (1.0 - gain * steepness)) ** 0.5)
+
+    def _steepness(self, open_v: float, surprise_v: float) -> float:
+        """Volts per charge between the estimate and what this voltage shows.
+
+        The curve's own slope would mislead: it is steep where an empty battery is believed in, so
+        that a charge far off on the flat seems near and sure.
+        """
+        away = self._pack.soc_at_rest(open_v) - self.soc
+        if abs(away) < _SAME_CHARGE:
+            return self._pack.volts_per_soc(self.soc)
+        return surprise_v / away
