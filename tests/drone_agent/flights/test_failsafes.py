@@ -81,3 +81,159 @@ async def test_after_a_divert_the_clouds_new_plan_is_flown_from_there(
     ends = [(one.step_id, one.code) for one in world.events if one.event != "ALARM"]
     assert ends == [(1, None), (2, "BATTERY_SHORT"), (3, None), (4, None), (5, None), (None, None)]
     assert world.states[-1].faults == ()
+
+
+async def test_a_battery_that_reaches_no_landing_brings_the_drone_down_where_it_is(
+    world: Any, cloud: Any, steps: Any
+) -> None:
+    await fly(world, cloud, steps, flight_energy_factor=8.0)
+    # So seldom seen that the way back is lost before the first alarm.
+    world.clock.rate = 600.0
+
+    await world.pass_until(lambda: bool(failures(world)))
+
+    down = world.states[-1]
+    assert ("BATTERY_EMPTY", "CRITICAL") in [(one.code, one.level) for one in alarms(world)]
+    failed = failures(world)[0]
+    assert (failed.step_id, failed.code, failed.station_id) == (2, "BATTERY_EMPTY", None)
+    assert (down.activity, down.station_id, down.package_ids) == ("DOWN", None, ("p1",))
+    assert -98.0 < failed.position.longitude_deg < -97.7
+    assert failed.position == down.position
+
+
+@pytest.mark.parametrize(
+    ("fault", "disturbances", "after_s"),
+    [
+        ("MOTOR_FAILURE", {"motor": {"share": 1.0, "after_s": 300}}, 300),
+        ("GPS_LOST", {"gps": {"share": 1.0, "after_s": 300, "for_s": 600}}, 330),
+    ],
+)
+async def test_a_drone_that_cannot_go_on_lands_on_the_spot(
+    world: Any, cloud: Any, steps: Any, fault: str, disturbances: Any, after_s: float
+) -> None:
+    await fly(world, cloud, steps, **disturbances)
+
+    await world.pass_until(lambda: bool(failures(world)))
+
+    failed = failures(world)[0]
+    assert (failed.code, failed.station_id) == (fault, None)
+    assert [(alarm.code, alarm.level) for alarm in alarms(world)] == [(fault, "CRITICAL")]
+    took_s = (failed.ended_at - failed.started_at).total_seconds()
+    assert after_s + 30 <= took_s <= after_s + 30 + 25
+    flown = (failed.position.longitude_deg + 98.0) / 0.01 * HUNDREDTH_M / 15.0
+    assert flown == pytest.approx(took_s - 30, abs=5)
+    assert world.states[-1].activity == "DOWN"
+
+
+async def test_a_gps_that_is_back_in_time_changes_nothing(
+    world: Any, cloud: Any, steps: Any
+) -> None:
+    await fly(world, cloud, steps, gps={"share": 1.0, "after_s": 300, "for_s": 25})
+
+    await world.pass_until(lambda: len(world.events) == 2)
+
+    assert (world.events[1].event, world.events[1].station_id) == ("STEP_ENDED", "farm")
+
+
+async def test_a_drone_off_its_course_flies_to_the_nearest_landing(
+    world: Any, cloud: Any, steps: Any
+) -> None:
+    await fly(world, cloud, steps, drift={"share": 1.0, "after_s": 60, "most_m": 600})
+
+    await world.pass_until(lambda: bool(failures(world)))
+
+    strayed = alarms(world)[0]
+    assert (strayed.code, strayed.data["off_course_m"] > 200) == ("GEOFENCE", True)
+    assert (failures(world)[0].code, failures(world)[0].station_id) == ("GEOFENCE", "home")
+
+
+async def test_a_drone_that_will_land_below_its_reserve_says_so_and_goes_on(
+    world: Any, cloud: Any, steps: Any
+) -> None:
+    await fly(world, cloud, steps, flight_energy_factor=1.23)
+
+    await world.pass_until(lambda: any(one.step_id == 2 for one in world.events))
+
+    assert [(alarm.code, alarm.level) for alarm in alarms(world)] == [("BATTERY_LOW", "URGENT")]
+    landed = next(one for one in world.events if one.step_id == 2)
+    assert (landed.event, landed.station_id) == ("STEP_ENDED", "farm")
+    assert 0.05 < landed.soc < 0.1
+    await world.pass_time(timedelta(minutes=1))
+    assert world.states[-1].faults == ()
+
+
+@pytest.mark.parametrize(
+    ("code", "level", "battery"),
+    [
+        ("BATTERY_COLD", "WARNING", {"temperature_c": -5.0}),
+        ("BATTERY_WORN", "WARNING", {"worn_share": 1.0, "capacity": 0.75}),
+        ("CELL_IMBALANCE", "WARNING", {"worn_share": 1.0, "cell_spread_v": 0.2}),
+    ],
+)
+async def test_a_battery_in_a_bad_way_is_told_once(
+    world: Any, cloud: Any, steps: Any, code: str, level: str, battery: Any
+) -> None:
+    world.clock.rate = 40.0
+    world.disturbances = Disturbances.model_validate({"battery": battery})
+    there = steps().fly("home", "over", length_m=10 * HUNDREDTH_M, duration_s=600)
+    there.wait("over", duration_s=3000).fly("over", "home", length_m=9600, duration_s=600)
+    await world.start()
+    await world.send(cloud.mission(there.made))
+
+    await world.pass_until(lambda: world.is_over)
+
+    assert [(one.code, one.level) for one in alarms(world)] == [(code, level)]
+    assert world.states[-1].faults == (code,)
+
+
+async def test_a_hot_battery_keeps_the_drone_on_the_ground(
+    world: Any, cloud: Any, steps: Any
+) -> None:
+    world.clock.rate = 40.0
+    world.disturbances = Disturbances.model_validate({"battery": {"temperature_c": 65.0}})
+    await world.start()
+    await world.pass_time(timedelta(minutes=30))
+    assert [(one.code, one.level) for one in alarms(world)] == [("BATTERY_HOT", "URGENT")]
+
+    await world.send(cloud.mission(longer(steps).made))
+
+    assert (world.acks[-1].status, world.acks[-1].code) == ("REJECTED", "FAILSAFE_ACTIVE")
+    assert world.acks[-1].data == {"fault": "BATTERY_HOT"}
+
+
+async def test_a_taken_pad_is_waited_for_and_then_another_plan_is_asked_for(
+    world: Any, cloud: Any, steps: Any
+) -> None:
+    taken = {"station_id": "farm", "from_at": "2026-03-01T00:00:00Z"}
+    taken["until_at"] = "2026-03-02T00:00:00Z"
+    await fly(world, cloud, steps, pads={"taken": [taken]})
+
+    await world.pass_until(lambda: bool(failures(world)))
+
+    failed = failures(world)[0]
+    assert [(one.code, one.level) for one in alarms(world)] == [("PAD_OCCUPIED", "WARNING")]
+    assert (failed.step_kind, failed.code, failed.station_id) == (
+        "RECHARGE",
+        "PAD_OCCUPIED",
+        "farm",
+    )
+    waited = failed.ended_at - failed.started_at
+    assert timedelta(seconds=120) <= waited <= timedelta(seconds=140)
+    landed = next(one for one in world.events if one.step_id == 2)
+    assert failed.soc == landed.soc
+
+
+async def test_a_pad_that_gets_free_in_time_is_charged_on(
+    world: Any, cloud: Any, steps: Any
+) -> None:
+    trip = longer(steps).made
+    taken = {"station_id": "farm", "from_at": "2026-03-01T00:00:00Z"}
+    free_at = trip[2].planned_start_at + timedelta(seconds=60)
+    taken["until_at"] = free_at.isoformat()
+    await fly(world, cloud, steps, pads={"taken": [taken]})
+
+    await world.pass_until(lambda: any(one.step_id == 3 for one in world.events))
+
+    assert failures(world) == []
+    assert world.events[-1].step_kind == "RECHARGE"
+    assert world.events[-1].soc == 1.0 or world.events[-1].code == "SHORT_CHARGE"
