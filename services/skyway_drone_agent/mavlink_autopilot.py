@@ -73,13 +73,18 @@ class Autopilot:
         return claim()
 
     @property
+    def is_known(self) -> bool:
+        """Whether it has said what it is, where, and if it stands."""
+        return None not in (self.kind, self.position, self.landed_state)
+
+    @property
     def is_ardupilot(self) -> bool:
         """Whether it keeps its home as a mission's first item, and arms only in other modes."""
         return bool(self.kind == self._dialect.MAV_AUTOPILOT_ARDUPILOTMEGA)
 
     @property
     def is_on_ground(self) -> bool:
-        """Whether it stands; one that tells no landed state stands while it is disarmed."""
+        """Whether it stands; one that does not know stands while it is disarmed."""
         if self.landed_state in (None, self._dialect.MAV_LANDED_STATE_UNDEFINED):
             return not self.is_armed
         return bool(self.landed_state == self._dialect.MAV_LANDED_STATE_ON_GROUND)

@@ -50,11 +50,15 @@ class PayloadRelease:
 
 @dataclass(frozen=True, slots=True)
 class MavlinkSettings:
-    """Where the autopilot is, and how the drone it flies is used."""
+    """Where the autopilot is, and how the drone it flies is used.
+
+    A release that is not answered for `release_s` of wall time may have been done, or not.
+    """
 
     address: str
     payload: PayloadRelease
     altitude_m: float
+    release_s: float = 10.0
 
     def __post_init__(self) -> None:
         if not 1.0 <= self.altitude_m <= 500.0 or math.isnan(self.altitude_m):

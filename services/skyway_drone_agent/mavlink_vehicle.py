@@ -35,11 +35,11 @@ _AT_STATION_M: Final = 30.0
 #: Charge below what was asked for that still counts as it: autopilots tell whole percents.
 _CHARGE_GRAIN: Final = 0.005
 
-#: Wall seconds that a release may take before nobody knows whether it was done.
-_RELEASE_S: Final = 10.0
-
 #: Wall seconds between two tries of what must be done in the air and was refused.
 _AGAIN_S: Final = 2.0
+
+#: Wall seconds that an autopilot may take to answer what we need not insist on.
+_ASKED_S: Final = 1.0
 
 #: Microseconds between two messages of a kind that we ask the autopilot for.
 _EVERY_US: Final = 500_000
@@ -84,8 +84,9 @@ class MavlinkVehicle:
             dialect.MAVLINK_MSG_ID_WIND_COV,
         ):
             # Some autopilots do not have them all: whatever they answer, we go on.
-            await command(self._link, dialect.MAV_CMD_SET_MESSAGE_INTERVAL, message_id, _EVERY_US)
-        await self._autopilot.until(lambda: self._autopilot.position is not None)
+            interval = dialect.MAV_CMD_SET_MESSAGE_INTERVAL
+            await command_once(self._link, interval, message_id, _EVERY_US, timeout_s=_ASKED_S)
+        await self._autopilot.until(lambda: self._autopilot.is_known)
 
     async def perform(self, run: StepRun) -> Outcome:
         """Do the step and return at its end; the same run again goes on with it."""
@@ -214,7 +215,9 @@ class MavlinkVehicle:
         dialect = self._link.dialect
         command_id, *params = self._settings.payload.command(dialect)
         while True:
-            result = await command_once(self._link, int(command_id), *params, timeout_s=_RELEASE_S)
+            result = await command_once(
+                self._link, int(command_id), *params, timeout_s=self._settings.release_s
+            )
             if result == dialect.MAV_RESULT_TEMPORARILY_REJECTED:
                 await sleep_wall(self._clock, _AGAIN_S)
                 continue
