@@ -1,6 +1,7 @@
 """Stories of a hot world: deeds of customers, drones, loaders and operators, one after another."""
 
 import asyncio
+import json
 from collections.abc import Sequence
 from datetime import timedelta
 from random import Random
@@ -11,6 +12,7 @@ from hypothesis import note
 from skyway_composition.closures.closure import Area, Closure
 from skyway_drone_agent.disturbances import Disturbances
 
+from skyway.contracts.mission import MissionReport
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import StationId
 
@@ -48,8 +50,8 @@ class Story:
         self.closures: list[Closure] = []
 
     @classmethod
-    async def told(cls, url: str, deeds: Sequence[tuple[str, int]]) -> None:
-        """Tell a story from its first deed until everything has come to rest."""
+    async def told(cls, url: str, deeds: Sequence[tuple[str, int]]) -> list[str]:
+        """Tell a story from its first deed until everything has come to rest; all its reports."""
         async with HotWorld(url) as world:
             story = cls(world)
             for name, seed in deeds:
@@ -60,6 +62,7 @@ class Story:
             for closure in story.closures:
                 await world.reopen(closure)
             await world.end()
+            return [_retold(report) for report in await world.reports()]
 
     async def book_at_once(self, chance: Random) -> None:
         """Several customers, who all see the same drones and pads free."""
@@ -121,7 +124,12 @@ class Story:
         drone = chance.choice(self.world.drones)
         time, energy, charge = (chance.choice([0.8, 1.0, 1.0, 1.1, 1.25, 1.6]) for _ in range(3))
         absent = frozenset(StationId(each) for each in "abc" if chance.random() < 0.2)
-        drone.disturbances = Disturbances(time, energy, charge, absent)
+        drone.disturbances = Disturbances(
+            flight_time_factor=time,
+            flight_energy_factor=energy,
+            charge_time_factor=charge,
+            absent_station_ids=absent,
+        )
         await drone.restart(with_journal=True)
         await self.world.converse()
 
@@ -211,3 +219,12 @@ class Story:
 
     async def restart_composition(self, _: Random) -> None:
         self.world.restart()
+
+
+def _retold(report: MissionReport) -> str:
+    """A report as it is told, but for how long the planner took."""
+    told = report.model_dump(mode="json")
+    for plan in ("plan", "home_plan"):
+        if told["mission"] is not None and told["mission"][plan] is not None:
+            del told["mission"][plan]["stats"]
+    return json.dumps(told)
