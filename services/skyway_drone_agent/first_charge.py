@@ -24,12 +24,21 @@ def first_charge(
     An agent that starts again in the middle of a step has not counted what came before.
     """
     by_now = soc
-    if leg is not None:
-        flown_j = (1.0 - leg.share_left(reading.position)) * leg.flight_j
-        by_now = soc - flown_j / model.battery_j
-    elif run is not None and isinstance(run.step, RechargeStep) and soc < run.step.until_soc:
-        seconds = max(0.0, (reading.at - run.started_at).total_seconds())
-        on_curve = max(soc, model.charge_curve[0].soc)
-        by_now = min(run.step.until_soc, soc_after_recharge(model, on_curve, seconds))
+    if run is not None:
+        elapsed_s = max(0.0, (reading.at - run.started_at).total_seconds())
+        if leg is not None:
+            by_now = soc - _flown_j(reading, leg, elapsed_s, model=model) / model.battery_j
+        elif isinstance(run.step, RechargeStep) and soc < run.step.until_soc:
+            on_curve = max(soc, model.charge_curve[0].soc)
+            by_now = min(run.step.until_soc, soc_after_recharge(model, on_curve, elapsed_s))
     by_now = min(1.0, max(0.0, by_now))
     return by_now, _JOURNAL_ERROR + _PLAN_ERROR * abs(by_now - soc)
+
+
+def _flown_j(reading: Reading, leg: Leg, elapsed_s: float, *, model: DroneModel) -> float:
+    """What the way so far takes by the model, and the landing if it has begun."""
+    flown_j = (1.0 - leg.share_left(reading.position)) * leg.flight_j
+    if leg.is_on_the_way(reading):
+        return flown_j
+    landing_s = max(0.0, elapsed_s - leg.step.length_m / leg.speed_mps)
+    return flown_j + leg.stop_j * min(1.0, landing_s / max(model.stop_s, 1.0))
