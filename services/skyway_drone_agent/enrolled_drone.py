@@ -21,6 +21,14 @@ class BrokerLogin(WireModel):
     password: str = Field(repr=False)
 
 
+class ClientCertificate(WireModel):
+    """What the drone shows to a broker that wants more than a password."""
+
+    certificate_pem: str
+    private_key_pem: str = Field(repr=False)
+    ca_pem: str
+
+
 class EnrolledDrone(WireModel):
     """A drone as the registry tells of it once, at its registration or its enrolment."""
 
@@ -34,6 +42,7 @@ class EnrolledDrone(WireModel):
     position: Position | None = None
     soc: Soc
     mqtt: BrokerLogin
+    certificate: ClientCertificate | None = None
 
     def at_first(self) -> Logbook:
         """The logbook of a drone without a journal: where it was seen last, or at home."""

@@ -13,6 +13,7 @@ from skyway_drone_agent.agent import DroneAgent, MakeLink
 from skyway_drone_agent.clock_keeper import KeptClock
 from skyway_drone_agent.disturbances import UNDISTURBED, Disturbances
 from skyway_drone_agent.enrolled_drone import EnrolledDrone
+from skyway_drone_agent.enrolment.client_tls import client_tls
 from skyway_drone_agent.journal_folder import JournalFolder
 from skyway_drone_agent.mavlink_settings import MavlinkSettings
 from skyway_drone_agent.simulated_link_loss import LinkWithOutages, has_outages
@@ -49,7 +50,9 @@ async def host_fleet(
             vehicle = SimulatedVehicle(
                 drone.model, clock, disturbances=disturbances, drone_id=drone.drone_id
             )
-            make_link = _link_maker(drone, clock, mqtt_url=mqtt_url, disturbances=disturbances)
+            make_link = _link_maker(
+                drone, folder, clock=clock, mqtt_url=mqtt_url, disturbances=disturbances
+            )
             serving = _keep_flying(drone, folder, vehicle=vehicle, clock=clock, make_link=make_link)
             group.create_task(serving, name=drone.drone_id)
 
@@ -68,15 +71,22 @@ async def _host_real_drone(
     from skyway_drone_agent.mavlink_vehicle import mavlink_vehicle
 
     (drone,) = drones
-    make_link = _link_maker(drone, clock, mqtt_url=mqtt_url, disturbances=UNDISTURBED)
+    make_link = _link_maker(drone, folder, clock=clock, mqtt_url=mqtt_url, disturbances=UNDISTURBED)
     async with mavlink_vehicle(drone.model, clock, mavlink) as vehicle:
         await _keep_flying(drone, folder, vehicle=vehicle, clock=clock, make_link=make_link)
 
 
 def _link_maker(
-    drone: EnrolledDrone, clock: KeptClock, *, mqtt_url: str, disturbances: Disturbances
+    drone: EnrolledDrone,
+    folder: JournalFolder,
+    *,
+    clock: KeptClock,
+    mqtt_url: str,
+    disturbances: Disturbances,
 ) -> MakeLink:
     """Makes the drone's links to the broker, which are lost now and then if it is so disturbed."""
+    shown = drone.certificate
+    tls = None if shown is None else client_tls(shown, scratch=folder.path)
 
     def make_link(
         will: Will, on_connected: Callable[[], Awaitable[None]]
@@ -88,6 +98,7 @@ def _link_maker(
             password=drone.mqtt.password,
             will=will,
             on_connected=on_connected,
+            tls=tls,
         )
         if not has_outages(disturbances, drone.drone_id):
             return client

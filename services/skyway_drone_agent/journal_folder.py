@@ -52,6 +52,11 @@ class JournalFolder:
         self._locks.close()
 
     @property
+    def path(self) -> Path:
+        """The folder, which is this user's alone."""
+        return self._path
+
+    @property
     def clock_file(self) -> Path:
         """Where the fleet clock's anchor is kept."""
         return self._path / "clock.json"

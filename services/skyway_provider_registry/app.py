@@ -11,6 +11,7 @@ from typing import Final
 from fastapi import FastAPI
 
 from skyway.runtime import idempotency
+from skyway.runtime.certificates import CertificateAuthority
 from skyway.runtime.clock import FleetClock, load_clock
 from skyway.runtime.database import Database
 from skyway.runtime.http import ServiceClient
@@ -32,6 +33,7 @@ from skyway_provider_registry.candidates.routes import candidate_routes
 from skyway_provider_registry.enrolment.drone_keys.routes import drone_key_routes
 from skyway_provider_registry.enrolment.password_file import PasswordFile
 from skyway_provider_registry.enrolment.routes import enrolment_routes
+from skyway_provider_registry.fleets.credentials.issue import Issuer
 from skyway_provider_registry.fleets.credentials.routes import credential_routes
 from skyway_provider_registry.fleets.drone_models.routes import drone_model_routes
 from skyway_provider_registry.fleets.home_stations import CompositionStations, StationLookup
@@ -71,6 +73,7 @@ class Parts:
     mint: Mint
     stations: StationLookup
     password_file: PasswordFile
+    issuer: Issuer
 
 
 def registry_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> FastAPI:
@@ -95,7 +98,9 @@ def registry_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> F
             fleet_routes(
                 db=db, gate=gate, clock=clock, stations=stations, password_file=password_file
             ),
-            credential_routes(db=db, gate=gate, clock=clock, password_file=password_file),
+            credential_routes(
+                db=db, gate=gate, clock=clock, password_file=password_file, issuer=parts.issuer
+            ),
             drone_key_routes(db=db, gate=gate, password_file=password_file),
             enrolment_routes(db=db, gate=gate, password_file=password_file),
             presence_routes(keeper=ReportKeeper(db, clock, Pace(_REPORTS_EVERY_S)), gate=gate),
@@ -181,6 +186,11 @@ def _parts(settings: RegistrySettings, composition: ServiceClient) -> Parts:
             db=db,
             secrets_dir=settings.secrets_dir,
             broker_pid_file=settings.broker_pid_file,
+        ),
+        issuer=Issuer(
+            None
+            if settings.drone_ca_dir is None
+            else CertificateAuthority.load(settings.drone_ca_dir)
         ),
     )
 

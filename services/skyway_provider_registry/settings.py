@@ -13,3 +13,5 @@ class RegistrySettings(ServiceSettings):
     broker_password_file: Path
     #: Where the broker writes its process id; it gets SIGHUP when the accounts have changed.
     broker_pid_file: Path | None = None
+    #: The folder of the authority that signs drones' certificates; without it they have none.
+    drone_ca_dir: Path | None = None

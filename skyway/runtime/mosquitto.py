@@ -1,6 +1,17 @@
 """The configuration of Mosquitto, valid on 2.0 and 2.1."""
 
+from dataclasses import dataclass
 from pathlib import Path
+
+
+@dataclass(frozen=True, slots=True)
+class TlsFiles:
+    """What a TLS listener shows, and the authority by which it judges who connects."""
+
+    port: int
+    ca_file: Path
+    certificate_file: Path
+    key_file: Path
 
 
 def mosquitto_conf(
@@ -12,6 +23,7 @@ def mosquitto_conf(
     pid_file: Path,
     user: str,
     host: str = "127.0.0.1",
+    tls: TlsFiles | None = None,
 ) -> str:
     """A configuration with a listener for drones and customers and one for services.
 
@@ -20,7 +32,9 @@ def mosquitto_conf(
     user
         Whom Mosquitto becomes when root starts it: must be able to read the files, which are 0600.
     host
-        The address of both listeners.
+        The address of all listeners.
+    tls
+        A third listener, for drones that have a certificate beside their password.
 
     Notes
     -----
@@ -57,4 +71,18 @@ use_username_as_clientid true
 
 # Services: replicas share an account and differ in their client id.
 listener {service_port} {host}
+{"" if tls is None else _tls_listener(tls, host)}"""
+
+
+def _tls_listener(tls: TlsFiles, host: str) -> str:
+    # Not `use_identity_as_username`: it would let in by the certificate alone.
+    return f"""
+# Drones over TLS: a certificate of this deployment, and the password too.
+listener {tls.port} {host}
+use_username_as_clientid true
+cafile {tls.ca_file}
+certfile {tls.certificate_file}
+keyfile {tls.key_file}
+require_certificate true
+tls_version tlsv1.2
 """

@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import logging
 import random
+import ssl
 from collections.abc import AsyncIterator, Awaitable, Callable
 from typing import Any, Final, Never, Self, overload
 
@@ -44,6 +45,8 @@ class MqttClient:
     keepalive_s
         Wall seconds of silence after which the broker is asked for; it takes a client that is
         silent for 1.5 times as long for lost, and sends its last will.
+    tls
+        Whom ``mqtts`` trusts and what it shows, if not the system's roots and nothing.
 
     Notes
     -----
@@ -61,8 +64,10 @@ class MqttClient:
         will: Will | None = None,
         on_connected: Callable[[], Awaitable[None]] | None = None,
         keepalive_s: int = 10,
+        tls: ssl.SSLContext | None = None,
     ) -> None:
         self._broker = BrokerAddress.parse(url)
+        self._tls = tls
         self._login = Login(client_id, user_name, password, keepalive_s)
         self._will = will
         self._on_connected = on_connected
@@ -184,7 +189,7 @@ class MqttClient:
         greeting: asyncio.Task[None] | None = None
         try:
             async with asyncio.timeout(_CONNECT_TIMEOUT_S):
-                await link.open(self._broker)
+                await link.open(self._broker, self._tls)
                 await self._renew_subscriptions(link)
             self._link = link
             self._lost.clear()

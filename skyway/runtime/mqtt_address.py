@@ -35,8 +35,12 @@ class BrokerAddress:
         port = parts.port or _DEFAULT_PORTS[parts.scheme]
         return cls(host=parts.hostname, port=port, is_encrypted=parts.scheme == "mqtts")
 
-    async def open_socket(self) -> socket.socket:
-        """A connected, non-blocking socket; OSError when nobody listens."""
+    async def open_socket(self, tls: ssl.SSLContext | None = None) -> socket.socket:
+        """A connected, non-blocking socket; OSError when nobody listens.
+
+        `tls` says whom an encrypted connection trusts and what it shows; without it the system's
+        roots are trusted, and nothing is shown.
+        """
         loop = asyncio.get_running_loop()
         found = await loop.getaddrinfo(self.host, self.port, type=socket.SOCK_STREAM)
         family, kind, protocol, _, address = found[0]
@@ -46,14 +50,15 @@ class BrokerAddress:
             # Without it an instruction's round trip is 44 to 88 ms instead of below one.
             sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             await loop.sock_connect(sock, address)
-            return await self._encrypted(sock) if self.is_encrypted else sock
+            if not self.is_encrypted:
+                return sock
+            return await self._encrypted(sock, tls or ssl.create_default_context())
         except BaseException:
             sock.close()
             raise
 
-    async def _encrypted(self, sock: socket.socket) -> ssl.SSLSocket:
+    async def _encrypted(self, sock: socket.socket, context: ssl.SSLContext) -> ssl.SSLSocket:
         """The socket after a TLS handshake, made without blocking the event loop."""
-        context = ssl.create_default_context()
         encrypted = context.wrap_socket(
             sock, server_hostname=self.host, do_handshake_on_connect=False
         )

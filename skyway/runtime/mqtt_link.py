@@ -90,7 +90,7 @@ class MqttLink:
         paho.on_socket_unregister_write = lambda _c, _u, sock: self._stop_watching_writes(sock)
         return paho
 
-    async def open(self, broker: BrokerAddress) -> None:
+    async def open(self, broker: BrokerAddress, tls: ssl.SSLContext | None = None) -> None:
         """Connect to the broker, introduce ourselves and wait for its answer.
 
         Raises
@@ -100,7 +100,7 @@ class MqttLink:
         OSError
             Nobody listens there.
         """
-        self._paho.opened = await broker.open_socket()
+        self._paho.opened = await broker.open_socket(tls)
         self._paho.connect(broker.host, broker.port, keepalive=self._keepalive_s)
         self._check_keepalive()
         await self._answer_to(_GREETING)

@@ -11,6 +11,7 @@ import pytest
 from fastapi import FastAPI
 from skyway_provider_registry.app import Parts, registry_app
 from skyway_provider_registry.enrolment.password_file import PasswordFile
+from skyway_provider_registry.fleets.credentials.issue import Issuer
 
 from skyway.contracts.station_check import StationCheck
 from skyway.geo import Position
@@ -133,6 +134,7 @@ async def api(
         mint=CountingMint(),
         stations=stations,
         password_file=password_file,
+        issuer=Issuer(None),
     )
 
     @asynccontextmanager

@@ -3,13 +3,14 @@
 from pydantic import Field
 
 from skyway.json_model import WireModel
-from skyway_drone_agent.enrolled_drone import BrokerLogin, EnrolledDrone
+from skyway_drone_agent.enrolled_drone import BrokerLogin, ClientCertificate, EnrolledDrone
 
 
 class Credentials(WireModel):
     """The answer to a rotation."""
 
     mqtt: BrokerLogin
+    certificate: ClientCertificate | None = None
     key: str = Field(repr=False)
 
 
@@ -35,6 +36,6 @@ class KeptCredentials(WireModel):
         """The same with the following credentials in the place of those they replace."""
         if self.following is None:
             return self
-        new = {"mqtt": self.following.mqtt, "key": self.following.key}
+        new = {name: getattr(self.following, name) for name in Credentials.model_fields}
         drone = self.drone.model_copy(update=new)
         return self.model_copy(update={"drone": drone, "following": None})

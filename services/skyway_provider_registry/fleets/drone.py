@@ -53,7 +53,7 @@ class MqttAccount(JsonModel):
     """What a drone logs in to the broker with."""
 
     user_name: str
-    password: str
+    password: Annotated[str, Field(repr=False)]
 
 
 class Drone(JsonModel):

@@ -28,10 +28,22 @@ class IssuedToken(JsonModel):
     expires_at: Annotated[AwareDatetime, Field(description="RFC 3339 UTC, wall time")]
 
 
+class ClientCertificate(JsonModel):
+    """What a drone shows to a broker that wants more than a password, and whom it trusts."""
+
+    certificate_pem: str
+    private_key_pem: Annotated[str, Field(repr=False)]
+    ca_pem: str
+
+
 class Credentials(JsonModel):
-    """A broker account, and a bearer for the drone's own REST calls; shown this once."""
+    """A broker account, and a bearer for the drone's own REST calls; shown this once.
+
+    There is a certificate where the deployment has an authority that signs them.
+    """
 
     mqtt: MqttAccount
+    certificate: ClientCertificate | None
     key: Annotated[str, Field(repr=False)]
 
 

@@ -1,10 +1,10 @@
 """Issuing a drone's credentials: all at once by a token, or the next ones by a rotation."""
 
-from dataclasses import dataclass, field
 from datetime import datetime
 
 from skyway.ids import DroneId
 from skyway.runtime.broker_passwords import hash_password
+from skyway.runtime.certificates import CertificateAuthority
 from skyway.runtime.database import Tx
 from skyway.runtime.errors import AccessDenied
 from skyway_provider_registry.enrolment import store as accounts
@@ -15,6 +15,7 @@ from skyway_provider_registry.enrolment.tokens import store as tokens
 from skyway_provider_registry.enrolment.tokens.token import TOKEN_LIFE, new_token, token_hash
 from skyway_provider_registry.fleets import store
 from skyway_provider_registry.fleets.credentials.credentials import (
+    ClientCertificate,
     Credentials,
     Enrolment,
     IssuedToken,
@@ -23,12 +24,29 @@ from skyway_provider_registry.fleets.drone import MqttAccount
 from skyway_provider_registry.presence import store as presence
 
 
-@dataclass(frozen=True, slots=True)
-class _Secrets:
-    """A password and a key that nobody has yet."""
+class Issuer:
+    """Makes credentials; with an authority they hold a certificate too."""
 
-    password: str = field(default_factory=new_password, repr=False)
-    key: str = field(default_factory=new_key, repr=False)
+    def __init__(self, authority: CertificateAuthority | None) -> None:
+        self._authority = authority
+
+    def make(self, drone_id: DroneId) -> Credentials:
+        """New credentials, that nobody knows of yet: plain computing."""
+        return Credentials(
+            mqtt=MqttAccount(user_name=drone_id, password=new_password()),
+            certificate=self._certificate(drone_id),
+            key=new_key(),
+        )
+
+    def _certificate(self, drone_id: DroneId) -> ClientCertificate | None:
+        if self._authority is None:
+            return None
+        signed = self._authority.sign_drone(drone_id)
+        return ClientCertificate(
+            certificate_pem=signed.certificate_pem,
+            private_key_pem=signed.private_key_pem,
+            ca_pem=self._authority.certificate_pem,
+        )
 
 
 async def issue_token(tx: Tx, drone_id: DroneId, *, wall_now: datetime) -> IssuedToken:
@@ -38,7 +56,7 @@ async def issue_token(tx: Tx, drone_id: DroneId, *, wall_now: datetime) -> Issue
     return IssuedToken(drone_id=drone_id, enrolment_token=token, expires_at=expires_at)
 
 
-async def enrol(tx: Tx, token: str, *, wall_now: datetime) -> Enrolment:
+async def enrol(tx: Tx, token: str, *, issuer: Issuer, wall_now: datetime) -> Enrolment:
     """The credentials that a token is exchanged for; whatever the drone had before stops.
 
     Raises
@@ -50,8 +68,8 @@ async def enrol(tx: Tx, token: str, *, wall_now: datetime) -> Enrolment:
     """
     drone_id = await tokens.take(tx, token_hash(token), at=wall_now)
     drone = (await store.any_one(tx.connection, drone_id)).shown(wall_now)
-    made = _Secrets()
-    await accounts.set_password(tx, drone_id, password_hash=hash_password(made.password))
+    made = issuer.make(drone_id)
+    await accounts.set_password(tx, drone_id, password_hash=hash_password(made.mqtt.password))
     await drone_keys.put(tx, drone_id, key_hash=key_hash(made.key))
     return Enrolment(
         drone_id=drone_id,
@@ -62,12 +80,13 @@ async def enrol(tx: Tx, token: str, *, wall_now: datetime) -> Enrolment:
         station_id=drone.station_id,
         position=drone.position,
         soc=drone.soc,
-        mqtt=MqttAccount(user_name=drone_id, password=made.password),
+        mqtt=made.mqtt,
+        certificate=made.certificate,
         key=made.key,
     )
 
 
-async def rotate(tx: Tx, drone_id: DroneId) -> Credentials:
+async def rotate(tx: Tx, drone_id: DroneId, *, issuer: Issuer) -> Credentials:
     """The credentials that follow; they count, and the present ones stop, once the key is shown.
 
     Raises
@@ -75,16 +94,16 @@ async def rotate(tx: Tx, drone_id: DroneId) -> Credentials:
     AccessDenied
         The drone was revoked meanwhile.
     """
-    made = _Secrets()
+    made = issuer.make(drone_id)
     has_followed = await drone_keys.put_next(
         tx,
         drone_id,
         key_hash=key_hash(made.key),
-        password_hash=hash_password(made.password),
+        password_hash=hash_password(made.mqtt.password),
     )
     if not has_followed:
         raise AccessDenied(f"drone {drone_id} has no credentials to rotate")
-    return Credentials(mqtt=MqttAccount(user_name=drone_id, password=made.password), key=made.key)
+    return made
 
 
 async def revoke(tx: Tx, drone_id: DroneId, *, wall_now: datetime) -> None:

@@ -19,7 +19,13 @@ from skyway_provider_registry.fleets.credentials.credentials import (
     EnrolmentRequest,
     IssuedToken,
 )
-from skyway_provider_registry.fleets.credentials.issue import enrol, issue_token, revoke, rotate
+from skyway_provider_registry.fleets.credentials.issue import (
+    Issuer,
+    enrol,
+    issue_token,
+    revoke,
+    rotate,
+)
 
 _DRONE = "/v1/providers/{provider_id}/drones/{drone_id}"
 
@@ -27,7 +33,12 @@ IdempotencyKey = Annotated[str | None, Header()]
 
 
 def credential_routes(
-    *, db: Database, gate: ServiceGate, clock: FleetClock, password_file: PasswordFile
+    *,
+    db: Database,
+    gate: ServiceGate,
+    clock: FleetClock,
+    password_file: PasswordFile,
+    issuer: Issuer,
 ) -> APIRouter:
     """POST /v1/enrolments and /rotations, a drone's enrolment tokens, DELETE of credentials."""
     router = APIRouter(tags=["enrolment"])
@@ -65,7 +76,7 @@ def credential_routes(
         caller.must_be("service")
 
         async def act(tx: Tx) -> Enrolment:
-            return await enrol(tx, wanted.enrolment_token, wall_now=clock.wall_now())
+            return await enrol(tx, wanted.enrolment_token, issuer=issuer, wall_now=clock.wall_now())
 
         answer = await answer_once(request, caller, idempotency_key, act)
         await password_file.refresh()
@@ -81,7 +92,7 @@ def credential_routes(
         caller.must_be("drone")
 
         async def act(tx: Tx) -> Credentials:
-            return await rotate(tx, DroneId(caller.subject_id))
+            return await rotate(tx, DroneId(caller.subject_id), issuer=issuer)
 
         return await answer_once(request, caller, idempotency_key, act)
 

@@ -1,0 +1,176 @@
+"""A deployment's own certificate authority: it signs its broker and its drones, and nobody else.
+
+A certificate alone lets nobody in: the broker asks for the password too, so that taking the account
+out of the password file is enough to keep a drone out, without lists of revoked certificates.
+"""
+
+import os
+from collections.abc import Iterable
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from ipaddress import ip_address
+from pathlib import Path
+from typing import Final, Self
+
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.hazmat.primitives.serialization import (
+    Encoding,
+    NoEncryption,
+    PrivateFormat,
+    load_pem_private_key,
+)
+from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
+
+from skyway.runtime.errors import InvalidSettings
+
+_AUTHORITY_LIFE: Final = timedelta(days=3650)
+#: A drone gets another one with each rotation of its credentials.
+_CLIENT_LIFE: Final = timedelta(days=730)
+#: Clocks of drones may be behind.
+_BACKDATED: Final = timedelta(days=1)
+
+_SIGNS_CERTIFICATES: Final = x509.KeyUsage(
+    digital_signature=False,
+    content_commitment=False,
+    key_encipherment=False,
+    data_encipherment=False,
+    key_agreement=False,
+    key_cert_sign=True,
+    crl_sign=False,
+    encipher_only=False,
+    decipher_only=False,
+)
+
+_CERTIFICATE: Final = "ca.pem"
+_KEY: Final = "ca-key.pem"
+
+
+@dataclass(frozen=True, slots=True)
+class SignedKey:
+    """A private key and its certificate, both as PEM."""
+
+    certificate_pem: str
+    private_key_pem: str
+
+
+class CertificateAuthority:
+    """Signs with the key in its folder, which nobody else can read."""
+
+    def __init__(self, certificate: x509.Certificate, key: ec.EllipticCurvePrivateKey) -> None:
+        self._certificate = certificate
+        self._key = key
+
+    @classmethod
+    def load(cls, folder: Path) -> Self:
+        """The authority that was made in this folder.
+
+        Raises
+        ------
+        InvalidSettings
+            There is none.
+        """
+        try:
+            certificate = x509.load_pem_x509_certificate((folder / _CERTIFICATE).read_bytes())
+            key = load_pem_private_key((folder / _KEY).read_bytes(), password=None)
+        except (OSError, ValueError) as error:
+            raise InvalidSettings(f"{folder} holds no certificate authority") from error
+        if not isinstance(key, ec.EllipticCurvePrivateKey):
+            raise InvalidSettings(f"{folder} holds a certificate authority of another kind")
+        return cls(certificate, key)
+
+    @classmethod
+    def make(cls, folder: Path) -> Self:
+        """The authority in this folder; a new one if it has none yet."""
+        if not (folder / _CERTIFICATE).exists():
+            folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+            key, name = ec.generate_private_key(ec.SECP256R1()), _name("Skyway deployment")
+            builder = _builder(name, key.public_key(), issuer=name, life=_AUTHORITY_LIFE)
+            builder = builder.add_extension(x509.BasicConstraints(True, 0), critical=True)
+            builder = builder.add_extension(_SIGNS_CERTIFICATES, critical=True)
+            signed = _signed(builder, key, by=key)
+            # The certificate last: it says that both are there.
+            write_private(folder / _KEY, signed.private_key_pem)
+            write_private(folder / _CERTIFICATE, signed.certificate_pem)
+        return cls.load(folder)
+
+    @property
+    def certificate_pem(self) -> str:
+        """What everybody checks the others' certificates by."""
+        return self._certificate.public_bytes(Encoding.PEM).decode()
+
+    def sign_drone(self, drone_id: str) -> SignedKey:
+        """A new key for a drone, good for connecting as a client and nothing else."""
+        return self._sign(drone_id, ExtendedKeyUsageOID.CLIENT_AUTH, (), life=_CLIENT_LIFE)
+
+    def sign_broker(self, names: Iterable[str]) -> SignedKey:
+        """A new key for a broker under these host names and addresses."""
+        known = tuple(names)
+        usage = ExtendedKeyUsageOID.SERVER_AUTH
+        return self._sign(known[0], usage, known, life=_AUTHORITY_LIFE)
+
+    def _sign(
+        self, subject: str, usage: x509.ObjectIdentifier, names: Iterable[str], *, life: timedelta
+    ) -> SignedKey:
+        key = ec.generate_private_key(ec.SECP256R1())
+        builder = _builder(
+            _name(subject), key.public_key(), issuer=self._certificate.subject, life=life
+        )
+        builder = builder.add_extension(x509.BasicConstraints(False, None), critical=True)
+        authority = x509.AuthorityKeyIdentifier.from_issuer_public_key(self._key.public_key())
+        builder = builder.add_extension(authority, critical=False)
+        builder = builder.add_extension(x509.ExtendedKeyUsage([usage]), critical=False)
+        alternatives = [_alternative(name) for name in names]
+        if alternatives:
+            builder = builder.add_extension(
+                x509.SubjectAlternativeName(alternatives), critical=False
+            )
+        return _signed(builder, key, by=self._key)
+
+
+def write_private(path: Path, text: str) -> None:
+    """Write a file whole, readable by this user alone."""
+    draft = path.with_name(f".{path.name}.draft")
+    descriptor = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
+    with os.fdopen(descriptor, "w") as file:
+        file.write(text)
+    draft.replace(path)
+
+
+def _name(text: str) -> x509.Name:
+    return x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, text)])
+
+
+def _alternative(name: str) -> x509.GeneralName:
+    try:
+        return x509.IPAddress(ip_address(name))
+    except ValueError:
+        return x509.DNSName(name)
+
+
+def _builder(
+    subject: x509.Name, key: ec.EllipticCurvePublicKey, *, issuer: x509.Name, life: timedelta
+) -> x509.CertificateBuilder:
+    now = datetime.now(UTC)
+    return (
+        x509.CertificateBuilder()
+        .add_extension(x509.SubjectKeyIdentifier.from_public_key(key), critical=False)
+        .subject_name(subject)
+        .issuer_name(issuer)
+        .public_key(key)
+        .serial_number(x509.random_serial_number())
+        .not_valid_before(now - _BACKDATED)
+        .not_valid_after(now + life)
+    )
+
+
+def _signed(
+    builder: x509.CertificateBuilder,
+    key: ec.EllipticCurvePrivateKey,
+    *,
+    by: ec.EllipticCurvePrivateKey,
+) -> SignedKey:
+    private = key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
+    certificate = builder.sign(by, hashes.SHA256()).public_bytes(Encoding.PEM)
+    return SignedKey(certificate.decode(), private.decode())
