@@ -82,7 +82,8 @@ class Cloud:
             with self._opener.open(request, timeout=_TIMEOUT_S) as answer:
                 return json.loads(answer.read(_LARGEST_ANSWER))
         except urllib.error.HTTPError as error:
-            raise _refusal(error) from error
+            with error:  # it is the answer too, and holds the connection
+                raise _refusal(error) from error
         except (OSError, http.client.HTTPException, ValueError) as error:
             raise CloudUnreachable(f"{self._url} does not answer: {error}") from error
 
