@@ -16,7 +16,7 @@ from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from sqlalchemy import ColumnElement, Row, Table, and_, bindparam, exists
+from sqlalchemy import ColumnElement, Row, Table, Update, and_, bindparam, exists, select
 
 from skyway.runtime.among import among
 from skyway.runtime.claims import FREE, NOW_MS, Claiming
@@ -98,7 +98,7 @@ class StreamSender:
             self._table, where=and_(is_next, columns.due_at_ms <= NOW_MS), order_by=[columns.id]
         )
         self._done = self._table.delete().where(among(columns.id, "done"))
-        self._stays = self._table.update().where(columns.id == bindparam("sent_id")).values(FREE)
+        self._stays = _keeping(self._table)
 
     async def run(self) -> None:
         """Send for ever."""
@@ -204,6 +204,17 @@ class StreamSender:
 
     def _now_ms(self) -> int:
         return moment_to_ms(self._clock.wall_now())
+
+
+def _keeping(table: Table) -> Update:
+    """Free the row `sent_id`, unless somebody is at it: then it is being confirmed.
+
+    Who confirms several rows holds one while it waits for the next: waiting for that one here, with
+    the next in hand, would never end. A row that stays after all is free when its claim runs out.
+    """
+    row, this = table.alias("row_sent"), bindparam("sent_id", type_=table.c.id.type)
+    untouched = select(row.c.id).where(row.c.id == this).with_for_update(skip_locked=True)
+    return table.update().where(table.c.id == this, table.c.id.in_(untouched)).values(FREE)
 
 
 def _is_next(table: Table, channel: str) -> ColumnElement[bool]:
