@@ -1,6 +1,6 @@
 """All SQL that finds missions to look at."""
 
-from sqlalchemy import and_, or_, select
+from sqlalchemy import and_, func, or_, select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import DroneId
@@ -33,14 +33,15 @@ async def perhaps_overdue(
 
 async def perhaps_late(connection: AsyncConnection, *, ended_ms: int) -> list[DroneId]:
     """Drones of which a step should have ended before a moment, and no trouble is known."""
-    overdue = (
-        select(mission_steps.c.step_id)
+    # Asked of each mission by its key: for EXISTS, PostgreSQL compares all missions with all steps
+    # for as long as it takes the tables to be small.
+    first_end_ms = (
+        select(func.min(mission_steps.c.planned_end_ms))
         .where(
             mission_steps.c.mission_id == missions.c.mission_id,
             mission_steps.c.status == "PLANNED",
-            mission_steps.c.planned_end_ms < ended_ms,
         )
-        .exists()
+        .scalar_subquery()
     )
     found = await connection.execute(
         select(missions.c.drone_id)
@@ -49,7 +50,7 @@ async def perhaps_late(connection: AsyncConnection, *, ended_ms: int) -> list[Dr
             missions.c.stuck.is_(None),
             missions.c.trouble.is_(None),
             missions.c.proposal.is_(None),
-            overdue,
+            first_end_ms < ended_ms,
         )
         .order_by(missions.c.drone_id)
     )
