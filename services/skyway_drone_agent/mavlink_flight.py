@@ -111,8 +111,8 @@ async def _start(link: MavlinkLink, autopilot: Autopilot, plan: FlightPlan) -> N
         link.mav.mission_set_current_send(*target, plan.first)
         if await autopilot.until(lambda: autopilot.item_now is not None, timeout_s=_AGAIN_S):
             break
-    last = len(plan.items) - 1
-    await _insist(link, "start", link.dialect.MAV_CMD_MISSION_START, plan.first, last)
+    # Without first and last item: ArduPilot denies the command if they are not 0.
+    await _insist(link, "start", link.dialect.MAV_CMD_MISSION_START)
 
 
 async def _rise(autopilot: Autopilot) -> None:

@@ -147,6 +147,8 @@ class Peer:
 
     def hear_command_long(self, message: Any) -> None:
         answer = self.answers.get(message.command, mavlink.MAV_RESULT_ACCEPTED)
+        if message.command == mavlink.MAV_CMD_MISSION_START and (message.param1 or message.param2):
+            answer = mavlink.MAV_RESULT_DENIED  # as ArduPilot does
         if answer == mavlink.MAV_RESULT_ACCEPTED:
             self.do(message)
         self.send("COMMAND_ACK", message.command, answer)
@@ -156,7 +158,7 @@ class Peer:
             case mavlink.MAV_CMD_COMPONENT_ARM_DISARM:
                 self.is_armed = message.param1 == 1.0
             case mavlink.MAV_CMD_MISSION_START:
-                self.is_flying_mission, self.item = True, int(message.param1)
+                self.is_flying_mission = True
             case mavlink.MAV_CMD_DO_GRIPPER | mavlink.MAV_CMD_DO_SET_SERVO:
                 self.released += 1
             case mavlink.MAV_CMD_DO_SET_MODE:
