@@ -89,7 +89,7 @@ class VirtualClock:
         return self._wall
 
     def keep(self, anchor: ClockAnchor) -> None:
-        raise AssertionError(f"nobody tells the time here: {anchor}")
+        """Time is moved by the tests alone."""
 
     async def wait_known(self) -> None:
         await self.is_known.wait()

@@ -2,9 +2,11 @@
 
 import asyncio
 import contextlib
+import errno
 from collections import deque
 from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from datetime import timedelta
+from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
@@ -12,7 +14,7 @@ import pytest
 from skyway_drone_agent.agent import DroneAgent
 from skyway_drone_agent.disturbances import UNDISTURBED
 from skyway_drone_agent.enrolled_drone import EnrolledDrone
-from skyway_drone_agent.journal import Journal
+from skyway_drone_agent.journal import Journal, JournalUnwritable
 from skyway_drone_agent.logbook import Logbook
 from skyway_drone_agent.memory_journal import MemoryJournal
 from skyway_drone_agent.records import Record
@@ -21,7 +23,7 @@ from skyway_drone_agent.simulated_vehicle import SimulatedVehicle
 from skyway.contracts.drone_report import Ack, DroneEvent, DroneState
 from skyway.contracts.instruction import AnyInstruction
 from skyway.contracts.topic import Address, Topic
-from skyway.contracts.topics import ACKS, EVENTS, INSTRUCTIONS, STATE
+from skyway.contracts.topics import ACKS, CLOCK, EVENTS, INSTRUCTIONS, STATE
 from skyway.runtime.errors import MqttUnavailable
 from skyway.runtime.minting import CountingMint
 from skyway.runtime.mqtt import Received, Will
@@ -41,6 +43,7 @@ class FakeLink:
         self._down = asyncio.Event()
         self._arrived: deque[Received[Any]] = deque()
         self._has_news = asyncio.Event()
+        self._ticks: asyncio.Queue[Received[Any]] = asyncio.Queue()
         self._greetings: set[asyncio.Future[None]] = set()
 
     async def __aenter__(self) -> Self:
@@ -95,11 +98,15 @@ class FakeLink:
         (address,) = subscriptions
         assert isinstance(address, Address)
         topic = address.topic
-        return self._drain(topic) if topic.template == INSTRUCTIONS.template else self._silence()
+        return self._drain(topic) if topic.template == INSTRUCTIONS.template else self._anchors()
 
-    async def _silence(self) -> AsyncIterator[list[Received[Any]]]:
-        await asyncio.Event().wait()
-        yield []
+    async def _anchors(self) -> AsyncIterator[list[Received[Any]]]:
+        while True:
+            yield [await self._ticks.get()]
+
+    def tell_time(self, *, retained: bool) -> None:
+        """Deliver the clock's anchor, of which nothing but its coming matters here."""
+        self._ticks.put_nowait(Received(CLOCK, (), None, retained))
 
     async def _drain(self, topic: Topic[Any]) -> AsyncIterator[list[Received[Any]]]:
         while True:
@@ -120,11 +127,15 @@ class PowerCut(Exception):
 
 
 class MortalJournal:
-    """A journal whose process dies at one write: `dies_before` it, or `dies_after` it."""
+    """A journal whose process dies at one write: `dies_before` it, or `dies_after` it.
+
+    While the disk `is_full` nothing is written.
+    """
 
     def __init__(self, kept: Journal, trace: list[str]) -> None:
         self._kept = kept
         self._trace = trace
+        self.is_full = False
         self.writes = 0
         self.dies_before: int | None = None
         self.dies_after: int | None = None
@@ -133,6 +144,7 @@ class MortalJournal:
         return self._kept.read(at_first=at_first)
 
     def append(self, records: Sequence[Record]) -> None:
+        self._need_room()
         self.writes += 1
         if self.writes == self.dies_before:
             raise PowerCut
@@ -142,7 +154,12 @@ class MortalJournal:
             raise PowerCut
 
     def compact(self, logbook: Logbook) -> None:
+        self._need_room()
         self._kept.compact(logbook)
+
+    def _need_room(self) -> None:
+        if self.is_full:
+            raise JournalUnwritable(Path("drn_1.jsonl"), OSError(errno.ENOSPC, "full"))
 
 
 class World:

@@ -1,0 +1,112 @@
+"""A full disk: nothing is begun or accepted, what flies comes down, and nothing is lost."""
+
+from datetime import timedelta
+from typing import Any
+
+from skyway_drone_agent.disturbances import Disturbances
+
+from skyway.contracts.topics import EVENTS
+
+
+def is_flying(world: Any) -> bool:
+    return bool(world.states) and world.states[-1].activity == "FLYING"
+
+
+async def test_an_instruction_that_cannot_be_journaled_gets_no_ack_until_there_is_room(
+    world: Any, cloud: Any, trip: Any
+) -> None:
+    await world.start()
+    world.journal.is_full = True
+    mission = cloud.mission(trip)
+    await world.send(mission)
+    await world.pass_time(timedelta(hours=6))
+    assert world.acks == []
+    assert "DISK_FULL" in world.states[-1].faults
+
+    world.journal.is_full = False
+    await world.pass_time(timedelta(hours=6))
+    await world.send(cloud.mission(trip, seq=1))
+
+    assert [ack.status for ack in world.acks] == ["RECEIVED", "ACCEPTED"]
+    told = [event for event in world.events if event.event == "ALARM"]
+    assert [(one.code, one.level) for one in told] == [("DISK_FULL", "CRITICAL")]
+    assert world.states[-1].faults == ()
+
+
+async def fill_up_in_the_air(world: Any, cloud: Any, trip: Any) -> None:
+    """In the air towards the station that is flown over, with no room on the disk."""
+    world.clock.rate = 40.0
+    await world.start()
+    await world.send(cloud.mission(trip))
+    await world.pass_until(lambda: is_flying(world))
+    world.journal.is_full = True
+
+
+async def test_a_drone_in_the_air_flies_over_its_station_lands_and_begins_nothing(
+    world: Any, cloud: Any, trip: Any
+) -> None:
+    await fill_up_in_the_air(world, cloud, trip)
+
+    await world.pass_time(timedelta(hours=1))
+
+    state = world.states[-1]
+    assert (state.activity, state.station_id, state.step_id) == ("WAITING", "shop", 4)
+    assert [event.step_id for event in world.events] == [1]
+    assert state.failsafe.failsafe == "STAY"
+
+
+async def test_what_happened_without_room_is_written_and_told_once_there_is(
+    world: Any, cloud: Any, steps: Any
+) -> None:
+    trip = steps().fly("home", "over", length_m=6000, duration_s=400, lands=False)
+    trip.fly("over", "shop", length_m=6000, duration_s=430).wait("shop", duration_s=60)
+    trip.fly("shop", "home", length_m=9000, duration_s=500)
+    await fill_up_in_the_air(world, cloud, trip.made)
+    await world.pass_time(timedelta(hours=1))
+    room_at = world.clock.now()
+
+    world.journal.is_full = False
+    await world.pass_until(lambda: world.is_over)
+
+    ends = [event for event in world.events if event.event != "ALARM"]
+    assert [event.step_id for event in ends] == [1, 2, 3, 4, None]
+    assert [event.seq for event in world.events] == list(range(1, len(world.events) + 1))
+    assert ends[1].ended_at < room_at < ends[2].started_at < room_at + timedelta(minutes=2)
+    logbook = world.journal.read(at_first=world.drone.at_first())
+    assert (logbook.mission, logbook.last_event_seq) == (None, len(world.events))
+
+
+async def test_no_number_is_told_that_a_crash_could_give_to_another_event(
+    world: Any, cloud: Any, steps: Any
+) -> None:
+    trip = steps().fly("home", "over", length_m=6000, duration_s=400, lands=False)
+    trip.fly("over", "shop", length_m=6000, duration_s=430)
+    await fill_up_in_the_air(world, cloud, trip.made)
+    await world.pass_time(timedelta(seconds=600))
+    await world.kill()
+    await world.start()
+    await world.pass_time(timedelta(seconds=600))
+
+    world.journal.is_full = False
+    await world.pass_until(lambda: world.is_over)
+
+    meanings: dict[int, set[Any]] = {}
+    for event in world.messages(EVENTS):
+        meanings.setdefault(event.seq, set()).add((event.event, event.step_id, event.code))
+    assert all(len(known) == 1 for known in meanings.values())
+    ends = [event.step_id for event in world.events if event.event != "ALARM"]
+    assert ends == [1, 2, None]
+
+
+async def test_a_failsafe_acts_without_a_journal_too(world: Any, cloud: Any, steps: Any) -> None:
+    world.disturbances = Disturbances(flight_energy_factor=1.4)
+    trip = steps().pick_up("home", p1=1.0)
+    trip.fly("home", "farm", length_m=28_900, duration_s=2000).deliver("farm", "p1")
+    await fill_up_in_the_air(world, cloud, trip.made)
+
+    await world.pass_until(lambda: world.states[-1].activity == "WAITING")
+    assert world.states[-1].station_id == "home"
+    world.journal.is_full = False
+    await world.pass_until(lambda: bool(world.events) and world.events[-1].event == "STEP_FAILED")
+
+    assert (world.events[-1].code, world.events[-1].station_id) == ("BATTERY_SHORT", "home")
