@@ -108,14 +108,14 @@ class Analysis:
         charge = self._learn(reading, run, leg, soc=logbook.soc)
         wind_mps = self._wind.take(reading, is_flying=leg is not None)
         if logbook.mission is not None:
-            self._energy.begin(logbook.mission.mission_id)
+            self._energy.begin(logbook.mission.mission_id, reading.at)
         self._energy.take(reading, leg, wind_mps=wind_mps)
         reach = Reach(
             model=self._model,
             soc=charge.soc,
             soc_error=charge.error,
             state_of_health=self._health.state_of_health,
-            still_air_factor=self._energy.still_air_factor,
+            still_air_factor=self._energy.factor(reading.at),
             wind_mps=wind_mps or _CALM,
         )
         return self._assess(reading, logbook, leg, reach=reach, wind_mps=wind_mps)
@@ -149,7 +149,6 @@ class Analysis:
         ahead = self._legs.ahead(logbook)
         landing = self._next_landing(reading, logbook, leg, reach=reach)
         load_kg = logbook.load_kg
-        factor = self._energy.factor / reach.state_of_health
         return Assessment(
             at=reading.at,
             position=reading.position,
@@ -161,7 +160,7 @@ class Analysis:
             temperature_c=reading.temperature_c,
             cell_spread_v=self._health.cell_spread_v,
             state_of_health=reach.state_of_health,
-            consumption_factor=reach.factor_over(ahead) if ahead else factor,
+            consumption_factor=reach.factor_over(ahead),
             wind_mps=wind_mps,
             velocity_mps=reading.ground_mps,
             range_m=reach.range_m(load_kg),

@@ -59,7 +59,8 @@ class Signs:
     @property
     def best_soc(self) -> float:
         """The charge at the best of the landings that can be reached."""
-        return max((one.soc_at_landing for one in self.assessment.safe_landings), default=-1.0)
+        in_reach = self.assessment.landings_in_reach
+        return max((one.soc_at_landing for one in in_reach), default=-1.0)
 
     @property
     def _is_flying(self) -> bool:

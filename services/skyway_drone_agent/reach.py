@@ -82,7 +82,12 @@ class Reach:
         return self.soc - need_j / self.model.battery_j
 
     def factor_over(self, legs: Sequence[Leg]) -> float:
-        """What these flights take against what the model says, without their landings."""
+        """What these flights take against what the model says, without their landings.
+
+        Of no flights: what any would take without wind.
+        """
+        if not legs:
+            return self.still_air_factor / self.state_of_health
         planned_j = sum(leg.flight_j for leg in legs)
         taken_j = sum(leg.flight_j * self._slower(leg.speed_mps, leg.bearing_rad) for leg in legs)
         return taken_j / planned_j * self.still_air_factor / self.state_of_health

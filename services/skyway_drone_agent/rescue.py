@@ -94,9 +94,9 @@ def _landing_for(
     """
     if failsafe is Failsafe.LAND_NOW:
         return None
-    safe = assessment.safe_landings
-    if safe and fault is Fault.BATTERY_SHORT:
-        return max(safe, key=lambda one: (one.soc_at_landing, one.station_id))
+    safe, in_reach = assessment.safe_landings, assessment.landings_in_reach
+    if in_reach and fault is Fault.BATTERY_SHORT:
+        return max(in_reach, key=lambda one: (one.soc_at_landing, one.station_id))
     if safe:
         return safe[0]
     planned = next(step for step in mission.steps if isinstance(step, FlyStep) and step.lands)
