@@ -58,6 +58,8 @@ def environment(folder: DataFolder, sockets: Mapping[str, socket.socket]) -> dic
             "SKYWAY_WEBHOOK_ALLOW_NETWORKS", "127.0.0.0/8"
         ),
     }
+    if folder.drone_ca.exists():
+        told["SKYWAY_DRONE_CA_DIR"] = str(folder.drone_ca.resolve())
     for name, url in service_urls(sockets).items():
         told[f"SKYWAY_{name.upper()}_URL"] = url
     if "broker" in sockets:

@@ -59,6 +59,11 @@ class DataFolder:
         return self.broker / "mosquitto.pid"
 
     @property
+    def drone_ca(self) -> Path:
+        """The authority that signs drones' certificates, where there is one."""
+        return self.path / "drone-ca"
+
+    @property
     def journals(self) -> Path:
         """The simulated drones' journals."""
         return self.path / "journals"

@@ -5,6 +5,7 @@ import os
 from urllib.parse import urlsplit
 
 from skyway.cli.data_folder import DataFolder
+from skyway.cli.tls_files import made_tls_files
 from skyway.contracts.broker_rules import BrokerRules
 from skyway.runtime.mosquitto import mosquitto_conf
 
@@ -16,7 +17,8 @@ _SERVICE_PORT = 1884
 def write_mosquitto_files(folder: DataFolder, *, host: str = "127.0.0.1") -> None:
     """Write the files with which ``mosquitto -c`` serves this system.
 
-    The ports are those of `SKYWAY_MQTT_DRONE_URL` and, for services, `SKYWAY_MQTT_URL`.
+    The ports are those of `SKYWAY_MQTT_DRONE_URL`, for services `SKYWAY_MQTT_URL`, and, where the
+    deployment has an authority for drones, `SKYWAY_MQTT_TLS_URL`.
     """
     acl_file = folder.broker / "acl"
     acl_file.write_text(BrokerRules().mosquitto_acl())
@@ -30,6 +32,7 @@ def write_mosquitto_files(folder: DataFolder, *, host: str = "127.0.0.1") -> Non
         pid_file=folder.broker_pid.resolve(),
         user=getpass.getuser(),
         host=host,
+        tls=made_tls_files(folder),
     )
     (folder.broker / "mosquitto.conf").write_text(configuration)
 

@@ -1,10 +1,10 @@
 """Every secret of a local system, made on the first start and kept."""
 
-import os
 import secrets
 from pathlib import Path
 
 from skyway.cli.data_folder import CLOUD_SERVICES, DataFolder
+from skyway.runtime.private_file import write_private
 
 #: Broker accounts that exist before any drone: the services' and the operator's.
 _BROKER_ACCOUNTS = (*CLOUD_SERVICES, "operator")
@@ -42,7 +42,7 @@ def make_database_passwords(folder: DataFolder, passwords: Path, *, host: str) -
     for service in CLOUD_SERVICES:
         password = (passwords / service).read_text().strip()
         line = f"{host}:*:*:skyway_{service}:{password}\n"
-        _replace(folder.secrets / f"pgpass_{service}", line)
+        write_private(folder.secrets / f"pgpass_{service}", line)
 
 
 def write_keys_file(folder: DataFolder, gateway_url: str, mqtt_url: str) -> None:
@@ -55,18 +55,9 @@ def write_keys_file(folder: DataFolder, gateway_url: str, mqtt_url: str) -> None
         "SKYWAY_MQTT_OPERATOR_PASSWORD": read_secret(folder, "mqtt_operator"),
     }
     lines = [f"export {name}={value}\n" for name, value in values.items()]
-    _replace(folder.keys_file, "".join(lines))
+    write_private(folder.keys_file, "".join(lines))
 
 
 def _write_once(path: Path, content: str) -> None:
     if not path.exists():
-        _replace(path, content + "\n")
-
-
-def _replace(path: Path, content: str) -> None:
-    """Write through a temporary file, so that nobody ever reads a half-written secret."""
-    draft = path.with_name(f".{path.name}.draft")
-    descriptor = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
-    with os.fdopen(descriptor, "w") as file:
-        file.write(content)
-    draft.replace(path)
+        write_private(path, content + "\n")

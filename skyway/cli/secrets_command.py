@@ -18,6 +18,14 @@ def secrets_command(
     mosquitto_host: Annotated[
         str, typer.Option(help="The address on which Mosquitto listens.")
     ] = "127.0.0.1",
+    tls_name: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="HOST",
+            help="A name or address of the broker: make an authority that signs drones, and a TLS"
+            " listener that asks for their certificates; may be given again.",
+        ),
+    ] = None,
     postgres_host: Annotated[
         str | None, typer.Option(help="Make database passwords for this server.")
     ] = None,
@@ -32,6 +40,11 @@ def secrets_command(
     folder = data_folder(data)
     make_secrets(folder)
     write_keys_file(folder, gateway_url, mqtt_url)
+    if tls_name:
+        # Here alone: X.509 takes a tenth of every command's start.
+        from skyway.cli.drone_ca import make_drone_ca
+
+        make_drone_ca(folder, tls_name)
     write_mosquitto_files(folder, host=mosquitto_host)
     if postgres_host is not None and postgres_passwords is not None:
         make_database_passwords(folder, postgres_passwords, host=postgres_host)

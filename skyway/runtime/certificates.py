@@ -4,7 +4,6 @@ A certificate alone lets nobody in: the broker asks for the password too, so tha
 out of the password file is enough to keep a drone out, without lists of revoked certificates.
 """
 
-import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
@@ -24,6 +23,7 @@ from cryptography.hazmat.primitives.serialization import (
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
 from skyway.runtime.errors import InvalidSettings
+from skyway.runtime.private_file import write_private
 
 _AUTHORITY_LIFE: Final = timedelta(days=3650)
 #: A drone gets another one with each rotation of its credentials.
@@ -127,15 +127,6 @@ class CertificateAuthority:
                 x509.SubjectAlternativeName(alternatives), critical=False
             )
         return _signed(builder, key, by=self._key)
-
-
-def write_private(path: Path, text: str) -> None:
-    """Write a file whole, readable by this user alone."""
-    draft = path.with_name(f".{path.name}.draft")
-    descriptor = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
-    with os.fdopen(descriptor, "w") as file:
-        file.write(text)
-    draft.replace(path)
 
 
 def _name(text: str) -> x509.Name:
