@@ -49,7 +49,7 @@ from skyway_gateway.deliveries.routes import delivery_routes, report_routes
 from skyway_gateway.forward.routes import forward_routes, provider_routes
 from skyway_gateway.forward.table import larger_bodies
 from skyway_gateway.notifications.events import Events
-from skyway_gateway.notifications.fleet_time import publish_clock
+from skyway_gateway.notifications.fleet_time import CLOCK_EVERY_S, publish_clock
 from skyway_gateway.notifications.news import News
 from skyway_gateway.notifications.post import WebhookPost
 from skyway_gateway.notifications.routes import clock_routes, webhook_routes
@@ -230,8 +230,14 @@ def build_app(settings: GatewaySettings) -> FastAPI:
             loops.start("networks", parts.networks.run(mqtt))
             booking = BookingLoop(parts.booker, most=settings.bookings_at_once)
             loops.start("booking", booking.run())
+            loops.start("clock", repeat("clock", tell_time, every_s=CLOCK_EVERY_S))
             _start_sweeping(loops, parts)
             yield
+
+    async def tell_time() -> bool:
+        if mqtt.is_connected:
+            await publish_clock(mqtt, parts.anchor, mint)
+        return False
 
     async def readiness() -> dict[str, bool]:
         return {"database": await parts.db.is_answering(), "mqtt": mqtt.is_connected}

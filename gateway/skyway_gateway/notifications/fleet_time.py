@@ -1,6 +1,6 @@
 """The fleet clock as everybody may know it: by REST, and retained on MQTT."""
 
-from typing import Annotated
+from typing import Annotated, Final
 
 from pydantic import AwareDatetime, Field
 
@@ -10,6 +10,9 @@ from skyway.json_model import JsonModel
 from skyway.runtime.clock import AnchoredClock
 from skyway.runtime.minting import Mint
 from skyway.runtime.mqtt import MqttClient
+
+#: Wall seconds between two repetitions: a drone that misses three knows that the cloud is silent.
+CLOCK_EVERY_S: Final = 30.0
 
 
 class FleetTime(JsonModel):
