@@ -264,12 +264,13 @@ def system(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[LocalSyst
             "SKYWAY_DATABASE_URL": request.getfixturevalue("postgresql_server"),
             "SKYWAY_MQTT_URL": f"mqtt://127.0.0.1:{free_port()}",
             "SKYWAY_MQTT_DRONE_URL": f"mqtt://127.0.0.1:{free_port()}",
+            "SKYWAY_MQTT_TLS_URL": f"mqtts://127.0.0.1:{free_port()}",
         }
     slower = request.node.get_closest_marker("fleet_rate")
     local = LocalSystem(folder, environment, rate=slower.args[0] if slower else LocalSystem.rate)
     try:
         if request.param != "embedded":
-            made = local.command("secrets")
+            made = local.command("secrets", "--tls-name", "127.0.0.1")
             assert made.returncode == 0, made.stderr
             configuration = str(folder.broker / "mosquitto.conf")
             broker = subprocess.Popen([mosquitto, "-c", configuration], stderr=subprocess.DEVNULL)

@@ -33,6 +33,9 @@ def path_of(drone: dict[str, Any]) -> str:
 def run(system: Any, *options: str, token: str | None = None) -> subprocess.Popen[bytes]:
     """`skyway drone` in the background."""
     told = {} if token is None else {"SKYWAY_ENROLMENT_TOKEN": token}
+    if "SKYWAY_MQTT_TLS_URL" in system.environment:
+        # As in production: with the certificate that the drone gets by enrolling.
+        told["SKYWAY_MQTT_URL"] = system.environment["SKYWAY_MQTT_TLS_URL"]
     with (system.folder.path / "drone.log").open("ab") as log:
         process = subprocess.Popen(
             [*SKYWAY, "drone", *options, "--data", str(system.folder.path)],
