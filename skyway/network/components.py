@@ -3,6 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
+from skyway.ids import StationId
 from skyway.network.columns import segment_keys
 from skyway.network.network import Network
 from skyway.network.nx import to_networkx
@@ -41,7 +42,7 @@ def station_parts(network: Network) -> Indices:
 
     parts = np.empty(stations, dtype=np.int64)
     for part in strongly_connected_components(to_networkx(network)):
-        rows = [network.row_of[station_id] for station_id in part]
+        rows = [network.row_of[StationId(station_id)] for station_id in part]
         parts[rows] = min(rows)
     return parts
 

@@ -10,8 +10,6 @@ lock of the mission or delivery that the stream is about.
 import asyncio
 import heapq
 import logging
-import math
-import time
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -25,6 +23,7 @@ from skyway.runtime.database import Database, Tx
 from skyway.runtime.loops import Wake, repeat
 from skyway.runtime.metrics import count
 from skyway.runtime.minting import mint
+from skyway.runtime.pace import Pace
 from skyway.runtime.tracing import tracing
 from skyway.units import moment_to_ms
 
@@ -91,7 +90,7 @@ class StreamSender:
         self._under_way: set[asyncio.Task[None]] = set()
         self._sent: list[_Sent] = []
         self._due_at_ms: list[int] = []  # a heap of when rows that we have sent are due again
-        self._looked_s = -math.inf
+        self._pace = Pace(_PAUSE_S)
         columns = self._table.c
         is_next = _is_next(self._table, channel)
         self._claiming = Claiming.of(
@@ -118,7 +117,7 @@ class StreamSender:
 
     async def _step(self, group: asyncio.TaskGroup) -> bool:
         await self._ready()
-        await self._pause()
+        await self._pace.turn()
         rows = await self._turn()
         for row in rows:
             task = group.create_task(self._deliver(row))
@@ -130,14 +129,6 @@ class StreamSender:
     def _finished(self, task: asyncio.Task[None]) -> None:
         self._under_way.discard(task)
         self._wake.set()
-
-    async def _pause(self) -> None:
-        """Wait until some time has passed since the last look."""
-        now_s = time.monotonic()
-        pause_s = self._looked_s + _PAUSE_S - now_s
-        if pause_s > 0:
-            await asyncio.sleep(pause_s)
-        self._looked_s = max(now_s, self._looked_s + _PAUSE_S)
 
     async def _turn(self) -> Sequence[Row[Any]]:
         """Note what was sent and claim what comes next, in one transaction."""

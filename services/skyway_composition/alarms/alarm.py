@@ -5,7 +5,7 @@ from typing import Any, Literal
 
 from pydantic import Field
 
-from skyway.contracts.drone_report import AlarmLevel
+from skyway.contracts.drone_health import AlarmLevel
 from skyway.ids import AlarmId, DroneId, MissionId, ProviderId, StationId
 from skyway.json_model import JsonModel
 

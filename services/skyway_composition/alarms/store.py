@@ -8,7 +8,7 @@ from typing import Any
 from sqlalchemy import Row, insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from skyway.contracts.drone_report import AlarmLevel
+from skyway.contracts.drone_health import AlarmLevel
 from skyway.ids import AlarmId, DroneId, MissionId, ProviderId, StationId
 from skyway.runtime.database import Tx
 from skyway.runtime.minting import Mint

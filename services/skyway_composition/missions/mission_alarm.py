@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from skyway.contracts.drone_report import AlarmLevel
+from skyway.contracts.drone_health import AlarmLevel
 from skyway.ids import StationId
 from skyway.units import moment_to_ms
 from skyway_composition.alarms import store

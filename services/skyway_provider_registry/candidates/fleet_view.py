@@ -12,11 +12,11 @@ from typing import Final
 from skyway.drone.model import DroneModel
 from skyway.ids import DroneModelId
 from skyway.runtime.database import Database
+from skyway.runtime.pace import Pace
 from skyway_provider_registry.candidates import store
 from skyway_provider_registry.candidates.fleet_columns import Fleet, FleetColumns
 from skyway_provider_registry.changes.store import ChangeMarks
 from skyway_provider_registry.fleets.drone_models import store as drone_models
-from skyway_provider_registry.pace import Pace
 
 #: Before the first change.
 _NOTHING_SEEN: Final = -1

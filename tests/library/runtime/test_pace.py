@@ -3,7 +3,7 @@
 import asyncio
 import time
 
-from skyway_provider_registry.pace import Pace
+from skyway.runtime.pace import Pace
 
 
 async def test_the_first_turn_after_a_rest_begins_at_once() -> None:
