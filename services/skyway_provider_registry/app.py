@@ -28,6 +28,7 @@ from skyway.runtime.loops import Loops, repeat
 from skyway.runtime.migrations import migrate
 from skyway.runtime.minting import Mint, mint
 from skyway.runtime.mqtt import MqttClient
+from skyway.runtime.pace import Pace
 from skyway_provider_registry.candidates.fleet_view import FleetView
 from skyway_provider_registry.candidates.routes import candidate_routes
 from skyway_provider_registry.enrolment.drone_keys.routes import drone_key_routes
@@ -42,7 +43,6 @@ from skyway_provider_registry.fleets.registration.routes import (
     registration_routes,
 )
 from skyway_provider_registry.fleets.routes import fleet_routes
-from skyway_provider_registry.pace import Pace
 from skyway_provider_registry.presence.follow import PRESENCE_TOPICS, PresenceFollower
 from skyway_provider_registry.presence.reports import ReportKeeper
 from skyway_provider_registry.presence.routes import presence_routes
