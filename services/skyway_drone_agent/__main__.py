@@ -14,6 +14,7 @@ from skyway_drone_agent.enrolment.crew import Crew, EnrolledCrew, RegisteredCrew
 from skyway_drone_agent.enrolment.enrol import enrol, enrolled
 from skyway_drone_agent.fleet import allow_open_files, host_fleet
 from skyway_drone_agent.journal_folder import JournalFolder
+from skyway_drone_agent.placing import place
 from skyway_drone_agent.settings import AgentSettings, read_settings
 
 
@@ -27,6 +28,8 @@ def main() -> int:
         with JournalFolder(settings.journal, (drone.drone_id for drone in crew.drones)) as folder:
             # With the locks of the journals: nobody else serves these drones meanwhile.
             crew.settle()
+            if settings.placed is not None:
+                place(crew.drones, folder, settings.placed)
             if settings.enrolment.wants_rotation:
                 crew.rotate()
             asyncio.run(_serve(crew, folder, settings))

@@ -3,6 +3,7 @@
 import asyncio
 import logging
 from datetime import datetime
+from functools import reduce
 
 from skyway.contracts.drone_report import DroneEvent
 from skyway.ids import DroneId
@@ -27,6 +28,7 @@ class FlightRecorder:
         self._unwritten: list[Record] = []
         self.logbook = journal.read(at_first=at_first)
         self.is_full = False
+        self._can_append = True
 
     @property
     def written_events(self) -> tuple[DroneEvent, ...]:
@@ -40,6 +42,8 @@ class FlightRecorder:
         """Start a session above all earlier ones, also when the journal was lost meanwhile."""
         session = max(self.logbook.session + 1, int(wall_now.timestamp()))
         self.logbook = self.logbook.model_copy(update={"session": session})
+        # Until it is written anew its last line may be torn, or the first one be missing.
+        self._can_append = False
         self.make_room()
 
     def record(self, *records: Record) -> None:
@@ -51,18 +55,16 @@ class FlightRecorder:
             The disk does not take them: what they say must not be begun.
         """
         try:
-            self._journal.append([*self._unwritten, *records])
+            self._write(records)
         except JournalUnwritable:
             self._note_full()
             raise
-        self._unwritten.clear()
         self._count(records)
 
     def note(self, *records: Record) -> None:
         """Write down what has happened already, or must be in the air; if not now, then later."""
         try:
-            self._journal.append([*self._unwritten, *records])
-            self._unwritten.clear()
+            self._write(records)
         except JournalUnwritable:
             self._unwritten += records
             self._note_full()
@@ -76,6 +78,7 @@ class FlightRecorder:
             self._note_full()
             return
         self._unwritten.clear()
+        self._can_append = True
         if self.is_full:
             self.is_full = False
             log.info("journal written again", extra={"drone_id": self.drone_id})
@@ -91,6 +94,14 @@ class FlightRecorder:
         """Have all watchers look again, for what changed outside the journal."""
         for watcher in self._watchers:
             watcher.set()
+
+    def _write(self, records: tuple[Record, ...]) -> None:
+        if self._can_append:
+            self._journal.append([*self._unwritten, *records])
+        else:
+            self._journal.compact(reduce(logbook_after, records, self.logbook))
+            self._can_append = True
+        self._unwritten.clear()
 
     def _count(self, records: tuple[Record, ...]) -> None:
         for record in records:

@@ -6,10 +6,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Final
 
+from pydantic import ValidationError
+
+from skyway.errors import InvalidInput
 from skyway.ids import DroneId
 from skyway.runtime.errors import InvalidSettings
 from skyway_drone_agent.disturbances import UNDISTURBED, Disturbances
 from skyway_drone_agent.mavlink_settings import MavlinkSettings, PayloadRelease
+from skyway_drone_agent.records import Placed
 from skyway_drone_agent.scenario import changed, read_scenario, scenario_names
 
 #: Keys of a scenario that have an option each, which comes before what the file says.
@@ -41,6 +45,7 @@ class AgentSettings:
     log_level: str
     disturbances: Disturbances
     mavlink: MavlinkSettings | None = None
+    placed: Placed | None = None
 
 
 def read_settings(arguments: Sequence[str], environment: Mapping[str, str]) -> AgentSettings:
@@ -64,7 +69,22 @@ def read_settings(arguments: Sequence[str], environment: Mapping[str, str]) -> A
         log_level=environment.get("SKYWAY_LOG_LEVEL", "INFO"),
         disturbances=_disturbances(given),
         mavlink=_mavlink(given),
+        placed=_placed(given),
     )
+
+
+def _placed(given: argparse.Namespace) -> Placed | None:
+    if (given.placed_at is None) != (given.position is None):
+        raise InvalidSettings("--placed-at and --position belong together")
+    if given.placed_at is None:
+        return None
+    try:
+        return Placed.model_validate(
+            {"station_id": given.placed_at, "position": tuple(given.position)}
+        )
+    except ValidationError as error:
+        first = error.errors(include_url=False)[0]
+        raise InvalidInput("--position", f"{first['msg']}, not {first['input']!r}") from error
 
 
 def _mavlink(given: argparse.Namespace) -> MavlinkSettings | None:
@@ -119,9 +139,20 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--mqtt-url", metavar="URL", help="mqtt://host:port or mqtts:// (or SKYWAY_MQTT_URL)"
     )
+    _add_placing(parser)
     _add_vehicle(parser)
     _add_disturbances(parser)
     return parser
+
+
+def _add_placing(parser: argparse.ArgumentParser) -> None:
+    placing = parser.add_argument_group("a drone that was down (docs/failsafes.md)")
+    placing.add_argument(
+        "--placed-at", metavar="STATION", help="it was fetched, emptied, and put there"
+    )
+    placing.add_argument(
+        "--position", nargs=2, type=float, metavar=("LON", "LAT"), help="where that is, degrees"
+    )
 
 
 def _add_vehicle(parser: argparse.ArgumentParser) -> None:

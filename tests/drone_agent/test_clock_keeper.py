@@ -68,3 +68,12 @@ async def test_a_new_anchor_wakes_who_sleeps_past_it(tmp_path: Path) -> None:
     clock.keep(anchor(rate=1.0, fleet_at=NOON + timedelta(hours=6)))
 
     await asyncio.wait_for(sleeping, timeout=5)
+
+
+async def test_a_full_disk_does_not_stop_the_clock(tmp_path: Path) -> None:
+    clock = KeptClock(tmp_path / "no_such_folder" / "clock.json")
+
+    clock.keep(anchor(rate=600.0))
+
+    await clock.wait_known()
+    assert clock.rate == 600.0

@@ -61,3 +61,30 @@ def test_a_stretch_ends_before_the_next_recharge(steps: Any) -> None:
 
     assert stretch_of(tuple(made)) == (made[0],)
     assert stretch_of(tuple(made[2:])) == (made[2], made[3])
+
+
+def test_a_drone_that_uses_more_than_its_model_says_is_judged_by_what_it_uses(
+    drone: Any, steps: Any
+) -> None:
+    made = steps().fly("home", "shop", length_m=60_000, duration_s=1).made
+
+    def judged(factor: float) -> Any:
+        return shortfall_of(
+            made, model=drone.model, soc=1.0, packages=(), consumption_factor=factor
+        )
+
+    assert judged(1.0) is judged(1.07) is None
+    assert judged(1.08).need_j == pytest.approx(1.08 * 60_000 / 20 * 100 + 1_000)
+
+
+@pytest.mark.parametrize("factor", [0.5, 1.0, 1.019])
+def test_a_plan_that_uses_all_is_flown_by_a_drone_whose_sensors_err_a_little(
+    drone: Any, steps: Any, factor: float
+) -> None:
+    made = steps().fly("home", "shop", length_m=64_600, duration_s=1).made
+
+    shortfall = shortfall_of(
+        made, model=drone.model, soc=1.0, packages=(), consumption_factor=factor
+    )
+
+    assert shortfall is None

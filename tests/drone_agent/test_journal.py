@@ -1,5 +1,7 @@
 """The journal's promises, kept by the file and by its fake alike."""
 
+import contextlib
+import errno
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -98,6 +100,45 @@ def test_a_damaged_line_before_the_last_is_never_skipped(tmp_path: Path) -> None
         journal.read(at_first=HOME)
 
 
+@pytest.mark.parametrize("failing", [1, 2, 3])
+def test_what_a_full_disk_tore_is_taken_away_again(tmp_path: Path, failing: int) -> None:
+    path = tmp_path / "drn_1.jsonl"
+    syncs: list[int] = []
+
+    def fill_up(_file: int) -> None:
+        syncs.append(1)
+        if len(syncs) == failing:
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    FileJournal(path).compact(HOME)
+    journal = FileJournal(path, sync=fill_up)
+    written = []
+    for seq in (1, 2, 3, 4):
+        with contextlib.suppress(JournalUnwritable):
+            journal.append([make_event(seq)])
+            written.append(seq)
+
+    assert len(written) == 3
+    assert [one.seq for one in FileJournal(path).read(at_first=HOME).events] == written
+
+
+def test_a_disk_that_is_full_while_compacting_keeps_the_old_journal_and_no_rest(
+    tmp_path: Path,
+) -> None:
+    path = tmp_path / "drn_1.jsonl"
+    FileJournal(path).append([make_event(1)])
+    before = path.read_bytes()
+
+    def fill_up(_file: int) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with pytest.raises(JournalUnwritable, match="No space left"):
+        FileJournal(path, sync=fill_up).compact(HOME)
+
+    assert path.read_bytes() == before
+    assert list(tmp_path.iterdir()) == [path]
+
+
 def test_each_append_is_on_the_disk_when_it_returns(tmp_path: Path) -> None:
     path = tmp_path / "drn_1.jsonl"
     on_disk: list[int] = []
@@ -143,3 +184,36 @@ def test_a_session_is_above_the_last_one_and_above_the_wall_clock() -> None:
 
     assert first.logbook.session == int(NOON.timestamp())
     assert second.logbook.session == first.logbook.session + 1
+
+
+@pytest.mark.parametrize("is_new", [True, False])
+def test_a_session_that_began_on_a_full_disk_is_written_whole_once_there_is_room(
+    tmp_path: Path, is_new: bool
+) -> None:
+    path = tmp_path / "drn_1.jsonl"
+    if not is_new:
+        FileJournal(path).compact(HOME)
+        with path.open("a") as torn:
+            torn.write('{"kind": "EV')
+    is_full = [True]
+
+    def sync(_file: int) -> None:
+        if is_full[0]:
+            raise OSError(errno.ENOSPC, "No space left on device")
+
+    recorder = FlightRecorder(
+        FileJournal(path, sync=sync), drone_id=DroneId("drn_1"), at_first=HOME
+    )
+    recorder.begin_session(NOON)
+    recorder.note(make_event(1))
+    assert (recorder.is_full, recorder.written_events) == (True, ())
+    with pytest.raises(JournalUnwritable):
+        recorder.record(make_answer(1))
+
+    is_full[0] = False
+    recorder.record(make_event(2))
+
+    again = FileJournal(path).read(at_first=HOME)
+    assert [event.seq for event in again.events] == [1, 2]
+    assert (again.last_instruction_seq, again.session) == (0, recorder.logbook.session)
+    assert len(recorder.written_events) == 2

@@ -20,6 +20,21 @@ async def test_a_reader_that_comes_later_is_sent_what_is_retained(
     assert received.message.rate == 2.0
 
 
+async def test_a_reader_knows_what_was_said_just_now_from_what_was_kept(
+    broker, connect, make, take, all_connected
+):
+    gateway = await connect(broker.service_port, "gateway")
+    await all_connected(gateway)
+    drone = await connect(broker.port, "drone-1")
+    arrived = drone.batches(CLOCK)
+    await all_connected(drone)
+
+    await gateway.publish(CLOCK(), make.anchor(1.0))
+
+    [received] = await take(arrived, 1)
+    assert not received.retained
+
+
 async def test_a_subscription_of_a_connected_client_takes_effect_at_once(
     broker, connect, make, take, all_connected
 ):
