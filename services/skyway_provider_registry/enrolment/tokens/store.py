@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from datetime import datetime
 
 from sqlalchemy import delete, select, update
+from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import DroneId
 from skyway.runtime.database import Tx
@@ -30,6 +31,21 @@ async def put(tx: Tx, drone_id: DroneId, *, token_hash: str, expires_at: datetim
     )
 
 
+async def must_be_known(connection: AsyncConnection, token_hash: str) -> None:
+    """Go on only with a token of a drone: what is made up must not occupy the database's writer.
+
+    Raises
+    ------
+    AccessDenied
+        No drone has this token.
+    """
+    statement = select(enrolment_tokens.c.drone_id).where(
+        enrolment_tokens.c.token_hash == token_hash
+    )
+    if (await connection.execute(statement)).one_or_none() is None:
+        raise _unknown()
+
+
 async def take(tx: Tx, token_hash: str, *, at: datetime) -> DroneId:
     """Use a token up, and tell whose it is.
 
@@ -51,7 +67,7 @@ async def take(tx: Tx, token_hash: str, *, at: datetime) -> DroneId:
         return DroneId(drone_id)
     used = (await tx.execute(select(enrolment_tokens.c.used_wall_ms).where(is_it))).one_or_none()
     if used is None:
-        raise AccessDenied("this enrolment token is not known, or another was made after it")
+        raise _unknown()
     if used.used_wall_ms is not None:
         raise Conflict("TOKEN_USED", "this enrolment token was used before")
     raise Conflict("TOKEN_EXPIRED", "this enrolment token is too old: have another one made")
@@ -60,6 +76,10 @@ async def take(tx: Tx, token_hash: str, *, at: datetime) -> DroneId:
 async def remove(tx: Tx, drone_id: DroneId) -> None:
     """Stop a drone's token; nothing happens when there is none."""
     await tx.execute(delete(enrolment_tokens).where(enrolment_tokens.c.drone_id == drone_id))
+
+
+def _unknown() -> AccessDenied:
+    return AccessDenied("this enrolment token is not known, or another was made after it")
 
 
 def _row(drone_id: DroneId, token_hash: str, expires_at: datetime) -> dict[str, object]:

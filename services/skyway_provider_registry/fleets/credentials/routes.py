@@ -12,6 +12,8 @@ from skyway.runtime.database import Database, Tx
 from skyway.runtime.idempotency import Answer, once
 from skyway.runtime.identity import Caller, ServiceGate
 from skyway_provider_registry.enrolment.password_file import PasswordFile
+from skyway_provider_registry.enrolment.tokens import store as tokens
+from skyway_provider_registry.enrolment.tokens.token import token_hash
 from skyway_provider_registry.fleets import store
 from skyway_provider_registry.fleets.credentials.credentials import (
     Credentials,
@@ -74,6 +76,9 @@ def credential_routes(
     ) -> Response:
         """Exchange an enrolment token, once; with an Idempotency-Key a lost answer is repeated."""
         caller.must_be("service")
+
+        async with db.read() as connection:
+            await tokens.must_be_known(connection, token_hash(wanted.enrolment_token))
 
         async def act(tx: Tx) -> Enrolment:
             return await enrol(tx, wanted.enrolment_token, issuer=issuer, wall_now=clock.wall_now())
