@@ -19,6 +19,15 @@ from skyway.runtime.idempotency import idempotency_table
 
 metadata = MetaData()
 
+
+def _place_columns() -> tuple[Column[float], Column[float]]:
+    """Where a drone was."""
+    return (
+        Column("longitude_deg", Double, nullable=False),
+        Column("latitude_deg", Double, nullable=False),
+    )
+
+
 providers = Table(
     "providers",
     metadata,
@@ -78,6 +87,7 @@ presence = Table(
     Column("longitude_deg", Double),
     Column("latitude_deg", Double),
     Column("soc", Double),
+    Column("condition", Text),  # JSON of presence.known.Condition
     Column("sample_session", BigInteger, nullable=False),
     Column("sample_seq", BigInteger, nullable=False),
     Column("sample_at_ms", BigInteger),
@@ -89,6 +99,42 @@ presence = Table(
     # The number of the last change that selection must know of.
     Column("changed", BigInteger, nullable=False, server_default="0"),
     Index("presence_by_change", "changed"),
+)
+
+#: What drones measured, once however often it was heard; `at_ms` is fleet time. Without a foreign
+#: key: the rows of a drone that is removed are too many to go with it in one transaction.
+telemetry_samples = Table(
+    "telemetry_samples",
+    metadata,
+    Column("drone_id", Text, primary_key=True),
+    Column("at_ms", BigInteger, primary_key=True, autoincrement=False),
+    Column("heard_wall_ms", BigInteger, nullable=False),
+    *_place_columns(),
+    Column("soc", Double, nullable=False),
+    Column("power_w", Double, nullable=False),
+    Column("speed_mps", Double, nullable=False),
+    Column("voltage_v", Double),
+    Column("temperature_c", Double),
+    Column("range_m", Double),
+    # A drone's samples lie together, and nothing else is kept of them.
+    sqlite_with_rowid=False,
+)
+
+#: What is left of samples after a while: one row for each minute of fleet time.
+telemetry_minutes = Table(
+    "telemetry_minutes",
+    metadata,
+    Column("drone_id", Text, primary_key=True),
+    Column("at_ms", BigInteger, primary_key=True, autoincrement=False),
+    Column("heard_wall_ms", BigInteger, nullable=False),
+    *_place_columns(),
+    Column("samples", BigInteger, nullable=False),
+    *(
+        Column(f"{prefix}{name}", Double, nullable=False)
+        for name in ("soc", "power_w", "speed_mps")
+        for prefix in ("", "min_", "max_")
+    ),
+    sqlite_with_rowid=False,
 )
 
 #: What composition told of missions: a hint, composition's own index decides who is busy.

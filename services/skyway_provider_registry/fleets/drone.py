@@ -4,6 +4,7 @@ from typing import Annotated, Literal, TypeVar
 
 from pydantic import AwareDatetime, Field, field_validator
 
+from skyway.contracts.drone_health import ActiveFailsafe, DroneHealth, Fault
 from skyway.contracts.message import Soc
 from skyway.drone.model import DroneModel
 from skyway.geo import Position
@@ -73,6 +74,9 @@ class Drone(JsonModel):
     position: Position | None
     activity: Activity | None
     mission_id: MissionId | None
+    health: DroneHealth | None
+    faults: tuple[Fault, ...]
+    failsafe: ActiveFailsafe | None
     last_seen_at: Annotated[AwareDatetime | None, Field(description="RFC 3339 UTC, fleet time")]
 
 

@@ -9,6 +9,7 @@ from skyway.geo import Position
 from skyway.ids import DroneId, ProviderId, StationId
 from skyway_provider_registry.fleets.drone import Drone, MqttAccount, RegisteredDrone
 from skyway_provider_registry.fleets.states import DroneStateName, state_of
+from skyway_provider_registry.presence.condition import condition_of
 from skyway_provider_registry.presence.known import Presence
 
 
@@ -46,6 +47,7 @@ class FleetDrone:
     def _members(self, wall_now: datetime) -> dict[str, Any]:  # of every type
         """The members of a `Drone`: valid already, and a fleet has thousands of the same model."""
         told = self.presence.state
+        condition = condition_of(told.condition if told else None)
         position, soc = self.presence.place or (None, self.initial_soc)
         return {
             "drone_id": self.drone_id,
@@ -62,5 +64,8 @@ class FleetDrone:
             "position": position,
             "activity": told.activity if told else None,
             "mission_id": self.presence.mission_id,
+            "health": condition.health,
+            "faults": condition.faults,
+            "failsafe": condition.failsafe,
             "last_seen_at": self.presence.last_seen_at,
         }

@@ -6,7 +6,14 @@ from typing import Literal
 from skyway_provider_registry.presence.known import Presence
 
 DroneStateName = Literal[
-    "REGISTERED", "AVAILABLE", "RESERVED", "ON_MISSION", "RECHARGING", "OFFLINE", "MAINTENANCE"
+    "REGISTERED",
+    "AVAILABLE",
+    "RESERVED",
+    "ON_MISSION",
+    "RECHARGING",
+    "OFFLINE",
+    "MAINTENANCE",
+    "GROUNDED",
 ]
 
 
@@ -20,6 +27,8 @@ def state_of(presence: Presence, *, is_in_maintenance: bool, wall_now: datetime)
         return "OFFLINE"
     if presence.state is None:
         return "REGISTERED"
+    if presence.state.activity == "DOWN":
+        return "GROUNDED"
     if presence.state.activity == "RECHARGING":
         return "RECHARGING"
     if presence.mission_id is None:

@@ -9,7 +9,7 @@ from skyway.geo import Position
 from skyway.ids import MissionId, StationId
 
 ConnectionStatus = Literal["ONLINE", "OFFLINE", "LOST"]
-Activity = Literal["IDLE", "LOADING", "FLYING", "WAITING", "RECHARGING", "DELIVERING"]
+Activity = Literal["IDLE", "LOADING", "FLYING", "WAITING", "RECHARGING", "DELIVERING", "DOWN"]
 
 #: Wall time without a word after which a drone is not believed to be online: three of the state
 #: messages that are due every 30 s. A broker that was killed never sent the last wills.
@@ -18,7 +18,10 @@ SILENCE = timedelta(seconds=100)
 
 @dataclass(frozen=True, slots=True)
 class LastState:
-    """The newest `state` message, as far as the registry needs it."""
+    """The newest `state` message, as far as the registry needs it.
+
+    `condition` is the JSON of its `Condition`: selection reads states, and never that.
+    """
 
     session: int
     at: datetime
@@ -26,6 +29,7 @@ class LastState:
     station_id: StationId | None
     position: Position
     soc: float
+    condition: str | None = None
 
 
 @dataclass(frozen=True, slots=True)

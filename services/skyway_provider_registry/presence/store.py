@@ -27,6 +27,7 @@ from skyway.ids import DroneId, MissionId, ProviderId
 from skyway.runtime.database import Tx
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_provider_registry.changes.store import next_change
+from skyway_provider_registry.presence.condition import condition_text
 from skyway_provider_registry.presence.known import LastSample, LastState, Presence
 from skyway_provider_registry.presence.newest import PresenceMessage, Sighting, order_of
 from skyway_provider_registry.tables import drones, mission_hints, presence
@@ -104,6 +105,7 @@ async def record(tx: Tx, sightings: Mapping[DroneId, Sighting], heard: Heard) ->
                     "longitude_deg": state.position.longitude_deg,
                     "latitude_deg": state.position.latitude_deg,
                     "soc": state.soc,
+                    "condition": condition_text(state),
                     "changed": change,
                 }
             )
@@ -181,6 +183,7 @@ def presence_of(row: AnyRow) -> Presence:
             station_id=row.station_id,
             position=Position(row.longitude_deg, row.latitude_deg),
             soc=row.soc,
+            condition=row.condition,
         )
     if row.sample_at_ms is not None:
         sample = LastSample(

@@ -223,3 +223,45 @@ async def test_the_largest_and_smallest_numbers_can_be_kept(
     )
 
     assert (await fleet.shows(drone_id))["state"] == "AVAILABLE"
+
+
+HEALTH = {
+    "voltage_v": 22.1,
+    "current_a": 30.0,
+    "soc_error": 0.01,
+    "cell_spread_v": 0.02,
+    "temperature_c": 31.0,
+    "state_of_health": 0.93,
+    "range_m": 4200.0,
+}
+
+
+async def test_what_a_drone_says_of_its_health_is_shown(
+    fleet: Fleet, online: Maker, state: Maker
+) -> None:
+    drone_id = await fleet.drone()
+    before = await fleet.shows(drone_id)
+    escape = {"fault": "BATTERY_SHORT", "failsafe": "DIVERT", "station_id": "mcqueeney"}
+
+    await fleet.hears(
+        drone_id,
+        online(7, 1),
+        state(7, 1, health=HEALTH, faults=["BATTERY_SHORT", "LINK_LOST"], failsafe=escape),
+    )
+    told = await fleet.shows(drone_id)
+    await fleet.hears(drone_id, state(7, 2))
+    after = await fleet.shows(drone_id)
+
+    assert (before["health"], before["faults"], before["failsafe"]) == (None, [], None)
+    assert told["health"].items() >= HEALTH.items()
+    assert (told["faults"], told["failsafe"]) == (["BATTERY_SHORT", "LINK_LOST"], escape)
+    assert (after["health"], after["faults"], after["failsafe"]) == (None, [], None)
+
+
+async def test_a_drone_that_is_down_is_grounded(fleet: Fleet, online: Maker, state: Maker) -> None:
+    drone_id = await fleet.drone()
+
+    await fleet.hears(drone_id, online(7, 1), state(7, 1, activity="DOWN", station_id=None))
+
+    shown = await fleet.shows(drone_id)
+    assert (shown["state"], shown["activity"]) == ("GROUNDED", "DOWN")
