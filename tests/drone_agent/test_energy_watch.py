@@ -82,10 +82,11 @@ def test_landings_recharges_and_lost_positions_do_not_count(leg: Leg) -> None:
     watch, landed_at = flown(leg, factor=1.0), leg.step.planned_start_at + timedelta(seconds=480)
     before = watch.factor(landed_at)
     hovering = on_the_leg(leg, 480, factor=5.0, share=1.0)
-    blind = {name: getattr(hovering, name) for name in Reading.__slots__} | {"has_gps": False}
+    lost = on_the_leg(leg, 480, factor=5.0, share=0.99)
+    blind = {name: getattr(lost, name) for name in Reading.__slots__} | {"has_gps": False}
 
-    watch.take(hovering, leg, wind_mps=None)
     watch.take(Reading(**blind), leg, wind_mps=None)
+    watch.take(hovering, leg, wind_mps=None)
     watch.take(on_the_leg(leg, 481, factor=-5.0, share=1.0), None, wind_mps=None)
 
     assert watch.factor(landed_at) == pytest.approx(before, abs=1e-9)
