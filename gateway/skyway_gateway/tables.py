@@ -101,6 +101,7 @@ packages = Table(
     Column("code", Text),  # why it is not delivered
     Column("detail", Text),  # the same in words
     Column("proof", Text),  # JSON of deliveries.proof.Proof: place, time, weights
+    Column("position", Text),  # JSON of Position: where it lies with a drone in the open
     CheckConstraint(
         "state IN ('CREATED', 'LOADED', 'IN_TRANSIT', 'DELIVERED', 'RETURNING', 'RETURNED', "
         "'STRANDED', 'CANCELLED')",

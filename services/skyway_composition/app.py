@@ -39,6 +39,7 @@ from skyway_composition.missions.hands.loading import Loadings
 from skyway_composition.missions.hands.loading_watch import LoadingWatch
 from skyway_composition.missions.hands.routes import hand_routes
 from skyway_composition.missions.lagging import Lagging
+from skyway_composition.missions.occupied_pads import OccupiedPads
 from skyway_composition.missions.overdue import Overdue
 from skyway_composition.missions.recompose import Recomposer
 from skyway_composition.missions.routes import mission_routes
@@ -158,7 +159,9 @@ class Work:
         self._follower = Follower(db, mqtt, clock=clock, mint=mint, stuck=parts.stuck)
         self._overdue = Overdue(db, clock, mint)
         self._lagging = Lagging(db, clock, mint, parts.stuck)
-        self._recomposer = Recomposer(db, parts.networks, parts.solver, clock, mint, replica)
+        self._recomposer = Recomposer(
+            db, parts.networks, parts.solver, clock, mint, replica, OccupiedPads(parts.closings)
+        )
         self._loading_watch = LoadingWatch(db, parts.networks, clock, mint)
         self._stops_watch = StopsWatch(db, parts.closings, clock)
         self._station_states = StationStates(db, mqtt, clock, mint)

@@ -10,6 +10,7 @@ from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.offer import Price
 from skyway.delivery.plan import Plan, Recharge
 from skyway.delivery.request import DeliveryRequest
+from skyway.geo import Position
 from skyway.ids import (
     DeliveryId,
     DroneId,
@@ -173,7 +174,8 @@ class MissionReport(WireModel):
     RETURNED    `package_ids` were handed back at `station_id`
     RELEASED    `package_ids` will not be loaded any more: they were cancelled at the pickup
     ENDED       the mission is over: COMPLETED, ABORTED or CANCELLED; packages that were not
-                delivered are `stranded_package_ids` at `station_id`, or never left the pickup
+                delivered are `stranded_package_ids` at `station_id`, or never left the pickup;
+                where the drone went down away from every station, they are with it at `position`
     """
 
     report_id: str
@@ -202,6 +204,7 @@ class MissionReport(WireModel):
     mission_state: MissionState
     activity: Literal["FLYING", "WAITING", "RECHARGING", "DELIVERING"] | None = None
     station_id: StationId | None = None
+    position: Position | None = None
     soc: Soc | None = None
     package_ids: tuple[PackageId, ...] = ()
     stranded_package_ids: tuple[PackageId, ...] = ()

@@ -16,6 +16,7 @@ from fastapi import FastAPI
 from skyway_composition.app import Parts, composition_app
 from skyway_composition.missions.follow import Follower
 from skyway_composition.missions.lagging import Lagging
+from skyway_composition.missions.occupied_pads import OccupiedPads
 from skyway_composition.missions.overdue import Overdue
 from skyway_composition.missions.recompose import Recomposer
 from skyway_composition.networks.prepared import PreparedNetworks
@@ -280,7 +281,8 @@ async def composition(
             follower = Follower(db, SilentSubscriber(), clock=clock, mint=mint, stuck=parts.stuck)
             overdue = Overdue(db, clock, mint)
             lagging = Lagging(db, clock, mint, parts.stuck)
-            recomposer = Recomposer(db, parts.networks, solver, clock, mint, "test")
+            occupied = OccupiedPads(parts.closings)
+            recomposer = Recomposer(db, parts.networks, solver, clock, mint, "test", occupied)
             whole = Composition(client, parts, clock, follower, overdue, lagging, recomposer)
             await whole.publish()
             yield whole

@@ -22,6 +22,7 @@ from skyway_composition.missions.hands.loading import Loadings
 from skyway_composition.missions.hands.loading_watch import LoadingWatch
 from skyway_composition.missions.hands.recall import has_never_left
 from skyway_composition.missions.lagging import Lagging
+from skyway_composition.missions.occupied_pads import OccupiedPads
 from skyway_composition.missions.overdue import Overdue
 from skyway_composition.missions.recompose import Recomposer
 from skyway_composition.missions.record import MissionRecord
@@ -124,7 +125,8 @@ class HotWorld:
         self.cancellations, self.commands = Cancellations(*hands), Commands(*hands)
         self.loadings = Loadings(*hands)
         self.follower = Follower(db, DeafSubscriber(), clock=clock, mint=mint, stuck=stuck)
-        self.recomposer = Recomposer(db, networks, self.solver, clock, mint, "hot")
+        occupied = OccupiedPads(self.closings)
+        self.recomposer = Recomposer(db, networks, self.solver, clock, mint, "hot", occupied)
         self.sweeps = (
             Lagging(db, clock, mint, stuck),
             LoadingWatch(db, networks, clock, mint),

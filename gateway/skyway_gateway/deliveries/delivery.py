@@ -43,7 +43,8 @@ class PackageStatus(JsonModel):
     """Where a package is in its life; `promised_at` is the first ETA that its customer was told.
 
     `mission_id` carries it; None while it waits for a mission. `code` and `detail` tell why it is
-    not delivered. `proof` is what its hand-over left behind.
+    not delivered. `proof` is what its hand-over left behind. `position` is where it lies with a
+    drone that went down away from every station.
     """
 
     package_id: PackageId
@@ -58,6 +59,7 @@ class PackageStatus(JsonModel):
     code: str | None = None
     detail: str | None = None
     proof: Proof | None = None
+    position: Position | None = None
 
     @property
     def is_waiting(self) -> bool:

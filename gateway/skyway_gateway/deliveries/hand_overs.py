@@ -94,6 +94,7 @@ def stranded(
         return {
             "state": "STRANDED",
             "custodian": _station_or_drone(package, report),
+            "position": report.position,
             "eta_at": None,
             "code": report.code,
             "detail": report.detail,

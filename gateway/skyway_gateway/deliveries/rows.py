@@ -110,6 +110,7 @@ def package_values(package: PackageStatus) -> dict[str, object]:
         "code": package.code,
         "detail": package.detail,
         "proof": package.proof and package.proof.model_dump_json(),
+        "position": package.position and _POSITION.dump_json(package.position).decode(),
     }
 
 
@@ -197,6 +198,7 @@ def package_of(row: Any) -> PackageStatus:
         code=row.code,
         detail=row.detail,
         proof=None if row.proof is None else Proof.read(row.proof),
+        position=None if row.position is None else _POSITION.validate_json(row.position),
     )
 
 

@@ -119,6 +119,7 @@ def package_stranded(package: PackageStatus, report: MissionReport) -> Data:
     return {
         "package_id": package.package_id,
         "station_id": report.station_id,
+        "position": package.position and list(package.position),
         "custodian": package.custodian.model_dump(mode="json"),
         "code": report.code,
         "detail": report.detail,
@@ -167,6 +168,7 @@ def ended(delivery: Delivery, code: str | None, detail: str | None) -> Data:
                 "package_id": one.package_id,
                 "state": one.state,
                 "custodian": one.custodian.model_dump(mode="json"),
+                "position": one.position and list(one.position),
                 "delivered_at": _text(one.delivered_at),
                 "code": one.code,
                 "detail": one.detail,

@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import Any, Final
 
-from sqlalchemy import Row, bindparam, case, func, insert, literal_column, select, update
+from sqlalchemy import Row, bindparam, case, func, insert, literal_column, or_, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.drone_report import Connection, DroneState
@@ -18,11 +18,15 @@ from skyway_composition.tables import drone_links, instructions
 #: What the drone has not finally answered.
 _OPEN = ("SENT", "RECEIVED")
 
-#: The states of those among `drone_ids` that say they have a mission, whatever we know of it. Most
-#: drones have none; reading all their states would take longer than planning.
-STATES_WITH_MISSION: Final = select(drone_links.c.drone_id, drone_links.c.state).where(
+#: The states of those among `drone_ids` that say they have a mission, whatever we know of it, or
+#: that they are down in the open. Most drones are neither; reading all their states would take
+#: longer than planning.
+STATES_OF_BUSY: Final = select(drone_links.c.drone_id, drone_links.c.state).where(
     among(drone_links.c.drone_id, "drone_ids"),
-    drone_links.c.state.contains('"mission_id":"', autoescape=True),
+    or_(
+        drone_links.c.state.contains('"mission_id":"', autoescape=True),
+        drone_links.c.state.contains('"activity":"DOWN"', autoescape=True),
+    ),
 )
 
 # Statements that each booking and each word of a drone needs: making them takes longer than

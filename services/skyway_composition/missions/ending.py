@@ -4,6 +4,7 @@ from dataclasses import replace
 from datetime import datetime
 
 from skyway.contracts.mission import MissionState
+from skyway.geo import Position
 from skyway.ids import PackageId, StationId
 from skyway.units import moment_to_ms
 from skyway_composition.missions import store
@@ -96,6 +97,28 @@ async def abort(
     await _end(watch, record, "ABORTED", at=at, code=code, detail=detail, station_id=station_id)
 
 
+async def abort_in_the_open(
+    watch: Watch,
+    record: MissionRecord,
+    *,
+    at: datetime,
+    code: str,
+    detail: str,
+    position: Position,
+) -> None:
+    """End a mission whose drone is down away from every station; it keeps what is on board."""
+    await _end(
+        watch,
+        record,
+        "ABORTED",
+        at=at,
+        code=code,
+        detail=detail,
+        station_id=None,
+        position=position,
+    )
+
+
 async def _end(
     watch: Watch,
     record: MissionRecord,
@@ -105,6 +128,7 @@ async def _end(
     code: str | None,
     detail: str | None,
     station_id: StationId | None,
+    position: Position | None = None,
 ) -> None:
     stranded = await _strand(watch, record, at=at, station_id=station_id)
     record = replace(moved(record, state), stuck=None, trouble=None, proposal=None)
@@ -119,6 +143,7 @@ async def _end(
         code=code,
         detail=detail,
         station_id=station_id,
+        position=position,
         stranded_package_ids=stranded,
         data={"flown": flown_totals(events)},
     )

@@ -31,6 +31,7 @@ from skyway_composition.missions.giving_up import (
     stop_trying,
 )
 from skyway_composition.missions.new_steps import revision_of
+from skyway_composition.missions.occupied_pads import OccupiedPads
 from skyway_composition.missions.proposal import propose
 from skyway_composition.missions.record import MissionRecord, Trouble
 from skyway_composition.missions.replacement import replace_plan
@@ -66,6 +67,7 @@ class Recomposer:
     clock: FleetClock
     mint: Mint
     claimant: str
+    occupied: OccupiedPads
 
     async def step(self) -> bool:
         """Plan for a few missions that need it; True when there may be more."""
@@ -78,6 +80,10 @@ class Recomposer:
     async def recompose(self, drone_id: DroneId) -> None:
         """Give this drone's mission a new revision; without a plan try again later, or give up."""
         seen = await self._look_at(drone_id)
+        if seen is not None and seen[0].needs_pad_closed:
+            await self.occupied.close(seen[0].record)
+            # That changes missions, this one too.
+            seen = await self._look_at(drone_id)
         if seen is None:
             return
         situation, sent_revisions = seen

@@ -15,10 +15,19 @@ from skyway.json_model import JsonModel
 _T = TypeVar("_T")
 
 
+class OccupiedPad(JsonModel):
+    """A pad that a drone found taken, and until when nobody is to be sent there."""
+
+    station_id: StationId
+    pad: int
+    until_ms: int
+
+
 class Stuck(JsonModel):
     """Why a drone waits for a new revision, and from where it could go on.
 
-    New steps are numbered after `last_step`, which the drone has released.
+    New steps are numbered after `last_step`, which the drone has released. A pad that was
+    `occupied` is closed for a while before anything is planned.
     """
 
     code: str
@@ -26,6 +35,7 @@ class Stuck(JsonModel):
     station_id: StationId
     soc: Soc
     last_step: int
+    occupied: OccupiedPad | None = None
 
 
 class Trouble(JsonModel):

@@ -65,6 +65,12 @@ class Situation:
         )
 
     @property
+    def needs_pad_closed(self) -> bool:
+        """Whether its drone found its pad taken, so that nobody should be sent there."""
+        stuck = self.record.stuck
+        return stuck is not None and stuck.occupied is not None
+
+    @property
     def masses_kg(self) -> dict[PackageId, float]:
         """The mass of each package of the mission."""
         return {each.package_id: each.mass_kg for each in self.record.request.packages}

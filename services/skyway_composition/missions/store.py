@@ -18,7 +18,7 @@ from skyway.runtime.among import among
 from skyway.runtime.claims import FREE
 from skyway.runtime.database import Tx
 from skyway.units import moment_to_ms
-from skyway_composition.links.store import STATES_WITH_MISSION
+from skyway_composition.links.store import STATES_OF_BUSY
 from skyway_composition.missions.custody import Custodian, Held
 from skyway_composition.missions.record import Aim, MissionRecord, Proposal, Stuck, Trouble
 from skyway_composition.missions.step_columns import step_columns
@@ -44,7 +44,7 @@ _BUSY: Final = union_all(
     select(missions.c.drone_id, null().label("state")).where(
         among(missions.c.drone_id, "drone_ids"), is_live
     ),
-    STATES_WITH_MISSION,
+    STATES_OF_BUSY,
 )
 _LIVE: Final = (
     select(missions)
@@ -113,13 +113,18 @@ async def live_missions_of(
 async def busy_among(
     connection: AsyncConnection, drone_ids: Collection[DroneId]
 ) -> frozenset[DroneId]:
-    """Those of these drones that are on a mission, or say so: given up on, they may still fly."""
+    """Those of these drones that are on a mission, or say so: given up on, they may still fly.
+
+    So are those that are down away from every station, until people have fetched them.
+    """
     found = await connection.execute(_BUSY, {"drone_ids": [*drone_ids]})
     return frozenset(
-        row.drone_id
-        for row in found
-        if row.state is None or DroneState.read(row.state).mission_id is not None
+        row.drone_id for row in found if row.state is None or _is_busy(DroneState.read(row.state))
     )
+
+
+def _is_busy(state: DroneState) -> bool:
+    return state.mission_id is not None or state.activity == "DOWN"
 
 
 async def add(tx: Tx, record: MissionRecord) -> None:

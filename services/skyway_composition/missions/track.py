@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass
+from datetime import datetime
 
 from skyway.contracts.drone_report import DroneState
 from skyway.contracts.flight_step import DeliverStep, FlightStep, FlyStep, PickUpStep, ReturnStep
@@ -30,6 +31,15 @@ class _Flown:
     record: MissionRecord
     steps: Sequence[StepRecord]
     state: DroneState | None
+
+
+@dataclass(frozen=True, slots=True)
+class _Seen:
+    """Where a drone was at a moment."""
+
+    position: Position
+    at: datetime
+    soc: float
 
 
 async def track_of(db: Database, delivery_id: DeliveryId) -> Track:
@@ -65,6 +75,7 @@ def _tracked(flown: _Flown, now: Mapping[StationId, Position]) -> TrackedMission
     # Stations are where the drone was told; where it was told nothing, as they are now.
     positions = {**now, **dict(_ends(flown.steps))}
     mission, state = flown.record.mission, flown.state
+    seen = _seen(state, flown.steps)
     return TrackedMission(
         mission_id=mission.mission_id,
         provider_id=mission.provider_id,
@@ -75,10 +86,20 @@ def _tracked(flown: _Flown, now: Mapping[StationId, Position]) -> TrackedMission
             # A station that left the network, where nothing has happened yet, cannot be drawn.
             if _station_of(step.step) in positions
         ),
-        position=None if state is None else state.position,
-        position_at=None if state is None else state.at,
-        soc=None if state is None else state.soc,
+        position=None if seen is None else seen.position,
+        position_at=None if seen is None else seen.at,
+        soc=None if seen is None else seen.soc,
     )
+
+
+def _seen(state: DroneState | None, steps: Sequence[StepRecord]) -> _Seen | None:
+    """Where the drone is on its mission; where it came down in the open, it stays seen there."""
+    if state is not None:
+        return _Seen(state.position, state.at, state.soc)
+    last = steps[-1].event if steps and steps[-1].status == "FAILED" else None
+    if last is None or last.station_id is not None:
+        return None
+    return _Seen(last.position, last.ended_at, last.soc)
 
 
 def _of_delivery(
