@@ -1,0 +1,182 @@
+"""A large fleet on a whole Skyway: whether registry and composition keep up with what it says."""
+
+import asyncio
+import json
+import os
+import random
+import tempfile
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Final
+
+from skyway_drone_agent.enrolled_drone import EnrolledDrone
+
+from benchmarks.fleet.agents import resident_mib
+from benchmarks.fleet.crew import read_drones
+from benchmarks.fleet.heard import Heard, hearing
+from benchmarks.fleet.probe import Lag, probing
+from benchmarks.fleet.told import send_off
+from benchmarks.load.burst import Burst
+from benchmarks.load.city import City
+from benchmarks.load.cpu import CpuReading
+from benchmarks.load.storage_pair import storage_pair
+from benchmarks.load.world import populate
+from benchmarks.planner.table import Table
+from skyway.cli.api import GatewayApi
+from skyway.cli.children import Ports
+from skyway.cli.data_folder import DataFolder
+from skyway.cli.databases import database_urls
+from skyway.cli.secrets import read_secret
+from skyway.cli.system import System, running_system
+
+#: What the issue wants of the newest states, seconds.
+LAG_S: Final = 2.0
+
+_STATIONS: Final = 500
+_PROVIDERS: Final = 20
+
+#: Drones at whose rows the probes look.
+_PROBED: Final = 400
+
+#: Wall seconds to send all off, for the last to be in the air, and for the rest to calm down.
+_SEND_OFF_S: Final = 15.0
+_AIRBORNE_WITHIN_S: Final = 60.0
+_SETTLE_S: Final = 15.0
+
+
+@dataclass(frozen=True, slots=True)
+class Fed:
+    """What a window of seconds took of each process, and what was heard and probed in it."""
+
+    usage: CpuReading
+    lasted_s: float
+    memory_mib: Mapping[str, float]
+    airborne: int
+    states: int
+    samples: int
+    lags: Mapping[str, Lag]
+
+
+async def feed(
+    drones: int, *, flying: int, agents: int, seed: int, seconds: float
+) -> tuple[Table, Table]:
+    """Start PostgreSQL, Mosquitto, the services and the agents; have some drones fly; measure."""
+    burst = Burst(
+        storage="production",
+        stations=_STATIONS,
+        drones=drones,
+        providers=_PROVIDERS,
+        rate_per_s=0.0,
+        seconds=seconds,
+        clock_rate=1.0,
+        agents=agents,
+        patience_s=0.0,
+        seed=seed,
+    )
+    with tempfile.TemporaryDirectory(prefix="skyway-fleet-") as name:
+        folder = DataFolder(Path(name))
+        folder.make()
+        with storage_pair("production", folder) as servers:
+            ports = Ports(gateway=0, broker=0)
+            async with running_system(folder, rate=1.0, ports=ports) as system:
+                city = City.of(stations=_STATIONS, seed=seed)
+                began_s = time.monotonic()
+                async with GatewayApi(system.urls["gateway"]) as api:
+                    key = read_secret(folder, "operator_key")
+                    world = await populate(system, api, city, operator_key=key, burst=burst)
+                ready_s = time.monotonic() - began_s
+                pids = _pids(system, (*system.urls, *world.agents)) | servers
+                fed = await _measured(system, pids, flying=flying, burst=burst)
+    return _lags(burst, fed, ready_s=ready_s), _processes(fed)
+
+
+async def _measured(system: System, pids: dict[str, int], *, flying: int, burst: Burst) -> Fed:
+    folder, url = system.folder, os.environ["SKYWAY_MQTT_URL"]
+    crew = _crew(folder, agents=burst.agents)
+    chance = random.Random(burst.seed)
+    probed = [drone.drone_id for drone in chance.sample(crew, min(_PROBED, len(crew)))]
+    # As many of each agent's drones.
+    airborne = [crew[number * len(crew) // flying] for number in range(flying)]
+    password = read_secret(folder, "mqtt_registry")
+    async with hearing(url, password=password) as heard:
+        await send_off(
+            url,
+            airborne,
+            seed=burst.seed,
+            over_s=_SEND_OFF_S,
+            password=read_secret(folder, "mqtt_composition"),
+        )
+        await heard.wait_airborne(flying, within_s=_AIRBORNE_WITHIN_S)
+        await asyncio.sleep(_SETTLE_S)
+        async with probing(await database_urls(folder), probed) as lags:
+            return await _window(pids, heard, lags, seconds=burst.seconds)
+
+
+async def _window(
+    pids: dict[str, int], heard: Heard, lags: dict[str, Lag], *, seconds: float
+) -> Fed:
+    heard.begin()
+    before, began_s = CpuReading.of(pids), time.monotonic()
+    await asyncio.sleep(seconds)
+    return Fed(
+        usage=CpuReading.of(pids).since(before),
+        lasted_s=time.monotonic() - began_s,
+        memory_mib={name: resident_mib(pid) for name, pid in pids.items()},
+        airborne=len(heard.airborne),
+        states=heard.states,
+        samples=heard.samples,
+        lags=lags,
+    )
+
+
+def _crew(folder: DataFolder, *, agents: int) -> tuple[EnrolledDrone, ...]:
+    """All drones, agent by agent, from the files that the agents were started with."""
+    files = [folder.path / f"fleet-{number}.json" for number in range(agents)]
+    return tuple(
+        drone for file in files for drone in read_drones(json.loads(file.read_bytes())["items"])
+    )
+
+
+def _pids(system: System, names: tuple[str, ...]) -> dict[str, int]:
+    found = {name: system.supervisor.pid(name) for name in names}
+    return {name: pid for name, pid in found.items() if pid is not None}
+
+
+def _lags(burst: Burst, fed: Fed, *, ready_s: float) -> Table:
+    lags = {name: sorted(lag.seconds) for name, lag in fed.lags.items()}
+    kept = all(lag and _at(lag, 0.99) < LAG_S for lag in lags.values())
+    before, after = fed.airborne, fed.samples / fed.lasted_s
+    return Table(
+        "fleet-feeding",
+        f"{burst.drones:,} drones in {burst.agents} processes on PostgreSQL and Mosquitto, "
+        f"{fed.airborne:,} in flight, clock rate 1; all AVAILABLE {ready_s:.0f} s after the first "
+        "was registered.",
+        ("lag of the newest", "p50", "p99", "seen"),
+        [
+            (name, *(f"{_at(lag, share):.2f} s" for share in (0.5, 0.99)), f"{len(lag)}")
+            for name, lag in lags.items()
+        ],
+        [
+            f"Telemetry: {before:,} samples/s on board, {after:,.0f}/s sent once thinned "
+            f"({1 - after / max(1, before):.0%} saved); {fed.states / fed.lasted_s:.0f} states/s.",
+            f"Wanted: p99 under {LAG_S:g} s; {'kept' if kept else 'NOT kept'}.",
+        ],
+    )
+
+
+def _processes(fed: Fed) -> Table:
+    rows = [
+        (name, f"{taken_s / fed.lasted_s:.2f}", f"{fed.memory_mib.get(name, 0.0):.0f}" or "")
+        for name, taken_s in fed.usage.seconds.items()
+    ]
+    ours_s = sum(fed.usage.seconds.values())
+    rows.append(("all of ours", f"{ours_s / fed.lasted_s:.2f}", ""))
+    others_s = max(0.0, fed.usage.machine_s - ours_s)
+    rows.append(("probes and everybody else", f"{others_s / fed.lasted_s:.2f}", ""))
+    return Table("fleet-processes", "What each process took.", ("process", "cores", "MiB"), rows)
+
+
+def _at(ordered: list[float], share: float) -> float:
+    return ordered[min(len(ordered) - 1, int(len(ordered) * share))] if ordered else float("nan")
