@@ -130,9 +130,6 @@ class RestPlanner:
         if anchor.station_id not in self.world.skyway.network.stations:
             detail = f"the drone stands at {anchor.station_id!r}, which is no longer in the network"
             return NoTrip("DESTINATION_UNREACHABLE", detail, is_temporary=False)
-        if anchor.soc < self.model.reserve_soc:
-            detail = f"charge {anchor.soc:.3f} is below the reserve {self.model.reserve_soc}"
-            return NoTrip("LOW_CHARGE", detail, is_temporary=False)
         return None
 
     async def _trip(self, anchor: Anchor, aims: tuple[Aim, ...], trouble: Trouble) -> Trip | NoTrip:
@@ -186,7 +183,9 @@ class RestPlanner:
         return staying(plan, start_ms=anchor.at_ms, pad_gap_ms=gap_ms)
 
     def _standing(self, anchor: Anchor) -> Standing:
-        return Standing(self.record.candidate.model, anchor.soc, anchor.station_id)
+        """The drone at the anchor; one below its reserve charges there before anything else."""
+        model = self.record.candidate.model
+        return Standing(model, max(anchor.soc, model.reserve_soc), anchor.station_id)
 
 
 def _as_aimed(record: MissionRecord) -> tuple[Package, ...]:

@@ -5,15 +5,24 @@ from typing import Any
 import pytest
 
 from skyway.contracts.flight_step import DeliverStep, PickUpStep
+from skyway.drone.models import DRONE_MODELS
+from skyway.ids import DroneModelId
+
+KEEPS_A_TENTH = DRONE_MODELS[DroneModelId("paper-scenario")].model_copy(update={"reserve_soc": 0.1})
 
 pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 
 
 async def flown_until(
-    composition: Any, drone: Any, *, failing: int, station_id: str, soc: float = 0.9
+    composition: Any,
+    drone: Any,
+    *candidates: Any,
+    failing: int,
+    station_id: str,
+    soc: float = 0.9,
 ) -> Any:
     """The mission's instruction, after all steps before `failing` ended and that one failed."""
-    await composition.book()
+    await composition.book(*candidates)
     (instruction,) = await composition.sent()
     events = drone.flown(instruction)[: failing - 1]
     drone.event_seq = failing - 1
@@ -212,4 +221,19 @@ async def test_a_drone_that_lost_its_journal_hears_what_it_carries(
     assert [step.kind for step in revision.steps[:2]] == ["PICK_UP", "FLY"]
     kinds = [report.kind for report in await composition.reports()]
     assert kinds[3:] == ["REPLANNING", "REPLANNED", "DELIVERED", "ENDED"]
+    assert await composition.broken() == []
+
+
+async def test_a_drone_that_came_below_its_reserve_charges_where_it_stands_and_goes_on(
+    composition: Any, drone: Any, make: Any
+) -> None:
+    keeps_some = make.candidate(model=KEEPS_A_TENTH)
+    await flown_until(composition, drone, keeps_some, failing=3, station_id="b", soc=0.05)
+
+    await composition.recomposer.step()
+
+    (revision,) = await composition.sent()
+    charge, *onward = revision.steps
+    assert (charge.kind, charge.station_id) == ("RECHARGE", "b")
+    assert [step.package_ids for step in onward if isinstance(step, DeliverStep)] == [("p1",)]
     assert await composition.broken() == []
