@@ -84,14 +84,18 @@ class Guard:
         if self._recorder.is_full:
             self._recorder.make_room()
         assessment = self._lookout.look()
+        situation = situation_of(self._recorder.logbook)
         was_kept = self.takes_off_since is None
-        self.faults = self._watch.take(self._signs(assessment))
+        self.faults = self._watch.take(self._signs(assessment, situation))
         if was_kept and self.takes_off_since is not None:
             self._cleared_at = assessment.at
             self._recorder.tell_watchers()
-        self._tell(assessment)
-        logbook = self._recorder.logbook
-        acting = severest(situation_of(logbook), not_ignored(self.faults, logbook))
+        if self.faults or self._recorder.logbook.faults:
+            self._tell(assessment, situation)
+            self._act(assessment, situation)
+
+    def _act(self, assessment: Assessment, situation: Situation) -> None:
+        acting = severest(situation, not_ignored(self.faults, self._recorder.logbook))
         if acting is not None:
             self._rescue.begin(*acting, assessment)
 
@@ -108,14 +112,16 @@ class Guard:
 
     def _on_the_ground(self) -> set[Failsafe]:
         """What the faults come to once the drone stands, as it may do at any moment."""
+        if not self.faults:
+            return set()
         faults = set(not_ignored(self.faults, self._recorder.logbook)) - _TOLD_LIVE
         return {failsafe_for(Situation.STANDING, fault) for fault in faults}
 
-    def _signs(self, assessment: Assessment) -> Signs:
+    def _signs(self, assessment: Assessment, situation: Situation) -> Signs:
         logbook = self._recorder.logbook
         return Signs(
             assessment=assessment,
-            situation=situation_of(logbook),
+            situation=situation,
             reserve_soc=self._reserve_soc,
             is_link_lost=self._link.not_lost_since is None,
             is_cloud_silent=self._cloud.is_silent,
@@ -123,10 +129,9 @@ class Guard:
             is_expired=logbook.mission is not None and has_expired(logbook.mission),
         )
 
-    def _tell(self, assessment: Assessment) -> None:
+    def _tell(self, assessment: Assessment, situation: Situation) -> None:
         """An alarm when a fault begins to matter, a record when one is over."""
         logbook = self._recorder.logbook
-        situation = situation_of(logbook)
         for fault in logbook.faults:
             if fault not in self.faults:
                 self._recorder.note(FaultEnded(fault=fault))
