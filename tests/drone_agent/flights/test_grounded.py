@@ -1,0 +1,105 @@
+"""Faults that keep a drone on the ground, for as long as they last."""
+
+from dataclasses import replace
+from datetime import datetime
+from typing import Any
+
+import pytest
+from skyway_drone_agent.reading import Reading
+from skyway_drone_agent.simulated_vehicle import SimulatedVehicle
+from skyway_drone_agent.vehicle import Standing, StepRun
+
+#: What the sensors show beside the truth.
+SHOWN: dict[str, Any] = {}
+
+
+class Troubled(SimulatedVehicle):
+    """Its sensors show what the test says."""
+
+    def read(self, doing: StepRun | Standing, at: datetime) -> Reading:
+        return replace(super().read(doing, at), **SHOWN)
+
+
+async def fly(world: Any, cloud: Any, trip: Any) -> None:
+    """On the way to the shop."""
+    SHOWN.clear()
+    world.vehicle_type = Troubled
+    world.clock.rate = 40.0
+    await world.start()
+    await world.send(cloud.mission(trip))
+    await world.pass_until(lambda: bool(world.states) and world.states[-1].activity == "FLYING")
+
+
+def ended(world: Any) -> list[int]:
+    return [event.step_id for event in world.events if event.event == "STEP_ENDED"]
+
+
+@pytest.mark.parametrize(
+    ("trouble", "fault", "stops_before", "failsafe"),
+    [
+        ({"temperature_c": 70.0}, "BATTERY_HOT", 4, "STAY"),
+        ({"has_gps": False}, "GPS_LOST", 6, "LAND_AT_NEXT"),
+        ({"motors_work": False}, "MOTOR_FAILURE", 6, "LAND_AT_NEXT"),
+    ],
+)
+async def test_a_drone_begins_what_it_may_and_the_rest_when_the_fault_is_over(
+    world: Any,
+    cloud: Any,
+    trip: Any,
+    trouble: dict[str, Any],
+    fault: str,
+    stops_before: int,
+    failsafe: str,
+) -> None:
+    await fly(world, cloud, trip)
+    if fault == "BATTERY_HOT":
+        SHOWN.update(trouble)
+    else:
+        await world.pass_until(lambda: world.states[-1].activity == "DELIVERING")
+        SHOWN.update(trouble)
+    await world.pass_time(3 * (trip[-1].planned_end_at - trip[0].planned_start_at))
+
+    assert ended(world) == list(range(1, stops_before))
+    assert (world.states[-1].faults, world.states[-1].failsafe.failsafe) == ((fault,), failsafe)
+
+    over_at = world.clock.now()
+    SHOWN.clear()
+    await world.pass_until(lambda: stops_before in [event.step_id for event in world.events])
+
+    begun = next(event for event in world.events if event.step_id == stops_before)
+    assert begun.started_at >= over_at
+    assert [one.code for one in world.events if one.event == "ALARM"] == [fault]
+
+
+async def test_a_drone_that_cannot_take_off_accepts_no_mission(
+    world: Any, cloud: Any, trip: Any
+) -> None:
+    SHOWN.clear()
+    SHOWN["motors_work"] = False
+    world.vehicle_type = Troubled
+    await world.start()
+
+    await world.send(cloud.mission(trip))
+    assert world.acks[-1].code == "FAILSAFE_ACTIVE"
+    SHOWN.clear()
+    await world.pass_until(lambda: world.states[-1].faults == ())
+    await world.send(cloud.mission(trip))
+
+    assert world.acks[-1].status == "ACCEPTED"
+
+
+async def test_an_override_on_the_ground_lets_the_drone_take_off(
+    world: Any, cloud: Any, trip: Any, steps: Any
+) -> None:
+    await fly(world, cloud, trip)
+    await world.pass_until(lambda: world.states[-1].activity == "DELIVERING")
+    SHOWN["has_gps"] = False
+    await world.pass_until(lambda: "GPS_LOST" in world.states[-1].faults)
+
+    back = steps(at=world.clock.now(), first_step=5)
+    back.fly("shop", "home", length_m=8000, duration_s=500).bring_back("home", "p2")
+    await world.send(cloud.divert(back.made, overrides_failsafe=True))
+    await world.pass_until(lambda: world.is_over)
+
+    # The recharge that the new steps cut, and they.
+    assert ended(world) == [1, 2, 3, 4, 5, 5, 6]
