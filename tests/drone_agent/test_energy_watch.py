@@ -78,16 +78,23 @@ def test_the_next_mission_begins_with_what_the_last_one_showed(leg: Leg) -> None
     assert watch.factor(landed_at) == pytest.approx(before)
 
 
-def test_landings_recharges_and_lost_positions_do_not_count(leg: Leg) -> None:
+def test_a_landing_does_not_count(leg: Leg) -> None:
     watch, landed_at = flown(leg, factor=1.0), leg.step.planned_start_at + timedelta(seconds=480)
     before = watch.factor(landed_at)
-    hovering = on_the_leg(leg, 480, factor=5.0, share=1.0)
+
+    watch.take(on_the_leg(leg, 480, factor=5.0, share=1.0), leg, wind_mps=None)
+    watch.take(on_the_leg(leg, 481, factor=9.0, share=1.0), leg, wind_mps=None)
+
+    assert watch.factor(landed_at) == pytest.approx(before, abs=1e-9)
+
+
+def test_what_is_flown_without_positions_does_not_count(leg: Leg) -> None:
+    watch, landed_at = flown(leg, factor=1.0), leg.step.planned_start_at + timedelta(seconds=480)
+    before = watch.factor(landed_at)
     lost = on_the_leg(leg, 480, factor=5.0, share=0.99)
     blind = {name: getattr(lost, name) for name in Reading.__slots__} | {"has_gps": False}
 
     watch.take(Reading(**blind), leg, wind_mps=None)
-    watch.take(hovering, leg, wind_mps=None)
-    watch.take(on_the_leg(leg, 481, factor=-5.0, share=1.0), None, wind_mps=None)
 
     assert watch.factor(landed_at) == pytest.approx(before, abs=1e-9)
 
