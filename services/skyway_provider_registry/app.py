@@ -4,6 +4,7 @@ import secrets
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import dataclass
+from datetime import timedelta
 from functools import partial
 from pathlib import Path
 from typing import Final
@@ -48,6 +49,9 @@ from skyway_provider_registry.presence.reports import ReportKeeper
 from skyway_provider_registry.presence.routes import presence_routes
 from skyway_provider_registry.providers.routes import provider_routes
 from skyway_provider_registry.settings import RegistrySettings
+from skyway_provider_registry.telemetry.recorder import TelemetryRecorder
+from skyway_provider_registry.telemetry.routes import telemetry_routes
+from skyway_provider_registry.telemetry.thinning.rounds import Keeping, Thinning
 
 SERVICE: Final = "registry"
 PACKAGE: Final = "skyway_provider_registry"
@@ -61,6 +65,9 @@ _PRESENCE_EVERY_S: Final = 0.25
 #: share one, and after a rest nobody waits.
 _REPORTS_EVERY_S: Final = 0.1
 _LOOK_EVERY_S: Final = 0.05
+#: Seconds of wall time between two transactions of telemetry, and between two rounds of thinning.
+_TELEMETRY_EVERY_S: Final = 1.0
+_THINNING_EVERY_S: Final = 600.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,6 +111,7 @@ def registry_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> F
             drone_key_routes(db=db, gate=gate, password_file=password_file),
             enrolment_routes(db=db, gate=gate, password_file=password_file),
             presence_routes(keeper=ReportKeeper(db, clock, Pace(_REPORTS_EVERY_S)), gate=gate),
+            telemetry_routes(db=db, gate=gate),
             candidate_routes(view=FleetView(db, Pace(_LOOK_EVERY_S)), gate=gate, clock=clock),
         ],
         lifespan=lifespan,
@@ -125,19 +133,27 @@ def build_app(settings: RegistrySettings) -> FastAPI:
         password=read_secret(settings.secrets_dir, f"mqtt_{SERVICE}"),
     )
 
+    keeping = Keeping(
+        samples_for=timedelta(hours=settings.telemetry_raw_hours),
+        minutes_for=timedelta(days=settings.telemetry_days),
+    )
+
     @asynccontextmanager
     async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
         await migrate(settings.database_url, PACKAGE)
         async with parts.db, composition, mqtt, Loops() as loops:
             # Before anything else: without its accounts the broker lets nobody in, us included.
             await parts.password_file.refresh()
+            recorder = TelemetryRecorder(parts.db, parts.clock)
             follower = PresenceFollower(
                 mqtt.batches(*PRESENCE_TOPICS),
                 db=parts.db,
                 clock=parts.clock,
                 pause_s=_PRESENCE_EVERY_S,
+                listener=recorder.take,
             )
             loops.start("presence", repeat("presence", follower.step, every_s=1.0))
+            _remember_telemetry(loops, recorder, Thinning(parts.db, parts.clock, keeping))
             loops.start(
                 "password file",
                 repeat("password file", parts.password_file.step, every_s=_REWRITE_EVERY_S),
@@ -193,6 +209,15 @@ def _parts(settings: RegistrySettings, composition: ServiceClient) -> Parts:
             else CertificateAuthority.load(settings.drone_ca_dir)
         ),
     )
+
+
+def _remember_telemetry(loops: Loops, recorder: TelemetryRecorder, thinning: Thinning) -> None:
+    """Write what drones measure, and keep less of it as it grows old."""
+    loops.start(
+        "telemetry",
+        repeat("telemetry", recorder.step, every_s=_TELEMETRY_EVERY_S, wake=recorder.wake),
+    )
+    loops.start("thinning", repeat("thinning", thinning.step, every_s=_THINNING_EVERY_S))
 
 
 async def _sweep(parts: Parts) -> bool:

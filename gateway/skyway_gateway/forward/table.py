@@ -140,6 +140,13 @@ FORWARDED: Final[tuple[Forwarded, ...]] = (
         "Show a drone",
     ),
     Forwarded(
+        "GET",
+        "/v1/providers/{provider_id}/drones/{drone_id}/telemetry",
+        "registry",
+        _FLEETS_OR_DRONE,
+        "Show what a drone measured: samples or minutes, JSON or ?format=geojson",
+    ),
+    Forwarded(
         "PATCH",
         "/v1/providers/{provider_id}/drones/{drone_id}",
         "registry",

@@ -1,10 +1,11 @@
 """Listening to what drones say of themselves: one transaction for all that has arrived."""
 
 import asyncio
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Callable, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Final
 
+from skyway.contracts.drone_report import Telemetry
 from skyway.contracts.topic import Topic
 from skyway.contracts.topics import CONNECTION, STATE, TELEMETRY
 from skyway.ids import DroneId, ProviderId
@@ -19,6 +20,10 @@ from skyway_provider_registry.presence.newest import newest
 #: What drones say of themselves, in the order of their ids {p}, {d}.
 PRESENCE_TOPICS: Final[tuple[Topic[Any], ...]] = (CONNECTION, STATE, TELEMETRY)
 
+#: Whoever else wants to know what registered drones measure; it takes the samples and is done.
+Samples = Sequence[tuple[DroneId, Telemetry]]
+Listener = Callable[[Samples], None]
+
 Batches = AsyncIterator[list[Received[Any]]]  # messages of all three topics
 
 
@@ -30,10 +35,17 @@ class PresenceFollower:
     """
 
     def __init__(
-        self, batches: Batches, *, db: Database, clock: FleetClock, pause_s: float = 0.0
+        self,
+        batches: Batches,
+        *,
+        db: Database,
+        clock: FleetClock,
+        pause_s: float = 0.0,
+        listener: Listener = lambda _samples: None,
     ) -> None:
         self._batches = batches
         self._pause_s = pause_s
+        self._listener = listener
         self._recorder = Recorder(db, clock)
         self._taken: Sequence[Received[Any]] = ()
 
@@ -41,7 +53,7 @@ class PresenceFollower:
         """Keep the next batch; always True, since waiting for it is all the waiting there is."""
         if not self._taken:
             self._taken = await anext(self._batches)
-        await self._recorder.record(self._taken)
+        self._listener(await self._recorder.record(self._taken))
         is_full = len(self._taken) >= BATCH_SIZE
         self._taken = ()
         if not is_full:
@@ -61,8 +73,8 @@ class Recorder:
     clock: FleetClock
     owners: dict[DroneId, ProviderId] = field(default_factory=dict)
 
-    async def record(self, batch: Sequence[Received[Any]]) -> None:
-        """Keep the newest of each drone and topic, in one transaction."""
+    async def record(self, batch: Sequence[Received[Any]]) -> Samples:
+        """Keep the newest of each drone and topic, in one transaction; all samples are returned."""
         await self._find_owners({DroneId(item.ids[1]) for item in batch})
         own = [item for item in batch if self.owners.get(DroneId(item.ids[1])) == item.ids[0]]
         if len(own) < len(batch):
@@ -72,11 +84,11 @@ class Recorder:
                 len(batch) - len(own),
             )
         sightings = newest((DroneId(item.ids[1]), item.message) for item in own)
-        if not sightings:
-            return
-        heard = store.Heard(fleet_at=self.clock.now(), wall_at=self.clock.wall_now())
-        async with self.db.write() as tx:
-            await store.record(tx, sightings, heard)
+        if sightings:
+            heard = store.Heard(fleet_at=self.clock.now(), wall_at=self.clock.wall_now())
+            async with self.db.write() as tx:
+                await store.record(tx, sightings, heard)
+        return [(DroneId(item.ids[1]), item.message) for item in own if item.topic is TELEMETRY]
 
     async def _find_owners(self, drone_ids: set[DroneId]) -> None:
         new = drone_ids - self.owners.keys()

@@ -93,14 +93,10 @@ async def minutes_between(
     return [found[at_ms] for at_ms in sorted(found)[: span.most]]
 
 
-async def has_minutes(connection: AsyncConnection, drone_id: DroneId, span: Span) -> bool:
-    """Whether some of a drone's samples of this time are left as minutes only."""
-    return bool(await _read(connection, _KEPT_MINUTES, drone_id, replace(span, most=1)))
-
-
-async def has_more_samples(connection: AsyncConnection, drone_id: DroneId, span: Span) -> bool:
-    """Whether there are more than `most` samples of a drone of this time."""
-    return bool(await _read(connection, _MORE_SAMPLES, drone_id, span))
+async def has_all_samples(connection: AsyncConnection, drone_id: DroneId, span: Span) -> bool:
+    """Whether no sample of this time was thinned, and there are at most `most`."""
+    thinned = await _read(connection, _KEPT_MINUTES, drone_id, replace(span, most=1))
+    return not (thinned or await _read(connection, _MORE_SAMPLES, drone_id, span))
 
 
 async def _read(

@@ -1,0 +1,1 @@
+"""What is kept of a drone's telemetry, by time: samples or minutes, JSON or GeoJSON."""

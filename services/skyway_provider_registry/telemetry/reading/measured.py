@@ -1,0 +1,74 @@
+"""What a drone measured, as it is shown: one sample, or a minute of them."""
+
+from typing import Annotated
+
+from pydantic import Field
+
+from skyway.contracts.message import FleetMoment, Soc
+from skyway.geo import Position
+from skyway.json_model import JsonModel
+from skyway.units import ms_to_moment
+from skyway_provider_registry.telemetry.store import AnyRow
+
+
+class Spread(JsonModel):
+    """The samples of a minute: how many, and between which values."""
+
+    samples: Annotated[int, Field(ge=1)]
+    min_soc: Soc
+    max_soc: Soc
+    min_power_w: float
+    max_power_w: float
+    min_speed_mps: float
+    max_speed_mps: float
+
+
+class Measured(JsonModel):
+    """A sample; or the minute that begins at `at`, with its means and its last position.
+
+    `spread` is null for a sample; voltage, temperature and range are null for a minute.
+    """
+
+    at: FleetMoment
+    position: Position
+    soc: Soc
+    power_w: float
+    speed_mps: float
+    voltage_v: float | None = None
+    temperature_c: float | None = None
+    range_m: float | None = None
+    spread: Spread | None = None
+
+
+def sample_of(row: AnyRow) -> Measured:
+    """A row of samples."""
+    return Measured.model_construct(
+        at=ms_to_moment(row.at_ms),
+        position=Position(row.longitude_deg, row.latitude_deg),
+        soc=row.soc,
+        power_w=row.power_w,
+        speed_mps=row.speed_mps,
+        voltage_v=row.voltage_v,
+        temperature_c=row.temperature_c,
+        range_m=row.range_m,
+    )
+
+
+def minute_of(row: AnyRow) -> Measured:
+    """A row of minutes."""
+    return Measured.model_construct(
+        at=ms_to_moment(row.at_ms),
+        position=Position(row.longitude_deg, row.latitude_deg),
+        soc=row.soc,
+        power_w=row.power_w,
+        speed_mps=row.speed_mps,
+        spread=Spread.model_construct(
+            samples=row.samples,
+            min_soc=row.min_soc,
+            max_soc=row.max_soc,
+            min_power_w=row.min_power_w,
+            max_power_w=row.max_power_w,
+            min_speed_mps=row.min_speed_mps,
+            max_speed_mps=row.max_speed_mps,
+        ),
+    )

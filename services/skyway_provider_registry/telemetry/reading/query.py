@@ -1,0 +1,70 @@
+"""What may be asked of a drone's telemetry."""
+
+from typing import Annotated, Final, Literal
+
+from pydantic import Field
+
+from skyway.contracts.message import FleetMoment
+from skyway.errors import InvalidInput
+from skyway.runtime.paging import PageQuery
+from skyway.units import moment_to_ms
+from skyway_provider_registry.telemetry.store import MINUTE_MS, Span
+
+Resolution = Literal["raw", "minute"]
+
+#: The longest page; a time with more samples than that is shown by minutes.
+LONGEST_PAGE: Final = 2_000
+_EVER_MS: Final = 2**62
+
+
+class TelemetryQuery(PageQuery):
+    """``?from=&until=&resolution=&format=&limit=&cursor=``; without a time, all that is kept."""
+
+    from_at: Annotated[
+        FleetMoment | None, Field(alias="from", description="the first moment, fleet time")
+    ] = None
+    until_at: Annotated[
+        FleetMoment | None, Field(alias="until", description="before this moment, fleet time")
+    ] = None
+    resolution: Annotated[
+        Literal["raw", "minute", "auto"],
+        Field(description=f"auto: samples if all are kept and there are at most {LONGEST_PAGE}"),
+    ] = "auto"
+    format: Annotated[
+        Literal["json", "geojson"] | None, Field(description="else by the header Accept")
+    ] = None
+    limit: Annotated[int, Field(ge=1, le=LONGEST_PAGE)] = 500
+
+    @property
+    def known_resolution(self) -> Resolution | None:
+        """What is asked for, or what the first page was; None when it is still to be chosen."""
+        if (after := self._after()) is not None:
+            return after[0]
+        return None if self.resolution == "auto" else self.resolution
+
+    def span(self, resolution: Resolution) -> Span:
+        """The rows of this page, and one more."""
+        from_ms = 0 if self.from_at is None else moment_to_ms(self.from_at)
+        until_ms = _EVER_MS if self.until_at is None else moment_to_ms(self.until_at)
+        step_ms = 1
+        if resolution == "minute":
+            # Whole minutes: of half a one the means would be others'.
+            step_ms = MINUTE_MS
+            from_ms -= from_ms % MINUTE_MS
+            until_ms += -until_ms % MINUTE_MS
+        if (after := self._after()) is not None:
+            from_ms = max(from_ms, after[1] + step_ms)
+        return Span(from_ms, until_ms, self.limit + 1)
+
+    def _after(self) -> tuple[Resolution, int] | None:
+        """What the cursor stands after: the resolution of its list, and a row's moment."""
+        after = super().after(str, int)
+        if after is None:
+            return None
+        resolution, at_ms = after
+        if self.resolution in (resolution, "auto") and 0 <= int(at_ms) < _EVER_MS:
+            if resolution == "raw":
+                return "raw", int(at_ms)
+            if resolution == "minute":
+                return "minute", int(at_ms)
+        raise InvalidInput("cursor", "not a cursor of this list")

@@ -1,0 +1,56 @@
+"""Telemetry over REST: a provider reads that of its drones, a drone its own."""
+
+from typing import Annotated, Any, Final
+
+from fastapi import APIRouter, Depends, Header, Query, Response
+from fastapi.responses import JSONResponse
+
+from skyway.ids import DroneId, ProviderId
+from skyway.runtime.database import Database
+from skyway.runtime.identity import Caller, ServiceGate
+from skyway.runtime.paging import Page
+from skyway_provider_registry.fleets import store as fleets
+from skyway_provider_registry.telemetry.reading.geojson import GEOJSON, feature_collection
+from skyway_provider_registry.telemetry.reading.measured import Measured
+from skyway_provider_registry.telemetry.reading.pages import page_of_telemetry
+from skyway_provider_registry.telemetry.reading.query import TelemetryQuery
+
+#: A part of the OpenAPI document.
+_ANSWERS: Final[dict[int | str, dict[str, Any]]] = {
+    200: {"content": {GEOJSON: {"schema": {"type": "object"}}}}
+}
+
+
+class GeoJsonResponse(JSONResponse):
+    """An answer in GeoJSON (RFC 7946)."""
+
+    media_type = GEOJSON
+
+
+def telemetry_routes(*, db: Database, gate: ServiceGate) -> APIRouter:
+    """GET /v1/providers/{provider_id}/drones/{drone_id}/telemetry."""
+    router = APIRouter(tags=["drones"])
+
+    @router.get(
+        "/v1/providers/{provider_id}/drones/{drone_id}/telemetry",
+        response_model=Page[Measured],
+        responses=_ANSWERS,
+    )
+    async def get_telemetry(
+        provider_id: ProviderId,
+        drone_id: DroneId,
+        caller: Annotated[Caller, Depends(gate)],
+        query: Annotated[TelemetryQuery, Query()],
+        accept: Annotated[str, Header()] = "",
+    ) -> Response:
+        """What a drone measured, the oldest first: samples or minutes, as JSON or GeoJSON."""
+        caller.must_be("operator", "provider", "drone")
+        async with db.read() as connection:
+            await fleets.of_caller(connection, caller, provider_id=provider_id, drone_id=drone_id)
+        page = await page_of_telemetry(db, drone_id, query)
+        if query.format == "geojson" or (query.format is None and GEOJSON in accept):
+            return GeoJsonResponse(feature_collection(drone_id, page))
+        # As bytes: FastAPI would check each of thousands of rows again.
+        return Response(page.model_dump_json(), media_type="application/json")
+
+    return router

@@ -1,0 +1,207 @@
+"""A provider reads what its drones measured, a drone what it did itself, nobody else's (I13)."""
+
+from datetime import timedelta
+from typing import Any
+
+import pytest
+
+SECONDS = [f"2026-03-01T12:00:0{second}Z" for second in range(6)]
+
+
+@pytest.fixture
+async def told(history: Any, make_sample: Any) -> Any:
+    """A drone that measured once a second for six seconds."""
+    await history.keeps(*(make_sample(second, soc=0.9 - second / 10) for second in range(6)))
+    return history
+
+
+@pytest.mark.parametrize(
+    ("query", "expected"),
+    [
+        ("", SECONDS),
+        ("from=2026-03-01T12:00:02Z", SECONDS[2:]),
+        ("until=2026-03-01T12:00:02Z", SECONDS[:2]),
+        ("from=2026-03-01T13:00:01%2B01:00&until=2026-03-01T12:00:03Z", SECONDS[1:3]),
+        ("from=2026-03-01T12:00:03Z&until=2026-03-01T12:00:03Z", []),
+        ("from=0001-01-01T00:00:00Z&until=9999-12-31T23:59:59Z", SECONDS),
+        ("resolution=minute", SECONDS[:1]),
+    ],
+)
+async def test_telemetry_is_read_by_time(told: Any, query: str, expected: list[str]) -> None:
+    assert await told.moments(query) == expected
+
+
+@pytest.mark.parametrize("query", ["", "&resolution=raw"])
+async def test_a_long_time_is_read_in_pages(told: Any, query: str) -> None:
+    pages, cursor = [], ""
+    while True:
+        page = await told.asks(f"limit=4{query}{cursor}")
+        pages.append([item["at"] for item in page["items"]])
+        if page["next_cursor"] is None:
+            break
+        cursor = f"&cursor={page['next_cursor']}"
+
+    assert pages == [SECONDS[:4], SECONDS[4:]]
+
+
+async def test_minutes_are_read_in_pages(history: Any, make_sample: Any) -> None:
+    await history.keeps(*(make_sample(20 * number) for number in range(12)))
+
+    first = await history.asks("limit=3&resolution=minute")
+    rest = await history.asks(f"limit=3&resolution=minute&cursor={first['next_cursor']}")
+
+    shown = [(item["at"][14:16], item["spread"]["samples"]) for item in first["items"]]
+    assert shown == [("00", 3), ("01", 3), ("02", 3)]
+    assert [item["at"] for item in rest["items"]] == ["2026-03-01T12:03:00Z"]
+    assert rest["next_cursor"] is None
+
+
+async def test_a_minute_holds_means_extremes_and_the_last_position(
+    history: Any, make_sample: Any
+) -> None:
+    await history.keeps(
+        make_sample(10, soc=0.75, power_w=100.0, speed_mps=0.0, position=(-98.0, 29.0)),
+        make_sample(40, soc=0.25, power_w=400.0, speed_mps=20.0, position=(-98.2, 29.2)),
+        make_sample(30, soc=0.5, power_w=400.0, speed_mps=10.0, position=(-98.1, 29.1)),
+    )
+
+    shown = await history.shows("resolution=minute&from=2026-03-01T12:00:35Z")
+
+    assert shown == [
+        {
+            "at": "2026-03-01T12:00:00Z",
+            "position": [-98.2, 29.2],
+            "soc": 0.5,
+            "power_w": 300.0,
+            "speed_mps": 10.0,
+            "voltage_v": None,
+            "temperature_c": None,
+            "range_m": None,
+            "spread": {
+                "samples": 3,
+                "min_soc": 0.25,
+                "max_soc": 0.75,
+                "min_power_w": 100.0,
+                "max_power_w": 400.0,
+                "min_speed_mps": 0.0,
+                "max_speed_mps": 20.0,
+            },
+        }
+    ]
+
+
+async def test_a_time_with_too_many_samples_is_shown_by_minutes(
+    history: Any, make_sample: Any
+) -> None:
+    await history.keeps(*(make_sample(number / 10) for number in range(2_001)))
+
+    whole = await history.shows()
+    short = await history.shows("until=2026-03-01T12:00:01Z")
+
+    assert [item["spread"]["samples"] for item in whole] == [600, 600, 600, 201]
+    assert len(short) == 10
+
+
+@pytest.mark.parametrize("ask", ["query", "header"])
+async def test_a_map_gets_points_with_times(told: Any, ask: str) -> None:
+    query, accept = ("format=geojson", "*/*") if ask == "query" else ("", "application/geo+json")
+
+    answer = await told.api.client.get(
+        f"{told.path}?limit=1&{query}",
+        headers={"Skyway-Caller": f"provider:{told.provider_id}", "Accept": accept},
+    )
+
+    assert answer.headers["content-type"] == "application/geo+json"
+    collection = answer.json()
+    assert isinstance(collection.pop("next_cursor"), str)
+    assert collection == {
+        "type": "FeatureCollection",
+        "features": [
+            {
+                "type": "Feature",
+                "geometry": {"type": "Point", "coordinates": [-98.0, 29.5]},
+                "properties": {
+                    "drone_id": told.drone_id,
+                    "at": "2026-03-01T12:00:00.000Z",
+                    "soc": 0.9,
+                    "power_w": 600.0,
+                    "speed_mps": 23.0,
+                    "voltage_v": 22.1,
+                },
+            }
+        ],
+    }
+
+
+async def test_a_minute_on_a_map_has_flat_properties(told: Any) -> None:
+    collection = await told.asks("format=geojson&resolution=minute")
+
+    properties = collection["features"][0]["properties"]
+    assert (properties["samples"], properties["max_soc"]) == (6, 0.9)
+    assert all(isinstance(value, (str, int, float)) for value in properties.values())
+
+
+async def test_a_drone_reads_its_own(told: Any) -> None:
+    own = await told.api(f"drone:{told.drone_id}", "GET", told.path)
+
+    assert len(own.json()["items"]) == 6
+
+
+async def test_nobody_reads_anothers(told: Any) -> None:
+    other = await told.api.provider()
+    others_drone = (await told.api.drone(other))["drone_id"]
+    neighbour = (await told.api.drone(told.provider_id))["drone_id"]
+    under_me = told.path.replace(told.provider_id, other)
+
+    answers = [
+        await told.api(f"provider:{other}", "GET", told.path),
+        await told.api(f"provider:{other}", "GET", under_me),
+        await told.api("operator:op", "GET", under_me),
+        await told.api(f"drone:{others_drone}", "GET", told.path),
+        await told.api(f"drone:{neighbour}", "GET", told.path),
+        await told.api("operator:op", "GET", told.path.replace(told.drone_id, "drn_none")),
+    ]
+
+    assert [answer.status_code for answer in answers] == [404] * 6
+
+
+@pytest.mark.parametrize("caller", ["customer:c", None])
+async def test_telemetry_is_no_business_of_customers(told: Any, caller: str | None) -> None:
+    assert (await told.api(caller, "GET", told.path)).status_code == 403
+
+
+async def test_a_removed_drone_is_not_shown(told: Any) -> None:
+    drone = told.path.removesuffix("/telemetry")
+
+    await told.api(f"provider:{told.provider_id}", "DELETE", drone)
+
+    assert (await told.api("operator:op", "GET", told.path)).status_code == 404
+
+
+@pytest.mark.parametrize(
+    ("query", "field"),
+    [
+        ("from=yesterday", "from"),
+        ("until=2026-03-01T12:00:00", "until"),
+        ("resolution=hour", "resolution"),
+        ("limit=2001", "limit"),
+        ("format=xml", "format"),
+        ("cursor=x", "cursor"),
+        ("cursor=WyJob3VyIiwxXQ", "cursor"),  # ["hour", 1]
+        ("cursor=WyJyYXciLC0xXQ", "cursor"),  # ["raw", -1]
+        ("resolution=minute&cursor=WyJyYXciLDFd", "cursor"),  # ["raw", 1]
+        ("since=2026-03-01T12:00:00Z", "since"),
+    ],
+)
+async def test_a_question_that_makes_no_sense_is_refused(told: Any, query: str, field: str) -> None:
+    answer = await told.api(f"provider:{told.provider_id}", "GET", f"{told.path}?{query}")
+
+    assert answer.status_code == 422
+    assert field in {error["field"].split(".")[-1] for error in answer.json()["errors"]}
+
+
+async def test_later_samples_are_asked_for_from_the_last_one(told: Any, make_sample: Any) -> None:
+    told.clock.advance(timedelta(seconds=6))
+    await told.keeps(make_sample())
+
+    assert await told.moments("from=2026-03-01T12:00:05.001Z") == ["2026-03-01T12:00:06Z"]
