@@ -1,0 +1,185 @@
+"""Samples become minutes after a day, minutes go after a month: once, and a piece at a time."""
+
+import asyncio
+from datetime import timedelta
+from typing import Any
+
+import pytest
+from skyway_provider_registry.tables import telemetry_minutes, telemetry_samples
+from skyway_provider_registry.telemetry.thinning.rounds import Keeping, Thinning
+from skyway_provider_registry.telemetry.thinning.store import PIECE
+from sqlalchemy import func, select
+
+from skyway.runtime.clock import ManualClock
+from skyway.runtime.database import Database
+
+KEEPING = Keeping(samples_for=timedelta(hours=24), minutes_for=timedelta(days=30))
+
+
+@pytest.fixture
+def thinning(db: Database, clock: ManualClock) -> Thinning:
+    return Thinning(db, clock, KEEPING, pause_s=0.0)
+
+
+async def whole_round(thinning: Thinning) -> int:
+    """How many drones it went through."""
+    drones = 0
+    while await thinning.step():
+        drones += 1
+    return drones
+
+
+async def kept(db: Database) -> tuple[int, int]:
+    """How many samples and minutes there are."""
+    async with db.read() as connection:
+        counted = [
+            (await connection.execute(select(func.count()).select_from(table))).scalar_one()
+            for table in (telemetry_samples, telemetry_minutes)
+        ]
+    return counted[0], counted[1]
+
+
+async def test_samples_become_minutes_that_say_the_same(
+    history: Any, db: Database, clock: ManualClock, thinning: Thinning, make_sample: Any
+) -> None:
+    await history.keeps(
+        *(make_sample(7 * number, soc=1 - number / 64, power_w=number) for number in range(30))
+    )
+    before = await history.shows("resolution=minute")
+
+    clock.advance(timedelta(hours=23, minutes=59))
+    await whole_round(thinning)
+    early = await kept(db)
+    clock.advance(timedelta(minutes=2))
+    await whole_round(thinning)
+
+    assert (early, await kept(db)) == ((30, 0), (0, 4))
+    assert await history.shows() == before
+    assert await history.shows("resolution=raw") == []
+
+
+async def test_a_minute_is_thinned_when_all_of_it_is_old(
+    history: Any, db: Database, clock: ManualClock, thinning: Thinning, make_sample: Any
+) -> None:
+    await history.keeps(make_sample(0), make_sample(59))
+    clock.advance(timedelta(seconds=65))
+    await history.keeps(make_sample(-2), make_sample(0))
+
+    clock.advance(timedelta(hours=24) - timedelta(seconds=1))
+    await whole_round(thinning)
+    during = await kept(db)
+    clock.advance(timedelta(seconds=2))
+    await whole_round(thinning)
+
+    assert (during, await kept(db)) == ((2, 1), (0, 2))
+    shown = [item["spread"]["samples"] for item in await history.shows()]
+    assert shown == [2, 2]
+
+
+async def test_a_time_of_which_some_is_thinned_is_shown_by_minutes(
+    history: Any, clock: ManualClock, thinning: Thinning, make_sample: Any
+) -> None:
+    await history.keeps(make_sample(0), make_sample(1))
+    clock.advance(timedelta(hours=25))
+    await history.keeps(make_sample(0), make_sample(1))
+    await whole_round(thinning)
+
+    assert await history.moments() == ["2026-03-01T12:00:00Z", "2026-03-02T13:00:00Z"]
+    assert await history.moments("from=2026-03-02T00:00:00Z") == [
+        "2026-03-02T13:00:00Z",
+        "2026-03-02T13:00:01Z",
+    ]
+
+
+async def test_minutes_are_forgotten_after_a_month(
+    history: Any, db: Database, clock: ManualClock, thinning: Thinning, make_sample: Any
+) -> None:
+    await history.keeps(make_sample(0))
+    clock.advance(timedelta(days=29))
+    await history.keeps(make_sample(0))
+    await whole_round(thinning)
+
+    clock.advance(timedelta(days=1, minutes=1))
+    await whole_round(thinning)
+
+    assert await kept(db) == (0, 1)
+    assert await history.moments() == ["2026-03-30T12:00:00Z"]
+
+
+async def test_a_sample_that_comes_after_its_minute_was_thinned_changes_nothing(
+    history: Any, db: Database, clock: ManualClock, thinning: Thinning, make_sample: Any
+) -> None:
+    late = make_sample(30, soc=0.1)
+    await history.keeps(make_sample(0))
+    clock.advance(timedelta(hours=25))
+    await whole_round(thinning)
+    thinned = await history.shows()
+
+    await history.keeps(late)
+    before_it_is_old = await history.shows()
+    clock.advance(timedelta(hours=25))
+    await whole_round(thinning)
+
+    assert before_it_is_old == await history.shows() == thinned
+    assert await kept(db) == (0, 1)
+
+
+@pytest.mark.parametrize("every_s", [1.0, 0.02])
+async def test_much_is_thinned_in_pieces(
+    history: Any,
+    db: Database,
+    clock: ManualClock,
+    thinning: Thinning,
+    make_sample: Any,
+    every_s: float,
+) -> None:
+    samples = 2 * PIECE + PIECE // 2
+    await history.keeps(*(make_sample(every_s * number) for number in range(samples)))
+    clock.advance(timedelta(hours=25))
+
+    await whole_round(thinning)
+
+    shown = await history.shows()
+    assert (await kept(db))[0] == 0
+    assert sum(item["spread"]["samples"] for item in shown) == samples
+    assert len(shown) == -(-samples * every_s // 60)
+
+
+async def test_replicas_thin_a_sample_once(
+    history: Any, db: Database, clock: ManualClock, make_sample: Any
+) -> None:
+    await history.keeps(*(make_sample(5 * number) for number in range(600)))
+    clock.advance(timedelta(hours=25))
+    replicas = [Thinning(db, clock, KEEPING, pause_s=0.0) for _ in range(3)]
+
+    await asyncio.gather(*(whole_round(replica) for replica in replicas))
+
+    assert await kept(db) == (0, 50)
+    assert {item["spread"]["samples"] for item in await history.shows()} == {12}
+
+
+async def test_every_drone_has_its_turn_in_a_round(
+    history: Any, db: Database, clock: ManualClock, thinning: Thinning, make_sample: Any
+) -> None:
+    drone_ids = [(await history.api.drone(history.provider_id))["drone_id"] for _ in range(3)]
+    for history.drone_id in drone_ids:
+        await history.keeps(make_sample())
+    clock.advance(timedelta(hours=25))
+
+    rounds = [await whole_round(thinning) for _ in range(2)]
+
+    assert (rounds, await kept(db)) == ([3, 3], (0, 3))
+
+
+async def test_nothing_is_kept_of_a_drone_that_was_removed(
+    history: Any, db: Database, clock: ManualClock, thinning: Thinning, make_sample: Any
+) -> None:
+    await history.keeps(*(make_sample(number) for number in range(PIECE + 10)))
+    clock.advance(timedelta(hours=25))
+    await whole_round(thinning)
+    await history.keeps(*(make_sample(number) for number in range(PIECE + 10)))
+    await history.api("operator:op", "DELETE", history.path.removesuffix("/telemetry"))
+
+    await whole_round(thinning)
+
+    assert await kept(db) == (0, 0)
