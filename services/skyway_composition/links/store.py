@@ -215,6 +215,21 @@ async def last_revision(tx: Tx, mission_id: MissionId) -> int:
     return found.scalar_one() or 0
 
 
+async def kind_of_revision(tx: Tx, mission_id: MissionId, revision: int) -> str | None:
+    """Which instruction brought this revision of a mission; None when none is known."""
+    found = await tx.execute(
+        select(instructions.c.kind)
+        .where(
+            instructions.c.mission_id == mission_id,
+            instructions.c.mission_revision == revision,
+            instructions.c.kind.in_(("MISSION", "DIVERT", "RETURN_HOME")),
+        )
+        .order_by(instructions.c.stream.desc(), instructions.c.seq.desc())
+        .limit(1)
+    )
+    return found.scalar_one_or_none()
+
+
 async def answer(
     tx: Tx, drone_id: DroneId, instruction_id: InstructionId, status: str
 ) -> SentInstruction | None:

@@ -13,6 +13,7 @@ from skyway_composition.missions import store
 from skyway_composition.missions.beginning import accepted
 from skyway_composition.missions.dispatch import call_off
 from skyway_composition.missions.ending import cancel, refuse
+from skyway_composition.missions.escape import take_failsafe_refusal
 from skyway_composition.missions.failure import wait_for_revision
 from skyway_composition.missions.hold import take_refused_hold
 from skyway_composition.missions.joining import join
@@ -71,6 +72,8 @@ async def _take_answer_to_proposal(
         return
     code = ack.code or RefusalCode.MALFORMED
     log.info("proposal refused", extra={"mission_id": record.mission_id, "code": code})
+    if code is RefusalCode.FAILSAFE_ACTIVE:
+        record = await take_failsafe_refusal(watch, record)
     record = await drop(watch, record)
     is_loading = record.trouble is not None and record.trouble.loaded is not None
     if is_loading and code in _NOT_WITH_THIS_LOAD:

@@ -22,12 +22,12 @@ from skyway.drone.model import DroneModel
 from skyway.ids import PackageId, StationId
 from skyway_composition.missions.closed_ahead import ClosedAhead
 from skyway_composition.missions.prediction import Load, PredictedStep, predict
-from skyway_composition.missions.record import Stuck, Trouble
+from skyway_composition.missions.record import CALLED_HOME, Stuck, Trouble
 from skyway_composition.missions.situation import Situation
 from skyway_composition.missions.whereabouts import Whereabouts, whereabouts
 
 #: Troubles for which a drone turns at the end of the flight that it is on.
-_TURNS_AT_ONCE: Final = ("CALLED_HOME",)
+_TURNS_AT_ONCE: Final = (CALLED_HOME,)
 
 
 @dataclass(frozen=True, slots=True)

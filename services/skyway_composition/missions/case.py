@@ -52,9 +52,16 @@ def trouble_of(record: MissionRecord) -> Trouble | None:
     return Trouble(code=record.stuck.code, detail=record.stuck.detail, land_at=land_at)
 
 
-def may_be_planned(record: MissionRecord, trouble: Trouble) -> bool:
-    """Whether a plan can be made now: not for a drone that is held, or has not answered yet."""
+def may_be_planned(situation: Situation, trouble: Trouble) -> bool:
+    """Whether a plan can be made now.
+
+    Not for a drone that is held, has not answered yet, or is led elsewhere by a failsafe: it would
+    refuse new steps until that is over, unless they override it.
+    """
+    record = situation.record
     if record.mission.state == "BOOKED" or record.proposal is not None:
+        return False
+    if situation.escape is not None and not trouble.overrides_failsafe:
         return False
     return not record.mission.is_held or trouble.land_at is not None
 

@@ -12,7 +12,7 @@ from skyway_composition.missions.prediction import Load, PredictedStep, predict
 from skyway_composition.missions.record import MissionRecord, Trouble
 from skyway_composition.missions.situation import Situation
 from skyway_composition.missions.whereabouts import whereabouts
-from skyway_composition.planning.margins import with_margin
+from skyway_composition.planning.margins import used_more, with_margin
 
 #: Less lateness than this is not worth telling a customer. Our own choice.
 TOLD_LATENESS: Final = timedelta(seconds=60)
@@ -43,10 +43,11 @@ def outlook(situation: Situation, *, now_ms: int) -> Outlook | None:
     for step in situation.planned:
         load = load.after(step) if step.step_id < where.next_step else load
     steps = [each for each in situation.planned if each.step_id >= where.next_step]
-    model = record.candidate.model
-    careful = with_margin(model, record.mission.margins.energy_margin)
+    model, more = record.candidate.model, used_more(situation.consumption_factor)
+    careful = with_margin(model, max(more, record.mission.margins.energy_margin))
+    true = with_margin(model, more) if more else model
     ahead = list(predict(steps, where, model=careful, load=load, now_ms=now_ms))
-    likely = list(predict(steps, where, model=model, load=load, now_ms=now_ms))
+    likely = list(predict(steps, where, model=true, load=load, now_ms=now_ms))
     told = {each.package_id: each.eta_at for each in record.mission.packages}
     etas = tuple(_etas(ahead))
     late_by = max(

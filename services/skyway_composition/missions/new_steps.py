@@ -15,7 +15,7 @@ from skyway_composition.missions.instruct import StepTerms, flight_steps, wait_t
 from skyway_composition.missions.proposal import Revision
 from skyway_composition.missions.record import MissionRecord, Trouble
 from skyway_composition.missions.rest import Rest
-from skyway_composition.missions.revision import next_revision
+from skyway_composition.missions.revision import margins_of, next_revision
 from skyway_composition.networks.prepared import PreparedNetwork
 from skyway_composition.planning.trip import PlacedStep
 
@@ -30,10 +30,11 @@ def revision_of(
     anchor: Anchor,
     trouble: Trouble,
     number: int,
+    energy_margin: float,
     skyway: PreparedNetwork,
     link: DroneLink,
 ) -> Revision:
-    """The mission's revision of this number, with its steps."""
+    """The mission's revision of this number, with its steps, planned with this margin."""
     terms = StepTerms.of(replace(record, aims=rest.aims), skyway.settings)
     if rest.given_up is not None:
         terms = replace(terms, returned=anchor.carried)
@@ -49,9 +50,10 @@ def revision_of(
         # Home and charged: the drone still has to hear that nothing is left, to end it.
         start_ms = rest.trip.start_ms
         steps = (wait_there(anchor.station_id, start_ms, step_id=anchor.first_step),)
-    mission = next_revision(
-        record.mission, rest.trip, revision=number, settings=skyway.settings
-    ).model_copy(update={"given_up": rest.given_up})
+    margins = margins_of(skyway.settings).model_copy(update={"energy_margin": energy_margin})
+    mission = next_revision(record.mission, rest.trip, revision=number, margins=margins).model_copy(
+        update={"given_up": rest.given_up}
+    )
     if trouble.loaded is not None:
         mission = mission.model_copy(update={"loading": "CONFIRMED"})
     return Revision(mission, steps, rest.aims)

@@ -20,7 +20,7 @@ from skyway_composition.missions import store
 from skyway_composition.missions.aiming import turned_back
 from skyway_composition.missions.anchor import Anchor
 from skyway_composition.missions.give_back import give_back
-from skyway_composition.missions.record import Aim, MissionRecord, Proposal, Trouble
+from skyway_composition.missions.record import CALLED_HOME, Aim, MissionRecord, Proposal, Trouble
 from skyway_composition.missions.report import report
 from skyway_composition.missions.trouble import troubled
 from skyway_composition.missions.unmet import unmet_returns
@@ -150,10 +150,16 @@ def _draft(revision: Revision, anchor: Anchor, trouble: Trouble) -> Draft:
         "delivery_id": mission.delivery_id,
         "steps": revision.steps,
     }
-    if trouble.code != "CALLED_HOME" and not anchor.is_divert:
+    is_mission = not anchor.is_divert and not trouble.overrides_failsafe
+    if trouble.code != CALLED_HOME and is_mission:
         return partial(
             MissionInstruction, first_step=anchor.first_step, loaded=trouble.loaded, **common
         )
-    kind = ReturnHomeInstruction if trouble.code == "CALLED_HOME" else DivertInstruction
-    reason = f"{trouble.code}: {trouble.detail}"
-    return partial(kind, last_valid_step=anchor.last_valid_step, reason=reason, **common)
+    kind = ReturnHomeInstruction if trouble.code == CALLED_HOME else DivertInstruction
+    return partial(
+        kind,
+        last_valid_step=anchor.last_valid_step,
+        reason=f"{trouble.code}: {trouble.detail}",
+        overrides_failsafe=trouble.overrides_failsafe,
+        **common,
+    )

@@ -88,7 +88,7 @@ class Recomposer:
             return
         situation, sent_revisions = seen
         record, trouble = situation.record, trouble_of(situation.record)
-        if trouble is None or not may_be_planned(record, trouble):
+        if trouble is None or not may_be_planned(situation, trouble):
             await self._retry_later(record)
             return
         if sent_revisions >= _MOST_REVISIONS:
@@ -164,7 +164,7 @@ class Recomposer:
         return find_anchor(
             case.situation,
             case.trouble,
-            model=with_margin(case.record.candidate.model, settings.energy_margin),
+            model=with_margin(case.record.candidate.model, case.situation.energy_margin(settings)),
             closed=closed,
             now_ms=self._now_ms(),
             earliest_ms=earliest_ms,
@@ -196,6 +196,7 @@ class Recomposer:
             anchor=anchor,
             trouble=case.trouble,
             number=case.sent_revisions + 1,
+            energy_margin=case.situation.energy_margin(case.world.skyway.settings),
             skyway=case.world.skyway,
             link=watch.links[record.drone_id],
         )
@@ -208,8 +209,7 @@ class Recomposer:
 
     async def _retry_later(self, record: MissionRecord) -> None:
         async with self.db.write() as tx:
-            at_wall_ms = moment_to_ms(self.clock.wall_now()) + _RETRY_MS
-            await store.retry_stuck(tx, record.mission_id, at_wall_ms=at_wall_ms)
+            await store.retry_stuck(tx, record.mission_id, at_wall_ms=self._retry_wall_ms)
 
     async def _hold(self, record: MissionRecord, stop: str) -> None:
         async with self.db.write() as tx:
@@ -241,11 +241,20 @@ class Recomposer:
         async with self.db.write() as tx:
             watch = await self._watch(planned.drone_id, tx)
             record = watch.missions.get(planned.drone_id)
-            if record is not None and record.mission_id == planned.mission_id:
-                await give_up(watch, record, code=code, detail=detail)
+            if record is None or record.mission_id != planned.mission_id:
+                return
+            if record.stuck is None and watch.links[record.drone_id].is_gone:
+                # It may begin without having heard: it is asked again, or silent for too long.
+                await store.retry_stuck(tx, record.mission_id, at_wall_ms=self._retry_wall_ms)
+                return
+            await give_up(watch, record, code=code, detail=detail)
 
     async def _watch(self, drone_id: DroneId, tx: Tx) -> Watch:
         return await Watch.over([drone_id], tx=tx, clock=self.clock, mint=self.mint)
+
+    @property
+    def _retry_wall_ms(self) -> int:
+        return moment_to_ms(self.clock.wall_now()) + _RETRY_MS
 
     def _now_ms(self) -> int:
         return moment_to_ms(self.clock.now())

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Literal, TypeVar
+from typing import Final, Literal, TypeVar
 
 from skyway.contracts.candidate import Candidate
 from skyway.contracts.flight_step import FlightStep, PackageOnBoard
@@ -13,6 +13,10 @@ from skyway.ids import DroneId, InstructionId, MissionId, NetworkId, PackageId, 
 from skyway.json_model import JsonModel
 
 _T = TypeVar("_T")
+
+#: The codes of the troubles that an operator's RETURN_HOME and DIVERT are.
+CALLED_HOME: Final = "CALLED_HOME"
+DIVERTED: Final = "DIVERTED"
 
 
 class OccupiedPad(JsonModel):
@@ -42,13 +46,15 @@ class Trouble(JsonModel):
     """Why the plan of a mission does not hold any more, though its drone may still fly by it.
 
     `loaded` is what a loader has confirmed while the drone waits at the pickup; `land_at` is where
-    an operator wants the drone to stand, whatever was planned.
+    an operator wants the drone to stand, whatever was planned. One that `overrides_failsafe` is
+    obeyed whatever the drone does by itself.
     """
 
     code: str
     detail: str
     loaded: tuple[PackageOnBoard, ...] | None = None
     land_at: StationId | None = None
+    overrides_failsafe: bool = False
 
 
 class Aim(JsonModel):
@@ -122,6 +128,10 @@ class MissionRecord:
         """Where a package goes now: to its destination, unless it has another aim."""
         aims = {each.package_id: each.station_id for each in self.aims}
         return aims.get(package.package_id, package.destination.station_id)
+
+    def with_trouble(self, trouble: Trouble) -> "MissionRecord":
+        """The record with another trouble."""
+        return replace(self, trouble=trouble)
 
     def moved_to(self, state: MissionState) -> "MissionRecord":
         """The record in another state of its mission; `states` says which are allowed."""

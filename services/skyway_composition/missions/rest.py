@@ -14,7 +14,7 @@ from skyway_composition.missions.aiming import aims_to_try
 from skyway_composition.missions.anchor import Anchor
 from skyway_composition.missions.closed_ahead import ClosedAhead
 from skyway_composition.missions.landing import LandingSearch
-from skyway_composition.missions.record import Aim, MissionRecord, Trouble
+from skyway_composition.missions.record import CALLED_HOME, Aim, MissionRecord, Trouble
 from skyway_composition.missions.safe_landing import (
     by_way_of,
     leaving_behind,
@@ -66,7 +66,11 @@ class RestPlanner:
     @property
     def model(self) -> DroneModel:
         """The drone's model with the margin that flights are planned with."""
-        return with_margin(self.record.candidate.model, self.world.skyway.settings.energy_margin)
+        return with_margin(self.record.candidate.model, self._energy_margin)
+
+    @property
+    def _energy_margin(self) -> float:
+        return self.situation.energy_margin(self.world.skyway.settings)
 
     async def plan(self, anchor: Anchor, trouble: Trouble) -> Rest | NoTrip:
         """The rest from this anchor; no trip when the drone had best stay where it is.
@@ -141,7 +145,7 @@ class RestPlanner:
             aimed = replace(record, aims=aims)
             loads = [Load(each, aimed.aim_of(each)) for each in record.packages(anchor.carried)]
             problem = onward_problem(self.world, drone, loads=loads, start_ms=start_ms)
-        elif anchor.has_loaded or trouble.code == "CALLED_HOME":
+        elif anchor.has_loaded or trouble.code == CALLED_HOME:
             return await way_home(
                 self.solver,
                 self.world,
@@ -185,7 +189,8 @@ class RestPlanner:
     def _standing(self, anchor: Anchor) -> Standing:
         """The drone at the anchor; one below its reserve charges there before anything else."""
         model = self.record.candidate.model
-        return Standing(model, max(anchor.soc, model.reserve_soc), anchor.station_id)
+        soc = max(anchor.soc, model.reserve_soc)
+        return Standing(model, soc, anchor.station_id, self._energy_margin)
 
 
 def _as_aimed(record: MissionRecord) -> tuple[Package, ...]:

@@ -72,9 +72,7 @@ def margins_of(settings: NetworkSettings) -> Margins:
     )
 
 
-def next_revision(
-    mission: Mission, trip: Trip, *, revision: int, settings: NetworkSettings
-) -> Mission:
+def next_revision(mission: Mission, trip: Trip, *, revision: int, margins: Margins) -> Mission:
     """The mission once this trip replaces what was left of its plan; the price stays."""
     start_at = ms_to_moment(trip.start_ms)
     fresh = {eta.package_id: eta for eta in _etas(trip.plan, start_at)}
@@ -87,7 +85,7 @@ def next_revision(
             "plan": trip.plan,
             "home_plan": trip.home_plan,
             "home_recharge": trip.home_recharge,
-            "margins": margins_of(settings),
+            "margins": margins,
             "given_up": None,
         }
     )

@@ -4,14 +4,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Self
 
+from skyway.contracts.drone_health import ActiveFailsafe
 from skyway.contracts.flight_step import FlightStep, PickUpStep
 from skyway.ids import PackageId
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions import store
 from skyway_composition.missions.custody import Held, delivered, on_board
+from skyway_composition.missions.escape import escape_of
 from skyway_composition.missions.record import MissionRecord
 from skyway_composition.missions.step_record import StepRecord
 from skyway_composition.missions.watch import Watch
+from skyway_composition.networks.settings import NetworkSettings
+from skyway_composition.planning.margins import planned_more
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,6 +67,21 @@ class Situation:
         return any(
             isinstance(each.step, PickUpStep) and each.status == "ENDED" for each in self.steps
         )
+
+    @property
+    def escape(self) -> ActiveFailsafe | None:
+        """The failsafe that leads the drone elsewhere now; None when it does as planned."""
+        return escape_of(self.record, self.link.state)
+
+    @property
+    def consumption_factor(self) -> float:
+        """What the drone uses against what its model says, as it last said; 1 before it has."""
+        state = self.link.state
+        return 1.0 if state is None or state.health is None else state.health.consumption_factor
+
+    def energy_margin(self, settings: NetworkSettings) -> float:
+        """What flights are planned to take more than the drone's model says, as a share."""
+        return max(settings.energy_margin, planned_more(self.consumption_factor))
 
     @property
     def needs_pad_closed(self) -> bool:

@@ -21,11 +21,15 @@ _NOTHING = PackageId("home")
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """A drone on the ground, able to start; its model is the true one, without margin."""
+    """A drone on the ground, able to start; its model is the true one, without margin.
+
+    It is planned for with its own `energy_margin`, if that is more than its network's.
+    """
 
     model: DroneModel
     soc: float
     station_id: StationId
+    energy_margin: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,8 +119,9 @@ def home_problem(
 
 
 def with_margins(world: World, drone: Standing) -> Standing:
-    """The drone as problems have it: with the margin of its network."""
-    return replace(drone, model=with_margin(drone.model, world.skyway.settings.energy_margin))
+    """The drone as problems have it: with the margin of its network, or more if it needs more."""
+    margin = max(world.skyway.settings.energy_margin, drone.energy_margin)
+    return replace(drone, model=with_margin(drone.model, margin))
 
 
 def _flight_to(

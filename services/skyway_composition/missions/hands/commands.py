@@ -5,6 +5,7 @@ from typing import Annotated, Final, Literal, Self
 
 from pydantic import Field, model_validator
 
+from skyway.contracts.drone_health import ActiveFailsafe
 from skyway.errors import InvalidInput
 from skyway.ids import InstructionId, MissionId, StationId
 from skyway.json_model import JsonModel
@@ -13,13 +14,16 @@ from skyway.runtime.database import Database
 from skyway.runtime.errors import Conflict
 from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
+from skyway_composition.links.link import DroneLink
+from skyway_composition.links.store import kind_of_revision
 from skyway_composition.missions import store as mission_store
 from skyway_composition.missions.custody import on_board
+from skyway_composition.missions.escape import escape_of
 from skyway_composition.missions.hands.recall import is_being_loaded
 from skyway_composition.missions.hands.stop_packages import bring_back, stop_packages
 from skyway_composition.missions.hands.under_hand import mission_under_hand
 from skyway_composition.missions.hold import held, hold, resume
-from skyway_composition.missions.record import MissionRecord, Trouble
+from skyway_composition.missions.record import CALLED_HOME, DIVERTED, MissionRecord, Trouble
 from skyway_composition.missions.trouble import troubled
 from skyway_composition.missions.watch import Watch
 from skyway_composition.networks.store import network_of
@@ -31,25 +35,36 @@ _CANCELLED_BY_OPERATOR: Final = "CANCELLED_BY_OPERATOR"
 
 
 class Command(JsonModel):
-    """What a mission's drone is to do; `station_id` says where a DIVERT lands."""
+    """What a mission's drone is to do; `station_id` says where a DIVERT lands.
+
+    A DIVERT or RETURN_HOME may override what the drone does by itself, and the faults behind it for
+    the rest of the mission; landing at once because no landing can be reached is never overridden.
+    """
 
     command: CommandName
     station_id: StationId | None = None
     reason: Annotated[str, Field(min_length=1, max_length=500)]
+    overrides_failsafe: bool = False
 
     @model_validator(mode="after")
     def _says_where(self) -> Self:
         if (self.command == "DIVERT") != (self.station_id is not None):
             raise ValueError("station_id belongs to DIVERT, and to nothing else")
+        if self.overrides_failsafe and self.command not in ("DIVERT", "RETURN_HOME"):
+            raise ValueError("overrides_failsafe belongs to DIVERT and RETURN_HOME")
         return self
 
 
 class CommandAnswer(JsonModel):
-    """What was understood; without `instruction_id` the drone hears of it with its next plan."""
+    """What was understood; without `instruction_id` the drone hears of it with its next plan.
+
+    That waits until a failsafe that leads the drone elsewhere is over: `waits_for`.
+    """
 
     mission_id: MissionId
     command: CommandName
     instruction_id: InstructionId | None = None
+    waits_for: ActiveFailsafe | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,7 +84,8 @@ class Commands:
         NotFound
             There is no such mission.
         Conflict
-            MISSION_OVER, ALREADY_HELD, NOT_HELD, BEING_LOADED, NOTHING_ON_BOARD, TOO_LATE.
+            MISSION_OVER, ALREADY_HELD, NOT_HELD, BEING_LOADED, NOTHING_ON_BOARD, TOO_LATE,
+            ALREADY_CALLED_HOME.
         InvalidInput
             The station is not in the mission's network.
         """
@@ -80,8 +96,19 @@ class Commands:
             instruction_id = await _obeyed(watch, record, command)
             tx.after_commit(self.stuck.set)
         return CommandAnswer(
-            mission_id=mission_id, command=command.command, instruction_id=instruction_id
+            mission_id=mission_id,
+            command=command.command,
+            instruction_id=instruction_id,
+            waits_for=_obstacle(command, record, watch.links[record.drone_id]),
         )
+
+
+def _obstacle(command: Command, record: MissionRecord, link: DroneLink) -> ActiveFailsafe | None:
+    """The failsafe that goes before this command; None when nothing does."""
+    brings_steps = command.command in ("DIVERT", "RETURN_HOME", "CANCEL")
+    if command.overrides_failsafe or not brings_steps:
+        return None
+    return escape_of(record, link.state)
 
 
 async def _obeyed(watch: Watch, record: MissionRecord, command: Command) -> InstructionId | None:
@@ -92,7 +119,7 @@ async def _obeyed(watch: Watch, record: MissionRecord, command: Command) -> Inst
         case "RESUME":
             return await _resume(watch, record, reason)
         case "RETURN_HOME":
-            await _return_home(watch, record, reason)
+            await _return_home(watch, record, command)
         case "CANCEL":
             await _cancel(watch, record, reason)
         case "DIVERT":
@@ -135,13 +162,19 @@ async def _divert(watch: Watch, record: MissionRecord, command: Command) -> Inst
     record = held(record, is_held=True)
     await watch.keep(record)
     instruction_id = await hold(watch, record, reason=reason)
-    trouble = Trouble(code="DIVERTED", detail=reason, land_at=station_id)
+    trouble = Trouble(
+        code=DIVERTED,
+        detail=reason,
+        land_at=station_id,
+        overrides_failsafe=command.overrides_failsafe,
+    )
     await troubled(watch, record, trouble)
     return instruction_id
 
 
-async def _return_home(watch: Watch, record: MissionRecord, reason: str) -> None:
+async def _return_home(watch: Watch, record: MissionRecord, command: Command) -> None:
     """Bring back what is on board; an empty drone goes home anyway, or is cancelled."""
+    reason = command.reason
     carried = on_board(
         await mission_store.held_packages(watch.tx.connection, record.mission.delivery_id)
     )
@@ -151,7 +184,21 @@ async def _return_home(watch: Watch, record: MissionRecord, reason: str) -> None
         raise Conflict("NOTHING_ON_BOARD", detail)
     if record.mission.is_held:
         raise Conflict("HELD", f"{record.mission_id} is held: resume it first")
-    await bring_back(watch, record, own, code="CALLED_HOME", detail=reason)
+    if not command.overrides_failsafe and await _is_called_home(watch, record):
+        raise Conflict("ALREADY_CALLED_HOME", f"{record.mission_id} is on its way home")
+    record = await bring_back(watch, record, own, code=CALLED_HOME, detail=reason)
+    if command.overrides_failsafe:
+        trouble = Trouble(code=CALLED_HOME, detail=reason, overrides_failsafe=True)
+        await troubled(watch, record, trouble)
+
+
+async def _is_called_home(watch: Watch, record: MissionRecord) -> bool:
+    """Whether it flies by such a plan, has one proposed, or one is looked for."""
+    mission, proposal, trouble = record.mission, record.proposal, record.trouble
+    if CALLED_HOME in (proposal and proposal.code, trouble and trouble.code):
+        return True
+    kind = await kind_of_revision(watch.tx, mission.mission_id, mission.revision)
+    return kind == "RETURN_HOME" and proposal is None and trouble is None
 
 
 async def _cancel(watch: Watch, record: MissionRecord, reason: str) -> None:

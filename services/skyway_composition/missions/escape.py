@@ -1,0 +1,50 @@
+"""Escapes: what a drone does by itself instead of its plan, and will not be told out of."""
+
+from typing import Final
+
+from skyway.contracts.drone_health import ActiveFailsafe, Failsafe
+from skyway.contracts.drone_report import DroneState
+from skyway_composition.missions.mission_alarm import raise_alarm
+from skyway_composition.missions.record import CALLED_HOME, DIVERTED, MissionRecord
+from skyway_composition.missions.watch import Watch
+
+#: While one of these acts a drone refuses new steps, unless they override it.
+_ESCAPES: Final = (Failsafe.DIVERT, Failsafe.LAND_NOW)
+
+#: Troubles that are operators' wishes: they are told when a drone does not do as they wish.
+_WISHES: Final = (CALLED_HOME, DIVERTED)
+
+
+def escape_of(record: MissionRecord, state: DroneState | None) -> ActiveFailsafe | None:
+    """The failsafe that leads a mission's drone elsewhere; None while it does as it was told."""
+    if record.stuck is not None or state is None or state.failsafe is None:
+        return None
+    is_of_this = state.mission_id == record.mission_id
+    return state.failsafe if is_of_this and state.failsafe.failsafe in _ESCAPES else None
+
+
+async def take_failsafe_refusal(watch: Watch, record: MissionRecord) -> MissionRecord:
+    """The record of a mission whose drone's failsafe went before its new plan.
+
+    The plan is made once that is over; an operator whose wish it was is told. What the drone did
+    not let override its failsafe does not try that again.
+    """
+    trouble = record.trouble
+    if trouble is None:
+        return record
+    if trouble.code in _WISHES:
+        escape = escape_of(record, watch.links[record.drone_id].state)
+        acting = "a failsafe" if escape is None else f"{escape.failsafe} for {escape.fault}"
+        hint = "nothing overrides this" if trouble.overrides_failsafe else "unless overridden"
+        await raise_alarm(
+            watch,
+            record,
+            level="WARNING",
+            code="FAILSAFE_ACTIVE",
+            detail=(
+                f"the drone did not take {trouble.code} ({trouble.detail}): {acting} is under way; "
+                f"it is told again when that is over, {hint}"
+            ),
+            data={} if escape is None else escape.model_dump(mode="json"),
+        )
+    return record.with_trouble(trouble.model_copy(update={"overrides_failsafe": False}))
