@@ -94,7 +94,7 @@ def in_order_of_danger(faults: Iterable[Fault]) -> tuple[Fault, ...]:
 def not_ignored(faults: Iterable[Fault], logbook: Logbook) -> tuple[Fault, ...]:
     """The faults that people have not told the drone to ignore in this mission."""
     ignored = logbook.mission.ignored_faults if logbook.mission else ()
-    return tuple(fault for fault in faults if fault is NEVER_OVERRIDDEN or fault not in ignored)
+    return tuple(fault for fault in faults if fault not in ignored)
 
 
 def situation_of(logbook: Logbook) -> Situation:

@@ -5,6 +5,7 @@ from datetime import datetime
 from typing import Any
 
 import pytest
+from skyway_drone_agent.disturbances import Disturbances, Drift
 from skyway_drone_agent.reading import Reading
 from skyway_drone_agent.simulated_vehicle import SimulatedVehicle
 from skyway_drone_agent.vehicle import Standing, StepRun
@@ -103,3 +104,32 @@ async def test_an_override_on_the_ground_lets_the_drone_take_off(
 
     # The recharge that the new steps cut, and they.
     assert ended(world) == [1, 2, 3, 4, 5, 5, 6]
+
+
+async def test_a_landing_on_the_spot_is_begun_once_however_long_the_fault_lasts(
+    world: Any, cloud: Any, trip: Any
+) -> None:
+    await fly(world, cloud, trip)
+
+    SHOWN["motors_work"] = False
+    await world.pass_until(lambda: world.states[-1].activity == "DOWN")
+
+    assert world.trace.count("journal FAILSAFE") == 1
+    assert world.events[-1].code == "MOTOR_FAILURE"
+
+
+async def test_after_a_failed_flight_nothing_behind_it_is_released_any_more(
+    world: Any, cloud: Any, trip: Any, steps: Any
+) -> None:
+    world.disturbances = Disturbances(drift=Drift(share=1.0, after_s=60, most_m=900))
+    await fly(world, cloud, trip)
+    assert world.states[-1].released_through == 3
+
+    await world.pass_until(lambda: world.events[-1].event == "STEP_FAILED")
+    assert (world.events[-1].code, world.events[-1].step_id) == ("GEOFENCE", 2)
+
+    home = steps(at=world.clock.now(), first_step=3).bring_back("home", "p1", "p2")
+    await world.send(cloud.mission(home.made, revision=2))
+    await world.pass_until(lambda: world.is_over)
+
+    assert world.acks[-1].status == "ACCEPTED"

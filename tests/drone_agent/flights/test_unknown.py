@@ -99,3 +99,15 @@ async def test_what_was_not_done_is_gone_on_with(world: Any, cloud: Any, trip: A
 
     delivered = world.events[3]
     assert delivered.ended_at - delivered.started_at == timedelta(seconds=30)
+
+
+async def test_what_a_loader_confirms_is_waited_for_whatever_the_vehicle_knows(
+    world: Any, cloud: Any, steps: Any
+) -> None:
+    world.vehicle_type = Mindful
+    trip = steps().pick_up("home", awaits_confirmation=True, p1=1.0)
+    trip.fly("home", "shop", length_m=6000, duration_s=430).deliver("shop", "p1")
+    await die_in(world, cloud, trip.made, "LOADING")
+    await world.pass_time(timedelta(hours=3))
+
+    assert (world.events, world.states[-1].activity) == ([], "LOADING")
