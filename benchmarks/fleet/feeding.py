@@ -148,6 +148,7 @@ def _lags(burst: Burst, fed: Fed, *, ready_s: float) -> Table:
     lags = {name: sorted(lag.seconds) for name, lag in fed.lags.items()}
     kept = all(lag and _at(lag, 0.99) < LAG_S for lag in lags.values())
     before, after = fed.airborne, fed.samples / fed.lasted_s
+    saved = 1 - after / max(1, before)
     return Table(
         "fleet-feeding",
         f"{burst.drones:,} drones in {burst.agents} processes on PostgreSQL and Mosquitto, "
@@ -159,16 +160,17 @@ def _lags(burst: Burst, fed: Fed, *, ready_s: float) -> Table:
             for name, lag in lags.items()
         ],
         [
-            f"Telemetry: {before:,} samples/s on board, {after:,.0f}/s sent once thinned "
-            f"({1 - after / max(1, before):.0%} saved); {fed.states / fed.lasted_s:.0f} states/s.",
+            f"Telemetry: {before:,} samples/s, thinned to {after:,.0f}/s: {saved:.0%} less.",
+            f"States: {fed.states / fed.lasted_s:.0f}/s.",
             f"Wanted: p99 under {LAG_S:g} s; {'kept' if kept else 'NOT kept'}.",
         ],
     )
 
 
 def _processes(fed: Fed) -> Table:
-    rows = [
-        (name, f"{taken_s / fed.lasted_s:.2f}", f"{fed.memory_mib.get(name, 0.0):.0f}" or "")
+    memory = {name: f"{mib:.0f}" for name, mib in fed.memory_mib.items()}
+    rows: list[tuple[str, ...]] = [
+        (name, f"{taken_s / fed.lasted_s:.2f}", memory.get(name, ""))
         for name, taken_s in fed.usage.seconds.items()
     ]
     ours_s = sum(fed.usage.seconds.values())

@@ -24,7 +24,8 @@ _REGISTRY_SAMPLES: Final = """
 _COMPOSITION_STATES: Final = """
     SELECT drone_id, (said->>'session') || '/' || (said->>'seq') AS place,
         extract(epoch FROM (said->>'at')::timestamptz) * 1000 AS at_ms
-    FROM (SELECT drone_id, state::json AS said FROM drone_links WHERE drone_id = ANY($1::text[])) AS l
+    FROM (SELECT drone_id, state::json AS said FROM drone_links) AS links
+    WHERE drone_id = ANY($1::text[])
 """
 
 #: What is asked of which database, by the name under which it is printed.
