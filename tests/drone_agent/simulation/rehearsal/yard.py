@@ -1,0 +1,279 @@
+"""The real world of a rehearsal: where the drone and its packages truly are, whoever crashes.
+
+A step that has begun goes on by physics, whether the agent's process lives or not; so a second
+hand-over, a package from nowhere or a battery that fills by itself shows, whatever journals say.
+"""
+
+from collections.abc import Iterable
+from datetime import datetime, timedelta
+
+from rehearsal.disk import Disk
+from rehearsal.findings import Findings
+from rehearsal.places import DRONE, MODEL
+from rehearsal.plan import leg_j
+from rehearsal.virtual_time import VirtualClock
+from skyway_drone_agent.disturbances import Disturbances
+from skyway_drone_agent.records import EventRecorded, FailsafeBegun, FaultEnded
+from skyway_drone_agent.simulated_physics import Physics
+from skyway_drone_agent.simulated_vehicle import SimulatedVehicle
+from skyway_drone_agent.vehicle import Outcome, StepRun, run_under_way
+
+from skyway.contracts.flight_step import (
+    DeliverStep,
+    FlightStep,
+    FlyStep,
+    PickUpStep,
+    RechargeStep,
+    ReturnStep,
+)
+from skyway.geo import distance_m
+
+#: Rounding of a charge.
+_SOC_ROUNDING = 1e-6
+
+#: Charge below the reserve at which a failsafe must have acted: the estimate may err so much.
+_UNSEEN_SOC = 0.02
+
+#: What the drone says of its own accord when its battery is low.
+_BATTERY_FAULTS = ("BATTERY_LOW", "BATTERY_SHORT", "BATTERY_EMPTY")
+
+
+class Yard:
+    """The drone and its packages."""
+
+    def __init__(
+        self, disturbances: Disturbances, clock: VirtualClock, disk: Disk, findings: Findings
+    ) -> None:
+        self.physics = Physics(MODEL, disturbances, drone_id=DRONE.drone_id)
+        self._clock = clock
+        self._disk = disk
+        self._findings = findings
+        #: What a fault must last, and the time between two looks of the guard.
+        self._notice = timedelta(seconds=5.0 + max(1.0, 0.25 * clock.rate))
+        #: "drone", or "DELIVER" and "RETURN" at a station; what is not here lies at its pickup.
+        self.places: dict[str, str] = {}
+        self.doing: StepRun | None = None
+        self.kinds_begun: list[str] = []
+        #: What a power cut on a full disk has made the agent forget.
+        self.is_forgetful = False
+        self._has_effect = False
+        self._lands_at: datetime | None = None
+        self._hand_overs: dict[int, tuple[str, ...]] = {}
+
+    def begin(self, run: StepRun, *, lands_here: bool = False) -> None:
+        """The agent has the drone do this, or go on with it."""
+        self.settle()
+        before = self.doing
+        if before is None or _key(before) != _key(run):
+            self._check_beginning(before, run)
+            self.kinds_begun.append(run.step.kind)
+            self._has_effect = False
+        self.doing = run
+        if lands_here:
+            self._lands_at = self._clock.now()
+
+    def settle(self) -> None:
+        """Let happen what has happened by now."""
+        run = self.doing
+        if run is None or self._has_effect or _awaits_confirmation(run.step):
+            return
+        outcome = self.physics.outcome_of(run)
+        if outcome.ended_at <= self._clock.now():
+            self._has_effect = True
+            if not outcome.has_failed:
+                self._hand_over(run.step)
+
+    def cut(self, step_id: int) -> None:
+        """A step was called off before its end: nothing has changed hands."""
+        run = self.doing
+        if run is not None and run.step.step_id == step_id and isinstance(run.step, PickUpStep):
+            if self._has_effect and not _awaits_confirmation(run.step):
+                for package in run.step.packages:
+                    self.places.pop(package.package_id, None)
+            self._has_effect = True
+
+    def end(self) -> None:
+        """The story is over."""
+        self.settle()
+        if isinstance(self.doing and self.doing.step, FlyStep):
+            self._check_charge(self.doing, until=self._clock.now())
+
+    def was_begun(self, run: StepRun) -> bool:
+        """Whether the drone has truly begun this, or only its journal says so."""
+        if self.doing is None or _key(self.doing) != _key(run):
+            return False
+        # A loader may have said what is on board just before the power failed.
+        self.doing = run
+        self.settle()
+        return True
+
+    def _hand_over(self, step: FlightStep) -> None:
+        match step:
+            case PickUpStep():
+                package_ids = tuple(one.package_id for one in step.packages)
+                self._change_hands(step, package_ids, source=None, target="drone")
+            case DeliverStep() | ReturnStep():
+                self._change_hands(step, step.package_ids, source="drone", target=step.kind)
+
+    def _change_hands(
+        self, step: FlightStep, package_ids: Iterable[str], *, source: str | None, target: str
+    ) -> None:
+        """Nothing is handed over that is not there, unless the cloud was told that this may be."""
+        self._hand_overs[step.step_id] = tuple(package_ids)
+        for package_id in package_ids:
+            where = self.places.get(package_id)
+            if where == source:
+                self.places[package_id] = target
+            else:
+                self._findings.expect(
+                    package_id in self._unknown(),
+                    "I6: handed over, but it was not there",
+                    (package_id, where, step.kind, step.step_id),
+                )
+
+    def _unknown(self) -> set[str]:
+        """Packages of which the drone has said that it cannot know whether it handed them over."""
+        return {
+            package_id
+            for one in self._disk.records
+            if isinstance(one, EventRecorded) and one.event.code == "UNKNOWN"
+            for package_id in self._hand_overs.get(one.event.step_id or 0, ())
+        }
+
+    # What must hold whenever something begins
+
+    def _check_beginning(self, before: StepRun | None, run: StepRun) -> None:
+        is_airborne = self._disk.kept.is_airborne
+        if not is_airborne:
+            known = run_under_way(self._disk.kept)
+            self._findings.expect(
+                known is not None and _key(known) == _key(run),
+                "I7: begun before it was in the journal",
+                (run.step.step_id, known),
+            )
+        if before is not None:
+            self._check_continuity(before, run)
+            if isinstance(before.step, FlyStep):
+                self._check_charge(before, until=run.started_at)
+        if isinstance(run.step, FlyStep) and not (
+            before is not None and isinstance(before.step, FlyStep) and self._is_flying(before, run)
+        ):
+            self._check_take_off(run)
+
+    def _is_flying(self, before: StepRun, run: StepRun) -> bool:
+        assert isinstance(before.step, FlyStep)
+        return not before.step.lands or run.step.step_id == before.step.step_id
+
+    def _check_continuity(self, before: StepRun, run: StepRun) -> None:
+        """Nobody fills a battery, or carries a drone elsewhere, behind our backs."""
+        if self.is_forgetful or self._lands_at is not None:
+            return
+        outcome = self.physics.outcome_of(before)
+        sample = self.physics.sample(before, min(run.started_at, outcome.ended_at))
+        soc, position = sample.soc, sample.position
+        if outcome.ended_at <= run.started_at:
+            soc = outcome.soc
+            if isinstance(before.step, FlyStep):
+                position = before.step.to_position
+        is_charge_right = run.soc <= soc + _SOC_ROUNDING
+        if isinstance(before.step, RechargeStep):
+            is_charge_right = is_charge_right and run.soc >= before.soc - _SOC_ROUNDING
+        else:
+            is_charge_right = is_charge_right and run.soc >= soc - _SOC_ROUNDING
+        detail = (before.step.step_id, before.step.kind, run.step.step_id, run.step.kind)
+        self._findings.expect(is_charge_right, "charge from nowhere", (*detail, soc, run.soc))
+        off_m = distance_m(position, run.position)
+        self._findings.expect(off_m < 1.0, "teleported", (*detail, off_m))
+
+    def _check_take_off(self, run: StepRun) -> None:
+        mission = self._disk.kept.mission
+        if mission is None:
+            return
+        need_j, load = 0.0, {one.package_id: one.mass_kg for one in self._disk.kept.packages}
+        for step in mission.steps:
+            match step:
+                case RechargeStep():
+                    break
+                case DeliverStep() | ReturnStep():
+                    load = {key: kg for key, kg in load.items() if key not in step.package_ids}
+                case FlyStep():
+                    load_kg = sum(load.values())
+                    need_j += leg_j(step.from_id, step.to_id, load_kg=load_kg, lands=step.lands)
+        soc = run.soc - need_j / MODEL.battery_j
+        self._findings.expect(
+            soc >= MODEL.reserve_soc - 1e-4,
+            "I10: took off with a plan below the reserve",
+            (run.step.step_id, run.soc, soc),
+        )
+
+    def _check_charge(self, flight: StepRun, *, until: datetime) -> None:
+        """Below the reserve in the air only if a failsafe had acted by then."""
+        limit = MODEL.reserve_soc - _UNSEEN_SOC
+        over_at = min(until, self.physics.outcome_of(flight).ended_at)
+        if self._soc(flight, over_at) >= limit or self._soc(flight, flight.started_at) < limit:
+            return
+        earliest, latest = flight.started_at, over_at
+        while latest - earliest > timedelta(milliseconds=100):
+            middle = earliest + (latest - earliest) / 2
+            if self._soc(flight, middle) < limit:
+                latest = middle
+            else:
+                earliest = middle
+        self._findings.expect(
+            self._has_acted_by(latest + self._notice),
+            "I10: below the reserve in the air, and no failsafe had acted",
+            (flight.step.step_id, latest, self._soc(flight, over_at)),
+        )
+
+    def _soc(self, flight: StepRun, at: datetime) -> float:
+        outcome = self.physics.outcome_of(flight)
+        return outcome.soc if at >= outcome.ended_at else self.physics.sample(flight, at).soc
+
+    def _has_acted_by(self, moment: datetime) -> bool:
+        acting: set[str] = set()
+        for record in self._disk.records:
+            match record:
+                case EventRecorded(event=event):
+                    if event.ended_at > moment:
+                        break
+                    if event.event == "ALARM" and event.code in _BATTERY_FAULTS:
+                        acting.add(str(event.code))
+                case FailsafeBegun() if record.at <= moment:
+                    return True
+                case FaultEnded():
+                    acting.discard(record.fault.value)
+        return bool(acting)
+
+
+class WatchedVehicle(SimulatedVehicle):
+    """A simulated drone in the yard, as one process of its agent holds it."""
+
+    def __init__(self, yard: Yard, clock: VirtualClock, *, remembers: bool) -> None:
+        physics = yard.physics
+        super().__init__(
+            MODEL, clock, disturbances=physics.disturbances, drone_id=physics.drone_id
+        )
+        self._yard = yard
+        self._remembers = remembers
+
+    async def perform(self, run: StepRun) -> Outcome:
+        self._yard.begin(run)
+        outcome = await super().perform(run)
+        self._yard.settle()
+        return outcome
+
+    async def land(self, run: StepRun) -> Outcome:
+        self._yard.begin(run, lands_here=True)
+        return await super().land(run)
+
+    def recall(self, run: StepRun) -> bool | None:
+        was_begun = self._yard.was_begun(run)
+        return was_begun and super().recall(run) if self._remembers else None
+
+
+def _key(run: StepRun) -> tuple[object, ...]:
+    return run.step.step_id, run.step.kind, run.started_at
+
+
+def _awaits_confirmation(step: FlightStep) -> bool:
+    return isinstance(step, PickUpStep) and step.awaits_confirmation
