@@ -4,6 +4,7 @@ import asyncio
 import logging
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
+from dataclasses import replace
 from datetime import datetime
 from typing import Final
 
@@ -132,7 +133,8 @@ class MavlinkVehicle:
         while not self._autopilot.is_on_ground:
             await command(self._link, self._link.dialect.MAV_CMD_NAV_LAND)
             await self._autopilot.until(lambda: self._autopilot.is_on_ground, timeout_s=_AGAIN_S)
-        return self._ended(run)
+        here = self._autopilot.position or run.position
+        return replace(self._ended(run), elsewhere=Elsewhere(None, here))
 
     def recall(self, run: StepRun) -> bool | None:
         """Whether this process has seen the hand-over done; autopilots do not remember it."""
@@ -259,6 +261,4 @@ def _key(run: StepRun) -> tuple[int, datetime]:
 
 
 def _failed(ended: Outcome, *, code: str, elsewhere: Elsewhere | None = None) -> Outcome:
-    return Outcome(
-        ended.ended_at, ended.soc, ended.energy_j, code, has_failed=True, elsewhere=elsewhere
-    )
+    return replace(ended, code=code, has_failed=True, elsewhere=elsewhere)

@@ -28,9 +28,13 @@ def end_of_step(run: StepRun, outcome: Outcome, logbook: Logbook) -> EndFields:
         "energy_j": outcome.energy_j + (before.used_j if before else 0.0),
         "code": outcome.code,
     }
-    if mission is not None and mission.escape is not None:
-        return fields | _escaped(mission.escape)
-    if outcome.has_failed:
+    escape = mission.escape if mission else None
+    if escape is not None:
+        fields |= _escaped(escape)
+    if outcome.elsewhere is not None:
+        place = outcome.elsewhere
+        fields |= {"station_id": place.station_id, "position": place.position}
+    if escape is not None or outcome.has_failed:
         return fields
     return fields | _hand_over(step, outcome, logbook)
 

@@ -52,7 +52,8 @@ class Elsewhere:
 class Outcome:
     """How a step ended; `code` when it ended otherwise than asked, or did not come about.
 
-    `elsewhere` is where a failed step has left the drone, if not where the step leads.
+    `elsewhere` is where the drone is after a step that failed or was broken off, if known better
+    than by where the step leads.
     """
 
     ended_at: datetime

@@ -64,6 +64,7 @@ async def test_a_drone_told_to_land_now_lands_where_it_is(
     outcome = await drone_itself.land(run)
 
     assert not peer.is_in_air
+    assert outcome.elsewhere.position == pytest.approx(peer.position, abs=1e-3)
     assert outcome.soc == pytest.approx(peer.soc, abs=0.01)
 
 
