@@ -17,6 +17,8 @@ log = logging.getLogger(__name__)
 
 #: Most messages that are handed over at once: receivers write one transaction per batch.
 BATCH_SIZE: Final = 500
+#: Most messages of mqtt_qos 0 that wait for a reader: some 20 MiB of samples.
+MOST_LIGHT: Final = 20_000
 
 #: A whole topic, or one address of it. Any: each topic has a message type of its own.
 Subscription = Topic[Any] | Address[Any]
@@ -35,7 +37,11 @@ class Received(Generic[R]):
 
 
 class Inbox:
-    """The subscriptions of one reader and what has arrived on them."""
+    """The subscriptions of one reader and what has arrived on them.
+
+    Whoever writes with mqtt_qos 0 has said that a message may be lost: while the reader is stuck
+    and too many of them wait, the older half of them is dropped.
+    """
 
     def __init__(self, subscriptions: tuple[Subscription, ...]) -> None:
         self._wanted = tuple(
@@ -45,6 +51,7 @@ class Inbox:
             for wanted in subscriptions
         )
         self._waiting: deque[tuple[Topic[Any], tuple[str, ...], bytes, bool]] = deque()
+        self._light = 0  # how many of those that wait are of mqtt_qos 0
         self._has_news = asyncio.Event()
         self._unreadable: set[str] = set()
 
@@ -61,6 +68,9 @@ class Inbox:
             ids = topic.ids_in(name)
             if ids is not None and all(other.ids_in(name) is None for other in narrower):
                 self._waiting.append((topic, ids, payload, retained))
+                self._light += topic.mqtt_qos == 0
+                if self._light > MOST_LIGHT:
+                    self._drop_older_half()
                 self._has_news.set()
                 return
 
@@ -70,11 +80,24 @@ class Inbox:
             await self._has_news.wait()
             count = min(len(self._waiting), BATCH_SIZE)
             taken = [self._waiting.popleft() for _ in range(count)]
+            self._light -= sum(topic.mqtt_qos == 0 for topic, *_ in taken)
             if not self._waiting:
                 self._has_news.clear()
             batch = [received for item in taken if (received := self._read(*item)) is not None]
             if batch:
                 yield batch
+
+    def _drop_older_half(self) -> None:
+        """Of the messages of mqtt_qos 0; the others stay as they are."""
+        doomed = self._light // 2
+        count("skyway_mqtt_shed", "messages of mqtt_qos 0 dropped: their reader is stuck", doomed)
+        self._light -= doomed
+        for _ in range(len(self._waiting)):
+            item = self._waiting.popleft()
+            if doomed and item[0].mqtt_qos == 0:
+                doomed -= 1
+            else:
+                self._waiting.append(item)
 
     def _read(
         self, topic: Topic[Any], ids: tuple[str, ...], payload: bytes, retained: bool

@@ -11,6 +11,7 @@ ALLOWED = {
     ("GET", "/v1/missions/{mission_id}"),
     ("GET", "/v1/networks/{network_id}/stations"),
     ("GET", "/v1/providers/{provider_id}/drones/{drone_id}"),
+    ("GET", "/v1/providers/{provider_id}/drones/{drone_id}/telemetry"),
     ("GET", "/v1/stations/{station_id}/pads"),
     ("POST", "/v1/enrolments"),
     ("POST", "/v1/enrolments/rotations"),

@@ -26,7 +26,7 @@ class Keeping:
 class Thinning:
     """One round after another through the drones of which anything is kept.
 
-    Each transaction handles about a thousand rows of one drone. Replicas may do the same at the
+    Each transaction handles about five hundred rows of one drone. Replicas may do the same at the
     same time: what one has done, the other finds done.
     """
 

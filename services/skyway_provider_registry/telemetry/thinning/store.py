@@ -18,7 +18,7 @@ from skyway_provider_registry.telemetry.store import (
 )
 
 #: Rows of a piece, about.
-PIECE: Final = 1_000
+PIECE: Final = 500
 _NEVER_MS: Final = 2**62
 
 
