@@ -37,7 +37,7 @@ def used_more(consumption_factor: float) -> float:
     """What a drone's flights take more than its model says, in hundredths, 0 if hardly any more."""
     if consumption_factor <= _AS_PLANNED_FACTOR:
         return 0.0
-    return math.ceil((min(consumption_factor, _LARGEST_FACTOR) - 1) * 100) / 100
+    return round(min(consumption_factor, _LARGEST_FACTOR) - 1, 2)
 
 
 def planned_more(consumption_factor: float) -> float:

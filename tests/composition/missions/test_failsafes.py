@@ -1,0 +1,287 @@
+"""What a drone did by itself: the cloud goes on from there, and tells people what matters."""
+
+import json
+from typing import Any
+
+import pytest
+from skyway_composition.planning.margins import planned_more, used_more
+
+from skyway.contracts.drone_health import DroneHealth
+from skyway.contracts.flight_step import DeliverStep, PickUpStep, RechargeStep, ReturnStep
+from skyway.drone.flight import flight_energy_j
+from skyway.drone.models import PAPER_SCENARIO as MODEL
+from skyway.geo import Position, distance_m
+from skyway.units import moment_to_ms
+
+pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
+
+OPERATOR = "operator:op"
+IN_THE_OPEN = (0.05, 0.01)
+B, C = Position(0.17986, 0.0), Position(2 * 0.17986, 0.0)
+
+
+async def failed_at(
+    composition: Any, drone: Any, failing: int, station_id: str | None, code: str, **members: Any
+) -> Any:
+    """The first instruction, once all before this step has ended and it has failed."""
+    await composition.book()
+    (instruction,) = await composition.sent()
+    before = drone.flown(instruction)[: failing - 1]
+    drone.event_seq = failing - 1
+    step = instruction.steps[failing - 1]
+    composition.clock.advance(step.planned_start_at - composition.clock.now())
+    failure = drone.event(
+        "STEP_FAILED",
+        mission_id=instruction.mission_id,
+        mission_revision=1,
+        step_id=failing,
+        step_kind=step.kind,
+        station_id=station_id,
+        code=code,
+        **members,
+    )
+    await composition.take(drone.ack(instruction), *before, failure)
+    return instruction
+
+
+async def alarms(composition: Any) -> list[Any]:
+    answer = await composition(OPERATOR, "GET", "/v1/alarms")
+    return list(answer.json()["items"])
+
+
+def health(consumption_factor: float) -> DroneHealth:
+    return DroneHealth(
+        voltage_v=44.0,
+        current_a=10.0,
+        soc_error=0.01,
+        cell_spread_v=0.01,
+        temperature_c=20.0,
+        state_of_health=1.0,
+        consumption_factor=consumption_factor,
+        range_m=10_000.0,
+    )
+
+
+async def test_from_where_a_failsafe_led_the_drone_it_goes_on(composition: Any, drone: Any) -> None:
+    first = await failed_at(
+        composition, drone, 4, "b", "BATTERY_SHORT", soc=0.3, energy_j=9_000.0, detail="too little"
+    )
+    assert (first.steps[3].kind, first.steps[3].to_id) == ("FLY", "c")
+
+    await composition.recomposer.step()
+
+    (revision,) = await composition.sent()
+    charge, *onward = revision.steps
+    assert (charge.kind, charge.station_id, charge.step_id) == ("RECHARGE", "b", 5)
+    assert [each.package_ids for each in onward if isinstance(each, DeliverStep)] == [("p1",)]
+    told = (await composition.reports())[-1]
+    words = "the drone went back to 'b' on its way to 'c': too little"
+    assert (told.kind, told.code, told.detail) == ("REPLANNED", "BATTERY_SHORT", words)
+    assert await composition.broken() == []
+
+
+async def test_pads_that_the_drone_does_not_come_to_any_more_are_given_back(
+    composition: Any, drone: Any
+) -> None:
+    first = await failed_at(composition, drone, 2, "a", "GEOFENCE", soc=0.9, energy_j=9_000.0)
+    (old,) = [each for each in first.steps if isinstance(each, RechargeStep)][:1]
+
+    await composition.recomposer.step()
+
+    (revision,) = await composition.sent()
+    sessions = [each for each in revision.steps if isinstance(each, RechargeStep)]
+    planned = {(each.station_id, moment_to_ms(each.not_before_at)) for each in sessions}
+    held = {(row.station_id, row.start_ms) for row in await composition.reservations()}
+    assert held == planned
+    assert (old.station_id, moment_to_ms(old.not_before_at)) not in held
+
+
+async def test_a_drone_down_in_the_open_ends_its_mission_and_keeps_the_packages(
+    composition: Any, drone: Any
+) -> None:
+    first = await failed_at(
+        composition, drone, 4, None, "MOTOR_FAILURE", position=IN_THE_OPEN, detail="a motor stopped"
+    )
+
+    assert await composition.state_of(first.mission_id) == "ABORTED"
+    ended = (await composition.reports())[-1]
+    assert (ended.kind, ended.code, ended.station_id) == ("ENDED", "MOTOR_FAILURE", None)
+    assert (ended.stranded_package_ids, ended.position) == (("p1",), IN_THE_OPEN)
+    custody = await composition.rows("SELECT custodian_kind, custodian_id FROM custody")
+    assert [tuple(row) for row in custody][-1] == ("DRONE", "drn_1")
+    assert await composition.reservations() == []
+    assert await composition.broken() == []
+
+
+async def test_people_are_told_where_a_drone_is_down(composition: Any, drone: Any) -> None:
+    await failed_at(composition, drone, 4, None, "MOTOR_FAILURE", position=IN_THE_OPEN)
+
+    (alarm,) = await alarms(composition)
+
+    assert (alarm["level"], alarm["code"], alarm["provider_id"]) == (
+        "CRITICAL",
+        "FORCED_LANDING",
+        "prv_1",
+    )
+    assert "0.01000, 0.05000" in alarm["detail"]
+    assert alarm["data"]["package_ids"] == ["p1"]
+    track = await composition("service:gateway", "GET", "/internal/deliveries/dlv_1/track")
+    (mission,) = track.json()["missions"]
+    assert mission["position"] == list(IN_THE_OPEN)
+
+
+async def test_a_drone_is_not_booked_while_it_is_down(composition: Any, drone: Any) -> None:
+    await failed_at(composition, drone, 4, None, "MOTOR_FAILURE", position=IN_THE_OPEN)
+
+    await composition.take(drone.state(activity="DOWN", station_id=None, position=IN_THE_OPEN))
+    down = await composition.book(delivery_id="dlv_2")
+    await composition.take(drone.state(activity="IDLE", station_id="a"))
+    fetched = await composition.book(delivery_id="dlv_2", attempt=2)
+
+    assert (down.outcome, fetched.outcome) == ("BUSY", "BOOKED")
+
+
+async def test_a_down_drone_is_told_to_forget_its_mission(composition: Any, drone: Any) -> None:
+    first = await failed_at(composition, drone, 4, None, "MOTOR_FAILURE", position=IN_THE_OPEN)
+
+    await composition.take(
+        drone.state(
+            activity="DOWN",
+            station_id=None,
+            position=IN_THE_OPEN,
+            mission_id=first.mission_id,
+            mission_revision=1,
+            stream=first.stream,
+        )
+    )
+
+    assert (await composition.sent())[-1].kind == "CANCEL"
+
+
+async def test_an_occupied_pad_is_out_of_order_for_a_quarter_of_an_hour(
+    composition: Any, drone: Any
+) -> None:
+    first = await failed_at(composition, drone, 3, "b", "PAD_OCCUPIED", soc=0.5)
+    pad = first.steps[2].pad
+
+    await composition.recomposer.step()
+
+    (outage,) = (await composition(OPERATOR, "GET", f"/v1/stations/b/pads/{pad}/outages")).json()[
+        "items"
+    ]
+    assert outage["reason"] == "drone drn_1 found it occupied"
+    rows = await composition.rows("SELECT from_ms, until_ms FROM closures")
+    assert [row.until_ms - row.from_ms for row in rows] == [900_000]
+    (revision,) = await composition.sent()
+    charge = revision.steps[0]
+    assert (charge.kind, charge.station_id) == ("RECHARGE", "b")
+    assert charge.pad != pad
+    assert await composition.broken() == []
+
+
+async def test_a_drone_waits_for_the_only_pad_that_is_occupied(
+    composition: Any, drone: Any, make: Any
+) -> None:
+    await composition.publish(make.network(pads={"b": 1}))
+    await failed_at(composition, drone, 3, "b", "PAD_OCCUPIED", soc=0.3)
+    until_ms = moment_to_ms(composition.clock.now()) + 900_000
+
+    await composition.recomposer.step()
+
+    (revision,) = await composition.sent()
+    charge = next(each for each in revision.steps if isinstance(each, RechargeStep))
+    assert moment_to_ms(charge.not_before_at) >= until_ms
+
+
+async def test_whoever_comes_to_an_occupied_pad_gets_another_plan(
+    composition: Any, drone: Any, make: Any
+) -> None:
+    await composition.publish(make.network(pads={"b": 1}))
+    first = await failed_at(composition, drone, 3, "b", "PAD_OCCUPIED", soc=0.3)
+    await composition.book(make.candidate(2), delivery_id="dlv_2")
+    held = [row.mission_id for row in await composition.reservations() if row.station_id == "b"]
+    assert len(set(held)) == 2
+
+    await composition.recomposer.step()
+
+    rows = await composition.rows("SELECT mission_id, trouble FROM missions WHERE drone_id='drn_2'")
+    soon = [row for row in await composition.reservations() if row.mission_id != first.mission_id]
+    is_hit = json.loads(rows[0].trouble or "{}").get("code") == "PAD_OUT_OF_ORDER"
+    until_ms = moment_to_ms(composition.clock.now()) + 900_000
+    assert is_hit == any(row.station_id == "b" and row.start_ms < until_ms for row in soon)
+
+
+async def test_what_may_have_been_delivered_comes_back_and_people_look(
+    composition: Any, drone: Any
+) -> None:
+    await failed_at(composition, drone, 5, "c", "UNKNOWN", soc=0.9)
+
+    await composition.recomposer.step()
+
+    (revision,) = await composition.sent()
+    (back,) = [each for each in revision.steps if isinstance(each, ReturnStep)]
+    assert (back.station_id, back.package_ids) == ("a", ("p1",))
+    assert not any(isinstance(each, DeliverStep) for each in revision.steps)
+    (alarm,) = await alarms(composition)
+    assert (alarm["level"], alarm["code"], alarm["station_id"]) == (
+        "URGENT",
+        "HAND_OVER_UNKNOWN",
+        "c",
+    )
+
+
+@pytest.mark.parametrize("is_on_board", [False, True])
+async def test_what_may_have_been_loaded_counts_as_the_drone_says(
+    composition: Any, drone: Any, is_on_board: bool
+) -> None:
+    named = ("p1",) if is_on_board else ()
+    await failed_at(composition, drone, 1, "a", "UNKNOWN", soc=1.0, package_ids=named)
+
+    await composition.recomposer.step()
+
+    custody = await composition.rows("SELECT custodian_kind FROM custody ORDER BY seq")
+    kept = ["STATION", "DRONE"] if is_on_board else ["STATION"]
+    assert [row.custodian_kind for row in custody] == kept
+    (revision,) = await composition.sent()
+    assert isinstance(revision.steps[0], PickUpStep) != is_on_board
+    assert [each["code"] for each in await alarms(composition)] == ["HAND_OVER_UNKNOWN"]
+
+
+async def test_a_drone_in_headwind_gets_a_plan_that_it_can_fly(
+    composition: Any, drone: Any
+) -> None:
+    first = await failed_at(composition, drone, 4, "b", "INSUFFICIENT_ENERGY", soc=0.6)
+    in_wind = drone.state(
+        mission_id=first.mission_id,
+        mission_revision=1,
+        activity="WAITING",
+        step_id=4,
+        released_through=3,
+        station_id="b",
+        soc=0.6,
+        package_ids=("p1",),
+        health=health(1.31),
+    )
+    await composition.take(in_wind)
+
+    await composition.recomposer.step()
+
+    shown = await composition(OPERATOR, "GET", f"/v1/missions/{first.mission_id}")
+    mission = shown.json()["mission"]
+    assert (mission["revision"], mission["margins"]["energy_margin"]) == (2, 0.35)
+    (flight,) = [each for each in mission["plan"]["steps"] if each["kind"] == "FLY"]
+    as_modelled_j = flight_energy_j(MODEL, length_m=distance_m(B, C), load_kg=0.4)
+    assert flight["energy_j"] == pytest.approx(1.35 * as_modelled_j, rel=1e-3)
+    revision = [each for each in await composition.sent() if each.kind == "MISSION"][-1]
+    assert isinstance(revision.steps[0], RechargeStep)
+
+
+@pytest.mark.parametrize(
+    ("factor", "used", "planned"),
+    [(0.9, 0.0, 0.0), (1.02, 0.0, 0.0), (1.03, 0.03, 0.05), (1.31, 0.31, 0.35), (9.0, 3.0, 3.05)],
+)
+def test_what_a_drone_uses_more_is_planned_with_headroom_in_bounds(
+    migrated_url: str, factor: float, used: float, planned: float
+) -> None:
+    assert used_more(factor) == pytest.approx(used)
+    assert planned_more(factor) == pytest.approx(planned)
