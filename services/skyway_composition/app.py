@@ -57,6 +57,7 @@ from skyway_composition.planning.routes import (
 )
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.settings import CompositionSettings
+from skyway_composition.statistics.now.routes import mission_statistics_routes
 from skyway_composition.statistics.routes import statistics_routes
 from skyway_composition.tables import outbox
 
@@ -123,6 +124,7 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
             ),
             pad_routes(db=db, gate=gate, clock=clock),
             statistics_routes(db=db, gate=gate, clock=clock),
+            mission_statistics_routes(db=db, gate=gate, clock=clock),
             composition_routes(gate=gate, known=known, solver=parts.inquiries),
             quote_routes(gate=gate, quotes=parts.quotes),
             mission_routes(db=db, gate=gate, bookings=parts.bookings),

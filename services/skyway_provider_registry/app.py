@@ -44,6 +44,7 @@ from skyway_provider_registry.fleets.registration.routes import (
     registration_routes,
 )
 from skyway_provider_registry.fleets.routes import fleet_routes
+from skyway_provider_registry.fleets.statistics.routes import fleet_statistics_routes
 from skyway_provider_registry.presence.follow import PRESENCE_TOPICS, PresenceFollower
 from skyway_provider_registry.presence.reports import ReportKeeper
 from skyway_provider_registry.presence.routes import presence_routes
@@ -105,6 +106,7 @@ def registry_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> F
             fleet_routes(
                 db=db, gate=gate, clock=clock, stations=stations, password_file=password_file
             ),
+            fleet_statistics_routes(db=db, gate=gate, clock=clock),
             credential_routes(
                 db=db, gate=gate, clock=clock, password_file=password_file, issuer=parts.issuer
             ),

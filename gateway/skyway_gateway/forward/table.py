@@ -289,6 +289,12 @@ FORWARDED: Final[tuple[Forwarded, ...]] = (
     Forwarded(
         "GET", "/v1/stats/pads", "composition", _FLEETS, "How much of the time pads are taken"
     ),
+    Forwarded(
+        "GET", "/v1/stats/fleets", "registry", _FLEETS, "How many drones are in which state now"
+    ),
+    Forwarded(
+        "GET", "/v1/stats/missions", "composition", _FLEETS, "How many missions are under way now"
+    ),
     Forwarded("GET", "/v1/stats/drones", "composition", _FLEETS, "What drones spend their time on"),
 )
 

@@ -18,19 +18,39 @@ DroneStateName = Literal[
 
 
 def state_of(presence: Presence, *, is_in_maintenance: bool, wall_now: datetime) -> DroneStateName:
-    """The one state of a drone; what keeps it from flying comes before what it is doing."""
+    """The one state of a drone."""
+    return state_named(
+        is_in_maintenance=is_in_maintenance,
+        has_connected=presence.connection is not None,
+        is_online=presence.is_online(wall_now),
+        activity=None if presence.state is None else presence.state.activity,
+        has_mission=presence.mission_id is not None,
+        mission_state=presence.mission_state,
+    )
+
+
+def state_named(
+    *,
+    is_in_maintenance: bool,
+    has_connected: bool,
+    is_online: bool,
+    activity: str | None,
+    has_mission: bool,
+    mission_state: str | None,
+) -> DroneStateName:
+    """The state that follows; what keeps a drone from flying comes before what it is doing."""
     if is_in_maintenance:
         return "MAINTENANCE"
-    if presence.connection is None:
+    if not has_connected:
         return "REGISTERED"
-    if not presence.is_online(wall_now):
+    if not is_online:
         return "OFFLINE"
-    if presence.state is None:
+    if activity is None:
         return "REGISTERED"
-    if presence.state.activity == "DOWN":
+    if activity == "DOWN":
         return "GROUNDED"
-    if presence.state.activity == "RECHARGING":
+    if activity == "RECHARGING":
         return "RECHARGING"
-    if presence.mission_id is None:
+    if not has_mission:
         return "AVAILABLE"
-    return "RESERVED" if presence.mission_state in ("BOOKED", "ACCEPTED") else "ON_MISSION"
+    return "RESERVED" if mission_state in ("BOOKED", "ACCEPTED") else "ON_MISSION"

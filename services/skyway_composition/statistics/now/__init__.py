@@ -1,0 +1,1 @@
+"""What is under way now: missions by state, and messages that have not left."""

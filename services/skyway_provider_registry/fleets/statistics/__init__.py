@@ -1,0 +1,1 @@
+"""All drones together: how many are in which state, and how fresh what is known of them is."""

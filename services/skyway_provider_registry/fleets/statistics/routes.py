@@ -1,0 +1,31 @@
+"""Statistics of fleets over REST: operators see all drones, a provider its own."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Depends
+
+from skyway.ids import ProviderId
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.database import Database
+from skyway.runtime.identity import Caller, ServiceGate
+from skyway.units import moment_to_ms
+from skyway_provider_registry.fleets.statistics import store
+from skyway_provider_registry.fleets.statistics.totals import FleetStatistics, totals
+from skyway_provider_registry.presence.known import SILENCE
+
+
+def fleet_statistics_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> APIRouter:
+    """GET /v1/stats/fleets."""
+    router = APIRouter(tags=["statistics"])
+
+    @router.get("/v1/stats/fleets")
+    async def fleet_statistics(caller: Annotated[Caller, Depends(gate)]) -> FleetStatistics:
+        """How many drones are in which state now, and how late what they say is heard."""
+        caller.must_be("provider", "operator")
+        whose = ProviderId(caller.subject_id) if caller.role == "provider" else None
+        since_ms = moment_to_ms(clock.wall_now() - SILENCE)
+        async with db.read() as connection:
+            rows = await store.alike(connection, whose, heard_since_wall_ms=since_ms)
+        return totals(rows, at=clock.now(), rate=clock.rate)
+
+    return router
