@@ -13,6 +13,7 @@ from skyway.cli.drone import drone_command, fleet_command
 from skyway.cli.experiment import experiment_command
 from skyway.cli.network import network_app
 from skyway.cli.secrets_command import secrets_command
+from skyway.cli.top import top_command
 from skyway.cli.up import up_command
 from skyway.cli.verify import verify_command
 from skyway.errors import SkywayError
@@ -31,6 +32,7 @@ app.command("request")(request_command)
 app.command("track")(track_command)
 app.command("drone")(drone_command)
 app.command("fleet")(fleet_command)
+app.command("top")(top_command)
 app.command("secrets")(secrets_command)
 app.command("verify")(verify_command)
 app.command("doctor")(doctor_command)
