@@ -35,7 +35,7 @@ def top_command(
         try:
             reader.read()
         except NoAnswer as error:
-            fail(f"{error}. Is `skyway up` running?")
+            fail(str(error))
         if once:
             _print_once(reader)
         else:

@@ -90,7 +90,8 @@ class TopReader:
         try:
             answer = self._client.get(path)
         except (httpx.TransportError, httpx.InvalidURL) as error:
-            raise NoAnswer(f"no answer from {self._url}: {error}") from error
+            why = f"no answer from {self._url}: {error}. Is `skyway up` running?"
+            raise NoAnswer(why) from error
         if not answer.is_success:
             raise NoAnswer(f"GET {path} was answered {answer.status_code}: {answer.text}")
         return answer
