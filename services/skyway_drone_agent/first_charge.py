@@ -27,7 +27,7 @@ def first_charge(
     if run is not None:
         elapsed_s = max(0.0, (reading.at - run.started_at).total_seconds())
         if leg is not None:
-            by_now = soc - _flown_j(reading, leg, elapsed_s, model=model) / model.battery_j
+            by_now = soc - _used_j(reading, leg, elapsed_s, model=model) / model.battery_j
         elif isinstance(run.step, RechargeStep) and soc < run.step.until_soc:
             on_curve = max(soc, model.charge_curve[0].soc)
             by_now = min(run.step.until_soc, soc_after_recharge(model, on_curve, elapsed_s))
@@ -35,10 +35,16 @@ def first_charge(
     return by_now, _JOURNAL_ERROR + _PLAN_ERROR * abs(by_now - soc)
 
 
-def _flown_j(reading: Reading, leg: Leg, elapsed_s: float, *, model: DroneModel) -> float:
-    """What the way so far takes by the model, and the landing if it has begun."""
-    flown_j = (1.0 - leg.share_left(reading.position)) * leg.flight_j
+def _used_j(reading: Reading, leg: Leg, elapsed_s: float, *, model: DroneModel) -> float:
+    """What the flight so far takes by the model, and the landing if it has begun.
+
+    Energy goes with time, not with the way: against the wind the same way takes much more.
+    """
+    still_s = leg.step.length_m / leg.speed_mps
+    power_w = leg.flight_j / still_s
     if leg.is_on_the_way(reading):
-        return flown_j
-    landing_s = max(0.0, elapsed_s - leg.step.length_m / leg.speed_mps)
-    return flown_j + leg.stop_j * min(1.0, landing_s / max(model.stop_s, 1.0))
+        return power_w * elapsed_s
+    # A landing takes no longer than this: the way has taken the rest.
+    way_s = max(min(still_s, elapsed_s), elapsed_s - model.stop_s)
+    landing_s = elapsed_s - way_s
+    return power_w * way_s + leg.stop_j * min(1.0, landing_s / max(model.stop_s, 1.0))

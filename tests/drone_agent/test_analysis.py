@@ -74,6 +74,15 @@ def test_an_agent_that_starts_in_the_middle_of_a_step_knows_the_charge(share: fl
     assert found.soc == pytest.approx(moment.true_soc, abs=1e-9)
 
 
+def test_an_agent_that_starts_against_the_wind_knows_what_the_flight_has_taken() -> None:
+    disturbances = changed(UNDISTURBED, {"wind": {"mean_mps": 8.0, "from_deg": 250.0}})
+    moments = list(flown(disturbances).moments(every_s=20.0))
+
+    errors = [Analysis(MODEL).take(one.reading, one.logbook).soc - one.true_soc for one in moments]
+
+    assert max(map(abs, errors)) < 0.005
+
+
 @pytest.mark.parametrize("factor", [0.8, 1.3])
 def test_flights_that_take_more_show_in_the_consumption(factor: float) -> None:
     analysis = Analysis(MODEL)
