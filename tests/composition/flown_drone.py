@@ -13,12 +13,19 @@ from skyway_drone_agent.agent import DroneAgent
 from skyway_drone_agent.disturbances import UNDISTURBED
 from skyway_drone_agent.enrolled_drone import BrokerLogin, EnrolledDrone
 from skyway_drone_agent.logbook import Logbook, logbook_after
-from skyway_drone_agent.records import EventRecorded, Record
+from skyway_drone_agent.records import EventRecorded, Placed, Record
 from skyway_drone_agent.simulated_physics import Physics
 from skyway_drone_agent.simulated_vehicle import SimulatedVehicle
-from skyway_drone_agent.vehicle import run_under_way
+from skyway_drone_agent.vehicle import StepRun, run_under_way
 
 from skyway.contracts.drone_report import DroneEvent
+from skyway.contracts.flight_step import (
+    DeliverStep,
+    FlyStep,
+    PickUpStep,
+    RechargeStep,
+    ReturnStep,
+)
 from skyway.contracts.topic import Address, Topic
 from skyway.contracts.topics import ACKS, CONNECTION, EVENTS, INSTRUCTIONS, STATE
 from skyway.contracts.world import ClockAnchor
@@ -175,6 +182,13 @@ class OpenJournal:
         )
 
 
+class _Forgetful(SimulatedVehicle):
+    """A vehicle that does not know what it did before a restart."""
+
+    def recall(self, run: StepRun) -> bool | None:
+        return None
+
+
 class FlownDrone:
     """A drone with its agent's process, its journal, and what it has said and nobody heard yet."""
 
@@ -197,6 +211,8 @@ class FlownDrone:
         self.journal = OpenJournal(self.drone.at_first())
         self.said: list[Received[Any]] = []
         self.refuses_next = False
+        #: Once it is restarted it cannot know whether a hand-over was done.
+        self.is_forgetful = False
         #: What it says, or is told, is on its way.
         self.is_held_back = self.is_deaf = False
         self._mint = CountingMint()
@@ -226,7 +242,8 @@ class FlownDrone:
         self._link.deliver(json.dumps(content).encode())
 
     async def start(self) -> None:
-        vehicle = SimulatedVehicle(self.drone.model, self.clock, disturbances=self.disturbances)
+        kind = _Forgetful if self.is_forgetful else SimulatedVehicle
+        vehicle = kind(self.drone.model, self.clock, disturbances=self.disturbances)
         agent = DroneAgent(
             self.drone,
             journal=self.journal,
@@ -253,6 +270,27 @@ class FlownDrone:
         if not with_journal:
             self.journal.lose(self.drone.at_first())
         await self.start()
+
+    async def fetch(self, station_id: str, position: Position) -> None:
+        """People carry a drone that is down to a station."""
+        await self.stop()
+        self.journal.append([Placed(station_id=StationId(station_id), position=position)])
+        await self.start()
+
+    @property
+    def is_on_its_guard(self) -> bool:
+        """Whether it may find something wrong at any moment."""
+        run = run_under_way(self.logbook)
+        is_short = run is not None and isinstance(run.step, FlyStep | RechargeStep)
+        return is_short and self.disturbances != UNDISTURBED
+
+    @property
+    def is_handing_over(self) -> bool:
+        """Whether packages change hands just now."""
+        run = run_under_way(self.logbook)
+        if run is None or getattr(run.step, "awaits_confirmation", False):
+            return False
+        return isinstance(run.step, PickUpStep | DeliverStep | ReturnStep)
 
     def set_reception(self, has_reception: bool) -> None:
         self.has_reception = has_reception

@@ -7,6 +7,7 @@ from datetime import timedelta
 from random import Random
 from typing import Any, Final
 
+from flown_drone import FlownDrone
 from hot_world import HotWorld
 from hypothesis import note
 from skyway_composition.closures.closure import Area, Closure
@@ -39,6 +40,11 @@ DEEDS: Final = (
     "lose_what_was_said",
     "hear_again_in_disorder",
     "restart_composition",
+    *["break_down"] * 2,
+    *["stray"] * 2,
+    *["stand_on_pads"] * 2,
+    *["forget_a_hand_over"] * 2,
+    *["fetch"] * 2,
 )
 
 
@@ -132,6 +138,52 @@ class Story:
         )
         await drone.restart(with_journal=True)
         await self.world.converse()
+
+    async def break_down(self, chance: Random) -> None:
+        """From now on a motor stops some time into each flight, until the drone is repaired."""
+        after_s = chance.choice([60, 300, 600])
+        await self._disturb(chance, motor={"share": 1.0, "after_s": after_s})
+
+    async def stray(self, chance: Random) -> None:
+        """The drone drifts off its course in each flight."""
+        await self._disturb(chance, drift={"share": 1.0, "after_s": 60, "most_m": 600})
+
+    async def _disturb(self, chance: Random, **how: Any) -> None:
+        await self._disturb_these([chance.choice(self.world.drones)], **how)
+
+    async def _disturb_these(self, drones: Sequence[FlownDrone], **how: Any) -> None:
+        for drone in drones:
+            note(f"  {drone.drone_id}")
+            drone.disturbances = Disturbances.model_validate(how)
+            await drone.restart(with_journal=True)
+        await self.world.converse()
+
+    async def stand_on_pads(self, chance: Random) -> None:
+        """Something stands on a station's pad for a while, as whoever comes there finds out."""
+        now = self.world.clock.now()
+        taken = {
+            "station_id": chance.choice("abc"),
+            "from_at": now,
+            "until_at": now + timedelta(minutes=chance.choice([20, 60, 180])),
+        }
+        await self._disturb_these(self.world.drones, pads={"taken": [taken]})
+
+    async def forget_a_hand_over(self, chance: Random) -> None:
+        """A drone is restarted while packages change hands, and cannot know whether they did."""
+        for _ in range(15):
+            busy = [each for each in self.world.drones if each.is_handing_over]
+            if busy:
+                drone = chance.choice(busy)
+                note(f"  {drone.drone_id}")
+                drone.is_forgetful = True
+                await drone.restart(with_journal=True)
+                drone.is_forgetful = False
+                await self.world.converse()
+                return
+            await self.world.pass_time(timedelta(seconds=45))
+
+    async def fetch(self, _: Random) -> None:
+        await self.world.fetch_all()
 
     async def lose_the_journal(self, chance: Random) -> None:
         drone = chance.choice(self.world.drones)

@@ -66,6 +66,9 @@ _LONGEST_STRIDE = timedelta(minutes=10)
 #: What is on its way to a drone that is connected gets there within this time.
 _DEAF_FOR = timedelta(minutes=1)
 
+#: So often do drones look out in flight: a quarter of a second of wall time.
+_LOOKOUT = timedelta(seconds=0.25 * _RATE)
+
 #: No story goes on for longer than this once everything is allowed again.
 _OVER_WITHIN = timedelta(hours=30)
 
@@ -143,13 +146,18 @@ class HotWorld:
     async def pass_time(self, by: timedelta) -> None:
         """Let time pass from one thing that happens to the next."""
         until = self.clock.now() + by
+        looked_at = self.clock.now()
         while (now := self.clock.now()) < until:
             ahead = [each.next_end() for each in self.drones]
             ahead += [each.next_begin() for each in self.drones]
             moments = [each for each in ahead if each is not None and each > now]
             is_deaf = any(each.is_deaf for each in self.drones)
-            stride = _DEAF_FOR if is_deaf else _LONGEST_STRIDE
+            is_on_guard = any(each.is_on_its_guard for each in self.drones)
+            stride = _LOOKOUT if is_on_guard else _DEAF_FOR if is_deaf else _LONGEST_STRIDE
             self.clock.advance(min([until, now + stride, *moments]) - now)
+            if is_on_guard and await self._is_calm(since=looked_at):
+                continue
+            looked_at = self.clock.now()
             for drone in self.drones:
                 drone.is_deaf = False
             await self.converse()
@@ -157,6 +165,12 @@ class HotWorld:
                 await sweep.step()
             await self._load()
             await self.converse()
+
+    async def _is_calm(self, *, since: datetime) -> bool:
+        """Whether no drone has anything to say, and nobody need look after anything yet."""
+        await self.settle()
+        has_news = any(each.said and not each.is_held_back for each in self.drones)
+        return not has_news and self.clock.now() - since < _LONGEST_STRIDE
 
     async def converse(self) -> None:
         """Everybody says what they have to say, until nobody has anything new."""
@@ -273,6 +287,15 @@ class HotWorld:
             with suppress(Conflict):
                 await self.loadings.confirm(record.mission_id, listed, provider_id=None)
 
+    async def fetch_all(self) -> None:
+        """People carry home what is down, repaired."""
+        for drone in self.drones:
+            if drone.logbook.is_down:
+                home = drone.drone.home_station_id
+                drone.disturbances = UNDISTURBED
+                await drone.fetch(home, PLACES[home])
+        await self.converse()
+
     async def left_to_book(self, delivery_id: str) -> DeliveryRequest | None:
         """What of a delivery still lies at the pickup, and nobody is to fetch it."""
         live = await self.live()
@@ -323,14 +346,17 @@ class HotWorld:
         """Everything is allowed again; all stories end, and nothing is left behind."""
         for drone in self.drones:
             drone.is_held_back = drone.is_deaf = drone.refuses_next = False
-            drone.disturbances = UNDISTURBED
             drone.set_reception(True)
+            if drone.disturbances != UNDISTURBED:
+                drone.disturbances = UNDISTURBED
+                await drone.restart(with_journal=True)
         self.loaders = "RIGHT"
         over_at = self.clock.now() + _OVER_WITHIN
         while ((records := await self.live()) or self._flying()) and self.clock.now() < over_at:
             for record in records:
                 if record.mission.is_held:
                     await self.command(record.mission_id, "RESUME", None)
+            await self.fetch_all()
             await self.pass_time(timedelta(minutes=30))
             await self.check()
         assert [(each.mission_id, each.mission.state) for each in records] == []
