@@ -89,11 +89,13 @@ class Analysis:
         "_wind",
     )
 
-    def __init__(self, model: DroneModel, pack: BatteryPack = _PACK) -> None:
+    def __init__(
+        self, model: DroneModel, pack: BatteryPack = _PACK, *, state_of_health: float = 1.0
+    ) -> None:
         self._model = model
         self._pack = pack
         self._charge: BatteryEstimate | None = None
-        self._health = BatteryHealth(pack, rated_j=model.battery_j)
+        self._health = BatteryHealth(pack, rated_j=model.battery_j, state_of_health=state_of_health)
         self._energy = EnergyWatch(power_w=model.power_empty_w)
         self._wind = WindEstimate()
         self._landings = KnownLandings()
@@ -124,14 +126,16 @@ class Analysis:
         self, reading: Reading, run: StepRun | None, leg: Leg | None, *, soc: float
     ) -> BatteryEstimate:
         """The battery, after this reading."""
-        charge = self._charge
+        charge, health = self._charge, self._health
+        capacity_j = self._model.battery_j * health.state_of_health
         if charge is None:
-            soc, error = first_charge(reading, run, leg, model=self._model, soc=soc)
+            soc, error = first_charge(
+                reading, run, leg, model=self._model, soc=soc, capacity_j=capacity_j
+            )
             charge = self._charge = BatteryEstimate(self._pack, soc=soc, error=error)
-        health = self._health
         charge.take(
             reading,
-            capacity_j=self._model.battery_j * health.state_of_health,
+            capacity_j=capacity_j,
             capacity_error=health.error / health.state_of_health,
         )
         health.take(reading, resistance_ohm=charge.resistance_ohm)

@@ -26,6 +26,9 @@ _LEAST_BETWEEN: Final = 0.25
 #: Error of a new drone's capacity, and the least that it ever has, so that ageing is followed.
 _FIRST_ERROR, _LEAST_ERROR = 0.1, 0.02
 
+#: Error of what the journal says: it may be an old finding.
+_KEPT_ERROR: Final = 0.05
+
 #: No battery counts as worse than this, nor as better than new.
 _WORST: Final = 0.3
 
@@ -59,12 +62,12 @@ class BatteryHealth:
         "state_of_health",
     )
 
-    def __init__(self, pack: BatteryPack, *, rated_j: float) -> None:
-        self.state_of_health = 1.0
+    def __init__(self, pack: BatteryPack, *, rated_j: float, state_of_health: float = 1.0) -> None:
+        self.state_of_health = max(_WORST, state_of_health)
         self.cell_spread_v = 0.0
         self._pack = pack
         self._rated_j = rated_j
-        self.error = _FIRST_ERROR
+        self.error = _FIRST_ERROR if state_of_health == 1.0 else _KEPT_ERROR
         self._rest: _Rest | None = None
         self._known: _Rest | None = None
         self._seen_at: datetime | None = None

@@ -17,7 +17,13 @@ _PLAN_ERROR: Final = 0.25
 
 
 def first_charge(
-    reading: Reading, run: StepRun | None, leg: Leg | None, *, model: DroneModel, soc: float
+    reading: Reading,
+    run: StepRun | None,
+    leg: Leg | None,
+    *,
+    model: DroneModel,
+    soc: float,
+    capacity_j: float,
 ) -> tuple[float, float]:
     """The charge and its standard deviation, by a logbook that says `soc`.
 
@@ -27,7 +33,7 @@ def first_charge(
     if run is not None:
         elapsed_s = max(0.0, (reading.at - run.started_at).total_seconds())
         if leg is not None:
-            by_now = soc - _used_j(reading, leg, elapsed_s, model=model) / model.battery_j
+            by_now = soc - _used_j(reading, leg, elapsed_s, model=model) / capacity_j
         elif isinstance(run.step, RechargeStep) and soc < run.step.until_soc:
             on_curve = max(soc, model.charge_curve[0].soc)
             by_now = min(run.step.until_soc, soc_after_recharge(model, on_curve, elapsed_s))

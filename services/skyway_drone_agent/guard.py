@@ -25,7 +25,7 @@ from skyway_drone_agent.flight_recorder import FlightRecorder
 from skyway_drone_agent.link_watch import LinkWatch
 from skyway_drone_agent.lookout import Lookout
 from skyway_drone_agent.mission import has_expired
-from skyway_drone_agent.records import FaultEnded
+from skyway_drone_agent.records import FaultEnded, HealthLearned
 from skyway_drone_agent.rescue import Rescue
 from skyway_drone_agent.vehicle import Vehicle, run_under_way
 from skyway_drone_agent.waiting import wait_for_news
@@ -35,6 +35,9 @@ _EVERY_FLEET_S, _EVERY_WALL_S = 1.0, 0.25
 
 #: Wall seconds between two looks while nothing is under way.
 _STANDING_EVERY_S: Final = 30.0
+
+#: A change of the battery's health that is worth a line in the journal.
+_HEALTH_STEP: Final = 0.01
 
 #: Faults that the watches over link and cloud know of at once: those open the gates themselves.
 _TOLD_LIVE: Final = frozenset({Fault.LINK_LOST, Fault.CLOUD_SILENT})
@@ -84,6 +87,7 @@ class Guard:
         if self._recorder.is_full:
             self._recorder.make_room()
         assessment = self._lookout.look()
+        self._keep_health(assessment.state_of_health)
         situation = situation_of(self._recorder.logbook)
         was_kept = self.takes_off_since is None
         self.faults = self._watch.take(self._signs(assessment, situation))
@@ -93,6 +97,11 @@ class Guard:
         if self.faults or self._recorder.logbook.faults:
             self._tell(assessment, situation)
             self._act(assessment, situation)
+
+    def _keep_health(self, state_of_health: float) -> None:
+        """What takes days to learn must not be forgotten at a restart."""
+        if abs(state_of_health - self._recorder.logbook.state_of_health) >= _HEALTH_STEP:
+            self._recorder.note(HealthLearned(state_of_health=state_of_health))
 
     def _act(self, assessment: Assessment, situation: Situation) -> None:
         acting = severest(situation, not_ignored(self.faults, self._recorder.logbook))

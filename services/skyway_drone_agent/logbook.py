@@ -36,6 +36,7 @@ from skyway_drone_agent.records import (
     FailsafeBegun,
     FailsafeOverridden,
     FaultEnded,
+    HealthLearned,
     InstructionAnswered,
     Placed,
     Record,
@@ -54,7 +55,8 @@ class Logbook(WireModel):
     """Everything a drone must still know after a restart.
 
     `station_id` is None in the air, and when the drone is down: landed away from every station.
-    `faults` are those that an alarm was raised for and that are not over.
+    `faults` are those that an alarm was raised for and that are not over; `state_of_health` is what
+    the battery was last found to hold.
     """
 
     session: int = 0
@@ -71,6 +73,7 @@ class Logbook(WireModel):
     packages: tuple[PackageOnBoard, ...] = ()
     is_down: bool = False
     faults: tuple[Fault, ...] = ()
+    state_of_health: Soc = 1.0
 
     @property
     def is_airborne(self) -> bool:
@@ -101,6 +104,8 @@ def logbook_after(logbook: Logbook, record: Record) -> Logbook:
         case FaultEnded():
             faults = tuple(fault for fault in logbook.faults if fault is not record.fault)
             return logbook.model_copy(update={"faults": faults})
+        case HealthLearned():
+            return logbook.model_copy(update={"state_of_health": record.state_of_health})
         case Placed():
             return _placed(logbook, record)
 

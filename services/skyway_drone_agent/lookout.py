@@ -24,7 +24,7 @@ class Lookout:
         self._recorder = recorder
         self._vehicle = vehicle
         self._clock = clock
-        self._analysis = Analysis(vehicle.model)
+        self._analysis = Analysis(vehicle.model, state_of_health=recorder.logbook.state_of_health)
         self._newest: Assessment | None = None
         self._seen: Logbook | None = None
 

@@ -97,6 +97,13 @@ class FaultEnded(WireModel):
     fault: Fault
 
 
+class HealthLearned(WireModel):
+    """What the battery was found to hold, as a share of its capacity when new."""
+
+    kind: Literal["HEALTH"] = "HEALTH"
+    state_of_health: Soc
+
+
 class Placed(WireModel):
     """People have fetched a drone that was down, emptied it, and put it at a station."""
 
@@ -113,6 +120,7 @@ Record = (
     | FailsafeBegun
     | FailsafeOverridden
     | FaultEnded
+    | HealthLearned
     | Placed
 )
 

@@ -83,6 +83,23 @@ def test_an_agent_that_starts_against_the_wind_knows_what_the_flight_has_taken()
     assert max(map(abs, errors)) < 0.005
 
 
+def test_what_is_known_of_a_worn_battery_counts_from_the_first_look_after_a_restart() -> None:
+    disturbances = changed(
+        UNDISTURBED, {"battery": {"worn_share": 1.0, "capacity": 0.75, "resistance_factor": 1.0}}
+    )
+    in_flight = [
+        one for one in flown(disturbances).moments(every_s=20.0) if one.run.step.kind == "FLY"
+    ]
+
+    found = [
+        Analysis(MODEL, state_of_health=0.75).take(one.reading, one.logbook) for one in in_flight
+    ]
+
+    assert {one.state_of_health for one in found} == {0.75}
+    errors = [one.soc - moment.true_soc for one, moment in zip(found, in_flight, strict=True)]
+    assert max(map(abs, errors)) < 0.005
+
+
 @pytest.mark.parametrize("factor", [0.8, 1.3])
 def test_flights_that_take_more_show_in_the_consumption(factor: float) -> None:
     analysis = Analysis(MODEL)
