@@ -18,13 +18,13 @@ _ENVIRONMENT: Final = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWR
 
 @contextmanager
 def agent(
-    folder: Path, drones: Sequence[EnrolledDrone], *, mqtt_url: str, scenario: str = "calm"
+    folder: Path, drones: Sequence[EnrolledDrone], *, mqtt_url: str, scenario: str | None = None
 ) -> Iterator[int]:
     """An agent that serves these drones, until the block ends; its process id."""
     fleet = write_fleet(folder / f"fleet-{drones[0].drone_id}-{len(drones)}.json", drones)
     command = [sys.executable, "-m", "skyway_drone_agent", "--fleet", str(fleet)]
     command += ["--journal", str(folder / f"journal-{fleet.stem}"), "--mqtt-url", mqtt_url]
-    command += ["--scenario", scenario]
+    command += [] if scenario is None else ["--scenario", scenario]
     log = (folder / f"{fleet.stem}.log").open("ab")
     with log:
         running = subprocess.Popen(

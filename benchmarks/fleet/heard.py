@@ -15,7 +15,7 @@ from skyway.runtime.mqtt import MqttClient, Received
 _CONNECT_WITHIN_S: Final = 20.0
 
 #: Between two looks at what others tell us, wall seconds.
-_LOOK_EVERY_S: Final = 0.1
+_LOOK_EVERY_S: Final = 0.02
 
 
 @dataclass(slots=True)
