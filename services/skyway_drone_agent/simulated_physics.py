@@ -136,6 +136,9 @@ class Physics:
         if full_at <= step.not_after_at + _RESERVATION_GRAIN:
             return Outcome(full_at, until_soc, energy_j=0.0)
         ended_at = max(run.started_at, step.not_after_at)
+        if run.started_at < ended_at <= begun_at:
+            # Its time on the pad is over, and somebody else had it: no wait would charge it.
+            return Outcome(ended_at, run.soc, energy_j=0.0, code="PAD_OCCUPIED", has_failed=True)
         charged_s = max(0.0, (ended_at - begun_at).total_seconds())
         short_soc = self._charged(soc, charged_s) if charged_s else run.soc
         return Outcome(ended_at, short_soc, energy_j=0.0, code="SHORT_CHARGE")

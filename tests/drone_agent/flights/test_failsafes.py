@@ -223,6 +223,25 @@ async def test_a_taken_pad_is_waited_for_and_then_another_plan_is_asked_for(
     assert failed.soc == landed.soc
 
 
+async def test_a_pad_that_is_taken_all_of_a_short_reservation_fails_the_step_at_its_end(
+    world: Any, cloud: Any, steps: Any
+) -> None:
+    trip = steps().pick_up("home", p1=1.0)
+    trip.fly("home", "farm", length_m=30 * HUNDREDTH_M, duration_s=2000)
+    trip.recharge("farm", until_soc=0.5, duration_s=60).deliver("farm", "p1")
+    taken = {"station_id": "farm", "from_at": "2026-03-01T00:00:00Z"}
+    taken["until_at"] = "2026-03-02T00:00:00Z"
+    world.disturbances = Disturbances.model_validate({"pads": {"taken": [taken]}})
+    await world.start()
+    await world.send(cloud.mission(trip.made))
+
+    await world.pass_until(lambda: bool(failures(world)))
+
+    failed = failures(world)[0]
+    assert (failed.step_kind, failed.code) == ("RECHARGE", "PAD_OCCUPIED")
+    assert failed.ended_at == trip.made[2].not_after_at
+
+
 async def test_a_pad_that_gets_free_in_time_is_charged_on(
     world: Any, cloud: Any, steps: Any
 ) -> None:
