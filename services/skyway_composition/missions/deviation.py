@@ -11,7 +11,7 @@ from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.missions.prediction import Load, PredictedStep, predict
 from skyway_composition.missions.record import MissionRecord, Trouble
 from skyway_composition.missions.situation import Situation
-from skyway_composition.missions.whereabouts import whereabouts
+from skyway_composition.missions.whereabouts import Whereabouts, whereabouts
 from skyway_composition.planning.margins import used_more, with_margin
 
 #: Less lateness than this is not worth telling a customer. Our own choice.
@@ -54,7 +54,7 @@ def outlook(situation: Situation, *, now_ms: int) -> Outlook | None:
         (each.eta_at - told[each.package_id] for each in etas if each.package_id in told),
         default=timedelta(0),
     )
-    return Outlook(_trouble(record, ahead, likely), etas, late_by)
+    return Outlook(_trouble(record, ahead, likely, where=where), etas, late_by)
 
 
 def _etas(ahead: Sequence[PredictedStep]) -> Iterator[PackageEta]:
@@ -66,20 +66,31 @@ def _etas(ahead: Sequence[PredictedStep]) -> Iterator[PackageEta]:
 
 
 def _trouble(
-    record: MissionRecord, ahead: Sequence[PredictedStep], likely: Sequence[PredictedStep]
+    record: MissionRecord,
+    ahead: Sequence[PredictedStep],
+    likely: Sequence[PredictedStep],
+    *,
+    where: Whereabouts,
 ) -> Trouble | None:
     """The first thing that the plan loses, in the order of its steps.
 
     `ahead` has the margin on all flights to come, `likely` has none: what a tolerated lateness
-    costs of the charge, the margin makes up for.
+    costs of the charge, the margin makes up for. A landing that is under way comes as it comes; how
+    far a drone charges that comes below its reserve is seen when it has.
     """
     least_soc = record.candidate.model.reserve_soc - _LEAST_SHORTFALL_SOC
     tolerated_s = record.mission.margins.tolerated_lateness_s
     short: PredictedStep | None = None
+    soc = where.soc
     for predicted, expected in zip(ahead, likely, strict=True):
         step = predicted.step
+        came_with_soc, soc = soc, predicted.soc_end
         if isinstance(step, RechargeStep) and predicted.is_lost:
             return _late(predicted, f"its pad at {step.station_id!r} is lost")
+        if isinstance(step, RechargeStep) and came_with_soc < least_soc:
+            return None
+        if isinstance(step, FlyStep) and step.lands and where.is_doing(step):
+            continue
         if predicted.is_short:
             short = predicted
         if isinstance(step, FlyStep) and predicted.soc_end < least_soc:

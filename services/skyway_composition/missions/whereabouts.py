@@ -31,6 +31,10 @@ class Whereabouts:
         """Whether the next step has begun."""
         return self.next_step <= self.released_through
 
+    def is_doing(self, step: FlightStep) -> bool:
+        """Whether this step has begun and not ended."""
+        return self.is_under_way and step.step_id == self.next_step
+
 
 def whereabouts(situation: Situation) -> Whereabouts | None:
     """Where the drone is; None when it has not said anything of this mission yet."""
