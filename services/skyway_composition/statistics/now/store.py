@@ -16,10 +16,10 @@ async def live_missions(
     query = select(missions.c.state, func.count()).where(is_live).group_by(missions.c.state)
     if provider_id is not None:
         query = query.where(missions.c.provider_id == provider_id)
-    return dict((await connection.execute(query)).tuples().all())
+    return dict((await connection.execute(query)).all())
 
 
 async def unsent(connection: AsyncConnection) -> Mapping[str, int]:
     """How many messages wait in the outbox, by channel."""
     query = select(outbox.c.channel, func.count()).group_by(outbox.c.channel)
-    return dict((await connection.execute(query)).tuples().all())
+    return dict((await connection.execute(query)).all())
