@@ -1,0 +1,83 @@
+"""GET /v1/stats/missions: what is under way, and what waits to be sent."""
+
+from typing import Any
+
+import pytest
+from sqlalchemy import text
+
+from skyway.units import moment_to_ms
+
+
+async def insert(composition: Any, table: str, **values: object) -> None:
+    names = ", ".join(values)
+    places = ", ".join(f":{name}" for name in values)
+    async with composition.db.write() as tx:
+        statement = text(f"INSERT INTO {table} ({names}) VALUES ({places})")
+        await tx.execute(statement, values)
+
+
+@pytest.fixture
+async def busy(composition: Any) -> Any:
+    """Missions of two providers, one of them over."""
+    now_ms = moment_to_ms(composition.clock.now())
+    states = [("ACTIVE", "prv_1"), ("ACTIVE", "prv_2"), ("BOOKED", "prv_1"), ("ABORTED", "prv_1")]
+    for number, (state, provider_id) in enumerate(states):
+        await insert(composition, "deliveries", delivery_id=f"dlv_{number}")
+        await insert(
+            composition,
+            "missions",
+            mission_id=f"msn_{number}",
+            delivery_id=f"dlv_{number}",
+            attempt=1,
+            trip=1,
+            provider_id=provider_id,
+            drone_id=f"drn_{number}",
+            state=state,
+            network_id="row",
+            start_ms=now_ms,
+            released_ms=now_ms,
+            expires_ms=now_ms,
+            body="{}",
+            request="{}",
+            candidate="{}",
+            report_seq=0,
+        )
+    return composition
+
+
+async def asked(composition: Any, caller: str) -> Any:
+    answer = await composition(caller, "GET", "/v1/stats/missions")
+    assert answer.status_code == 200, answer.text
+    return answer.json()
+
+
+async def test_missions_that_are_not_over_are_counted_by_state(busy: Any) -> None:
+    assert (await asked(busy, "operator:op"))["by_state"] == {"ACTIVE": 2, "BOOKED": 1}
+
+
+async def test_a_provider_counts_its_own_missions_only(busy: Any) -> None:
+    found = await asked(busy, "provider:prv_2")
+
+    assert (found["by_state"], found["unsent"]) == ({"ACTIVE": 1}, {})
+
+
+async def test_what_waits_to_leave_is_counted_by_channel(busy: Any) -> None:
+    before = (await asked(busy, "operator:op"))["unsent"].get("gateway", 0)
+    for _ in range(2):
+        await insert(
+            busy,
+            "outbox",
+            channel="gateway",
+            stream="s",
+            address="/",
+            payload=b"{}",
+            confirmed_by="answer",
+            mqtt_qos=0,
+            is_retained=False,
+        )
+
+    assert (await asked(busy, "operator:op"))["unsent"]["gateway"] == before + 2
+
+
+async def test_customers_are_not_told(busy: Any) -> None:
+    assert (await busy("customer:c1", "GET", "/v1/stats/missions")).status_code == 403
