@@ -55,6 +55,7 @@ async def _host(crew: Crew, folder: JournalFolder, settings: AgentSettings) -> N
             crew.drones,
             folder,
             mqtt_url=settings.mqtt_url,
+            accesses=crew.accesses,
             disturbances=settings.disturbances,
             mavlink=settings.mavlink,
         )

@@ -8,8 +8,8 @@ from typing import Any, Never, Protocol, Self
 
 from skyway.contracts.drone_report import Connection
 from skyway.contracts.topic import Address
-from skyway.contracts.topics import CLOCK
-from skyway.contracts.world import ClockAnchor
+from skyway.contracts.topics import CLOCK, NETWORK_VERSION
+from skyway.contracts.world import ClockAnchor, NetworkVersion
 from skyway.runtime.errors import MqttUnavailable
 from skyway.runtime.loops import Loops
 from skyway.runtime.minting import Mint
@@ -23,6 +23,7 @@ from skyway_drone_agent.flight_recorder import FlightRecorder
 from skyway_drone_agent.guard import Guard
 from skyway_drone_agent.inbox import RAW_INSTRUCTIONS, Inbox
 from skyway_drone_agent.journal import Journal
+from skyway_drone_agent.landings import NO_BOOK, LandingBook
 from skyway_drone_agent.link_watch import LinkWatch
 from skyway_drone_agent.lookout import Lookout
 from skyway_drone_agent.mission import Gates
@@ -51,6 +52,19 @@ class OpenableLink(Link, Protocol):
     ) -> None: ...
 
 
+class HeardBook(LandingBook, Protocol):
+    """A landing book that reads what is new once a network has another version."""
+
+    @property
+    def wants_versions(self) -> bool:
+        """Whether it can do anything with them."""
+        ...
+
+    def heard(self, version: NetworkVersion) -> None:
+        """A network has this version now."""
+        ...
+
+
 #: Makes the link of one drone from its last will and what to do after each connect.
 MakeLink = Callable[[Will, Callable[[], Awaitable[None]]], OpenableLink]
 
@@ -67,8 +81,10 @@ class DroneAgent:
         clock: ClockFromCloud,
         make_link: MakeLink,
         mint: Mint,
+        book: HeardBook | None = None,
     ) -> None:
         self._drone = drone
+        self._book = book
         self._vehicle = vehicle
         self._clock = clock
         self._mint = mint
@@ -91,8 +107,12 @@ class DroneAgent:
         here = (self._drone.provider_id, self._drone.drone_id)
         anchors = self._link.batches(CLOCK())
         instructions = self._link.batches(RAW_INSTRUCTIONS(*here))
+        book = self._book if self._book is not None and self._book.wants_versions else None
+        versions = None if book is None else self._link.batches(NETWORK_VERSION)
         async with self._link, Loops() as loops:
             loops.start("clock", self._keep_time(anchors))
+            if book is not None and versions is not None:
+                loops.start("landing book", _tell(book, versions))
             try:
                 # Without fleet time nothing can be judged; what arrives meanwhile waits.
                 await self._clock.wait_known()
@@ -115,7 +135,7 @@ class DroneAgent:
         events = EventSender(uplink, recorder)
         watch = LinkWatch(self._link, clock, on_change=recorder.tell_watchers)
         cloud = CloudWatch(self._link, clock, on_change=recorder.tell_watchers)
-        lookout = Lookout(recorder, vehicle, clock)
+        lookout = Lookout(recorder, vehicle, clock, book=self._book or NO_BOOK)
         state = StateSender(uplink, recorder, lookout, clock, events=events)
         telemetry = TelemetrySender(uplink, recorder, lookout, clock)
         writer = EventWriter(recorder, uplink)
@@ -199,6 +219,12 @@ class DroneAgent:
         address: Address[Connection] = self._presence.address
         with contextlib.suppress(MqttUnavailable):
             await self._link.publish(address, self._presence.offline(), timeout_s=_FAREWELL_S)
+
+
+async def _tell(book: HeardBook, batches: AsyncIterator[list[Received[NetworkVersion]]]) -> None:
+    async for batch in batches:
+        for received in batch:
+            book.heard(received.message)
 
 
 def _latest(*moments: datetime | None) -> datetime | None:

@@ -15,7 +15,7 @@ from skyway_drone_agent.energy_to_land import EnergyToLand
 from skyway_drone_agent.energy_watch import EnergyWatch
 from skyway_drone_agent.first_charge import first_charge
 from skyway_drone_agent.known_legs import KnownLegs
-from skyway_drone_agent.landings import KnownLandings
+from skyway_drone_agent.landings import NO_BOOK, KnownLandings, LandingBook
 from skyway_drone_agent.leg import Leg
 from skyway_drone_agent.logbook import Logbook
 from skyway_drone_agent.off_course import off_course_m
@@ -90,7 +90,12 @@ class Analysis:
     )
 
     def __init__(
-        self, model: DroneModel, pack: BatteryPack = _PACK, *, state_of_health: float = 1.0
+        self,
+        model: DroneModel,
+        pack: BatteryPack = _PACK,
+        *,
+        state_of_health: float = 1.0,
+        book: LandingBook = NO_BOOK,
     ) -> None:
         self._model = model
         self._pack = pack
@@ -98,7 +103,7 @@ class Analysis:
         self._health = BatteryHealth(pack, rated_j=model.battery_j, state_of_health=state_of_health)
         self._energy = EnergyWatch(power_w=model.power_empty_w)
         self._wind = WindEstimate()
-        self._landings = KnownLandings()
+        self._landings = KnownLandings(book)
         self._legs = KnownLegs(model)
         self._needs = EnergyToLand()
 
@@ -170,7 +175,9 @@ class Analysis:
             range_m=reach.range_m(load_kg),
             landing=landing,
             landings_in_reach=reach.landings_in_reach(
-                self._landings.after(logbook), position=reading.position, load_kg=load_kg
+                self._landings.after(logbook, leg.step if leg else None),
+                position=reading.position,
+                load_kg=load_kg,
             ),
             off_course_m=off_course_m(leg, reading.position) if leg else 0.0,
             has_gps=reading.has_gps,

@@ -1,9 +1,10 @@
 """Hosting: one process serves one drone or a whole simulated fleet."""
 
 import asyncio
+import contextlib
 import logging
 import resource
-from collections.abc import Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable
 from typing import Never
 
 from skyway.runtime.errors import InvalidSettings
@@ -14,7 +15,11 @@ from skyway_drone_agent.clock_keeper import KeptClock
 from skyway_drone_agent.disturbances import UNDISTURBED, Disturbances
 from skyway_drone_agent.enrolled_drone import EnrolledDrone
 from skyway_drone_agent.enrolment.client_tls import client_tls
+from skyway_drone_agent.enrolment.cloud import CloudAccess
 from skyway_drone_agent.journal_folder import JournalFolder
+from skyway_drone_agent.landing_book.book import LandingBook
+from skyway_drone_agent.landing_book.extract_file import ExtractFile
+from skyway_drone_agent.landing_book.station_reader import StationReader
 from skyway_drone_agent.mavlink_settings import MavlinkSettings
 from skyway_drone_agent.simulated_link_loss import LinkWithOutages, has_outages
 from skyway_drone_agent.simulated_vehicle import SimulatedVehicle
@@ -34,27 +39,47 @@ async def host_fleet(
     folder: JournalFolder,
     *,
     mqtt_url: str,
+    accesses: tuple[CloudAccess, ...] = (),
     disturbances: Disturbances = UNDISTURBED,
     mavlink: MavlinkSettings | None = None,
 ) -> None:
     """Serve all drones until cancelled; one that fails does not disturb the others.
 
-    With `mavlink` there is one drone, and its autopilot flies it.
+    With `mavlink` there is one drone, and its autopilot flies it. With `accesses` the drones have
+    stations read that no mission names.
     """
     clock = KeptClock(folder.clock_file)
-    if mavlink is not None:
-        await _host_real_drone(drones, folder, clock=clock, mqtt_url=mqtt_url, mavlink=mavlink)
-        return
-    async with asyncio.TaskGroup() as group:
-        for drone in drones:
-            vehicle = SimulatedVehicle(
-                drone.model, clock, disturbances=disturbances, drone_id=drone.drone_id
+    async with _landing_book(folder, accesses) as book:
+        if mavlink is not None:
+            await _host_real_drone(
+                drones, folder, clock=clock, book=book, mqtt_url=mqtt_url, mavlink=mavlink
             )
-            make_link = _link_maker(
-                drone, folder, clock=clock, mqtt_url=mqtt_url, disturbances=disturbances
-            )
-            serving = _keep_flying(drone, folder, vehicle=vehicle, clock=clock, make_link=make_link)
-            group.create_task(serving, name=drone.drone_id)
+        async with asyncio.TaskGroup() as group:
+            for drone in drones:
+                vehicle = SimulatedVehicle(
+                    drone.model, clock, disturbances=disturbances, drone_id=drone.drone_id
+                )
+                make_link = _link_maker(
+                    drone, folder, clock=clock, mqtt_url=mqtt_url, disturbances=disturbances
+                )
+                serving = _keep_flying(
+                    drone, folder, vehicle=vehicle, clock=clock, book=book, make_link=make_link
+                )
+                group.create_task(serving, name=drone.drone_id)
+
+
+@contextlib.asynccontextmanager
+async def _landing_book(
+    folder: JournalFolder, accesses: tuple[CloudAccess, ...]
+) -> AsyncIterator[LandingBook]:
+    """The book of this process, which reads on until its drones are left."""
+    book = LandingBook(StationReader(accesses), ExtractFile(folder.landing_book_file))
+    reading = asyncio.create_task(_keep_reading(book), name="landing book")
+    try:
+        yield book
+    finally:
+        reading.cancel()
+        await asyncio.wait((reading,))
 
 
 async def _host_real_drone(
@@ -62,9 +87,10 @@ async def _host_real_drone(
     folder: JournalFolder,
     *,
     clock: KeptClock,
+    book: LandingBook,
     mqtt_url: str,
     mavlink: MavlinkSettings,
-) -> None:
+) -> Never:
     if len(drones) != 1:
         raise InvalidSettings(f"--vehicle is one drone's, and there are {len(drones)}")
     # Only now, so that agents of simulated drones do without it.
@@ -73,7 +99,9 @@ async def _host_real_drone(
     (drone,) = drones
     make_link = _link_maker(drone, folder, clock=clock, mqtt_url=mqtt_url, disturbances=UNDISTURBED)
     async with mavlink_vehicle(drone.model, clock, mavlink) as vehicle:
-        await _keep_flying(drone, folder, vehicle=vehicle, clock=clock, make_link=make_link)
+        await _keep_flying(
+            drone, folder, vehicle=vehicle, clock=clock, book=book, make_link=make_link
+        )
 
 
 def _link_maker(
@@ -107,12 +135,23 @@ def _link_maker(
     return make_link
 
 
+async def _keep_reading(book: LandingBook) -> None:
+    while True:
+        try:
+            return await book.run()
+        except Exception:
+            # Drones fly with what they know.
+            log.exception("landing book failed")
+            await asyncio.sleep(_AGAIN_AFTER_S)
+
+
 async def _keep_flying(
     drone: EnrolledDrone,
     folder: JournalFolder,
     *,
     vehicle: Vehicle,
     clock: KeptClock,
+    book: LandingBook,
     make_link: MakeLink,
 ) -> Never:
     while True:
@@ -124,6 +163,7 @@ async def _keep_flying(
                 clock=clock,
                 make_link=make_link,
                 mint=mint,
+                book=book,
             )
             await agent.run()
         except Exception:

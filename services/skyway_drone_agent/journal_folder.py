@@ -61,6 +61,11 @@ class JournalFolder:
         """Where the fleet clock's anchor is kept."""
         return self._path / "clock.json"
 
+    @property
+    def landing_book_file(self) -> Path:
+        """Where the stations around the drones' routes are kept."""
+        return self._path / "landing-book.json"
+
     def journal_of(self, drone_id: DroneId) -> FileJournal:
         """The journal of one drone."""
         return FileJournal(self._path / f"{drone_id}.jsonl")

@@ -1,6 +1,7 @@
 """The stations that a drone knows of, and could land at."""
 
 from dataclasses import dataclass
+from typing import Final, Protocol
 
 from skyway.contracts.flight_step import FlyStep
 from skyway.geo import Position
@@ -35,27 +36,104 @@ def landings_of(logbook: Logbook) -> tuple[Landing, ...]:
     return tuple(Landing(station_id, position) for station_id, position in found.items())
 
 
+class Surroundings(Protocol):
+    """The stations around a flight; `edition` is another number when they are others."""
+
+    @property
+    def edition(self) -> int:
+        """How often they were read."""
+        ...
+
+    def landings_along(self, flight: FlyStep) -> tuple[Landing, ...]:
+        """The nearest stations along it."""
+        ...
+
+    def is_closed(self, landing: Landing) -> bool:
+        """Whether nobody may land there, as far as is known."""
+        ...
+
+
+class LandingBook(Protocol):
+    """Knows stations that are on no step of a mission."""
+
+    def around(self, flight: FlyStep) -> Surroundings:
+        """What it knows around this flight; it may find out more."""
+        ...
+
+
+class NoBook:
+    """Knows no station."""
+
+    edition = 0
+
+    def around(self, flight: FlyStep) -> Surroundings:
+        """Nothing."""
+        return self
+
+    def landings_along(self, flight: FlyStep) -> tuple[Landing, ...]:
+        """None."""
+        return ()
+
+    def is_closed(self, landing: Landing) -> bool:
+        """Not that anybody knows."""
+        return False
+
+
+#: The book of a drone that knows no more than its missions say.
+NO_BOOK: Final = NoBook()
+
+
 class KnownLandings:
-    """All landings of the mission so far: those already passed too, which its steps forget."""
+    """All landings of the mission so far, those its steps forget too, and those of the book."""
 
-    __slots__ = ("_known", "_seen")
+    __slots__ = ("_answer", "_around", "_book", "_edition", "_flight", "_known", "_seen")
 
-    def __init__(self) -> None:
+    def __init__(self, book: LandingBook) -> None:
+        self._book = book
         self._known: dict[StationId, Landing] = {}
         self._seen: tuple[object, object] = (None, None)
+        self._flight: FlyStep | None = None
+        self._around: Surroundings | None = None
+        self._edition = 0
+        self._answer: tuple[Landing, ...] = ()
 
-    def after(self, logbook: Logbook) -> tuple[Landing, ...]:
-        """The landings known once this logbook has been read too."""
+    def after(self, logbook: Logbook, flight: FlyStep | None = None) -> tuple[Landing, ...]:
+        """The landings known once this logbook has been read too, with those along the flight."""
         steps = logbook.mission.steps if logbook.mission else None
-        if self._seen[0] is not steps or self._seen[1] != logbook.station_id or not self._known:
+        is_news = self._seen[0] is not steps or self._seen[1] != logbook.station_id
+        if is_news or not self._known:
             self._seen = (steps, logbook.station_id)
-            for landing in landings_of(logbook):
-                # Taken out and put back: the newest are at the end.
-                self._known.pop(landing.station_id, None)
-                self._known[landing.station_id] = landing
-            for station_id in tuple(self._known)[:-_KEPT]:
-                del self._known[station_id]
-        return tuple(self._known.values())
+            self._learn(logbook)
+        around = self._around
+        if is_news or flight is not self._flight or (around and around.edition != self._edition):
+            self._look_around(flight)
+        return self._answer
+
+    def _learn(self, logbook: Logbook) -> None:
+        for landing in landings_of(logbook):
+            # Taken out and put back: the newest are at the end.
+            self._known.pop(landing.station_id, None)
+            self._known[landing.station_id] = landing
+        for station_id in tuple(self._known)[:-_KEPT]:
+            del self._known[station_id]
+        if logbook.mission is not None:
+            for step in _planned_flights(logbook.mission):
+                # Asked for ahead: it takes a while to find out.
+                self._book.around(step)
+
+    def _look_around(self, flight: FlyStep | None) -> None:
+        self._flight = flight
+        if flight is None:
+            self._around, self._answer = None, tuple(self._known.values())
+            return
+        around = self._around = self._book.around(flight)
+        self._edition = around.edition
+        found = {one.station_id: one for one in around.landings_along(flight)}
+        for landing in self._known.values():
+            # Where it is told to fly to it is expected, whatever was read about that before.
+            if landing.station_id == flight.to_id or not around.is_closed(landing):
+                found[landing.station_id] = landing
+        self._answer = tuple(found.values())
 
 
 def _planned_flights(mission: CurrentMission) -> list[FlyStep]:

@@ -5,6 +5,7 @@ from typing import Final
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway_drone_agent.analysis import Analysis, Assessment
 from skyway_drone_agent.flight_recorder import FlightRecorder
+from skyway_drone_agent.landings import NO_BOOK, LandingBook
 from skyway_drone_agent.logbook import Logbook
 from skyway_drone_agent.vehicle import Vehicle, doing_now
 
@@ -20,11 +21,19 @@ class Lookout:
 
     __slots__ = ("_analysis", "_clock", "_newest", "_recorder", "_seen", "_vehicle")
 
-    def __init__(self, recorder: FlightRecorder, vehicle: Vehicle, clock: FleetClock) -> None:
+    def __init__(
+        self,
+        recorder: FlightRecorder,
+        vehicle: Vehicle,
+        clock: FleetClock,
+        *,
+        book: LandingBook = NO_BOOK,
+    ) -> None:
         self._recorder = recorder
         self._vehicle = vehicle
         self._clock = clock
-        self._analysis = Analysis(vehicle.model, state_of_health=recorder.logbook.state_of_health)
+        health = recorder.logbook.state_of_health
+        self._analysis = Analysis(vehicle.model, state_of_health=health, book=book)
         self._newest: Assessment | None = None
         self._seen: Logbook | None = None
 

@@ -3,7 +3,7 @@
 from typing import Any
 
 from skyway_drone_agent.current_mission import CurrentMission, Escape, FlownBefore
-from skyway_drone_agent.landings import KnownLandings, landings_of
+from skyway_drone_agent.landings import NO_BOOK, KnownLandings, landings_of
 from skyway_drone_agent.logbook import Logbook
 from skyway_drone_agent.records import Answer
 
@@ -64,7 +64,7 @@ def test_straight_down_is_no_landing_but_the_flight_instead_of_it_was_for_one(tr
 
 
 def test_landings_that_were_passed_stay_known(trip: Any) -> None:
-    known = KnownLandings()
+    known = KnownLandings(NO_BOOK)
     known.after(logbook_of(trip))
 
     after = known.after(logbook_of(trip[-1:], station=None))
@@ -73,7 +73,7 @@ def test_landings_that_were_passed_stay_known(trip: Any) -> None:
 
 
 def test_only_so_many_landings_are_kept_the_newest(trip: Any) -> None:
-    known = KnownLandings()
+    known = KnownLandings(NO_BOOK)
 
     for number in range(100):
         flight = trip[1].model_copy(update={"to_id": StationId(f"stn_{number}")})

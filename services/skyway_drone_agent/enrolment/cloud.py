@@ -5,6 +5,7 @@ import json
 import urllib.error
 import urllib.request
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any, Final
 from urllib.parse import urlsplit
 
@@ -33,6 +34,14 @@ class _NoRedirects(urllib.request.HTTPRedirectHandler):
 
     def redirect_request(self, *_: Any, **__: Any) -> None:  # as urllib calls it
         return None
+
+
+@dataclass(frozen=True, slots=True)
+class CloudAccess:
+    """Where a drone asks, and the key that it shows."""
+
+    api_url: str
+    key: str = field(repr=False)
 
 
 class Cloud:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable
 from typing import Final, Protocol
 
 from skyway_drone_agent.enrolled_drone import EnrolledDrone
-from skyway_drone_agent.enrolment.cloud import CloudRefused, CloudUnreachable
+from skyway_drone_agent.enrolment.cloud import CloudAccess, CloudRefused, CloudUnreachable
 from skyway_drone_agent.enrolment.credentials import KeptCredentials
 from skyway_drone_agent.enrolment.credentials_folder import CredentialsFolder
 from skyway_drone_agent.enrolment.rotate import begin, settle
@@ -23,6 +23,11 @@ class Crew(Protocol):
     @property
     def drones(self) -> tuple[EnrolledDrone, ...]:
         """The drones, each with what it logs in with."""
+        ...
+
+    @property
+    def accesses(self) -> tuple[CloudAccess, ...]:
+        """What the drones ask the cloud with; none without an enrolment."""
         ...
 
     def settle(self) -> None:
@@ -48,6 +53,11 @@ class RegisteredCrew:
     def drones(self) -> tuple[EnrolledDrone, ...]:
         """The drones of the file."""
         return self._drones
+
+    @property
+    def accesses(self) -> tuple[CloudAccess, ...]:
+        """None: a registration gives no key."""
+        return ()
 
     def settle(self) -> None:
         """Nothing is ever open."""
@@ -78,6 +88,11 @@ class EnrolledCrew:
     def drones(self) -> tuple[EnrolledDrone, ...]:
         """The drones, each with what it logs in with as far as is known."""
         return tuple(each.drone for each in self._kept.values())
+
+    @property
+    def accesses(self) -> tuple[CloudAccess, ...]:
+        """The drones' own keys."""
+        return tuple(CloudAccess(each.api_url, each.drone.key) for each in self._kept.values())
 
     async def changed(self) -> None:
         """Return once a rotation that a crash cut short has come to its end; never without one."""

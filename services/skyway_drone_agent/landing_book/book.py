@@ -1,0 +1,151 @@
+"""The landing book: one for all drones of a process, read from the cloud as their routes need.
+
+Nobody waits for it. Without the network's version, a key or an answer drones fly with what they
+know; what is read counts for the flights that are under way too.
+"""
+
+import asyncio
+import contextlib
+import logging
+import time
+from dataclasses import dataclass
+from typing import Final
+
+from skyway.contracts.flight_step import FlyStep
+from skyway.contracts.world import NetworkVersion
+from skyway.ids import NetworkId
+from skyway_drone_agent.enrolment.cloud import CloudRefused, CloudUnreachable
+from skyway_drone_agent.landing_book.extract_file import ExtractFile
+from skyway_drone_agent.landing_book.station_reader import StationReader
+from skyway_drone_agent.landing_book.surroundings import Surroundings
+from skyway_drone_agent.landing_book.tiles import TileBox
+
+log = logging.getLogger(__name__)
+
+#: Surroundings that are asked for again after so long (wall seconds) are read again: stations close
+#: and open.
+_GOOD_FOR_S: Final = 600.0
+
+#: Wall seconds before a cloud that did not answer is asked again, and between two writes.
+_AGAIN_AFTER_S, _WRITE_EVERY_S = 30.0, 60.0
+
+#: The surroundings that are read again when the network changes: the last asked for.
+_MOST_SURROUNDINGS: Final = 4_096
+
+
+@dataclass(frozen=True, slots=True)
+class _Version:
+    """A network's content, and when it was first heard of."""
+
+    sha256: str
+    heard_at_s: float
+
+
+class LandingBook:
+    """Hears of networks, is asked for surroundings, and reads them one after the other."""
+
+    def __init__(
+        self,
+        reader: StationReader,
+        file: ExtractFile,
+        *,
+        good_for_s: float = _GOOD_FOR_S,
+        again_after_s: float = _AGAIN_AFTER_S,
+    ) -> None:
+        self._reader = reader
+        self._file = file
+        self._good_for_s = good_for_s
+        self._again_after_s = again_after_s
+        self._extract = file.read()
+        self._networks: dict[NetworkId, _Version] = {}
+        self._surroundings: dict[TileBox, Surroundings] = {}
+        self._wanted: dict[TileBox, None] = {}
+        self._has_news = asyncio.Event()
+        self._written_at_s = float("-inf")
+        self._is_written = True
+
+    @property
+    def wants_versions(self) -> bool:
+        """Whether it can do anything with a network's version."""
+        return self._reader.may_ask
+
+    def heard(self, version: NetworkVersion) -> None:
+        """A network has this version now: what was read of another one is read again."""
+        known = self._networks.get(version.network_id)
+        if known is not None and known.sha256 == version.sha256:
+            return
+        self._networks[version.network_id] = _Version(version.sha256, _now_s())
+        self._wanted.update(dict.fromkeys(self._surroundings))
+        self._has_news.set()
+
+    def around(self, flight: FlyStep) -> Surroundings:
+        """What is known around this flight; what is not known there will be read."""
+        box = TileBox.around(flight.from_position, flight.to_position)
+        known = self._surroundings.pop(box, None) or Surroundings(self._extract)
+        self._surroundings[box] = known
+        if len(self._surroundings) > _MOST_SURROUNDINGS:
+            forgotten = next(iter(self._surroundings))
+            del self._surroundings[forgotten]
+            self._wanted.pop(forgotten, None)
+        if self._reader.may_ask and not self._is_fresh(box):
+            self._wanted[box] = None
+            self._has_news.set()
+        return known
+
+    async def run(self) -> None:
+        """Read what is wanted, for ever; without a key it is over at once."""
+        try:
+            while self._reader.may_ask:
+                await self._wait_until_wanted()
+                await self._read_next()
+        finally:
+            if not self._is_written:
+                self._file.write(self._extract)
+
+    async def _wait_until_wanted(self) -> None:
+        """Return when something is to be read; write meanwhile."""
+        while not (self._wanted and self._networks):
+            if not self._is_written and _now_s() - self._written_at_s >= _WRITE_EVERY_S:
+                self._written_at_s, self._is_written = _now_s(), True
+                await asyncio.to_thread(self._file.write, tuple(self._extract))
+                continue
+            self._has_news.clear()
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(None if self._is_written else _WRITE_EVERY_S):
+                    await self._has_news.wait()
+
+    async def _read_next(self) -> None:
+        box = next(iter(self._wanted))
+        # Before it is read: it may be wanted again meanwhile.
+        del self._wanted[box]
+        try:
+            for network_id in tuple(self._networks):
+                if not self._is_fresh_in(network_id, box):
+                    await self._read(box, network_id)
+        except CloudUnreachable as error:
+            log.warning("stations not read", extra={"reason": str(error)})
+            self._wanted[box] = None
+            await asyncio.sleep(self._again_after_s)
+        except CloudRefused as error:
+            # No such network any more, or no key: to be asked for again is no use.
+            log.warning("stations refused", extra={"reason": str(error)})
+        if box in self._surroundings:
+            self._surroundings[box].edition += 1
+
+    async def _read(self, box: TileBox, network_id: NetworkId) -> None:
+        asked_at_s = _now_s()
+        found = await self._reader.stations_in(box, network_id)
+        self._extract.put(network_id, box.tiles, found, at_s=asked_at_s)
+        self._is_written = False
+        log.info("stations read", extra={"network_id": network_id, "stations": len(found)})
+
+    def _is_fresh(self, box: TileBox) -> bool:
+        return bool(self._networks) and all(self._is_fresh_in(one, box) for one in self._networks)
+
+    def _is_fresh_in(self, network_id: NetworkId, box: TileBox) -> bool:
+        since_s = max(self._networks[network_id].heard_at_s, _now_s() - self._good_for_s)
+        return all(self._extract.read_at_s(network_id, tile) >= since_s for tile in box.tiles)
+
+
+def _now_s() -> float:
+    return time.monotonic()

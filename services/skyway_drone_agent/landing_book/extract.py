@@ -1,0 +1,121 @@
+"""What is known of the networks: stations by tiles, the nearest of them found quickly."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from math import cos, radians
+from typing import Final
+
+from skyway.geo import Position
+from skyway.ids import NetworkId, StationId
+from skyway_drone_agent.landing_book.tiles import Tile, ring, tile_of
+from skyway_drone_agent.landings import Landing
+
+#: So much is kept in mind; the tiles read longest ago are forgotten first.
+MOST_STATIONS: Final = 20_000
+MOST_TILES: Final = 20_000
+
+#: So many tiles away it is looked for stations.
+_FURTHEST: Final = 4
+
+
+@dataclass(frozen=True, slots=True)
+class KnownStation:
+    """A station of a network; one that `is_closed` is no landing."""
+
+    network_id: NetworkId
+    landing: Landing
+    is_closed: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class ReadTile:
+    """The stations of a tile, and when they were read (of a clock that only this process has)."""
+
+    stations: tuple[KnownStation, ...]
+    at_s: float
+
+
+class Extract:
+    """The stations of the tiles read so far, the newest read at the end."""
+
+    def __init__(self, *, most_stations: int = MOST_STATIONS, most_tiles: int = MOST_TILES) -> None:
+        self._most_stations = most_stations
+        self._most_tiles = most_tiles
+        self._tiles: dict[tuple[NetworkId, Tile], ReadTile] = {}
+        self._networks: dict[NetworkId, int] = {}
+        self._stations = 0
+
+    def __iter__(self) -> Iterator[tuple[NetworkId, Tile, tuple[KnownStation, ...]]]:
+        """All tiles with their stations, those read longest ago first."""
+        for (network_id, tile), known in self._tiles.items():
+            yield network_id, tile, known.stations
+
+    def read_at_s(self, network_id: NetworkId, tile: Tile) -> float:
+        """When the tile was read; minus infinity if it was not, or is forgotten."""
+        known = self._tiles.get((network_id, tile))
+        return float("-inf") if known is None else known.at_s
+
+    def put(
+        self,
+        network_id: NetworkId,
+        tiles: Iterable[Tile],
+        found: Iterable[KnownStation],
+        *,
+        at_s: float,
+    ) -> None:
+        """Know these stations, and no others, in these tiles."""
+        by_tile: dict[Tile, list[KnownStation]] = {tile: [] for tile in tiles}
+        for station in found:
+            # Others lie outside, in a tile that is read for itself.
+            by_tile.get(tile_of(station.landing.position), []).append(station)
+        for tile, stations in by_tile.items():
+            self._forget((network_id, tile))
+            self._tiles[network_id, tile] = ReadTile(tuple(stations), at_s)
+            self._networks[network_id] = self._networks.get(network_id, 0) + 1
+            self._stations += len(stations)
+        while self._stations > self._most_stations or len(self._tiles) > self._most_tiles:
+            self._forget(next(iter(self._tiles)))
+
+    def nearest(self, here: Position, *, count: int) -> list[KnownStation]:
+        """The nearest open stations of all networks, up to some 20 km away, nearest first."""
+        middle, narrowing = tile_of(here), cos(radians(here.latitude_deg))
+        found: list[KnownStation] = []
+        furthest = _FURTHEST
+        for distance in range(_FURTHEST + 1):
+            if distance > furthest:
+                break
+            for tile in ring(middle, distance):
+                found.extend(one for one in self._in(tile) if not one.is_closed)
+            if len(found) >= count:
+                # Beyond a side of this ring it may be nearer than in a corner of it.
+                furthest = min(furthest, distance + 1)
+
+        def flat(station: KnownStation) -> tuple[float, StationId]:
+            position = station.landing.position
+            east = (position.longitude_deg - here.longitude_deg + 180.0) % 360.0 - 180.0
+            north = position.latitude_deg - here.latitude_deg
+            return (east * narrowing) ** 2 + north * north, station.landing.station_id
+
+        return sorted(found, key=flat)[:count]
+
+    def station(self, landing: Landing) -> KnownStation | None:
+        """What is known of this station; None if that is nothing."""
+        for station in self._in(tile_of(landing.position)):
+            if station.landing.station_id == landing.station_id:
+                return station
+        return None
+
+    def _in(self, tile: Tile) -> Iterator[KnownStation]:
+        for network_id in self._networks:
+            known = self._tiles.get((network_id, tile))
+            if known is not None:
+                yield from known.stations
+
+    def _forget(self, key: tuple[NetworkId, Tile]) -> None:
+        known = self._tiles.pop(key, None)
+        if known is None:
+            return
+        self._stations -= len(known.stations)
+        self._networks[key[0]] -= 1
+        if not self._networks[key[0]]:
+            del self._networks[key[0]]

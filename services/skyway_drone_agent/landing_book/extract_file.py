@@ -1,0 +1,82 @@
+"""The landing book on disk, for a start without the cloud."""
+
+import logging
+import os
+from collections.abc import Iterable
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from skyway.geo import Position
+from skyway.ids import NetworkId, StationId
+from skyway.json_model import WireModel
+from skyway_drone_agent.landing_book.extract import Extract, KnownStation
+from skyway_drone_agent.landing_book.tiles import Tile
+from skyway_drone_agent.landings import Landing
+
+log = logging.getLogger(__name__)
+
+
+class _KeptTile(WireModel):
+    network_id: NetworkId
+    tile: Tile
+    stations: tuple[tuple[StationId, Position, bool], ...]
+
+
+class _Kept(WireModel):
+    tiles: tuple[_KeptTile, ...]
+
+
+class ExtractFile:
+    """Reads and replaces it; it helps, but nothing depends on it."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def read(self) -> Extract:
+        """What was kept last; nothing if there is none, or none that can be read."""
+        extract = Extract()
+        try:
+            kept = _Kept.read(self._path.read_bytes())
+        except FileNotFoundError:
+            return extract
+        except (OSError, ValidationError) as error:
+            log.warning("landing book not read", extra={"error": type(error).__name__})
+            return extract
+        for one in kept.tiles:
+            extract.put(
+                one.network_id,
+                [one.tile],
+                (
+                    KnownStation(one.network_id, Landing(station_id, position), is_closed)
+                    for station_id, position, is_closed in one.stations
+                ),
+                # Better than nothing, but to be read again.
+                at_s=float("-inf"),
+            )
+        return extract
+
+    def write(self, tiles: Iterable[tuple[NetworkId, Tile, tuple[KnownStation, ...]]]) -> None:
+        """Replace what is kept, whole or not at all."""
+        text = _Kept(tiles=tuple(_kept(*one) for one in tiles)).model_dump_json()
+        # A name of its own: agents of other drones may share the folder.
+        draft = self._path.with_suffix(f".{os.getpid()}")
+        try:
+            with draft.open("w") as output:
+                output.write(text)
+                output.flush()
+                os.fsync(output.fileno())
+            draft.replace(self._path)
+        except OSError as error:
+            # A full disk: only a start without the cloud goes by the file.
+            log.warning("landing book not kept", extra={"error": str(error)})
+
+
+def _kept(network_id: NetworkId, tile: Tile, stations: tuple[KnownStation, ...]) -> _KeptTile:
+    return _KeptTile(
+        network_id=network_id,
+        tile=tile,
+        stations=tuple(
+            (each.landing.station_id, each.landing.position, each.is_closed) for each in stations
+        ),
+    )

@@ -1,0 +1,93 @@
+"""Reading the stations of a box by REST, with the key of a drone, page by page in a thread."""
+
+import asyncio
+from collections.abc import Sequence
+from typing import Final
+from urllib.parse import quote, urlencode
+
+from pydantic import ValidationError
+
+from skyway.geo import Position
+from skyway.ids import NetworkId, StationId
+from skyway.json_model import WireModel
+from skyway_drone_agent.enrolment.cloud import Cloud, CloudAccess, CloudRefused, CloudUnreachable
+from skyway_drone_agent.landing_book.extract import MOST_STATIONS, KnownStation
+from skyway_drone_agent.landing_book.tiles import TileBox
+from skyway_drone_agent.landings import Landing
+
+#: The most that the cloud puts on a page.
+_PAGE: Final = 200
+
+_KEY_IS_REFUSED: Final = frozenset({401, 403})
+
+
+class _Station(WireModel):
+    station_id: StationId
+    position: Position
+    is_closed: bool = False
+
+
+class _Stations(WireModel):
+    items: tuple[_Station, ...]
+    next_cursor: str | None = None
+
+
+class StationReader:
+    """Asks with the first of the drones' keys, until that is refused, then with the next."""
+
+    def __init__(self, accesses: Sequence[CloudAccess]) -> None:
+        self._accesses = list(accesses)
+
+    @property
+    def may_ask(self) -> bool:
+        """Whether there is a key that was not refused."""
+        return bool(self._accesses)
+
+    async def stations_in(self, box: TileBox, network_id: NetworkId) -> list[KnownStation]:
+        """The stations of a network in a box, as they are now.
+
+        Raises
+        ------
+        CloudUnreachable
+            There was no answer, or not one of ours.
+        CloudRefused
+            There is no such network, or no key is left to ask with.
+        """
+        found: list[KnownStation] = []
+        cursor: str | None = None
+        while len(found) < MOST_STATIONS:
+            page = await self._page(box, network_id, cursor)
+            found += (
+                KnownStation(network_id, Landing(each.station_id, each.position), each.is_closed)
+                for each in page.items
+            )
+            cursor = page.next_cursor
+            if cursor is None:
+                break
+        return found
+
+    async def _page(self, box: TileBox, network_id: NetworkId, cursor: str | None) -> _Stations:
+        query = {"bbox": box.bbox, "limit": str(_PAGE)}
+        if cursor is not None:
+            query["cursor"] = cursor
+        path = f"/v1/networks/{quote(network_id, safe='')}/stations?{urlencode(query)}"
+        # Between two pages the agent may be told to stop.
+        answer = await asyncio.to_thread(self._get, path)
+        try:
+            return _Stations.model_validate(answer)
+        except ValidationError as error:
+            raise CloudUnreachable(
+                f"not a list of stations: {error.error_count()} errors"
+            ) from error
+
+    def _get(self, path: str) -> object:
+        while True:
+            access = self._accesses[0]
+            try:
+                return Cloud(access.api_url).get(path, key=access.key)
+            except CloudRefused as error:
+                if error.status not in _KEY_IS_REFUSED:
+                    raise
+                del self._accesses[0]
+                if not self._accesses:
+                    raise
