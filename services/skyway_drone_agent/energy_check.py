@@ -40,11 +40,13 @@ def shortfall_of(
     soc: float,
     packages: tuple[PackageOnBoard, ...],
     consumption_factor: float = 1.0,
+    judged_from: int = 0,
 ) -> Shortfall | None:
     """The first stretch that the battery cannot fly, if each recharge gives what it promises.
 
     `need_j` counts the whole stretch, up to the next recharge or the end. `consumption_factor` is
-    what flights were found to take against what the drone model says.
+    what flights were found to take against what the drone model says. Flights before the step
+    `judged_from` are flown whatever is said of them, and only count.
     """
     factor = consumption_factor if consumption_factor > _AS_PLANNED_FACTOR else 1.0
     load = {package.package_id: package.mass_kg for package in packages}
@@ -58,7 +60,8 @@ def shortfall_of(
                 load = {key: mass for key, mass in load.items() if key not in step.package_ids}
             case FlyStep():
                 need_j += _flight_j(model, step, load_kg=sum(load.values()), factor=factor)
-                if failing is None and need_j > have_j + _ENERGY_TOLERANCE * model.battery_j:
+                is_short = need_j > have_j + _ENERGY_TOLERANCE * model.battery_j
+                if failing is None and is_short and step.step_id >= judged_from:
                     failing = step
             case RechargeStep():
                 if failing is not None:

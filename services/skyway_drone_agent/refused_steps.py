@@ -40,7 +40,12 @@ def not_these_steps(
         or _not_well_formed(flown, logbook, kept=kept, first_step=revision.first_step)
         or _too_heavy(flown, logbook, model=vehicle.model)
         or _too_far(
-            flown, logbook, model=vehicle.model, soc=soc, consumption_factor=consumption_factor
+            flown,
+            logbook,
+            model=vehicle.model,
+            soc=soc,
+            consumption_factor=consumption_factor,
+            first_step=revision.first_step,
         )
     )
 
@@ -120,6 +125,7 @@ def _too_far(
     model: DroneModel,
     soc: float,
     consumption_factor: float,
+    first_step: int,
 ) -> Refusal | None:
     mission = logbook.mission
     if logbook.is_airborne and mission is not None and mission.ignored_faults:
@@ -130,6 +136,8 @@ def _too_far(
         soc=soc,
         packages=logbook.packages,
         consumption_factor=consumption_factor,
+        # A flight that is kept is not flown the less if what follows it is refused.
+        judged_from=first_step,
     )
     if shortfall is None:
         return None

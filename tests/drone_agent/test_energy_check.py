@@ -56,6 +56,22 @@ def test_what_is_on_board_already_weighs_too(drone: Any, steps: Any) -> None:
     assert loaded is not None
 
 
+def test_flights_that_are_flown_anyway_count_but_are_not_judged(drone: Any, steps: Any) -> None:
+    made = there_and_back(steps, until_soc=0.7)
+
+    def short(*, soc: float, judged_from: int) -> Any:
+        return shortfall_of(made, model=drone.model, soc=soc, packages=(), judged_from=judged_from)
+
+    assert short(soc=0.3, judged_from=1).step == made[0]
+    assert short(soc=0.3, judged_from=2) is None
+    assert (
+        shortfall_of(
+            [made[0], *made[2:]], model=drone.model, soc=0.3, packages=(), judged_from=3
+        ).step
+        == made[2]
+    )
+
+
 def test_a_stretch_ends_before_the_next_recharge(steps: Any) -> None:
     made = there_and_back(steps, until_soc=0.6)
 
