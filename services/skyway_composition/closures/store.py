@@ -141,6 +141,20 @@ async def outages(
     return [_closure(row) for row in await connection.execute(query)]
 
 
+async def closed_stations(
+    connection: AsyncConnection, network_id: NetworkId, *, at_ms: int
+) -> frozenset[StationId]:
+    """The stations of a network that are closed at a moment."""
+    found = await connection.execute(
+        select(closures.c.station_id).where(
+            closures.c.kind == "STATION",
+            closures.c.network_id == network_id,
+            *_in_force_at(at_ms),
+        )
+    )
+    return frozenset(row.station_id for row in found)
+
+
 async def ground_stops(connection: AsyncConnection, *, at_ms: int) -> list[Closure]:
     """The ground stops that are in force at a moment."""
     query = select(closures).where(closures.c.kind == "GROUND_STOP", *_in_force_at(at_ms))

@@ -20,6 +20,7 @@ from skyway.runtime.loops import Wake
 from skyway.runtime.paging import Page, PageQuery, page_of
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.closures.impact import Impact
+from skyway_composition.closures.store import closed_stations
 from skyway_composition.networks import store
 from skyway_composition.networks.all_stations import all_stations
 from skyway_composition.networks.box import Box
@@ -52,12 +53,13 @@ class NetworkInfo(JsonModel):
 
 
 class StationInfo(JsonModel):
-    """A station of the current version."""
+    """A station of the current version; nobody lands where it `is_closed` now."""
 
     station_id: StationId
     name: str | None
     pads: int
     position: Position
+    is_closed: bool
 
 
 class SegmentInfo(JsonModel):
@@ -220,7 +222,13 @@ def network_routes(
                 box=query.box,
                 limit=query.limit + 1,
             )
-        return page_of(rows, query, item=_station, sort_key=lambda row: (row.station_id,))
+            closed = await closed_stations(connection, network_id, at_ms=moment_to_ms(clock.now()))
+        return page_of(
+            rows,
+            query,
+            item=lambda row: _station(row, closed),
+            sort_key=lambda row: (row.station_id,),
+        )
 
     @router.get("/v1/networks/{network_id}/segments")
     async def list_segments(
@@ -312,7 +320,11 @@ def _info(row: VersionRow) -> NetworkInfo:
     )
 
 
-def _station(row: StationRow) -> StationInfo:
+def _station(row: StationRow, closed: frozenset[StationId]) -> StationInfo:
     return StationInfo(
-        station_id=row.station_id, name=row.name, pads=row.pads, position=row.position
+        station_id=row.station_id,
+        name=row.name,
+        pads=row.pads,
+        position=row.position,
+        is_closed=row.station_id in closed,
     )

@@ -143,6 +143,15 @@ async def test_a_drone_finds_the_stations_in_a_box(composition: Any) -> None:
     assert [item["station_id"] for item in others.json()["items"]] == ["a", "c", "d", "e"]
 
 
+async def test_a_drone_sees_which_stations_are_closed(composition: Any) -> None:
+    await composition("operator:op", "POST", "/v1/stations/b/closures")
+    await composition("operator:op", "POST", "/v1/stations/c/pads/0/outages")
+
+    every = (await composition("drone:d", "GET", f"{PATH}/stations")).json()["items"]
+
+    assert [item["station_id"] for item in every if item["is_closed"]] == ["b"]
+
+
 @pytest.mark.parametrize("bbox", ["", "1,2,3", "1,2,3,x", "0,1,0,0", "0,0,0,91", "nan,0,0,0"])
 async def test_a_box_that_cannot_be_is_named(composition: Any, bbox: str) -> None:
     answer = await composition("drone:d", "GET", f"{PATH}/stations?bbox={bbox}")
