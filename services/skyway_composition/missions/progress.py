@@ -14,6 +14,7 @@ from skyway_composition.missions.custody import delivered, returned
 from skyway_composition.missions.cut_steps import store as cut_steps
 from skyway_composition.missions.ending import abort, complete
 from skyway_composition.missions.failure import take_step_failure
+from skyway_composition.missions.flying_on import take_return
 from skyway_composition.missions.give_back import give_back
 from skyway_composition.missions.handing_over import hand_back, hand_over, take_on_board
 from skyway_composition.missions.judging import judged_after_step
@@ -38,6 +39,7 @@ async def take_event(watch: Watch, link: DroneLink, event: DroneEvent) -> None:
         await _take_alarm(watch, link, event)
     if record is None or record.mission_id != event.mission_id:
         log.info("event of no live mission", extra={"mission_id": event.mission_id})
+        await take_return(watch, event)
         return
     match event.event:
         case "STEP_ENDED":

@@ -11,6 +11,7 @@ from skyway_composition.missions import store
 from skyway_composition.missions.beginning import begun
 from skyway_composition.missions.custody import on_board
 from skyway_composition.missions.dispatch import call_off
+from skyway_composition.missions.flying_on import bring_to_rest, raise_flies_on
 from skyway_composition.missions.judging import judged
 from skyway_composition.missions.new_stream import open_stream
 from skyway_composition.missions.record import MissionRecord
@@ -63,7 +64,9 @@ async def _call_off_if_over(
         and state.last_event_seq <= told.events_confirmed_seq
         and watch.clock.now() <= told.expires_at
     )
-    if known is not None and known.drone_id == drone_id and not is_told:
+    if known is None or known.drone_id != drone_id:
+        return
+    if not is_told:
         revision = state.mission_revision or known.mission.revision
         await call_off(
             watch,
@@ -72,6 +75,10 @@ async def _call_off_if_over(
             revision=revision,
             reason="the mission was given up without the drone's knowing",
         )
+    if state.package_ids and state.activity != "DOWN":
+        if told is None:
+            await raise_flies_on(watch, known, state)
+        await bring_to_rest(watch, known, state)
 
 
 async def _with_progress(watch: Watch, record: MissionRecord, state: DroneState) -> MissionRecord:

@@ -285,3 +285,29 @@ def test_what_a_drone_uses_more_is_planned_with_headroom_in_bounds(
 ) -> None:
     assert used_more(factor) == pytest.approx(used)
     assert planned_more(factor) == pytest.approx(planned)
+
+
+async def test_a_landing_below_the_reserve_is_not_planned_over_and_over(
+    composition: Any, drone: Any
+) -> None:
+    await composition.book()
+    (first,) = await composition.sent()
+    loaded = drone.flown(first)[:1]
+    drone.event_seq = 1
+    composition.clock.advance(first.steps[0].planned_end_at - composition.clock.now())
+    will_be_short = drone.state(
+        mission_id=first.mission_id,
+        mission_revision=1,
+        activity="FLYING",
+        step_id=2,
+        released_through=2,
+        station_id=None,
+        package_ids=("p1",),
+        soc=0.3,
+        health=health(1.5),
+    )
+
+    await composition.take(drone.ack(first), *loaded, will_be_short)
+
+    assert "REPLANNING" not in [each.kind for each in await composition.reports()]
+    assert first.steps[2].kind == "RECHARGE"

@@ -238,10 +238,22 @@ async def test_a_mission_that_ends_before_loading_fails_the_delivery(gateway: An
 async def test_packages_that_went_down_with_a_drone_stay_in_its_custody(gateway: Any) -> None:
     delivery_id = await gateway.planned()
     await _reports(gateway, delivery_id, "ACCEPTED", "LOADING", "LOADED")
-    await gateway.report(delivery_id, "ENDED", seq=4, mission_state="ABORTED", code="LOST")
+    await gateway.report(
+        delivery_id,
+        "ENDED",
+        seq=4,
+        mission_state="ABORTED",
+        code="MOTOR_FAILURE",
+        stranded_package_ids=["p1"],
+        position=[-98.2, 29.7],
+    )
     [package] = (await gateway.get(delivery_id))["packages"]
-    assert package["state"] == "STRANDED"
+    assert (package["state"], package["code"]) == ("STRANDED", "MOTOR_FAILURE")
     assert package["custodian"] == {"kind": "DRONE", "id": "drn_1"}
+    assert package["position"] == [-98.2, 29.7]
+    *_, stranded, failed = await gateway.events(delivery_id)
+    assert (stranded["type"], failed["type"]) == ("package.stranded", "delivery.failed")
+    assert stranded["data"]["position"] == [-98.2, 29.7]
 
 
 @pytest.mark.parametrize(("late_s", "is_told"), [(59, False), (61, True)])

@@ -1,0 +1,98 @@
+"""A drone that was silent for hours comes back with packages that were given up."""
+
+from datetime import timedelta
+from typing import Any
+
+import pytest
+
+pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
+
+
+async def back_after_hours(composition: Any, drone: Any, **members: Any) -> Any:
+    """The first instruction of a mission that was given up while its drone flew."""
+    await composition.book()
+    (instruction,) = await composition.sent()
+    pick_up, *_ = drone.flown(instruction)
+    drone.event_seq = 1
+    composition.clock.advance(instruction.steps[0].planned_end_at - composition.clock.now())
+    await composition.take(drone.ack(instruction), pick_up, on(drone, instruction))
+    composition.clock.advance(timedelta(hours=48))
+    await composition.overdue.step()
+    assert await composition.state_of(instruction.mission_id) == "ABORTED"
+    await composition.take(on(drone, instruction, **members))
+    return instruction
+
+
+def on(drone: Any, instruction: Any, **members: Any) -> Any:
+    """The state of a drone on its first flight of this mission, or as is said."""
+    values = {
+        "mission_id": instruction.mission_id,
+        "mission_revision": 1,
+        "activity": "FLYING",
+        "step_id": 2,
+        "released_through": 2,
+        "station_id": None,
+        "package_ids": ("p1",),
+        **members,
+    }
+    return drone.state(**values)
+
+
+async def new_instructions(composition: Any) -> list[Any]:
+    return [each for each in await composition.sent() if each.kind != "REPORT"]
+
+
+async def test_it_is_told_to_hold_and_people_are_told_of_it(composition: Any, drone: Any) -> None:
+    first = await back_after_hours(composition, drone)
+    await composition.take(on(drone, first))
+
+    kinds = [each.kind for each in await new_instructions(composition)]
+    assert sorted(kinds) == ["CANCEL", "HOLD"]
+    (alarm,) = (await composition("operator:op", "GET", "/v1/alarms")).json()["items"]
+    assert (alarm["code"], alarm["level"]) == ("FLIES_ON", "CRITICAL")
+    assert alarm["data"]["package_ids"] == ["p1"]
+
+
+async def test_it_leaves_everything_where_it_landed(composition: Any, drone: Any) -> None:
+    first = await back_after_hours(composition, drone)
+    for instruction in await new_instructions(composition):
+        status = "ACCEPTED" if instruction.kind == "HOLD" else "REJECTED"
+        await composition.take(drone.ack(instruction, status))
+    stands = {"activity": "WAITING", "station_id": "b", "is_held": True, "step_id": 3}
+
+    await composition.take(on(drone, first, **stands))
+    await composition.take(on(drone, first, **stands))
+
+    (last,) = [each for each in await composition.sent() if each.kind == "MISSION"]
+    (step,) = last.steps
+    assert (last.mission_revision, last.first_step) == (2, 3)
+    assert (step.kind, step.station_id, step.package_ids) == ("RETURN", "b", ("p1",))
+    await composition.take(drone.ack(last))
+    left = drone.event(
+        "STEP_ENDED",
+        mission_id=first.mission_id,
+        mission_revision=2,
+        step_id=3,
+        step_kind="RETURN",
+        station_id="b",
+        package_ids=("p1",),
+    )
+    await composition.take(left)
+    rows = await composition.rows("SELECT custodian_kind, custodian_id FROM custody ORDER BY seq")
+    assert [tuple(row) for row in rows][1:] == [("DRONE", "drn_1"), ("STATION", "b")]
+    assert await composition.broken() == []
+
+
+async def test_it_is_not_stopped_while_it_does_so(composition: Any, drone: Any) -> None:
+    first = await back_after_hours(
+        composition,
+        drone,
+        activity="DELIVERING",
+        station_id="b",
+        mission_revision=2,
+        step_id=3,
+        released_through=3,
+    )
+
+    assert first.mission_id
+    assert "HOLD" not in [each.kind for each in await composition.sent()]
