@@ -43,16 +43,18 @@ async def plain_sender(
 ) -> AsyncIterator[PlainSender]:
     """Connect for the length of the block."""
     reader, writer = await asyncio.open_connection(host, port)
-    hello = _text("MQTT") + bytes((4, _FLAGS)) + _KEEPALIVE_S.to_bytes(2, "big")
-    hello += _text(user_name) + _text(user_name) + _text(password)
-    writer.write(_packet(_CONNECT, hello))
-    if await reader.readexactly(len(_CONNACK)) != _CONNACK:
-        raise SkywayError(f"the broker does not let {user_name} in")
-    forgetting = asyncio.create_task(_forget(reader))
     try:
-        yield PlainSender(writer)
+        hello = _text("MQTT") + bytes((4, _FLAGS)) + _KEEPALIVE_S.to_bytes(2, "big")
+        hello += _text(user_name) + _text(user_name) + _text(password)
+        writer.write(_packet(_CONNECT, hello))
+        if await reader.read(len(_CONNACK)) != _CONNACK:
+            raise SkywayError(f"the broker does not let {user_name} in")
+        forgetting = asyncio.create_task(_forget(reader))
+        try:
+            yield PlainSender(writer)
+        finally:
+            forgetting.cancel()
     finally:
-        forgetting.cancel()
         writer.close()
         with contextlib.suppress(OSError):
             await writer.wait_closed()

@@ -30,7 +30,7 @@ def read_wanted(arguments: list[str]) -> Wanted:
     )
     parser.add_argument("--hosted", type=int, default=1_000, help="drones in one process")
     parser.add_argument("--fed", type=int, default=5_000, help="drones on a whole system")
-    parser.add_argument("--flying", type=int, default=1_000, help="how many of those fly")
+    parser.add_argument("--flying", type=int, default=2_000, help="how many of those fly")
     parser.add_argument("--agents", type=int, default=4, help="processes that host them")
     parser.add_argument("--scenario", default="windy", help="of the drones in one process")
     parser.add_argument("--seconds", type=float, default=40.0)
