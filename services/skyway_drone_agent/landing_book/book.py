@@ -106,13 +106,23 @@ class LandingBook:
         """Return when something is to be read; write meanwhile."""
         while not (self._wanted and self._networks):
             if not self._is_written and _now_s() - self._written_at_s >= _WRITE_EVERY_S:
-                self._written_at_s, self._is_written = _now_s(), True
-                await asyncio.to_thread(self._file.write, tuple(self._extract))
+                await self._write()
                 continue
             self._has_news.clear()
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(None if self._is_written else _WRITE_EVERY_S):
                     await self._has_news.wait()
+
+    async def _write(self) -> None:
+        self._written_at_s, self._is_written = _now_s(), True
+        writing = asyncio.create_task(
+            asyncio.to_thread(self._file.write, tuple(self._extract)), name="landing book's file"
+        )
+        try:
+            await asyncio.shield(writing)
+        finally:
+            # Who stops the agent does not stop the thread.
+            await asyncio.wait((writing,))
 
     async def _read_next(self) -> None:
         box = next(iter(self._wanted))
