@@ -1,7 +1,7 @@
 """How old the newest states are when they can be read in the services' databases."""
 
 import asyncio
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
@@ -11,6 +11,9 @@ import asyncpg
 
 #: Between two looks, wall seconds: what is found may have been there for so long.
 _EVERY_S: Final = 0.1
+
+#: Wall seconds in which all must be in time for services to count as having caught up.
+_CALM_S: Final = 5.0
 
 #: Each: drone, (session, seq) as one text, the moment of the message in fleet ms.
 _REGISTRY_STATES: Final = """
@@ -48,6 +51,23 @@ class Lag:
         if self._known.get(drone_id, place) != place:
             self.seconds.append(age_s)
         self._known[drone_id] = place
+
+    def begin(self) -> None:
+        """Count anew."""
+        self.seconds = []
+
+
+async def wait_caught_up(lags: Mapping[str, Lag], *, limit_s: float, within_s: float) -> float:
+    """Return once nothing new is older than the limit, or not within this time; after how long."""
+    loop = asyncio.get_running_loop()
+    began_s = loop.time()
+    while (passed_s := loop.time() - began_s) < within_s:
+        for lag in lags.values():
+            lag.begin()
+        await asyncio.sleep(_CALM_S)
+        if all(lag.seconds and max(lag.seconds) < limit_s for lag in lags.values()):
+            break
+    return passed_s
 
 
 @asynccontextmanager
