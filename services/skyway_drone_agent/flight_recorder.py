@@ -9,7 +9,7 @@ from skyway.contracts.drone_report import DroneEvent
 from skyway.ids import DroneId
 from skyway_drone_agent.journal import Journal, JournalUnwritable
 from skyway_drone_agent.logbook import Logbook, logbook_after
-from skyway_drone_agent.records import EventRecorded, Record
+from skyway_drone_agent.records import Record
 
 log = logging.getLogger(__name__)
 
@@ -26,22 +26,30 @@ class FlightRecorder:
         self._journal = journal
         self._watchers: list[asyncio.Event] = []
         self._unwritten: list[Record] = []
-        self.logbook = journal.read(at_first=at_first)
+        self.logbook = self._written = journal.read(at_first=at_first)
         self.is_full = False
         self._can_append = True
 
     @property
     def written_events(self) -> tuple[DroneEvent, ...]:
         """The events that the cloud may hear of."""
-        unwritten = [one.event.seq for one in self._unwritten if isinstance(one, EventRecorded)]
-        if not unwritten:
-            return self.logbook.events
-        return tuple(event for event in self.logbook.events if event.seq < unwritten[0])
+        return self._written.events
+
+    @property
+    def told_logbook(self) -> Logbook:
+        """What the cloud may hear: where the drone is, but of no event that is not written yet.
+
+        After a power cut the number of such an event would be another one's.
+        """
+        if self._written is self.logbook:
+            return self.logbook
+        written_seq = self._written.last_event_seq
+        return self.logbook.model_copy(update={"last_event_seq": written_seq})
 
     def begin_session(self, wall_now: datetime) -> None:
         """Start a session above all earlier ones, also when the journal was lost meanwhile."""
         session = max(self.logbook.session + 1, int(wall_now.timestamp()))
-        self.logbook = self.logbook.model_copy(update={"session": session})
+        self.logbook = self._written = self.logbook.model_copy(update={"session": session})
         # Until it is written anew its last line may be torn, or the first one be missing.
         self._can_append = False
         self.make_room()
@@ -60,6 +68,7 @@ class FlightRecorder:
             self._note_full()
             raise
         self._count(records)
+        self._written = self.logbook
 
     def note(self, *records: Record) -> None:
         """Write down what has happened already, or must be in the air; if not now, then later."""
@@ -68,7 +77,10 @@ class FlightRecorder:
         except JournalUnwritable:
             self._unwritten += records
             self._note_full()
+            self._count(records)
+            return
         self._count(records)
+        self._written = self.logbook
 
     def make_room(self) -> None:
         """Write the journal anew, as short as can be; try again later if the disk is full."""
@@ -77,6 +89,7 @@ class FlightRecorder:
         except JournalUnwritable:
             self._note_full()
             return
+        self._written = self.logbook
         self._unwritten.clear()
         self._can_append = True
         if self.is_full:

@@ -116,7 +116,7 @@ class StateSender:
     def _state(self) -> DroneState:
         assessment = self._lookout.look()
         return snapshot_of(
-            self._recorder.logbook, assessment, envelope=self._uplink.envelope(STATE)
+            self._recorder.told_logbook, assessment, envelope=self._uplink.envelope(STATE)
         )
 
 

@@ -52,6 +52,8 @@ async def test_a_drone_in_the_air_flies_over_its_station_lands_and_begins_nothin
     state = world.states[-1]
     assert (state.activity, state.station_id, state.step_id) == ("WAITING", "shop", 4)
     assert [event.step_id for event in world.events] == [1]
+    # Nobody can hear of an event that is not written, so nobody is to ask for it.
+    assert state.last_event_seq == 1
     assert state.failsafe.failsafe == "STAY"
 
 
