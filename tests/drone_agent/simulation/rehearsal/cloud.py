@@ -9,7 +9,6 @@ from rehearsal.link import Air
 from rehearsal.mailbox import Mailbox
 from rehearsal.places import HOME
 from rehearsal.plan import NoWay, Parcel, Plan, Standing, standing_after
-
 from skyway.contracts.drone_report import Ack, DroneEvent, DroneState
 from skyway.contracts.flight_step import (
     FlightStep,
@@ -198,9 +197,7 @@ class FakeCloud:
                 if parcel.package_id not in self._unsure:
                     plan.deliver(parcel)
             back = [
-                one.package_id
-                for one in aboard
-                if not delivers or one.package_id in self._unsure
+                one.package_id for one in aboard if not delivers or one.package_id in self._unsure
             ]
             if back:
                 plan.bring_back(back)

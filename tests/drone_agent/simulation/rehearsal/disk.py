@@ -40,6 +40,8 @@ class Disk:
     def __init__(self, folder: Path, at_first: Logbook) -> None:
         self.path = folder / "drn_1.jsonl"
         self.is_full = False
+        #: Whether the power has failed on a full disk: what happened meanwhile was in memory only.
+        self.has_forgotten = False
         self.writes = 0
         self.kept = at_first
         self.records: list[Record] = []
@@ -61,6 +63,7 @@ class Disk:
 
     def lose_power(self) -> None:
         """Forget what was never synced; of the torn line half may be there."""
+        self.has_forgotten = self.has_forgotten or self.is_full
         if not self.path.exists():
             return
         status = self.path.stat()
@@ -119,9 +122,7 @@ class MortalJournal:
 
     def _fails(self, moment: Moment) -> bool:
         crash = self._disk.crash
-        return (
-            crash is not None and crash.moment == moment and self._disk.writes == crash.at_write
-        )
+        return crash is not None and crash.moment == moment and self._disk.writes == crash.at_write
 
     def _cut(self) -> None:
         self._die()

@@ -10,7 +10,6 @@ from typing import Any, Self
 
 from rehearsal.virtual_time import VirtualClock
 from rehearsal.witness import Witness
-
 from skyway.contracts.topic import Address, Topic
 from skyway.contracts.topics import CLOCK
 from skyway.runtime.errors import MqttUnavailable
@@ -91,9 +90,7 @@ class Air:
 class DroneLink:
     """One process's connection to the broker."""
 
-    def __init__(
-        self, air: Air, will: Will, on_connected: Callable[[], Awaitable[None]]
-    ) -> None:
+    def __init__(self, air: Air, will: Will, on_connected: Callable[[], Awaitable[None]]) -> None:
         self._air = air
         self._will = will
         self._on_connected = on_connected

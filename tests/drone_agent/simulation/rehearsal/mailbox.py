@@ -6,9 +6,9 @@ from datetime import timedelta
 from typing import Any
 
 from pydantic import TypeAdapter
+
 from rehearsal.findings import Findings
 from rehearsal.link import Air
-
 from skyway.contracts.drone_report import Ack
 from skyway.contracts.instruction import AnyInstruction, Instruction
 

@@ -5,7 +5,6 @@ from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
 
 from rehearsal.places import HOME, MODEL, POSITIONS, length_m, route
-
 from skyway.contracts.flight_step import (
     DeliverStep,
     FlightStep,
@@ -93,9 +92,7 @@ def standing_after(standing: Standing, steps: Iterable[FlightStep], *, factor: f
 class Plan:
     """Steps one behind the other, from a standing on."""
 
-    def __init__(
-        self, standing: Standing, *, at: datetime, first_step: int, factor: float
-    ) -> None:
+    def __init__(self, standing: Standing, *, at: datetime, first_step: int, factor: float) -> None:
         self.steps: list[FlightStep] = []
         self._standing = standing
         self._at = at

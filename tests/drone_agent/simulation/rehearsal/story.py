@@ -9,6 +9,11 @@ from pathlib import Path
 from random import Random
 from typing import Final
 
+from skyway_drone_agent.agent import DroneAgent
+from skyway_drone_agent.disturbances import Disturbances
+from skyway_drone_agent.scenario import changed, read_scenario
+from skyway_drone_agent.simulated_link_loss import has_outages, outages
+
 from rehearsal.cloud import FakeCloud
 from rehearsal.disk import Crash, Disk, MortalJournal, PowerCut
 from rehearsal.findings import Findings
@@ -19,16 +24,14 @@ from rehearsal.virtual_time import NobodyWaits, VirtualClock, run_in
 from rehearsal.whims import Whim, whims_of
 from rehearsal.witness import Witness
 from rehearsal.yard import WatchedVehicle, Yard
-from skyway_drone_agent.agent import DroneAgent
-from skyway_drone_agent.disturbances import Disturbances
-from skyway_drone_agent.scenario import changed, read_scenario
-from skyway_drone_agent.simulated_link_loss import has_outages, outages
-
 from skyway.contracts.drone_report import DroneEvent
 from skyway.runtime.minting import CountingMint
 
 #: No story goes on for longer than this (fleet time); whims come in the first hour.
 _OVER_WITHIN_S: Final = 12 * 3600.0
+
+#: Wall seconds that a process takes to come again, at least.
+_BOOT_S: Final = 1.0
 
 #: What is still to be said once a story is over gets this long (wall time).
 _LAST_WORDS_S: Final = 20.0
@@ -84,14 +87,14 @@ class Stage:
     """One story under way."""
 
     def __init__(self, story: Story, folder: Path) -> None:
-        luck = Random(story.seed)  # noqa: S311
+        luck = Random(story.seed)
         self.story = story
         self.findings = Findings()
         self.clock = VirtualClock(rate=luck.choice((10.0, 20.0, 60.0)))
         self.disk = Disk(folder, DRONE.at_first())
         self.witness = Witness(self.disk, self.findings)
         habits = luck.choice((Habits(), Habits(0.1, 0.2, 2.0), Habits(0.3, 0.3, 6.0)))
-        self.air = Air(self.clock, self.witness, habits, Random(luck.random()))  # noqa: S311
+        self.air = Air(self.clock, self.witness, habits, Random(luck.random()))
         self.yard = Yard(self._day(luck), self.clock, self.disk, self.findings)
         self.cloud = FakeCloud(self.air, self.findings, _parcels(luck))
         if luck.random() < 0.3:
@@ -132,8 +135,6 @@ class Stage:
 
     def die(self) -> None:
         """As kill -9, or a power cut: no last word, and what was not synced is gone."""
-        if self.disk.is_full:
-            self.yard.is_forgetful = True
         if self._journal is not None:
             self._journal.die()
         if self.air.link is not None:
@@ -156,7 +157,7 @@ class Stage:
             if not self._agent.cancelled():
                 self._look_into(self._agent.exception())
             self.die()
-            await self.clock.sleep(down_s)
+            await self.clock.sleep(max(down_s, _BOOT_S * self.clock.rate))
 
     def _look_into(self, error: BaseException | None) -> None:
         if error is None or _is_power_cut(error):

@@ -4,7 +4,6 @@ from typing import Any
 
 from rehearsal.disk import Disk
 from rehearsal.findings import Findings
-
 from skyway.contracts.drone_report import Ack, Connection, DroneEvent, DroneState
 from skyway.contracts.topic import Topic
 
@@ -54,9 +53,7 @@ class Witness:
 
     def _hear_connection(self, message: Connection) -> None:
         number = (message.session, message.connection_number)
-        self._findings.expect(
-            number >= self._connection, "I15: connection went backwards", message
-        )
+        self._findings.expect(number >= self._connection, "I15: connection went backwards", message)
         self._connection = number
 
     def _hear_event(self, event: DroneEvent) -> None:
@@ -92,5 +89,9 @@ class Witness:
         if state.mission_id is not None and state.mission_id == last.mission_id:
             before = (last.mission_revision or 0, last.step_id or 0)
             now = (state.mission_revision or 0, state.step_id or 0)
-            is_on = now[0] > before[0] or (now[0] == before[0] and (now >= before or not now[1]))
+            is_on = (
+                self._disk.has_forgotten
+                or now[0] > before[0]
+                or (now[0] == before[0] and (now >= before or not now[1]))
+            )
             self._findings.expect(is_on, "I15: the mission went backwards", (before, now))

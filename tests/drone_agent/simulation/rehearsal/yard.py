@@ -7,17 +7,17 @@ hand-over, a package from nowhere or a battery that fills by itself shows, whate
 from collections.abc import Iterable
 from datetime import datetime, timedelta
 
-from rehearsal.disk import Disk
-from rehearsal.findings import Findings
-from rehearsal.places import DRONE, MODEL
-from rehearsal.plan import leg_j
-from rehearsal.virtual_time import VirtualClock
 from skyway_drone_agent.disturbances import Disturbances
 from skyway_drone_agent.records import EventRecorded, FailsafeBegun, FaultEnded
 from skyway_drone_agent.simulated_physics import Physics
 from skyway_drone_agent.simulated_vehicle import SimulatedVehicle
 from skyway_drone_agent.vehicle import Outcome, StepRun, run_under_way
 
+from rehearsal.disk import Disk
+from rehearsal.findings import Findings
+from rehearsal.places import DRONE, MODEL
+from rehearsal.plan import leg_j
+from rehearsal.virtual_time import VirtualClock
 from skyway.contracts.flight_step import (
     DeliverStep,
     FlightStep,
@@ -32,7 +32,10 @@ from skyway.geo import distance_m
 _SOC_ROUNDING = 1e-6
 
 #: Charge below the reserve at which a failsafe must have acted: the estimate may err so much.
-_UNSEEN_SOC = 0.02
+_UNSEEN_SOC = 0.03
+
+#: How well a drone knows what its battery holds, once it has found out.
+_KNOWN_HEALTH = 0.05
 
 #: What the drone says of its own accord when its battery is low.
 _BATTERY_FAULTS = ("BATTERY_LOW", "BATTERY_SHORT", "BATTERY_EMPTY")
@@ -54,8 +57,6 @@ class Yard:
         self.places: dict[str, str] = {}
         self.doing: StepRun | None = None
         self.kinds_begun: list[str] = []
-        #: What a power cut on a full disk has made the agent forget.
-        self.is_forgetful = False
         self._has_effect = False
         self._lands_at: datetime | None = None
         self._hand_overs: dict[int, tuple[str, ...]] = {}
@@ -166,7 +167,7 @@ class Yard:
 
     def _check_continuity(self, before: StepRun, run: StepRun) -> None:
         """Nobody fills a battery, or carries a drone elsewhere, behind our backs."""
-        if self.is_forgetful or self._lands_at is not None:
+        if self._disk.has_forgotten or self._lands_at is not None:
             return
         outcome = self.physics.outcome_of(before)
         sample = self.physics.sample(before, min(run.started_at, outcome.ended_at))
@@ -209,6 +210,9 @@ class Yard:
     def _check_charge(self, flight: StepRun, *, until: datetime) -> None:
         """Below the reserve in the air only if a failsafe had acted by then."""
         limit = MODEL.reserve_soc - _UNSEEN_SOC
+        if self._has_hidden_wear():
+            # The fault that makes it unavoidable: nobody knew, and its voltage tells late.
+            limit = MODEL.reserve_soc / 2 - _UNSEEN_SOC
         over_at = min(until, self.physics.outcome_of(flight).ended_at)
         if self._soc(flight, over_at) >= limit or self._soc(flight, flight.started_at) < limit:
             return
@@ -224,6 +228,11 @@ class Yard:
             "I10: below the reserve in the air, and no failsafe had acted",
             (flight.step.step_id, latest, self._soc(flight, over_at)),
         )
+
+    def _has_hidden_wear(self) -> bool:
+        """Whether the battery holds less than the drone has found out so far."""
+        truly = self.physics.battery_j / MODEL.battery_j
+        return self._disk.kept.state_of_health - truly > _KNOWN_HEALTH
 
     def _soc(self, flight: StepRun, at: datetime) -> float:
         outcome = self.physics.outcome_of(flight)
@@ -250,9 +259,7 @@ class WatchedVehicle(SimulatedVehicle):
 
     def __init__(self, yard: Yard, clock: VirtualClock, *, remembers: bool) -> None:
         physics = yard.physics
-        super().__init__(
-            MODEL, clock, disturbances=physics.disturbances, drone_id=physics.drone_id
-        )
+        super().__init__(MODEL, clock, disturbances=physics.disturbances, drone_id=physics.drone_id)
         self._yard = yard
         self._remembers = remembers
 

@@ -1,0 +1,90 @@
+"""Rehearsals of a drone's days: a small sweep; `python -m rehearsal.sweep` makes a large one."""
+
+from collections import Counter
+
+import pytest
+from rehearsal.disk import Crash
+from rehearsal.story import Ending, Story, tell
+from rehearsal.sweep import SCENARIOS, stories_of
+from rehearsal.whims import KINDS, Whim
+
+#: What befalls a story when nothing is to befall it by chance.
+NOTHING: tuple[Whim, ...] = ()
+
+
+def broken(endings: list[Ending]) -> list[tuple[str, str]]:
+    return [(str(one.story), each) for one in endings for each in one.broken]
+
+
+@pytest.mark.parametrize("scenario", SCENARIOS)
+@pytest.mark.parametrize("seed", range(8))
+def test_nothing_is_broken_wherever_the_power_fails(seed: int, scenario: str) -> None:
+    endings = list(stories_of(seed, scenario, how_many=4))
+
+    assert broken(endings) == []
+
+
+def test_nothing_is_broken_at_any_moment_of_one_whole_mission() -> None:
+    endings = list(stories_of(4, "calm", how_many=None))
+
+    assert broken(endings) == []
+    assert len(endings) > 50
+
+
+@pytest.mark.parametrize("step_kind", ["PICK_UP", "FLY", "RECHARGE", "DELIVER", "RETURN"])
+@pytest.mark.parametrize("down_s", [3.0, 400.0])
+def test_a_restart_within_any_step_breaks_nothing(step_kind: str, down_s: float) -> None:
+    kill = Whim("KILL_IN_STEP", at_s=1.0, for_s=down_s, step_kind=step_kind)
+
+    endings = [tell(Story(seed, "calm", whims=(kill,))) for seed in range(6)]
+
+    assert broken(endings) == []
+    assert any(step_kind in one.step_kinds for one in endings)
+
+
+@pytest.mark.parametrize("kind", sorted(set(KINDS)))
+def test_whatever_befalls_a_drone_breaks_nothing(kind: str) -> None:
+    stories = [
+        Story(seed, "windy", whims=(Whim(kind, at_s=60.0 + 110.0 * seed, for_s=300.0),))
+        for seed in range(6)
+    ]
+
+    assert broken([tell(story) for story in stories]) == []
+
+
+def test_the_same_story_is_told_in_the_same_words() -> None:
+    story = Story(11, "faulty", crashes=(Crash(9, "torn"), Crash(17, "after")))
+
+    first, second = tell(story), tell(story)
+
+    assert first.as_bytes() == second.as_bytes()
+    assert first.told == second.told
+    assert first.over_at_s == second.over_at_s
+
+
+def test_days_without_trouble_are_flown_to_their_end() -> None:
+    endings = [tell(Story(seed, "calm", whims=NOTHING)) for seed in range(12)]
+
+    assert broken(endings) == []
+    assert all(one.told[-1].startswith("MISSION_ENDED") for one in endings)
+
+
+def test_the_sweep_meets_what_it_is_for() -> None:
+    seen = Counter(
+        event.code
+        for scenario in SCENARIOS
+        for seed in range(20, 40)
+        for event in tell(Story(seed, scenario)).events
+    )
+
+    wanted = {"INSUFFICIENT_ENERGY", "BATTERY_LOW", "BATTERY_SHORT", "GPS_LOST", "GEOFENCE"}
+    assert wanted | {"RECIPIENT_ABSENT", "MOTOR_FAILURE"} <= set(seen), seen
+
+
+def test_what_is_learned_of_a_worn_battery_is_not_forgotten_at_a_restart() -> None:
+    for crash in (Crash(15, "torn"), Crash(20, "after")):
+        assert tell(Story(9, "faulty", (crash,))).broken == []
+
+
+def test_a_restart_against_the_wind_does_not_make_charge_of_what_is_used() -> None:
+    assert tell(Story(129, "stormy", (Crash(24, "before"),))).broken == []
