@@ -97,7 +97,11 @@ class LandingBook:
         try:
             while self._reader.may_ask:
                 await self._wait_until_wanted()
-                await self._read_next()
+                try:
+                    await self._read_next()
+                except CloudUnreachable as error:
+                    log.warning("stations not read", extra={"reason": str(error)})
+                    await asyncio.sleep(self._again_after_s)
         finally:
             if not self._is_written:
                 self._file.write(self._extract)
@@ -128,17 +132,19 @@ class LandingBook:
         box = next(iter(self._wanted))
         # Before it is read: it may be wanted again meanwhile.
         del self._wanted[box]
+        unread = list(self._networks)
         try:
-            for network_id in tuple(self._networks):
-                if not self._is_fresh_in(network_id, box):
-                    await self._read(box, network_id)
-        except CloudUnreachable as error:
-            log.warning("stations not read", extra={"reason": str(error)})
-            self._wanted[box] = None
-            await asyncio.sleep(self._again_after_s)
+            while unread:
+                if not self._is_fresh_in(unread[-1], box):
+                    await self._read(box, unread[-1])
+                unread.pop()
         except CloudRefused as error:
-            # No such network any more, or no key: to be asked for again is no use.
+            # No such network any more, or no key is left: it is no use to ask again.
             log.warning("stations refused", extra={"reason": str(error)})
+            unread.clear()
+        finally:
+            if unread:
+                self._wanted[box] = None
         if box in self._surroundings:
             self._surroundings[box].edition += 1
 

@@ -15,6 +15,7 @@ from skyway_drone_agent.agent import DroneAgent
 from skyway_drone_agent.disturbances import UNDISTURBED
 from skyway_drone_agent.enrolled_drone import EnrolledDrone
 from skyway_drone_agent.journal import Journal, JournalUnwritable
+from skyway_drone_agent.landing_book.book import LandingBook
 from skyway_drone_agent.logbook import Logbook
 from skyway_drone_agent.memory_journal import MemoryJournal
 from skyway_drone_agent.records import Record
@@ -170,6 +171,7 @@ class World:
         self.clock = clock
         self.disturbances = UNDISTURBED
         self.vehicle_type = SimulatedVehicle
+        self.book: LandingBook | None = None
         self.mint = CountingMint()
         self.trace: list[str] = []
         self.published: list[tuple[Topic[Any], Any]] = []
@@ -190,6 +192,7 @@ class World:
             clock=self.clock,
             make_link=self._make_link,
             mint=self.mint,
+            book=self.book,
         )
         self._running = asyncio.create_task(agent.run())
         await self.settle()
