@@ -72,13 +72,13 @@ async def test_from_there_the_clouds_new_plan_is_flown(
     failed = await fly_short(world, cloud, steps)
 
     again = steps(at=world.clock.now(), first_step=3)
-    again.recharge("barn", until_soc=0.9, duration_s=9000)
+    again.recharge("barn", until_soc=1.0, duration_s=9000)
     await world.send(cloud.mission(again.made, revision=2))
     await world.pass_until(lambda: world.is_over)
 
     assert failed.position == BARN
     assert (world.acks[-1].status, world.acks[-1].code) == ("ACCEPTED", None)
-    assert (world.states[-1].station_id, world.states[-1].soc) == ("barn", pytest.approx(0.9))
+    assert (world.states[-1].station_id, world.states[-1].soc) == ("barn", pytest.approx(1.0))
 
 
 async def test_an_escape_to_such_a_station_goes_on_after_a_crash_without_the_book(
