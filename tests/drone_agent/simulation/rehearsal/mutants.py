@@ -1,0 +1,111 @@
+"""Bugs that the sweep must find, each put into a private copy of the agent; by hand.
+
+cd tests/drone_agent/simulation && python -m rehearsal.mutants
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+_ROOT = Path(__file__).parents[4]
+_AGENT = "services/skyway_drone_agent"
+
+
+@dataclass(frozen=True, slots=True)
+class Mutant:
+    """One line of the agent, as it must not be, and where a sweep shows it."""
+
+    name: str
+    file: str
+    right: str
+    wrong: str
+    scenario: str = "calm"
+
+
+MUTANTS = (
+    Mutant("the journal is not synced", "journal.py", "        self._sync(file)\n", ""),
+    Mutant(
+        "repeated instructions are done again",
+        "inbox.py",
+        "envelope.seq < expected_seq:",
+        "envelope.seq < 0:",
+    ),
+    Mutant(
+        "gaps are taken",
+        "inbox.py",
+        "elif envelope.seq > expected_seq:",
+        "elif envelope.seq < 0:",
+    ),
+    Mutant(
+        "hand-overs are begun anew after a restart",
+        "vehicle.py",
+        "logbook, mission.steps[0], started_at=mission.began_at,",
+        "logbook, mission.steps[0], started_at=mission.began_at.replace(microsecond=1),",
+    ),
+    Mutant(
+        "a step is begun before it is written",
+        "pilot.py",
+        "            self._recorder.record(begun)",
+        "            self._recorder._count((begun,))",
+    ),
+    Mutant(
+        "a low battery is nothing to warn of",
+        "failsafe.py",
+        "Fault.BATTERY_LOW:         (_GO,    _GO,    _GO,    _GO,     _GO,     _WARN,",
+        "Fault.BATTERY_LOW:         (_GO,    _GO,    _GO,    _GO,     _GO,     _GO,",
+        "stormy",
+    ),
+    Mutant(
+        "the session stays",
+        "flight_recorder.py",
+        "max(self.logbook.session + 1, int(wall_now.timestamp()))",
+        "max(self.logbook.session, 1)",
+    ),
+    Mutant(
+        "a take-off is not judged",
+        "mission.py",
+        "    if shortfall is not None:\n        energy",
+        "    if False:\n        energy",
+        "stormy",
+    ),
+)
+
+
+def _is_found(mutant: Mutant, folder: Path) -> bool:
+    path = folder / _AGENT / mutant.file
+    text = path.read_text()
+    if mutant.right not in text:
+        raise LookupError(f"{mutant.name}: not in {mutant.file}")
+    path.write_text(text.replace(mutant.right, mutant.wrong, 1))
+    sweep = ["--seeds", "0:10", "--scenarios", mutant.scenario, "--crashes", "6"]
+    found = subprocess.run(
+        [sys.executable, "-m", "rehearsal.sweep", *sweep],
+        cwd=folder / "tests/drone_agent/simulation",
+        env={**os.environ, "PYTHONPATH": f"{folder}:{folder}/services"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    path.write_text(text)
+    said = (found.stdout or found.stderr).strip().splitlines()
+    print(f"{mutant.name}: {said[0][:150] if said else 'nothing'}", flush=True)  # noqa: T201
+    return found.returncode != 0
+
+
+def main() -> int:
+    """Try them all; the exit code is 1 when one of them lives."""
+    with tempfile.TemporaryDirectory(prefix="mutants-") as made:
+        folder = Path(made)
+        for part in ("skyway", _AGENT, "tests/drone_agent/simulation"):
+            shutil.copytree(_ROOT / part, folder / part)
+        alive = [mutant.name for mutant in MUTANTS if not _is_found(mutant, folder)]
+    print(f"{len(MUTANTS) - len(alive)} of {len(MUTANTS)} found; alive: {alive}")  # noqa: T201
+    return 1 if alive else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
