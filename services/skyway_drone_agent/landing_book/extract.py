@@ -2,12 +2,13 @@
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
-from math import cos, radians
+from math import cos, hypot, radians
+from operator import itemgetter
 from typing import Final
 
 from skyway.geo import Position
 from skyway.ids import NetworkId, StationId
-from skyway_drone_agent.landing_book.tiles import Tile, ring, tile_of
+from skyway_drone_agent.landing_book.tiles import Tile, nearest_side_deg, ring, tile_of
 from skyway_drone_agent.landings import Landing
 
 #: So much is kept in mind; the tiles read longest ago are forgotten first.
@@ -79,24 +80,23 @@ class Extract:
     def nearest(self, here: Position, *, count: int) -> list[KnownStation]:
         """The nearest open stations of all networks, up to some 20 km away, nearest first."""
         middle, narrowing = tile_of(here), cos(radians(here.latitude_deg))
-        found: list[KnownStation] = []
-        furthest = _FURTHEST
-        for distance in range(_FURTHEST + 1):
-            if distance > furthest:
-                break
-            for tile in ring(middle, distance):
-                found.extend(one for one in self._in(tile) if not one.is_closed)
-            if len(found) >= count:
-                # Beyond a side of this ring it may be nearer than in a corner of it.
-                furthest = min(furthest, distance + 1)
 
-        def flat(station: KnownStation) -> tuple[float, StationId]:
+        def flat_deg(station: KnownStation) -> tuple[float, StationId]:
             position = station.landing.position
             east = (position.longitude_deg - here.longitude_deg + 180.0) % 360.0 - 180.0
             north = position.latitude_deg - here.latitude_deg
-            return (east * narrowing) ** 2 + north * north, station.landing.station_id
+            return hypot(east * narrowing, north), station.landing.station_id
 
-        return sorted(found, key=flat)[:count]
+        found: list[tuple[tuple[float, StationId], KnownStation]] = []
+        for distance in range(_FURTHEST + 1):
+            for tile in ring(middle, distance):
+                found += [(flat_deg(one), one) for one in self._in(tile) if not one.is_closed]
+            found.sort(key=itemgetter(0))
+            del found[count:]
+            searched_deg = nearest_side_deg(here, distance, narrowing=narrowing)
+            if len(found) == count and found[-1][0][0] <= searched_deg:
+                break
+        return [station for _, station in found]
 
     def station(self, landing: Landing) -> KnownStation | None:
         """What is known of this station; None if that is nothing."""

@@ -45,6 +45,15 @@ def ring(middle: Tile, distance: int) -> Iterator[Tile]:
             yield Tile((middle.column + east) % _COLUMNS, middle.row + north)
 
 
+def nearest_side_deg(here: Position, distance: int, *, narrowing: float) -> float:
+    """How far the rings up to this one reach at least, in degrees of latitude."""
+    east = (here.longitude_deg + 180.0) % TILE_DEG
+    north = (here.latitude_deg + 90.0) % TILE_DEG
+    beside = min(east, TILE_DEG - east) * narrowing
+    above = min(north, TILE_DEG - north)
+    return min(beside + distance * TILE_DEG * narrowing, above + distance * TILE_DEG)
+
+
 @dataclass(frozen=True, slots=True)
 class TileBox:
     """A rectangle of tiles, which may reach over the date line."""
