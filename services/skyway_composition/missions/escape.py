@@ -2,7 +2,7 @@
 
 from typing import Final
 
-from skyway.contracts.drone_health import ActiveFailsafe, Failsafe
+from skyway.contracts.drone_health import ActiveFailsafe, Failsafe, Fault
 from skyway.contracts.drone_report import DroneState
 from skyway_composition.missions.mission_alarm import raise_alarm
 from skyway_composition.missions.record import CALLED_HOME, DIVERTED, MissionRecord
@@ -21,6 +21,13 @@ def escape_of(record: MissionRecord, state: DroneState | None) -> ActiveFailsafe
         return None
     is_of_this = state.mission_id == record.mission_id
     return state.failsafe if is_of_this and state.failsafe.failsafe in _ESCAPES else None
+
+
+def waits_for_pad(record: MissionRecord, state: DroneState | None) -> bool:
+    """Whether a mission's drone stands beside a pad that something else occupies."""
+    if state is None or state.mission_id != record.mission_id:
+        return False
+    return state.activity == "RECHARGING" and Fault.PAD_OCCUPIED in state.faults
 
 
 async def take_failsafe_refusal(watch: Watch, record: MissionRecord) -> MissionRecord:

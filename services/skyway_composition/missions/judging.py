@@ -6,6 +6,7 @@ from skyway.contracts.drone_report import DroneEvent
 from skyway.runtime.clock import fleet_margin
 from skyway.units import moment_to_ms
 from skyway_composition.missions.deviation import TOLD_LATENESS, Outlook, outlook
+from skyway_composition.missions.escape import waits_for_pad
 from skyway_composition.missions.record import MissionRecord, Trouble
 from skyway_composition.missions.report import report
 from skyway_composition.missions.situation import Situation
@@ -61,6 +62,9 @@ def _explained(trouble: Trouble, event: DroneEvent) -> Trouble:
 async def _outlook(watch: Watch, record: MissionRecord) -> Outlook | None:
     """What to expect; None where another plan is looked for already, or nothing is to go on."""
     has_other_cares = record.trouble or record.stuck or record.proposal or record.mission.is_held
+    if waits_for_pad(record, watch.links[record.drone_id].state):
+        # It asks for another plan by itself: one with the same pad would have it wait anew.
+        return None
     # How long a loader takes is nobody's plan: it is made anew once the packages are confirmed.
     is_waiting = record.mission.state == "BOOKED" or record.mission.loading == "AWAITED"
     if has_other_cares or is_waiting or not record.is_live:

@@ -1,6 +1,7 @@
 """What a drone did by itself: the cloud goes on from there, and tells people what matters."""
 
 import json
+from datetime import timedelta
 from typing import Any
 
 import pytest
@@ -177,6 +178,39 @@ async def test_an_occupied_pad_is_out_of_order_for_a_quarter_of_an_hour(
     assert (charge.kind, charge.station_id) == ("RECHARGE", "b")
     assert charge.pad != pad
     assert await composition.broken() == []
+
+
+@pytest.mark.parametrize(("faults", "is_left_to_wait"), [(("PAD_OCCUPIED",), True), ((), False)])
+async def test_a_drone_that_waits_for_an_occupied_pad_is_left_to_ask_by_itself(
+    composition: Any, drone: Any, faults: tuple[str, ...], is_left_to_wait: bool
+) -> None:
+    await composition.book()
+    (instruction,) = await composition.sent()
+    *flown, charge = instruction.steps[:3]
+    await composition.take(drone.ack(instruction))
+    for step in flown:
+        composition.clock.advance(step.planned_end_at - composition.clock.now())
+        await composition.take(*drone.ended(instruction, [step], soc=0.9))
+    late_at = charge.planned_end_at + timedelta(minutes=2)
+    composition.clock.advance(late_at - composition.clock.now())
+    charging = drone.state(
+        mission_id=instruction.mission_id,
+        mission_revision=1,
+        activity="RECHARGING",
+        step_id=3,
+        released_through=3,
+        station_id="b",
+        package_ids=("p1",),
+        faults=faults,
+        soc=0.2,
+    )
+
+    # It has charged nothing so far, and no time is left for it on the pad.
+    await composition.take(charging)
+    await composition.lagging.step()
+
+    rows = await composition.rows("SELECT trouble FROM missions")
+    assert (rows[0].trouble is None) is is_left_to_wait
 
 
 async def test_a_drone_waits_for_the_only_pad_that_is_occupied(
