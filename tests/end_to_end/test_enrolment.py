@@ -2,60 +2,21 @@
 
 import json
 import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 from typing import Any
 
 import pytest
+from lone_drone import path_of, register, run, until
 
 pytestmark = pytest.mark.end_to_end
-
-SKYWAY = (sys.executable, "-m", "skyway.cli")
 
 
 @pytest.fixture
 def drone(system: Any) -> dict[str, Any]:
     """A drone that is registered, and has never been heard of."""
     system.publish_corridor()
-    terms = {"name": "Test Air", "tariff": {"currency": "USD", "base": 100, "per_km": 10}}
-    provider_id = system.operate("POST", "/v1/providers", terms)["provider_id"]
-    body = {"model_id": "paper-scenario", "home_station_id": "s1"}
-    made: dict[str, Any] = system.operate("POST", f"/v1/providers/{provider_id}/drones", body)
-    return made
-
-
-def path_of(drone: dict[str, Any]) -> str:
-    return f"/v1/providers/{drone['provider_id']}/drones/{drone['drone_id']}"
-
-
-def run(system: Any, *options: str, token: str | None = None) -> subprocess.Popen[bytes]:
-    """`skyway drone` in the background."""
-    told = {} if token is None else {"SKYWAY_ENROLMENT_TOKEN": token}
-    if "SKYWAY_MQTT_TLS_URL" in system.environment:
-        # As in production: with the certificate that the drone gets by enrolling.
-        told["SKYWAY_MQTT_URL"] = system.environment["SKYWAY_MQTT_TLS_URL"]
-    with (system.folder.path / "drone.log").open("ab") as log:
-        process = subprocess.Popen(
-            [*SKYWAY, "drone", *options, "--data", str(system.folder.path)],
-            stdout=log,
-            stderr=log,
-            env=system.environment | told,
-        )
-    system.fleets.append(process)
-    return process
-
-
-def until(system: Any, drone: dict[str, Any], state: str, *, within_s: float) -> float:
-    """Wall seconds until the cloud sees the drone in this state."""
-    since = time.monotonic()
-    system.eventually(
-        lambda: system.operate("GET", path_of(drone))["state"] == state,
-        within_s=within_s,
-        what=f"{drone['drone_id']} {state}",
-    )
-    return time.monotonic() - since
+    return register(system, "s1")
 
 
 def cut_off(system: Any, drone: dict[str, Any]) -> float:

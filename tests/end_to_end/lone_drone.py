@@ -1,0 +1,50 @@
+"""A drone that enrols by a token and is run by hand with `skyway drone`."""
+
+import subprocess
+import sys
+import time
+from typing import Any
+
+SKYWAY = (sys.executable, "-m", "skyway.cli")
+
+_TERMS = {"name": "Test Air", "tariff": {"currency": "USD", "base": 100, "per_km": 10}}
+
+
+def register(system: Any, home: str, *, model_id: str = "paper-scenario") -> dict[str, Any]:
+    """A drone that has never been heard of, with its token."""
+    provider_id = system.operate("POST", "/v1/providers", _TERMS)["provider_id"]
+    body = {"model_id": model_id, "home_station_id": home}
+    made: dict[str, Any] = system.operate("POST", f"/v1/providers/{provider_id}/drones", body)
+    return made
+
+
+def path_of(drone: dict[str, Any]) -> str:
+    return f"/v1/providers/{drone['provider_id']}/drones/{drone['drone_id']}"
+
+
+def run(system: Any, *options: str, token: str | None = None) -> subprocess.Popen[bytes]:
+    """`skyway drone` in the background."""
+    told = {} if token is None else {"SKYWAY_ENROLMENT_TOKEN": token}
+    if "SKYWAY_MQTT_TLS_URL" in system.environment:
+        # As in production: with the certificate that the drone gets by enrolling.
+        told["SKYWAY_MQTT_URL"] = system.environment["SKYWAY_MQTT_TLS_URL"]
+    with (system.folder.path / "drone.log").open("ab") as log:
+        process = subprocess.Popen(
+            [*SKYWAY, "drone", *options, "--data", str(system.folder.path)],
+            stdout=log,
+            stderr=log,
+            env=system.environment | told,
+        )
+    system.fleets.append(process)
+    return process
+
+
+def until(system: Any, drone: dict[str, Any], state: str, *, within_s: float) -> float:
+    """Wall seconds until the cloud sees the drone in this state."""
+    since = time.monotonic()
+    system.eventually(
+        lambda: system.operate("GET", path_of(drone))["state"] == state,
+        within_s=within_s,
+        what=f"{drone['drone_id']} {state}",
+    )
+    return time.monotonic() - since

@@ -1,0 +1,105 @@
+"""Drones in for trouble, each on a ladder of its own, and what becomes of them."""
+
+import json
+import subprocess
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from ladders import QUICK_CHARGE
+
+_TERMS = {"name": "Trouble Air", "tariff": {"currency": "USD", "base": 100, "per_km": 10}}
+
+
+class TroubledFleets:
+    """One provider, whose drones are called as their ladders; agents host one or several."""
+
+    def __init__(self, system: Any, reserves: dict[str, float]) -> None:
+        self._system = system
+        for reserve_soc in set(reserves.values()):
+            model = QUICK_CHARGE | {"model_id": _model_id(reserve_soc), "reserve_soc": reserve_soc}
+            system.operate("PUT", f"/v1/drone-models/{_model_id(reserve_soc)}", model)
+        registered = system.operate("POST", "/v1/providers", _TERMS)
+        self._path = f"/v1/providers/{registered['provider_id']}/drones"
+        drones = [
+            {"model_id": _model_id(reserve_soc), "home_station_id": f"{name}-s1"}
+            for name, reserve_soc in reserves.items()
+        ]
+        made = system.operate("POST", self._path, drones)["items"]
+        self._drones = dict(zip(reserves, made, strict=True))
+        self.processes: dict[str, subprocess.Popen[bytes]] = {}
+
+    def drone_id(self, name: str) -> str:
+        """The drone on this ladder."""
+        drone_id: str = self._drones[name]["drone_id"]
+        return drone_id
+
+    def run(self, *names: str, scenario: str, mqtt_url: str | None = None) -> None:
+        """Run the agent of these drones, on a day like this."""
+        folder: Path = self._system.folder.path
+        day, file = folder / f"{names[0]}.toml", folder / f"{names[0]}.json"
+        day.write_text(scenario)
+        file.write_text(json.dumps({"items": [self._drones[name] for name in names]}))
+        environment = self._system.environment
+        if mqtt_url is not None:
+            self._system.environment = environment | {"SKYWAY_MQTT_URL": mqtt_url}
+        process = self._system.run_fleet(file, "--scenario", str(day))
+        self._system.environment = environment
+        self.processes |= dict.fromkeys(names, process)
+
+    def until_available(self, *, but: str | None = None) -> None:
+        """Return once all of them can be sent somewhere, but perhaps one."""
+        other_id = None if but is None else self.drone_id(but)
+        self._system.eventually(
+            lambda: all(
+                drone["state"] == "AVAILABLE" or drone["drone_id"] == other_id
+                for drone in self._system.operate("GET", self._path)["items"]
+            ),
+            within_s=60,
+            what="all drones available",
+        )
+
+    def take_offs(self, name: str) -> list[datetime]:
+        """When the drone took off, wall time."""
+        clock = self._system.operate("GET", "/v1/clock")
+        fleet_at, wall_at = (datetime.fromisoformat(clock[at]) for at in ("fleet_at", "wall_at"))
+        return [
+            wall_at + (datetime.fromisoformat(event["started_at"]) - fleet_at) / clock["rate"]
+            for mission in self.missions(name)
+            for event in (step["event"] for step in mission["steps"])
+            if event is not None and event["step_kind"] == "FLY"
+        ]
+
+    def missions(self, name: str) -> list[dict[str, Any]]:
+        """The drone's missions, the first one first."""
+        path = f"/v1/missions?drone_id={self.drone_id(name)}"
+        known = self._system.operate("GET", path)["items"]
+        ids = sorted(mission["mission_id"] for mission in known)
+        return [self._system.operate("GET", f"/v1/missions/{mission_id}") for mission_id in ids]
+
+    def state(self, name: str) -> dict[str, Any]:
+        """What the drone last said of itself in its newest mission."""
+        missions = self.missions(name)
+        state: dict[str, Any] | None = missions[-1]["drone_state"] if missions else None
+        return state or {"activity": None, "faults": []}
+
+    def failures(self, name: str) -> set[str]:
+        """Why steps of the drone's missions failed."""
+        return {
+            step["event"]["code"]
+            for mission in self.missions(name)
+            for step in mission["steps"]
+            if step["status"] == "FAILED"
+        }
+
+    def alarms(self, name: str) -> set[str]:
+        """The codes of the alarms about this drone."""
+        return {
+            alarm["code"]
+            for alarm in self._system.operate("GET", "/v1/alarms?limit=200")["items"]
+            if alarm["drone_id"] == self.drone_id(name)
+        }
+
+
+def _model_id(reserve_soc: float) -> str:
+    return f"keeps-{round(100 * reserve_soc)}"
