@@ -3,11 +3,12 @@
 from typing import Any
 
 from skyway_drone_agent.current_mission import CurrentMission, Escape, FlownBefore
-from skyway_drone_agent.landings import NO_BOOK, KnownLandings, landings_of
+from skyway_drone_agent.landings import NO_BOOK, KnownLandings, Landing, landings_of
 from skyway_drone_agent.logbook import Logbook
 from skyway_drone_agent.records import Answer
 
 from skyway.contracts.drone_health import Failsafe, Fault
+from skyway.contracts.flight_step import FlyStep
 from skyway.geo import Position
 from skyway.ids import DeliveryId, InstructionId, MissionId, StationId
 
@@ -34,6 +35,30 @@ def logbook_of(made: Any, *, station: str | None = "home", **changes: Any) -> Lo
         soc=1.0,
         mission=mission.model_copy(update=changes),
     )
+
+
+class Notes:
+    """A landing book of one page, which counts how often it is read; it is its own surroundings."""
+
+    def __init__(self) -> None:
+        self.edition = self.readings = 0
+        self.landings: tuple[Landing, ...] = ()
+        self.closed: set[str] = set()
+        self.asked: list[str] = []
+
+    def around(self, flight: FlyStep) -> "Notes":
+        self.asked.append(flight.to_id)
+        return self
+
+    def landings_along(self, flight: FlyStep) -> tuple[Landing, ...]:
+        self.readings += 1
+        return self.landings
+
+    def is_closed(self, landing: Landing) -> bool:
+        return landing.station_id in self.closed
+
+
+BARN = Landing(StationId("barn"), Position(-97.95, 30.01))
 
 
 def names(landings: Any) -> set[str]:
@@ -82,3 +107,49 @@ def test_only_so_many_landings_are_kept_the_newest(trip: Any) -> None:
     assert len(after) == 64
     assert "stn_99" in names(after)
     assert "stn_1" not in names(after)
+
+
+def test_the_book_is_asked_ahead_for_all_flights_of_a_mission(trip: Any) -> None:
+    book = Notes()
+
+    KnownLandings(book).after(logbook_of(trip))
+
+    assert book.asked == ["over", "shop", "farm", "home"]
+
+
+def test_the_book_is_read_once_for_a_flight(trip: Any) -> None:
+    book, logbook = Notes(), logbook_of(trip[1:])
+    book.landings = (BARN,)
+    known = KnownLandings(book)
+
+    found = [known.after(logbook, trip[1]) for _ in range(100)]
+
+    assert names(found[0]) == names(found[-1]) == {"home", "over", "shop", "farm", "barn"}
+    assert book.readings == 1
+
+
+def test_what_is_read_during_a_flight_is_known_at_once(trip: Any) -> None:
+    book, logbook = Notes(), logbook_of(trip[1:])
+    known = KnownLandings(book)
+    before = names(known.after(logbook, trip[1]))
+
+    book.landings, book.edition = (BARN,), 1
+
+    assert "barn" not in before
+    assert "barn" in names(known.after(logbook, trip[1]))
+
+
+def test_on_the_ground_only_stations_of_missions_are_told(trip: Any) -> None:
+    book, logbook = Notes(), logbook_of(trip[1:])
+    book.landings = (BARN,)
+
+    assert "barn" not in names(KnownLandings(book).after(logbook))
+
+
+def test_a_closed_station_of_a_mission_is_passed_over_but_not_where_it_flies_to(
+    trip: Any,
+) -> None:
+    book, logbook = Notes(), logbook_of(trip[1:])
+    book.closed = {"home", "over"}
+
+    assert names(KnownLandings(book).after(logbook, trip[1])) == {"over", "shop", "farm"}

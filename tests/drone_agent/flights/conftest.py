@@ -11,11 +11,10 @@ from types import TracebackType
 from typing import Any, Self
 
 import pytest
-from skyway_drone_agent.agent import DroneAgent
+from skyway_drone_agent.agent import DroneAgent, HeardBook
 from skyway_drone_agent.disturbances import UNDISTURBED
 from skyway_drone_agent.enrolled_drone import EnrolledDrone
 from skyway_drone_agent.journal import Journal, JournalUnwritable
-from skyway_drone_agent.landing_book.book import LandingBook
 from skyway_drone_agent.logbook import Logbook
 from skyway_drone_agent.memory_journal import MemoryJournal
 from skyway_drone_agent.records import Record
@@ -24,7 +23,8 @@ from skyway_drone_agent.simulated_vehicle import SimulatedVehicle
 from skyway.contracts.drone_report import Ack, DroneEvent, DroneState
 from skyway.contracts.instruction import AnyInstruction
 from skyway.contracts.topic import Address, Topic
-from skyway.contracts.topics import ACKS, CLOCK, EVENTS, INSTRUCTIONS, STATE
+from skyway.contracts.topics import ACKS, CLOCK, EVENTS, INSTRUCTIONS, NETWORK_VERSION, STATE
+from skyway.contracts.world import NetworkVersion
 from skyway.runtime.errors import MqttUnavailable
 from skyway.runtime.minting import CountingMint
 from skyway.runtime.mqtt import Received, Will
@@ -45,6 +45,7 @@ class FakeLink:
         self._arrived: deque[Received[Any]] = deque()
         self._has_news = asyncio.Event()
         self._ticks: asyncio.Queue[Received[Any]] = asyncio.Queue()
+        self._versions: asyncio.Queue[Received[Any]] = asyncio.Queue()
         self._greetings: set[asyncio.Future[None]] = set()
 
     async def __aenter__(self) -> Self:
@@ -96,14 +97,24 @@ class FakeLink:
     def batches(
         self, *subscriptions: Topic[Any] | Address[Any]
     ) -> AsyncIterator[list[Received[Any]]]:
-        (address,) = subscriptions
-        assert isinstance(address, Address)
-        topic = address.topic
-        return self._drain(topic) if topic.template == INSTRUCTIONS.template else self._anchors()
+        (wanted,) = subscriptions
+        if not isinstance(wanted, Address):
+            assert wanted is NETWORK_VERSION
+            return self._one_by_one(self._versions)
+        if wanted.topic.template == INSTRUCTIONS.template:
+            return self._drain(wanted.topic)
+        return self._one_by_one(self._ticks)
 
-    async def _anchors(self) -> AsyncIterator[list[Received[Any]]]:
+    async def _one_by_one(
+        self, queue: asyncio.Queue[Received[Any]]
+    ) -> AsyncIterator[list[Received[Any]]]:
         while True:
-            yield [await self._ticks.get()]
+            yield [await queue.get()]
+
+    def tell_version(self, message: NetworkVersion) -> None:
+        """Deliver a network's version."""
+        ids = (message.network_id,)
+        self._versions.put_nowait(Received(NETWORK_VERSION, ids, message, True))
 
     def tell_time(self, *, retained: bool) -> None:
         """Deliver the clock's anchor, of which nothing but its coming matters here."""
@@ -171,7 +182,7 @@ class World:
         self.clock = clock
         self.disturbances = UNDISTURBED
         self.vehicle_type = SimulatedVehicle
-        self.book: LandingBook | None = None
+        self.book: HeardBook | None = None
         self.mint = CountingMint()
         self.trace: list[str] = []
         self.published: list[tuple[Topic[Any], Any]] = []

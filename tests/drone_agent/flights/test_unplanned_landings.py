@@ -10,8 +10,9 @@ from skyway_drone_agent.landing_book.extract import KnownStation
 from skyway_drone_agent.landing_book.extract_file import ExtractFile
 from skyway_drone_agent.landing_book.station_reader import StationReader
 from skyway_drone_agent.landing_book.tiles import tile_of
-from skyway_drone_agent.landings import Landing
+from skyway_drone_agent.landings import Landing, NoBook
 
+from skyway.contracts.world import NetworkVersion
 from skyway.geo import Position
 from skyway.ids import NetworkId, StationId
 
@@ -63,6 +64,38 @@ async def test_a_short_battery_takes_the_drone_to_a_station_that_no_step_names(
     failed = await fly_short(world, cloud, steps)
 
     assert (failed.step_id, failed.code, failed.station_id) == (2, "BATTERY_SHORT", landed_at)
+
+
+class Listener(NoBook):
+    """A book that only listens."""
+
+    wants_versions = True
+
+    def __init__(self) -> None:
+        self.heard_of: list[int] = []
+
+    def heard(self, version: NetworkVersion) -> None:
+        self.heard_of.append(version.version)
+
+
+async def test_the_book_hears_of_each_version_of_the_network(world: Any) -> None:
+    world.book = Listener()
+    await world.start()
+
+    for number in (1, 2):
+        world.link.tell_version(
+            NetworkVersion(
+                message_id=f"msg_{number}",
+                sent_at=world.clock.now(),
+                network_id=TEXAS,
+                version=number,
+                sha256=f"hash {number}",
+                href="",
+            )
+        )
+    await world.settle()
+
+    assert world.book.heard_of == [1, 2]
 
 
 async def test_from_there_the_clouds_new_plan_is_flown(
