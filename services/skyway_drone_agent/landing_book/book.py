@@ -134,14 +134,10 @@ class LandingBook:
         del self._wanted[box]
         unread = list(self._networks)
         try:
-            while unread:
+            while unread and self._reader.may_ask:
                 if not self._is_fresh_in(unread[-1], box):
                     await self._read(box, unread[-1])
                 unread.pop()
-        except CloudRefused as error:
-            # No such network any more, or no key is left: it is no use to ask again.
-            log.warning("stations refused", extra={"reason": str(error)})
-            unread.clear()
         finally:
             if unread:
                 self._wanted[box] = None
@@ -150,7 +146,12 @@ class LandingBook:
 
     async def _read(self, box: TileBox, network_id: NetworkId) -> None:
         asked_at_s = _now_s()
-        found = await self._reader.stations_in(box, network_id)
+        try:
+            found = await self._reader.stations_in(box, network_id)
+        except CloudRefused as error:
+            # No such network any more, or no key is left: it is no use to ask again.
+            log.warning("stations refused", extra={"reason": str(error)})
+            return
         self._extract.put(network_id, box.tiles, found, at_s=asked_at_s)
         self._is_written = False
         log.info("stations read", extra={"network_id": network_id, "stations": len(found)})

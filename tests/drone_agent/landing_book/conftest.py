@@ -64,6 +64,7 @@ class FakeCloud:
     places: dict[str, tuple[float, float]] = field(default_factory=lambda: dict(PLACES))
     closed: set[str] = field(default_factory=set)
     keys: set[str] = field(default_factory=lambda: {"dk_1"})
+    network_id: str = "texas"
     page: int = 2
     is_down: bool = False
     asked: list[str] = field(default_factory=list)
@@ -76,7 +77,7 @@ class FakeCloud:
             return 503, {"code": "", "detail": "down in this test"}
         if key not in self.keys:
             return 401, {"code": "", "detail": "not known"}
-        if parts.path != "/v1/networks/texas/stations":
+        if parts.path != f"/v1/networks/{self.network_id}/stations":
             return 404, {"code": "NOT_FOUND", "detail": parts.path}
         west, south, east, north = (float(number) for number in query["bbox"][0].split(","))
         after = query.get("cursor", [""])[0]

@@ -97,13 +97,31 @@ async def test_a_closed_station_is_passed_over_once_it_is_read_again(
 
 
 async def test_stations_of_another_network_are_no_landings(
-    read: Any, flight: Any, version: Any
+    read: Any, flight: Any, version: Any, reads: Any, cloud: Any
 ) -> None:
-    elsewhere = {"home": (-98.0, 30.0), "moor": (-97.97, 30.01)}
     book = await read()
+    moor = {"moor": (-97.97, 30.01), "fen": (-97.93, 30.01)}
+    cloud.places, cloud.network_id = moor, "louisiana"
 
-    assert names(book, flight("home", "moor", elsewhere)) == {"home", "shop", "barn"}
-    assert names(book, flight("moor", "moor", elsewhere)) == set()
+    book.heard(version(1, "louisiana"))
+    around = book.around(flight())
+    await reads(book, lambda: around.edition == 2)
+
+    assert names(book, flight()) == {"home", "shop", "barn"}
+    assert names(book, flight("moor", "fen", moor)) == {"moor", "fen"}
+
+
+async def test_a_network_that_is_no_more_keeps_no_other_from_being_read(
+    make_book: Any, flight: Any, version: Any, reads: Any, cloud: Any
+) -> None:
+    book = make_book()
+    for network_id in ("gone", "texas", "lost"):
+        book.heard(version(1, network_id))
+
+    around = book.around(flight())
+    await reads(book, lambda: around.edition == 1)
+
+    assert names(book, flight()) == {"home", "shop", "barn"}
 
 
 async def test_what_was_read_is_there_after_a_start_without_the_cloud(
@@ -113,6 +131,19 @@ async def test_what_was_read_is_there_after_a_start_without_the_cloud(
     cloud.is_down = True
 
     assert names(make_book(), flight()) == {"home", "shop", "barn"}
+
+
+async def test_what_was_read_since_the_last_write_is_written_at_the_end(
+    read: Any, make_book: Any, flight: Any, reads: Any, cloud: Any
+) -> None:
+    book = await read()
+    elsewhere = {"home": (-98.0, 30.0), "mill": (-98.2, 30.0)}
+    cloud.places |= elsewhere
+
+    around = book.around(flight("home", "mill", elsewhere))
+    await reads(book, lambda: around.edition == 1)
+
+    assert "mill" in names(make_book(), flight("home", "mill", elsewhere))
 
 
 async def test_what_lies_on_disk_is_read_again_from_the_cloud(

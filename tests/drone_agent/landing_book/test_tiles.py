@@ -31,6 +31,7 @@ def test_the_places_of_its_tiles_lie_in_a_box(
     west, south, east, north = corners(box)
     dice = random.Random(1)
 
+    assert box.columns * box.rows < 200
     assert {tile_of(Position(*start)), tile_of(Position(*end))} <= set(box.tiles)
     for tile in box.tiles:
         longitude = (tile.column + dice.random()) * TILE_DEG - 180.0
