@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 from skyway_provider_registry.candidates.fleet_view import FleetView
 from skyway_provider_registry.candidates.reasons import KnownDrone
-from skyway_provider_registry.pace import Pace
 from skyway_provider_registry.presence.follow import Recorder
 
 from skyway.contracts.drone_report import Connection, DroneState
@@ -19,6 +18,7 @@ from skyway.ids import MissionId, StationId
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.database import Database
 from skyway.runtime.mqtt import Received
+from skyway.runtime.pace import Pace
 
 AT = datetime(2026, 3, 1, 12, tzinfo=UTC)
 

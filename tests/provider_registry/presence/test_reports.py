@@ -6,7 +6,6 @@ from contextlib import asynccontextmanager
 from typing import Any
 
 import pytest
-from skyway_provider_registry.pace import Pace
 from skyway_provider_registry.presence.reports import ReportKeeper
 from skyway_provider_registry.tables import mission_hints
 from sqlalchemy import select
@@ -15,6 +14,7 @@ from skyway.contracts.mission import MissionReport
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.database import Database, Tx
 from skyway.runtime.errors import ServiceUnavailable
+from skyway.runtime.pace import Pace
 
 
 class CountingDatabase(Database):
