@@ -10,6 +10,7 @@ from skyway.contracts.drone_report import Connection
 from skyway.contracts.topic import Address
 from skyway.contracts.topics import CLOCK, NETWORK_VERSION
 from skyway.contracts.world import ClockAnchor, NetworkVersion
+from skyway.runtime.clock import fleet_margin
 from skyway.runtime.errors import MqttUnavailable
 from skyway.runtime.loops import Loops
 from skyway.runtime.minting import Mint
@@ -33,9 +34,13 @@ from skyway_drone_agent.reporter import EventSender, StateSender
 from skyway_drone_agent.telemetry import TelemetrySender
 from skyway_drone_agent.uplink import Link, Uplink
 from skyway_drone_agent.vehicle import Vehicle
+from skyway_drone_agent.waiting import wait_for_news
 
 #: Wall seconds that a farewell may take.
 _FAREWELL_S = 1.0
+
+#: Wall seconds before a session is written again that the disk did not take.
+_ROOM_EVERY_S = 1.0
 
 
 class OpenableLink(Link, Protocol):
@@ -109,7 +114,8 @@ class DroneAgent:
         instructions = self._link.batches(RAW_INSTRUCTIONS(*here))
         book = self._book if self._book is not None and self._book.wants_versions else None
         versions = None if book is None else self._link.batches(NETWORK_VERSION)
-        async with self._link, Loops() as loops:
+        async with contextlib.AsyncExitStack() as linked, Loops() as loops:
+            loops.start("link", self._connect(linked))
             loops.start("clock", self._keep_time(anchors))
             if book is not None and versions is not None:
                 loops.start("landing book", _tell(book, versions))
@@ -119,6 +125,19 @@ class DroneAgent:
                 await self._fly(instructions, loops)
             finally:
                 await self._say_goodbye()
+
+    async def _connect(self, linked: contextlib.AsyncExitStack) -> None:
+        """Connect, but say nothing under a session that a later start may begin again.
+
+        Until there is room on the disk for the session, the drone does as with a lost link.
+        """
+        recorder, clock = self._recorder, self._clock
+        news = recorder.watch()
+        while not recorder.has_session:
+            recorder.make_room()
+            pause = fleet_margin(clock, fleet_s=0.0, wall_s=_ROOM_EVERY_S)
+            await wait_for_news(news, clock, until=clock.now() + pause)
+        await linked.enter_async_context(self._link)
 
     async def _fly(self, instructions: AsyncIterator[list[Received[Any]]], loops: Loops) -> Never:
         """Everything that needs fleet time."""

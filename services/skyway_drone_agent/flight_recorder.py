@@ -46,10 +46,15 @@ class FlightRecorder:
         written_seq = self._written.last_event_seq
         return self.logbook.model_copy(update={"last_event_seq": written_seq})
 
+    @property
+    def has_session(self) -> bool:
+        """Whether the session is written; until then a later start may begin the same one."""
+        return self._written.session == self.logbook.session
+
     def begin_session(self, wall_now: datetime) -> None:
         """Start a session above all earlier ones, also when the journal was lost meanwhile."""
         session = max(self.logbook.session + 1, int(wall_now.timestamp()))
-        self.logbook = self._written = self.logbook.model_copy(update={"session": session})
+        self.logbook = self.logbook.model_copy(update={"session": session})
         # Until it is written anew its last line may be torn, or the first one be missing.
         self._can_append = False
         self.make_room()

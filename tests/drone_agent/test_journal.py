@@ -207,6 +207,7 @@ def test_a_session_that_began_on_a_full_disk_is_written_whole_once_there_is_room
     recorder.begin_session(NOON)
     recorder.note(make_event(1))
     assert (recorder.is_full, recorder.written_events) == (True, ())
+    assert not recorder.has_session
     with pytest.raises(JournalUnwritable):
         recorder.record(make_answer(1))
 
@@ -216,4 +217,5 @@ def test_a_session_that_began_on_a_full_disk_is_written_whole_once_there_is_room
     again = FileJournal(path).read(at_first=HOME)
     assert [event.seq for event in again.events] == [1, 2]
     assert (again.last_instruction_seq, again.session) == (0, recorder.logbook.session)
+    assert recorder.has_session
     assert len(recorder.written_events) == 2

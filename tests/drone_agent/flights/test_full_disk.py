@@ -112,3 +112,40 @@ async def test_a_failsafe_acts_without_a_journal_too(world: Any, cloud: Any, ste
     await world.pass_until(lambda: bool(world.events) and world.events[-1].event == "STEP_FAILED")
 
     assert (world.events[-1].code, world.events[-1].station_id) == ("BATTERY_SHORT", "home")
+
+
+async def test_a_drone_whose_session_cannot_be_written_lands_in_silence_until_there_is_room(
+    world: Any, cloud: Any, trip: Any
+) -> None:
+    await fill_up_in_the_air(world, cloud, trip)
+    await world.kill()
+    told = len(world.published)
+    await world.start()
+
+    await world.pass_time(timedelta(hours=1))
+    assert len(world.published) == told
+    world.journal.is_full = False
+    await world.pass_time(timedelta(seconds=5 * world.clock.rate))
+
+    assert world.states[-1].station_id == "shop"
+    ended = [event.step_id for event in world.events if event.event == "STEP_ENDED"]
+    assert ended == [1, 2, 3, 4]
+
+
+async def test_no_two_starts_on_a_full_disk_speak_under_the_same_session(
+    world: Any, cloud: Any, trip: Any
+) -> None:
+    await fill_up_in_the_air(world, cloud, trip)
+    # As with a wall clock that was set back, no time tells one start from the other.
+    for _ in range(2):
+        await world.kill()
+        await world.start()
+        await world.settle()
+    world.journal.is_full = False
+    await world.kill()
+    await world.start()
+    await world.pass_until(lambda: world.is_over)
+
+    numbers = [(one.session, one.seq) for one in world.states]
+    assert len(set(numbers)) == len(numbers)
+    assert len({session for session, _ in numbers}) == 2
