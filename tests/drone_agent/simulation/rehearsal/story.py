@@ -18,6 +18,7 @@ from rehearsal.cloud import FakeCloud
 from rehearsal.disk import Crash, Disk, MortalJournal, PowerCut
 from rehearsal.findings import Findings
 from rehearsal.link import Air, DroneLink, Habits
+from rehearsal.low_landings import unsaid
 from rehearsal.places import DRONE
 from rehearsal.plan import Parcel
 from rehearsal.virtual_time import NobodyWaits, VirtualClock, run_in
@@ -135,6 +136,7 @@ class Stage:
 
     def die(self) -> None:
         """As kill -9, or a power cut: no last word, and what was not synced is gone."""
+        self.clock.note_absence()
         if self._journal is not None:
             self._journal.die()
         if self.air.link is not None:
@@ -215,6 +217,9 @@ class Stage:
 
     def ending(self) -> Ending:
         self._check_custody()
+        if not self.yard.has_worn_battery:
+            for event in unsaid(self.witness.events, self.clock.absences):
+                self.findings.expect(False, "I10: landed below the reserve without a word", event)
         return Ending(
             story=self.story,
             broken=self.findings.broken,

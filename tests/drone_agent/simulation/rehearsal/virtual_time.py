@@ -24,6 +24,8 @@ class VirtualClock:
         self._now = self._wall = START
         self._sleepers: list[tuple[datetime, int, asyncio.Future[None]]] = []
         self._slept = 0
+        #: When the agent saw nothing for a while.
+        self.absences: list[datetime] = []
 
     def now(self) -> datetime:
         return self._now
@@ -66,12 +68,18 @@ class VirtualClock:
                 return
         raise NobodyWaits
 
+    def note_absence(self) -> None:
+        """From now on nobody looks, for a while."""
+        self.absences.append(self._now)
+
     def jump(self, by_s: float) -> None:
         """The fleet clock is set on; the wall's stays."""
+        self.note_absence()
         self._now += timedelta(seconds=by_s)
 
     def stand_still(self, by_s: float) -> None:
         """Nothing runs for so long, as when a computer sleeps."""
+        self.note_absence()
         self._pass(timedelta(seconds=by_s))
 
     def set_wall(self, by_s: float) -> None:

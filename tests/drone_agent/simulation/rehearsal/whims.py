@@ -103,13 +103,9 @@ class Whim:
 
 
 def whims_of(luck: Random) -> tuple[Whim, ...]:
-    """What befalls a story by chance; a third of them go without.
-
-    Not both of a full disk and a wall clock set back: a session that cannot be written down is told
-    from the next one by that clock alone.
-    """
+    """What befalls a story by chance; a third of them go without."""
     count = luck.choice((0, 0, 1, 2, 3, 4))
-    whims = [
+    return tuple(
         Whim(
             kind=luck.choice(KINDS),
             at_s=luck.uniform(_FIRST_S, _LAST_S),
@@ -117,6 +113,4 @@ def whims_of(luck: Random) -> tuple[Whim, ...]:
             step_kind=luck.choice(("PICK_UP", "FLY", "RECHARGE", "DELIVER", "RETURN")),
         )
         for _ in range(count)
-    ]
-    is_full = any(one.kind == "DISK_FULL" for one in whims)
-    return tuple(one for one in whims if not (is_full and one.kind == "WALL_SET_BACK"))
+    )

@@ -15,6 +15,7 @@ from skyway_drone_agent.vehicle import Outcome, StepRun, run_under_way
 
 from rehearsal.disk import Disk
 from rehearsal.findings import Findings
+from rehearsal.low_landings import BATTERY_FAULTS
 from rehearsal.places import DRONE, MODEL
 from rehearsal.plan import leg_j
 from rehearsal.virtual_time import VirtualClock
@@ -36,9 +37,6 @@ _UNSEEN_SOC = 0.03
 
 #: How well a drone knows what its battery holds, once it has found out.
 _KNOWN_HEALTH = 0.05
-
-#: What the drone says of its own accord when its battery is low.
-_BATTERY_FAULTS = ("BATTERY_LOW", "BATTERY_SHORT", "BATTERY_EMPTY")
 
 
 class Yard:
@@ -229,6 +227,11 @@ class Yard:
             (flight.step.step_id, latest, self._soc(flight, over_at)),
         )
 
+    @property
+    def has_worn_battery(self) -> bool:
+        """Whether the battery holds clearly less than when it was new."""
+        return self.physics.battery_j / MODEL.battery_j < 1.0 - _KNOWN_HEALTH
+
     def _has_hidden_wear(self) -> bool:
         """Whether the battery holds less than the drone has found out so far."""
         truly = self.physics.battery_j / MODEL.battery_j
@@ -245,7 +248,7 @@ class Yard:
                 case EventRecorded(event=event):
                     if event.ended_at > moment:
                         break
-                    if event.event == "ALARM" and event.code in _BATTERY_FAULTS:
+                    if event.event == "ALARM" and event.code in BATTERY_FAULTS:
                         acting.add(str(event.code))
                 case FailsafeBegun() if record.at <= moment:
                     return True

@@ -1,0 +1,32 @@
+"""Whoever lands below the reserve has said before that it would."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from datetime import datetime
+
+from rehearsal.places import MODEL
+from skyway.contracts.drone_report import DroneEvent
+
+#: What the drone says of its own accord when its battery is low.
+BATTERY_FAULTS = ("BATTERY_LOW", "BATTERY_SHORT", "BATTERY_EMPTY")
+
+#: Charge below the reserve of which a drone must have known: its prediction may err so much.
+_UNSEEN_SOC = 0.015
+
+
+def unsaid(events: Iterable[DroneEvent], absences: Sequence[datetime]) -> Iterator[DroneEvent]:
+    """Flights that ended below the reserve without a word.
+
+    A flight in which the agent was not there all the time (`absences`) says nothing of it.
+    """
+    has_said, took_off_at = False, None
+    for event in events:
+        if event.event == "ALARM":
+            has_said = has_said or event.code in BATTERY_FAULTS
+        elif event.step_kind != "FLY":
+            has_said, took_off_at = False, None
+        elif event.event == "STEP_ENDED":
+            took_off_at = took_off_at or event.started_at
+            is_low = event.soc < MODEL.reserve_soc - _UNSEEN_SOC
+            was_absent = any(took_off_at <= moment <= event.ended_at for moment in absences)
+            if is_low and not has_said and not was_absent:
+                yield event
