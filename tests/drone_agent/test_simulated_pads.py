@@ -43,10 +43,12 @@ def test_charging_begins_when_the_pad_is_free(drone: Any, run: StepRun) -> None:
     assert physics.sample(run, run.started_at + timedelta(seconds=299)).soc == 0.4
 
 
-def test_a_pad_that_stays_taken_charges_nothing(drone: Any, run: StepRun) -> None:
+def test_a_pad_that_stays_taken_charges_nothing_and_the_step_fails(
+    drone: Any, run: StepRun
+) -> None:
     outcome = Physics(drone.model, taken(run, for_s=9_000)).outcome_of(run)
 
-    assert (outcome.soc, outcome.code) == (0.4, "SHORT_CHARGE")
+    assert (outcome.soc, outcome.code, outcome.has_failed) == (0.4, "PAD_OCCUPIED", True)
     assert outcome.ended_at == run.step.not_after_at  # type: ignore[union-attr]
 
 
