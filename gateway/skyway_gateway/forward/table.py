@@ -23,6 +23,7 @@ _NETWORK_BYTES: Final = 256 * 1024 * 1024
 _FLEET_BYTES: Final = 8 * 1024 * 1024
 _HEAVY_S: Final = 180.0
 
+_GEOJSON: Final = "application/geo+json"
 _PLACEHOLDER: Final = re.compile(r"{(\w+)}")
 _BETWEEN_WORDS: Final = re.compile(r"\W+")
 _JSON: Final[Mapping[str, Any]] = {"application/json": {"schema": {}}}
@@ -40,9 +41,9 @@ class Forwarded:
     service: Service
     roles: tuple[CallerRole, ...]
     about: str
-    #: How it is answered when all is well, and in which form.
+    #: How it is answered when all is well, and in which forms.
     statuses: tuple[int, ...] = (200,)
-    media_type: str = "application/json"
+    media_types: tuple[str, ...] = ("application/json",)
     limit_bytes: int | None = None
     timeout_s: float = 30.0
 
@@ -59,9 +60,10 @@ class Forwarded:
     @property
     def responses(self) -> dict[int | str, dict[str, Any]]:  # a part of a JSON document
         """Its answers in the gateway's document, as FastAPI takes them."""
+        content: dict[str, Any] = {media_type: {} for media_type in self.media_types}
         return {
             status: {"description": HTTPStatus(status).phrase}
-            | ({} if status == HTTPStatus.NO_CONTENT else {"content": {self.media_type: {}}})
+            | ({} if status == HTTPStatus.NO_CONTENT else {"content": content})
             for status in self.statuses
         }
 
@@ -145,6 +147,7 @@ FORWARDED: Final[tuple[Forwarded, ...]] = (
         "registry",
         _FLEETS_OR_DRONE,
         "Show what a drone measured: samples or minutes, JSON or ?format=geojson",
+        media_types=("application/json", _GEOJSON),
     ),
     Forwarded(
         "PATCH",
@@ -210,7 +213,7 @@ FORWARDED: Final[tuple[Forwarded, ...]] = (
         "composition",
         _ANY,
         "Show a skyway network (GeoJSON)",
-        media_type="application/geo+json",
+        media_types=(_GEOJSON,),
         timeout_s=_HEAVY_S,
     ),
     Forwarded(
