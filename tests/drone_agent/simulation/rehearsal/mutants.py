@@ -47,6 +47,12 @@ MUTANTS = (
         "logbook, mission.steps[0], started_at=mission.began_at.replace(microsecond=1),",
     ),
     Mutant(
+        "packages are picked up again after a restart",
+        "pilot.py",
+        "if not is_left_behind or not _is_hand_over(run.step):",
+        "if not is_left_behind or not isinstance(run.step, DeliverStep | ReturnStep):",
+    ),
+    Mutant(
         "a step is begun before it is written",
         "pilot.py",
         "            self._recorder.record(begun)",

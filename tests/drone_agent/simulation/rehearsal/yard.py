@@ -71,6 +71,15 @@ class Yard:
         if lands_here:
             self._lands_at = self._clock.now()
 
+    def check_not_repeated(self, run: StepRun) -> None:
+        """Nobody goes on with a hand-over of an earlier process that may be done already."""
+        was_begun = self.doing is not None and _key(self.doing) == _key(run)
+        self._findings.expect(
+            not (was_begun and _is_hand_over(run.step)),
+            "I6: handed over again, not knowing whether it was done",
+            (run.step.kind, run.step.step_id),
+        )
+
     def settle(self) -> None:
         """Let happen what has happened by now."""
         run = self.doing
@@ -265,8 +274,13 @@ class WatchedVehicle(SimulatedVehicle):
         super().__init__(MODEL, clock, disturbances=physics.disturbances, drone_id=physics.drone_id)
         self._yard = yard
         self._remembers = remembers
+        #: What this process has begun itself, or knows not to be done.
+        self._may_go_on: set[tuple[object, ...]] = set()
 
     async def perform(self, run: StepRun) -> Outcome:
+        if _key(run) not in self._may_go_on:
+            self._yard.check_not_repeated(run)
+            self._may_go_on.add(_key(run))
         self._yard.begin(run)
         outcome = await super().perform(run)
         self._yard.settle()
@@ -278,7 +292,10 @@ class WatchedVehicle(SimulatedVehicle):
 
     def recall(self, run: StepRun) -> bool | None:
         was_begun = self._yard.was_begun(run)
-        return was_begun and super().recall(run) if self._remembers else None
+        was_done = was_begun and super().recall(run) if self._remembers else None
+        if was_done is False:
+            self._may_go_on.add(_key(run))
+        return was_done
 
 
 def _key(run: StepRun) -> tuple[object, ...]:
@@ -287,3 +304,9 @@ def _key(run: StepRun) -> tuple[object, ...]:
 
 def _awaits_confirmation(step: FlightStep) -> bool:
     return isinstance(step, PickUpStep) and step.awaits_confirmation
+
+
+def _is_hand_over(step: FlightStep) -> bool:
+    return isinstance(step, PickUpStep | DeliverStep | ReturnStep) and not _awaits_confirmation(
+        step
+    )
