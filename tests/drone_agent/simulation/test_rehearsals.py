@@ -17,9 +17,9 @@ def broken(endings: list[Ending]) -> list[tuple[str, str]]:
 
 
 @pytest.mark.parametrize("scenario", SCENARIOS)
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(4))
 def test_nothing_is_broken_wherever_the_power_fails(seed: int, scenario: str) -> None:
-    endings = list(stories_of(seed, scenario, how_many=4))
+    endings = list(stories_of(seed, scenario, how_many=3))
 
     assert broken(endings) == []
 
@@ -48,10 +48,20 @@ def test_a_restart_within_any_step_breaks_nothing(step_kind: str, down_s: float)
 def test_whatever_befalls_a_drone_breaks_nothing(kind: str) -> None:
     stories = [
         Story(seed, "windy", whims=(Whim(kind, at_s=60.0 + 110.0 * seed, for_s=300.0),))
-        for seed in range(4)
+        for seed in range(3)
     ]
 
     assert broken([tell(story) for story in stories]) == []
+
+
+def test_no_session_is_spoken_that_a_later_start_may_have_too() -> None:
+    whims = (
+        Whim("DISK_FULL", at_s=60.0, for_s=400.0),
+        Whim("KILL", at_s=120.0, for_s=3.0),
+        Whim("WALL_SET_BACK", at_s=300.0, for_s=3.0),
+    )
+
+    assert broken([tell(Story(seed, "calm", whims=whims)) for seed in range(4)]) == []
 
 
 def test_the_same_story_is_told_in_the_same_words() -> None:

@@ -10,7 +10,7 @@ from typing import Literal
 
 from skyway_drone_agent.journal import FileJournal
 from skyway_drone_agent.logbook import Logbook, logbook_after
-from skyway_drone_agent.records import Record
+from skyway_drone_agent.records import EventRecorded, Record
 
 
 class PowerCut(Exception):
@@ -96,6 +96,11 @@ class MortalJournal:
 
     def compact(self, logbook: Logbook) -> None:
         self._write(lambda: self._file.compact(logbook))
+        # What happened on a full disk is written with the logbook as a whole.
+        known_seq = self._disk.kept.last_event_seq
+        self._disk.records += [
+            EventRecorded(event=event) for event in logbook.events if event.seq > known_seq
+        ]
         self._disk.kept = logbook
         self._end_write()
 
