@@ -13,8 +13,8 @@ from skyway_drone_agent.enrolment.credentials_folder import CredentialsFolder
 from skyway_drone_agent.enrolment.crew import Crew, EnrolledCrew, RegisteredCrew
 from skyway_drone_agent.enrolment.enrol import enrol, enrolled
 from skyway_drone_agent.fleet import allow_open_files, host_fleet
-from skyway_drone_agent.journal_folder import JournalFolder
-from skyway_drone_agent.placing import place
+from skyway_drone_agent.flying.placing import place
+from skyway_drone_agent.journal.journal_folder import JournalFolder
 from skyway_drone_agent.settings import AgentSettings, read_settings
 
 

@@ -15,26 +15,26 @@ from skyway.runtime.errors import MqttUnavailable
 from skyway.runtime.loops import Loops
 from skyway.runtime.minting import Mint
 from skyway.runtime.mqtt import Received, Will
-from skyway_drone_agent.ack_queue import AckQueue
+from skyway_drone_agent.analysis.landings import NO_BOOK, LandingBook
+from skyway_drone_agent.analysis.lookout import Lookout
 from skyway_drone_agent.clock_keeper import ClockFromCloud
-from skyway_drone_agent.cloud_watch import CloudWatch
 from skyway_drone_agent.enrolled_drone import EnrolledDrone
-from skyway_drone_agent.event_writer import EventWriter
-from skyway_drone_agent.flight_recorder import FlightRecorder
-from skyway_drone_agent.guard import Guard
-from skyway_drone_agent.inbox import RAW_INSTRUCTIONS, Inbox
-from skyway_drone_agent.journal import Journal
-from skyway_drone_agent.landings import NO_BOOK, LandingBook
-from skyway_drone_agent.link_watch import LinkWatch
-from skyway_drone_agent.lookout import Lookout
-from skyway_drone_agent.mission import Gates
-from skyway_drone_agent.pilot import Pilot
-from skyway_drone_agent.presence import Presence
-from skyway_drone_agent.reporter import EventSender, StateSender
-from skyway_drone_agent.telemetry import TelemetrySender
-from skyway_drone_agent.uplink import Link, Uplink
-from skyway_drone_agent.vehicle import Vehicle
-from skyway_drone_agent.waiting import wait_for_news
+from skyway_drone_agent.failsafes.cloud_watch import CloudWatch
+from skyway_drone_agent.failsafes.guard import Guard
+from skyway_drone_agent.flying.mission import Gates
+from skyway_drone_agent.flying.pilot import Pilot
+from skyway_drone_agent.instructions.ack_queue import AckQueue
+from skyway_drone_agent.instructions.inbox import RAW_INSTRUCTIONS, Inbox
+from skyway_drone_agent.journal.flight_recorder import FlightRecorder
+from skyway_drone_agent.journal.journal import Journal
+from skyway_drone_agent.journal.waiting import wait_for_news
+from skyway_drone_agent.link.event_writer import EventWriter
+from skyway_drone_agent.link.link_watch import LinkWatch
+from skyway_drone_agent.link.presence import Presence
+from skyway_drone_agent.link.uplink import Link, Uplink
+from skyway_drone_agent.reports.reporter import EventSender, StateSender
+from skyway_drone_agent.reports.telemetry import TelemetrySender
+from skyway_drone_agent.vehicles.vehicle import Vehicle
 
 #: Wall seconds that a farewell may take.
 _FAREWELL_S = 1.0

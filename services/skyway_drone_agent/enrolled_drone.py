@@ -11,7 +11,7 @@ from skyway.errors import InvalidInput
 from skyway.geo import Position
 from skyway.ids import DroneId, ProviderId, StationId
 from skyway.json_model import WireModel
-from skyway_drone_agent.logbook import Logbook
+from skyway_drone_agent.journal.logbook import Logbook
 
 
 class BrokerLogin(WireModel):

@@ -12,18 +12,18 @@ from skyway.runtime.minting import mint
 from skyway.runtime.mqtt import MqttClient, Will
 from skyway_drone_agent.agent import DroneAgent, MakeLink
 from skyway_drone_agent.clock_keeper import KeptClock
-from skyway_drone_agent.disturbances import UNDISTURBED, Disturbances
 from skyway_drone_agent.enrolled_drone import EnrolledDrone
 from skyway_drone_agent.enrolment.client_tls import client_tls
 from skyway_drone_agent.enrolment.cloud import CloudAccess
-from skyway_drone_agent.journal_folder import JournalFolder
+from skyway_drone_agent.journal.journal_folder import JournalFolder
 from skyway_drone_agent.landing_book.book import LandingBook
 from skyway_drone_agent.landing_book.extract_file import ExtractFile
 from skyway_drone_agent.landing_book.station_reader import StationReader
-from skyway_drone_agent.mavlink_settings import MavlinkSettings
-from skyway_drone_agent.simulated_link_loss import LinkWithOutages, has_outages
-from skyway_drone_agent.simulated_vehicle import SimulatedVehicle
-from skyway_drone_agent.vehicle import Vehicle
+from skyway_drone_agent.mavlink.settings import MavlinkSettings
+from skyway_drone_agent.simulated.disturbances import UNDISTURBED, Disturbances
+from skyway_drone_agent.simulated.link_loss import LinkWithOutages, has_outages
+from skyway_drone_agent.simulated.vehicle import SimulatedVehicle
+from skyway_drone_agent.vehicles.vehicle import Vehicle
 
 log = logging.getLogger(__name__)
 
@@ -94,7 +94,7 @@ async def _host_real_drone(
     if len(drones) != 1:
         raise InvalidSettings(f"--vehicle is one drone's, and there are {len(drones)}")
     # Only now, so that agents of simulated drones do without it.
-    from skyway_drone_agent.mavlink_vehicle import mavlink_vehicle
+    from skyway_drone_agent.mavlink.vehicle import mavlink_vehicle
 
     (drone,) = drones
     make_link = _link_maker(drone, folder, clock=clock, mqtt_url=mqtt_url, disturbances=UNDISTURBED)

@@ -10,13 +10,14 @@ from types import TracebackType
 from typing import Any, Self
 
 from skyway_drone_agent.agent import DroneAgent
-from skyway_drone_agent.disturbances import UNDISTURBED
 from skyway_drone_agent.enrolled_drone import BrokerLogin, EnrolledDrone
-from skyway_drone_agent.logbook import Logbook, logbook_after
-from skyway_drone_agent.records import EventRecorded, Placed, Record
-from skyway_drone_agent.simulated_physics import Physics
-from skyway_drone_agent.simulated_vehicle import SimulatedVehicle
-from skyway_drone_agent.vehicle import StepRun, run_under_way
+from skyway_drone_agent.journal.logbook import Logbook, logbook_after
+from skyway_drone_agent.journal.records import EventRecorded, Placed, Record
+from skyway_drone_agent.journal.under_way import run_under_way
+from skyway_drone_agent.simulated.disturbances import UNDISTURBED
+from skyway_drone_agent.simulated.physics import Physics
+from skyway_drone_agent.simulated.vehicle import SimulatedVehicle
+from skyway_drone_agent.vehicles.vehicle import StepRun
 
 from skyway.contracts.drone_report import DroneEvent
 from skyway.contracts.flight_step import (

@@ -11,7 +11,7 @@ from flown_drone import FlownDrone
 from hot_world import HotWorld
 from hypothesis import note
 from skyway_composition.closures.closure import Area, Closure
-from skyway_drone_agent.disturbances import Disturbances
+from skyway_drone_agent.simulated.disturbances import Disturbances
 
 from skyway.contracts.mission import MissionReport
 from skyway.delivery.request import DeliveryRequest

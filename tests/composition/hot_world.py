@@ -33,7 +33,7 @@ from skyway_composition.networks.store import VersionRow, add_version
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.tables import metadata, outbox, pad_reservations
 from skyway_composition.verify import violations
-from skyway_drone_agent.disturbances import UNDISTURBED
+from skyway_drone_agent.simulated.disturbances import UNDISTURBED
 from sqlalchemy import delete, select
 
 from skyway.contracts.candidate import Candidate

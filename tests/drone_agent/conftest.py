@@ -9,11 +9,11 @@ from typing import Any, Self
 
 import pytest
 from skyway_drone_agent.enrolled_drone import BrokerLogin, EnrolledDrone
-from skyway_drone_agent.flight_recorder import FlightRecorder
-from skyway_drone_agent.inbox import Inbox
-from skyway_drone_agent.memory_journal import MemoryJournal
-from skyway_drone_agent.records import Answer
-from skyway_drone_agent.simulated_vehicle import SimulatedVehicle
+from skyway_drone_agent.instructions.inbox import Inbox
+from skyway_drone_agent.journal.flight_recorder import FlightRecorder
+from skyway_drone_agent.journal.memory_journal import MemoryJournal
+from skyway_drone_agent.journal.records import Answer
+from skyway_drone_agent.simulated.vehicle import SimulatedVehicle
 
 from skyway.contracts.flight_step import (
     DeliverStep,

@@ -4,11 +4,11 @@ from datetime import timedelta
 from typing import Any
 
 import pytest
-from skyway_drone_agent.current_mission import CurrentMission
-from skyway_drone_agent.mission import Cut, Gates, next_act
-from skyway_drone_agent.records import EventRecorded
-from skyway_drone_agent.simulated_vehicle import SimulatedVehicle
-from skyway_drone_agent.vehicle import Outcome
+from skyway_drone_agent.flying.mission import Cut, Gates, next_act
+from skyway_drone_agent.journal.current_mission import CurrentMission
+from skyway_drone_agent.journal.records import EventRecorded
+from skyway_drone_agent.simulated.vehicle import SimulatedVehicle
+from skyway_drone_agent.vehicles.vehicle import Outcome
 
 from skyway.contracts.drone_report import DroneEvent, RefusalCode
 

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 import pytest
-from skyway_drone_agent.disturbances import Disturbances
 from skyway_drone_agent.settings import read_settings
+from skyway_drone_agent.simulated.disturbances import Disturbances
 
 from skyway.errors import InvalidInput
 from skyway.ids import StationId

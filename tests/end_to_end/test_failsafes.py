@@ -11,9 +11,9 @@ from urllib.parse import urlsplit
 import pytest
 from ladders import ladders
 from late_acks import LateAcks
-from skyway_drone_agent.disturbances import Disturbances, LinkLoss
-from skyway_drone_agent.link_watch import LINK_LOST_AFTER
-from skyway_drone_agent.simulated_link_loss import Outage, outages
+from skyway_drone_agent.link.link_watch import LINK_LOST_AFTER
+from skyway_drone_agent.simulated.disturbances import Disturbances, LinkLoss
+from skyway_drone_agent.simulated.link_loss import Outage, outages
 from troubled_fleets import TroubledFleets
 
 from skyway.ids import DroneId

@@ -8,8 +8,8 @@ from typing import Final
 
 from skyway.geo import Position
 from skyway.ids import NetworkId, StationId
+from skyway_drone_agent.analysis.landings import Landing
 from skyway_drone_agent.landing_book.tiles import Tile, nearest_side_deg, ring, tile_of
-from skyway_drone_agent.landings import Landing
 
 #: So much is kept in mind; the tiles read longest ago are forgotten first.
 MOST_STATIONS: Final = 20_000

@@ -10,9 +10,9 @@ from pydantic import ValidationError
 from skyway.geo import Position
 from skyway.ids import NetworkId, StationId
 from skyway.json_model import WireModel
+from skyway_drone_agent.analysis.landings import Landing
 from skyway_drone_agent.landing_book.extract import Extract, KnownStation
 from skyway_drone_agent.landing_book.tiles import Tile
-from skyway_drone_agent.landings import Landing
 
 log = logging.getLogger(__name__)
 

@@ -10,10 +10,10 @@ from pydantic import ValidationError
 from skyway.geo import Position
 from skyway.ids import NetworkId, StationId
 from skyway.json_model import WireModel
+from skyway_drone_agent.analysis.landings import Landing
 from skyway_drone_agent.enrolment.cloud import Cloud, CloudAccess, CloudRefused, CloudUnreachable
 from skyway_drone_agent.landing_book.extract import MOST_STATIONS, KnownStation
 from skyway_drone_agent.landing_book.tiles import TileBox
-from skyway_drone_agent.landings import Landing
 
 #: The most that the cloud puts on a page.
 _PAGE: Final = 200

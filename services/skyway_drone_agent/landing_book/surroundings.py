@@ -4,8 +4,8 @@ from typing import Final
 
 from skyway.contracts.flight_step import FlyStep
 from skyway.geo import point_between
+from skyway_drone_agent.analysis.landings import Landing
 from skyway_drone_agent.landing_book.extract import Extract
-from skyway_drone_agent.landings import Landing
 
 #: So many places of a flight are looked at, its ends among them, and so many landings of each.
 _PLACES: Final = 8

@@ -4,9 +4,9 @@ import math
 from datetime import UTC, datetime, timedelta
 
 import pytest
-from skyway_drone_agent.disturbances import UNDISTURBED
-from skyway_drone_agent.refusals import refusal_of
-from skyway_drone_agent.simulated_vehicle import SimulatedVehicle
+from skyway_drone_agent.instructions.refusals import refusal_of
+from skyway_drone_agent.simulated.disturbances import UNDISTURBED
+from skyway_drone_agent.simulated.vehicle import SimulatedVehicle
 
 from benchmarks.fleet.crew import crew_of
 from benchmarks.fleet.trip import trip_of

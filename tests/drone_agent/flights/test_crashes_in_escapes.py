@@ -4,8 +4,8 @@ from datetime import timedelta
 from typing import Any
 
 import pytest
-from skyway_drone_agent.disturbances import Disturbances
-from skyway_drone_agent.records import Placed
+from skyway_drone_agent.journal.records import Placed
+from skyway_drone_agent.simulated.disturbances import Disturbances
 
 from skyway.geo import Position
 from skyway.ids import StationId

@@ -6,7 +6,7 @@ from datetime import timedelta
 from typing import Any
 
 import pytest
-from skyway_drone_agent.disturbances import Disturbances
+from skyway_drone_agent.simulated.disturbances import Disturbances
 
 from skyway.ids import StationId
 

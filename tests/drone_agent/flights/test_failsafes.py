@@ -4,7 +4,7 @@ from datetime import timedelta
 from typing import Any
 
 import pytest
-from skyway_drone_agent.disturbances import Disturbances
+from skyway_drone_agent.simulated.disturbances import Disturbances
 
 #: A hundredth of a degree of longitude is so long at these stations' latitude.
 HUNDREDTH_M = 963.0

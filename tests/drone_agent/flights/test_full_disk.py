@@ -3,7 +3,7 @@
 from datetime import timedelta
 from typing import Any
 
-from skyway_drone_agent.disturbances import Disturbances
+from skyway_drone_agent.simulated.disturbances import Disturbances
 
 from skyway.contracts.topics import EVENTS
 

@@ -3,7 +3,7 @@
 from typing import Any
 
 import pytest
-from skyway_drone_agent.disturbances import Disturbances
+from skyway_drone_agent.simulated.disturbances import Disturbances
 
 DRIFT = {"drift": {"share": 1.0, "after_s": 60, "most_m": 900}}
 

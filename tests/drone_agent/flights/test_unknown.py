@@ -4,8 +4,8 @@ from datetime import timedelta
 from typing import Any
 
 import pytest
-from skyway_drone_agent.simulated_vehicle import SimulatedVehicle
-from skyway_drone_agent.vehicle import Outcome, StepRun
+from skyway_drone_agent.simulated.vehicle import SimulatedVehicle
+from skyway_drone_agent.vehicles.vehicle import Outcome, StepRun
 
 HAND_OVERS: list[str] = []
 

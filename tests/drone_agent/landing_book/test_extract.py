@@ -3,9 +3,9 @@
 import random
 from typing import Any
 
+from skyway_drone_agent.analysis.landings import Landing
 from skyway_drone_agent.landing_book.extract import Extract, KnownStation
 from skyway_drone_agent.landing_book.tiles import Tile, TileBox, tile_of
-from skyway_drone_agent.landings import Landing
 
 from skyway.geo import Position, distance_m
 from skyway.ids import NetworkId, StationId

@@ -3,8 +3,8 @@
 from datetime import UTC, datetime, timedelta
 
 import pytest
-from skyway_drone_agent.disturbances import Disturbances, LinkLoss
-from skyway_drone_agent.simulated_link_loss import LinkWithOutages, outages
+from skyway_drone_agent.simulated.disturbances import Disturbances, LinkLoss
+from skyway_drone_agent.simulated.link_loss import LinkWithOutages, outages
 
 from skyway.contracts.topics import ACKS, CONNECTION, INSTRUCTIONS
 from skyway.contracts.world import ClockAnchor

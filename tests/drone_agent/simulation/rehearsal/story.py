@@ -10,9 +10,9 @@ from random import Random
 from typing import Final
 
 from skyway_drone_agent.agent import DroneAgent
-from skyway_drone_agent.disturbances import Disturbances
-from skyway_drone_agent.scenario import changed, read_scenario
-from skyway_drone_agent.simulated_link_loss import has_outages, outages
+from skyway_drone_agent.simulated.disturbances import Disturbances
+from skyway_drone_agent.simulated.link_loss import has_outages, outages
+from skyway_drone_agent.simulated.scenario import changed, read_scenario
 
 from rehearsal.cloud import FakeCloud
 from rehearsal.disk import Crash, Disk, MortalJournal, PowerCut

@@ -1,0 +1,198 @@
+"""The analysis on board: what one look at the sensors says of the drone and its flight."""
+
+import math
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Final
+
+from skyway.contracts.flight_step import FlyStep
+from skyway.drone.model import DroneModel
+from skyway.geo import Position
+from skyway_drone_agent.analysis.battery_estimate import BatteryEstimate
+from skyway_drone_agent.analysis.battery_health import BatteryHealth
+from skyway_drone_agent.analysis.energy_to_land import EnergyToLand
+from skyway_drone_agent.analysis.energy_watch import EnergyWatch
+from skyway_drone_agent.analysis.first_charge import first_charge
+from skyway_drone_agent.analysis.known_legs import KnownLegs
+from skyway_drone_agent.analysis.landings import NO_BOOK, KnownLandings, LandingBook
+from skyway_drone_agent.analysis.leg import Leg
+from skyway_drone_agent.analysis.off_course import off_course_m
+from skyway_drone_agent.analysis.reach import LandingInReach, NextLanding, Reach
+from skyway_drone_agent.analysis.wind_estimate import WindEstimate
+from skyway_drone_agent.analysis.wind_triangle import Velocity
+from skyway_drone_agent.journal.logbook import Logbook
+from skyway_drone_agent.journal.under_way import run_under_way
+from skyway_drone_agent.vehicles.battery_pack import BatteryPack
+from skyway_drone_agent.vehicles.reading import Reading
+from skyway_drone_agent.vehicles.vehicle import StepRun
+
+#: The pack of all models, until a model names its own.
+_PACK: Final = BatteryPack()
+
+_CALM: Final = (0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Assessment:
+    """What is known at a moment of fleet time; the words are those of `DroneHealth`.
+
+    `landing` is the end of the released flights, None on the ground. `landings_in_reach` are
+    nearest first. `off_course_m` is the distance from the leg, 0 on the ground. `reach` answers
+    what else could be flown.
+    """
+
+    at: datetime
+    position: Position
+    soc: float
+    soc_error: float
+    power_w: float
+    voltage_v: float
+    current_a: float
+    temperature_c: float
+    cell_spread_v: float
+    state_of_health: float
+    consumption_factor: float
+    wind_mps: Velocity | None
+    velocity_mps: Velocity
+    range_m: float
+    landing: NextLanding | None
+    landings_in_reach: tuple[LandingInReach, ...]
+    off_course_m: float
+    has_gps: bool
+    motors_work: bool
+    pad_is_free: bool
+    load_kg: float
+    reach: Reach
+
+    @property
+    def speed_mps(self) -> float:
+        """Over ground."""
+        return math.hypot(*self.velocity_mps)
+
+    @property
+    def safe_landings(self) -> tuple[LandingInReach, ...]:
+        """Those in reach even if there is less charge than estimated."""
+        return tuple(landing for landing in self.landings_in_reach if landing.is_safe)
+
+
+class Analysis:
+    """One drone's analysis; it keeps little, and learns with every reading."""
+
+    __slots__ = (
+        "_charge",
+        "_energy",
+        "_health",
+        "_landings",
+        "_legs",
+        "_model",
+        "_needs",
+        "_pack",
+        "_wind",
+    )
+
+    def __init__(
+        self,
+        model: DroneModel,
+        pack: BatteryPack = _PACK,
+        *,
+        state_of_health: float = 1.0,
+        book: LandingBook = NO_BOOK,
+    ) -> None:
+        self._model = model
+        self._pack = pack
+        self._charge: BatteryEstimate | None = None
+        self._health = BatteryHealth(pack, rated_j=model.battery_j, state_of_health=state_of_health)
+        self._energy = EnergyWatch(power_w=model.power_empty_w)
+        self._wind = WindEstimate()
+        self._landings = KnownLandings(book)
+        self._legs = KnownLegs(model)
+        self._needs = EnergyToLand()
+
+    def take(self, reading: Reading, logbook: Logbook) -> Assessment:
+        """What this reading says, to a drone that does what its logbook says."""
+        run = run_under_way(logbook)
+        step = run.step if run is not None and isinstance(run.step, FlyStep) else None
+        leg = self._legs.leg(step, load_kg=logbook.load_kg) if step else None
+        charge = self._learn(reading, run, leg, soc=logbook.soc)
+        wind_mps = self._wind.take(reading, is_flying=leg is not None)
+        if logbook.mission is not None:
+            self._energy.begin(logbook.mission.mission_id, reading.at)
+        self._energy.take(reading, leg, wind_mps=wind_mps)
+        reach = Reach(
+            model=self._model,
+            soc=charge.soc,
+            soc_error=charge.error,
+            state_of_health=self._health.state_of_health,
+            still_air_factor=self._energy.factor(reading.at),
+            wind_mps=wind_mps or _CALM,
+        )
+        return self._assess(reading, logbook, leg, reach=reach, wind_mps=wind_mps)
+
+    def _learn(
+        self, reading: Reading, run: StepRun | None, leg: Leg | None, *, soc: float
+    ) -> BatteryEstimate:
+        """The battery, after this reading."""
+        charge, health = self._charge, self._health
+        capacity_j = self._model.battery_j * health.state_of_health
+        if charge is None:
+            soc, error = first_charge(
+                reading, run, leg, model=self._model, soc=soc, capacity_j=capacity_j
+            )
+            charge = self._charge = BatteryEstimate(self._pack, soc=soc, error=error)
+        charge.take(
+            reading,
+            capacity_j=capacity_j,
+            capacity_error=health.error / health.state_of_health,
+        )
+        health.take(reading, resistance_ohm=charge.resistance_ohm)
+        return charge
+
+    def _assess(
+        self,
+        reading: Reading,
+        logbook: Logbook,
+        leg: Leg | None,
+        *,
+        reach: Reach,
+        wind_mps: Velocity | None,
+    ) -> Assessment:
+        ahead = self._legs.ahead(logbook)
+        landing = self._next_landing(reading, logbook, leg, reach=reach)
+        load_kg = logbook.load_kg
+        return Assessment(
+            at=reading.at,
+            position=reading.position,
+            soc=reach.soc,
+            soc_error=reach.soc_error,
+            power_w=reading.power_w,
+            voltage_v=reading.voltage_v,
+            current_a=reading.current_a,
+            temperature_c=reading.temperature_c,
+            cell_spread_v=self._health.cell_spread_v,
+            state_of_health=reach.state_of_health,
+            consumption_factor=reach.factor_over(ahead),
+            wind_mps=wind_mps,
+            velocity_mps=reading.ground_mps,
+            range_m=reach.range_m(load_kg),
+            landing=landing,
+            landings_in_reach=reach.landings_in_reach(
+                self._landings.after(logbook, leg.step if leg else None),
+                position=reading.position,
+                load_kg=load_kg,
+            ),
+            off_course_m=off_course_m(leg, reading.position) if leg else 0.0,
+            has_gps=reading.has_gps,
+            motors_work=reading.motors_work,
+            pad_is_free=reading.pad_is_free,
+            load_kg=load_kg if reading.load_kg is None else reading.load_kg,
+            reach=reach,
+        )
+
+    def _next_landing(
+        self, reading: Reading, logbook: Logbook, leg: Leg | None, *, reach: Reach
+    ) -> NextLanding | None:
+        flights = self._legs.released(logbook, leg)
+        if not flights:
+            return None
+        need_j = self._needs.need_j(reading, leg, flights, reach=reach)
+        return NextLanding(flights[-1].step.to_id, need_j, reach.soc_after(need_j))

@@ -1,0 +1,134 @@
+"""How the battery ages: its capacity, and how far its cells are apart."""
+
+import math
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Final
+
+from skyway_drone_agent.vehicles.battery_pack import BatteryPack
+from skyway_drone_agent.vehicles.reading import Reading
+
+#: A current below which the battery rests.
+_REST_A: Final = 1.0
+
+#: So much of the capacity may go while the battery still counts as at rest.
+_REST_USE: Final = 0.005
+
+#: How far a voltage at rest may lie off the curve.
+_VOLTAGE_ERROR_V: Final = 0.1
+
+#: A charge is well known if the curve is so steep there that it is known to this.
+_WELL_KNOWN: Final = 0.03
+
+#: Two charges that are closer together say little about the capacity between them.
+_LEAST_BETWEEN: Final = 0.25
+
+#: Error of a new drone's capacity, and the least that it ever has, so that ageing is followed.
+_FIRST_ERROR, _LEAST_ERROR = 0.1, 0.02
+
+#: Error of what the journal says: it may be an old finding.
+_KEPT_ERROR: Final = 0.05
+
+#: No battery counts as worse than this, nor as better than new.
+_WORST: Final = 0.3
+
+#: Seconds over which the cells' difference is smoothed.
+_SPREAD_OVER_S: Final = 20.0
+
+
+@dataclass(slots=True)
+class _Rest:
+    """A while at rest: the mean of its voltages, and where the counter stood."""
+
+    consumed_j: float
+    open_v: float
+    readings: int = 1
+
+
+class BatteryHealth:
+    """What one battery still holds, as a share of the model's capacity, and its cells.
+
+    `error` is the standard deviation of that share.
+    """
+
+    __slots__ = (
+        "_known",
+        "_pack",
+        "_rated_j",
+        "_rest",
+        "_seen_at",
+        "cell_spread_v",
+        "error",
+        "state_of_health",
+    )
+
+    def __init__(self, pack: BatteryPack, *, rated_j: float, state_of_health: float = 1.0) -> None:
+        self.state_of_health = max(_WORST, state_of_health)
+        self.cell_spread_v = 0.0
+        self._pack = pack
+        self._rated_j = rated_j
+        self.error = _FIRST_ERROR if state_of_health == 1.0 else _KEPT_ERROR
+        self._rest: _Rest | None = None
+        self._known: _Rest | None = None
+        self._seen_at: datetime | None = None
+
+    def take(self, reading: Reading, *, resistance_ohm: float) -> None:
+        """Learn from this reading."""
+        self._smooth_spread(reading)
+        rest = self._rest
+        if rest is not None and abs(reading.consumed_j - rest.consumed_j) > self._rest_use_j:
+            self._compare(rest)
+            rest = self._rest = None
+        if abs(reading.current_a) >= _REST_A:
+            if rest is not None:
+                self._compare(rest)
+                self._rest = None
+            return
+        open_v = reading.voltage_v + reading.current_a * resistance_ohm
+        if rest is None:
+            self._rest = _Rest(reading.consumed_j, open_v)
+        else:
+            rest.readings += 1
+            rest.open_v += (open_v - rest.open_v) / rest.readings
+
+    @property
+    def _rest_use_j(self) -> float:
+        return _REST_USE * self._rated_j
+
+    def _compare(self, rest: _Rest) -> None:
+        """Weigh what was counted between two rests against the charges that they showed."""
+        if self._error_of(rest) > _WELL_KNOWN:
+            return
+        known = self._known
+        if known is None:
+            self._known = rest
+            return
+        between = self._soc_of(known) - self._soc_of(rest)
+        if abs(between) < _LEAST_BETWEEN:
+            return
+        self._known = rest
+        seen = (rest.consumed_j - known.consumed_j) / (between * self._rated_j)
+        if not 0.0 < seen < 2.0:
+            # The counter has begun anew meanwhile.
+            return
+        error = math.hypot(self._error_of(known), self._error_of(rest)) * seen / abs(between)
+        variance = self.error * self.error
+        gain = variance / (variance + error * error)
+        health = self.state_of_health + gain * (seen - self.state_of_health)
+        self.state_of_health = min(1.0, max(_WORST, health))
+        self.error = max(_LEAST_ERROR, (variance * (1.0 - gain)) ** 0.5)
+
+    def _soc_of(self, rest: _Rest) -> float:
+        return self._pack.soc_at_rest(rest.open_v)
+
+    def _error_of(self, rest: _Rest) -> float:
+        return _VOLTAGE_ERROR_V / self._pack.volts_per_soc(self._soc_of(rest))
+
+    def _smooth_spread(self, reading: Reading) -> None:
+        spread_v = max(0.0, reading.cell_high_v - reading.cell_low_v)
+        share = 1.0
+        if self._seen_at is not None:
+            seconds = (reading.at - self._seen_at).total_seconds()
+            share = 1.0 - math.exp(-max(0.0, seconds) / _SPREAD_OVER_S)
+        self._seen_at = reading.at
+        self.cell_spread_v += share * (spread_v - self.cell_spread_v)

@@ -1,0 +1,75 @@
+"""Consumption against plan: what the flights of a mission use, and what the model says of them."""
+
+import math
+from datetime import datetime
+from typing import Final
+
+from skyway.ids import MissionId
+from skyway_drone_agent.analysis.leg import Leg
+from skyway_drone_agent.analysis.wind_triangle import Velocity, ground_speed_mps
+from skyway_drone_agent.vehicles.reading import Reading
+
+#: Seconds of flight over which the two are compared.
+_SMOOTHED_OVER_S: Final = 180.0
+
+#: A mission begins with the belief of so many seconds of flight.
+_BELIEF_S: Final = 30.0
+
+#: Seconds on the ground over which the last flights are forgotten: a drone that believes it needs
+#: more than it has would never fly, and never see that it does not.
+_FORGOTTEN_OVER_S: Final = 4 * 3_600.0
+
+#: Beyond these factors something else is wrong.
+_LEAST, _MOST = 0.5, 4.0
+
+
+class EnergyWatch:
+    """Used energy against what the model says of the same flights in the wind there was.
+
+    Only the way counts: between two readings on the same leg, before its landing.
+    """
+
+    __slots__ = ("_belief_j", "_flown_at", "_mark", "_mission_id", "_planned_j", "_used_j")
+
+    def __init__(self, *, power_w: float) -> None:
+        self._belief_j = power_w * _BELIEF_S
+        self._used_j = self._planned_j = self._belief_j
+        self._mission_id: MissionId | None = None
+        self._mark: tuple[Leg, float, float] | None = None
+        self._flown_at: datetime | None = None
+
+    def factor(self, at: datetime) -> float:
+        """Used against planned: of this mission's flights, or of the last ones."""
+        # A drone that is blown back has flown nothing of its plan.
+        factor = min(_MOST, max(_LEAST, self._used_j / max(self._planned_j, 1.0)))
+        if self._flown_at is None:
+            return factor
+        stood_s = (at - self._flown_at).total_seconds()
+        return 1.0 + (factor - 1.0) * math.exp(-max(0.0, stood_s) / _FORGOTTEN_OVER_S)
+
+    def begin(self, mission_id: MissionId, at: datetime) -> None:
+        """Compare anew; the belief is what the mission before showed."""
+        if mission_id == self._mission_id:
+            return
+        self._used_j = self._belief_j * self.factor(at)
+        self._planned_j = self._belief_j
+        self._mission_id, self._mark, self._flown_at = mission_id, None, at
+
+    def take(self, reading: Reading, leg: Leg | None, *, wind_mps: Velocity | None) -> None:
+        """Compare since the reading before; without a leg nothing is flown."""
+        before, self._mark = self._mark, None
+        if leg is None or not reading.has_gps or not leg.is_on_the_way(reading):
+            return
+        share_left = leg.share_left(reading.position)
+        self._mark = (leg, share_left, reading.consumed_j)
+        since_s = (reading.at - (self._flown_at or reading.at)).total_seconds()
+        self._flown_at = reading.at
+        if before is None or before[0] is not leg:
+            return
+        planned_j = (before[1] - share_left) * leg.flight_j
+        if wind_mps is not None:
+            against_mps = ground_speed_mps(leg.speed_mps, leg.bearing_rad, wind_mps)
+            planned_j *= leg.speed_mps / against_mps
+        kept = math.exp(-since_s / _SMOOTHED_OVER_S)
+        self._used_j = self._used_j * kept + reading.consumed_j - before[2]
+        self._planned_j = self._planned_j * kept + planned_j

@@ -1,0 +1,82 @@
+"""A flight as the drone model says it: its length, course, speed and energy."""
+
+import math
+from dataclasses import dataclass
+from typing import Final
+
+from skyway.contracts.flight_step import (
+    DeliverStep,
+    FlyStep,
+    PackageOnBoard,
+    PickUpStep,
+    RechargeStep,
+    ReturnStep,
+)
+from skyway.drone.flight import flight_energy_j, speed_mps
+from skyway.drone.model import DroneModel
+from skyway.geo import Position, bearing_rad, distance_m
+from skyway_drone_agent.journal.current_mission import CurrentMission
+from skyway_drone_agent.vehicles.reading import Reading
+
+#: A drone that moves over ground at less than this share of its speed lands, if it is this near
+#: to where it should: farther off it has the wind against it.
+_LEAST_SPEED, _NEAR_M = 0.1, 100.0
+
+#: A share of the way that is only rounding.
+_NO_WAY: Final = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Leg:
+    """One FLY step with a load; `span_m` is as the crow flies, `flight_j` without a landing."""
+
+    step: FlyStep
+    span_m: float
+    bearing_rad: float
+    speed_mps: float
+    flight_j: float
+    stop_j: float
+
+    def share_left(self, position: Position) -> float:
+        """How much of the way is left from here, 1 at its beginning."""
+        if self.span_m <= 0.0:
+            return 0.0
+        return distance_m(position, self.step.to_position) / self.span_m
+
+    def is_on_the_way(self, reading: Reading) -> bool:
+        """Whether the drone still flies, and does not land."""
+        left = self.share_left(reading.position)
+        if left * self.span_m > _NEAR_M:
+            return True
+        return left > _NO_WAY and math.hypot(*reading.ground_mps) >= _LEAST_SPEED * self.speed_mps
+
+
+def leg_of(step: FlyStep, *, model: DroneModel, load_kg: float) -> Leg:
+    """The leg of this step."""
+    return Leg(
+        step=step,
+        span_m=distance_m(step.from_position, step.to_position),
+        bearing_rad=bearing_rad(step.from_position, step.to_position),
+        speed_mps=speed_mps(model, load_kg),
+        flight_j=flight_energy_j(model, length_m=step.length_m, load_kg=load_kg),
+        stop_j=model.stop_j if step.lands else 0.0,
+    )
+
+
+def legs_ahead(
+    mission: CurrentMission, *, packages: tuple[PackageOnBoard, ...], model: DroneModel
+) -> tuple[Leg, ...]:
+    """The next flights up to a recharge among them, with what they will carry."""
+    load = {package.package_id: package.mass_kg for package in packages}
+    legs: list[Leg] = []
+    for step in mission.steps:
+        match step:
+            case PickUpStep():
+                load |= {package.package_id: package.mass_kg for package in step.packages}
+            case DeliverStep() | ReturnStep():
+                load = {key: mass for key, mass in load.items() if key not in step.package_ids}
+            case FlyStep():
+                legs.append(leg_of(step, model=model, load_kg=sum(load.values())))
+            case RechargeStep() if legs:
+                break
+    return tuple(legs)

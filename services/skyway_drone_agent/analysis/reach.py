@@ -1,0 +1,150 @@
+"""Reach: how far the charge takes the drone, in this wind and as it has used energy so far."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from math import cos, radians
+from typing import Final
+
+from skyway.drone.flight import speed_mps
+from skyway.drone.model import DroneModel
+from skyway.drone.power import flight_power_w
+from skyway.geo import Position, bearing_rad, distance_m
+from skyway.ids import StationId
+from skyway_drone_agent.analysis.landings import Landing
+from skyway_drone_agent.analysis.leg import Leg
+from skyway_drone_agent.analysis.wind_triangle import Velocity, ground_speed_mps
+
+#: So many landings are judged, the nearest.
+_JUDGED: Final = 8
+
+#: Part of the reserve that must be left after a landing that counts as safe.
+_LEAST_OF_RESERVE: Final = 0.2
+
+#: So many standard deviations of the charge are kept in hand, but not more than half the reserve:
+#: a plan that lands with the whole reserve is never called unsafe.
+_DEVIATIONS, _MOST_OF_RESERVE = 2.0, 0.5
+
+#: Rounding, as a share of the battery.
+_ROUNDING: Final = 1e-9
+
+_CALM: Final = (0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class LandingInReach:
+    """A station, and the charge that is expected to be left once the drone is down there.
+
+    It `is_safe` if it is also reached when the charge is less than estimated.
+    """
+
+    station_id: StationId
+    position: Position
+    distance_m: float
+    soc_at_landing: float
+    is_safe: bool
+
+
+@dataclass(frozen=True, slots=True)
+class NextLanding:
+    """The end of the released flights; `need_j` is what it takes to be down there."""
+
+    station_id: StationId
+    need_j: float
+    soc_at_landing: float
+
+
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """What flights take out of this battery, in this wind.
+
+    Energies are the model's: a battery that holds less is drained as if flights took more.
+    `still_air_factor` is what flights use against the model, but for the wind.
+    """
+
+    model: DroneModel
+    soc: float
+    soc_error: float
+    state_of_health: float
+    still_air_factor: float
+    wind_mps: Velocity
+
+    def need_j(self, legs: Sequence[Leg], *, share_left: float = 1.0) -> float:
+        """What these flights take with their landings; of the first this share is left."""
+        flights_j = landings_j = 0.0
+        for leg in legs:
+            flights_j += share_left * leg.flight_j * self._slower(leg.speed_mps, leg.bearing_rad)
+            landings_j += leg.stop_j
+            share_left = 1.0
+        return (flights_j * self.still_air_factor + landings_j) / self.state_of_health
+
+    def soc_after(self, need_j: float) -> float:
+        """The charge once this is used; below 0 if there is not so much."""
+        return self.soc - need_j / self.model.battery_j
+
+    def factor_over(self, legs: Sequence[Leg]) -> float:
+        """What these flights take against what the model says, without their landings.
+
+        Of no flights: what any would take without wind.
+        """
+        if not legs:
+            return self.still_air_factor / self.state_of_health
+        planned_j = sum(leg.flight_j for leg in legs)
+        taken_j = sum(leg.flight_j * self._slower(leg.speed_mps, leg.bearing_rad) for leg in legs)
+        return taken_j / planned_j * self.still_air_factor / self.state_of_health
+
+    def range_m(self, load_kg: float) -> float:
+        """How far it is flown above the reserve, with a landing, whatever the direction."""
+        speed = speed_mps(self.model, load_kg)
+        east, north = self.wind_mps
+        blowing_mps = (east * east + north * north) ** 0.5
+        metre_j = self._metre_j(load_kg) * speed / ground_speed_mps(speed, 0.0, (0, -blowing_mps))
+        spare_j = (self.soc - self.model.reserve_soc) * self.model.battery_j
+        return max(0.0, spare_j - self.model.stop_j / self.state_of_health) / metre_j
+
+    def landings_in_reach(
+        self, landings: Iterable[Landing], *, position: Position, load_kg: float
+    ) -> tuple[LandingInReach, ...]:
+        """Those of the nearest landings that can be flown to straight from here, nearest first."""
+        speed, metre_j = speed_mps(self.model, load_kg), self._metre_j(load_kg)
+        stop_j = self.model.stop_j / self.state_of_health
+        safe_soc = self._safe_soc()
+        in_reach = []
+        for landing in _nearest(landings, position):
+            length_m = distance_m(position, landing.position)
+            flight_j = length_m * metre_j
+            if self.wind_mps != _CALM:
+                flight_j *= self._slower(speed, bearing_rad(position, landing.position))
+            soc = self.soc_after(flight_j + stop_j)
+            if soc >= -_ROUNDING:
+                is_safe = soc >= safe_soc
+                in_reach.append(
+                    LandingInReach(landing.station_id, landing.position, length_m, soc, is_safe)
+                )
+        return tuple(sorted(in_reach, key=lambda one: one.distance_m))
+
+    def _safe_soc(self) -> float:
+        reserve = self.model.reserve_soc
+        in_hand = min(_DEVIATIONS * self.soc_error, _MOST_OF_RESERVE * reserve)
+        return _LEAST_OF_RESERVE * reserve + in_hand - _ROUNDING
+
+    def _metre_j(self, load_kg: float) -> float:
+        """Energy of a metre without wind."""
+        planned = flight_power_w(self.model, load_kg) / speed_mps(self.model, load_kg)
+        return planned * self.still_air_factor / self.state_of_health
+
+    def _slower(self, speed: float, bearing: float) -> float:
+        if self.wind_mps == _CALM:
+            return 1.0
+        return speed / ground_speed_mps(speed, bearing, self.wind_mps)
+
+
+def _nearest(landings: Iterable[Landing], here: Position) -> list[Landing]:
+    """The nearest few, as on a flat map."""
+    narrowing = cos(radians(here.latitude_deg))
+
+    def flat(landing: Landing) -> float:
+        east = (landing.position.longitude_deg - here.longitude_deg) * narrowing
+        north = landing.position.latitude_deg - here.latitude_deg
+        return east * east + north * north
+
+    return sorted(landings, key=flat)[:_JUDGED]

@@ -1,0 +1,1 @@
+"""What goes wrong, and what the drone does about it by itself."""

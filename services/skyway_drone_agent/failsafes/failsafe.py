@@ -1,0 +1,107 @@
+"""The failsafes: what a drone does by itself, for every situation and every fault.
+
+The faults stand in the order of danger. Of several, the severest failsafe acts; of equal ones that
+of the fault further up. `docs/failsafes.md` shows this table to people.
+"""
+
+from collections.abc import Iterable
+from enum import IntEnum
+from typing import Final
+
+from skyway.contracts.drone_health import Failsafe, Fault
+from skyway_drone_agent.journal.logbook import Logbook
+from skyway_drone_agent.journal.under_way import run_under_way
+
+
+class Situation(IntEnum):
+    """What a drone is in the middle of; the columns of the table."""
+
+    STANDING = 0
+    LOADING = 1
+    WAITING = 2
+    RECHARGING = 3
+    DELIVERING = 4
+    FLYING = 5
+    DOWN = 6
+
+
+_GO, _WARN, _STAY, _ASK = Failsafe.GO_ON, Failsafe.WARN, Failsafe.STAY, Failsafe.ASK
+_WAIT, _NEXT = Failsafe.WAIT_THEN_ASK, Failsafe.LAND_AT_NEXT
+_TURN, _DOWN = Failsafe.DIVERT, Failsafe.LAND_NOW
+
+# fmt: off
+TABLE: Final[dict[Fault, tuple[Failsafe, ...]]] = {
+    #                          STANDING LOADING WAITING RECHARG. DELIVER. FLYING  DOWN
+    Fault.BATTERY_EMPTY:       (_GO,    _GO,    _GO,    _GO,     _GO,     _DOWN,  _GO),
+    Fault.MOTOR_FAILURE:       (_NEXT,  _NEXT,  _NEXT,  _NEXT,   _NEXT,   _DOWN,  _GO),
+    Fault.BATTERY_SHORT:       (_GO,    _GO,    _GO,    _GO,     _GO,     _TURN,  _GO),
+    Fault.BATTERY_HOT:         (_STAY,  _STAY,  _STAY,  _STAY,   _STAY,   _WARN,  _WARN),
+    Fault.BATTERY_LOW:         (_GO,    _GO,    _GO,    _GO,     _GO,     _WARN,  _GO),
+    Fault.GEOFENCE:            (_GO,    _GO,    _GO,    _GO,     _GO,     _TURN,  _GO),
+    Fault.GPS_LOST:            (_NEXT,  _NEXT,  _NEXT,  _NEXT,   _NEXT,   _DOWN,  _GO),
+    Fault.LINK_LOST:           (_NEXT,  _NEXT,  _NEXT,  _NEXT,   _NEXT,   _NEXT,  _GO),
+    Fault.CLOUD_SILENT:        (_NEXT,  _NEXT,  _NEXT,  _NEXT,   _NEXT,   _NEXT,  _GO),
+    Fault.DISK_FULL:           (_STAY,  _STAY,  _STAY,  _STAY,   _STAY,   _NEXT,  _WARN),
+    Fault.PAD_OCCUPIED:        (_GO,    _GO,    _GO,    _WAIT,   _GO,     _GO,    _GO),
+    Fault.INSTRUCTION_EXPIRED: (_ASK,   _GO,    _GO,    _GO,     _GO,     _GO,    _GO),
+    Fault.BATTERY_COLD:        (_WARN,  _WARN,  _WARN,  _WARN,   _WARN,   _WARN,  _GO),
+    Fault.CELL_IMBALANCE:      (_WARN,  _WARN,  _WARN,  _WARN,   _WARN,   _WARN,  _GO),
+    Fault.BATTERY_WORN:        (_WARN,  _WARN,  _WARN,  _WARN,   _WARN,   _WARN,  _GO),
+}
+# fmt: on
+
+#: No instruction overrides this one: there is nothing left to fly with.
+NEVER_OVERRIDDEN: Final = Fault.BATTERY_EMPTY
+
+_DANGER: Final = {fault: place for place, fault in enumerate(TABLE)}
+_SEVERITY: Final = {failsafe: place for place, failsafe in enumerate(Failsafe)}
+
+_SITUATION_OF_STEP: Final = {
+    "PICK_UP": Situation.LOADING,
+    "FLY": Situation.FLYING,
+    "WAIT": Situation.WAITING,
+    "RECHARGE": Situation.RECHARGING,
+    "DELIVER": Situation.DELIVERING,
+    "RETURN": Situation.DELIVERING,
+}
+
+
+def failsafe_for(situation: Situation, fault: Fault) -> Failsafe:
+    """What the drone does about this fault in this situation."""
+    return TABLE[fault][situation]
+
+
+def severest(situation: Situation, faults: Iterable[Fault]) -> tuple[Fault, Failsafe] | None:
+    """The failsafe that acts, and its fault; None when none of the faults matters here."""
+    acting = [
+        (fault, failsafe)
+        for fault in faults
+        if (failsafe := failsafe_for(situation, fault)) is not Failsafe.GO_ON
+    ]
+    return min(acting, key=lambda one: (-_SEVERITY[one[1]], _DANGER[one[0]]), default=None)
+
+
+def is_severer(failsafe: Failsafe, than: Failsafe) -> bool:
+    """Whether the first goes further than the second."""
+    return _SEVERITY[failsafe] > _SEVERITY[than]
+
+
+def in_order_of_danger(faults: Iterable[Fault]) -> tuple[Fault, ...]:
+    """The faults, the most dangerous first."""
+    return tuple(sorted(faults, key=_DANGER.__getitem__))
+
+
+def not_ignored(faults: Iterable[Fault], logbook: Logbook) -> tuple[Fault, ...]:
+    """The faults that people have not told the drone to ignore in this mission."""
+    ignored = logbook.mission.ignored_faults if logbook.mission else ()
+    return tuple(fault for fault in faults if fault not in ignored)
+
+
+def situation_of(logbook: Logbook) -> Situation:
+    """What the drone is in the middle of."""
+    if logbook.is_down:
+        return Situation.DOWN
+    run = run_under_way(logbook)
+    if run is not None:
+        return _SITUATION_OF_STEP[run.step.kind]
+    return Situation.FLYING if logbook.is_airborne else Situation.STANDING

@@ -1,0 +1,178 @@
+"""Faults: when each begins, how long it must last for that, and with what margin it ends."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Final
+
+from skyway.contracts.drone_health import Fault
+from skyway_drone_agent.analysis.analysis import Assessment
+from skyway_drone_agent.failsafes.failsafe import Situation, in_order_of_danger
+
+#: Charge by which a prediction may lie below its limit, and must lie above it to be good again.
+_SOC_MARGIN: Final = 0.005
+
+#: Rounding of a predicted charge: plans may land with exactly what they must keep.
+_SOC_ROUNDING: Final = 0.001
+
+#: Charge with which a drone must be able to land somewhere, else it lands at once; half the
+#: reserve if that is less.
+EMPTY_SOC: Final = 0.02
+
+#: Another landing is better when the drone is there with so much more charge.
+_BETTER_BY_SOC: Final = 0.02
+
+#: Metres off the leg: half the width of a usual corridor, twenty times a good GPS's error.
+OFF_COURSE_M, BACK_ON_COURSE_M = 200.0, 150.0
+
+#: Degrees C: lithium-polymer packs age fast above, and swell not far from there.
+HOT_C, COOLED_C = 60.0, 55.0
+
+#: Degrees C: below freezing a cell gives much less of its charge.
+COLD_C, WARMED_C = 0.0, 3.0
+
+#: Volts between the best and the worst cell.
+IMBALANCED_V, BALANCED_V = 0.10, 0.07
+
+#: Share of the capacity when new at which packs are usually replaced.
+WORN_HEALTH, GOOD_HEALTH = 0.80, 0.82
+
+
+@dataclass(frozen=True, slots=True)
+class Signs:
+    """All that faults are told by."""
+
+    assessment: Assessment
+    situation: Situation
+    reserve_soc: float
+    is_link_lost: bool = False
+    is_cloud_silent: bool = False
+    is_disk_full: bool = False
+    is_expired: bool = False
+
+    @property
+    def soc_at_landing(self) -> float:
+        """The charge at the end of the released flights; more than any limit on the ground."""
+        landing = self.assessment.landing
+        return landing.soc_at_landing if landing and self._is_flying else 2.0
+
+    @property
+    def best_soc(self) -> float:
+        """The charge at the best of the landings that can be reached."""
+        in_reach = self.assessment.landings_in_reach
+        return max((one.soc_at_landing for one in in_reach), default=-1.0)
+
+    @property
+    def _is_flying(self) -> bool:
+        return self.situation is Situation.FLYING
+
+
+@dataclass(frozen=True, slots=True)
+class Symptom:
+    """Shows for `lasts_s` seconds of fleet time before it is a fault, which then `lingers`."""
+
+    shows: Callable[[Signs], bool]
+    lingers: Callable[[Signs], bool]
+    lasts_s: float
+
+
+def empty_soc(reserve_soc: float) -> float:
+    """Below this at every landing a drone lands at once."""
+    return min(EMPTY_SOC, reserve_soc / 2) - _SOC_ROUNDING
+
+
+def _is_low(signs: Signs) -> bool:
+    return signs.soc_at_landing < signs.reserve_soc - _SOC_MARGIN
+
+
+def _is_not_high(signs: Signs) -> bool:
+    return signs.soc_at_landing < signs.reserve_soc + _SOC_MARGIN
+
+
+def _is_short(signs: Signs) -> bool:
+    return (
+        signs.soc_at_landing < signs.reserve_soc / 2 - _SOC_ROUNDING
+        and signs.best_soc >= signs.soc_at_landing + _BETTER_BY_SOC
+    )
+
+
+def _is_empty(signs: Signs) -> bool:
+    least_soc = empty_soc(signs.reserve_soc)
+    return signs.soc_at_landing < least_soc and signs.best_soc < least_soc
+
+
+def _same(shows: Callable[[Signs], bool], lasts_s: float) -> Symptom:
+    return Symptom(shows, shows, lasts_s)
+
+
+SYMPTOMS: Final[dict[Fault, Symptom]] = {
+    Fault.BATTERY_EMPTY: _same(_is_empty, 5.0),
+    Fault.MOTOR_FAILURE: _same(lambda signs: not signs.assessment.motors_work, 0.0),
+    Fault.BATTERY_SHORT: _same(_is_short, 5.0),
+    Fault.BATTERY_HOT: Symptom(
+        lambda signs: signs.assessment.temperature_c > HOT_C,
+        lambda signs: signs.assessment.temperature_c > COOLED_C,
+        10.0,
+    ),
+    Fault.BATTERY_LOW: Symptom(_is_low, _is_not_high, 5.0),
+    Fault.GEOFENCE: Symptom(
+        lambda signs: signs.assessment.has_gps and signs.assessment.off_course_m > OFF_COURSE_M,
+        lambda signs: signs.assessment.off_course_m > BACK_ON_COURSE_M,
+        5.0,
+    ),
+    Fault.GPS_LOST: _same(lambda signs: not signs.assessment.has_gps, 30.0),
+    Fault.LINK_LOST: _same(lambda signs: signs.is_link_lost, 0.0),
+    Fault.CLOUD_SILENT: _same(lambda signs: signs.is_cloud_silent, 0.0),
+    Fault.DISK_FULL: _same(lambda signs: signs.is_disk_full, 0.0),
+    Fault.PAD_OCCUPIED: _same(
+        lambda signs: signs.situation is Situation.RECHARGING and not signs.assessment.pad_is_free,
+        0.0,
+    ),
+    Fault.INSTRUCTION_EXPIRED: _same(lambda signs: signs.is_expired, 0.0),
+    Fault.BATTERY_COLD: Symptom(
+        lambda signs: signs.assessment.temperature_c < COLD_C,
+        lambda signs: signs.assessment.temperature_c < WARMED_C,
+        30.0,
+    ),
+    Fault.CELL_IMBALANCE: Symptom(
+        lambda signs: signs.assessment.cell_spread_v > IMBALANCED_V,
+        lambda signs: signs.assessment.cell_spread_v > BALANCED_V,
+        30.0,
+    ),
+    Fault.BATTERY_WORN: Symptom(
+        lambda signs: signs.assessment.state_of_health < WORN_HEALTH,
+        lambda signs: signs.assessment.state_of_health < GOOD_HEALTH,
+        60.0,
+    ),
+}
+
+
+class FaultWatch:
+    """Remembers which faults there are, and since when others show."""
+
+    __slots__ = ("_faults", "_shown_since")
+
+    def __init__(self, faults: Iterable[Fault]) -> None:
+        self._faults = frozenset(faults)
+        self._shown_since: dict[Fault, datetime] = {}
+
+    def take(self, signs: Signs) -> tuple[Fault, ...]:
+        """The faults there are now, the most dangerous first."""
+        at = signs.assessment.at
+        self._faults = frozenset(
+            fault for fault, symptom in SYMPTOMS.items() if self._is_there(fault, symptom, signs)
+        )
+        self._shown_since = {
+            fault: self._shown_since.get(fault, at)
+            for fault, symptom in SYMPTOMS.items()
+            if symptom.shows(signs)
+        }
+        return in_order_of_danger(self._faults)
+
+    def _is_there(self, fault: Fault, symptom: Symptom, signs: Signs) -> bool:
+        if fault in self._faults:
+            return symptom.lingers(signs)
+        if not symptom.shows(signs):
+            return False
+        at = signs.assessment.at
+        return (at - self._shown_since.get(fault, at)).total_seconds() >= symptom.lasts_s

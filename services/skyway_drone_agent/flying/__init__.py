@@ -1,0 +1,1 @@
+"""What the drone does next, and doing it: one step after another."""

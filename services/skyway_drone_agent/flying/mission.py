@@ -1,0 +1,200 @@
+"""The mission: what a drone does next, decided from its logbook and the fleet clock alone.
+
+A step begins when the one before has ended and its own planned start has come; its end is what the
+vehicle says, not when this process woke. A drone on the ground takes off only with the energy for
+all flights up to the next recharge, and not while the link is lost; it loads only while the cloud
+knows that it has accepted, and only if the cloud was told before the instruction expired: after
+that it may have sent another drone. A drone that is held flies on to its next landing and begins
+nothing there. Whatever begins or ends is in the journal first.
+"""
+
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from typing import Any, Final
+
+from skyway.contracts.flight_step import FlightStep, FlyStep, PickUpStep, RechargeStep
+from skyway_drone_agent.flying.energy_check import shortfall_of, stretch_of
+from skyway_drone_agent.journal.current_mission import CurrentMission
+from skyway_drone_agent.journal.escape import lands_on_the_spot
+from skyway_drone_agent.journal.logbook import Logbook
+from skyway_drone_agent.journal.under_way import run_to_cut, run_under_way
+from skyway_drone_agent.vehicles.vehicle import StepRun, Vehicle
+
+_ALWAYS: Final = datetime.min.replace(tzinfo=UTC)
+
+
+@dataclass(frozen=True, slots=True)
+class Gates:
+    """Since when the drone may do what needs the cloud; None while it may not (fleet moments).
+
+    `take_off_at` closes when the link is lost for long, `loading_at` whenever it is down and until
+    the broker has the drone's ACCEPTED; `begin_at` when a failsafe says STAY.
+    """
+
+    take_off_at: datetime | None
+    loading_at: datetime | None
+    begin_at: datetime | None = _ALWAYS
+
+
+@dataclass(frozen=True, slots=True)
+class Stand:
+    """Do nothing until that moment, or until something changes."""
+
+    until: datetime | None
+
+
+@dataclass(frozen=True, slots=True)
+class Begin:
+    """Begin the next step; those up to `released_through` cannot be replaced any more."""
+
+    step: FlightStep
+    at: datetime
+    released_through: int
+
+
+@dataclass(frozen=True, slots=True)
+class Land:
+    """Go down on the spot: a failsafe says so."""
+
+    run: StepRun
+
+
+@dataclass(frozen=True, slots=True)
+class Cut:
+    """End a step of an earlier revision now, since new ones take its place."""
+
+    run: StepRun
+    at: datetime
+    revision: int
+
+
+@dataclass(frozen=True, slots=True)
+class Fail:
+    """Do not begin the next step: wait for a new revision instead."""
+
+    step: FlightStep
+    at: datetime
+    code: str
+    data: dict[str, Any] = field(default_factory=dict)  # numbers behind the code
+
+
+@dataclass(frozen=True, slots=True)
+class End:
+    """All steps are done."""
+
+    at: datetime
+
+
+Act = Stand | Begin | StepRun | Land | Cut | Fail | End
+
+
+def next_act(
+    logbook: Logbook,
+    *,
+    vehicle: Vehicle,
+    now: datetime,
+    gates: Gates,
+    agent_started_at: datetime,
+    consumption_factor: float = 1.0,
+) -> Act:
+    """What to do now; a `StepRun` is under way and is to be performed to its end."""
+    mission = logbook.mission
+    if mission is None:
+        return Stand(until=None)
+    if mission.cut is not None:
+        cut = mission.cut
+        return Cut(run_to_cut(logbook, cut), at=cut.cut_at, revision=cut.revision)
+    if mission.has_failed:
+        return Stand(until=None)
+    run = run_under_way(logbook)
+    if run is not None:
+        return Land(run) if lands_on_the_spot(mission) else run
+    if mission.steps and mission.steps[0].step_id <= mission.released_through:
+        # Over a station, not on it: the flight goes on whatever has happened meanwhile.
+        return Begin(mission.steps[0], mission.free_at, mission.released_through)
+    if mission.is_held:
+        return Stand(until=None)
+    if not mission.steps:
+        return End(mission.free_at)
+    if gates.begin_at is None:
+        return Stand(until=None)
+    # No step begins while no agent runs, so a restart may make the drone late.
+    earliest = max(mission.free_at, _not_before(mission.steps[0]), agent_started_at, gates.begin_at)
+    if now < earliest:
+        return Stand(until=earliest)
+    return _next_on_the_ground(
+        logbook,
+        mission,
+        earliest,
+        vehicle=vehicle,
+        gates=gates,
+        consumption_factor=consumption_factor,
+    )
+
+
+def _next_on_the_ground(
+    logbook: Logbook,
+    mission: CurrentMission,
+    earliest: datetime,
+    *,
+    vehicle: Vehicle,
+    gates: Gates,
+    consumption_factor: float,
+) -> Act:
+    step = mission.steps[0]
+    match step:
+        case PickUpStep():
+            return _load_or_not(mission, step, earliest, gates=gates)
+        case FlyStep():
+            return _take_off_or_not(
+                logbook,
+                mission,
+                earliest,
+                vehicle=vehicle,
+                gates=gates,
+                consumption_factor=consumption_factor,
+            )
+        case RechargeStep() if earliest >= step.not_after_at:
+            return Fail(step, earliest, code="PAD_LOST")
+        case _:
+            return Begin(step, earliest, step.step_id)
+
+
+def _not_before(step: FlightStep) -> datetime:
+    return step.not_before_at if isinstance(step, RechargeStep) else step.planned_start_at
+
+
+def _load_or_not(
+    mission: CurrentMission, step: PickUpStep, earliest: datetime, *, gates: Gates
+) -> Act:
+    if mission.told_at is not None and mission.has_expired:
+        return Fail(step, max(earliest, mission.told_at), code="EXPIRED")
+    if gates.loading_at is None:
+        return Stand(until=None)
+    return Begin(step, max(earliest, gates.loading_at), step.step_id)
+
+
+def _take_off_or_not(
+    logbook: Logbook,
+    mission: CurrentMission,
+    earliest: datetime,
+    *,
+    vehicle: Vehicle,
+    gates: Gates,
+    consumption_factor: float,
+) -> Act:
+    if gates.take_off_at is None:
+        return Stand(until=None)
+    at = max(earliest, gates.take_off_at)
+    shortfall = shortfall_of(
+        stretch_of(mission.steps),
+        model=vehicle.model,
+        soc=logbook.soc,
+        packages=logbook.packages,
+        consumption_factor=consumption_factor,
+    )
+    if shortfall is not None:
+        energy = {"need_j": shortfall.need_j, "have_j": shortfall.have_j}
+        return Fail(mission.steps[0], at, code="INSUFFICIENT_ENERGY", data=energy)
+    landing = next(one for one in mission.steps if isinstance(one, FlyStep) and one.lands)
+    return Begin(mission.steps[0], at, landing.step_id)

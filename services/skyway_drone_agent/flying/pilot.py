@@ -1,0 +1,159 @@
+"""The pilot: does what `mission` decides, and writes down each beginning and end."""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from dataclasses import replace
+from typing import Never
+
+from skyway.contracts.flight_step import (
+    DeliverStep,
+    FlightStep,
+    PickUpStep,
+    ReturnStep,
+)
+from skyway.runtime.clock import FleetClock, fleet_margin
+from skyway_drone_agent.flying.mission import Begin, Cut, End, Fail, Gates, Land, Stand, next_act
+from skyway_drone_agent.flying.step_ends import end_of_step
+from skyway_drone_agent.journal.flight_recorder import FlightRecorder
+from skyway_drone_agent.journal.journal import JournalUnwritable
+from skyway_drone_agent.journal.records import StepBegun
+from skyway_drone_agent.journal.under_way import run_under_way
+from skyway_drone_agent.journal.waiting import wait_for_end_or_news, wait_for_news
+from skyway_drone_agent.link.event_writer import EventWriter
+from skyway_drone_agent.vehicles.vehicle import Outcome, StepRun, Vehicle
+
+#: Seconds of fleet time, or of wall time if longer, before a journal that could not be written is
+#: tried again.
+_WRITE_AGAIN_S = 1.0
+
+
+class Pilot:
+    """Flies one drone's missions, one after another."""
+
+    def __init__(
+        self,
+        recorder: FlightRecorder,
+        vehicle: Vehicle,
+        clock: FleetClock,
+        *,
+        gates: Callable[[], Gates],
+        consumption_factor: Callable[[], float],
+        events: EventWriter,
+    ) -> None:
+        self._recorder = recorder
+        self._vehicle = vehicle
+        self._clock = clock
+        self._gates = gates
+        self._consumption_factor = consumption_factor
+        self._events = events
+        self._news = recorder.watch()
+        self._started_at = clock.now()
+        #: The step that an earlier agent had begun: it may have ended unseen.
+        self._left_behind = run_under_way(recorder.logbook)
+
+    async def run(self) -> Never:
+        """Fly for ever."""
+        while True:
+            try:
+                await self._act()
+            except JournalUnwritable:
+                # What is not written is not begun.
+                pause = fleet_margin(self._clock, fleet_s=_WRITE_AGAIN_S, wall_s=_WRITE_AGAIN_S)
+                await wait_for_news(self._news, self._clock, until=self._clock.now() + pause)
+
+    async def _act(self) -> None:
+        act = next_act(
+            self._recorder.logbook,
+            vehicle=self._vehicle,
+            now=self._clock.now(),
+            gates=self._gates(),
+            agent_started_at=self._started_at,
+            consumption_factor=self._consumption_factor(),
+        )
+        match act:
+            case Stand(until=until):
+                await wait_for_news(self._news, self._clock, until=until)
+            case Begin():
+                self._begin(act)
+            case StepRun():
+                if not self._recall(act):
+                    await self._end(act, self._vehicle.perform(act))
+            case Land(run=run):
+                await self._end(run, self._vehicle.land(run))
+            case Cut(run=run, at=at, revision=revision):
+                self._end_cut(run, self._vehicle.cut(run, at), revision=revision)
+            case Fail():
+                self._fail(act)
+            case End(at=at):
+                self._events.write(self._events.event("MISSION_ENDED", at))
+
+    def _recall(self, run: StepRun) -> bool:
+        """Whether a hand-over that an earlier agent had begun is over with this."""
+        is_left_behind, self._left_behind = run == self._left_behind, None
+        if not is_left_behind or not _is_hand_over(run.step):
+            return False
+        was_done = self._vehicle.recall(run)
+        if was_done is False:
+            return False
+        outcome = replace(self._vehicle.cut(run, self._clock.now()), code=None)
+        if was_done is None:
+            outcome = replace(outcome, code="UNKNOWN", has_failed=True)
+        self._write_end(run, outcome)
+        return True
+
+    async def _performed(self, run: StepRun, doing: Awaitable[Outcome]) -> Outcome | None:
+        """How the step ended; None once an instruction or a failsafe has changed or cut it."""
+        performing = asyncio.ensure_future(doing)
+        try:
+            # What has come meanwhile counts before the end does: it is in the journal already.
+            while run_under_way(self._recorder.logbook) == run:
+                if performing.done():
+                    return performing.result()
+                await wait_for_end_or_news(performing, self._news)
+            return None
+        finally:
+            performing.cancel()
+
+    def _begin(self, act: Begin) -> None:
+        begun = StepBegun(
+            step_id=act.step.step_id,
+            started_at=act.at,
+            released_through=act.released_through,
+        )
+        if self._recorder.logbook.is_airborne:
+            # There is no waiting in the air until the disk takes it.
+            self._recorder.note(begun)
+        else:
+            self._recorder.record(begun)
+
+    async def _end(self, run: StepRun, doing: Awaitable[Outcome]) -> None:
+        outcome = await self._performed(run, doing)
+        if outcome is not None:
+            self._write_end(run, outcome)
+
+    def _write_end(self, run: StepRun, outcome: Outcome) -> None:
+        ended = self._events.event("STEP_ENDED", outcome.ended_at, step=run.step)
+        fields = end_of_step(run, outcome, self._recorder.logbook)
+        self._events.write(ended.model_copy(update=fields))
+
+    def _end_cut(self, run: StepRun, outcome: Outcome, *, revision: int) -> None:
+        """The end of a step that is no more in the plan: nothing was handed over."""
+        ended = self._events.event("STEP_ENDED", outcome.ended_at, step=run.step)
+        changes = {
+            "mission_revision": revision,
+            "started_at": run.started_at,
+            "soc": outcome.soc,
+            "code": outcome.code,
+        }
+        self._events.write(ended.model_copy(update=changes))
+
+    def _fail(self, act: Fail) -> None:
+        failed = self._events.event("STEP_FAILED", act.at, step=act.step)
+        self._events.write(failed.model_copy(update={"code": act.code, "data": act.data}))
+
+
+def _is_hand_over(step: FlightStep) -> bool:
+    """Whether packages change hands in it; what a loader confirms is not known on board."""
+    if isinstance(step, PickUpStep):
+        return not step.awaits_confirmation
+    return isinstance(step, DeliverStep | ReturnStep)

@@ -1,0 +1,1 @@
+"""What the cloud asks: in order, each answered once and for all."""

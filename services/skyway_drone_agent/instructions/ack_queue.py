@@ -1,0 +1,70 @@
+"""Acks on their way to the cloud, in order, each until the broker has it."""
+
+import asyncio
+from collections import deque
+from typing import Literal
+
+from skyway.contracts.drone_report import Ack
+from skyway.contracts.topics import ACKS
+from skyway.runtime.clock import FleetClock
+from skyway_drone_agent.journal.flight_recorder import FlightRecorder
+from skyway_drone_agent.journal.records import AcceptanceTold, Answer
+from skyway_drone_agent.link.uplink import Uplink
+
+_Status = Literal["RECEIVED", "ACCEPTED", "REJECTED"]
+
+
+class AckQueue:
+    """Sends answers as acks, and writes down when the broker has a mission's ACCEPTED."""
+
+    def __init__(self, uplink: Uplink, recorder: FlightRecorder, clock: FleetClock) -> None:
+        self._uplink = uplink
+        self._recorder = recorder
+        self._clock = clock
+        self._waiting: deque[tuple[_Status, Answer]] = deque()
+        self._has_some = asyncio.Event()
+
+    def received(self, answer: Answer) -> None:
+        """Tell that the instruction is in the journal."""
+        self._add("RECEIVED", answer)
+
+    def answered(self, answer: Answer) -> None:
+        """Tell the final answer."""
+        self._add(answer.status, answer)
+
+    async def run(self) -> None:
+        """Send for ever; after a restart first the ack of the mission that is not over."""
+        if self._recorder.logbook.mission is not None:
+            self.answered(self._recorder.logbook.mission.accepted_by)
+        while True:
+            await self._has_some.wait()
+            status, answer = self._waiting[0]
+            await self._uplink.send_until_confirmed(ACKS, self._ack(status, answer))
+            self._waiting.popleft()
+            if not self._waiting:
+                self._has_some.clear()
+            if status == "ACCEPTED":
+                self._note_told(answer)
+
+    def _add(self, status: _Status, answer: Answer) -> None:
+        self._waiting.append((status, answer))
+        self._has_some.set()
+
+    def _note_told(self, answer: Answer) -> None:
+        mission = self._recorder.logbook.mission
+        if mission is not None and answer == mission.accepted_by and mission.told_at is None:
+            self._recorder.note(AcceptanceTold(told_at=self._clock.now()))
+
+    def _ack(self, status: _Status, answer: Answer) -> Ack:
+        is_final = status != "RECEIVED"
+        return Ack(
+            **self._uplink.envelope(ACKS),
+            traceparent=answer.traceparent,
+            instruction_id=answer.instruction_id,
+            instruction_seq=answer.seq,
+            stream=answer.stream,
+            status=status,
+            code=answer.code if is_final else None,
+            detail=answer.detail if is_final else None,
+            data=answer.data if is_final else {},
+        )

@@ -1,0 +1,190 @@
+"""Instructions: in order, each answered once and for all, in the journal before on the wire."""
+
+import logging
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, Final, Protocol
+
+from pydantic import TypeAdapter, ValidationError
+
+from skyway.contracts.drone_report import RefusalCode
+from skyway.contracts.instruction import AnyInstruction, Instruction, ReportInstruction
+from skyway.contracts.topic import Topic
+from skyway.contracts.topics import INSTRUCTIONS
+from skyway.ids import InstructionId
+from skyway.json_model import WireModel
+from skyway.runtime.clock import FleetClock
+from skyway_drone_agent.instructions.overriding import overridden_by
+from skyway_drone_agent.instructions.refusal import Refusal
+from skyway_drone_agent.instructions.refusals import refusal_of
+from skyway_drone_agent.journal.flight_recorder import FlightRecorder
+from skyway_drone_agent.journal.journal import JournalUnwritable
+from skyway_drone_agent.journal.logbook import Logbook, logbook_after
+from skyway_drone_agent.journal.records import Answer, InstructionAnswered
+from skyway_drone_agent.vehicles.vehicle import Vehicle
+
+log = logging.getLogger(__name__)
+
+_INSTRUCTION: TypeAdapter[AnyInstruction] = TypeAdapter(Instruction)
+
+#: The same topic, read as plain JSON: what this version does not understand is refused by name,
+#: not dropped. Any, for just that reason.
+RAW_INSTRUCTIONS: Final[Topic[Any]] = replace(INSTRUCTIONS, message=dict[str, Any])
+
+
+class _Envelope(WireModel):
+    """What must be readable of an instruction so that it can be answered at all."""
+
+    instruction_id: InstructionId
+    stream: int
+    seq: int
+    traceparent: str | None = None
+
+
+class Answers(Protocol):
+    """Where answers leave for the cloud."""
+
+    def received(self, answer: Answer) -> None:
+        """Tell that the instruction is in the journal."""
+        ...
+
+    def answered(self, answer: Answer) -> None:
+        """Tell the final answer, or that the instruction comes too early."""
+        ...
+
+
+class Events(Protocol):
+    """Where events leave for the cloud."""
+
+    def resend_after(self, seq: int) -> None:
+        """Send the events after this one again."""
+        ...
+
+
+class Inbox:
+    """Takes the instructions of one drone."""
+
+    def __init__(
+        self,
+        recorder: FlightRecorder,
+        clock: FleetClock,
+        *,
+        vehicle: Vehicle,
+        answers: Answers,
+        events: Events,
+        consumption_factor: Callable[[], float] = lambda: 1.0,
+    ) -> None:
+        self._recorder = recorder
+        self._clock = clock
+        self._vehicle = vehicle
+        self._answers = answers
+        self._events = events
+        self._consumption_factor = consumption_factor
+
+    def take(self, raw: dict[str, Any]) -> None:
+        """Answer an instruction as it came from the wire; the answer is journaled first."""
+        try:
+            envelope = _Envelope.model_validate(raw)
+        except ValidationError:
+            log.warning(
+                "instruction without identity dropped",
+                extra={"drone_id": self._recorder.drone_id},
+            )
+            return
+        logbook = self._recorder.logbook
+        expected_seq = 1
+        if envelope.stream == logbook.stream:
+            expected_seq = logbook.last_instruction_seq + 1
+        if envelope.stream < logbook.stream or envelope.seq < expected_seq:
+            self._answer_again(envelope, logbook)
+        elif envelope.seq > expected_seq:
+            self._answers.answered(_gap(envelope, logbook, expected_seq=expected_seq))
+        else:
+            self._answer(envelope, raw)
+
+    def _answer(self, envelope: _Envelope, raw: dict[str, Any]) -> None:
+        now = self._clock.now()
+        instruction, refusal = _understood(raw)
+        logbook, overridden = self._recorder.logbook, None
+        if instruction is not None:
+            overridden = overridden_by(instruction, logbook, vehicle=self._vehicle, now=now)
+            refusal = refusal_of(
+                instruction,
+                logbook if overridden is None else logbook_after(logbook, overridden),
+                vehicle=self._vehicle,
+                now=now,
+                consumption_factor=self._consumption_factor(),
+            )
+        answer = _accepted(envelope) if refusal is None else _refused(envelope, refusal)
+        answered = InstructionAnswered(answered_at=now, answer=answer, instruction=instruction)
+        # The override first: alone it has the drone fly on as planned, and the cloud sends again.
+        before = (overridden,) if overridden is not None and refusal is None else ()
+        try:
+            self._recorder.record(*before, answered)
+        except JournalUnwritable:
+            # What is not in the journal gets no ack: the cloud sends it again.
+            return
+        self._tell(answer)
+        if refusal is None and isinstance(instruction, ReportInstruction):
+            self._events.resend_after(instruction.events_after_seq)
+
+    def _tell(self, answer: Answer) -> None:
+        log.info(
+            "instruction answered",
+            extra={
+                "drone_id": self._recorder.drone_id,
+                "instruction_id": answer.instruction_id,
+                "status": answer.status,
+                "code": answer.code,
+                "detail": answer.detail,
+            },
+        )
+        self._answers.received(answer)
+        self._answers.answered(answer)
+
+    def _answer_again(self, envelope: _Envelope, logbook: Logbook) -> None:
+        """The same answer as the first time; nothing is done twice."""
+        for answer in logbook.answers:
+            if (answer.stream, answer.seq) == (envelope.stream, envelope.seq):
+                if answer.instruction_id == envelope.instruction_id:
+                    self._answers.answered(answer)
+                    return
+                break
+        detail = (
+            f"stream {envelope.stream} seq {envelope.seq} is past, the drone is at "
+            f"stream {logbook.stream} seq {logbook.last_instruction_seq}"
+        )
+        self._answers.answered(_refused(envelope, Refusal(RefusalCode.STALE_REVISION, detail)))
+
+
+def _understood(raw: dict[str, Any]) -> tuple[AnyInstruction | None, Refusal | None]:
+    """The instruction, or why it cannot be read."""
+    try:
+        return _INSTRUCTION.validate_python(raw, extra="ignore"), None
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_input=False)[0]
+        place = ".".join(str(part) for part in first["loc"])
+        is_new_step = first["type"] == "union_tag_invalid" and "steps" in first["loc"]
+        code = RefusalCode.UNSUPPORTED_STEP if is_new_step else RefusalCode.MALFORMED
+        return None, Refusal(code, f"{place}: {first['msg']}")
+
+
+def _accepted(envelope: _Envelope) -> Answer:
+    return Answer(**envelope.model_dump(), status="ACCEPTED")
+
+
+def _refused(envelope: _Envelope, refusal: Refusal) -> Answer:
+    return Answer(
+        **envelope.model_dump(),
+        status="REJECTED",
+        code=refusal.code,
+        detail=refusal.detail,
+        data=refusal.data,
+    )
+
+
+def _gap(envelope: _Envelope, logbook: Logbook, *, expected_seq: int) -> Answer:
+    """Not an end: the instruction is taken once those before it have come."""
+    detail = f"seq {expected_seq} of stream {envelope.stream} comes first, not {envelope.seq}"
+    data = {"expected_seq": expected_seq, "stream": logbook.stream}
+    return _refused(envelope, Refusal(RefusalCode.SEQUENCE_GAP, detail, data))

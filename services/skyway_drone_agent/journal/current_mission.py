@@ -1,0 +1,92 @@
+"""The accepted mission as a drone knows it: what is left to do, and what is under way."""
+
+from skyway.contracts.drone_health import Failsafe, Fault
+from skyway.contracts.flight_step import FlightStep, FlyStep, PickUpStep
+from skyway.contracts.message import FleetMoment
+from skyway.ids import DeliveryId, MissionId
+from skyway.json_model import WireModel
+from skyway_drone_agent.journal.records import Answer
+
+
+class CutStep(WireModel):
+    """A step that an instruction ends before its time; `revision` is the one it belonged to."""
+
+    step: FlightStep
+    began_at: FleetMoment
+    cut_at: FleetMoment
+    revision: int
+
+
+class Escape(WireModel):
+    """Why another flight than planned is under way; `instead_of` is the one that was planned."""
+
+    fault: Fault
+    failsafe: Failsafe
+    instead_of: FlyStep
+
+
+class FlownBefore(WireModel):
+    """The part of the flight under way that was flown before it was turned."""
+
+    since: FleetMoment
+    used_j: float
+
+
+class CurrentMission(WireModel):
+    """The accepted mission: the steps that have not ended, and where the drone is in them.
+
+    `expires_at` is the accepted instruction's; `told_at` is when the broker had its ACCEPTED.
+    `first_step` is the mission's, not the revision's; `free_at` is when the step before ended;
+    `began_at` when the first of `steps` began, or None; `changed_at` when an instruction last
+    changed that step. After a failure nothing is flown until a new revision comes. A mission that
+    `is_called_off` is forgotten once the drone stands.
+
+    During an `escape` the first of `steps` is the flight that the failsafe has put there. A flight
+    that was turned begins anew in the air; `flown_before` is what it had behind it then.
+    """
+
+    mission_id: MissionId
+    revision: int
+    delivery_id: DeliveryId
+    accepted_by: Answer
+    expires_at: FleetMoment
+    told_at: FleetMoment | None = None
+    first_step: int
+    steps: tuple[FlightStep, ...]
+    released_through: int
+    free_at: FleetMoment
+    began_at: FleetMoment | None = None
+    changed_at: FleetMoment | None = None
+    cut: CutStep | None = None
+    escape: Escape | None = None
+    flown_before: FlownBefore | None = None
+    ignored_faults: tuple[Fault, ...] = ()
+    has_failed: bool = False
+    is_held: bool = False
+    is_called_off: bool = False
+
+    @property
+    def step_under_way(self) -> FlightStep | None:
+        """The step that has begun and goes on."""
+        return self.steps[0] if self.began_at is not None else None
+
+    @property
+    def has_expired(self) -> bool:
+        """Whether the cloud was told too late that the drone loads: it may have sent another."""
+        if self.told_at is None or self.began_at is not None or self.has_failed:
+            return False
+        is_next = bool(self.steps) and isinstance(self.steps[0], PickUpStep)
+        return is_next and self.told_at > self.expires_at
+
+    @property
+    def next_step_id(self) -> int:
+        """The first step that has not ended."""
+        return self.steps[0].step_id if self.steps else self.released_through + 1
+
+    def cut_of_step_under_way(self, at: FleetMoment) -> CutStep | None:
+        """The step under way as it is cut at this moment, or the one that is cut already."""
+        if self.began_at is None:
+            return self.cut
+        return CutStep(
+            step=self.steps[0], began_at=self.began_at, cut_at=at, revision=self.revision
+        )

@@ -1,0 +1,133 @@
+"""The flight recorder: the journal and the logbook in step, and word to whoever watches."""
+
+import asyncio
+import logging
+from datetime import datetime
+from functools import reduce
+
+from skyway.contracts.drone_report import DroneEvent
+from skyway.ids import DroneId
+from skyway_drone_agent.journal.journal import Journal, JournalUnwritable
+from skyway_drone_agent.journal.logbook import Logbook, logbook_after
+from skyway_drone_agent.journal.records import Record
+
+log = logging.getLogger(__name__)
+
+
+class FlightRecorder:
+    """The only writer of a drone's journal; `logbook` is what the journal says.
+
+    While the disk takes nothing, the logbook is ahead of the journal by what happened meanwhile;
+    none of that is told to the cloud before it is written, for its numbers could come again.
+    """
+
+    def __init__(self, journal: Journal, *, drone_id: DroneId, at_first: Logbook) -> None:
+        self.drone_id = drone_id
+        self._journal = journal
+        self._watchers: list[asyncio.Event] = []
+        self._unwritten: list[Record] = []
+        self.logbook = self._written = journal.read(at_first=at_first)
+        self.is_full = False
+        self._can_append = True
+
+    @property
+    def written_events(self) -> tuple[DroneEvent, ...]:
+        """The events that the cloud may hear of."""
+        return self._written.events
+
+    @property
+    def told_logbook(self) -> Logbook:
+        """What the cloud may hear: where the drone is, but of no event that is not written yet.
+
+        After a power cut the number of such an event would be another one's.
+        """
+        if self._written is self.logbook:
+            return self.logbook
+        written_seq = self._written.last_event_seq
+        return self.logbook.model_copy(update={"last_event_seq": written_seq})
+
+    @property
+    def has_session(self) -> bool:
+        """Whether the session is written; until then a later start may begin the same one."""
+        return self._written.session == self.logbook.session
+
+    def begin_session(self, wall_now: datetime) -> None:
+        """Start a session above all earlier ones, also when the journal was lost meanwhile."""
+        session = max(self.logbook.session + 1, int(wall_now.timestamp()))
+        self.logbook = self.logbook.model_copy(update={"session": session})
+        # Until it is written anew its last line may be torn, or the first one be missing.
+        self._can_append = False
+        self.make_room()
+
+    def record(self, *records: Record) -> None:
+        """Write the records to the disk; only then do they count.
+
+        Raises
+        ------
+        JournalUnwritable
+            The disk does not take them: what they say must not be begun.
+        """
+        try:
+            self._write(records)
+        except JournalUnwritable:
+            self._note_full()
+            raise
+        self._count(records)
+        self._written = self.logbook
+
+    def note(self, *records: Record) -> None:
+        """Write down what has happened already, or must be in the air; if not now, then later."""
+        try:
+            self._write(records)
+        except JournalUnwritable:
+            self._unwritten += records
+            self._note_full()
+            self._count(records)
+            return
+        self._count(records)
+        self._written = self.logbook
+
+    def make_room(self) -> None:
+        """Write the journal anew, as short as can be; try again later if the disk is full."""
+        try:
+            self._journal.compact(self.logbook)
+        except JournalUnwritable:
+            self._note_full()
+            return
+        self._written = self.logbook
+        self._unwritten.clear()
+        self._can_append = True
+        if self.is_full:
+            self.is_full = False
+            log.info("journal written again", extra={"drone_id": self.drone_id})
+            self.tell_watchers()
+
+    def watch(self) -> asyncio.Event:
+        """An event that is set whenever there is something new; the watcher clears it."""
+        watcher = asyncio.Event()
+        self._watchers.append(watcher)
+        return watcher
+
+    def tell_watchers(self) -> None:
+        """Have all watchers look again, for what changed outside the journal."""
+        for watcher in self._watchers:
+            watcher.set()
+
+    def _write(self, records: tuple[Record, ...]) -> None:
+        if self._can_append:
+            self._journal.append([*self._unwritten, *records])
+        else:
+            self._journal.compact(reduce(logbook_after, records, self.logbook))
+            self._can_append = True
+        self._unwritten.clear()
+
+    def _count(self, records: tuple[Record, ...]) -> None:
+        for record in records:
+            self.logbook = logbook_after(self.logbook, record)
+        self.tell_watchers()
+
+    def _note_full(self) -> None:
+        if not self.is_full:
+            self.is_full = True
+            log.error("journal cannot be written", extra={"drone_id": self.drone_id})
+            self.tell_watchers()

@@ -1,0 +1,130 @@
+"""The journal: an append-only file of records that survives kill -9 and loss of power."""
+
+import contextlib
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Protocol
+
+from pydantic import TypeAdapter, ValidationError
+
+from skyway.errors import SkywayError
+from skyway_drone_agent.journal.logbook import Logbook, logbook_after
+from skyway_drone_agent.journal.records import Record, RecordLine
+
+_LINE: TypeAdapter[Record] = TypeAdapter(RecordLine)
+
+
+class Journal(Protocol):
+    """Where records are kept; what `append` or `compact` returned from is never lost.
+
+    Both raise `JournalUnwritable` when nothing can be kept, and have changed nothing then.
+    """
+
+    def read(self, *, at_first: Logbook) -> Logbook:
+        """The sum of what is kept; `at_first` for a drone that has written nothing yet."""
+        ...
+
+    def append(self, records: Sequence[Record]) -> None:
+        """Keep these records, in order; a crash may keep a first part of them."""
+        ...
+
+    def compact(self, logbook: Logbook) -> None:
+        """Keep this logbook instead of the records that led to it, all or nothing."""
+        ...
+
+
+class DamagedJournal(SkywayError):
+    """A line before the last cannot be read: not a torn write, so nobody may guess."""
+
+    def __init__(self, path: Path, line: int) -> None:
+        super().__init__(f"{path}: line {line} is damaged")
+        self.path = path
+        self.line = line
+
+
+class JournalUnwritable(SkywayError):
+    """The disk is full, or does not take what is written for another reason."""
+
+    def __init__(self, path: Path, cause: OSError) -> None:
+        super().__init__(f"{path}: {cause.strerror or cause}")
+        self.path = path
+
+
+class FileJournal:
+    """JSON lines: the logbook at the last start, then one record a line.
+
+    Writing blocks the event loop on purpose: what is decided and what is written cannot drift
+    apart, and a drone has nothing better to do before it acts.
+
+    Parameters
+    ----------
+    sync
+        Brings what was written to the disk itself; takes a file descriptor.
+    """
+
+    def __init__(self, path: Path, *, sync: Callable[[int], None] = os.fsync) -> None:
+        self._path = path
+        self._sync = sync
+
+    def read(self, *, at_first: Logbook) -> Logbook:
+        """The sum of what is kept; a torn last line was never acted upon and is left out."""
+        if not self._path.exists():
+            return at_first
+        *whole_lines, _torn = self._path.read_bytes().split(b"\n")
+        logbook = at_first
+        for number, line in enumerate(whole_lines, start=1):
+            try:
+                if number == 1:
+                    logbook = Logbook.read(line)
+                else:
+                    logbook = logbook_after(logbook, _LINE.validate_json(line))
+            except ValidationError as error:
+                raise DamagedJournal(self._path, number) from error
+        return logbook
+
+    def append(self, records: Sequence[Record]) -> None:
+        """Write the records behind the others and wait for the disk."""
+        try:
+            self._write(self._path, os.O_APPEND, [record.model_dump_json() for record in records])
+        except OSError as error:
+            raise JournalUnwritable(self._path, error) from error
+
+    def compact(self, logbook: Logbook) -> None:
+        """Replace the file as a whole, so that a crash leaves the old one or the new one."""
+        beside = self._path.with_suffix(".new")
+        try:
+            self._write(beside, os.O_TRUNC, [logbook.model_dump_json()])
+            beside.replace(self._path)
+            self._sync_folder()
+        except OSError as error:
+            # What was written of it takes the room that is missing.
+            with contextlib.suppress(OSError):
+                beside.unlink(missing_ok=True)
+            raise JournalUnwritable(self._path, error) from error
+
+    def _sync_folder(self) -> None:
+        folder = os.open(self._path.parent, os.O_RDONLY)
+        try:
+            self._sync(folder)
+        finally:
+            os.close(folder)
+
+    def _write(self, path: Path, flag: int, lines: Sequence[str]) -> None:
+        # Opened for each write, so that a fleet of thousands holds no file open per drone.
+        file = os.open(path, os.O_WRONLY | os.O_CREAT | flag, 0o600)
+        try:
+            length = os.fstat(file).st_size
+            try:
+                self._write_all(file, b"".join(line.encode() + b"\n" for line in lines))
+            except OSError:
+                # A torn line in the middle would make all that follows unreadable.
+                os.ftruncate(file, length)
+                raise
+        finally:
+            os.close(file)
+
+    def _write_all(self, file: int, text: bytes) -> None:
+        while text:
+            text = text[os.write(file, text) :]
+        self._sync(file)

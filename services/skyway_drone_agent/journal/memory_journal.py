@@ -1,0 +1,29 @@
+"""A journal in memory, with the file's promises: for tests, and for trying things out."""
+
+from collections.abc import Sequence
+
+from skyway_drone_agent.journal.logbook import Logbook, logbook_after
+from skyway_drone_agent.journal.records import Record
+
+
+class MemoryJournal:
+    """Keeps records as long as the object lives."""
+
+    def __init__(self) -> None:
+        self.records: list[Record] = []
+        self._kept: Logbook | None = None
+
+    def read(self, *, at_first: Logbook) -> Logbook:
+        """The sum of what is kept."""
+        logbook = self._kept or at_first
+        for record in self.records:
+            logbook = logbook_after(logbook, record)
+        return logbook
+
+    def append(self, records: Sequence[Record]) -> None:
+        """Keep the records behind the others."""
+        self.records.extend(records)
+
+    def compact(self, logbook: Logbook) -> None:
+        """Keep this logbook instead of the records."""
+        self._kept, self.records = logbook, []

@@ -1,0 +1,1 @@
+"""A drone whose autopilot speaks MAVLink."""

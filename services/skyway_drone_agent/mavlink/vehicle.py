@@ -1,0 +1,264 @@
+"""A real drone: its autopilot (PX4, ArduPilot) flies what the agent releases, over MAVLink."""
+
+import asyncio
+import logging
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from dataclasses import replace
+from datetime import datetime
+from typing import Final
+
+from skyway.contracts.flight_step import (
+    DeliverStep,
+    FlyStep,
+    PickUpStep,
+    RechargeStep,
+    ReturnStep,
+    WaitStep,
+)
+from skyway.drone.flight import speed_mps
+from skyway.drone.model import DroneModel
+from skyway.runtime.clock import FleetClock, sleep_wall
+from skyway_drone_agent.mavlink.autopilot import Autopilot
+from skyway_drone_agent.mavlink.commands import command, command_once
+from skyway_drone_agent.mavlink.flight import MavlinkFlight, begin_flight
+from skyway_drone_agent.mavlink.link import MavlinkLink, mavlink_link
+from skyway_drone_agent.mavlink.mission import MissionRefused
+from skyway_drone_agent.mavlink.settings import MavlinkSettings
+from skyway_drone_agent.vehicles.reading import Reading
+from skyway_drone_agent.vehicles.vehicle import Elsewhere, Outcome, Sample, Standing, StepRun
+
+log = logging.getLogger(__name__)
+
+#: A drone this close to a station stands at it.
+_AT_STATION_M: Final = 30.0
+
+#: Charge below what was asked for that still counts as it: autopilots tell whole percents.
+_CHARGE_GRAIN: Final = 0.005
+
+#: Wall seconds between two tries of what must be done in the air and was refused.
+_AGAIN_S: Final = 2.0
+
+#: Wall seconds that an autopilot may take to answer what we need not insist on.
+_ASKED_S: Final = 1.0
+
+#: Microseconds between two messages of a kind that we ask the autopilot for.
+_EVERY_US: Final = 500_000
+
+
+class MavlinkVehicle:
+    """Performs steps by telling an autopilot, and by watching what it says.
+
+    The fleet clock must run at rate 1: air does not run faster.
+    """
+
+    def __init__(
+        self, model: DroneModel, clock: FleetClock, link: MavlinkLink, settings: MavlinkSettings
+    ) -> None:
+        self._model = model
+        self._clock = clock
+        self._link = link
+        self._settings = settings
+        now_s = asyncio.get_running_loop().time
+        self._autopilot = Autopilot(model, link.dialect, now_s=now_s)
+        link.listen(self._autopilot.take)
+        self._flight: MavlinkFlight | None = None
+        self._release: tuple[tuple[int, datetime], asyncio.Task[bool | None]] | None = None
+
+    @property
+    def model(self) -> DroneModel:
+        """The type of drone."""
+        return self._model
+
+    async def ready(self) -> None:
+        """Return once the autopilot was heard, and has been asked to say what we need."""
+        await self._link.target_known()
+        dialect = self._link.dialect
+        for message_id in (
+            dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
+            dialect.MAVLINK_MSG_ID_VFR_HUD,
+            dialect.MAVLINK_MSG_ID_BATTERY_STATUS,
+            dialect.MAVLINK_MSG_ID_SYS_STATUS,
+            dialect.MAVLINK_MSG_ID_EXTENDED_SYS_STATE,
+            dialect.MAVLINK_MSG_ID_GPS_RAW_INT,
+            dialect.MAVLINK_MSG_ID_MISSION_CURRENT,
+            dialect.MAVLINK_MSG_ID_WIND_COV,
+        ):
+            # Some autopilots do not have them all: whatever they answer, we go on.
+            interval = dialect.MAV_CMD_SET_MESSAGE_INTERVAL
+            await command_once(self._link, interval, message_id, _EVERY_US, timeout_s=_ASKED_S)
+        await self._autopilot.until(lambda: self._autopilot.is_known)
+
+    async def perform(self, run: StepRun) -> Outcome:
+        """Do the step and return at its end; the same run again goes on with it."""
+        match run.step:
+            case FlyStep():
+                return await self._fly(run, run.step)
+            case WaitStep(until_at=until_at):
+                await self._clock.sleep_until(until_at)
+                return self._ended(run)
+            case RechargeStep():
+                return await self._recharge(run, run.step)
+            case PickUpStep(awaits_confirmation=True):
+                # A loader confirms to the cloud, and the cloud with an instruction.
+                await asyncio.Event().wait()
+                return self._ended(run)
+            case PickUpStep():
+                await self._planned_end(run)
+                return self._ended(run)
+            case DeliverStep() | ReturnStep():
+                return await self._hand_over(run)
+
+    def cut(self, run: StepRun, at: datetime) -> Outcome:
+        """End a step on the ground at this moment."""
+        return Outcome(max(at, run.started_at), self._soc(run), energy_j=0.0, code="CUT")
+
+    def sample(self, run: StepRun, at: datetime) -> Sample:
+        """What the autopilot said last."""
+        autopilot = self._autopilot
+        return Sample(
+            position=autopilot.position or run.position,
+            soc=self._soc(run),
+            power_w=autopilot.power_w,
+            speed_mps=autopilot.speed_mps,
+        )
+
+    def read(self, doing: StepRun | Standing, at: datetime) -> Reading:
+        """What the autopilot said last, as one reading."""
+        return self._autopilot.reading(at, last_position=doing.position, last_soc=doing.soc)
+
+    async def land(self, run: StepRun) -> Outcome:
+        """End a flight here and now, and return once the drone is down."""
+        self._flight = None
+        while not self._autopilot.is_on_ground:
+            await command(self._link, self._link.dialect.MAV_CMD_NAV_LAND)
+            await self._autopilot.until(lambda: self._autopilot.is_on_ground, timeout_s=_AGAIN_S)
+        here = self._autopilot.position or run.position
+        return replace(self._ended(run), elsewhere=Elsewhere(None, here))
+
+    def recall(self, run: StepRun) -> bool | None:
+        """Whether this process has seen the hand-over done; autopilots do not remember it."""
+        if self._release is None or self._release[0] != _key(run) or not self._release[1].done():
+            return None
+        return self._release[1].result()
+
+    async def _fly(self, run: StepRun, step: FlyStep) -> Outcome:
+        route = (step, *run.onward)
+        if self._flight is None or not self._flight.goes_on_with(route):
+            if self._has_arrived(route):
+                return self._ended(run)
+            refusal = await self._begin(run, route)
+            if refusal is not None:
+                return refusal
+        if self._flight is not None:
+            await self._flight.end_of(step)
+        ended = self._ended(run)
+        is_down = self._autopilot.is_on_ground
+        place = self._autopilot.position
+        if not is_down or place is None or self._has_arrived(route):
+            return ended
+        # Brought down by its own failsafes, or by a pilot's hand.
+        log.warning("landed elsewhere", extra={"step_id": step.step_id})
+        return _failed(ended, code="LANDED_ELSEWHERE", elsewhere=Elsewhere(None, place))
+
+    async def _begin(self, run: StepRun, route: tuple[FlyStep, ...]) -> Outcome | None:
+        """Have the autopilot fly; on the ground it may refuse, in the air it is asked again."""
+        while True:
+            self._flight = None
+            try:
+                self._flight = await begin_flight(
+                    self._link,
+                    self._autopilot,
+                    route,
+                    altitude_m=self._settings.altitude_m,
+                    speed_mps=speed_mps(self._model, run.load_kg),
+                )
+            except MissionRefused as error:
+                log.warning("flight refused", extra={"reason": str(error)})
+                if self._autopilot.is_on_ground:
+                    here = Elsewhere(route[0].from_id, run.position)
+                    return _failed(self._ended(run), code="AUTOPILOT_REFUSED", elsewhere=here)
+                await sleep_wall(self._clock, _AGAIN_S)
+            else:
+                return None
+
+    def _has_arrived(self, route: tuple[FlyStep, ...]) -> bool:
+        """Whether it stands where these flights lead, after a restart too."""
+        autopilot, end = self._autopilot, route[-1].to_position
+        return autopilot.is_on_ground and autopilot.is_near(end, within_m=_AT_STATION_M)
+
+    async def _recharge(self, run: StepRun, step: RechargeStep) -> Outcome:
+        until_soc = min(step.until_soc, self._model.top_soc) - _CHARGE_GRAIN
+        charging = asyncio.ensure_future(self._autopilot.until(lambda: self._soc(run) >= until_soc))
+        over = asyncio.ensure_future(self._clock.sleep_until(step.not_after_at))
+        try:
+            await asyncio.wait((charging, over), return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            charging.cancel()
+            over.cancel()
+        code = None if self._soc(run) >= until_soc else "SHORT_CHARGE"
+        return Outcome(max(self._clock.now(), run.started_at), self._soc(run), 0.0, code)
+
+    async def _hand_over(self, run: StepRun) -> Outcome:
+        """Let go once, whatever comes: packages that were dropped cannot be dropped again."""
+        if self._release is None or self._release[0] != _key(run):
+            self._release = (_key(run), asyncio.create_task(self._let_go()))
+        # Shielded: a step that is taken up again goes on with the same release.
+        was_done = await asyncio.shield(self._release[1])
+        if was_done is None:
+            return _failed(self._ended(run), code="UNKNOWN")
+        if not was_done:
+            return _failed(self._ended(run), code="HAND_OVER_REFUSED")
+        await self._planned_end(run)
+        return self._ended(run)
+
+    async def _let_go(self) -> bool | None:
+        """Whether the autopilot has let go; None when nobody knows."""
+        dialect = self._link.dialect
+        command_id, *params = self._settings.payload.command(dialect)
+        while True:
+            result = await command_once(
+                self._link, int(command_id), *params, timeout_s=self._settings.release_s
+            )
+            if result == dialect.MAV_RESULT_TEMPORARILY_REJECTED:
+                await sleep_wall(self._clock, _AGAIN_S)
+                continue
+            return None if result is None else result == dialect.MAV_RESULT_ACCEPTED
+
+    async def _planned_end(self, run: StepRun) -> None:
+        planned = run.step.planned_end_at - run.step.planned_start_at
+        await self._clock.sleep_until(run.started_at + planned)
+
+    def _ended(self, run: StepRun) -> Outcome:
+        soc = self._soc(run)
+        used_j = max(0.0, run.soc - soc) * self._model.battery_j
+        return Outcome(max(self._clock.now(), run.started_at), soc, used_j)
+
+    def _soc(self, run: StepRun) -> float:
+        return run.soc if self._autopilot.soc is None else self._autopilot.soc
+
+
+@asynccontextmanager
+async def mavlink_vehicle(
+    model: DroneModel, clock: FleetClock, settings: MavlinkSettings
+) -> AsyncIterator[MavlinkVehicle]:
+    """The drone whose autopilot is at this address, once it has said where it is.
+
+    Raises
+    ------
+    NoMavlink
+        pymavlink is not installed, or cannot open the address.
+    """
+    async with mavlink_link(settings.address) as link:
+        log.info("waiting for the autopilot", extra={"address": settings.address})
+        vehicle = MavlinkVehicle(model, clock, link, settings)
+        await vehicle.ready()
+        yield vehicle
+
+
+def _key(run: StepRun) -> tuple[int, datetime]:
+    return run.step.step_id, run.started_at
+
+
+def _failed(ended: Outcome, *, code: str, elsewhere: Elsewhere | None = None) -> Outcome:
+    return replace(ended, code=code, has_failed=True, elsewhere=elsewhere)

@@ -1,0 +1,1 @@
+"""What the drone tells of itself: state, events, thinned telemetry."""

@@ -1,0 +1,124 @@
+"""The reporter: events until the broker has them, state on change and every 30 s."""
+
+import asyncio
+
+from skyway.contracts.drone_report import DroneEvent, DroneState
+from skyway.contracts.topics import EVENTS, STATE
+from skyway.runtime.clock import FleetClock, fleet_margin
+from skyway.runtime.errors import MqttUnavailable
+from skyway_drone_agent.analysis.lookout import Lookout
+from skyway_drone_agent.journal.flight_recorder import FlightRecorder
+from skyway_drone_agent.journal.waiting import wait_for_news
+from skyway_drone_agent.link.uplink import Uplink
+from skyway_drone_agent.reports.snapshot import snapshot_of
+
+#: Wall seconds after which the state is sent although nothing has changed.
+STATE_EVERY_S = 30.0
+
+#: What may differ between two states that say the same.
+_PASSING = {"message_id", "sent_at", "seq", "at", "soc", "position", "health", "traceparent"}
+
+
+class EventSender:
+    """Sends what the journal holds of events; the cloud may ask for them again."""
+
+    def __init__(self, uplink: Uplink, recorder: FlightRecorder) -> None:
+        self._uplink = uplink
+        self._recorder = recorder
+        self._news = recorder.watch()
+        self._sent_through = 0
+        self._progress = asyncio.Event()
+
+    async def wait_all_sent(self) -> None:
+        """Return once the broker has every event that has happened."""
+        while self._next() is not None:
+            self._progress.clear()
+            await self._progress.wait()
+
+    def resend_after(self, seq: int) -> None:
+        """Send the events after this one again."""
+        self._sent_through = min(self._sent_through, seq)
+        self._news.set()
+
+    async def run(self) -> None:
+        """Send for ever, in order; after a restart all that are not confirmed."""
+        while True:
+            event = self._next()
+            if event is None:
+                await self._news.wait()
+                self._news.clear()
+                continue
+            before = self._sent_through
+            await self._uplink.send_until_confirmed(EVENTS, event)
+            # The cloud may have asked for older ones meanwhile.
+            if self._sent_through == before:
+                self._sent_through = event.seq
+            self._progress.set()
+
+    def _next(self) -> DroneEvent | None:
+        events = self._recorder.written_events
+        return next((event for event in events if event.seq > self._sent_through), None)
+
+
+class StateSender:
+    """Sends the snapshot that tells the truth of progress, after the events that it counts.
+
+    A state that came first would have the cloud ask for events that are on their way.
+    """
+
+    def __init__(
+        self,
+        uplink: Uplink,
+        recorder: FlightRecorder,
+        lookout: Lookout,
+        clock: FleetClock,
+        *,
+        events: EventSender,
+    ) -> None:
+        self._events = events
+        self._uplink = uplink
+        self._recorder = recorder
+        self._lookout = lookout
+        self._clock = clock
+        self._news: asyncio.Event = recorder.watch()
+        self._is_due = True
+
+    def send_anew(self) -> None:
+        """Send the state although it may not have changed: the broker may have lost it."""
+        self._is_due = True
+        self._news.set()
+
+    async def run(self) -> None:
+        """Send for ever."""
+        last: DroneState | None = None
+        while True:
+            await self._events.wait_all_sent()
+            state = self._state()
+            if self._is_due or last is None or _meaning(state) != _meaning(last):
+                self._is_due = False
+                last = await self._sent(state)
+            due_at = last.at + fleet_margin(self._clock, fleet_s=0.0, wall_s=STATE_EVERY_S)
+            await wait_for_news(self._news, self._clock, until=due_at)
+            self._is_due = self._is_due or self._clock.now() >= due_at
+
+    async def _sent(self, state: DroneState) -> DroneState:
+        """Send until the broker has it, each time as it is then."""
+        while True:
+            try:
+                await self._uplink.send(STATE, state)
+            except MqttUnavailable:
+                await self._uplink.wait_to_retry()
+                await self._events.wait_all_sent()
+                state = self._state()
+            else:
+                return state
+
+    def _state(self) -> DroneState:
+        assessment = self._lookout.look()
+        return snapshot_of(
+            self._recorder.told_logbook, assessment, envelope=self._uplink.envelope(STATE)
+        )
+
+
+def _meaning(state: DroneState) -> DroneState:
+    return state.model_copy(update=dict.fromkeys(_PASSING))

@@ -1,0 +1,1 @@
+"""A drone that exists only as physics, and what disturbs it."""

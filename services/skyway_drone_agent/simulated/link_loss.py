@@ -1,0 +1,133 @@
+"""A link that is lost and found again as a scenario says, as the radio of a drone loses it."""
+
+import asyncio
+import math
+from collections.abc import AsyncIterator, Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from datetime import UTC, datetime, timedelta
+from types import TracebackType
+from typing import Any, Self
+
+from skyway.contracts.topic import Address, M, Topic
+from skyway.ids import DroneId
+from skyway.runtime.clock import sleep_wall
+from skyway.runtime.mqtt import MqttClient, Received
+from skyway_drone_agent.clock_keeper import ClockFromCloud
+from skyway_drone_agent.simulated.chance import uniforms
+from skyway_drone_agent.simulated.disturbances import Disturbances
+
+_EPOCH = datetime.fromtimestamp(0, UTC)
+
+
+@dataclass(frozen=True, slots=True)
+class Outage:
+    """From when until when a link is down."""
+
+    from_at: datetime
+    until_at: datetime
+
+
+def outages(after: datetime, *, disturbed: Disturbances, drone_id: DroneId) -> Iterator[Outage]:
+    """The outages of this drone's link that end after a moment, one after another, for ever.
+
+    Only where `has_outages`: else there is no next one to be found.
+    """
+    loss = disturbed.link
+    span = math.floor(after.timestamp() / loss.every_s)
+    while True:
+        is_lost, share, *_ = uniforms(disturbed.seed, "link", drone_id, span)
+        if is_lost < loss.share:
+            begin_s = span * loss.every_s + share * (loss.every_s - loss.for_s)
+            from_at = _EPOCH + timedelta(seconds=begin_s)
+            outage = Outage(from_at, from_at + timedelta(seconds=loss.for_s))
+            if outage.until_at > after:
+                yield outage
+        span += 1
+
+
+def has_outages(disturbed: Disturbances, drone_id: DroneId) -> bool:
+    """Whether the scenario ever takes this drone's link away."""
+    loss = disturbed.link
+    return loss.share > 0.0 and (loss.drone_ids is None or drone_id in loss.drone_ids)
+
+
+class LinkWithOutages:
+    """The drone's own connection, dropped for a while now and then, without a goodbye."""
+
+    def __init__(
+        self,
+        client: MqttClient,
+        clock: ClockFromCloud,
+        *,
+        disturbed: Disturbances,
+        drone_id: DroneId,
+    ) -> None:
+        self._client = client
+        self._clock = clock
+        self._disturbed = disturbed
+        self._drone_id = drone_id
+        self._losing: asyncio.Task[None] | None = None
+
+    async def __aenter__(self) -> Self:
+        await self._client.__aenter__()
+        self._losing = asyncio.create_task(self._lose_and_find())
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+        /,
+    ) -> None:
+        if self._losing is not None:
+            self._losing.cancel()
+            with suppress(asyncio.CancelledError):
+                await self._losing
+        await self._client.__aexit__(kind, error, trace)
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether the broker has accepted us."""
+        return self._client.is_connected
+
+    async def wait_connected(self) -> None:
+        """Return once the broker has accepted us."""
+        await self._client.wait_connected()
+
+    async def wait_lost(self) -> None:
+        """Return once the broker cannot be reached; at once while it cannot."""
+        await self._client.wait_lost()
+
+    async def publish(self, address: Address[M], message: M, *, timeout_s: float = 5.0) -> None:
+        """Publish as the connection itself does; nothing gets through an outage."""
+        await self._client.publish(address, message, timeout_s=timeout_s)
+
+    def batches(
+        self, *subscriptions: Topic[Any] | Address[Any]
+    ) -> AsyncIterator[list[Received[Any]]]:
+        """What arrives on these topics; Any, since each has a message of its own."""
+        return self._client.batches(*subscriptions)
+
+    async def _lose_and_find(self) -> None:
+        await self._clock.wait_known()
+        for outage in outages(self._now(), disturbed=self._disturbed, drone_id=self._drone_id):
+            await self._sleep_until(outage.from_at)
+            self._client.drop()
+            await self._client.__aexit__(None, None, None)
+            try:
+                await self._sleep_until(outage.until_at)
+            finally:
+                await self._client.__aenter__()
+
+    def _now(self) -> datetime:
+        by_wall = self._disturbed.link.seconds == "wall"
+        return self._clock.wall_now() if by_wall else self._clock.now()
+
+    async def _sleep_until(self, moment: datetime) -> None:
+        if self._disturbed.link.seconds == "fleet":
+            await self._clock.sleep_until(moment)
+        else:
+            left_s = (moment - self._clock.wall_now()).total_seconds()
+            await sleep_wall(self._clock, max(0.0, left_s))

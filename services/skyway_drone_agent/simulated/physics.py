@@ -1,0 +1,191 @@
+"""When and how a step ends, and how far it is: the planner's arithmetic, disturbed or not."""
+
+from datetime import datetime, timedelta
+from typing import Final
+
+from skyway.contracts.flight_step import (
+    DeliverStep,
+    FlyStep,
+    PickUpStep,
+    RechargeStep,
+    ReturnStep,
+    WaitStep,
+)
+from skyway.drone.charging import recharge_time_s, soc_after_recharge
+from skyway.drone.model import DroneModel
+from skyway.ids import DroneId
+from skyway_drone_agent.simulated.chance import happens
+from skyway_drone_agent.simulated.disturbances import UNDISTURBED, Disturbances
+from skyway_drone_agent.simulated.flight import SimulatedFlight, flight_of
+from skyway_drone_agent.simulated.pads import pad_free_at
+from skyway_drone_agent.vehicles.vehicle import Outcome, Sample, StepRun
+
+#: Planned moments and pad reservations are whole milliseconds, rounded once each: a charge that
+#: lacks less than this is not short.
+_RESERVATION_GRAIN: Final = timedelta(milliseconds=2)
+
+#: Whose chance it is, where no drone is named.
+_NOBODY: Final = DroneId("")
+
+
+class Physics:
+    """What a drone of a model can do, and what disturbs it; a function of (run, moment) alone."""
+
+    def __init__(
+        self,
+        model: DroneModel,
+        disturbances: Disturbances = UNDISTURBED,
+        *,
+        drone_id: DroneId = _NOBODY,
+    ) -> None:
+        self.model = model
+        self.disturbances = disturbances
+        self.drone_id = drone_id
+        battery = disturbances.battery
+        self.is_worn = happens(battery.worn_share, disturbances.seed, "worn", drone_id)
+        #: What the battery holds when full, which a worn one's model does not know.
+        self.battery_j = model.battery_j * (battery.capacity if self.is_worn else 1.0)
+        self._last: tuple[StepRun, SimulatedFlight] | None = None
+
+    def outcome_of(self, run: StepRun) -> Outcome:
+        """When and how a step ends by itself."""
+        match run.step:
+            case FlyStep():
+                return self._flown(run, run.step)
+            case RechargeStep():
+                return self._recharged(run, run.step)
+            case WaitStep(until_at=until_at):
+                return Outcome(max(run.started_at, until_at), run.soc, energy_j=0.0)
+            case DeliverStep():
+                return self._delivered(run, run.step)
+            case PickUpStep() | ReturnStep():
+                planned = run.step.planned_end_at - run.step.planned_start_at
+                return Outcome(_no_earlier(run, run.started_at + planned), run.soc, energy_j=0.0)
+
+    def sample(self, run: StepRun, at: datetime) -> Sample:
+        """How far the step has come at this moment."""
+        if isinstance(run.step, FlyStep):
+            return self._in_flight(run, run.step, at=at)
+        soc = run.soc
+        if isinstance(run.step, RechargeStep) and soc < run.step.until_soc:
+            charged_s = (at - self.pad_free_at(run, run.step)).total_seconds()
+            soc = min(self._charged(soc, max(0.0, charged_s)), run.step.until_soc)
+        return Sample(run.position, soc, power_w=0.0, speed_mps=0.0)
+
+    def flight(self, run: StepRun, step: FlyStep) -> SimulatedFlight:
+        """The flight of a run; the last one is kept, since it is asked about many times."""
+        if self._last is not None and _is_same_flight(self._last[0], run):
+            return self._last[1]
+        flight = flight_of(
+            step,
+            run.started_at,
+            load_kg=run.load_kg,
+            model=self.model,
+            disturbed=self.disturbances,
+            drone_id=self.drone_id,
+        )
+        self._last = (run, flight)
+        return flight
+
+    def pad_free_at(self, run: StepRun, step: RechargeStep) -> datetime:
+        """When this recharge can begin."""
+        return pad_free_at(step, run.started_at, disturbed=self.disturbances)
+
+    def landed(self, run: StepRun, at: datetime) -> Outcome:
+        """The end of a flight that lands from where it is at this moment."""
+        flown_j = (run.soc - self.sample(run, at).soc) * self.battery_j
+        energy_j = flown_j + self.model.stop_j
+        landed_at = at + timedelta(seconds=self.model.stop_s)
+        return Outcome(landed_at, self._soc_after(run.soc, energy_j), energy_j)
+
+    def _soc_after(self, soc: float, energy_j: float) -> float:
+        return max(0.0, soc - energy_j / self.battery_j)
+
+    def _charge_factor(self) -> float:
+        """A worn battery holds less, and is full the sooner."""
+        return self.disturbances.charge_time_factor * self.battery_j / self.model.battery_j
+
+    def _charged(self, soc: float, duration_s: float) -> float:
+        on_curve = max(soc, self.model.charge_curve[0].soc)
+        return soc_after_recharge(self.model, on_curve, duration_s / self._charge_factor())
+
+    def _flown(self, run: StepRun, step: FlyStep) -> Outcome:
+        flight = self.flight(run, step)
+        over_at, energy_j = flight.over_at, flight.used_j(flight.way_s)
+        if step.lands:
+            ended_at = _no_earlier(run, over_at + timedelta(seconds=self.model.stop_s))
+            energy_j += self.model.stop_j
+        else:
+            ended_at = _no_earlier(run, over_at)
+            if ended_at > over_at:
+                # Told to fly on while it was landing: what it has spent on that is gone.
+                energy_j += self._landing_j((ended_at - over_at).total_seconds())
+        return Outcome(ended_at, self._soc_after(run.soc, energy_j), energy_j)
+
+    def _landing_j(self, landing_s: float) -> float:
+        return self.model.stop_j * min(1.0, landing_s / max(self.model.stop_s, 1.0))
+
+    def _recharged(self, run: StepRun, step: RechargeStep) -> Outcome:
+        until_soc = min(step.until_soc, self.model.top_soc)
+        if run.soc >= until_soc:
+            return Outcome(run.started_at, run.soc, energy_j=0.0)
+        soc = max(run.soc, self.model.charge_curve[0].soc)
+        charge_s = recharge_time_s(self.model, soc, until_soc) * self._charge_factor()
+        begun_at = self.pad_free_at(run, step)
+        full_at = begun_at + timedelta(seconds=charge_s)
+        if full_at <= step.not_after_at + _RESERVATION_GRAIN:
+            return Outcome(full_at, until_soc, energy_j=0.0)
+        ended_at = max(run.started_at, step.not_after_at)
+        if run.started_at < ended_at <= begun_at:
+            # Its time on the pad is over, and somebody else had it: no wait would charge it.
+            return Outcome(ended_at, run.soc, energy_j=0.0, code="PAD_OCCUPIED", has_failed=True)
+        charged_s = max(0.0, (ended_at - begun_at).total_seconds())
+        short_soc = self._charged(soc, charged_s) if charged_s else run.soc
+        return Outcome(ended_at, short_soc, energy_j=0.0, code="SHORT_CHARGE")
+
+    def _delivered(self, run: StepRun, step: DeliverStep) -> Outcome:
+        if self._is_somebody_there(step):
+            ended_at = run.started_at + timedelta(seconds=step.dropoff_s)
+            return Outcome(ended_at, run.soc, energy_j=0.0)
+        return Outcome(
+            run.started_at + timedelta(seconds=step.recipient_wait_s),
+            run.soc,
+            energy_j=0.0,
+            code="RECIPIENT_ABSENT",
+            has_failed=True,
+        )
+
+    def _is_somebody_there(self, step: DeliverStep) -> bool:
+        disturbed = self.disturbances
+        if step.station_id in disturbed.absent_station_ids:
+            return False
+        which = (step.station_id, *step.package_ids)
+        return not happens(disturbed.absent_share, disturbed.seed, "absent", *which)
+
+    def _in_flight(self, run: StepRun, step: FlyStep, *, at: datetime) -> Sample:
+        flight = self.flight(run, step)
+        elapsed_s = max(0.0, (at - run.started_at).total_seconds())
+        energy_j, power_w = flight.used_j(elapsed_s), flight.power_w(elapsed_s)
+        landing_s = elapsed_s - flight.way_s
+        if step.lands and landing_s >= 0.0:
+            energy_j += self._landing_j(landing_s)
+            power_w = self.model.stop_j / max(self.model.stop_s, 1.0)
+        return Sample(
+            position=flight.position(elapsed_s),
+            soc=self._soc_after(run.soc, energy_j),
+            power_w=power_w,
+            speed_mps=flight.speed_mps(elapsed_s),
+        )
+
+
+def _is_same_flight(known: StepRun, run: StepRun) -> bool:
+    return (
+        known.started_at == run.started_at
+        and known.load_kg == run.load_kg
+        and (known.step is run.step or known.step == run.step)
+    )
+
+
+def _no_earlier(run: StepRun, ended_at: datetime) -> datetime:
+    """The end of a step, which cannot lie before it was changed."""
+    return ended_at if run.changed_at is None else max(ended_at, run.changed_at)

@@ -1,0 +1,1 @@
+"""What flies, as the agent sees it: the interface, one reading of its sensors, its battery."""

@@ -1,0 +1,90 @@
+"""What a battery still holds, learned from charges that are well known at rest."""
+
+from datetime import UTC, datetime, timedelta
+from itertools import pairwise
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from skyway_drone_agent.analysis.battery_health import BatteryHealth
+from skyway_drone_agent.vehicles.battery_pack import BatteryPack
+from skyway_drone_agent.vehicles.reading import Reading
+
+from skyway.geo import Position
+
+START = datetime(2026, 3, 1, 12, tzinfo=UTC)
+PACK = BatteryPack()
+RATED_J = 1_000_000.0
+
+
+def make_reading(at_s: float, soc: float, *, capacity: float, current_a: float = 0.0) -> Reading:
+    open_v = PACK.open_voltage_v(soc)
+    return Reading(
+        at=START + timedelta(seconds=at_s),
+        position=Position(-98.0, 30.0),
+        ground_mps=(0.0, 0.0),
+        air_mps=(0.0, 0.0),
+        voltage_v=open_v - current_a * PACK.resistance_ohm,
+        current_a=current_a,
+        consumed_j=(1.0 - soc) * RATED_J * capacity,
+        cell_low_v=open_v / 6 - 0.05,
+        cell_high_v=open_v / 6 + 0.05,
+        temperature_c=25.0,
+    )
+
+
+def cycle(health: BatteryHealth, *, capacity: float, low: float, from_s: float) -> None:
+    """A rest when full, a flight, a rest, a charge, and a rest."""
+    for at_s, soc, current_a in (
+        (0, 1.0, 0.0),
+        (30, 1.0, 0.0),
+        (60, 0.95, 30.0),
+        (600, low + 0.01, 30.0),
+        (660, low, 0.0),
+        (690, low, 0.0),
+        (700, low + 0.01, -20.0),
+        (3_600, 0.99, -20.0),
+    ):
+        reading = make_reading(from_s + at_s, soc, capacity=capacity, current_a=current_a)
+        health.take(reading, resistance_ohm=PACK.resistance_ohm)
+
+
+def test_a_battery_that_holds_what_it_should_is_exactly_well() -> None:
+    health = BatteryHealth(PACK, rated_j=RATED_J)
+
+    for count in range(3):
+        cycle(health, capacity=1.0, low=0.65, from_s=4_000 * count)
+
+    assert health.state_of_health == pytest.approx(1.0, abs=1e-9)
+
+
+@settings(max_examples=30)
+@given(capacity=st.floats(0.5, 0.98))
+def test_the_health_comes_nearer_to_the_capacity_with_every_cycle(capacity: float) -> None:
+    health = BatteryHealth(PACK, rated_j=RATED_J)
+    wrong = [1.0 - capacity]
+
+    for count in range(12):
+        cycle(health, capacity=capacity, low=0.62, from_s=4_000 * count)
+        wrong.append(abs(health.state_of_health - capacity))
+
+    assert all(after <= before + 1e-9 for before, after in pairwise(wrong))
+    assert wrong[1] > 0.05 * wrong[0]
+    assert wrong[-1] < 0.02 + 0.1 * wrong[0]
+
+
+def test_charges_on_the_flat_of_the_curve_say_nothing() -> None:
+    health = BatteryHealth(PACK, rated_j=RATED_J)
+
+    for count in range(5):
+        cycle(health, capacity=0.7, low=0.4, from_s=4_000 * count)
+
+    assert health.state_of_health == 1.0
+
+
+def test_the_difference_of_the_cells_is_smoothed() -> None:
+    health = BatteryHealth(PACK, rated_j=RATED_J)
+
+    health.take(make_reading(0, 0.9, capacity=1.0), resistance_ohm=0.02)
+
+    assert health.cell_spread_v == pytest.approx(0.1)

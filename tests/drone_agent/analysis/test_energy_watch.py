@@ -1,0 +1,111 @@
+"""Consumption against plan, and how long it is believed."""
+
+from datetime import timedelta
+from typing import Any
+
+import pytest
+from skyway_drone_agent.analysis.energy_watch import EnergyWatch
+from skyway_drone_agent.analysis.leg import Leg, leg_of
+from skyway_drone_agent.vehicles.reading import Reading
+
+from skyway.geo import point_between
+from skyway.ids import MissionId
+
+
+@pytest.fixture
+def leg(drone: Any, steps: Any) -> Leg:
+    """A straight leg of 9.6 km to the east."""
+    (step,) = steps().fly("home", "over", length_m=9_630.0, duration_s=512).made
+    return leg_of(step, model=drone.model, load_kg=0.0)
+
+
+def on_the_leg(leg: Leg, at_s: float, *, factor: float, share: float) -> Reading:
+    """A drone that has flown this share of the leg, for `factor` times the energy."""
+    return Reading(
+        at=leg.step.planned_start_at + timedelta(seconds=at_s),
+        position=point_between(leg.step.from_position, leg.step.to_position, fraction=share),
+        ground_mps=(20.0, 0.0),
+        air_mps=(20.0, 0.0),
+        voltage_v=22.0,
+        current_a=5.0,
+        consumed_j=factor * share * leg.flight_j,
+        cell_low_v=3.7,
+        cell_high_v=3.7,
+        temperature_c=25.0,
+    )
+
+
+def flown(leg: Leg, *, factor: float, wind_mps: tuple[float, float] | None = None) -> EnergyWatch:
+    """The watch of a drone that has flown the leg so."""
+    watch = EnergyWatch(power_w=100.0)
+    watch.begin(MissionId("msn_1"), leg.step.planned_start_at)
+    for at_s in range(480):
+        reading = on_the_leg(leg, at_s, factor=factor, share=at_s / 481)
+        watch.take(reading, leg, wind_mps=wind_mps)
+    return watch
+
+
+def test_what_is_used_against_the_plan_is_found_within_minutes(leg: Leg) -> None:
+    landed_at = leg.step.planned_start_at + timedelta(seconds=480)
+
+    assert flown(leg, factor=1.5).factor(landed_at) == pytest.approx(1.5, rel=0.02)
+
+
+def test_what_the_wind_takes_is_not_the_drones(leg: Leg) -> None:
+    landed_at = leg.step.planned_start_at + timedelta(seconds=480)
+
+    watch = flown(leg, factor=20.0 / 15.0, wind_mps=(-5.0, 0.0))
+
+    assert watch.factor(landed_at) == pytest.approx(1.0, abs=0.01)
+
+
+def test_what_was_used_is_forgotten_while_the_drone_stands(leg: Leg) -> None:
+    watch, landed_at = flown(leg, factor=1.5), leg.step.planned_start_at + timedelta(seconds=480)
+
+    believed = [watch.factor(landed_at + timedelta(hours=hours)) for hours in (0, 1, 12)]
+
+    assert believed == sorted(believed, reverse=True)
+    assert 1.3 < believed[1] < 1.49
+    assert believed[2] < 1.05
+
+
+def test_the_next_mission_begins_with_what_the_last_one_showed(leg: Leg) -> None:
+    watch, landed_at = flown(leg, factor=1.5), leg.step.planned_start_at + timedelta(seconds=480)
+    before = watch.factor(landed_at)
+
+    watch.begin(MissionId("msn_2"), landed_at)
+
+    assert watch.factor(landed_at) == pytest.approx(before)
+
+
+def test_a_landing_does_not_count(leg: Leg) -> None:
+    watch, landed_at = flown(leg, factor=1.0), leg.step.planned_start_at + timedelta(seconds=480)
+    before = watch.factor(landed_at)
+
+    watch.take(on_the_leg(leg, 480, factor=5.0, share=1.0), leg, wind_mps=None)
+    watch.take(on_the_leg(leg, 481, factor=9.0, share=1.0), leg, wind_mps=None)
+
+    assert watch.factor(landed_at) == pytest.approx(before, abs=1e-9)
+
+
+def test_what_is_flown_without_positions_does_not_count(leg: Leg) -> None:
+    watch, landed_at = flown(leg, factor=1.0), leg.step.planned_start_at + timedelta(seconds=480)
+    before = watch.factor(landed_at)
+    lost = on_the_leg(leg, 480, factor=5.0, share=0.99)
+    blind = {name: getattr(lost, name) for name in Reading.__slots__} | {"has_gps": False}
+
+    watch.take(Reading(**blind), leg, wind_mps=None)
+
+    assert watch.factor(landed_at) == pytest.approx(before, abs=1e-9)
+
+
+def test_a_drone_that_is_blown_back_is_believed_to_need_the_most(leg: Leg) -> None:
+    watch = EnergyWatch(power_w=100.0)
+    for at_s in range(400):
+        share = 0.5 - at_s / 1_000
+        reading = on_the_leg(leg, at_s, factor=1.0, share=share)
+        used_j = 100.0 * at_s
+        fields = {name: getattr(reading, name) for name in Reading.__slots__}
+        watch.take(Reading(**fields | {"consumed_j": used_j}), leg, wind_mps=None)
+
+    assert watch.factor(leg.step.planned_start_at) == 4.0

@@ -1,0 +1,79 @@
+"""Sensors are read once for all who ask, and again when something has changed."""
+
+from datetime import timedelta
+from typing import Any
+
+import pytest
+from skyway_drone_agent.analysis.lookout import Lookout
+from skyway_drone_agent.journal.flight_recorder import FlightRecorder
+from skyway_drone_agent.journal.memory_journal import MemoryJournal
+from skyway_drone_agent.simulated.vehicle import SimulatedVehicle
+from skyway_drone_agent.vehicles.reading import Reading
+
+
+class CountedVehicle(SimulatedVehicle):
+    """A simulated vehicle that counts how often it is looked at."""
+
+    reads = 0
+
+    def read(self, doing: Any, at: Any) -> Reading:
+        self.reads += 1
+        return super().read(doing, at)
+
+
+@pytest.fixture
+def vehicle(drone: Any, virtual_clock: Any) -> CountedVehicle:
+    """A drone at home, at clock rate 1."""
+    virtual_clock.rate = 1.0
+    return CountedVehicle(drone.model, virtual_clock)
+
+
+@pytest.fixture
+def recorder(drone: Any) -> FlightRecorder:
+    """Its flight recorder."""
+    return FlightRecorder(MemoryJournal(), drone_id=drone.drone_id, at_first=drone.at_first())
+
+
+def test_the_newest_assessment_is_shared(
+    recorder: FlightRecorder, vehicle: CountedVehicle, virtual_clock: Any
+) -> None:
+    lookout = Lookout(recorder, vehicle, virtual_clock)
+    guards = lookout.look()
+
+    virtual_clock.move_to(virtual_clock.now() + timedelta(seconds=1))
+
+    assert lookout.newest() is guards
+    assert vehicle.reads == 1
+
+
+def test_an_old_assessment_is_made_anew(
+    recorder: FlightRecorder, vehicle: CountedVehicle, virtual_clock: Any
+) -> None:
+    lookout = Lookout(recorder, vehicle, virtual_clock)
+    lookout.look()
+
+    virtual_clock.move_to(virtual_clock.now() + timedelta(seconds=2))
+
+    assert lookout.newest().at == virtual_clock.now()
+    assert vehicle.reads == 2
+
+
+def test_a_logbook_that_has_changed_is_looked_at_anew(
+    recorder: FlightRecorder, vehicle: CountedVehicle, virtual_clock: Any
+) -> None:
+    lookout = Lookout(recorder, vehicle, virtual_clock)
+    lookout.look()
+
+    recorder.logbook = recorder.logbook.model_copy(update={"soc": 0.9})
+
+    assert lookout.newest().soc == pytest.approx(0.9)
+    assert vehicle.reads == 2
+
+
+def test_twice_at_one_moment_is_one_look(
+    recorder: FlightRecorder, vehicle: CountedVehicle, virtual_clock: Any
+) -> None:
+    lookout = Lookout(recorder, vehicle, virtual_clock)
+
+    assert lookout.look() is lookout.look()
+    assert vehicle.reads == 1

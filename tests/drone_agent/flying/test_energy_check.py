@@ -1,0 +1,106 @@
+"""The battery must last from one recharge to the next."""
+
+from typing import Any
+
+import pytest
+from skyway_drone_agent.flying.energy_check import shortfall_of, stretch_of
+
+
+def there_and_back(steps: Any, *, until_soc: float) -> Any:
+    return (
+        steps()
+        .fly("home", "shop", length_m=40_000, duration_s=1)
+        .recharge("shop", until_soc=until_soc, duration_s=1)
+        .fly("shop", "farm", length_m=20_000, duration_s=1)
+        .fly("farm", "home", length_m=20_000, duration_s=1)
+        .made
+    )
+
+
+def test_a_recharge_that_gives_enough_carries_on(drone: Any, steps: Any) -> None:
+    made = there_and_back(steps, until_soc=0.7)
+
+    assert shortfall_of(made, model=drone.model, soc=1.0, packages=()) is None
+
+
+def test_the_need_is_that_of_the_whole_stretch(drone: Any, steps: Any) -> None:
+    made = there_and_back(steps, until_soc=0.6)
+
+    shortfall = shortfall_of(made, model=drone.model, soc=1.0, packages=())
+
+    assert shortfall is not None
+    assert shortfall.step == made[3]
+    assert shortfall.need_j == pytest.approx(2 * (1000 * 100 + 1000))
+    assert shortfall.have_j == pytest.approx(0.5 * 360_000)
+
+
+def test_a_drone_with_more_than_asked_keeps_it(drone: Any, steps: Any) -> None:
+    made = (
+        steps()
+        .recharge("home", until_soc=0.2, duration_s=1)
+        .fly("home", "shop", length_m=40_000, duration_s=1)
+        .made
+    )
+
+    assert shortfall_of(made, model=drone.model, soc=0.9, packages=()) is None
+
+
+def test_what_is_on_board_already_weighs_too(drone: Any, steps: Any) -> None:
+    made = steps().fly("home", "shop", length_m=60_000, duration_s=1).made
+    (picked_up,) = steps().pick_up("home", p1=0.5).made
+
+    empty = shortfall_of(made, model=drone.model, soc=1.0, packages=())
+    loaded = shortfall_of(made, model=drone.model, soc=1.0, packages=picked_up.packages)
+
+    assert empty is None
+    assert loaded is not None
+
+
+def test_flights_that_are_flown_anyway_count_but_are_not_judged(drone: Any, steps: Any) -> None:
+    made = there_and_back(steps, until_soc=0.7)
+
+    def short(*, soc: float, judged_from: int) -> Any:
+        return shortfall_of(made, model=drone.model, soc=soc, packages=(), judged_from=judged_from)
+
+    assert short(soc=0.3, judged_from=1).step == made[0]
+    assert short(soc=0.3, judged_from=2) is None
+    assert (
+        shortfall_of(
+            [made[0], *made[2:]], model=drone.model, soc=0.3, packages=(), judged_from=3
+        ).step
+        == made[2]
+    )
+
+
+def test_a_stretch_ends_before_the_next_recharge(steps: Any) -> None:
+    made = there_and_back(steps, until_soc=0.6)
+
+    assert stretch_of(tuple(made)) == (made[0],)
+    assert stretch_of(tuple(made[2:])) == (made[2], made[3])
+
+
+def test_a_drone_that_uses_more_than_its_model_says_is_judged_by_what_it_uses(
+    drone: Any, steps: Any
+) -> None:
+    made = steps().fly("home", "shop", length_m=60_000, duration_s=1).made
+
+    def judged(factor: float) -> Any:
+        return shortfall_of(
+            made, model=drone.model, soc=1.0, packages=(), consumption_factor=factor
+        )
+
+    assert judged(1.0) is judged(1.07) is None
+    assert judged(1.08).need_j == pytest.approx(1.08 * 60_000 / 20 * 100 + 1_000)
+
+
+@pytest.mark.parametrize("factor", [0.5, 1.0, 1.019])
+def test_a_plan_that_uses_all_is_flown_by_a_drone_whose_sensors_err_a_little(
+    drone: Any, steps: Any, factor: float
+) -> None:
+    made = steps().fly("home", "shop", length_m=64_600, duration_s=1).made
+
+    shortfall = shortfall_of(
+        made, model=drone.model, soc=1.0, packages=(), consumption_factor=factor
+    )
+
+    assert shortfall is None
