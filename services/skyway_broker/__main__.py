@@ -7,6 +7,7 @@ import sys
 
 from skyway.contracts.broker_rules import BrokerRules
 from skyway.runtime.errors import InvalidSettings
+from skyway.runtime.garbage import keep_what_is_loaded
 from skyway.runtime.logs import configure_logs
 from skyway_broker.gate import Gate
 from skyway_broker.hardened import HardenedBroker
@@ -47,6 +48,7 @@ def main() -> int:
     # amqtt tells every connection in prose; what matters of it, we tell ourselves.
     for library in ("amqtt", "transitions"):
         logging.getLogger(library).setLevel(logging.WARNING)
+    keep_what_is_loaded()
     asyncio.run(serve(settings))
     return 0
 

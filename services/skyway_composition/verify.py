@@ -115,7 +115,7 @@ _DELIVERED_ALL_THE_SAME: Final = "I6 a package that a cancellation released is n
 async def violations(db: Database) -> Sequence[Mapping[str, str]]:
     """Every violation: the rule that is broken, and by whom."""
     found: list[Mapping[str, str]] = []
-    async with db.read() as connection:
+    async with db.survey() as connection:
         if db.dialect == "postgresql":
             # One moment's data for all checks, as SQLite's reader has anyway.
             await connection.execute(text("SET TRANSACTION ISOLATION LEVEL REPEATABLE READ"))

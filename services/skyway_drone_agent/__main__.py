@@ -7,6 +7,7 @@ import signal
 import sys
 
 from skyway.errors import SkywayError
+from skyway.runtime.garbage import keep_what_is_loaded
 from skyway.runtime.logs import configure_logs
 from skyway_drone_agent.enrolled_drone import read_fleet
 from skyway_drone_agent.enrolment.credentials_folder import CredentialsFolder
@@ -32,6 +33,7 @@ def main() -> int:
                 place(crew.drones, folder, settings.placed)
             if settings.enrolment.wants_rotation:
                 crew.rotate()
+            keep_what_is_loaded()
             asyncio.run(_serve(crew, folder, settings))
     except (SkywayError, OSError) as error:
         sys.stderr.write(f"{error}\n")

@@ -83,8 +83,13 @@ class Database:
 
     @asynccontextmanager
     async def survey(self) -> AsyncIterator[AsyncConnection]:
-        """A connection to read much from; on SQLite others go on while a statement runs."""
+        """A connection to read much from, all of it one moment's data.
+
+        On SQLite others go on while a statement runs.
+        """
         async with self._connect(self._surveys) as connection:
+            if self.dialect == "postgresql":
+                await connection.execution_options(isolation_level="REPEATABLE READ")
             yield connection
 
     @asynccontextmanager

@@ -12,6 +12,8 @@ import uvicorn
 import uvloop
 from starlette.types import ASGIApp
 
+from skyway.runtime.garbage import keep_what_is_loaded
+
 #: An open SSE stream would otherwise hold the exit up for ever.
 _GRACE_S: Final = 2
 _STARTUP_FAILURE: Final = 3
@@ -72,6 +74,10 @@ class _Server(uvicorn.Server):
         finally:
             for number in (signal.SIGINT, signal.SIGTERM):
                 loop.remove_signal_handler(number)
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().startup(sockets)
+        keep_what_is_loaded()
 
     def leave(self) -> None:
         """Stop accepting, finish what is under way, and return."""
