@@ -16,6 +16,7 @@ from sqlalchemy import (
     Table,
     Text,
     UniqueConstraint,
+    false,
     literal_column,
     text,
 )
@@ -231,7 +232,8 @@ drone_links = Table(
     Column("acked_session", BigInteger, nullable=False),  # and the session in which it did
     Column("last_event_seq", BigInteger, nullable=False),
     Column("report_asked_wall_ms", BigInteger, nullable=False),
-    Column("state", Text),  # JSON of DroneState, the newest
+    Column("state", Text),  # JSON of DroneState, the newest,
+    Column("is_occupied", Boolean, nullable=False, server_default=false()),  # and what it says
     Column("connection", Text),  # JSON of Connection, the newest
 )
 

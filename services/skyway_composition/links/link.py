@@ -38,6 +38,12 @@ class DroneLink:
     state: DroneState | None = None
     connection: Connection | None = None
 
+    @property
+    def is_occupied(self) -> bool:
+        """Whether the drone says that it has a mission, known or not, or is down in the open."""
+        state = self.state
+        return state is not None and (state.mission_id is not None or state.activity == "DOWN")
+
     def with_next(self) -> tuple["DroneLink", Numbered]:
         """The link once one more instruction goes to the drone, and that one's place."""
         link = replace(self, stream=max(1, self.stream), last_seq=self.last_seq + 1)

@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import Any, Final
 
-from sqlalchemy import Row, bindparam, case, func, insert, literal_column, or_, select, update
+from sqlalchemy import Row, bindparam, case, func, insert, literal_column, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.drone_report import Connection, DroneState
@@ -18,15 +18,9 @@ from skyway_composition.tables import drone_links, instructions
 #: What the drone has not finally answered.
 _OPEN = ("SENT", "RECEIVED")
 
-#: The states of those among `drone_ids` that say they have a mission, whatever we know of it, or
-#: that they are down in the open. Most drones are neither; reading all their states would take
-#: longer than planning.
-STATES_OF_BUSY: Final = select(drone_links.c.drone_id, drone_links.c.state).where(
-    among(drone_links.c.drone_id, "drone_ids"),
-    or_(
-        drone_links.c.state.contains('"mission_id":"', autoescape=True),
-        drone_links.c.state.contains('"activity":"DOWN"', autoescape=True),
-    ),
+#: Those among `drone_ids` that say so themselves.
+OCCUPIED: Final = select(drone_links.c.drone_id).where(
+    among(drone_links.c.drone_id, "drone_ids"), drone_links.c.is_occupied
 )
 
 # Statements that each booking and each word of a drone needs: making them takes longer than
@@ -142,6 +136,7 @@ def _values(link: DroneLink) -> dict[str, Any]:  # parameters of `_SAVE_LINK` of
         "last_event_seq": link.last_event_seq,
         "report_asked_wall_ms": link.report_asked_wall_ms,
         "state": None if link.state is None else link.state.model_dump_json(),
+        "is_occupied": link.is_occupied,
         "connection": None if link.connection is None else link.connection.model_dump_json(),
     }
 

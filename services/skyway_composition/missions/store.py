@@ -5,11 +5,11 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from pydantic import TypeAdapter
-from sqlalchemy import Row, bindparam, delete, insert, null, select, union_all, update
+from sqlalchemy import Row, bindparam, delete, insert, select, union_all, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.candidate import Candidate
-from skyway.contracts.drone_report import DroneEvent, DroneState
+from skyway.contracts.drone_report import DroneEvent
 from skyway.contracts.flight_step import FlightStep
 from skyway.contracts.mission import Mission
 from skyway.delivery.request import DeliveryRequest
@@ -18,7 +18,7 @@ from skyway.runtime.among import among
 from skyway.runtime.claims import FREE
 from skyway.runtime.database import Tx
 from skyway.units import moment_to_ms
-from skyway_composition.links.store import STATES_OF_BUSY
+from skyway_composition.links.store import OCCUPIED
 from skyway_composition.missions.custody import Custodian, Held
 from skyway_composition.missions.record import Aim, MissionRecord, Proposal, Stuck, Trouble
 from skyway_composition.missions.step_columns import step_columns
@@ -41,10 +41,7 @@ _OF_ATTEMPT: Final = (
     .order_by(missions.c.trip)
 )
 _BUSY: Final = union_all(
-    select(missions.c.drone_id, null().label("state")).where(
-        among(missions.c.drone_id, "drone_ids"), is_live
-    ),
-    STATES_OF_BUSY,
+    select(missions.c.drone_id).where(among(missions.c.drone_id, "drone_ids"), is_live), OCCUPIED
 )
 _LIVE: Final = (
     select(missions)
@@ -118,13 +115,7 @@ async def busy_among(
     So are those that are down away from every station, until people have fetched them.
     """
     found = await connection.execute(_BUSY, {"drone_ids": [*drone_ids]})
-    return frozenset(
-        row.drone_id for row in found if row.state is None or _is_busy(DroneState.read(row.state))
-    )
-
-
-def _is_busy(state: DroneState) -> bool:
-    return state.mission_id is not None or state.activity == "DOWN"
+    return frozenset(row.drone_id for row in found)
 
 
 async def add(tx: Tx, record: MissionRecord) -> None:
