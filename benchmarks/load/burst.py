@@ -49,7 +49,7 @@ def read_burst(arguments: list[str]) -> Burst:
     parser.add_argument("--rate-per-s", type=float, default=10.0)
     parser.add_argument("--seconds", type=float, default=60.0)
     parser.add_argument("--clock-rate", type=float, default=1.0)
-    parser.add_argument("--agents", type=int, default=4, help="processes that host the drones")
+    parser.add_argument("--agents", type=int, default=2, help="processes that host the drones")
     parser.add_argument("--patience-s", type=float, default=30.0, help="after the last request")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--profile", type=Path, metavar="FOLDER", help="stacks, statements")
