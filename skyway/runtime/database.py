@@ -3,16 +3,17 @@
 `read` lends a connection that cannot write, `survey` one for questions that take long. `write`
 lends a transaction, and leaving its block is the only commit there is. SQLite has one writer whose
 commits are grouped (`sqlite_writer`); PostgreSQL has a connection per block, of those that can
-write or of those that cannot.
+write or of those that cannot. `write_alone` is for a write of one statement.
 """
 
 import asyncio
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager
-from typing import Self
+from typing import Any, Self
 
 from asyncpg import PostgresError
-from sqlalchemy import Table, text
+from sqlalchemy import Executable, Table, text
+from sqlalchemy.engine import Row
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
@@ -30,6 +31,9 @@ from skyway.runtime.sqlite_writer import SqliteWriter
 from skyway.runtime.transaction import Tx
 
 __all__ = ["Database", "Tx"]
+
+#: What a statement is told, by name; Any, since it may be of whatever type a column takes.
+Values = Mapping[str, Any]
 
 
 class Database:
@@ -52,6 +56,7 @@ class Database:
         self._readers: AsyncEngine | None = None
         self._surveys: AsyncEngine | None = None
         self._writers: AsyncEngine | None = None
+        self._lone_writers: AsyncEngine | None = None
         self._sqlite_writer: SqliteWriter | None = None
 
     async def __aenter__(self) -> Self:
@@ -64,13 +69,16 @@ class Database:
         else:
             self._readers = self._surveys = postgresql_reader_engine(self._url)
             self._writers = postgresql_engine(self._url)
+            # The same connections.
+            self._lone_writers = self._writers.execution_options(isolation_level="AUTOCOMMIT")
             self._opened.push_async_callback(self._writers.dispose)
         self._opened.push_async_callback(self._readers.dispose)
         return self
 
     async def __aexit__(self, *_: object) -> None:
         await self._opened.aclose()
-        self._readers = self._surveys = self._writers = self._sqlite_writer = None
+        self._readers = self._surveys = self._writers = self._lone_writers = None
+        self._sqlite_writer = None
 
     @asynccontextmanager
     async def read(self) -> AsyncIterator[AsyncConnection]:
@@ -109,6 +117,26 @@ class Database:
             for wake in self._wakes.get(channel, ()):
                 wake.set()
         tx.committed()
+
+    async def write_alone(
+        self, statement: Executable, parameters: Values | Sequence[Values]
+    ) -> Sequence[Row[*tuple[Any, ...]]]:
+        """Run one statement that is a transaction of its own; the rows that it returns.
+
+        PostgreSQL then needs neither BEGIN nor COMMIT, two round trips of three.
+
+        Raises
+        ------
+        ServiceUnavailable
+            As of `write`; the statement may have been run.
+        """
+        if self._sqlite_writer:
+            async with self.write() as tx:
+                done = await tx.execute(statement, parameters)
+        else:
+            async with self._connect(self._lone_writers) as connection:
+                done = await connection.execute(statement, parameters)
+        return done.all() if done.returns_rows else ()
 
     def wake_when_sent(self, wake: Wake, *, channel: str) -> None:
         """Set `wake` after each commit that put messages for this channel into the outbox."""

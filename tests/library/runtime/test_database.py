@@ -243,3 +243,33 @@ async def test_connections_that_the_server_closed_are_made_anew(database_url: st
             after = (await connection.execute(text("SELECT pg_backend_pid()"))).scalar_one()
 
     assert after != before
+
+
+async def test_a_lone_write_is_kept_and_answers_its_rows(db: Database) -> None:
+    adding = STATIONS.insert().returning(STATIONS.c.name)
+
+    added = await db.write_alone(adding, {"name": "san-marcos"})
+    await db.write_alone(STATIONS.insert(), [{"name": "bulverde"}, {"name": "boerne"}])
+
+    assert [row.name for row in added] == ["san-marcos"]
+    assert await names(db) == ["san-marcos", "bulverde", "boerne"]
+
+
+async def test_a_block_after_a_lone_write_is_one_transaction_still(db: Database) -> None:
+    async def fail() -> None:
+        async with db.write() as tx:
+            await tx.execute(STATIONS.insert(), {"name": "bulverde"})
+            raise LookupError
+
+    await db.write_alone(STATIONS.insert(), {"name": "san-marcos"})
+    with pytest.raises(LookupError):
+        await fail()
+
+    assert await names(db) == ["san-marcos"]
+
+
+async def test_a_lone_write_that_fails_half_way_leaves_nothing(db: Database) -> None:
+    with pytest.raises((DBAPIError, Taken)):
+        await db.write_alone(STATIONS.insert(), [{"name": "san-marcos"}, {"name": "san-marcos"}])
+
+    assert await names(db) == []
