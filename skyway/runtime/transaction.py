@@ -14,6 +14,7 @@ from skyway.contracts.topic import Address
 from skyway.json_model import JsonModel
 from skyway.runtime.engines import Dialect
 from skyway.runtime.errors import Taken
+from skyway.runtime.insertion import insertion_of
 from skyway.runtime.taken import taken_constraint
 from skyway.runtime.tracing import current_traceparent
 
@@ -48,6 +49,7 @@ class Tx:
         self.connection = BlockConnection(connection.engine, connection.sync_connection)
         self.dialect = dialect
         self._outbox = outbox
+        self._added: dict[Table, list[Row]] = {}
         self._leaving: list[Row] = []
         self._callbacks: list[Callable[[], None]] = []
         self._failure: Exception | None = None
@@ -79,6 +81,15 @@ class Tx:
             return postgresql.insert(table)
         # The two classes share the methods that are used: on_conflict_do_nothing and _do_update.
         return sqlite.insert(table)  # type: ignore[return-value]
+
+    def add(self, table: Table, rows: Sequence[Row]) -> None:
+        """Insert rows when the block ends, all at once; until then the block does not see them.
+
+        Rows of one table have the same columns; a table comes before those that refer to it. What
+        refuses a row is raised at the end of the block.
+        """
+        if rows:
+            self._added.setdefault(table, []).extend(rows)
 
     def send(
         self,
@@ -129,11 +140,16 @@ class Tx:
         return self._outbox
 
     async def finish(self) -> frozenset[str]:
-        """Write the messages that leave, right before the COMMIT; the channels they leave on."""
+        """Write what was added and leaves, right before the COMMIT; the channels it leaves on."""
         if self._failure is not None:
             raise self._failure
         if self._leaving:
-            await self.execute(self.outbox_table().insert(), self._leaving)
+            self.add(self.outbox_table(), self._leaving)
+        if self._added and self.dialect == "postgresql":
+            await self.execute(*insertion_of(self._added))
+        elif self._added:
+            for table, rows in self._added.items():
+                await self.execute(table.insert(), rows)
         return frozenset(row["channel"] for row in self._leaving)
 
     def committed(self) -> None:
