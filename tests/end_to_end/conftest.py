@@ -50,15 +50,28 @@ CORRIDOR: dict[str, Any] = {
 }
 
 
-def eventually(condition: Callable[[], Any], *, within_s: float, what: str) -> Any:
-    """The first true value of a condition on other processes, which only asking can tell."""
-    deadline = time.monotonic() + within_s
+#: Wall seconds after which nobody believes any more that it will come, however slow the machine.
+PATIENCE_S = 300.0
+
+#: Deliveries in these states stay in them.
+TERMINAL = ("COMPLETED", "PARTIALLY_COMPLETED", "CANCELLED", "FAILED", "REJECTED")
+
+
+def eventually(
+    condition: Callable[[], Any], what: str, *, told: Callable[[], object] | None = None
+) -> Any:
+    """The first true value of a condition on other processes, which only asking can tell.
+
+    `told` is what is there instead, for people who wonder why it never came true.
+    """
+    deadline = time.monotonic() + PATIENCE_S
     while time.monotonic() < deadline:
         found = condition()
         if found:
             return found
         time.sleep(0.05)
-    raise AssertionError(f"{what}: not within {within_s} s")
+    instead = "" if told is None else f", but {told()}"
+    raise AssertionError(f"{what}: not within {PATIENCE_S:g} s{instead}")
 
 
 @dataclass
@@ -85,7 +98,7 @@ class LocalSystem:
             env=self.environment,
         )
         log.close()
-        eventually(self._is_up, within_s=180, what="skyway up")
+        eventually(self._is_up, "skyway up", told=(self.folder.path / "up.log").read_text)
 
     def _is_up(self) -> bool:
         text = (self.folder.path / "up.log").read_text()
@@ -149,14 +162,17 @@ class LocalSystem:
         file = self.folder.path / f"{registered['provider_id']}.json"
         file.write_text(json.dumps(answer))
         self.run_fleet(file, *options)
-        eventually(
-            lambda: all(
-                drone["state"] == "AVAILABLE" for drone in self.operate("GET", path)["items"]
-            ),
-            within_s=20,
-            what="all drones available",
-        )
+        self.until_available(registered["provider_id"], drones=len(homes))
         return {**registered, "drones": answer["items"], "file": file}
+
+    def until_available(self, provider_id: str, *, drones: int) -> None:
+        """Return once so many drones of a provider, all that it has, can be sent somewhere."""
+
+        def states() -> list[str]:
+            known = self.operate("GET", f"/v1/providers/{provider_id}/drones")["items"]
+            return [drone["state"] for drone in known]
+
+        eventually(lambda: states() == ["AVAILABLE"] * drones, "all drones available", told=states)
 
     def run_fleet(self, file: Path, *options: str) -> subprocess.Popen[bytes]:
         log = (self.folder.path / "fleet.log").open("ab")
@@ -191,13 +207,19 @@ class LocalSystem:
         answer: dict[str, Any] = self.call("GET", f"/v1/deliveries/{delivery_id}", key=key).json()
         return answer
 
-    def until_state(self, delivery_id: str, *states: str, within_s: float) -> dict[str, Any]:
+    def until_state(self, delivery_id: str, *states: str) -> dict[str, Any]:
+        """The delivery once it is in one of these states, unless it has ended otherwise."""
         found: dict[str, Any] = eventually(
-            lambda: (now := self.delivery(delivery_id))["state"] in states and now,
-            within_s=within_s,
-            what=f"delivery in {states}, now {self.delivery(delivery_id)['state']}",
+            lambda: (now := self.delivery(delivery_id))["state"] in (*states, *TERMINAL) and now,
+            f"delivery in {states}",
+            told=lambda: self.delivery(delivery_id),
         )
+        assert found["state"] in states, found
         return found
+
+    def until_ended(self, delivery_id: str) -> dict[str, Any]:
+        """The delivery once it has ended, in whatever state."""
+        return self.until_state(delivery_id, *TERMINAL)
 
     def kill(self, package: str) -> int:
         """kill -9 the process that runs this package; its id, once it is gone."""
@@ -205,7 +227,7 @@ class LocalSystem:
         os.kill(killed, signal.SIGKILL)
         for fleet in self.fleets:
             fleet.poll()  # reaps the agent, if it was one
-        eventually(lambda: package not in _arguments(killed), within_s=10, what=f"{package} gone")
+        eventually(lambda: package not in _arguments(killed), f"{package} gone")
         return killed
 
     def pid_of(self, package: str) -> int:
@@ -215,8 +237,7 @@ class LocalSystem:
             lambda: next(
                 (pid for pid in _with_descendants(roots) if package in _arguments(pid)), 0
             ),
-            within_s=10,
-            what=f"a process of {package}",
+            f"a process of {package}",
         )
         return found
 

@@ -39,12 +39,12 @@ def run(system: Any, *options: str, token: str | None = None) -> subprocess.Pope
     return process
 
 
-def until(system: Any, drone: dict[str, Any], state: str, *, within_s: float) -> float:
+def until(system: Any, drone: dict[str, Any], state: str) -> float:
     """Wall seconds until the cloud sees the drone in this state."""
     since = time.monotonic()
     system.eventually(
         lambda: system.operate("GET", path_of(drone))["state"] == state,
-        within_s=within_s,
-        what=f"{drone['drone_id']} {state}",
+        f"{drone['drone_id']} {state}",
+        told=lambda: system.operate("GET", path_of(drone)),
     )
     return time.monotonic() - since

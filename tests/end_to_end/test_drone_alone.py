@@ -21,21 +21,21 @@ def test_a_drone_killed_in_flight_at_a_hand_over_and_on_a_pad_does_each_thing_on
     system.operate("PUT", "/v1/drone-models/quick-charge", QUICK_CHARGE)
     drone = register(system, "alone-s1", model_id="quick-charge")
     process = run(system, token=drone["enrolment_token"])
-    until(system, drone, "AVAILABLE", within_s=60)
+    until(system, drone, "AVAILABLE")
     delivery_id = system.request_delivery(["alone-s3", "alone-s4"], pickup="alone-s1")
 
     written: set[tuple[int | None, str, str]] = set()
     for activity in ("FLYING", "DELIVERING", "RECHARGING"):
         system.eventually(
             lambda activity=activity: _activity(system, delivery_id) == activity,
-            within_s=90,
-            what=activity,
+            activity,
+            told=lambda: system.delivery(delivery_id),
         )
         process.kill()
         process.wait()
         written |= _events(system, drone)
         process = run(system)
-    delivery = system.until_state(delivery_id, "COMPLETED", "FAILED", within_s=120)
+    delivery = system.until_state(delivery_id, "COMPLETED", "FAILED")
 
     written |= _events(system, drone)
     steps = Counter(step_id for step_id, _, kind in written if kind.startswith("STEP_"))

@@ -1,22 +1,20 @@
 """Drones in every kind of trouble, side by side: each failsafe acts, and every delivery ends."""
 
 import resource
-import tomllib
 from collections.abc import Iterator
 from contextlib import contextmanager
-from datetime import UTC, datetime, timedelta
+from datetime import datetime, timedelta
 from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
+from broker_way import BrokerWay
 from ladders import ladders
-from late_acks import LateAcks
-from skyway_drone_agent.link.link_watch import LINK_LOST_AFTER
-from skyway_drone_agent.simulated.disturbances import Disturbances, LinkLoss
-from skyway_drone_agent.simulated.link_loss import Outage, outages
+from skyway_drone_agent.journal.logbook import Logbook
 from troubled_fleets import TroubledFleets
 
-from skyway.ids import DroneId
+from skyway.contracts.flight_step import FlyStep
+from skyway.runtime.clock import load_clock
 
 pytestmark = [pytest.mark.end_to_end, pytest.mark.fleet_rate(60.0)]
 
@@ -58,8 +56,6 @@ _SEEN = {
     "late": (set(), {"EXPIRED"}, "COMPLETED"),
 }
 
-_TERMINAL = ("COMPLETED", "PARTIALLY_COMPLETED", "CANCELLED", "FAILED", "REJECTED")
-
 _BY_NAME = """
 [motor]
 share = 1.0
@@ -84,11 +80,9 @@ from_at = 2020-01-01T00:00:00Z
 until_at = 2120-01-01T00:00:00Z
 """
 
-#: Until the link is lost, at least: long enough for a mission to be accepted.
-_SOON = timedelta(seconds=12)
-
-#: From the link's return to the next take-off, at most.
-_AGAIN = timedelta(seconds=6)
+#: A drone that was ready for so long (fleet time; 5 s of wall time) and has not taken off is kept
+#: from that: nothing that it does by itself takes as long.
+_KEPT_FOR = timedelta(seconds=300)
 
 _WORN = """
 [battery]
@@ -100,51 +94,40 @@ cell_spread_v = 0.15
 """
 
 
-#: The link is lost once, for so many wall seconds.
-_LINK = "[link]\nshare = 1.0\nevery_s = 600\nfor_s = 25\n"
-
-
 def test_every_failsafe_acts_and_every_delivery_ends(system: Any) -> None:
     system.operate("PUT", "/v1/networks/ladders", ladders(*_RESERVES) | {"settings": _SETTINGS})
     fleets = TroubledFleets(system, _RESERVES)
-    with late_acks(system) as late:
-        start(fleets, late)
-        outage = start_with_outage(fleets, "link")
-        late.hold()
+    with way_to_broker(system) as late, way_to_broker(system) as lost:
+        start(fleets, late=late, lost=lost)
+        late.hold_acks()
         deliveries = {
             name: system.request_delivery([f"{name}-{stop}" for stop in stops], pickup=f"{name}-s1")
             for name, stops in _TRIPS.items()
         }
 
-        fill_disk_in_flight(system, fleets)
-        late.let_go()
-        ended = {
-            name: system.until_state(delivery_id, *_TERMINAL, within_s=120)
-            for name, delivery_id in deliveries.items()
-        }
+        until_airborne(system, fleets, "link", deliveries["link"])
+        lost.cut()
+        fill_disk_in_flight(system, fleets, deliveries["disk"])
+        until_expired(system, fleets, "late")
+        late.let_acks_go()
+        ready_at = until_kept_on_the_ground(system, fleets, "link")
+        found_at = load_clock(system.folder.clock_file).now()
+        lost.restore()
+        ended = {name: system.until_ended(each) for name, each in deliveries.items()}
 
-    lost_at = outage.from_at + LINK_LOST_AFTER
-    system.eventually(
-        lambda: any(at > lost_at for at in fleets.take_offs("link")),
-        within_s=60,
-        what="a take-off, for home if not before, after the link was lost",
-    )
-    next_at = min(at for at in fleets.take_offs("link") if at > lost_at)
-    assert outage.until_at <= next_at < outage.until_at + _AGAIN
-    for name, (alarms, failures, state) in _SEEN.items():
-        system.eventually(
-            lambda name=name, alarms=alarms: alarms <= fleets.alarms(name),
-            within_s=60,
-            what=f"{alarms} of {name}",
-        )
-        assert failures <= fleets.failures(name), name
-        assert ended[name]["state"] == state, name
-    assert fleets.alarms("hot") == {"BATTERY_HOT"}
+        expected = {name: state for name, (_, _, state) in _SEEN.items()}
+        assert {name: delivery["state"] for name, delivery in ended.items()} == expected, ended
+        assert next_take_off(system, fleets, "link", after=ready_at) >= found_at
+        for name, (alarms, failures, _) in _SEEN.items():
+            until_alarmed(system, fleets, name, alarms)
+            assert failures <= fleets.failures(name), name
+        until_alarmed(system, fleets, "hot", {"BATTERY_HOT"})
+        assert fleets.alarms("hot") == {"BATTERY_HOT"}
     verified = system.command("verify")
     assert verified.returncode == 0, verified.stdout + verified.stderr
 
 
-def start(fleets: TroubledFleets, late: LateAcks) -> None:
+def start(fleets: TroubledFleets, *, late: BrokerWay, lost: BrokerWay) -> None:
     """The agents; what is the same for all drones of an agent needs agents of its own."""
     named = ("motor", "gps", "drift", "pad")
     ids = {name: fleets.drone_id(name) for name in named}
@@ -154,46 +137,92 @@ def start(fleets: TroubledFleets, late: LateAcks) -> None:
     fleets.run("hot", scenario="[battery]\ntemperature_c = 62")
     fleets.run("worn", scenario=_WORN)
     fleets.run("disk", scenario="")
-    fleets.run("late", scenario="", mqtt_url=f"mqtt://127.0.0.1:{late.port}")
-    fleets.until_available(but="link")
-
-
-def start_with_outage(fleets: TroubledFleets, name: str) -> Outage:
-    """Its agent, with a day's luck of which the link is lost soon, but not yet."""
-    drone_id, loss = DroneId(fleets.drone_id(name)), tomllib.loads(_LINK)["link"]
-    now = datetime.now(UTC)
-    for seed in range(10_000):
-        day = Disturbances(seed=seed, link=LinkLoss(**loss))
-        outage = next(outages(now, disturbed=day, drone_id=drone_id))
-        if _SOON <= outage.from_at - now <= _SOON * 1.5:
-            break
-    fleets.run(name, scenario=f"seed = {seed}\n{_LINK}")
+    fleets.run("late", scenario="", mqtt_url=late.url)
+    fleets.run("link", scenario="", mqtt_url=lost.url)
     fleets.until_available()
-    return outage
 
 
 @contextmanager
-def late_acks(system: Any) -> Iterator[LateAcks]:
+def way_to_broker(system: Any) -> Iterator[BrokerWay]:
     broker = urlsplit(system.environment.get("SKYWAY_MQTT_URL", system.keys["SKYWAY_MQTT_URL"]))
     assert broker.hostname is not None
     assert broker.port is not None
-    with LateAcks((broker.hostname, broker.port)) as late:
-        yield late
+    with BrokerWay((broker.hostname, broker.port)) as way:
+        yield way
 
 
-def fill_disk_in_flight(system: Any, fleets: TroubledFleets) -> None:
-    """From the first flight until after its landing no file of that agent can grow."""
+def until_airborne(system: Any, fleets: TroubledFleets, name: str, delivery_id: str) -> None:
+    """Return once the drone has written down that it takes off."""
     system.eventually(
-        lambda: fleets.state("disk")["activity"] == "FLYING", within_s=60, what="disk in the air"
+        lambda: fleets.logbook(name).mission and fleets.logbook(name).is_airborne,
+        f"{name} in the air",
+        told=lambda: system.delivery(delivery_id),
     )
+
+
+def fill_disk_in_flight(system: Any, fleets: TroubledFleets, delivery_id: str) -> None:
+    """From a flight until after its landing no file of that agent can grow."""
+    until_airborne(system, fleets, "disk", delivery_id)
     pid = fleets.processes["disk"].pid
     before = resource.prlimit(pid, resource.RLIMIT_FSIZE, (0, resource.RLIM_INFINITY))
-    system.eventually(
-        lambda: fleets.state("disk")["station_id"] == "disk-s2",
-        within_s=30,
-        what="the landing with a full disk",
-    )
-    faults = fleets.state("disk")["faults"]
+
+    def has_landed() -> bool:
+        state = fleets.state("disk")
+        return state["station_id"] is not None and state["faults"] == ["DISK_FULL"]
+
+    system.eventually(has_landed, "the landing with a full disk", told=lambda: fleets.state("disk"))
     resource.prlimit(pid, resource.RLIMIT_FSIZE, before)
 
-    assert faults == ["DISK_FULL"]
+
+def until_expired(system: Any, fleets: TroubledFleets, name: str) -> None:
+    """Return once the mission that the drone has accepted may not be begun any more."""
+    clock = load_clock(system.folder.clock_file)
+
+    def has_expired() -> bool:
+        mission = fleets.logbook(name).mission
+        return mission is not None and clock.now() > mission.expires_at
+
+    system.eventually(has_expired, f"{name}'s mission expired", told=lambda: fleets.logbook(name))
+
+
+def until_kept_on_the_ground(system: Any, fleets: TroubledFleets, name: str) -> datetime:
+    """The fleet moment since which the drone could have taken off, once it is kept from that."""
+    clock = load_clock(system.folder.clock_file)
+
+    def kept_since() -> datetime | None:
+        ready_at = ready_to_take_off(fleets.logbook(name))
+        return ready_at if ready_at and clock.now() - ready_at > _KEPT_FOR else None
+
+    what = f"{name} kept on the ground"
+    found: datetime = system.eventually(kept_since, what, told=lambda: fleets.logbook(name))
+    return found
+
+
+def ready_to_take_off(logbook: Logbook) -> datetime | None:
+    """Since when nothing in the drone's mission says that it should not take off."""
+    mission = logbook.mission
+    if mission is None or not mission.steps or mission.has_failed or mission.is_held:
+        return None
+    step = mission.steps[0]
+    if logbook.is_airborne or mission.began_at is not None or not isinstance(step, FlyStep):
+        return None
+    return max(mission.free_at, step.planned_start_at)
+
+
+def next_take_off(system: Any, fleets: TroubledFleets, name: str, *, after: datetime) -> datetime:
+    """The first take-off after a moment, for home if not before."""
+    found: datetime = system.eventually(
+        lambda: next((at for at in fleets.take_offs(name) if at > after), None),
+        f"{name} taking off after {after}",
+        told=lambda: fleets.missions(name),
+    )
+    return found
+
+
+def until_alarmed(system: Any, fleets: TroubledFleets, name: str, codes: set[str]) -> None:
+    """Return once there is an alarm of each of these codes about the drone."""
+    system.eventually(
+        lambda: codes <= fleets.alarms(name),
+        f"{codes} of {name}",
+        told=lambda: fleets.alarms(name),
+    )

@@ -30,8 +30,8 @@ def test_drones_do_what_operators_loaders_and_customers_want(system: Any) -> Non
         _command(system, flying[name], "RESUME")
 
     for name in ("held", "sent", "kept"):
-        system.until_state(deliveries[name], "COMPLETED", within_s=150)
-    cancelled = system.until_state(deliveries["back"], "CANCELLED", within_s=150)
+        system.until_state(deliveries[name], "COMPLETED")
+    cancelled = system.until_state(deliveries["back"], "CANCELLED")
     assert [each["state"] for each in cancelled["packages"]] == ["RETURNED"]
     verified = system.command("verify")
     assert verified.returncode == 0, verified.stdout + verified.stderr
@@ -51,7 +51,7 @@ def _flying(system: Any, delivery_id: str) -> str:
         is_flying = state and state["activity"] == "FLYING" and state["package_ids"]
         return shown["mission"]["mission_id"] if is_flying else None
 
-    found: str = system.eventually(seen, within_s=60, what=f"{delivery_id} in the air")
+    found: str = system.eventually(seen, f"{delivery_id} in the air")
     return found
 
 
@@ -63,7 +63,7 @@ def _load(system: Any, delivery_id: str) -> None:
         state = shown and shown["drone_state"]
         return shown if state and state["activity"] == "LOADING" else None
 
-    shown = system.eventually(seen, within_s=60, what=f"{delivery_id} being loaded")
+    shown = system.eventually(seen, f"{delivery_id} being loaded")
     awaited = system.operate("GET", "/v1/missions?loading=AWAITED")["items"]
     mission_id = shown["mission"]["mission_id"]
     assert [each["mission_id"] for each in awaited] == [mission_id]
@@ -95,7 +95,7 @@ def _until_held(system: Any, mission_id: str) -> None:
         state = system.operate("GET", f"/v1/missions/{mission_id}")["drone_state"]
         return state["is_held"] and state["station_id"] is not None
 
-    system.eventually(seen, within_s=90, what=f"{mission_id} held")
+    system.eventually(seen, f"{mission_id} held")
 
 
 def _until_waiting(system: Any, mission_id: str, *, at: str) -> None:
@@ -105,4 +105,4 @@ def _until_waiting(system: Any, mission_id: str, *, at: str) -> None:
         stands = (state["station_id"], state["activity"]) == (at, "WAITING")
         return stands and shown["mission"]["is_held"]
 
-    system.eventually(seen, within_s=90, what=f"{mission_id} waiting at {at}")
+    system.eventually(seen, f"{mission_id} waiting at {at}")

@@ -31,7 +31,7 @@ def test_deliveries_complete_though_stations_close_pads_fail_and_zones_appear(sy
         "POST", f"/v1/stations/{pad['station_id']}/pads/{pad['pad']}/outages", {"reason": "short"}
     )
     ended = {
-        name: system.until_state(delivery_id, "COMPLETED", within_s=150)
+        name: system.until_state(delivery_id, "COMPLETED")
         for name, delivery_id in deliveries.items()
     }
 
@@ -61,7 +61,7 @@ def _when(system: Any, delivery_id: str, kind: str) -> dict[str, Any]:
         step = _under_way(mission)
         return mission if step and step["kind"] == kind else None
 
-    found: dict[str, Any] = system.eventually(seen, within_s=60, what=f"{delivery_id} at {kind}")
+    found: dict[str, Any] = system.eventually(seen, f"{delivery_id} at {kind}")
     return found
 
 

@@ -7,8 +7,6 @@ import pytest
 
 pytestmark = pytest.mark.end_to_end
 
-_OVER = ("COMPLETED", "PARTIALLY_COMPLETED", "CANCELLED", "FAILED", "REJECTED")
-
 
 def test_offers_are_compared_and_the_one_that_is_taken_is_flown(system: Any) -> None:
     system.publish_corridor()
@@ -29,7 +27,7 @@ def test_offers_are_compared_and_the_one_that_is_taken_is_flown(system: Any) -> 
     taking = {"quote_id": cheapest["quote_id"], "offer_id": cheapest["offers"][0]["offer_id"]}
     taken = system.call("POST", "/v1/deliveries", key=key, body=taking)
     again = system.call("POST", "/v1/deliveries", key=key, body=taking)
-    delivery = system.until_state(taken.json()["delivery_id"], *_OVER, within_s=90)
+    delivery = system.until_ended(taken.json()["delivery_id"])
     proof = system.call("GET", f"/v1/deliveries/{delivery['delivery_id']}/proof", key=key).json()
 
     assert fastest["offers"][0]["provider_id"] == near["provider_id"]
@@ -60,7 +58,7 @@ def test_a_request_too_heavy_for_one_drone_is_flown_in_two_trips(system: Any) ->
 
     key = system.keys["SKYWAY_CUSTOMER_KEY"]
     accepted = system.call("POST", "/v1/deliveries", key=key, body=body)
-    delivery = system.until_state(accepted.json()["delivery_id"], *_OVER, within_s=90)
+    delivery = system.until_ended(accepted.json()["delivery_id"])
 
     assert delivery["state"] == "COMPLETED", delivery
     assert len({mission["drone_id"] for mission in delivery["missions"]}) == 2
@@ -81,7 +79,7 @@ def test_many_requests_at_once_into_few_pads_all_end_and_none_is_double_booked(
     some = ids[::5]
     for delivery_id in some:
         system.call("POST", f"/v1/deliveries/{delivery_id}/cancel", key=key, body={})
-    ended = [system.until_state(delivery_id, *_OVER, within_s=180) for delivery_id in ids]
+    ended = [system.until_ended(delivery_id) for delivery_id in ids]
 
     # Nobody fails: drones are healthy, and what was cancelled comes back or stays.
     assert [delivery["packages"] for delivery in ended if delivery["state"] == "FAILED"] == []

@@ -7,6 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from ladders import QUICK_CHARGE
+from skyway_drone_agent.journal.journal import FileJournal
+from skyway_drone_agent.journal.logbook import Logbook
+
+from skyway.geo import Position
+
+_NOTHING_WRITTEN = Logbook(station_id=None, position=Position(0.0, 0.0), soc=1.0)
 
 _TERMS = {"name": "Trouble Air", "tariff": {"currency": "USD", "base": 100, "per_km": 10}}
 
@@ -20,12 +26,13 @@ class TroubledFleets:
             model = QUICK_CHARGE | {"model_id": _model_id(reserve_soc), "reserve_soc": reserve_soc}
             system.operate("PUT", f"/v1/drone-models/{_model_id(reserve_soc)}", model)
         registered = system.operate("POST", "/v1/providers", _TERMS)
-        self._path = f"/v1/providers/{registered['provider_id']}/drones"
+        self._provider_id = registered["provider_id"]
         drones = [
             {"model_id": _model_id(reserve_soc), "home_station_id": f"{name}-s1"}
             for name, reserve_soc in reserves.items()
         ]
-        made = system.operate("POST", self._path, drones)["items"]
+        path = f"/v1/providers/{self._provider_id}/drones"
+        made = system.operate("POST", path, drones)["items"]
         self._drones = dict(zip(reserves, made, strict=True))
         self.processes: dict[str, subprocess.Popen[bytes]] = {}
 
@@ -47,28 +54,23 @@ class TroubledFleets:
         self._system.environment = environment
         self.processes |= dict.fromkeys(names, process)
 
-    def until_available(self, *, but: str | None = None) -> None:
-        """Return once all of them can be sent somewhere, but perhaps one."""
-        other_id = None if but is None else self.drone_id(but)
-        self._system.eventually(
-            lambda: all(
-                drone["state"] == "AVAILABLE" or drone["drone_id"] == other_id
-                for drone in self._system.operate("GET", self._path)["items"]
-            ),
-            within_s=60,
-            what="all drones available",
-        )
+    def until_available(self) -> None:
+        """Return once all of them can be sent somewhere."""
+        self._system.until_available(self._provider_id, drones=len(self._drones))
+
+    def logbook(self, name: str) -> Logbook:
+        """What the drone has written down, whether or not the cloud has heard of it."""
+        journal = FileJournal(self._system.folder.journals / f"{self.drone_id(name)}.jsonl")
+        return journal.read(at_first=_NOTHING_WRITTEN)
 
     def take_offs(self, name: str) -> list[datetime]:
-        """When the drone took off, wall time."""
-        clock = self._system.operate("GET", "/v1/clock")
-        fleet_at, wall_at = (datetime.fromisoformat(clock[at]) for at in ("fleet_at", "wall_at"))
-        return [
-            wall_at + (datetime.fromisoformat(event["started_at"]) - fleet_at) / clock["rate"]
+        """When the drone took off, as far as the cloud has heard; fleet time."""
+        return sorted(
+            datetime.fromisoformat(step["event"]["started_at"])
             for mission in self.missions(name)
-            for event in (step["event"] for step in mission["steps"])
-            if event is not None and event["step_kind"] == "FLY"
-        ]
+            for step in mission["steps"]
+            if step["event"] is not None and step["event"]["step_kind"] == "FLY"
+        )
 
     def missions(self, name: str) -> list[dict[str, Any]]:
         """The drone's missions, the first one first."""
@@ -81,7 +83,7 @@ class TroubledFleets:
         """What the drone last said of itself in its newest mission."""
         missions = self.missions(name)
         state: dict[str, Any] | None = missions[-1]["drone_state"] if missions else None
-        return state or {"activity": None, "faults": []}
+        return state or {"activity": None, "station_id": None, "faults": []}
 
     def failures(self, name: str) -> set[str]:
         """Why steps of the drone's missions failed."""

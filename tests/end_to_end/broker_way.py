@@ -1,4 +1,4 @@
-"""A drone's way to the broker on which its acks can be kept back, and nothing else."""
+"""A drone's way to the broker, which can be cut, and on which its acks can be kept back."""
 
 import contextlib
 import socket
@@ -10,30 +10,30 @@ from typing import Self
 _PUBLISH = 3
 
 
-class LateAcks:
-    """Listens on a port of its own and passes everything on; acks wait while they are held."""
+class BrokerWay:
+    """Listens on a port of its own and passes everything on, both ways."""
 
     def __init__(self, broker: tuple[str, int]) -> None:
         self._broker = broker
         self._lock = threading.Lock()
+        self._is_cut = False
         self._holds = False
         self._held: list[tuple[socket.socket, bytes]] = []
         self._listener = socket.create_server(("127.0.0.1", 0))
-        self._sockets: list[socket.socket] = [self._listener]
+        self._ends: list[socket.socket] = []
         self._threads = [threading.Thread(target=self._listen)]
 
     @property
-    def port(self) -> int:
+    def url(self) -> str:
         """Where drones connect."""
-        port: int = self._listener.getsockname()[1]
-        return port
+        return f"mqtt://127.0.0.1:{self._listener.getsockname()[1]}"
 
-    def hold(self) -> None:
-        """Keep acks back from now on."""
+    def hold_acks(self) -> None:
+        """Keep acks back from now on, and nothing else."""
         with self._lock:
             self._holds = True
 
-    def let_go(self) -> None:
+    def let_acks_go(self) -> None:
         """Pass on what was held, and all that follows."""
         with self._lock:
             self._holds = False
@@ -41,6 +41,19 @@ class LateAcks:
                 with contextlib.suppress(OSError):
                     broker.sendall(packet)
             self._held.clear()
+
+    def cut(self) -> None:
+        """End all connections without a goodbye, and let none come about."""
+        with self._lock:
+            self._is_cut = True
+            for end in self._ends:
+                _hang_up(end)
+            self._ends.clear()
+
+    def restore(self) -> None:
+        """Let drones connect again."""
+        with self._lock:
+            self._is_cut = False
 
     def __enter__(self) -> Self:
         self._threads[0].start()
@@ -52,9 +65,8 @@ class LateAcks:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        self.let_go()
-        for end in self._sockets:
-            _hang_up(end)
+        self.cut()
+        _hang_up(self._listener)
         for thread in self._threads:
             thread.join()
 
@@ -64,15 +76,22 @@ class LateAcks:
                 drone, _ = self._listener.accept()
             except OSError:
                 return
-            broker = socket.create_connection(self._broker)
-            self._sockets += [drone, broker]
-            ways = [
-                threading.Thread(target=self._pass_up, args=(drone, broker)),
-                threading.Thread(target=_pass_down, args=(broker, drone)),
-            ]
-            self._threads += ways
-            for way in ways:
-                way.start()
+            with self._lock:
+                if self._is_cut:
+                    _hang_up(drone)
+                else:
+                    self._join(drone)
+
+    def _join(self, drone: socket.socket) -> None:
+        broker = socket.create_connection(self._broker)
+        self._ends += [drone, broker]
+        ways = [
+            threading.Thread(target=self._pass_up, args=(drone, broker)),
+            threading.Thread(target=_pass_down, args=(broker, drone)),
+        ]
+        self._threads += ways
+        for way in ways:
+            way.start()
 
     def _pass_up(self, drone: socket.socket, broker: socket.socket) -> None:
         with contextlib.suppress(OSError):
@@ -96,11 +115,14 @@ def _packets(end: socket.socket) -> Iterator[bytes]:
     """MQTT packets as they come: a byte of type, a length of up to four bytes, so many bytes."""
     with end.makefile("rb") as stream:
         while head := stream.read(1):
-            length, shift = 0, 0
-            while not shift or head[-1] & 0x80:
-                head += stream.read(1)
-                length |= (head[-1] & 0x7F) << shift
-                shift += 7
+            length, shift, more = 0, 0, True
+            while more:
+                byte = stream.read(1)
+                if not byte:
+                    return
+                head += byte
+                length |= (byte[0] & 0x7F) << shift
+                shift, more = shift + 7, bool(byte[0] & 0x80)
             yield head + stream.read(length)
 
 
