@@ -1,10 +1,14 @@
 """What is known of a drone's link, and what follows from what it says."""
 
 from dataclasses import dataclass, replace
+from typing import Final
 
 from skyway.contracts.drone_report import Connection, DroneState
 from skyway.contracts.message import is_newer
 from skyway.ids import DroneId, ProviderId
+
+#: A charge that differs by less from the one that is known is the same. Our own choice.
+_SAME_SOC: Final = 0.01
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +60,20 @@ class DroneLink:
         known = None if self.state is None else (self.state.session, self.state.seq)
         return is_newer((state.session, state.seq), known)
 
+    def stands_on(self, state: DroneState) -> bool:
+        """Whether a newer state says only that a drone without a mission still stands idle.
+
+        It and we know the same stream and the same events, so nothing is to be told or asked for.
+        """
+        known = self.state
+        return (
+            known is not None
+            and (state.stream, state.last_event_seq) == (self.stream, self.last_event_seq)
+            and _standing(state) is not None
+            and _standing(state) == _standing(known)
+            and abs(state.soc - known.soc) < _SAME_SOC
+        )
+
     def connects_newer(self, connection: Connection) -> bool:
         """Whether this connection comes after the known one.
 
@@ -99,3 +117,21 @@ class DroneLink:
     def is_gone(self) -> bool:
         """Whether the drone has left, or is known to be out of reach."""
         return self.connection is not None and self.connection.status in ("LOST", "OFFLINE")
+
+
+def _standing(state: DroneState) -> tuple[object, ...] | None:
+    """How a drone stands at a station with nothing to do; None for one that does anything else."""
+    is_idle = state.activity == "IDLE" and state.mission_id is None and not state.package_ids
+    if not is_idle or state.station_id is None:
+        return None
+    return (
+        state.session,
+        state.stream,
+        state.last_instruction_seq,
+        state.last_event_seq,
+        state.station_id,
+        state.is_held,
+        state.faults,
+        state.failsafe,
+        None if state.health is None else state.health.consumption_factor,
+    )

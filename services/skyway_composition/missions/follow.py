@@ -4,10 +4,13 @@ Messages come late, twice, out of order or not at all. Each kind has its own def
 an instruction once; events are taken in the order of their `seq`, and asked for again when one is
 missing; states and connections only ever replace older ones. So a batch may be taken again, and
 every replica may read everything.
+
+Drones that stand idle and say so again are not looked up at all (`links.last_heard`).
 """
 
 import asyncio
 import logging
+from collections import defaultdict
 from collections.abc import AsyncIterator, Iterator, Sequence
 from dataclasses import replace
 from typing import Any, Protocol
@@ -24,6 +27,7 @@ from skyway.runtime.metrics import count
 from skyway.runtime.minting import Mint
 from skyway.runtime.mqtt import Received
 from skyway.runtime.mqtt_inbox import BATCH_SIZE
+from skyway_composition.links.last_heard import LastHeard
 from skyway_composition.links.link import DroneLink
 from skyway_composition.links.store import lock_link
 from skyway_composition.missions import store
@@ -60,6 +64,7 @@ class Follower:
         self._clock = clock
         self._mint = mint
         self._stuck = stuck
+        self._last_heard = LastHeard(clock)
         self._batches = mqtt.batches(ACKS, EVENTS, STATE, CONNECTION)
         self._batch: list[Received[Any]] = []
         self._tries = 0
@@ -88,7 +93,11 @@ class Follower:
 
     async def take(self, batch: Sequence[Received[Any]]) -> None:
         """Take messages of any kind, in the order in which they arrived."""
+        batch = await self._without_repeated(batch)
+        if not batch:
+            return
         writers = {DroneId(each.ids[1]): ProviderId(each.ids[0]) for each in reversed(batch)}
+        self._last_heard.forget(writers)
         async with self._db.write() as tx:
             watch = await Watch.over(writers, tx=tx, clock=self._clock, mint=self._mint)
             # In sorted order, as links are locked everywhere.
@@ -99,6 +108,22 @@ class Follower:
             await watch.keep_links()
             if any(record.needs_plan for record in watch.missions.values()):
                 tx.after_commit(self._stuck.set)
+        self._last_heard.keep(watch.links.values())
+
+    async def _without_repeated(self, batch: Sequence[Received[Any]]) -> Sequence[Received[Any]]:
+        """The batch without the drones that only say again what they said last."""
+        said: dict[DroneId, list[Received[Any]]] = defaultdict(list)
+        for received in batch:
+            said[DroneId(received.ids[1])].append(received)
+        again = {each for each in said if self._last_heard.is_said_again(each, said[each])}
+        if not again:
+            return batch
+        async with self._db.read() as connection:
+            # Of a drone on a mission its silence counts: how new its last word is must be known.
+            again -= await store.live_among(connection, again)
+        for drone_id in again:
+            self._last_heard.note(drone_id, said[drone_id])
+        return [each for each in batch if DroneId(each.ids[1]) not in again]
 
     async def ask_live_drones(self) -> None:
         """Ask every drone on a mission for the events that we lack: what came meanwhile is lost."""

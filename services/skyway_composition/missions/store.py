@@ -49,6 +49,9 @@ _LIVE: Final = (
     .order_by(missions.c.drone_id)
     .with_for_update()
 )
+_LIVE_AMONG: Final = select(missions.c.drone_id).where(
+    among(missions.c.drone_id, "drone_ids"), is_live
+)
 _LIVE_DRONES: Final = select(missions.c.drone_id).where(is_live).order_by(missions.c.drone_id)
 _ADD: Final = insert(missions)
 _SAVE: Final = update(missions).where(missions.c.mission_id == bindparam("of_mission"))
@@ -181,6 +184,14 @@ async def page(
     if before is not None:
         query = query.where(missions.c.mission_id < before)
     return [_record(row) for row in await connection.execute(query)]
+
+
+async def live_among(
+    connection: AsyncConnection, drone_ids: Collection[DroneId]
+) -> frozenset[DroneId]:
+    """Those of these drones that are on missions."""
+    found = await connection.execute(_LIVE_AMONG, {"drone_ids": [*drone_ids]})
+    return frozenset(found.scalars())
 
 
 async def live_drones(connection: AsyncConnection) -> list[DroneId]:

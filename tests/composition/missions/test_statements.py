@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -64,3 +65,16 @@ async def test_a_loaded_mission_takes_few_statements(known: Any, drone: Any) -> 
 
     assert await known.state_of(instruction.mission_id) == "ACTIVE"
     assert len(seen) <= 11, seen
+
+
+async def test_drones_that_stand_idle_take_one_statement_that_locks_nothing(
+    known: Any, drone: Any
+) -> None:
+    idle = [replace(drone, drone_id=f"drn_{number}", stream=0) for number in range(2, 9)]
+    await known.take(*(each.state() for each in idle))
+
+    with statements() as seen:
+        await known.take(*(each.state() for each in idle))
+
+    assert len(seen) == 1, seen
+    assert "UPDATE" not in seen[0]
