@@ -43,9 +43,11 @@ from skyway_gateway.deliveries.booking_loop import BookingLoop
 from skyway_gateway.deliveries.cancel import Canceller
 from skyway_gateway.deliveries.earnings.routes import earnings_routes
 from skyway_gateway.deliveries.follow import Follower
+from skyway_gateway.deliveries.known import KnownDeliveries
 from skyway_gateway.deliveries.overdue import OverdueWatch
 from skyway_gateway.deliveries.reading.routes import reading_routes
 from skyway_gateway.deliveries.routes import delivery_routes, report_routes
+from skyway_gateway.deliveries.writing import DeliveryWriter
 from skyway_gateway.forward.routes import forward_routes, provider_routes
 from skyway_gateway.forward.table import larger_bodies
 from skyway_gateway.notifications.events import Events
@@ -94,7 +96,7 @@ class Parts:
     services: ServiceGate
     keys: Keys
     news: News
-    events: Events
+    writer: DeliveryWriter
     targets: Targets
     post: WebhookPost
     sender: WebhookSender
@@ -108,7 +110,7 @@ class Parts:
             self.registry,
             self.composition,
             self.canceller,
-            self.events,
+            self.writer,
             self.clock,
             mint,
             self.queued,
@@ -117,17 +119,17 @@ class Parts:
     @property
     def canceller(self) -> Canceller:
         """Cancels deliveries."""
-        return Canceller(self.db, self.composition, self.events, self.clock, mint)
+        return Canceller(self.db, self.composition, self.writer, self.clock, mint)
 
     @property
     def overdue_watch(self) -> OverdueWatch:
         """Tells that deliveries are late."""
-        return OverdueWatch(self.db, self.events, self.clock)
+        return OverdueWatch(self.db, self.writer, self.clock)
 
     @property
     def follower(self) -> Follower:
         """Applies mission reports."""
-        return Follower(self.db, self.events, self.clock, self.queued)
+        return Follower(self.db, self.writer, self.clock, self.queued)
 
     @property
     def quote_maker(self) -> QuoteMaker:
@@ -144,7 +146,7 @@ class Parts:
     @property
     def acceptance(self) -> Acceptance:
         """Accepts delivery requests."""
-        return Acceptance(self.db, self.checks, self.events, self.clock, mint, self.queued)
+        return Acceptance(self.db, self.checks, self.writer, self.clock, mint, self.queued)
 
     @property
     def checks(self) -> Checks:
@@ -296,6 +298,7 @@ def build_parts(
     composition = RestComposition(clients["composition"])
     news, told, targets = News(), Wake(), Targets(settings.webhook_allow_networks)
     post = WebhookPost(targets)
+    events = Events(clock=clock, mint=mint, news=news, webhooks=told)
     known_keys = KnownKeys(db, clock)
     return Parts(
         db=db,
@@ -317,7 +320,7 @@ def build_parts(
             mint=mint,
         ),
         news=news,
-        events=Events(clock=clock, mint=mint, news=news, webhooks=told),
+        writer=DeliveryWriter(db, events, KnownDeliveries()),
         targets=targets,
         post=post,
         sender=WebhookSender(db, post, told, clock, mint),

@@ -70,6 +70,9 @@ deliveries = Table(
     Column("is_queued", Boolean, nullable=False, server_default=true()),
     Column("cancel_reason", Text),  # why all that can still be stopped is to be stopped
     Column("next_try_wall_ms", BigInteger, nullable=False),
+    # Counts what was written of the delivery and its parts: who writes from what was read earlier
+    # names it. That it waits, or who is booking it, does not count.
+    Column("version", Integer, nullable=False, server_default="0"),
     *claim_columns(),
     CheckConstraint(
         "state IN ('REQUESTED', 'PLANNED', 'DISPATCHED', 'LOADING', 'IN_PROGRESS', "

@@ -18,9 +18,13 @@ from fastapi import FastAPI
 from skyway_gateway.access.key import ApiKey, secret_hash
 from skyway_gateway.access.store import add as add_key
 from skyway_gateway.app import Parts, build_parts, gateway_app, take_over
+from skyway_gateway.deliveries import rows
+from skyway_gateway.deliveries.known import Known
+from skyway_gateway.deliveries.store import lock
 from skyway_gateway.settings import GatewaySettings
+from skyway_gateway.tables import deliveries
 from skyway_gateway.verify import violations
-from sqlalchemy import text
+from sqlalchemy import select, text
 
 from skyway.contracts.mission import MissionReport
 from skyway.runtime.clock import AnchoredClock, ManualClock
@@ -124,9 +128,30 @@ class Gateway:
         **fields: object,
     ) -> httpx.Response:
         """POST a mission report as composition does."""
+        report = self.mission_report(
+            delivery_id, kind, seq=seq, attempt=attempt, trip=trip, **fields
+        )
+        headers = ServiceIdentity("composition", self.secrets_dir).headers(None)
+        return await self.http.post(
+            "/internal/mission-reports",
+            content=report.model_dump_json(),
+            headers={**headers, "content-type": "application/json"},
+        )
+
+    def mission_report(
+        self,
+        delivery_id: str,
+        kind: str,
+        *,
+        seq: int,
+        attempt: int = 1,
+        trip: int = 1,
+        **fields: object,
+    ) -> MissionReport:
+        """What composition says of one of its missions."""
         mission = self.composition.trips_of(delivery_id, attempt)[trip - 1]
         states = {"ACCEPTED": "ACCEPTED", "REFUSED": "REFUSED", "ENDED": "COMPLETED"}
-        report = MissionReport.model_validate(
+        return MissionReport.model_validate(
             {
                 "report_id": f"rpt_{attempt}_{trip}_{seq}",
                 "delivery_id": delivery_id,
@@ -141,12 +166,6 @@ class Gateway:
                 "mission_state": states.get(kind, "ACTIVE"),
                 **fields,
             }
-        )
-        headers = ServiceIdentity("composition", self.secrets_dir).headers(None)
-        return await self.http.post(
-            "/internal/mission-reports",
-            content=report.model_dump_json(),
-            headers={**headers, "content-type": "application/json"},
         )
 
     async def told(self, delivery_id: str) -> list[str]:
@@ -165,6 +184,22 @@ class Gateway:
         """Change the database behind the gateway's back."""
         async with self.parts.db.write() as tx:
             await tx.execute(text(statement), values)
+
+    async def misremembered(self) -> list[str]:
+        """Deliveries of which the gateway remembers something else than is written."""
+        writer = self.parts.writer
+        async with self.parts.db.write() as tx:
+            written = {
+                delivery_id: await lock(tx, delivery_id)
+                for delivery_id in (await tx.execute(select(deliveries.c.delivery_id))).scalars()
+            }
+        return [
+            delivery_id
+            for delivery_id, now in written.items()
+            if (known := writer.known.get(delivery_id)) is not None
+            and known.version == now.version
+            and _writable(known) != _writable(now)
+        ]
 
     async def verified(self) -> list[str]:
         """The rules that are broken."""
@@ -227,6 +262,17 @@ async def opened_gateway(database_url: str, folder: Path) -> AsyncIterator[Gatew
         yield gateway
         if not gateway.is_damaged:
             assert await gateway.verified() == []
+            assert await gateway.misremembered() == []
+
+
+def _writable(known: Known) -> object:
+    """All that could be written of a delivery: its moments are kept to the millisecond."""
+    delivery = known.delivery
+    return (
+        rows.changing(known),
+        [rows.package_values(package) for package in delivery.packages],
+        delivery.model_dump(exclude={"created_at", "updated_at", "packages"}),
+    )
 
 
 @asynccontextmanager

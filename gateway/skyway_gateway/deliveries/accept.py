@@ -20,11 +20,13 @@ from skyway.runtime.identity import Caller
 from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
 from skyway.runtime.tracing import current_traceparent
-from skyway_gateway.deliveries import store, told
+from skyway_gateway.deliveries import told
 from skyway_gateway.deliveries.delivery import Custodian, Delivery, Flags, PackageStatus
+from skyway_gateway.deliveries.known import Known
 from skyway_gateway.deliveries.patience import give_up_at
 from skyway_gateway.deliveries.rows import Queued
-from skyway_gateway.notifications.events import Events, Happening
+from skyway_gateway.deliveries.writing import DeliveryWriter
+from skyway_gateway.notifications.events import Happening
 from skyway_gateway.quotes.checks import Checks
 from skyway_gateway.quotes.store import one_of
 from skyway_gateway.quotes.take import take
@@ -51,7 +53,7 @@ class Acceptance:
 
     db: Database
     checks: Checks
-    events: Events
+    writer: DeliveryWriter
     clock: FleetClock
     mint: Mint
     queued: Wake
@@ -132,12 +134,10 @@ class Acceptance:
             delivery_id, customer_id=customer_id, request=request, offer=offer, at=now
         )
         give_up = give_up_at(request, self.clock)
-        queued = Queued(delivery, checked.position, give_up, current_traceparent())
         requested = Happening(DeliveryEventType.REQUESTED, now, told.requested(delivery))
-        place = await store.add(tx, queued, new_events=1)
-        await self.events.tell(
-            tx, [requested], place, delivery_id=delivery_id, customer_id=customer_id
-        )
+        known = Known(delivery, version=1, last_sequence=1)
+        queued = Queued(known, checked.position, give_up, current_traceparent())
+        await self.writer.add(tx, queued, requested)
         tx.after_commit(self.queued.set)
         return delivery
 

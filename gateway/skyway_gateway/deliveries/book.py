@@ -17,7 +17,7 @@ from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.mission import Booking, CancelMissions, Mission
 from skyway.contracts.shortlist import Candidates
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database
+from skyway.runtime.database import Database, Tx
 from skyway.runtime.errors import RemoteProblem, ServiceUnavailable
 from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
@@ -28,11 +28,11 @@ from skyway_gateway.deliveries.attempt import candidate_query, wanted_missions
 from skyway_gateway.deliveries.booking import after_booking, after_giving_up, unwanted
 from skyway_gateway.deliveries.cancel import Canceller
 from skyway_gateway.deliveries.delivery import Delivery
+from skyway_gateway.deliveries.known import Known, Outdated
 from skyway_gateway.deliveries.progress import Progress
 from skyway_gateway.deliveries.rows import Queued
 from skyway_gateway.deliveries.verdict import most_refused, nobody_asked, refusal_reasons, why_never
-from skyway_gateway.deliveries.writing import keep, write
-from skyway_gateway.notifications.events import Events
+from skyway_gateway.deliveries.writing import DeliveryWriter
 
 log = logging.getLogger(__name__)
 
@@ -48,7 +48,7 @@ class Booker:
     registry: Registry
     composition: Composition
     canceller: Canceller
-    events: Events
+    writer: DeliveryWriter
     clock: FleetClock
     mint: Mint
     queued: Wake
@@ -57,7 +57,11 @@ class Booker:
     async def claim(self, *, limit: int) -> Sequence[Queued]:
         """Deliveries whose booking is due, the longest waiting first, now ours to book."""
         return await store.claim_queued(
-            self.db, limit=limit, claimant=self.mint("bkr"), clock=self.clock
+            self.db,
+            limit=limit,
+            claimant=self.mint("bkr"),
+            clock=self.clock,
+            known=self.writer.known,
         )
 
     async def book_or_retry(self, queued: Queued) -> None:
@@ -77,54 +81,61 @@ class Booker:
             await self.canceller.finish(delivery)
             return
         if most_refused(delivery):
-            await self._give_up(delivery, (), detail="too many drones refused to fly it")
+            await self._give_up(queued.known, (), detail="too many drones refused to fly it")
             return
         if self.clock.now() >= queued.give_up_at:
             detail = f"no drone could be booked before {queued.give_up_at:%Y-%m-%dT%H:%M:%SZ}"
-            await self._give_up(delivery, delivery.reasons, detail=detail)
+            await self._give_up(queued.known, delivery.reasons, detail=detail)
             return
         candidates = await self.registry.candidates(candidate_query(queued))
         # Asked even without candidates: an earlier round may have booked this attempt and died.
         wanted = wanted_missions(delivery, candidates.shortlist)
         booking = await self.composition.book(delivery.delivery_id, wanted)
-        await self._decide(delivery, booking, candidates)
+        await self._decide(queued.known, booking, candidates)
 
-    async def _decide(self, delivery: Delivery, booking: Booking, candidates: Candidates) -> None:
+    async def _decide(self, known: Known, booking: Booking, candidates: Candidates) -> None:
+        delivery = known.delivery
         reasons = (*booking.reasons, *candidates.infeasible)
         if booking.outcome == "BOOKED":
-            await self._plan(delivery, booking.missions)
+            await self._plan(known, booking.missions)
         elif booking.outcome == "CLOSED":  # an earlier round decided to give it up, and died
-            await self._give_up(delivery, delivery.reasons, detail="no provider can fly it")
+            await self._give_up(known, delivery.reasons, detail="no provider can fly it")
         elif never := why_never(delivery.offer, booking, candidates):
-            await self._give_up(delivery, never.reasons, detail=never.detail)
+            await self._give_up(known, never.reasons, detail=never.detail)
         else:
             await self._try_later(delivery, reasons=reasons)
 
-    async def _plan(self, delivery: Delivery, missions: Sequence[Mission]) -> None:
-        """Plan what was booked, unless another replica was faster.
+    async def _plan(self, known: Known, missions: Sequence[Mission]) -> None:
+        """Plan what was booked, unless another replica was faster."""
+        try:
+            async with self.db.write() as tx:
+                await self._write_plan(tx, known, missions)
+        except Outdated:
+            async with self.db.write() as tx:
+                now = await store.lock(tx, known.delivery.delivery_id)
+                if now.delivery.attempt == known.delivery.attempt:
+                    await self._write_plan(tx, now, missions)
 
-        Packages that were cancelled while it was booked are called off again.
-        """
-        async with self.db.write() as tx:
-            now = await store.lock(tx, delivery.delivery_id)
-            if now.attempt != delivery.attempt:
-                return
-            if now.is_queued:
-                after = after_booking(now, missions, at=self.clock.now())
-                await keep(tx, self.events, now, after)
-            if package_ids := unwanted(now, missions):
-                asked = CancelMissions(
-                    cancellation_id=self.mint("cxl"),
-                    package_ids=package_ids,
-                    reason="cancelled while it was booked",
-                )
-                path = CANCELLATIONS_PATH.format(delivery_id=delivery.delivery_id)
-                tx.report("composition", path, asked, stream=delivery.delivery_id)
+    async def _write_plan(self, tx: Tx, known: Known, missions: Sequence[Mission]) -> None:
+        """Packages that were cancelled while it was booked are called off again."""
+        delivery = known.delivery
+        if delivery.is_queued:
+            planned = after_booking(delivery, missions, at=self.clock.now())
+            await self.writer.keep(tx, known, planned)
+        if package_ids := unwanted(delivery, missions):
+            asked = CancelMissions(
+                cancellation_id=self.mint("cxl"),
+                package_ids=package_ids,
+                reason="cancelled while it was booked",
+            )
+            path = CANCELLATIONS_PATH.format(delivery_id=delivery.delivery_id)
+            tx.report("composition", path, asked, stream=delivery.delivery_id)
 
     async def _give_up(
-        self, delivery: Delivery, reasons: Sequence[ProviderReason], *, detail: str
+        self, known: Known, reasons: Sequence[ProviderReason], *, detail: str
     ) -> None:
         """Have nothing booked any more (the tombstone), and only then say so."""
+        delivery = known.delivery
         refused = refusal_reasons(delivery.refusals)
         reasons = (*refused, *(reason for reason in reasons if reason not in refused))
         reasons = reasons or (nobody_asked(detail),)
@@ -134,7 +145,7 @@ class Booker:
         closed = await self.composition.close(delivery.delivery_id)
         booked = [one for one in closed.missions if one.attempt == delivery.attempt]
         if booked:  # an earlier round booked it after all
-            await self._plan(delivery, booked)
+            await self._plan(known, booked)
         elif closed.is_closed or _knows(delivery, closed.missions):
             await self._write_given_up(delivery, reasons, detail=detail)
         else:  # a refused mission that composition has not freed yet
@@ -149,7 +160,7 @@ class Booker:
                 return None
             return after_giving_up(now, reasons, detail=detail, at=self.clock.now())
 
-        await write(self.db, self.events, delivery.delivery_id, change=give_up)
+        await self.writer.write(delivery.delivery_id, change=give_up)
 
     async def _try_later(
         self, delivery: Delivery, *, reasons: Sequence[ProviderReason] | None

@@ -29,8 +29,7 @@ from skyway_gateway.deliveries.cancelling import (
 )
 from skyway_gateway.deliveries.delivery import Delivery, PackageStatus
 from skyway_gateway.deliveries.reading.store import one_of
-from skyway_gateway.deliveries.writing import write
-from skyway_gateway.notifications.events import Events
+from skyway_gateway.deliveries.writing import DeliveryWriter
 
 
 class CancelRequest(JsonModel):
@@ -46,7 +45,7 @@ class Canceller:
 
     db: Database
     composition: Composition
-    events: Events
+    writer: DeliveryWriter
     clock: FleetClock
     mint: Mint
 
@@ -98,9 +97,7 @@ class Canceller:
             done = await self._call_off(delivery, _carried(delivery, package_ids), reason=reason)
         else:
             done = await self._close(delivery, package_ids, reason=reason)
-        await write(
-            self.db,
-            self.events,
+        await self.writer.write(
             delivery.delivery_id,
             change=lambda now: after_cancellation(
                 now, package_ids, done, reason=reason, at=self.clock.now()

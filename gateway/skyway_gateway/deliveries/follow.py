@@ -10,10 +10,10 @@ from skyway.runtime.loops import Wake
 from skyway_gateway.clients import CANCELLATIONS_PATH
 from skyway_gateway.deliveries import store
 from skyway_gateway.deliveries.delivery import Delivery
+from skyway_gateway.deliveries.known import Known, Outdated
 from skyway_gateway.deliveries.patience import give_up_at
 from skyway_gateway.deliveries.reports import after_report
-from skyway_gateway.deliveries.writing import keep
-from skyway_gateway.notifications.events import Events
+from skyway_gateway.deliveries.writing import DeliveryWriter
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,7 +21,7 @@ class Follower:
     """Applies mission reports; `queued` is set when refused packages are to be booked anew."""
 
     db: Database
-    events: Events
+    writer: DeliveryWriter
     clock: FleetClock
     queued: Wake
 
@@ -35,22 +35,31 @@ class Follower:
         Conflict
             NOT_YET: what comes before it is not known here; the sender repeats it.
         """
+        known = self.writer.known.get(report.delivery_id)
+        if known is None or not await self._follow_known(known, report):
+            await self._follow_locked(report)
+
+    async def _follow_known(self, known: Known, report: MissionReport) -> bool:
+        """False when more is to be known than what was written here last."""
+        try:
+            async with self.db.write() as tx:
+                await self._apply(tx, known, report)
+        except Outdated:
+            return False
+        return True
+
+    async def _follow_locked(self, report: MissionReport) -> None:
         async with self.db.write() as tx:
             # The lock comes first: two replicas may be told of the same mission at once.
-            delivery = await store.lock(tx, report.delivery_id)
-            if await store.take_report(tx, report):
-                await self._apply(tx, delivery, report)
-            else:
-                await self._pass_over(tx, delivery, report)
-
-    async def _pass_over(self, tx: Tx, delivery: Delivery, report: MissionReport) -> None:
-        """Nothing to do for a report that was applied before; another one comes too early."""
-        last = await store.last_report(tx, report.mission_id)
-        if last is None:
-            self._refuse_if_not_yet(delivery, report)
-            _call_off(tx, delivery, report)
-        elif report.seq > last:
-            raise Conflict("NOT_YET", f"report {report.seq} comes before {last + 1}")
+            now = await store.lock(tx, report.delivery_id)
+            last = await store.last_report(tx, report.mission_id)
+            if last is None:
+                self._refuse_if_not_yet(now.delivery, report)
+                _call_off(tx, now.delivery, report)
+            elif report.seq > last + 1:
+                raise Conflict("NOT_YET", f"report {report.seq} comes before {last + 1}")
+            elif report.seq == last + 1:
+                await self._apply(tx, now, report)
 
     def _refuse_if_not_yet(self, delivery: Delivery, report: MissionReport) -> None:
         """A mission that is still to be planned here is one of the attempt that is due."""
@@ -58,13 +67,13 @@ class Follower:
             detail = f"mission {report.mission_id} of attempt {report.attempt} is not planned yet"
             raise Conflict("NOT_YET", detail)
 
-    async def _apply(self, tx: Tx, delivery: Delivery, report: MissionReport) -> None:
-        progress = after_report(delivery, report)
-        await keep(tx, self.events, delivery, progress)
+    async def _apply(self, tx: Tx, known: Known, report: MissionReport) -> None:
+        progress = after_report(known.delivery, report)
+        await self.writer.keep(tx, known, progress, report=report)
         if report.kind == "REFUSED" and progress.delivery.is_queued:
             # Its patience begins anew: the drone that refused has used some of it up.
-            until = give_up_at(delivery.request, self.clock)
-            await store.keep_queued(tx, delivery.delivery_id, until=until)
+            until = give_up_at(known.delivery.request, self.clock)
+            await store.keep_queued(tx, report.delivery_id, until=until)
             tx.after_commit(self.queued.set)
 
 

@@ -10,8 +10,7 @@ from skyway_gateway.deliveries import store
 from skyway_gateway.deliveries.delivery import Delivery
 from skyway_gateway.deliveries.lateness import TOLERANCE_S, when_overdue
 from skyway_gateway.deliveries.progress import Progress
-from skyway_gateway.deliveries.writing import write
-from skyway_gateway.notifications.events import Events
+from skyway_gateway.deliveries.writing import DeliveryWriter
 
 #: How many deliveries one step looks at.
 _BATCH: Final = 100
@@ -22,7 +21,7 @@ class OverdueWatch:
     """Tells `delivery.delayed` once an ETA has passed without a hand-over."""
 
     db: Database
-    events: Events
+    writer: DeliveryWriter
     clock: FleetClock
 
     async def step(self) -> bool:
@@ -31,7 +30,7 @@ class OverdueWatch:
         async with self.db.read() as connection:
             found = await store.overdue(connection, before=before, limit=_BATCH)
         for delivery_id in found:
-            await write(self.db, self.events, delivery_id, change=self._told_late)
+            await self.writer.write(delivery_id, change=self._told_late)
         return len(found) == _BATCH
 
     def _told_late(self, delivery: Delivery) -> Progress:

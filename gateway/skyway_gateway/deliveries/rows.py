@@ -24,6 +24,7 @@ from skyway_gateway.deliveries.delivery import (
     PackageStatus,
     Refusal,
 )
+from skyway_gateway.deliveries.known import Known
 from skyway_gateway.deliveries.proof import Proof
 
 _POSITION: Final = TypeAdapter(Position)
@@ -37,10 +38,15 @@ Values = dict[str, object]
 class Queued:
     """A delivery with packages that wait, and what booking needs beside it."""
 
-    delivery: Delivery
+    known: Known
     pickup_position: Position
     give_up_at: datetime
     traceparent: str | None
+
+    @property
+    def delivery(self) -> Delivery:
+        """The delivery, as it was when it was claimed."""
+        return self.known.delivery
 
 
 def new_delivery(queued: Queued) -> Values:
@@ -57,7 +63,7 @@ def new_delivery(queued: Queued) -> Values:
         "offer": delivery.offer and delivery.offer.model_dump_json(),
         "traceparent": queued.traceparent,
         "next_try_wall_ms": 0,
-        **changing(delivery),
+        **changing(queued.known),
     }
 
 
@@ -82,9 +88,12 @@ def reasons_text(reasons: Sequence[ProviderReason]) -> str:
     return _REASONS.dump_json(tuple(reasons)).decode()
 
 
-def changing(delivery: Delivery) -> dict[str, object]:
+def changing(known: Known) -> Values:
     """The columns of a delivery that change during its life."""
+    delivery = known.delivery
     return {
+        "version": known.version,
+        "last_sequence": known.last_sequence,
         "state": delivery.state,
         "activity": delivery.activity,
         "is_delayed": delivery.flags.delayed,
@@ -97,7 +106,7 @@ def changing(delivery: Delivery) -> dict[str, object]:
     }
 
 
-def package_values(package: PackageStatus) -> dict[str, object]:
+def package_values(package: PackageStatus) -> Values:
     """The columns of a package that change during its life."""
     return {
         "state": package.state,
@@ -114,7 +123,7 @@ def package_values(package: PackageStatus) -> dict[str, object]:
     }
 
 
-def first_custody_row(delivery: Delivery, package: PackageStatus) -> dict[str, object]:
+def first_custody_row(delivery: Delivery, package: PackageStatus) -> Values:
     """The first link of a package's chain of custody."""
     return {
         "delivery_id": delivery.delivery_id,
@@ -126,7 +135,7 @@ def first_custody_row(delivery: Delivery, package: PackageStatus) -> dict[str, o
     }
 
 
-def mission_row(mission: FlownMission) -> dict[str, object]:
+def mission_row(mission: FlownMission) -> Values:
     """The row of a mission of which nothing was reported yet."""
     return {
         "mission_id": mission.mission_id,
@@ -143,12 +152,12 @@ def mission_row(mission: FlownMission) -> dict[str, object]:
     }
 
 
-def mission_values(mission: FlownMission) -> dict[str, object]:
+def mission_values(mission: FlownMission) -> Values:
     """The columns of a mission that change during its life."""
     return {"state": mission.state, "body": mission.model_dump_json()}
 
 
-def reported(report: MissionReport) -> dict[str, object]:
+def reported(report: MissionReport) -> Values:
     """What a mission's row keeps of a report: its place, times up to a hand-over, its end."""
     flown = report.data.get("flown", {}) if report.kind == "DELIVERED" else {}
     names = ("flight_s", "waiting_s", "recharging_s")
@@ -183,6 +192,11 @@ def delivery_of(
     )
 
 
+def known_of(row: Any, delivery: Delivery) -> Known:
+    """The delivery in a row, with its place in time."""
+    return Known(delivery, row.version, row.last_sequence)
+
+
 def package_of(row: Any) -> PackageStatus:
     """The package in a row."""
     return PackageStatus(
@@ -202,10 +216,10 @@ def package_of(row: Any) -> PackageStatus:
     )
 
 
-def queued_of(row: Any, delivery: Delivery) -> Queued:
+def queued_of(row: Any, known: Known) -> Queued:
     """The queued delivery in a row."""
     return Queued(
-        delivery=delivery,
+        known=known,
         pickup_position=_POSITION.validate_json(row.pickup_position),
         give_up_at=ms_to_moment(row.give_up_ms),
         traceparent=row.traceparent,

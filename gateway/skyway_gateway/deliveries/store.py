@@ -4,7 +4,7 @@ Any, for rows: their columns are of every type.
 """
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 from typing import Any, Final
 
@@ -22,13 +22,13 @@ from skyway.runtime.errors import NotFound
 from skyway.units import moment_to_ms
 from skyway_gateway.deliveries import rows
 from skyway_gateway.deliveries.delivery import Delivery, FlownMission, PackageStatus
+from skyway_gateway.deliveries.known import Known, KnownDeliveries, Outdated
 from skyway_gateway.deliveries.rows import Queued
 from skyway_gateway.deliveries.states import (
     SETTLED_PACKAGE_STATES,
     UNDER_WAY_STATES,
     may_follow,
 )
-from skyway_gateway.notifications.events import Place
 from skyway_gateway.notifications.store import HAS_WEBHOOKS
 from skyway_gateway.tables import custody, deliveries, missions, packages
 
@@ -48,14 +48,11 @@ _LOCKED: Final = select(deliveries).where(_THIS).with_for_update()
 _ADD: Final = insert(deliveries).returning(HAS_WEBHOOKS)
 _SAVE: Final = (
     update(deliveries)
-    .where(
-        _THIS,
-        deliveries.c.state == bindparam("state_before"),
-        deliveries.c.attempt == bindparam("attempt_before"),
-    )
-    .values(last_sequence=deliveries.c.last_sequence + bindparam("new_events"))
-    .returning(deliveries.c.last_sequence, HAS_WEBHOOKS)
+    .where(_THIS, deliveries.c.version == bindparam("version_before"))
+    .returning(HAS_WEBHOOKS)
 )
+#: What is written besides `save` and shows in a delivery makes a version of its own.
+_NEXT_VERSION: Final = {"version": deliveries.c.version + 1}
 _PACKAGES: Final = (
     select(packages).where(among(packages.c.delivery_id, "ids")).order_by(packages.c.number)
 )
@@ -65,7 +62,6 @@ _MISSIONS: Final = (
     .where(among(missions.c.delivery_id, "ids"), missions.c.state != "REFUSED")
     .order_by(missions.c.attempt, missions.c.trip)
 )
-_ADD_PACKAGES: Final = insert(packages)
 _THIS_PACKAGE: Final = and_(
     packages.c.delivery_id == bindparam("this"),
     packages.c.package_id == bindparam("this_package"),
@@ -75,7 +71,6 @@ _SAVE_PACKAGES: Final = (
     .where(_THIS_PACKAGE)
     .values(custody_seq=packages.c.custody_seq + bindparam("moves"))
 )
-_ADD_CUSTODY: Final = insert(custody)
 #: The next link of a package's chain: whose it is now, under the number that its row counts.
 _HAND_OVER: Final = insert(custody).from_select(
     [each.name for each in custody.columns],
@@ -89,36 +84,38 @@ _HAND_OVER: Final = insert(custody).from_select(
     ).where(_THIS_PACKAGE),
 )
 _THIS_MISSION: Final = missions.c.mission_id == bindparam("this")
-_ADD_MISSIONS: Final = insert(missions)
 _SAVE_MISSION: Final = update(missions).where(_THIS_MISSION)
-_APPLY_NEXT: Final = update(missions).where(
-    _THIS_MISSION, missions.c.report_seq == bindparam("seq_before")
-)
+_SAVE_REPORTED: Final = _SAVE_MISSION.where(missions.c.report_seq == bindparam("seq_before"))
 _REPORTED: Final = select(missions.c.report_seq).where(_THIS_MISSION)
 
 
-async def add(tx: Tx, queued: Queued, *, new_events: int) -> Place:
+async def add(tx: Tx, queued: Queued) -> bool:
     """Keep a new delivery: from now on it is in the queue, and its packages are in custody.
 
-    The place of its first events, which count as told.
+    Whether its customer has webhooks.
     """
     delivery = queued.delivery
-    values = {**rows.new_delivery(queued), "last_sequence": new_events}
-    has_webhooks = await tx.execute(_ADD, {**values, "listener": delivery.customer_id})
-    await tx.execute(_ADD_PACKAGES, rows.new_packages(delivery))
-    first_links = [rows.first_custody_row(delivery, package) for package in delivery.packages]
-    await tx.execute(_ADD_CUSTODY, first_links)
-    return Place(0, has_webhooks.scalar_one())
+    values = {**rows.new_delivery(queued), "listener": delivery.customer_id}
+    has_webhooks: bool = (await tx.execute(_ADD, values)).scalar_one()
+    tx.add(packages, rows.new_packages(delivery))
+    tx.add(custody, [rows.first_custody_row(delivery, each) for each in delivery.packages])
+    return has_webhooks
 
 
 async def claim_queued(
-    db: Database, *, limit: int, claimant: str, clock: FleetClock
+    db: Database, *, limit: int, claimant: str, clock: FleetClock, known: KnownDeliveries
 ) -> Sequence[Queued]:
     """Deliveries whose booking is due, the longest waiting first, now held by us."""
     async with db.write() as tx:
         due = await _CLAIMING.run(tx, limit=limit, claimant=claimant, lease_s=_LEASE_S, clock=clock)
-        found = await with_parts(tx.connection, due)
-    return [rows.queued_of(row, delivery) for row, delivery in zip(due, found, strict=True)]
+    found = known.among((row.delivery_id, row.version) for row in due)
+    unknown = [row for row in due if row.delivery_id not in found]
+    if unknown:
+        # Parts that change meanwhile are of a later version: nothing is written from these.
+        async with db.read() as connection:
+            for row, delivery in zip(unknown, await with_parts(connection, unknown), strict=True):
+                found[delivery.delivery_id] = rows.known_of(row, delivery)
+    return [rows.queued_of(row, found[row.delivery_id]) for row in due]
 
 
 async def free_claims(tx: Tx) -> None:
@@ -136,7 +133,7 @@ async def try_later(
     """Leave a delivery in the queue until a moment of wall time; None keeps the known reasons."""
     values: dict[str, object] = {"next_try_wall_ms": moment_to_ms(next_try_at), **FREE}
     if reasons is not None:
-        values["reasons"] = rows.reasons_text(reasons)
+        values |= {"reasons": rows.reasons_text(reasons), **_NEXT_VERSION}
     this = and_(deliveries.c.delivery_id == delivery_id, deliveries.c.is_queued)
     await tx.execute(update(deliveries).where(this).values(values))
 
@@ -150,18 +147,19 @@ async def keep_queued(tx: Tx, delivery_id: DeliveryId, *, until: datetime) -> No
 
 async def note_reasons(tx: Tx, delivery_id: DeliveryId, reasons: Sequence[ProviderReason]) -> None:
     """Keep why the packages that wait are about to be given up."""
-    text = rows.reasons_text(reasons)
+    values = {"reasons": rows.reasons_text(reasons), **_NEXT_VERSION}
     this = and_(deliveries.c.delivery_id == delivery_id, deliveries.c.is_queued)
-    await tx.execute(update(deliveries).where(this).values(reasons=text))
+    await tx.execute(update(deliveries).where(this).values(values))
 
 
 async def note_cancelling(tx: Tx, delivery_id: DeliveryId, *, reason: str) -> None:
     """Keep that all of a delivery that still can be stopped is to be."""
+    values = {"cancel_reason": reason, **_NEXT_VERSION}
     this = deliveries.c.delivery_id == delivery_id
-    await tx.execute(update(deliveries).where(this).values(cancel_reason=reason))
+    await tx.execute(update(deliveries).where(this).values(values))
 
 
-async def lock(tx: Tx, delivery_id: DeliveryId) -> Delivery:
+async def lock(tx: Tx, delivery_id: DeliveryId) -> Known:
     """A delivery that nobody else changes until this transaction ends.
 
     Raises
@@ -173,30 +171,38 @@ async def lock(tx: Tx, delivery_id: DeliveryId) -> Delivery:
     if not found:
         raise NotFound("delivery", delivery_id)
     [delivery] = await with_parts(tx.connection, found)
-    return delivery
+    return rows.known_of(found[0], delivery)
 
 
-async def save(tx: Tx, before: Delivery, after: Delivery, *, new_events: int) -> Place:
-    """Write what changed of a locked delivery; the place of new events, which count as told."""
-    if not may_follow(after.state, before.state):
-        raise RuntimeError(f"a delivery never goes from {before.state} to {after.state}")
+async def save(tx: Tx, before: Known, after: Known, *, report: MissionReport | None) -> bool:
+    """Write what changed of a delivery, by the next report of a mission or by something else.
+
+    Whether its customer has webhooks. From here on nobody else changes the delivery until this
+    transaction ends: its row comes first, as with `lock`, so that nobody waits in a circle.
+
+    Raises
+    ------
+    Outdated
+        It was written since it was `before`, or the report is not the mission's next.
+    """
+    old, new = before.delivery, after.delivery
+    if not may_follow(new.state, old.state):
+        raise RuntimeError(f"a delivery never goes from {old.state} to {new.state}")
     this = {
-        "this": before.delivery_id,
-        "state_before": before.state,
-        "attempt_before": before.attempt,
-        "new_events": new_events,
-        "listener": before.customer_id,
+        "this": old.delivery_id,
+        "version_before": before.version,
+        "listener": old.customer_id,
     }
     values = rows.changing(after)
-    if (before.attempt, before.is_queued) != (after.attempt, after.is_queued):
+    if (old.attempt, old.is_queued) != (new.attempt, new.is_queued):
         # What is to be booked is another thing now, to be looked at at once.
         values |= {"next_try_wall_ms": 0, **FREE}
-    saved = (await tx.execute(_SAVE, {**this, **values})).one_or_none()
-    if saved is None:
-        raise RuntimeError(f"delivery {before.delivery_id} was not locked when it was changed")
-    await _save_packages(tx, before, after)
-    await _save_missions(tx, before.missions, after.missions)
-    return Place(saved.last_sequence - new_events, saved.has_webhooks)
+    has_webhooks: bool | None = (await tx.execute(_SAVE, {**this, **values})).scalar()
+    if has_webhooks is None:
+        raise Outdated
+    await _save_packages(tx, old, new)
+    await _save_missions(tx, old.missions, new.missions, report)
+    return has_webhooks
 
 
 async def _save_packages(tx: Tx, before: Delivery, after: Delivery) -> None:
@@ -219,22 +225,31 @@ def _this_package(delivery: Delivery, package: PackageStatus) -> dict[str, objec
 
 
 async def _save_missions(
-    tx: Tx, before: Sequence[FlownMission], after: Sequence[FlownMission]
+    tx: Tx,
+    before: Sequence[FlownMission],
+    after: Sequence[FlownMission],
+    report: MissionReport | None,
 ) -> None:
     known = {mission.mission_id: mission for mission in before}
-    new = [rows.mission_row(mission) for mission in after if mission.mission_id not in known]
-    if new:
-        await tx.execute(_ADD_MISSIONS, new)
-    for mission in after:
-        if mission != known.get(mission.mission_id, mission):
-            values = {"this": mission.mission_id, **rows.mission_values(mission)}
-            await tx.execute(_SAVE_MISSION, values)
+    new = [mission for mission in after if mission.mission_id not in known]
+    tx.add(missions, [rows.mission_row(mission) for mission in new])
+    changed = {
+        mission.mission_id: rows.mission_values(mission)
+        for mission in after
+        if mission != known.get(mission.mission_id, mission)
+    }
+    if report is not None:
+        await _save_reported(tx, report, changed.pop(report.mission_id, {}))
+    for mission_id, values in changed.items():
+        await tx.execute(_SAVE_MISSION, {"this": mission_id, **values})
 
 
-async def take_report(tx: Tx, report: MissionReport) -> bool:
-    """Note a report that is the next one of its mission; False when it is not."""
+async def _save_reported(tx: Tx, report: MissionReport, values: Mapping[str, object]) -> None:
+    """Write a mission together with the report that changed it, the next one of that mission."""
     this = {"this": report.mission_id, "seq_before": report.seq - 1}
-    return (await tx.execute(_APPLY_NEXT, {**this, **rows.reported(report)})).rowcount == 1
+    saved = await tx.execute(_SAVE_REPORTED, {**this, **rows.reported(report), **values})
+    if saved.rowcount == 0:
+        raise Outdated
 
 
 async def last_report(tx: Tx, mission_id: MissionId) -> int | None:

@@ -69,7 +69,7 @@ class Events:
             for sequence, happening in enumerate(happenings, start=place.after + 1)
         ]
         wall_now = self._clock.wall_now()
-        await store.add_events(tx, events, recorded_at=wall_now)
+        store.add_events(tx, events, recorded_at=wall_now)
         if place.has_webhooks and await store.notify_webhooks(
             tx, events, customer_id=customer_id, at=wall_now
         ):

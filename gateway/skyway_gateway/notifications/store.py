@@ -54,13 +54,12 @@ HAS_WEBHOOKS: Final = (
     .where(webhooks.c.customer_id == bindparam("listener"), webhooks.c.state == "ACTIVE")
     .label("has_webhooks")
 )
-_ADD_EVENTS: Final = insert(events)
 _LISTENING: Final = select(webhooks.c.webhook_id, webhooks.c.event_types).where(
     webhooks.c.customer_id == bindparam("customer_id"), webhooks.c.state == "ACTIVE"
 )
 
 
-async def add_events(tx: Tx, new: Sequence[DeliveryEvent], *, recorded_at: datetime) -> None:
+def add_events(tx: Tx, new: Sequence[DeliveryEvent], *, recorded_at: datetime) -> None:
     """Keep events, in the form in which every channel carries them."""
     rows = [
         {
@@ -73,7 +72,7 @@ async def add_events(tx: Tx, new: Sequence[DeliveryEvent], *, recorded_at: datet
         }
         for event in new
     ]
-    await tx.execute(_ADD_EVENTS, rows)
+    tx.add(events, rows)
 
 
 async def notify_webhooks(
@@ -94,8 +93,7 @@ async def notify_webhooks(
         for event in new
         if webhook.event_types is None or event.type in json.loads(webhook.event_types)
     ]
-    if rows:
-        await tx.execute(insert(notifications), rows)
+    tx.add(notifications, rows)
     return bool(rows)
 
 

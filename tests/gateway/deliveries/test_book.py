@@ -309,9 +309,7 @@ async def test_after_five_refusals_the_delivery_is_rejected(
 
 
 async def _claimed(gateway: Any) -> Any:
-    from skyway_gateway.deliveries.store import claim_queued
-
-    return await claim_queued(gateway.parts.db, limit=9, claimant="dead", clock=gateway.clock)
+    return await gateway.parts.booker.claim(limit=9)
 
 
 async def _ask(gateway: Any, queued: Any) -> Any:

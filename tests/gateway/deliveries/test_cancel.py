@@ -350,9 +350,7 @@ async def test_a_bad_cancellation_is_a_problem(
 
 
 async def _claimed(gateway: Any) -> Any:
-    from skyway_gateway.deliveries.store import claim_queued
-
-    [queued] = await claim_queued(gateway.parts.db, limit=1, claimant="dead", clock=gateway.clock)
+    [queued] = await gateway.parts.booker.claim(limit=1)
     return queued
 
 

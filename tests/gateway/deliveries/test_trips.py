@@ -235,9 +235,7 @@ async def test_a_round_that_is_overtaken_by_reports_keeps_what_they_said(drones:
     drones.composition.packages_per_trip = 1
     drones.registry.candidates_now = drones.registry.candidates_now[:1]
     await drones.book_next()
-    from skyway_gateway.deliveries.store import claim_queued
-
-    [queued] = await claim_queued(drones.parts.db, limit=1, claimant="slow", clock=drones.clock)
+    [queued] = await drones.parts.booker.claim(limit=1)
     await reports(drones, delivery_id, "ACCEPTED", "LOADING", "LOADED")
     await drones.report(delivery_id, "ACTIVITY", seq=4, activity="FLYING")
     await drones.parts.booker.book(queued)

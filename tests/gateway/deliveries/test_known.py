@@ -1,0 +1,167 @@
+"""Writing from what is remembered: whatever was written since is noticed, whoever wrote it."""
+
+import asyncio
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from sqlalchemy import Engine, event
+
+
+@pytest.fixture
+def replica(gateway_on_both: Any) -> Any:
+    """The same gateway in another process, on the same database: it remembers nothing of ours."""
+    from skyway_gateway.deliveries.known import KnownDeliveries
+
+    parts = gateway_on_both.parts
+    writer = replace(parts.writer, known=KnownDeliveries())
+    return replace(gateway_on_both, parts=replace(parts, writer=writer))
+
+
+@contextmanager
+def reads() -> Iterator[list[str]]:
+    """The SELECTs of deliveries and their parts while the block lasts."""
+    seen: list[str] = []
+
+    def note(_connection: Any, _cursor: Any, statement: str, *_: Any) -> None:
+        if statement.startswith("SELECT"):
+            seen.append(" ".join(statement.split()))
+
+    event.listen(Engine, "before_cursor_execute", note)
+    try:
+        yield seen
+    finally:
+        event.remove(Engine, "before_cursor_execute", note)
+
+
+async def _follow(gateway: Any, delivery_id: str, kind: str, *, seq: int, **fields: object) -> None:
+    """Have this replica, and no other, follow a report."""
+    report = gateway.mission_report(delivery_id, kind, seq=seq, **fields)
+    await gateway.parts.follower.follow(report)
+
+
+async def test_what_was_just_written_is_not_read_again(gateway: Any) -> None:
+    with reads() as seen:
+        delivery_id = await gateway.accepted()
+        await gateway.book_next()
+        await _follow(gateway, delivery_id, "ACCEPTED", seq=1)
+    assert [one for one in seen if "api_keys" not in one] == []
+    assert (await gateway.get(delivery_id))["state"] == "DISPATCHED"
+
+
+async def test_what_another_replica_accepted_is_booked_here(
+    gateway_on_both: Any, replica: Any
+) -> None:
+    delivery_id = await gateway_on_both.accepted(packages=2)
+    assert await replica.book_next()
+    await _follow(gateway_on_both, delivery_id, "ACCEPTED", seq=1)
+    await _follow(replica, delivery_id, "LOADING", seq=2)
+    assert (await replica.get(delivery_id))["state"] == "LOADING"
+
+
+async def test_a_plan_takes_account_of_a_cancellation_since_the_claim(
+    gateway_on_both: Any, replica: Any
+) -> None:
+    """Cancelled here or by another replica: the package is not planned, and called off."""
+    for canceller in (gateway_on_both, replica):
+        delivery_id = await gateway_on_both.accepted(packages=2)
+        [queued] = await gateway_on_both.parts.booker.claim(limit=1)
+        answer = await _cancel(canceller, delivery_id, ["p1"])
+        assert answer.packages[0].state == "CANCELLED"
+
+        await gateway_on_both.parts.booker.book(queued)
+        delivery = await gateway_on_both.get(delivery_id)
+        assert delivery["state"] == "PLANNED"
+        assert [one["state"] for one in delivery["packages"]] == ["CANCELLED", "CREATED"]
+        assert [one["mission_id"] is None for one in delivery["packages"]] == [True, False]
+        assert await gateway_on_both.told(delivery_id) == [
+            "delivery.requested",
+            "package.cancelled",
+            "delivery.planned",
+        ]
+
+
+async def test_a_plan_of_an_older_attempt_is_not_written(
+    gateway_on_both: Any, replica: Any, candidate: Callable[..., Any]
+) -> None:
+    """Another replica has planned it meanwhile, and its drone has refused."""
+    gateway = gateway_on_both
+    gateway.registry.candidates_now = [candidate("drn_1"), candidate("drn_2")]
+    delivery_id = await gateway.accepted()
+    [queued] = await gateway.parts.booker.claim(limit=1)
+    await replica.parts.booker.book(queued)
+    await _follow(replica, delivery_id, "REFUSED", seq=1, code="EXPIRED")
+
+    await gateway.parts.booker.book(queued)
+    delivery = await gateway.get(delivery_id)
+    assert (delivery["state"], delivery["attempt"]) == ("REQUESTED", 2)
+    assert await gateway.told(delivery_id) == ["delivery.requested", "delivery.planned"]
+
+
+async def test_reports_to_two_replicas_are_applied_once_each(
+    gateway_on_both: Any, replica: Any
+) -> None:
+    gateway = gateway_on_both
+    delivery_id = await gateway.planned()
+    steps = [("ACCEPTED", {}), ("LOADING", {}), ("LOADED", {"package_ids": ["p1"]})]
+    for seq, (kind, fields) in enumerate(steps, start=1):
+        # Each remembers the delivery as it wrote it two reports ago.
+        for one in (gateway, replica) if seq % 2 else (replica, gateway):
+            await _follow(one, delivery_id, kind, seq=seq, **fields)
+    await asyncio.gather(
+        *(
+            _follow(one, delivery_id, "DELIVERED", seq=4, package_ids=["p1"])
+            for one in (gateway, replica)
+        )
+    )
+    assert (await gateway.get(delivery_id))["state"] == "COMPLETED"
+    assert await gateway.told(delivery_id) == [
+        "delivery.requested",
+        "delivery.planned",
+        "delivery.dispatched",
+        "delivery.loaded",
+        "delivery.started",
+        "package.delivered",
+        "delivery.completed",
+    ]
+
+
+async def test_a_report_sees_what_was_cancelled_elsewhere(
+    gateway_on_both: Any, replica: Any
+) -> None:
+    """The drone loads what is left: p1 stays at the pickup, although we remember it planned."""
+    gateway = gateway_on_both
+    delivery_id = await gateway.planned(packages=2)
+    await _follow(gateway, delivery_id, "ACCEPTED", seq=1)
+    await _cancel(replica, delivery_id, ["p1"])
+    await _follow(gateway, delivery_id, "LOADED", seq=2, package_ids=["p2"])
+    delivery = await gateway.get(delivery_id)
+    assert [one["state"] for one in delivery["packages"]] == ["CANCELLED", "LOADED"]
+
+
+async def _cancel(gateway: Any, delivery_id: str, package_ids: list[str]) -> Any:
+    from skyway_gateway.deliveries.cancel import CancelRequest
+
+    from skyway.runtime.identity import Caller
+
+    wanted = CancelRequest(package_ids=tuple(package_ids))
+    caller = Caller(role="customer", subject_id="alice")
+    return await gateway.parts.canceller.cancel(caller, delivery_id, wanted)
+
+
+async def test_only_the_youngest_are_remembered(gateway: Any) -> None:
+    from skyway_gateway.deliveries.known import Known, KnownDeliveries
+
+    await gateway.accepted()
+    [queued] = await gateway.parts.booker.claim(limit=1)
+    known = KnownDeliveries()
+    for number in range(501):
+        other = queued.delivery.model_copy(update={"delivery_id": f"dlv_{number}"})
+        known.note(Known(other, version=1, last_sequence=1))
+    assert known.get("dlv_0") is None
+    assert known.get("dlv_1") is not None
+    known.note(Known(queued.delivery, version=3, last_sequence=3))
+    known.note(Known(queued.delivery, version=2, last_sequence=2))
+    assert known.get(queued.delivery.delivery_id).version == 3
