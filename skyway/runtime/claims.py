@@ -3,7 +3,7 @@
 A claimant that dies loses its claims when they run out; whoever finishes frees them.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final, Self
 
@@ -11,7 +11,6 @@ from sqlalchemy import (
     BigInteger,
     Column,
     ColumnElement,
-    Executable,
     Integer,
     Row,
     Table,
@@ -20,6 +19,7 @@ from sqlalchemy import (
     select,
     tuple_,
 )
+from sqlalchemy.sql.dml import ReturningUpdate
 
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database, Tx
@@ -44,7 +44,7 @@ def claim_columns() -> tuple[Column[str], Column[int]]:
 class Claiming:
     """How rows of one table are claimed: made once, since making statements takes long."""
 
-    statement: Executable
+    statement: ReturningUpdate[*tuple[Any, ...]]  # rows have the types of their table
     order_by: tuple[Column[Any], ...]
 
     @classmethod
@@ -79,15 +79,25 @@ class Claiming:
 
         Any: rows have the types of their table.
         """
-        now_ms = moment_to_ms(clock.wall_now())
-        values = {
-            "now_ms": now_ms,
-            "most": limit,
-            "claimant": claimant,
-            "until_ms": now_ms + int(lease_s * 1000),
-        }
-        taken = await tx.execute(self.statement, values)
+        values = claim_values(limit=limit, claimant=claimant, lease_s=lease_s, clock=clock)
+        return self.in_order(await tx.execute(self.statement, values))
+
+    def in_order(self, taken: Iterable[Row[Any]]) -> list[Row[Any]]:
+        """What the statement returned, in the order of the claim."""
         return sorted(taken, key=lambda row: [row._mapping[each] for each in self.order_by])
+
+
+def claim_values(
+    *, limit: int, claimant: str, lease_s: float, clock: FleetClock
+) -> dict[str, object]:
+    """The parameters of a claiming statement."""
+    now_ms = moment_to_ms(clock.wall_now())
+    return {
+        "now_ms": now_ms,
+        "most": limit,
+        "claimant": claimant,
+        "until_ms": now_ms + int(lease_s * 1000),
+    }
 
 
 async def claim(
@@ -106,5 +116,5 @@ async def claim(
     Any: rows and sort columns have the types of their table.
     """
     claiming = Claiming.of(table, where=where, order_by=order_by)
-    async with db.write() as tx:
-        return await claiming.run(tx, limit=limit, claimant=claimant, lease_s=lease_s, clock=clock)
+    values = claim_values(limit=limit, claimant=claimant, lease_s=lease_s, clock=clock)
+    return claiming.in_order(await db.write_alone(claiming.statement, values))

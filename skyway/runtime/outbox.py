@@ -29,7 +29,7 @@ from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database, Tx
 from skyway.runtime.errors import MqttUnavailable, RemoteProblem, ServiceUnavailable
 from skyway.runtime.metrics import count
-from skyway.runtime.stream_sender import Again, StreamSender
+from skyway.runtime.stream_sender import QUICK_S, UNHURRIED_S, Again, StreamSender
 
 log = logging.getLogger(__name__)
 
@@ -100,10 +100,12 @@ class ServicePort(Protocol):
 class MqttSender:
     """Publishes this database's messages: until confirmed by the receiver, or by the broker."""
 
-    def __init__(self, db: Database, mqtt: MqttPort, clock: FleetClock) -> None:
+    def __init__(
+        self, db: Database, mqtt: MqttPort, clock: FleetClock, *, pause_s: float = QUICK_S
+    ) -> None:
         self._mqtt = mqtt
         self._sender = StreamSender(
-            db, "mqtt", self._publish, clock=clock, ready=mqtt.wait_connected
+            db, "mqtt", self._publish, clock=clock, pause_s=pause_s, ready=mqtt.wait_connected
         )
 
     async def run(self) -> None:
@@ -128,7 +130,10 @@ class ReportSender:
 
     def __init__(self, db: Database, clients: Mapping[str, ServicePort], clock: FleetClock) -> None:
         self._clients = clients
-        self._senders = [StreamSender(db, service, self._post, clock=clock) for service in clients]
+        self._senders = [
+            StreamSender(db, service, self._post, clock=clock, pause_s=UNHURRIED_S)
+            for service in clients
+        ]
 
     async def run(self) -> None:
         """Post for ever."""

@@ -14,12 +14,13 @@ from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from sqlalchemy import ColumnElement, Row, Table, Update, and_, bindparam, exists, select
+from sqlalchemy import ColumnElement, Delete, Row, Table, Update, and_, bindparam, exists, select
+from sqlalchemy.sql.dml import ReturningUpdate
 
 from skyway.runtime.among import among
-from skyway.runtime.claims import FREE, NOW_MS, Claiming
+from skyway.runtime.claims import FREE, NOW_MS, Claiming, claim_values
 from skyway.runtime.clock import FleetClock, sleep_wall
-from skyway.runtime.database import Database, Tx
+from skyway.runtime.database import Database
 from skyway.runtime.loops import Wake, repeat
 from skyway.runtime.metrics import count
 from skyway.runtime.minting import mint
@@ -35,9 +36,14 @@ _LEASE_S: Final = 15.0
 _MOST_UNDER_WAY: Final = 64
 #: Longest look away from the table, seconds: another replica may have written to it.
 _LONGEST_REST_S: Final = 1.0
+#: Rows that wait for longer than that are due on whole multiples of this, many at a time.
+_TOGETHER_MS: Final = 500
+
 #: Seconds of wall time from one look at the table to the next: what is written and sent meanwhile
-#: takes one transaction, and a row that comes after a while of silence waits for nothing.
-_PAUSE_S: Final = 0.05
+#: takes one statement, and a row that comes after a while of silence waits for nothing.
+QUICK_S: Final = 0.05
+#: The same for what nobody waits for with a stopwatch.
+UNHURRIED_S: Final = 0.2
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,13 +58,14 @@ class Again:
 Send = Callable[[Row[Any]], Awaitable[Again | None]]
 
 
-@dataclass(frozen=True, slots=True)
-class _Sent:
-    """A row that was sent, to be noted yet: it is done with, or due again at a wall time."""
+@dataclass(frozen=True, slots=True, order=True)
+class _Staying:
+    """A row that is due again at a wall time; until `noted_at_ms` only we know, who hold it."""
 
+    noted_at_ms: int
     row_id: int
     attempts: int
-    due_at_ms: int | None
+    due_at_ms: int
 
 
 async def _at_once() -> None:
@@ -75,6 +82,7 @@ class StreamSender:
         send: Send,
         *,
         clock: FleetClock,
+        pause_s: float = QUICK_S,
         ready: Callable[[], Awaitable[None]] = _at_once,
     ) -> None:
         if db.outbox is None:
@@ -88,16 +96,17 @@ class StreamSender:
         self._claimant = mint("snd")
         self._wake = Wake()
         self._under_way: set[asyncio.Task[None]] = set()
-        self._sent: list[_Sent] = []
-        self._due_at_ms: list[int] = []  # a heap of when rows that we have sent are due again
-        self._pace = Pace(_PAUSE_S)
-        columns = self._table.c
-        is_next = _is_next(self._table, channel)
+        self._done: list[int] = []  # rows that are sent, and still in the table
+        self._staying: list[_Staying] = []  # a heap
+        self._pace = Pace(pause_s)
         self._claiming = Claiming.of(
-            self._table, where=and_(is_next, columns.due_at_ms <= NOW_MS), order_by=[columns.id]
+            self._table,
+            where=and_(_is_next(self._table, channel), self._table.c.due_at_ms <= NOW_MS),
+            order_by=[self._table.c.id],
         )
-        self._done = self._table.delete().where(among(columns.id, "done"))
-        self._stays = _keeping(self._table)
+        self._dropping = self._table.delete().where(among(self._table.c.id, "done"))
+        self._turning = _with(self._dropping, self._claiming.statement)
+        self._freeing = _freeing(self._table)
 
     async def run(self) -> None:
         """Send for ever."""
@@ -127,32 +136,56 @@ class StreamSender:
         return True
 
     def _finished(self, task: asyncio.Task[None]) -> None:
+        was_full = len(self._under_way) == _MOST_UNDER_WAY
         self._under_way.discard(task)
-        self._wake.set()
+        if self._done or was_full:
+            self._wake.set()
 
     async def _turn(self) -> Sequence[Row[Any]]:
-        """Note what was sent and claim what comes next, in one transaction."""
-        sent, self._sent = self._sent, []
-        free = _MOST_UNDER_WAY - len(self._under_way)
-        while self._due_at_ms and self._due_at_ms[0] <= self._now_ms():
-            heapq.heappop(self._due_at_ms)
+        """Delete what was sent, free what is due again, and claim what comes next.
+
+        None of it needs the others: a row that is not deleted or freed is claimed by us until its
+        claim runs out, and then sent again.
+        """
+        await self._free_due()
+        done, self._done = self._done, []
+        values = claim_values(
+            limit=_MOST_UNDER_WAY - len(self._under_way),
+            claimant=self._claimant,
+            lease_s=_LEASE_S,
+            clock=self._clock,
+        )
+        values["done"] = done
         try:
-            async with self._db.write() as tx:
-                await self._settle(tx, sent)
-                if free == 0:
-                    return []
-                return await self._claiming.run(
-                    tx, limit=free, claimant=self._claimant, lease_s=_LEASE_S, clock=self._clock
-                )
+            if self._db.dialect == "postgresql":
+                taken = await self._db.write_alone(self._turning, values)
+            else:
+                async with self._db.write() as tx:
+                    await tx.execute(self._dropping, values)
+                    taken = (await tx.execute(self._claiming.statement, values)).all()
         except BaseException:
-            self._sent = sent + self._sent
+            self._done = done + self._done
             raise
+        return self._claiming.in_order(taken)
+
+    async def _free_due(self) -> None:
+        """Free the rows of which the table must know by now when they are due again."""
+        now_ms = self._now_ms()
+        noted: list[_Staying] = []
+        while self._staying and self._staying[0].noted_at_ms <= now_ms:
+            noted.append(heapq.heappop(self._staying))
+        rows = [
+            {"sent_id": each.row_id, "attempts": each.attempts, "due_at_ms": each.due_at_ms}
+            for each in noted
+        ]
+        if rows:
+            await self._db.write_alone(self._freeing, rows)
 
     async def _rest(self) -> None:
-        """Wait until something is written, finished or due again, but no longer than a while."""
+        """Wait until something is written, sent or due again, but no longer than a while."""
         rest_s = _LONGEST_REST_S
-        if self._due_at_ms:
-            rest_s = min((self._due_at_ms[0] - self._now_ms()) / 1000, rest_s)
+        if self._staying:
+            rest_s = min((self._staying[0].noted_at_ms - self._now_ms()) / 1000, rest_s)
         alarm = asyncio.create_task(self._wake_after(rest_s))
         try:
             await self._wake.wait(_LONGEST_REST_S)
@@ -174,30 +207,30 @@ class StreamSender:
             return
         count("skyway_outbox_sends", "rows sent, repeats too", channel=self._channel)
         if again is None:
-            self._sent.append(_Sent(row.id, row.attempts, None))
-            return
-        due_at_ms = self._now_ms() + int(again.after_s * 1000)
-        self._sent.append(_Sent(row.id, again.attempts, due_at_ms))
-        heapq.heappush(self._due_at_ms, due_at_ms)
+            self._done.append(row.id)
+        else:
+            self._keep(row, again)
 
-    async def _settle(self, tx: Tx, sent: Sequence[_Sent]) -> None:
-        """Delete the rows that are done with, and free the others until they are due again."""
-        done = [each.row_id for each in sent if each.due_at_ms is None]
-        if done:
-            await tx.execute(self._done, {"done": done})
-        stays = [
-            {"sent_id": each.row_id, "attempts": each.attempts, "due_at_ms": each.due_at_ms}
-            for each in sent
-            if each.due_at_ms is not None
-        ]
-        if stays:
-            await tx.execute(self._stays, stays)
+    def _keep(self, row: Row[Any], again: Again) -> None:
+        """Remember a row that stays; the table need not know before it is due again.
+
+        Most are confirmed before that, and gone. While we hold a row nobody else sends it, so the
+        table must know at once when it waits for longer than that.
+        """
+        due_at_ms = self._now_ms() + int(again.after_s * 1000)
+        if again.after_s > _LONGEST_REST_S:
+            due_at_ms = -(-due_at_ms // _TOGETHER_MS) * _TOGETHER_MS
+        is_held = due_at_ms + _LONGEST_REST_S * 1000 < row.claimed_until_ms
+        noted_at_ms = due_at_ms if is_held else 0
+        heapq.heappush(self._staying, _Staying(noted_at_ms, row.id, again.attempts, due_at_ms))
+        if not is_held or again.after_s < _LONGEST_REST_S:
+            self._wake.set()
 
     def _now_ms(self) -> int:
         return moment_to_ms(self._clock.wall_now())
 
 
-def _keeping(table: Table) -> Update:
+def _freeing(table: Table) -> Update:
     """Free the row `sent_id`, unless somebody is at it: then it is being confirmed.
 
     Who confirms several rows holds one while it waits for the next: waiting for that one here, with
@@ -208,12 +241,20 @@ def _keeping(table: Table) -> Update:
     return table.update().where(table.c.id == this, table.c.id.in_(untouched)).values(FREE)
 
 
+def _with(
+    dropping: Delete, claiming: ReturningUpdate[*tuple[Any, ...]]
+) -> ReturningUpdate[*tuple[Any, ...]]:
+    """Both in one statement, as PostgreSQL allows; each sees the table as it was before."""
+    return claiming.add_cte(dropping.cte("dropped"))
+
+
 def _is_next(table: Table, channel: str) -> ColumnElement[bool]:
-    """Whether a row is the oldest of its stream on this channel."""
+    """Whether a row is the oldest of its stream on this channel, those `done` with left out."""
     columns, older = table.c, table.alias("older")
     has_older = exists().where(
         older.c.channel == columns.channel,
         older.c.stream == columns.stream,
         older.c.id < columns.id,
+        ~among(older.c.id, "done"),
     )
-    return and_(columns.channel == channel, ~has_older)
+    return and_(columns.channel == channel, ~among(columns.id, "done"), ~has_older)

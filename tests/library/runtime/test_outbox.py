@@ -19,7 +19,6 @@ from skyway.runtime.errors import MqttUnavailable, RemoteProblem, ServiceUnavail
 from skyway.runtime.loops import Wake
 from skyway.runtime.outbox import MqttSender, ReportSender, confirm, outbox_table
 from skyway.runtime.tracing import current_traceparent, tracing
-from skyway.units import ms_to_moment
 
 METADATA = MetaData()
 OUTBOX = outbox_table(METADATA)
@@ -40,6 +39,21 @@ class Changes:
         async with asyncio.timeout(10):
             while not is_so():
                 await self._changed.wait()
+
+
+class Alarms(ManualClock):
+    """A clock of which a test sees who sleeps, and until when."""
+
+    def __init__(self, start: datetime) -> None:
+        super().__init__(start)
+        self.set_for: list[datetime] = []
+
+    async def sleep_until(self, fleet_moment: datetime) -> None:
+        self.set_for.append(fleet_moment)
+        try:
+            await super().sleep_until(fleet_moment)
+        finally:
+            self.set_for.remove(fleet_moment)
 
 
 class InMemoryMqtt:
@@ -109,6 +123,11 @@ async def db(database_url: str) -> AsyncIterator[Database]:
 
 
 @pytest.fixture
+def clock() -> Alarms:
+    return Alarms(MOMENT)
+
+
+@pytest.fixture
 def mqtt() -> InMemoryMqtt:
     return InMemoryMqtt()
 
@@ -155,15 +174,13 @@ async def until_waiting(db: Database, expected: int) -> None:
             pass
 
 
-async def pass_time(db: Database, clock: ManualClock, is_so: Callable[[], bool]) -> None:
-    """Advance the clock to whenever the oldest message is due, until something is so."""
-    oldest = select(OUTBOX).order_by(OUTBOX.c.id).limit(1)
-    async with asyncio.timeout(10):
+async def pass_time(db: Database, clock: Alarms, is_so: Callable[[], bool]) -> None:
+    """Advance the clock to whenever somebody who rests wakes, until something is so."""
+    async with asyncio.timeout(20):
         while not is_so():
-            async with db.read() as connection:
-                row = (await connection.execute(oldest)).first()
-            if row is not None and row.claimed_by is None:
-                clock.advance(max(ms_to_moment(row.due_at_ms) - clock.wall_now(), timedelta(0)))
+            await waiting(db)
+            if clock.set_for:
+                clock.advance(max(min(clock.set_for) - clock.now(), timedelta(0)))
 
 
 async def test_a_message_is_published_and_forgotten_after_the_puback(
@@ -217,7 +234,7 @@ async def test_a_stuck_stream_holds_no_other(
 
 
 async def test_a_message_is_repeated_until_its_receiver_confirms(
-    db: Database, mqtt: InMemoryMqtt, clock: ManualClock
+    db: Database, mqtt: InMemoryMqtt, clock: Alarms
 ) -> None:
     async with running(MqttSender(db, mqtt, clock)):
         await send(db, "m1", "m2", confirmed_by="receiver")
@@ -233,7 +250,7 @@ async def test_a_message_is_repeated_until_its_receiver_confirms(
 
 
 async def test_repeats_back_off_from_2_to_30_seconds(
-    db: Database, mqtt: InMemoryMqtt, clock: ManualClock
+    db: Database, mqtt: InMemoryMqtt, clock: Alarms
 ) -> None:
     taken_at: list[datetime] = []
     mqtt.on_taken = lambda: taken_at.append(clock.wall_now())
@@ -247,7 +264,7 @@ async def test_repeats_back_off_from_2_to_30_seconds(
 
 
 async def test_a_message_is_sent_when_the_broker_is_back(
-    db: Database, mqtt: InMemoryMqtt, clock: ManualClock
+    db: Database, mqtt: InMemoryMqtt, clock: Alarms
 ) -> None:
     mqtt.failures = 2
 
@@ -259,7 +276,7 @@ async def test_a_message_is_sent_when_the_broker_is_back(
 
 
 async def test_nothing_is_lost_when_a_sender_dies_between_sending_and_deleting(
-    db: Database, mqtt: InMemoryMqtt, clock: ManualClock
+    db: Database, mqtt: InMemoryMqtt, clock: Alarms
 ) -> None:
     mqtt.gates["m1"] = asyncio.Event()
 
@@ -317,7 +334,7 @@ async def test_a_report_is_posted_as_it_was_written(db: Database, clock: FleetCl
     ],
 )
 async def test_a_report_is_repeated_until_it_is_taken(
-    db: Database, clock: ManualClock, error: Exception
+    db: Database, clock: Alarms, error: Exception
 ) -> None:
     gateway = InMemoryService()
     gateway.errors = [error, error]
