@@ -49,14 +49,20 @@ class Courier:
         """The same; the instruction's id too, by which its answer is known."""
         link, place = link.with_next()
         await store.save_links(tx, [link])
-        return link, await self.post_at(tx, place, draft, expires_at=expires_at)
+        instruction = self._instruction(place, draft, expires_at)
+        await store.add_instruction(tx, place.drone_id, instruction)
+        _hand_over(tx, place, instruction)
+        return link, instruction.instruction_id
 
-    async def post_at(
-        self, tx: Tx, place: Numbered, draft: Draft, *, expires_at: datetime
-    ) -> InstructionId:
-        """Send an instruction whose place is taken already; its id."""
+    def post_last(self, tx: Tx, place: Numbered, draft: Draft, *, expires_at: datetime) -> None:
+        """Send an instruction whose place is taken already, the last that the block sends there."""
+        instruction = self._instruction(place, draft, expires_at)
+        store.add_last_instruction(tx, place.drone_id, instruction)
+        _hand_over(tx, place, instruction)
+
+    def _instruction(self, place: Numbered, draft: Draft, expires_at: datetime) -> AnyInstruction:
         instruction_id = InstructionId(self.mint("ins"))
-        instruction = draft(
+        return draft(
             message_id=instruction_id,
             sent_at=self.clock.now(),
             instruction_id=instruction_id,
@@ -65,10 +71,6 @@ class Courier:
             events_confirmed_seq=place.events_confirmed_seq,
             expires_at=expires_at,
         )
-        await store.add_instruction(tx, place.drone_id, instruction)
-        address = INSTRUCTIONS(place.provider_id, place.drone_id)
-        tx.send(address, instruction, confirmed_by="receiver", stream=place.drone_id)
-        return instruction_id
 
     async def ask_for_events(self, tx: Tx, link: DroneLink) -> DroneLink:
         """Ask the drone for the events after the last one that we have, unless just asked."""
@@ -86,3 +88,8 @@ class Courier:
             await confirm(tx, instruction.instruction_id)
             await store.set_status(tx, instruction.instruction_id, "REISSUED")
         return withdrawn
+
+
+def _hand_over(tx: Tx, place: Numbered, instruction: AnyInstruction) -> None:
+    address = INSTRUCTIONS(place.provider_id, place.drone_id)
+    tx.send(address, instruction, confirmed_by="receiver", stream=place.drone_id)

@@ -143,7 +143,18 @@ def _values(link: DroneLink) -> dict[str, Any]:  # parameters of `_SAVE_LINK` of
 
 async def add_instruction(tx: Tx, drone_id: DroneId, instruction: AnyInstruction) -> None:
     """Keep an instruction that is being sent."""
-    row = {
+    await tx.execute(_ADD_INSTRUCTION, _instruction_row(drone_id, instruction))
+
+
+def add_last_instruction(tx: Tx, drone_id: DroneId, instruction: AnyInstruction) -> None:
+    """The same when the block ends, which does not ask any more what the drone was sent."""
+    tx.add(instructions, [_instruction_row(drone_id, instruction)])
+
+
+def _instruction_row(
+    drone_id: DroneId, instruction: AnyInstruction
+) -> dict[str, Any]:  # column values of any type
+    return {
         "instruction_id": instruction.instruction_id,
         "drone_id": drone_id,
         "stream": instruction.stream,
@@ -154,7 +165,6 @@ async def add_instruction(tx: Tx, drone_id: DroneId, instruction: AnyInstruction
         "status": "SENT",
         "body": instruction.model_dump_json(),
     }
-    await tx.execute(_ADD_INSTRUCTION, row)
 
 
 async def was_sent(tx: Tx, drone_id: DroneId, instruction_id: InstructionId) -> bool:

@@ -22,7 +22,12 @@ from skyway.runtime.metrics import count
 from skyway.runtime.minting import Mint
 from skyway.units import moment_to_ms
 from skyway_composition.missions import store
-from skyway_composition.missions.deliveries.store import close_delivery, lock_delivery
+from skyway_composition.missions.booking.store import busy_among, missions_of, outlook
+from skyway_composition.missions.deliveries.store import (
+    add_delivery,
+    close_delivery,
+    lock_delivery,
+)
 from skyway_composition.missions.engage import engage
 from skyway_composition.missions.outcome import all_taken, pickup_unknown, without_offer
 from skyway_composition.networks.prepared import PreparedNetworks
@@ -49,9 +54,13 @@ class _Outdated(Exception):
 
 @dataclass(frozen=True, slots=True)
 class _Round:
-    """What one round books: trips of these candidates, within these limits."""
+    """What one round books: trips of these candidates, within these limits.
+
+    Of a delivery that is not known nothing was booked, and it was not closed.
+    """
 
     delivery_id: DeliveryId
+    is_known: bool
     wanted: BookMissions
     candidates: tuple[Candidate, ...]
     finder: TripFinder
@@ -73,18 +82,23 @@ class Bookings:
         reasons: tuple[ProviderReason, ...] = ()
         for round_number in range(_MOST_ROUNDS):
             async with self.db.read() as connection:
-                booked = await store.missions_of(connection, delivery_id, attempt=wanted.attempt)
-                busy = await store.busy_among(
-                    connection, [each.drone_id for each in wanted.candidates]
+                seen = await outlook(
+                    connection,
+                    delivery_id,
+                    attempt=wanted.attempt,
+                    drone_ids=wanted.shortlist.drone_ids,
+                    pickup=wanted.request.pickup.station_id,
                 )
-            if booked:
-                return Booking(outcome="BOOKED", missions=booked)
-            pickup, after_ms = wanted.request.pickup.station_id, moment_to_ms(self.clock.now())
-            world = await World.around(pickup, self.networks, db=self.db, after_ms=after_ms)
-            if world is None:
+            if seen.booked:
+                return Booking(outcome="BOOKED", missions=seen.booked)
+            if seen.around is None:
                 return pickup_unknown(wanted)
-            this_round = self._round(delivery_id, wanted, world, round_number)
-            booking, reasons = await self._book_in(this_round, busy)
+            after_ms = moment_to_ms(self.clock.now())
+            world = await World.at(seen.around, self.networks, db=self.db, after_ms=after_ms)
+            this_round = self._round(
+                delivery_id, wanted, world, round_number, is_known=seen.is_known
+            )
+            booking, reasons = await self._book_in(this_round, seen.busy)
             if booking is not None:
                 return booking
         return all_taken(wanted, reasons)
@@ -92,13 +106,12 @@ class Bookings:
     async def busy_among(self, drone_ids: Collection[DroneId]) -> frozenset[DroneId]:
         """Those of these drones that are on a mission, or may be."""
         async with self.db.read() as connection:
-            return await store.busy_among(connection, drone_ids)
+            return await busy_among(connection, drone_ids)
 
     async def close(self, delivery_id: DeliveryId) -> ClosedDelivery:
         """Book nothing more for this delivery, unless something is booked already."""
         async with self.db.write() as tx:
-            locked = await lock_delivery(tx, delivery_id)
-            if not locked.is_closed:
+            if not await lock_delivery(tx, delivery_id):
                 missions = await store.live_missions_of(tx.connection, delivery_id)
                 if missions:
                     return ClosedDelivery(is_closed=False, missions=missions)
@@ -106,7 +119,13 @@ class Bookings:
             return ClosedDelivery(is_closed=True)
 
     def _round(
-        self, delivery_id: DeliveryId, wanted: BookMissions, world: World, round_number: int
+        self,
+        delivery_id: DeliveryId,
+        wanted: BookMissions,
+        world: World,
+        round_number: int,
+        *,
+        is_known: bool,
     ) -> _Round:
         offer = wanted.offer
         begins_ms = start_ms(
@@ -118,6 +137,7 @@ class Bookings:
         limits = Limits.of(wanted.request.qos).within(offer, start_ms=begins_ms)
         return _Round(
             delivery_id,
+            is_known,
             wanted,
             candidates=tuple(
                 each
@@ -166,16 +186,18 @@ class Bookings:
         """Reserve the drones and the pads, and send the missions: one transaction.
 
         All rows that could be contended are locked in the same order by everybody: delivery,
-        network, drones, missions, pads.
+        network, drones, missions, pads; one that nobody knew comes last, with all that is added.
         """
         delivery_id, wanted = this_round.delivery_id, this_round.wanted
-        locked = await lock_delivery(tx, delivery_id)
-        if locked.is_closed:
-            return Booking(outcome="CLOSED")
-        if not locked.is_new:
-            booked = await store.missions_of(tx.connection, delivery_id, attempt=wanted.attempt)
+        if this_round.is_known:
+            if await lock_delivery(tx, delivery_id):
+                return Booking(outcome="CLOSED")
+            booked = await missions_of(tx.connection, delivery_id, attempt=wanted.attempt)
             if booked:
                 return Booking(outcome="BOOKED", missions=booked)
+        else:
+            # Whoever books or closes it meanwhile makes the database refuse it: then it is known.
+            add_delivery(tx, delivery_id)
         # I11: the version is read inside the transaction, and cannot change before it ends.
         world = this_round.finder.world
         starts_too_soon = this_round.finder.start_ms < moment_to_ms(self.clock.now())

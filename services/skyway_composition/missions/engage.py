@@ -34,10 +34,8 @@ async def engage(
 ) -> tuple[Mission, ...]:
     """Book all trips of an offer for a delivery that is locked, and send their missions.
 
-    Raises
-    ------
-    Taken
-        A drone or a pad is somebody else's meanwhile.
+    What is added is added when the block ends; then a drone or a pad that is somebody else's
+    meanwhile is `Taken`.
     """
     courier = Courier(clock, mint)
     # Everybody locks drones in this order.
@@ -61,8 +59,8 @@ async def engage(
         )
         for number, part in enumerate(offer.parts, 1)
     ]
-    for record in sorted(records, key=lambda each: each.drone_id):
-        await store.add(tx, record)
+    for record in records:
+        store.add(tx, record)
     by_mission = {
         record.mission_id: part.trip.booked_pads
         for record, part in zip(records, offer.parts, strict=True)
@@ -70,8 +68,8 @@ async def engage(
     await reserve(tx, by_mission)
     await _begin_custody(tx, records)
     for record, part in zip(records, offer.parts, strict=True):
-        steps = await _add_steps(tx, record, part, skyway)
-        await courier.post_at(
+        steps = _add_steps(tx, record, part, skyway)
+        courier.post_last(
             tx,
             places[record.drone_id],
             mission_draft(record.mission, steps),
@@ -80,7 +78,7 @@ async def engage(
     return tuple(record.mission for record in records)
 
 
-async def _add_steps(
+def _add_steps(
     tx: Tx, record: MissionRecord, part: Part, skyway: PreparedNetwork
 ) -> tuple[FlightStep, ...]:
     steps = flight_steps(
@@ -89,7 +87,7 @@ async def _add_steps(
         terms=StepTerms.of(record, skyway.settings),
         first_step=1,
     )
-    await store.add_steps(tx, record.mission_id, steps)
+    store.add_steps(tx, record.mission_id, steps)
     return steps
 
 
@@ -104,4 +102,4 @@ async def _begin_custody(tx: Tx, records: Sequence[MissionRecord]) -> None:
             for package in record.request.packages
             if package.package_id not in held
         ]
-        await store.add_custody(tx, record, rows, at_ms=moment_to_ms(record.mission.start_at))
+        store.begin_custody(tx, record, rows, at_ms=moment_to_ms(record.mission.start_at))

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from pydantic import TypeAdapter
-from sqlalchemy import Row, bindparam, delete, insert, select, union_all, update
+from sqlalchemy import Row, bindparam, delete, insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.candidate import Candidate
@@ -18,7 +18,6 @@ from skyway.runtime.among import among
 from skyway.runtime.claims import FREE
 from skyway.runtime.database import Tx
 from skyway.units import moment_to_ms
-from skyway_composition.links.store import OCCUPIED
 from skyway_composition.missions.custody import Custodian, Held
 from skyway_composition.missions.record import Aim, MissionRecord, Proposal, Stuck, Trouble
 from skyway_composition.missions.step_columns import step_columns
@@ -32,17 +31,6 @@ _ANY_REVISION: Final = 2**31 - 1
 
 # Statements that each booking and each word of a drone needs: making them takes longer than
 # running them does.
-_OF_ATTEMPT: Final = (
-    select(missions.c.body)
-    .where(
-        missions.c.delivery_id == bindparam("delivery_id"),
-        missions.c.attempt == bindparam("attempt"),
-    )
-    .order_by(missions.c.trip)
-)
-_BUSY: Final = union_all(
-    select(missions.c.drone_id).where(among(missions.c.drone_id, "drone_ids"), is_live), OCCUPIED
-)
 _LIVE: Final = (
     select(missions)
     .where(among(missions.c.drone_id, "drone_ids"), is_live)
@@ -53,7 +41,6 @@ _LIVE_AMONG: Final = select(missions.c.drone_id).where(
     among(missions.c.drone_id, "drone_ids"), is_live
 )
 _LIVE_DRONES: Final = select(missions.c.drone_id).where(is_live).order_by(missions.c.drone_id)
-_ADD: Final = insert(missions)
 _SAVE: Final = update(missions).where(missions.c.mission_id == bindparam("of_mission"))
 _ADD_STEPS: Final = insert(mission_steps)
 _PLANNED_STEP: Final = select(mission_steps.c.step).where(
@@ -89,15 +76,6 @@ class MissionFilter:
     loading: str | None = None
 
 
-async def missions_of(
-    connection: AsyncConnection, delivery_id: DeliveryId, *, attempt: int
-) -> tuple[Mission, ...]:
-    """The missions that were booked for this attempt, in the order of their trips."""
-    wanted = {"delivery_id": delivery_id, "attempt": attempt}
-    found = await connection.execute(_OF_ATTEMPT, wanted)
-    return tuple(Mission.read(body) for body in found.scalars())
-
-
 async def live_missions_of(
     connection: AsyncConnection, delivery_id: DeliveryId
 ) -> tuple[Mission, ...]:
@@ -110,24 +88,11 @@ async def live_missions_of(
     return tuple(_record(row).mission for row in found)
 
 
-async def busy_among(
-    connection: AsyncConnection, drone_ids: Collection[DroneId]
-) -> frozenset[DroneId]:
-    """Those of these drones that are on a mission, or say so: given up on, they may still fly.
+def add(tx: Tx, record: MissionRecord) -> None:
+    """Add a mission when the block ends.
 
-    So are those that are down away from every station, until people have fetched them.
-    """
-    found = await connection.execute(_BUSY, {"drone_ids": [*drone_ids]})
-    return frozenset(row.drone_id for row in found)
-
-
-async def add(tx: Tx, record: MissionRecord) -> None:
-    """Add a mission.
-
-    Raises
-    ------
-    Taken
-        `mission_drone`: its drone is on another one; `mission_attempt`: it was booked already.
+    Then `mission_drone` is `Taken` if its drone is on another one, `mission_attempt` if it was
+    booked already.
     """
     mission = record.mission
     row = {
@@ -142,7 +107,7 @@ async def add(tx: Tx, record: MissionRecord) -> None:
         "candidate": record.candidate.model_dump_json(),
         **_changing(record),
     }
-    await tx.execute(_ADD, row)
+    tx.add(missions, [row])
 
 
 async def save(tx: Tx, record: MissionRecord) -> None:
@@ -231,9 +196,9 @@ async def plan_at_once(tx: Tx, mission_id: MissionId) -> None:
     )
 
 
-async def add_steps(tx: Tx, mission_id: MissionId, steps: Iterable[FlightStep]) -> None:
-    """Add the steps of a new mission."""
-    await _insert_steps(tx, mission_id, steps, revision=1)
+def add_steps(tx: Tx, mission_id: MissionId, steps: Iterable[FlightStep]) -> None:
+    """Add the steps of a new mission when the block ends."""
+    tx.add(mission_steps, _step_rows(mission_id, steps, revision=1))
 
 
 async def replace_planned(
@@ -268,7 +233,13 @@ async def replace_steps(
 async def _insert_steps(
     tx: Tx, mission_id: MissionId, steps: Iterable[FlightStep], *, revision: int
 ) -> None:
-    rows = [
+    await tx.execute(_ADD_STEPS, _step_rows(mission_id, steps, revision=revision))
+
+
+def _step_rows(
+    mission_id: MissionId, steps: Iterable[FlightStep], *, revision: int
+) -> list[dict[str, Any]]:  # column values of any type
+    return [
         {
             "mission_id": mission_id,
             "step_id": step.step_id,
@@ -279,7 +250,6 @@ async def _insert_steps(
         }
         for step in steps
     ]
-    await tx.execute(_ADD_STEPS, rows)
 
 
 async def change_step(tx: Tx, mission_id: MissionId, step: FlightStep) -> None:
@@ -343,9 +313,22 @@ async def held_packages(
     }
 
 
+def begin_custody(tx: Tx, record: MissionRecord, rows: Iterable[Held], *, at_ms: int) -> None:
+    """Begin the chains of packages when the block ends."""
+    tx.add(custody, _custody_rows(record, rows, at_ms=at_ms))
+
+
 async def add_custody(tx: Tx, record: MissionRecord, rows: Iterable[Held], *, at_ms: int) -> None:
     """Pass packages on; a chain has each number once."""
-    added = [
+    added = _custody_rows(record, rows, at_ms=at_ms)
+    if added:
+        await tx.execute(_ADD_CUSTODY, added)
+
+
+def _custody_rows(
+    record: MissionRecord, rows: Iterable[Held], *, at_ms: int
+) -> list[dict[str, Any]]:  # column values of any type
+    return [
         {
             "delivery_id": record.mission.delivery_id,
             "package_id": held.package_id,
@@ -357,8 +340,6 @@ async def add_custody(tx: Tx, record: MissionRecord, rows: Iterable[Held], *, at
         }
         for held in rows
     ]
-    if added:
-        await tx.execute(_ADD_CUSTODY, added)
 
 
 def _changing(record: MissionRecord) -> dict[str, Any]:  # column values of any type

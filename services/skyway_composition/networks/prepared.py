@@ -77,15 +77,12 @@ class PreparedNetworks:
     async def around(self, station_id: StationId) -> PreparedNetwork | None:
         """The current version of the network that has this station; None when none has."""
         present = await self.present_around(station_id)
-        return None if present is None else present[0]
+        return None if present is None else await self.version(present.network_id, present.version)
 
-    async def present_around(self, station_id: StationId) -> tuple[PreparedNetwork, int] | None:
-        """The same with the number of its conditions, both as they were at one moment."""
+    async def present_around(self, station_id: StationId) -> store.Present | None:
+        """Which version that is, and the number of its conditions, both as they are now."""
         async with self._db.read() as connection:
-            found = await store.present_around(connection, station_id)
-        if found is None:
-            return None
-        return await self.version(found.network_id, found.version), found.conditions
+            return await store.present_around(connection, station_id)
 
     async def version(self, network_id: NetworkId, version: int) -> PreparedNetwork:
         """One version of a network.

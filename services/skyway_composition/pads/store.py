@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 from sqlalchemy import BigInteger, bindparam, delete, func, insert, literal, select
 from sqlalchemy.ext.asyncio import AsyncConnection
@@ -82,19 +82,17 @@ class Reservation:
 
 
 async def reserve(tx: Tx, booked: Mapping[MissionId, Sequence[BookedPad]]) -> None:
-    """Reserve pads for new missions, all or nothing.
+    """Reserve pads for new missions when the block ends, all or nothing.
 
-    Raises
-    ------
-    Taken
-        Somebody else holds one of them for some of the time, or two of these missions would.
+    Then `pad_taken` is `Taken` if somebody else holds one of them for some of the time, or two of
+    these missions would.
     """
     # All at once: one mission's stations after another's would not be in sorted order.
     everything = [each for pads in booked.values() for each in pads]
     if not everything:
         return
     await _lock_stations(tx, everything)
-    await _insert(tx, booked)
+    tx.add(pad_reservations, _rows(booked))
 
 
 async def hold(tx: Tx, mission_id: MissionId, booked: Iterable[BookedPad]) -> None:
@@ -250,7 +248,15 @@ async def _lock_stations(tx: Tx, booked: Iterable[BookedPad]) -> None:
 
 
 async def _insert(tx: Tx, booked: Mapping[MissionId, Iterable[BookedPad]]) -> None:
-    rows = [
+    rows = _rows(booked)
+    if rows:
+        await tx.execute(_ADD, rows)
+
+
+def _rows(
+    booked: Mapping[MissionId, Iterable[BookedPad]],
+) -> list[dict[str, Any]]:  # column values of any type
+    return [
         {
             "station_id": each.station_id,
             "pad": each.pad,
@@ -261,5 +267,3 @@ async def _insert(tx: Tx, booked: Mapping[MissionId, Iterable[BookedPad]]) -> No
         for mission_id, pads in booked.items()
         for each in pads
     ]
-    if rows:
-        await tx.execute(_ADD, rows)

@@ -1,12 +1,13 @@
 """The world in which plans are made: a network version, who holds its pads, what is closed."""
 
 from dataclasses import dataclass
+from typing import Self
 
 from skyway.ids import MissionId, StationId
 from skyway.runtime.database import Database, Tx
 from skyway_composition.closures.conditions import Conditions
 from skyway_composition.networks.prepared import PreparedNetwork, PreparedNetworks
-from skyway_composition.networks.store import share_world
+from skyway_composition.networks.store import Present, share_world
 from skyway_composition.pads.known_pads import KnownPads
 
 
@@ -25,12 +26,20 @@ class World:
     @classmethod
     async def around(
         cls, station_id: StationId, networks: PreparedNetworks, *, db: Database, after_ms: int
-    ) -> "World | None":
+    ) -> Self | None:
         """The world of whoever begins at a station; None when no network has it."""
         present = await networks.present_around(station_id)
-        if present is None:
-            return None
-        skyway, number = present
+        return (
+            None if present is None else await cls.at(present, networks, db=db, after_ms=after_ms)
+        )
+
+    @classmethod
+    async def at(
+        cls, present: Present, networks: PreparedNetworks, *, db: Database, after_ms: int
+    ) -> Self:
+        """The world of a network as it was just found to be."""
+        skyway = await networks.version(present.network_id, present.version)
+        number = present.conditions
         conditions = await skyway.conditions.numbered(number, db, after_ms=after_ms)
         pads = _pads(skyway, db, conditions, after_ms=after_ms)
         return cls(skyway, pads, conditions, number)
@@ -44,7 +53,7 @@ class World:
         after_ms: int,
         without_mission_id: MissionId | None = None,
         pad_gap_s: float | None = None,
-    ) -> "World":
+    ) -> Self:
         """The network with what is closed and reserved beyond a moment, but for one mission's.
 
         Others' reservations begin `pad_gap_s` early (None: as long as the network wants).

@@ -1,6 +1,5 @@
 """All SQL of the deliveries: a row to lock, and the tombstone in it."""
 
-from dataclasses import dataclass
 from typing import Final
 
 from sqlalchemy import bindparam, select, update
@@ -16,24 +15,23 @@ _LOCK: Final = (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class LockedDelivery:
-    """A delivery that nobody else books or closes; of one that is new there are no missions."""
+async def lock_delivery(tx: Tx, delivery_id: DeliveryId) -> bool:
+    """Whether the delivery, known from now on, is closed; others who ask wait for this one."""
+    wanted = {"of_delivery": delivery_id}
+    found = (await tx.execute(_LOCK, wanted)).one_or_none()
+    if found is None:
+        added = tx.insert(deliveries).on_conflict_do_nothing()
+        await tx.execute(added, {"delivery_id": delivery_id})
+        found = (await tx.execute(_LOCK, wanted)).one()
+    return found.closed_ms is not None
 
-    is_new: bool
-    is_closed: bool
 
+def add_delivery(tx: Tx, delivery_id: DeliveryId) -> None:
+    """Know a delivery when the block ends.
 
-async def lock_delivery(tx: Tx, delivery_id: DeliveryId) -> LockedDelivery:
-    """The delivery, known from now on; others who ask wait for this one."""
-    added = tx.insert(deliveries).on_conflict_do_nothing()
-    known = await tx.execute(
-        added.returning(deliveries.c.delivery_id), {"delivery_id": delivery_id}
-    )
-    if known.one_or_none() is not None:
-        return LockedDelivery(is_new=True, is_closed=False)
-    closed_ms = await tx.execute(_LOCK, {"of_delivery": delivery_id})
-    return LockedDelivery(is_new=False, is_closed=closed_ms.scalar_one() is not None)
+    Then `deliveries_pkey` is `Taken` if somebody else came to know it meanwhile.
+    """
+    tx.add(deliveries, [{"delivery_id": delivery_id}])
 
 
 async def close_delivery(tx: Tx, delivery_id: DeliveryId, now_ms: int) -> None:

@@ -1,0 +1,1 @@
+"""What a booking has to know before it plans."""
