@@ -2,38 +2,26 @@
 
 `read` lends a connection that cannot write, `survey` one for questions that take long. `write`
 lends a transaction, and leaving its block is the only commit there is. SQLite has one writer whose
-commits are grouped (`sqlite_writer`); PostgreSQL has a connection per block, of those that can
-write or of those that cannot. `write_alone` is for a write of one statement.
+commits are grouped (`sqlite_writer`); PostgreSQL has a connection per block (`lending`), of those
+that can write or of those that cannot. `write_alone` is for a write of one statement.
 """
 
-import asyncio
-from collections.abc import AsyncIterator, Mapping, Sequence
+from collections.abc import AsyncIterator, Sequence
 from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager
 from typing import Any, Self
 
-from asyncpg import PostgresError
 from sqlalchemy import Executable, Table, text
 from sqlalchemy.engine import Row
-from sqlalchemy.exc import DBAPIError
-from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
+from sqlalchemy.ext.asyncio import AsyncConnection
 
-from skyway.runtime.engines import (
-    Dialect,
-    postgresql_engine,
-    postgresql_reader_engine,
-    read_url,
-    sqlite_reader_engine,
-    sqlite_survey_engine,
-)
+from skyway.runtime.engines import Dialect, read_url
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.loops import Wake
-from skyway.runtime.sqlite_writer import SqliteWriter
+from skyway.runtime.storage import PostgresqlStorage, SqliteStorage, Storage
 from skyway.runtime.transaction import Tx
+from skyway.runtime.written import Values
 
 __all__ = ["Database", "Tx"]
-
-#: What a statement is told, by name; Any, since it may be of whatever type a column takes.
-Values = Mapping[str, Any]
 
 
 class Database:
@@ -53,52 +41,30 @@ class Database:
         self.outbox = outbox
         self._wakes: dict[str, list[Wake]] = {}
         self._opened = AsyncExitStack()
-        self._readers: AsyncEngine | None = None
-        self._surveys: AsyncEngine | None = None
-        self._writers: AsyncEngine | None = None
-        self._lone_writers: AsyncEngine | None = None
-        self._sqlite_writer: SqliteWriter | None = None
+        self._storage: Storage | None = None
 
     async def __aenter__(self) -> Self:
-        if self.dialect == "sqlite":
-            # The writer opens first: it turns the file into one that many can read.
-            self._sqlite_writer = await self._opened.enter_async_context(SqliteWriter(self._url))
-            self._readers = sqlite_reader_engine(self._url)
-            self._surveys = sqlite_survey_engine(self._url)
-            self._opened.push_async_callback(self._surveys.dispose)
-        else:
-            self._readers = self._surveys = postgresql_reader_engine(self._url)
-            self._writers = postgresql_engine(self._url)
-            # The same connections.
-            self._lone_writers = self._writers.execution_options(isolation_level="AUTOCOMMIT")
-            self._opened.push_async_callback(self._writers.dispose)
-        self._opened.push_async_callback(self._readers.dispose)
+        storage = (SqliteStorage if self.dialect == "sqlite" else PostgresqlStorage)(self._url)
+        self._storage = await self._opened.enter_async_context(storage)
         return self
 
     async def __aexit__(self, *_: object) -> None:
         await self._opened.aclose()
-        self._readers = self._surveys = self._writers = self._lone_writers = None
-        self._sqlite_writer = None
+        self._storage = None
 
-    @asynccontextmanager
-    async def read(self) -> AsyncIterator[AsyncConnection]:
+    def read(self) -> AbstractAsyncContextManager[AsyncConnection]:
         """A connection to read from: on SQLite one moment's data, however long it is held.
 
         On PostgreSQL each statement sees the data of its own moment.
         """
-        async with self._connect(self._readers) as connection:
-            yield connection
+        return self._open().read()
 
-    @asynccontextmanager
-    async def survey(self) -> AsyncIterator[AsyncConnection]:
+    def survey(self) -> AbstractAsyncContextManager[AsyncConnection]:
         """A connection to read much from, all of it one moment's data.
 
         On SQLite others go on while a statement runs.
         """
-        async with self._connect(self._surveys) as connection:
-            if self.dialect == "postgresql":
-                await connection.execution_options(isolation_level="REPEATABLE READ")
-            yield connection
+        return self._open().survey()
 
     @asynccontextmanager
     async def write(self) -> AsyncIterator[Tx]:
@@ -109,7 +75,7 @@ class Database:
         ServiceUnavailable
             The database could not be reached or did not commit.
         """
-        async with self._begin() as connection:
+        async with self._open().write() as connection:
             tx = Tx(connection, dialect=self.dialect, outbox=self.outbox)
             yield tx
             channels = await tx.finish()
@@ -130,11 +96,11 @@ class Database:
         ServiceUnavailable
             As of `write`; the statement may have been run.
         """
-        if self._sqlite_writer:
+        if self.dialect == "sqlite":
             async with self.write() as tx:
                 done = await tx.execute(statement, parameters)
         else:
-            async with self._connect(self._lone_writers) as connection:
+            async with self._open().write_alone() as connection:
                 done = await connection.execute(statement, parameters)
         return done.all() if done.returns_rows else ()
 
@@ -151,30 +117,7 @@ class Database:
             return False
         return True
 
-    @asynccontextmanager
-    async def _connect(self, pool: AsyncEngine | None) -> AsyncIterator[AsyncConnection]:
-        """A connection of the pool; a server that is gone is told in our own words."""
-        if pool is None:
+    def _open(self) -> Storage:
+        if self._storage is None:
             raise ServiceUnavailable("database", "it is not open")
-        connection = pool.connect()
-        try:
-            await connection.start()
-        except (OSError, DBAPIError, PostgresError) as error:
-            raise ServiceUnavailable("database", f"no connection: {error}") from error
-        try:
-            yield connection
-        except DBAPIError as error:
-            if not error.connection_invalidated:
-                raise
-            raise ServiceUnavailable("database", "the connection was lost") from error
-        finally:
-            # A cancelled block must still give its connection back.
-            await asyncio.shield(connection.close())
-
-    def _begin(self) -> AbstractAsyncContextManager[AsyncConnection]:
-        return self._sqlite_writer.block() if self._sqlite_writer else self._begin_on_postgresql()
-
-    @asynccontextmanager
-    async def _begin_on_postgresql(self) -> AsyncIterator[AsyncConnection]:
-        async with self._connect(self._writers) as connection, connection.begin():
-            yield connection
+        return self._storage

@@ -7,10 +7,10 @@ from typing import Any, Final, Literal
 import aiosqlite
 from sqlalchemy import event, make_url
 from sqlalchemy.engine import URL, Connection, ExceptionContext
-from sqlalchemy.engine.interfaces import AdaptedConnection, DBAPIConnection, IsolationLevel
-from sqlalchemy.exc import ArgumentError, InvalidatePoolError
+from sqlalchemy.engine.interfaces import DBAPIConnection, IsolationLevel
+from sqlalchemy.exc import ArgumentError
 from sqlalchemy.ext.asyncio import AsyncEngine, create_async_engine
-from sqlalchemy.pool import AsyncAdaptedQueuePool, ConnectionPoolEntry, PoolProxiedConnection
+from sqlalchemy.pool import AsyncAdaptedQueuePool, NullPool
 
 from skyway.errors import InvalidInput
 from skyway.runtime.errors import UnsafeDatabase
@@ -21,12 +21,7 @@ Dialect = Literal["sqlite", "postgresql"]
 #: How long a statement waits for another process that holds SQLite's lock, seconds.
 _BUSY_TIMEOUT_S: Final = 10
 
-#: Connections of one process to PostgreSQL for writing, and as many for reading, all kept: one that
-#: the pool drops again after use costs a process of the server, a sign-in and all its prepared
-#: statements each time.
-_CONNECTIONS: Final = 8
-
-#: Statements that each of them keeps prepared: more than a service has.
+#: Statements that a connection to PostgreSQL keeps prepared: more than a service has.
 _STATEMENTS: Final = 500
 
 #: What a connection to SQLite must say of itself: 2 is FULL, every commit is synced.
@@ -93,8 +88,13 @@ def sqlite_survey_engine(url: URL) -> AsyncEngine:
 
 
 def postgresql_engine(url: URL) -> AsyncEngine:
-    """An engine for transactions that write."""
+    """An engine whose transactions SQLAlchemy begins and ends."""
     return _postgresql_engine(url, isolation_level="READ COMMITTED", settings={})
+
+
+def postgresql_writer_engine(url: URL) -> AsyncEngine:
+    """An engine that never begins a transaction by itself."""
+    return _postgresql_engine(url, isolation_level="AUTOCOMMIT", settings={})
 
 
 def postgresql_reader_engine(url: URL) -> AsyncEngine:
@@ -110,36 +110,23 @@ def postgresql_reader_engine(url: URL) -> AsyncEngine:
 def _postgresql_engine(
     url: URL, *, isolation_level: IsolationLevel, settings: Mapping[str, str]
 ) -> AsyncEngine:
-    """An engine that notices connections lost to a restart of the server."""
-    engine = create_async_engine(
+    """An engine that keeps no connections: who has one keeps it (`lending`)."""
+    return create_async_engine(
         url.set(drivername="postgresql+asyncpg"),
         isolation_level=isolation_level,
         skip_autocommit_rollback=True,
-        pool_size=_CONNECTIONS,
-        max_overflow=0,
-        # The one used last has its statements prepared, and what they read at hand.
-        pool_use_lifo=True,
+        poolclass=NullPool,
         connect_args={
             "timeout": 10,
             "command_timeout": 60,
             "prepared_statement_cache_size": _STATEMENTS,
-            "server_settings": {"jit": "off", **settings},
+            "server_settings": {
+                "jit": "off",
+                "default_transaction_isolation": "read committed",
+                **settings,
+            },
         },
     )
-    event.listen(engine.sync_engine, "checkout", _leave_closed)
-    return engine
-
-
-def _leave_closed(
-    connection: AdaptedConnection, _record: ConnectionPoolEntry, _proxy: PoolProxiedConnection
-) -> None:
-    """Have the pool connect anew when this connection is gone, and others with it.
-
-    The driver hears at once when the server closes; asking the server before each use, as the
-    pool's own ping does, takes three round trips.
-    """
-    if connection.driver_connection.is_closed():
-        raise InvalidatePoolError
 
 
 def _begin_deferred(connection: Connection) -> None:

@@ -40,11 +40,10 @@ async def taken_constraint(
 
 
 def _on_postgresql(error: DBAPIError) -> str | None:
-    if getattr(error.orig, "sqlstate", None) not in _POSTGRESQL_TAKEN:
+    refused = error.driver_exception
+    if getattr(refused, "sqlstate", None) not in _POSTGRESQL_TAKEN:
         return None
-    # SQLAlchemy's error wraps the driver's, which knows the constraint and the bare message.
-    cause = error.orig.__cause__ if error.orig is not None else None
-    return getattr(cause, "constraint_name", None) or str(cause)
+    return getattr(refused, "constraint_name", None) or str(refused)
 
 
 async def _on_sqlite(connection: AsyncConnection, place: str) -> str:

@@ -7,11 +7,11 @@ from sqlalchemy import Executable, Table
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.engine import CursorResult
 from sqlalchemy.exc import DBAPIError
-from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.message import Message
 from skyway.contracts.topic import Address
 from skyway.json_model import JsonModel
+from skyway.runtime.block_connection import BlockConnection
 from skyway.runtime.engines import Dialect
 from skyway.runtime.errors import Taken
 from skyway.runtime.insertion import insertion_of
@@ -24,18 +24,6 @@ MessageT = TypeVar("MessageT", bound=Message)
 Row = Mapping[str, Any]
 
 
-class BlockConnection(AsyncConnection):
-    """The connection of a write block, to read what it has written; it cannot end the block."""
-
-    async def commit(self) -> None:
-        """Refuse: half of a block must never be kept."""
-        raise RuntimeError("only leaving a write block commits")
-
-    async def rollback(self) -> None:
-        """Refuse: on SQLite that would undo the other blocks of the same COMMIT."""
-        raise RuntimeError("only an error rolls a write block back")
-
-
 class Tx:
     """What `Database.write` lends to a block; it ends with the block.
 
@@ -44,9 +32,9 @@ class Tx:
     """
 
     def __init__(
-        self, connection: AsyncConnection, *, dialect: Dialect, outbox: Table | None
+        self, connection: BlockConnection, *, dialect: Dialect, outbox: Table | None
     ) -> None:
-        self.connection = BlockConnection(connection.engine, connection.sync_connection)
+        self.connection = connection
         self.dialect = dialect
         self._outbox = outbox
         self._added: dict[Table, list[Row]] = {}

@@ -1,0 +1,201 @@
+"""A connection to PostgreSQL that hands statements made once to the driver itself.
+
+All else, such as statements that are made for one block, goes through SQLAlchemy, over the same
+connection of the driver and so in the same transaction: SQLAlchemy's own is never begun, for to
+it this connection is one that commits by itself.
+"""
+
+import contextlib
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
+from typing import Any, Final, Self, TypeVar, cast
+from weakref import WeakKeyDictionary
+
+from asyncpg import Connection, InterfaceError, InternalClientError, PostgresError, Record
+from asyncpg.prepared_stmt import PreparedStatement
+from sqlalchemy import Dialect, Executable, Row
+from sqlalchemy.engine import CursorResult, result_tuple
+from sqlalchemy.exc import DBAPIError
+from sqlalchemy.ext.asyncio import AsyncEngine
+
+from skyway.runtime.block_connection import BlockConnection
+from skyway.runtime.errors import ServiceUnavailable
+from skyway.runtime.found import FoundRows
+from skyway.runtime.written import Values, Written, WrittenStatements
+
+AnswerT = TypeVar("AnswerT")
+AnyRow = Row[*tuple[Any, ...]]
+
+#: What the driver raises of its own; what SQLAlchemy wraps, too.
+_DRIVER_ERRORS: Final = (PostgresError, InterfaceError, InternalClientError)
+
+
+class DirectConnection(BlockConnection):
+    """A connection of an engine that commits by itself; opened once, lent many times."""
+
+    def __init__(self, engine: AsyncEngine, statements: WrittenStatements) -> None:
+        super().__init__(engine)
+        self._statements = statements
+        self._prepared: WeakKeyDictionary[Written, _Prepared] = WeakKeyDictionary()
+        self._driver: Connection[Record]
+
+    @classmethod
+    async def open(cls, engine: AsyncEngine, statements: WrittenStatements) -> Self:
+        """Connect; the errors are SQLAlchemy's and the driver's."""
+        connection = cls(engine, statements)
+        await connection.start()
+        connection._driver = (await connection.get_raw_connection()).driver_connection
+        return connection
+
+    @property
+    def is_spent(self) -> bool:
+        """Whether the next block needs another connection: this one is lost or in an odd state."""
+        return bool(self._driver.is_closed() or self._driver.is_in_transaction())
+
+    def forget(self) -> None:
+        """Have SQLAlchemy end the transaction that it takes itself to be in, and nobody else."""
+        if self.sync_connection is not None and self.sync_connection.in_transaction():
+            self.sync_connection.rollback()
+
+    async def execute(
+        self,
+        statement: Executable,
+        parameters: Values | Sequence[Values] | None = None,
+        **options: Any,
+    ) -> CursorResult[*tuple[Any, ...]]:
+        """Run a statement; one that was run before goes to the driver as it was written then.
+
+        Any: SQLAlchemy's own options, with which it is to run the statement itself.
+        """
+        rows = _rows(parameters)
+        written = None
+        if not options:
+            written = self._statements.get(
+                statement, rows[0], many=len(rows) > 1, dialect=self.dialect
+            )
+        if written is None:
+            return await super().execute(statement, parameters, **options)
+        try:
+            arguments = [written.values(row) for row in rows]
+        except KeyError:  # SQLAlchemy says which parameter is missing where
+            return await super().execute(statement, parameters)
+        # It answers what callers ask of SQLAlchemy's class, which needs a cursor of its own.
+        return cast("CursorResult[*tuple[Any, ...]]", await self._run(written, arguments))
+
+    @contextlib.asynccontextmanager
+    async def transaction(self) -> AsyncIterator[None]:
+        """Commit what is written within; after an error nothing of it is kept.
+
+        Raises
+        ------
+        ServiceUnavailable
+            The server did not commit.
+        """
+        await self._control("BEGIN")
+        try:
+            yield
+        except BaseException:
+            await self._undo()
+            raise
+        # After an error PostgreSQL takes COMMIT for ROLLBACK, and is content.
+        if await self._control("COMMIT") != "COMMIT":
+            raise ServiceUnavailable("database", "not committed after an error in a statement")
+
+    @contextlib.asynccontextmanager
+    async def one_moment(self) -> AsyncIterator[None]:
+        """Have all statements within see one moment's data."""
+        await self._control("BEGIN ISOLATION LEVEL REPEATABLE READ")
+        try:
+            yield
+        finally:
+            await self._undo()
+
+    async def _run(self, written: Written, arguments: Sequence[Sequence[Any]]) -> FoundRows:
+        """Any: the driver takes what columns take."""
+        prepared = self._prepared.get(written)
+        if prepared is None:
+            statement = await self._answer(written.text, self._driver.prepare, written.text)
+            prepared = _Prepared(statement, written, dialect=self.dialect)
+            self._prepared[written] = prepared
+        try:
+            if len(arguments) > 1:
+                await self._answer(written.text, prepared.statement.executemany, arguments)
+                return FoundRows((), status=None, returns_rows=False)
+            records = await self._answer(written.text, prepared.statement.fetch, *arguments[0])
+        except DBAPIError:
+            # It may be a table that has changed since the statement was prepared.
+            self._prepared.pop(written, None)
+            raise
+        return prepared.found(records)
+
+    async def _control(self, text: str) -> str:
+        """Run a statement without arguments, in the one message that it takes; what was done."""
+        return await self._answer(text, self._driver.execute, text)
+
+    async def _undo(self) -> None:
+        """Roll back; when that cannot be said, the server does so because the connection goes."""
+        if not self._driver.is_closed():
+            try:
+                await self._control("ROLLBACK")
+            except DBAPIError:
+                self._driver.terminate()
+
+    async def _answer(
+        self, text: str, ask: Callable[..., Awaitable[AnswerT]], *arguments: Any
+    ) -> AnswerT:
+        """What the driver answers; its errors in SQLAlchemy's words. Any: what the driver takes.
+
+        A connection whose statement was cancelled is not used again, since nobody knows how far
+        that has come.
+        """
+        try:
+            return await ask(*arguments)
+        except _DRIVER_ERRORS as error:
+            is_lost = self._driver.is_closed()
+            raise DBAPIError(text, None, error, connection_invalidated=is_lost) from error
+        except Exception:
+            raise
+        except BaseException:
+            self._driver.terminate()
+            raise
+
+
+class _Prepared:
+    """A statement that one connection keeps prepared, and how its rows are read."""
+
+    def __init__(
+        self, statement: "PreparedStatement[Record]", written: Written, *, dialect: Dialect
+    ) -> None:
+        self.statement = statement
+        attributes = statement.get_attributes()
+        columns = written.columns
+        self._to_row = result_tuple(
+            [each.name for each in attributes], [(column,) for column in columns]
+        )
+        self._convert = [
+            column.type.dialect_impl(dialect).result_processor(dialect, attribute.type.oid)
+            for column, attribute in zip(columns, attributes, strict=True)
+        ]
+        self._is_converted = any(self._convert)
+
+    def found(self, records: Sequence[Record]) -> FoundRows:
+        """The rows that the driver has read."""
+        read = map(self._converted, records) if self._is_converted else records
+        return FoundRows(
+            [self._to_row(each) for each in read],
+            status=self.statement.get_statusmsg(),
+            returns_rows=bool(self._convert),
+        )
+
+    def _converted(self, record: Record) -> list[Any]:
+        """Any: columns are of every type."""
+        return [
+            value if convert is None else convert(value)
+            for value, convert in zip(record, self._convert, strict=True)
+        ]
+
+
+def _rows(parameters: Values | Sequence[Values] | None) -> Sequence[Values]:
+    """The sets of parameters for which a statement is run, one at least."""
+    if not parameters:
+        return ({},)
+    return (parameters,) if isinstance(parameters, Mapping) else parameters
