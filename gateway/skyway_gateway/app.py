@@ -29,6 +29,7 @@ from skyway.runtime.migrations import migrate
 from skyway.runtime.minting import mint
 from skyway.runtime.mqtt import MqttClient
 from skyway.runtime.outbox import MqttSender, ReportSender
+from skyway.runtime.stream_sender import UNHURRIED_S
 from skyway_gateway.access.drone_keys import DroneKeys
 from skyway_gateway.access.keys import Keys
 from skyway_gateway.access.known_keys import KnownKeys
@@ -225,7 +226,8 @@ def build_app(settings: GatewaySettings) -> FastAPI:
             await opened.enter_async_context(parts.post)
             await opened.enter_async_context(mqtt)
             loops = await opened.enter_async_context(Loops())
-            loops.start("messages", MqttSender(parts.db, mqtt, parts.clock).run())
+            messages = MqttSender(parts.db, mqtt, parts.clock, pause_s=UNHURRIED_S)
+            loops.start("messages", messages.run())
             told = {"composition": parts.clients["composition"]}
             loops.start("reports", ReportSender(parts.db, told, parts.clock).run())
             loops.start("webhooks", parts.sender.run())
