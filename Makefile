@@ -3,6 +3,8 @@
 VENV := .venv
 BIN := $(VENV)/bin
 UV := $(shell command -v uv 2>/dev/null)
+# A system is a dozen processes: each would compile anew all that it imports.
+unexport PYTHONDONTWRITEBYTECODE
 # A worker per core, but not so many that whole systems starve each other.
 PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist worksteal
 
