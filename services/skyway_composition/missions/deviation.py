@@ -18,7 +18,7 @@ from skyway_composition.planning.margins import used_more, with_margin
 TOLD_LATENESS: Final = timedelta(seconds=60)
 
 #: A shortfall of charge below this is rounding, or made up for by the margin. Our own choice.
-_LEAST_SHORTFALL_SOC: Final = 0.001
+LEAST_SHORTFALL_SOC: Final = 0.001
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +78,7 @@ def _trouble(
     costs of the charge, the margin makes up for. A landing that is under way comes as it comes; how
     far a drone charges that comes below its reserve is seen when it has.
     """
-    least_soc = record.candidate.model.reserve_soc - _LEAST_SHORTFALL_SOC
+    least_soc = record.candidate.model.reserve_soc - LEAST_SHORTFALL_SOC
     tolerated_s = record.mission.margins.tolerated_lateness_s
     short: PredictedStep | None = None
     soc = where.soc

@@ -1,0 +1,81 @@
+"""Drones that wait to begin: looked at only when they are not as they were booked."""
+
+from datetime import timedelta
+from typing import Any
+
+import pytest
+from sqlalchemy import Engine, event
+
+pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
+
+HEALTH = {
+    "voltage_v": 22.0,
+    "current_a": 1.0,
+    "soc_error": 0.01,
+    "cell_spread_v": 0.01,
+    "temperature_c": 20.0,
+    "state_of_health": 1.0,
+    "range_m": 10_000.0,
+}
+
+
+@pytest.fixture
+async def ready(composition: Any, drone: Any) -> dict[str, Any]:
+    """What a drone says that waits to begin an accepted mission."""
+    await composition.take(drone.state(stream=0))
+    await composition.book()
+    (instruction,) = await composition.sent()
+    await composition.take(drone.ack(instruction))
+    return {"mission_id": instruction.mission_id, "mission_revision": 1, "step_id": 1}
+
+
+async def troubles(composition: Any) -> list[str | None]:
+    return [row.trouble for row in await composition.rows("SELECT trouble FROM missions")]
+
+
+async def test_a_drone_that_stands_as_it_was_booked_is_not_compared_with_its_plan(
+    composition: Any, drone: Any, ready: Any
+) -> None:
+    seen: list[str] = []
+
+    def note(_connection: Any, _cursor: Any, statement: str, *_: Any) -> None:
+        seen.append(statement)
+
+    event.listen(Engine, "before_cursor_execute", note)
+    try:
+        await composition.take(drone.state(**ready), drone.state(**ready))
+    finally:
+        event.remove(Engine, "before_cursor_execute", note)
+
+    assert [each for each in seen if "mission_steps" in each] == []
+    assert await troubles(composition) == [None]
+
+
+@pytest.mark.parametrize(
+    "said",
+    [
+        {"soc": 0.5},
+        {"health": HEALTH | {"consumption_factor": 1.8}},
+    ],
+)
+async def test_a_drone_that_can_do_less_than_it_was_booked_for_is_in_trouble(
+    composition: Any, drone: Any, ready: Any, said: dict[str, Any]
+) -> None:
+    await composition.take(drone.state(**ready | said))
+
+    (trouble,) = await troubles(composition)
+    assert trouble is not None
+    assert "MORE_ENERGY" in trouble
+
+
+async def test_a_drone_that_has_not_begun_in_time_is_compared_with_its_plan(
+    composition: Any, drone: Any, ready: Any
+) -> None:
+    (row,) = await composition.rows("SELECT released_ms - start_ms AS lasts FROM missions")
+    composition.clock.advance(timedelta(milliseconds=row.lasts))
+
+    await composition.take(drone.state(**ready))
+
+    (trouble,) = await troubles(composition)
+    assert trouble is not None
+    assert "LATE" in trouble
