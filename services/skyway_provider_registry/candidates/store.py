@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from sqlalchemy import BigInteger, Row, bindparam, exists, or_, select
+from sqlalchemy import BigInteger, Row, and_, bindparam, exists, literal_column, or_, select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.drone.model import DroneModel
@@ -15,6 +15,8 @@ from skyway_provider_registry.presence.known import SILENCE
 from skyway_provider_registry.providers import store as providers
 from skyway_provider_registry.tables import changes, drones, mission_hints, presence
 
+#: No change has a number beyond it.
+_LAST_CHANGE: Final = 2**63 - 1
 _SILENCE_MS: Final = round(SILENCE.total_seconds() * 1000)
 
 _has_live_mission = exists().where(
@@ -46,10 +48,16 @@ _known: Final = (
 )
 _heard: Final = drones.join(presence, presence.c.drone_id == drones.c.drone_id)
 _EVERY_DRONE: Final = select(*_known).select_from(_heard)
+#: A range of which both ends are given is what PostgreSQL takes for few rows, whichever they are;
+#: of an open one it expects a third of the table, and then reads all that was ever hinted at.
+_has_changed: Final = and_(
+    presence.c.changed > bindparam("since", type_=BigInteger),
+    presence.c.changed <= literal_column(str(_LAST_CHANGE), BigInteger),
+)
 #: The marks, and all drones that changed after a number: one row at least, once there is anything.
-_CHANGES: Final = select(
+CHANGES: Final = select(
     changes.c.latest, changes.c.providers, changes.c.removals, *_known
-).select_from(changes.outerjoin(_heard, presence.c.changed > bindparam("since", type_=BigInteger)))
+).select_from(changes.outerjoin(_heard, _has_changed))
 
 Rows = Sequence[Row[*tuple[Any, ...]]]  # columns of every type
 
@@ -74,7 +82,7 @@ async def every_drone(connection: AsyncConnection) -> Rows:
 
 async def changed_drones(connection: AsyncConnection, *, since: int) -> tuple[ChangeMarks, Rows]:
     """The marks as they are committed, and what is known of the drones that changed after one."""
-    rows = (await connection.execute(_CHANGES, {"since": since})).all()
+    rows = (await connection.execute(CHANGES, {"since": since})).all()
     if not rows:
         return ChangeMarks(), ()
     first = rows[0]

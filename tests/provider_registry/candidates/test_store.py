@@ -1,0 +1,45 @@
+"""What a look at the fleets costs the database."""
+
+from typing import Final
+
+import pytest
+from skyway_provider_registry.candidates import store
+from sqlalchemy import text
+from sqlalchemy.dialects import postgresql
+
+from skyway.runtime.database import Database
+
+#: Fleets of two thousand, and what was told of five thousand missions since yesterday.
+_FLEETS: Final = """
+INSERT INTO providers (provider_id, name, tariff, state, created_ms)
+  VALUES ('p', 'P', '{}', 'ACTIVE', 0);
+INSERT INTO drones (drone_id, provider_id, model_id, home_station_id, home_longitude_deg,
+    home_latitude_deg, initial_soc, is_in_maintenance, created_ms)
+  SELECT 'd' || i, 'p', 'm', 's', 0, 0, 1, false, 0 FROM generate_series(1, 2000) AS i;
+INSERT INTO presence (drone_id, connection_session, connection_number, connection_rank,
+    state_session, state_seq, sample_session, sample_seq, mission_id, changed)
+  SELECT 'd' || i, 1, 1, 1, 1, 1, 1, 1, 'm' || i, i FROM generate_series(1, 2000) AS i;
+INSERT INTO mission_hints (mission_id, drone_id, seq, mission_state, is_live, reported_wall_ms)
+  SELECT 'm' || i, 'd' || (i % 2000 + 1), 1, 'ENDED', false, 0 FROM generate_series(1, 5000) AS i;
+INSERT INTO changes ("only", latest, providers, removals) VALUES (1, 2000, 1, 0);
+ANALYZE
+"""
+
+
+@pytest.mark.parametrize(
+    "migrated_url", [pytest.param("postgresql", marks=pytest.mark.integration)], indirect=True
+)
+async def test_a_look_at_few_changes_does_not_read_all_that_was_ever_hinted_at(
+    db: Database,
+) -> None:
+    dialect = postgresql.dialect(paramstyle="numeric_dollar")  # type: ignore[no-untyped-call]
+
+    async with db.write() as tx:
+        for statement in _FLEETS.split(";"):
+            await tx.execute(text(statement))
+        # As it is planned after a few executions, whatever the number is.
+        await tx.execute(text("SET LOCAL plan_cache_mode = force_generic_plan"))
+        await tx.execute(text(f"PREPARE look AS {store.CHANGES.compile(dialect=dialect)}"))
+        plan = (await tx.execute(text("EXPLAIN EXECUTE look(1994)"))).scalars().all()
+
+    assert not [line for line in plan if "Seq Scan on mission_hints" in line]
