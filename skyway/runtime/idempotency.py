@@ -1,8 +1,10 @@
 """The same Idempotency-Key, the same effect and the same answer, for a day.
 
-The key is noted in the transaction of the act, so there is never one without the other. At rest
-nothing can be read: of the key a derived value is stored, and the answer, which may hold secrets
-that are shown once, is sealed under another value derived from the same key.
+The key is noted with the answer, once the act is done and in its transaction, so there is never one
+without the other. An act whose key turns out to be known is undone. One that fails is looked up
+too: what makes it fail may be that it was done before. At rest nothing can be read: of the key a
+derived value is stored, and the answer, which may hold secrets that are shown once, is sealed
+under another value derived from the same key.
 """
 
 import hashlib
@@ -31,11 +33,11 @@ from sqlalchemy import (
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.dialects.postgresql import Insert
 
-from skyway.errors import InvalidInput
+from skyway.errors import InvalidInput, SkywayError
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database, Tx
 from skyway.runtime.engines import Dialect
-from skyway.runtime.errors import IdempotencyKeyReused
+from skyway.runtime.errors import IdempotencyKeyReused, ServiceUnavailable
 from skyway.units import hours_to_s, moment_to_ms
 
 #: How long a key is remembered, milliseconds of wall time (contracts.md).
@@ -77,9 +79,10 @@ _KEYS: Final = idempotency_table(MetaData())
 
 # Statements of every request are made once: to make one takes as long as to run it.
 
-_THIS: Final = _KEYS.c.key_hash == bindparam("this")
-_FIND: Final = select(_KEYS.c.body_hash, _KEYS.c.answer).where(_THIS)
-_REMEMBER: Final = _KEYS.update().where(_THIS)
+_FORGOTTEN_MS: Final = bindparam("forgotten_ms", type_=BigInteger)
+_FIND: Final = select(_KEYS.c.body_hash, _KEYS.c.answer).where(
+    _KEYS.c.key_hash == bindparam("this"), _KEYS.c.created_at_ms > _FORGOTTEN_MS
+)
 
 
 def _taking(insert: Insert) -> Executable:
@@ -87,8 +90,12 @@ def _taking(insert: Insert) -> Executable:
     new = insert.excluded
     return insert.on_conflict_do_update(
         index_elements=[_KEYS.c.key_hash],
-        set_={"body_hash": new.body_hash, "answer": None, "created_at_ms": new.created_at_ms},
-        where=_KEYS.c.created_at_ms <= bindparam("forgotten_ms", type_=BigInteger),
+        set_={
+            "body_hash": new.body_hash,
+            "answer": new.answer,
+            "created_at_ms": new.created_at_ms,
+        },
+        where=_KEYS.c.created_at_ms <= _FORGOTTEN_MS,
     )
 
 
@@ -121,20 +128,20 @@ async def once(
     InvalidInput
         The key is empty or longer than 255 characters.
     """
+    memory = None if key is None else _Memory(_Note.derive(caller, route, key), body, clock)
     try:
         async with db.write() as tx:
-            if key is None:
-                return _unless_failed(await act(tx))
-            note = _Note.derive(caller, route, key)
-            now_ms = moment_to_ms(clock.wall_now())
-            if not await _is_first(tx, note, body=body, now_ms=now_ms):
-                return await _recall(tx, note, body=body)
             answer = _unless_failed(await act(tx))
-            sealed = {"this": note.key_hash, "answer": note.seal(answer)}
-            await tx.execute(_REMEMBER, sealed)
+            if memory is not None:
+                await memory.keep(tx, answer)
             return answer
-    except _Failed as failed:
-        return failed.answer
+    except (SkywayError, _Failed) as error:
+        known = None if memory is None else await memory.recall(db)
+        if known is not None:
+            return known
+        if isinstance(error, _Failed):
+            return error.answer
+        raise
 
 
 async def sweep(db: Database, clock: FleetClock) -> int:
@@ -143,6 +150,16 @@ async def sweep(db: Database, clock: FleetClock) -> int:
     async with db.write() as tx:
         found = await tx.execute(_KEYS.delete().where(_KEYS.c.created_at_ms <= oldest_ms))
         return found.rowcount
+
+
+class _Known(ServiceUnavailable):
+    """Leaves the write block, and so undoes it: the same call was answered before.
+
+    Its caller is told so only where that answer is forgotten at this very moment.
+    """
+
+    def __init__(self) -> None:
+        super().__init__("idempotency", "the key's day ended meanwhile: it is free again")
 
 
 class _Failed(Exception):
@@ -191,19 +208,48 @@ class _Note:
         return Fernet(urlsafe_b64encode(self.answer_key))
 
 
-async def _is_first(tx: Tx, note: _Note, *, body: bytes, now_ms: int) -> bool:
-    """Take the key; a caller that comes at the same time waits here for our COMMIT."""
-    row = {
-        "key_hash": note.key_hash,
-        "body_hash": note.body_hash(body),
-        "created_at_ms": now_ms,
-        "forgotten_ms": now_ms - _KEPT_MS,
-    }
-    return (await tx.execute(_TAKE[tx.dialect], row)).rowcount == 1
+@dataclass(frozen=True, slots=True)
+class _Memory:
+    """What is known of one call: its key and its body."""
 
+    note: _Note
+    body: bytes = field(repr=False)
+    clock: FleetClock
 
-async def _recall(tx: Tx, note: _Note, *, body: bytes) -> Answer:
-    row = (await tx.execute(_FIND, {"this": note.key_hash})).one()
-    if not hmac.compare_digest(row.body_hash, note.body_hash(body)):
-        raise IdempotencyKeyReused
-    return note.unseal(row.answer)
+    async def keep(self, tx: Tx, answer: Answer) -> None:
+        """Note how a call was answered; whoever makes it at the same time waits for our COMMIT.
+
+        Raises
+        ------
+        _Known
+            It was answered before.
+        """
+        now_ms = moment_to_ms(self.clock.wall_now())
+        row = {
+            "key_hash": self.note.key_hash,
+            "body_hash": self.note.body_hash(self.body),
+            "answer": self.note.seal(answer),
+            "created_at_ms": now_ms,
+            "forgotten_ms": now_ms - _KEPT_MS,
+        }
+        if (await tx.execute(_TAKE[tx.dialect], row)).rowcount == 0:
+            raise _Known
+
+    async def recall(self, db: Database) -> Answer | None:
+        """How the call was answered before; None when it was not.
+
+        Raises
+        ------
+        IdempotencyKeyReused
+            Another call was answered under this key.
+        """
+        forgotten_ms = moment_to_ms(self.clock.wall_now()) - _KEPT_MS
+        wanted = {"this": self.note.key_hash, "forgotten_ms": forgotten_ms}
+        # On SQLite the call may be in the same COMMIT as ours, which nobody can read before.
+        async with db.write() as tx:
+            row = (await tx.execute(_FIND, wanted)).one_or_none()
+        if row is None:
+            return None
+        if not hmac.compare_digest(row.body_hash, self.note.body_hash(self.body)):
+            raise IdempotencyKeyReused
+        return self.note.unseal(row.answer)

@@ -126,6 +126,28 @@ async def test_the_same_key_at_the_same_time_acts_once(db: Database, clock: Flee
     assert await made(db) == 1
 
 
+async def test_what_cannot_be_done_twice_is_answered_alike(db: Database, clock: FleetClock) -> None:
+    """Whether it fails before the answer, with the answer or at the end of the block."""
+    key = {"id": 1, "name": "a"}
+
+    async def at_once(tx: Tx) -> Answer:
+        await tx.execute(KEYS.insert(), key)
+        return Answer(201, b"made")
+
+    async def at_the_end(tx: Tx) -> Answer:
+        tx.add(KEYS, [key])
+        return Answer(201, b"made")
+
+    first = await post(db, clock, at_once)
+    for act in (at_once, at_the_end, making("b", status=503)):
+        again = await post(db, clock, act)
+        assert (again, again.is_replayed) == (first, True)
+    with pytest.raises(IdempotencyKeyReused):
+        await post(db, clock, at_once, body=b"[]")
+
+    assert await made(db) == 1
+
+
 async def test_a_key_is_free_again_after_a_day(db: Database, clock: ManualClock) -> None:
     await post(db, clock, making("a"))
 
