@@ -13,6 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from skyway.cli.niceness import give_way
 from skyway.errors import SkywayError
 
 #: This many deaths of one child within this many seconds stop everything (decisions.md).
@@ -32,13 +33,17 @@ class ProcessKeepsDying(SkywayError):
 
 @dataclass(frozen=True, slots=True)
 class Child:
-    """A process to keep running; `listener` is bound by the parent, so requests outlive a death."""
+    """A process to keep running; `listener` is bound by the parent, so requests outlive a death.
+
+    `gives_way_by`: how much nicer it is than others (`niceness`).
+    """
 
     name: str
     command: Sequence[str]
     log: Path
     environment: Mapping[str, str] = field(default_factory=dict)
     listener: socket.socket | None = None
+    gives_way_by: int = 0
 
 
 class Supervisor:
@@ -103,6 +108,8 @@ class Supervisor:
         while True:
             process = await self._spawn(child)
             self._processes[child.name] = process
+            if child.gives_way_by:
+                await asyncio.to_thread(give_way, process.pid, by=child.gives_way_by)
             exit_code = await process.wait()
             now = time.monotonic()
             deaths.append(now)

@@ -4,6 +4,7 @@ import signal
 import socket
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -16,6 +17,10 @@ WAITS = "import sys, time; print('up', flush=True); time.sleep(60)"
 
 def make_child(folder: Path, program: str, name: str = "child") -> Child:
     return Child(name=name, command=(sys.executable, "-c", program), log=folder / f"{name}.log")
+
+
+def niceness(pid: int | None) -> int:
+    return -1 if pid is None else os.getpriority(os.PRIO_PROCESS, pid)
 
 
 async def until(condition: Callable[[], object]) -> None:
@@ -42,6 +47,27 @@ async def test_a_killed_child_comes_back_as_another_process(tmp_path: Path) -> N
         os.kill(first, signal.SIGKILL)
 
         await until(lambda: supervisor.pid("child") not in (None, first))
+
+
+async def test_a_child_gives_way_as_far_as_it_is_told_to(tmp_path: Path) -> None:
+    async with Supervisor() as supervisor:
+        nice = replace(make_child(tmp_path, WAITS, "nice"), gives_way_by=5)
+        supervisor.start(nice)
+        supervisor.start(make_child(tmp_path, WAITS, "first"))
+        await until(lambda: niceness(supervisor.pid("nice")) == niceness(os.getpid()) + 5)
+        first = niceness(supervisor.pid("first"))
+
+    assert first == niceness(os.getpid())
+
+
+@pytest.mark.skipif(not Path("/proc/self/autogroup").exists(), reason="Linux with autogroup only")
+async def test_a_child_gives_way_to_other_sessions_too(tmp_path: Path) -> None:
+    async with Supervisor() as supervisor:
+        supervisor.start(replace(make_child(tmp_path, WAITS), gives_way_by=5))
+        await until(lambda: supervisor.pid("child"))
+        group = Path(f"/proc/{supervisor.pid('child')}/autogroup")
+
+        await until(lambda: group.read_text().split()[-1] == str(niceness(os.getpid()) + 5))
 
 
 async def test_leaving_ends_every_child(tmp_path: Path) -> None:
