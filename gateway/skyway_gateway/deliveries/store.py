@@ -15,7 +15,7 @@ from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.mission import MissionReport
 from skyway.ids import DeliveryId, MissionId
 from skyway.runtime.among import among
-from skyway.runtime.claims import FREE, NOW_MS, Claiming
+from skyway.runtime.claims import FREE, NOW_MS, Claiming, claim_values
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database, Tx
 from skyway.runtime.errors import NotFound
@@ -106,8 +106,8 @@ async def claim_queued(
     db: Database, *, limit: int, claimant: str, clock: FleetClock, known: KnownDeliveries
 ) -> Sequence[Queued]:
     """Deliveries whose booking is due, the longest waiting first, now held by us."""
-    async with db.write() as tx:
-        due = await _CLAIMING.run(tx, limit=limit, claimant=claimant, lease_s=_LEASE_S, clock=clock)
+    values = claim_values(limit=limit, claimant=claimant, lease_s=_LEASE_S, clock=clock)
+    due = _CLAIMING.in_order(await db.write_alone(_CLAIMING.statement, values))
     found = known.among((row.delivery_id, row.version) for row in due)
     unknown = [row for row in due if row.delivery_id not in found]
     if unknown:
