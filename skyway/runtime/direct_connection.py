@@ -5,12 +5,20 @@ connection of the driver and so in the same transaction: SQLAlchemy's own is nev
 it this connection is one that commits by itself.
 """
 
+import asyncio
 import contextlib
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
 from typing import Any, Final, Self, TypeVar, cast
 from weakref import WeakKeyDictionary
 
-from asyncpg import Connection, InterfaceError, InternalClientError, PostgresError, Record
+from asyncpg import (
+    Connection,
+    IntegrityConstraintViolationError,
+    InterfaceError,
+    InternalClientError,
+    PostgresError,
+    Record,
+)
 from asyncpg.prepared_stmt import PreparedStatement
 from sqlalchemy import Dialect, Executable, Row
 from sqlalchemy.engine import CursorResult, result_tuple
@@ -29,6 +37,10 @@ AnyRow = Row[*tuple[Any, ...]]
 _DRIVER_ERRORS: Final = (PostgresError, InterfaceError, InternalClientError)
 
 
+#: How long a server may take to end a cancelled statement before we hang up, seconds.
+_FAREWELL_S: Final = 2.0
+
+
 class DirectConnection(BlockConnection):
     """A connection of an engine that commits by itself; opened once, lent many times."""
 
@@ -37,6 +49,7 @@ class DirectConnection(BlockConnection):
         self._statements = statements
         self._prepared: WeakKeyDictionary[Written, _Prepared] = WeakKeyDictionary()
         self._driver: Connection[Record]
+        self._is_given_up = False
 
     @classmethod
     async def open(cls, engine: AsyncEngine, statements: WrittenStatements) -> Self:
@@ -49,7 +62,8 @@ class DirectConnection(BlockConnection):
     @property
     def is_spent(self) -> bool:
         """Whether the next block needs another connection: this one is lost or in an odd state."""
-        return bool(self._driver.is_closed() or self._driver.is_in_transaction())
+        driver = self._driver
+        return self._is_given_up or driver.is_closed() or driver.is_in_transaction()
 
     def forget(self) -> None:
         """Have SQLAlchemy end the transaction that it takes itself to be in, and nobody else."""
@@ -133,7 +147,7 @@ class DirectConnection(BlockConnection):
 
     async def _undo(self) -> None:
         """Roll back; when that cannot be said, the server does so because the connection goes."""
-        if not self._driver.is_closed():
+        if not self._is_given_up and not self._driver.is_closed():
             try:
                 await self._control("ROLLBACK")
             except DBAPIError:
@@ -150,13 +164,30 @@ class DirectConnection(BlockConnection):
         try:
             return await ask(*arguments)
         except _DRIVER_ERRORS as error:
-            is_lost = self._driver.is_closed()
-            raise DBAPIError(text, None, error, connection_invalidated=is_lost) from error
-        except Exception:
+            raise self._in_sqlalchemys_words(error, text) from error
+        except asyncio.CancelledError:
+            self._is_given_up = True
+            await asyncio.shield(self._give_up())
             raise
-        except BaseException:
-            self._driver.terminate()
-            raise
+
+    async def _give_up(self) -> None:
+        """Close the connection; a statement that still runs is ended first, and its locks freed."""
+        with contextlib.suppress(TimeoutError, OSError, *_DRIVER_ERRORS):
+            await self._driver.close(timeout=_FAREWELL_S)
+
+    def _in_sqlalchemys_words(self, error: Exception, text: str) -> Exception:
+        """The error that SQLAlchemy would raise, without the refused row, which is private."""
+        driver = self.dialect.loaded_dbapi
+        is_refused = isinstance(error, IntegrityConstraintViolationError)
+        kind = driver.IntegrityError if is_refused else driver.Error
+        return DBAPIError.instance(
+            text,
+            None,
+            kind(error.args[0], error),
+            driver.Error,
+            connection_invalidated=self._driver.is_closed(),
+            dialect=self.dialect,
+        )
 
 
 class _Prepared:

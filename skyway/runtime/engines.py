@@ -55,6 +55,7 @@ def sqlite_engine(url: URL, **driver: Any) -> AsyncEngine:
     """
     engine = create_async_engine(
         url.set(drivername="sqlite+aiosqlite"),
+        hide_parameters=True,  # in the text of errors: there are addresses among them
         # Without an isolation level the driver begins nothing by itself.
         connect_args={
             "timeout": _BUSY_TIMEOUT_S,
@@ -114,6 +115,7 @@ def _postgresql_engine(
     return create_async_engine(
         url.set(drivername="postgresql+asyncpg"),
         isolation_level=isolation_level,
+        hide_parameters=True,  # in the text of errors: there are addresses among them
         skip_autocommit_rollback=True,
         poolclass=NullPool,
         connect_args={
