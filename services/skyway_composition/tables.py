@@ -17,7 +17,9 @@ from sqlalchemy import (
     Text,
     UniqueConstraint,
     false,
+    func,
     literal_column,
+    select,
     text,
 )
 
@@ -95,6 +97,8 @@ missions = Table(
     Column("aims", Text, nullable=False, server_default="[]"),  # JSON list of missions.record.Aim
     Column("loading", Text, nullable=False, server_default="AUTOMATIC"),  # of Mission, to find it
     Column("retry_wall_ms", BigInteger, nullable=False, server_default="0"),
+    # The first planned end of a step that has not ended; null before the drone has accepted it.
+    Column("next_end_ms", BigInteger),
     *claim_columns(),
     UniqueConstraint("delivery_id", "attempt", "trip", name="mission_attempt"),
     # I2: a drone is on at most one mission.
@@ -107,12 +111,23 @@ missions = Table(
     ),
     Index("missions_by_state", "state", "released_ms"),
     Index("missions_by_provider", "provider_id", "mission_id"),
+    Index(
+        "missions_by_next_end",
+        "next_end_ms",
+        sqlite_where=text("state IN ('ACCEPTED', 'ACTIVE')"),
+        postgresql_where=text("state IN ('ACCEPTED', 'ACTIVE')"),
+    ),
 )
 
 #: Whether a mission is under way. Written out: as parameters, the states would be put in at each
 #: execution, and an index of some rows is only used where the statement itself says which.
 is_live: Final = missions.c.state.in_(
     [literal_column(f"'{state}'") for state in LIVE_MISSION_STATES]
+)
+
+#: Whether its drone has accepted a mission, and not ended it.
+is_under_way: Final = missions.c.state.in_(
+    [literal_column("'ACCEPTED'"), literal_column("'ACTIVE'")]
 )
 
 #: The steps of a mission through all its revisions, as they were sent, and how they ended.
@@ -146,6 +161,14 @@ mission_steps = Table(
         sqlite_where=text("status = 'PLANNED' AND kind = 'FLY'"),
         postgresql_where=text("status = 'PLANNED' AND kind = 'FLY'"),
     ),
+)
+
+#: The first planned end of a mission's steps that have not ended.
+first_planned_end_ms: Final = (
+    select(func.min(mission_steps.c.planned_end_ms))
+    .where(mission_steps.c.mission_id == missions.c.mission_id, mission_steps.c.status == "PLANNED")
+    .correlate(missions)
+    .scalar_subquery()
 )
 
 #: Steps that a new revision has cut, whose numbers the steps in their places have now.

@@ -17,8 +17,10 @@ from skyway_composition.tables import (
     cancellations,
     custody,
     deliveries,
+    first_planned_end_ms,
     instructions,
     is_live,
+    is_under_way,
     mission_steps,
     missions,
     network_versions,
@@ -60,6 +62,9 @@ _CHECKS: Final[Mapping[str, Select[*tuple[Any, ...]]]] = {
     "I4 a mission has steps": select(missions.c.mission_id).where(
         missions.c.mission_id.not_in(select(mission_steps.c.mission_id))
     ),
+    "a mission is looked at when its next step should have ended": select(
+        missions.c.mission_id
+    ).where(is_under_way, missions.c.next_end_ms.is_distinct_from(first_planned_end_ms)),
     "a closed delivery has no live mission": select(missions.c.mission_id)
     .join(deliveries, deliveries.c.delivery_id == missions.c.delivery_id)
     .where(deliveries.c.closed_ms.is_not(None), is_live),

@@ -33,6 +33,9 @@ BREAKS = {
     ],
     "I4 a mission was sent to its drone": ["DELETE FROM instructions"],
     "I4 a mission has steps": ["DELETE FROM mission_steps"],
+    "a mission is looked at when its next step should have ended": [
+        "UPDATE missions SET state = 'ACCEPTED'"
+    ],
     "a closed delivery has no live mission": ["UPDATE deliveries SET closed_ms = 1"],
     "I7 instructions of a stream have no gaps": ["UPDATE instructions SET seq = 3"],
     "I6 a chain of custody has no gaps": ["UPDATE custody SET seq = 2"],

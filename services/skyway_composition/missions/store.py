@@ -22,7 +22,13 @@ from skyway_composition.missions.custody import Custodian, Held
 from skyway_composition.missions.record import Aim, MissionRecord, Proposal, Stuck, Trouble
 from skyway_composition.missions.step_columns import step_columns
 from skyway_composition.missions.step_record import StepRecord, read_step
-from skyway_composition.tables import custody, is_live, mission_steps, missions
+from skyway_composition.tables import (
+    custody,
+    first_planned_end_ms,
+    is_live,
+    mission_steps,
+    missions,
+)
 
 _AIMS: Final = TypeAdapter(tuple[Aim, ...])
 
@@ -41,7 +47,12 @@ _LIVE_AMONG: Final = select(missions.c.drone_id).where(
     among(missions.c.drone_id, "drone_ids"), is_live
 )
 _LIVE_DRONES: Final = select(missions.c.drone_id).where(is_live).order_by(missions.c.drone_id)
-_SAVE: Final = update(missions).where(missions.c.mission_id == bindparam("of_mission"))
+# Its steps change before a mission is saved; what its drone does next is kept at each of these.
+_SAVE: Final = (
+    update(missions)
+    .where(missions.c.mission_id == bindparam("of_mission"))
+    .values(next_end_ms=first_planned_end_ms)
+)
 _ADD_STEPS: Final = insert(mission_steps)
 _PLANNED_STEP: Final = select(mission_steps.c.step).where(
     mission_steps.c.mission_id == bindparam("mission_id"),
@@ -111,7 +122,7 @@ def add(tx: Tx, record: MissionRecord) -> None:
 
 
 async def save(tx: Tx, record: MissionRecord) -> None:
-    """Keep what changed of a mission that is locked."""
+    """Keep what changed of a mission that is locked, and of its steps before."""
     await tx.execute(_SAVE, {"of_mission": record.mission_id, **_changing(record)})
 
 
