@@ -6,7 +6,8 @@ here deliver it afterwards, at least once, in the order of its stream (`stream_s
 
 import asyncio
 import logging
-from collections.abc import Awaitable, Mapping
+from collections.abc import Awaitable, Mapping, Sequence
+from functools import lru_cache
 from typing import Any, Final, Protocol
 
 from pydantic import ConfigDict
@@ -14,6 +15,7 @@ from sqlalchemy import (
     BigInteger,
     Boolean,
     Column,
+    Delete,
     Index,
     Integer,
     LargeBinary,
@@ -24,6 +26,7 @@ from sqlalchemy import (
 )
 
 from skyway.json_model import JsonModel
+from skyway.runtime.among import among
 from skyway.runtime.claims import claim_columns
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database, Tx
@@ -68,11 +71,17 @@ def outbox_table(metadata: MetaData) -> Table:
     )
 
 
-async def confirm(tx: Tx, message_id: str) -> bool:
-    """Stop repeating a message; False when it was not, or no longer, in the outbox."""
-    outbox = tx.outbox_table()
-    found = await tx.execute(outbox.delete().where(outbox.c.message_id == message_id))
-    return found.rowcount > 0
+async def confirm(tx: Tx, message_ids: Sequence[str]) -> int:
+    """Stop repeating these messages; how many of them were still in the outbox."""
+    if not message_ids:
+        return 0
+    found = await tx.execute(_confirming(tx.outbox_table()), {"message_ids": message_ids})
+    return found.rowcount
+
+
+@lru_cache(maxsize=10)  # making it takes longer than running it; a service has one outbox
+def _confirming(outbox: Table) -> Delete:
+    return outbox.delete().where(among(outbox.c.message_id, "message_ids"))
 
 
 class MqttPort(Protocol):

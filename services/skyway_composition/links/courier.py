@@ -84,8 +84,8 @@ class Courier:
     async def withdraw_open(self, tx: Tx, link: DroneLink) -> list[store.SentInstruction]:
         """Stop sending what the drone has not answered; what that was, in order."""
         withdrawn = await store.open_instructions(tx, link.drone_id)
+        await confirm(tx, [each.instruction_id for each in withdrawn])
         for instruction in withdrawn:
-            await confirm(tx, instruction.instruction_id)
             await store.set_status(tx, instruction.instruction_id, "REISSUED")
         return withdrawn
 

@@ -4,7 +4,6 @@ import logging
 from typing import Final
 
 from skyway.contracts.drone_report import Ack, RefusalCode
-from skyway.runtime.outbox import confirm
 from skyway.units import moment_to_ms
 from skyway_composition.links import store as link_store
 from skyway_composition.links.link import DroneLink
@@ -48,7 +47,7 @@ async def take_ack(watch: Watch, link: DroneLink, ack: Ack) -> None:
         await _take_gap(watch, link, ack)
     if sent is None or ack.status == "RECEIVED":
         return
-    await confirm(watch.tx, sent.instruction_id)
+    watch.note_answer(sent.instruction_id)
     record = watch.missions.get(link.drone_id)
     proposal = None if record is None else record.proposal
     if record is not None and proposal and proposal.instruction_id == sent.instruction_id:
@@ -101,7 +100,7 @@ async def _take_gap(watch: Watch, link: DroneLink, ack: Ack) -> None:
 async def _take_acceptance(watch: Watch, link: DroneLink, sent: SentInstruction) -> None:
     record = watch.missions.get(link.drone_id)
     if record is not None and record.mission_id == sent.mission_id:
-        await watch.keep(accepted(watch, record))
+        watch.note(accepted(watch, record))
         # What has come up meanwhile waited for this answer.
         if record.needs_plan:
             await store.plan_at_once(watch.tx, record.mission_id)

@@ -43,7 +43,7 @@ _TRIES = 3
 
 #: Seconds of wall time between two batches: what arrives meanwhile takes one transaction, and what
 #: a drone says of one thing, an acknowledgement and two states, comes together.
-_PAUSE_S = 0.05
+_PAUSE_S = 0.1
 
 
 class Subscriber(Protocol):
@@ -105,7 +105,7 @@ class Follower:
                 watch.links[drone_id] = await lock_link(tx, drone_id, writers[drone_id])
             for received in _without_superseded(batch):
                 await self._take_one(watch, received)
-            await watch.keep_links()
+            await watch.keep_noted()
             if any(record.needs_plan for record in watch.missions.values()):
                 tx.after_commit(self._stuck.set)
         self._last_heard.keep(watch.links.values())

@@ -71,7 +71,7 @@ async def _take_step_end(watch: Watch, record: MissionRecord, event: DroneEvent)
             await give_back(watch, record)
         case _:
             pass
-    await watch.keep(record)
+    watch.note(record)
     if is_cut:
         return
     await judged_after_step(watch, record, event)

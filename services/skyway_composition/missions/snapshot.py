@@ -87,7 +87,7 @@ async def _with_progress(watch: Watch, record: MissionRecord, state: DroneState)
         record = begun(watch, record, at=state.at)
     record = await _told_activity(watch, record, state)
     if record is not known:
-        await watch.keep(record)
+        watch.note(record)
     return record
 
 

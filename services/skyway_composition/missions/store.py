@@ -121,9 +121,11 @@ def add(tx: Tx, record: MissionRecord) -> None:
     tx.add(missions, [row])
 
 
-async def save(tx: Tx, record: MissionRecord) -> None:
-    """Keep what changed of a mission that is locked, and of its steps before."""
-    await tx.execute(_SAVE, {"of_mission": record.mission_id, **_changing(record)})
+async def save_all(tx: Tx, records: Iterable[MissionRecord]) -> None:
+    """Keep what changed of missions that are locked, and of their steps before."""
+    rows = [{"of_mission": record.mission_id, **_changing(record)} for record in records]
+    if rows:
+        await tx.execute(_SAVE, rows)
 
 
 async def lock_live(tx: Tx, drone_ids: Collection[DroneId]) -> dict[DroneId, MissionRecord]:

@@ -4,10 +4,11 @@ from collections.abc import Collection
 from dataclasses import dataclass, field
 from typing import Self
 
-from skyway.ids import DroneId
+from skyway.ids import DroneId, InstructionId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Tx
 from skyway.runtime.minting import Mint
+from skyway.runtime.outbox import confirm
 from skyway_composition.links.courier import Courier
 from skyway_composition.links.link import DroneLink
 from skyway_composition.links.store import lock_links, save_links
@@ -24,7 +25,9 @@ class Watch:
     mint: Mint
     links: dict[DroneId, DroneLink]
     missions: dict[DroneId, MissionRecord]
-    _changed: set[DroneId] = field(default_factory=set)
+    _noted_links: set[DroneId] = field(default_factory=set)
+    _noted_missions: set[DroneId] = field(default_factory=set)
+    _answered: list[InstructionId] = field(default_factory=list)
 
     @classmethod
     async def over(
@@ -40,20 +43,35 @@ class Watch:
         return Courier(self.clock, self.mint)
 
     def note_link(self, link: DroneLink) -> None:
-        """Know what changed of a link; `keep_links` keeps it."""
+        """Know what changed of a link; `keep_noted` keeps it."""
         if link != self.links[link.drone_id]:
             self.links[link.drone_id] = link
-            self._changed.add(link.drone_id)
+            self._noted_links.add(link.drone_id)
 
-    async def keep_links(self) -> None:
-        """Keep what was noted of links: once a transaction, however much their drones say."""
-        await save_links(self.tx, [self.links[each] for each in sorted(self._changed)])
-        self._changed.clear()
+    def note(self, record: MissionRecord) -> None:
+        """Know what changed of a mission that goes on; `keep_noted` keeps it."""
+        self.missions[record.drone_id] = record
+        self._noted_missions.add(record.drone_id)
+
+    def note_answer(self, instruction_id: InstructionId) -> None:
+        """Know that an instruction was answered; `keep_noted` ends its repeating."""
+        self._answered.append(instruction_id)
+
+    async def keep_noted(self) -> None:
+        """Keep all that was noted: once a transaction, however much the drones say."""
+        await save_links(self.tx, [self.links[each] for each in sorted(self._noted_links)])
+        noted = [self.missions[each] for each in sorted(self._noted_missions)]
+        await store.save_all(self.tx, noted)
+        await confirm(self.tx, self._answered)
+        self._noted_links.clear()
+        self._noted_missions.clear()
+        self._answered.clear()
 
     async def keep(self, record: MissionRecord) -> None:
         """Keep what changed of a mission; one that has ended is no longer watched."""
+        self._noted_missions.discard(record.drone_id)
         if record.is_live:
             self.missions[record.drone_id] = record
         else:
             self.missions.pop(record.drone_id, None)
-        await store.save(self.tx, record)
+        await store.save_all(self.tx, [record])
