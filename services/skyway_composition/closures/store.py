@@ -1,9 +1,9 @@
 """All SQL of the closures."""
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
 
-from sqlalchemy import ColumnElement, Row, insert, or_, select, true, update
+from sqlalchemy import Row, bindparam, insert, or_, select, true, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.geo import Position
@@ -12,6 +12,19 @@ from skyway.runtime.database import Tx
 from skyway.runtime.errors import NotFound
 from skyway_composition.closures.closure import Area, Closure, ClosureKind
 from skyway_composition.tables import closures, networks, stations
+
+# Statements that run every second: making them takes longer than running them does.
+_IN_FORCE: Final = select(closures).where(
+    closures.c.lifted_ms.is_(None),
+    closures.c.from_ms <= bindparam("at_ms"),
+    or_(closures.c.until_ms.is_(None), closures.c.until_ms > bindparam("at_ms")),
+)
+_OUTAGES: Final = _IN_FORCE.where(closures.c.kind == "PAD")
+_OUTAGES_AT: Final = _OUTAGES.where(closures.c.station_id == bindparam("station_id"))
+_GROUND_STOPS: Final = _IN_FORCE.where(closures.c.kind == "GROUND_STOP")
+_CLOSED_STATIONS: Final = _IN_FORCE.where(
+    closures.c.kind == "STATION", closures.c.network_id == bindparam("network_id")
+).with_only_columns(closures.c.station_id)
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,31 +147,27 @@ async def page(
 async def outages(
     connection: AsyncConnection, *, at_ms: int, station_id: StationId | None = None
 ) -> list[Closure]:
-    """The pads that are out of order at a moment."""
-    query = select(closures).where(closures.c.kind == "PAD", *_in_force_at(at_ms))
-    if station_id is not None:
-        query = query.where(closures.c.station_id == station_id)
-    return [_closure(row) for row in await connection.execute(query)]
+    """The pads that are out of order at a moment, everywhere or at one station."""
+    if station_id is None:
+        found = await connection.execute(_OUTAGES, {"at_ms": at_ms})
+    else:
+        found = await connection.execute(_OUTAGES_AT, {"at_ms": at_ms, "station_id": station_id})
+    return [_closure(row) for row in found]
 
 
 async def closed_stations(
     connection: AsyncConnection, network_id: NetworkId, *, at_ms: int
 ) -> frozenset[StationId]:
     """The stations of a network that are closed at a moment."""
-    found = await connection.execute(
-        select(closures.c.station_id).where(
-            closures.c.kind == "STATION",
-            closures.c.network_id == network_id,
-            *_in_force_at(at_ms),
-        )
-    )
-    return frozenset(row.station_id for row in found)
+    wanted = {"network_id": network_id, "at_ms": at_ms}
+    found = await connection.execute(_CLOSED_STATIONS, wanted)
+    return frozenset(found.scalars())
 
 
 async def ground_stops(connection: AsyncConnection, *, at_ms: int) -> list[Closure]:
     """The ground stops that are in force at a moment."""
-    query = select(closures).where(closures.c.kind == "GROUND_STOP", *_in_force_at(at_ms))
-    return [_closure(row) for row in await connection.execute(query)]
+    found = await connection.execute(_GROUND_STOPS, {"at_ms": at_ms})
+    return [_closure(row) for row in found]
 
 
 async def stations_in(
@@ -177,14 +186,6 @@ async def stations_in(
         query = query.where(stations.c.network_id == network_id)
     found = await connection.execute(query)
     return {row.station_id: Position(row.longitude_deg, row.latitude_deg) for row in found}
-
-
-def _in_force_at(moment_ms: int) -> tuple[ColumnElement[bool], ...]:
-    return (
-        closures.c.lifted_ms.is_(None),
-        closures.c.from_ms <= moment_ms,
-        or_(closures.c.until_ms.is_(None), closures.c.until_ms > moment_ms),
-    )
 
 
 def _closure(row: Row[Any]) -> Closure:  # a row of closures

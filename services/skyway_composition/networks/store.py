@@ -17,6 +17,7 @@ from skyway_composition.tables import network_versions, networks, pad_reservatio
 
 # Statements that each booking needs: making them takes longer than running them does.
 _CURRENT: Final = select(networks).where(networks.c.network_id == bindparam("of_network"))
+_ALL_CURRENT: Final = select(networks).order_by(networks.c.network_id)
 _SHARE: Final = (
     select(networks.c.version, networks.c.conditions)
     .where(networks.c.network_id == bindparam("of_network"))
@@ -91,7 +92,7 @@ async def share_world(tx: Tx, network_id: NetworkId) -> tuple[int, int] | None:
 
 async def all_current(connection: AsyncConnection) -> list[VersionRow]:
     """The current versions of all networks."""
-    found = await connection.execute(select(networks).order_by(networks.c.network_id))
+    found = await connection.execute(_ALL_CURRENT)
     return [_version_row(row) for row in found]
 
 

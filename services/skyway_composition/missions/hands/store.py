@@ -1,8 +1,9 @@
 """All SQL of what people do to missions: cancellations, and whom they are about."""
 
 from dataclasses import dataclass
+from typing import Final
 
-from sqlalchemy import insert, select, update
+from sqlalchemy import bindparam, insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.mission import Cancellation
@@ -10,6 +11,13 @@ from skyway.ids import DeliveryId, DroneId, MissionId, NetworkId
 from skyway.runtime.database import Tx
 from skyway_composition.missions.record import MissionRecord
 from skyway_composition.tables import cancellations, is_live, missions
+
+# Asked every second: making it takes longer than running it does.
+_AWAITED: Final = (
+    select(missions.c.mission_id, missions.c.drone_id, missions.c.network_id, missions.c.start_ms)
+    .where(is_live, missions.c.loading == "AWAITED", missions.c.start_ms < bindparam("before_ms"))
+    .order_by(missions.c.start_ms)
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,17 +81,7 @@ async def awaited_loadings(
     connection: AsyncConnection, *, started_before_ms: int
 ) -> list[AwaitedLoading]:
     """The live missions that were to begin before a moment, and wait for their loader."""
-    found = await connection.execute(
-        select(
-            missions.c.mission_id, missions.c.drone_id, missions.c.network_id, missions.c.start_ms
-        )
-        .where(
-            is_live,
-            missions.c.loading == "AWAITED",
-            missions.c.start_ms < started_before_ms,
-        )
-        .order_by(missions.c.start_ms)
-    )
+    found = await connection.execute(_AWAITED, {"before_ms": started_before_ms})
     return [
         AwaitedLoading(row.mission_id, row.drone_id, row.network_id, row.start_ms) for row in found
     ]
