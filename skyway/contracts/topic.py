@@ -34,15 +34,23 @@ class Topic(Generic[M]):
     readers: tuple[BrokerRole, ...]
     about: str
     _adapter: TypeAdapter[M] = field(init=False, repr=False, compare=False)
+    #: Where placeholders and words stand in the template, looked at for each message: most topics
+    #: differ in their last word.
+    _places: tuple[int, ...] = field(init=False, repr=False, compare=False)
+    _words: tuple[tuple[int, str], ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
+        levels = list(enumerate(self.template.split("/")))
+        places = tuple(place for place, level in levels if level.startswith("{"))
+        words = tuple((place, level) for place, level in levels[::-1] if place not in places)
         object.__setattr__(self, "_adapter", TypeAdapter(self.message))
+        object.__setattr__(self, "_places", places)
+        object.__setattr__(self, "_words", words)
 
     def __call__(self, *ids: str) -> Address[M]:
         """The concrete topic for these ids, in the order of the placeholders."""
         levels = self.template.split("/")
-        places = [number for number, level in enumerate(levels) if level.startswith("{")]
-        for place, value in zip(places, ids, strict=True):
+        for place, value in zip(self._places, ids, strict=True):
             levels[place] = value
         return Address(self, "/".join(levels))
 
@@ -53,13 +61,13 @@ class Topic(Generic[M]):
 
     def ids_in(self, name: str) -> tuple[str, ...] | None:
         """The ids that a concrete name holds, or None when it is not of this topic."""
-        template, levels = self.template.split("/"), name.split("/")
-        if len(template) != len(levels):
+        levels = name.split("/")
+        if len(levels) != len(self._places) + len(self._words):
             return None
-        pairs = list(zip(template, levels, strict=True))
-        if any(part != level for part, level in pairs if not part.startswith("{")):
-            return None
-        return tuple(level for part, level in pairs if part.startswith("{"))
+        for place, word in self._words:
+            if levels[place] != word:
+                return None
+        return tuple([levels[place] for place in self._places])
 
     def read(self, payload: bytes) -> M:
         """The message in a payload; fields that this version does not know are ignored."""
