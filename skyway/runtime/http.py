@@ -3,6 +3,7 @@
 from collections.abc import AsyncIterator, Iterator, Mapping
 from contextlib import AsyncExitStack, contextmanager
 from dataclasses import dataclass
+from functools import lru_cache
 from types import TracebackType
 from typing import Any, Final, Self, TypedDict, TypeVar, Unpack, overload
 from urllib.parse import quote
@@ -54,7 +55,7 @@ _PASSED_BACK: Final = (
 class CallOptions(TypedDict, total=False):
     """What a call may carry beside its path; `query` and `headers` are added to our own."""
 
-    body: JsonModel
+    body: JsonModel | bytes  # bytes are JSON already
     caller: Caller | None
     timeout_s: float
     query: Mapping[str, str]
@@ -138,14 +139,14 @@ class ServiceClient:
         headers = {**self._headers(options.get("caller")), **options.get("headers", {})}
         if body is not None:
             headers["content-type"] = "application/json"
-        url = httpx.URL(self._base_url + path)
+        url = _url(self._base_url + path)
         if query := options.get("query"):
             url = url.copy_merge_params(query)
         timeout = httpx.Timeout(options.get("timeout_s", ANSWER_S), connect=_CONNECT_S)
         request = httpx.Request(
             method,
             url,
-            content=None if body is None else body.model_dump_json(),
+            content=body.model_dump_json() if isinstance(body, JsonModel) else body,
             headers=headers,
             extensions={"timeout": timeout.as_dict()},
         )
@@ -235,6 +236,11 @@ class _Pool:
 
     client: httpx.AsyncClient
     transport: httpx.AsyncBaseTransport
+
+
+@lru_cache(maxsize=256)  # most paths are asked for again and again
+def _url(text: str) -> httpx.URL:
+    return httpx.URL(text)
 
 
 async def _stream(response: httpx.Response) -> AsyncIterator[bytes]:

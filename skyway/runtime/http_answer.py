@@ -1,6 +1,7 @@
 """What another service's HTTP answer means here: a value, its problem, or "ask later"."""
 
 import logging
+from functools import lru_cache
 from typing import Any, TypeVar
 
 import httpx
@@ -40,11 +41,18 @@ def not_known(service: str) -> ServiceUnavailable:
 
 def read_answer(service: str, answer: type[T], response: httpx.Response) -> T:
     """The value that an answer holds; fields that this version does not know are ignored."""
+    reader: TypeAdapter[T] = _reader(answer)  # type: ignore[arg-type]  # types are hashable
     try:
-        return TypeAdapter(answer).validate_json(response.content, extra="ignore")
+        return reader.validate_json(response.content, extra="ignore")
     except ValidationError as error:
         log.exception("answer unreadable", extra={"asked_service": service})
         raise ServiceUnavailable(service, "its answer cannot be read") from error
+
+
+@lru_cache(maxsize=256)  # making one takes as long as reading a small answer
+def _reader(answer: type[Any]) -> TypeAdapter[Any]:
+    """Any: whatever type was asked for."""
+    return TypeAdapter(answer)
 
 
 def _problem_in(response: httpx.Response) -> dict[str, Any]:  # problems have members of their own
