@@ -9,6 +9,7 @@ from typing import Final
 
 from fastapi import FastAPI
 
+from skyway.contracts.mission_reports import MANY_MISSION_REPORTS, MISSION_REPORTS
 from skyway.runtime.clock import FleetClock, load_clock
 from skyway.runtime.database import Database
 from skyway.runtime.http import ServiceClient
@@ -157,7 +158,9 @@ class Work:
         db, clock, mint = parts.db, parts.clock, parts.mint
         self._parts = parts
         self._instructions = MqttSender(db, mqtt, clock)
-        self._reports = ReportSender(db, clients, clock)
+        self._reports = ReportSender(
+            db, clients, clock, together={MISSION_REPORTS: MANY_MISSION_REPORTS}
+        )
         self._follower = Follower(db, mqtt, clock=clock, mint=mint, stuck=parts.stuck)
         self._overdue = Overdue(db, clock, mint)
         self._lagging = Lagging(db, clock, mint, parts.stuck)

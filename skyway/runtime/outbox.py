@@ -10,7 +10,6 @@ from collections.abc import Awaitable, Mapping, Sequence
 from functools import lru_cache
 from typing import Any, Final, Protocol
 
-from pydantic import ConfigDict
 from sqlalchemy import (
     BigInteger,
     Boolean,
@@ -25,12 +24,12 @@ from sqlalchemy import (
     Text,
 )
 
-from skyway.json_model import JsonModel
 from skyway.runtime.among import among
 from skyway.runtime.claims import claim_columns
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database, Tx
 from skyway.runtime.errors import MqttUnavailable, RemoteProblem, ServiceUnavailable
+from skyway.runtime.gathered_reports import GatheredReports
 from skyway.runtime.metrics import count
 from skyway.runtime.stream_sender import QUICK_S, UNHURRIED_S, Again, StreamSender
 
@@ -101,8 +100,8 @@ class MqttPort(Protocol):
 class ServicePort(Protocol):
     """What the sender needs of a client of another service."""
 
-    def call(self, method: str, path: str, *, body: JsonModel) -> Awaitable[None]:
-        """Ask the service; RemoteProblem for 4xx, ServiceUnavailable for no answer."""
+    def call(self, method: str, path: str, *, body: bytes) -> Awaitable[None]:
+        """Ask the service, in JSON; RemoteProblem for 4xx, ServiceUnavailable for no answer."""
         ...
 
 
@@ -135,10 +134,24 @@ class MqttSender:
 
 
 class ReportSender:
-    """Posts this database's reports, to each service on its own."""
+    """Posts this database's reports, to each service on its own.
 
-    def __init__(self, db: Database, clients: Mapping[str, ServicePort], clock: FleetClock) -> None:
+    Reports for a path of `together` that are found in one look travel in one request to the path
+    that it names (`GatheredReports`): a request costs more than the reports in it. Whatever goes
+    wrong with them, each is repeated alone, so that none that is refused or slow holds another.
+    """
+
+    def __init__(
+        self,
+        db: Database,
+        clients: Mapping[str, ServicePort],
+        clock: FleetClock,
+        *,
+        together: Mapping[str, str] | None = None,
+    ) -> None:
         self._clients = clients
+        self._together = together or {}
+        self._gathering: dict[tuple[str, str], GatheredReports] = {}
         self._senders = [
             StreamSender(db, service, self._post, clock=clock, pause_s=UNHURRIED_S)
             for service in clients
@@ -151,9 +164,37 @@ class ReportSender:
                 group.create_task(sender.run())
 
     async def _post(self, row: Row[Any]) -> Again | None:
-        body = _StoredBody.model_validate_json(row.payload)
+        path = self._together.get(row.address)
+        if path is None or row.attempts:
+            return await self._post_alone(row)
+        key = (row.channel, path)
+        reports = self._gathering.get(key)
+        if reports is not None and reports.take(row):
+            return None if await reports.taken() else _backing_off(row, _UNANSWERED_S)
+        reports = self._gathering[key] = GatheredReports(row)
+        with reports.being_posted():
+            # The rows of one look are posted by tasks that begin in one round of the event loop.
+            await asyncio.sleep(0)
+            if self._gathering.get(key) is reports:
+                del self._gathering[key]
+            if reports.is_one:
+                return await self._post_alone(row)
+            return await self._post_gathered(row, path, reports)
+
+    async def _post_gathered(
+        self, first: Row[Any], path: str, reports: GatheredReports
+    ) -> Again | None:
         try:
-            await self._clients[row.channel].call("POST", row.address, body=body)
+            await self._clients[first.channel].call("POST", path, body=reports.body())
+        except (ServiceUnavailable, RemoteProblem) as error:
+            log.info("gathered reports not taken", extra={"path": path, "reason": str(error)})
+            return _backing_off(first, _UNANSWERED_S)
+        reports.were_taken()
+        return None
+
+    async def _post_alone(self, row: Row[Any]) -> Again | None:
+        try:
+            await self._clients[row.channel].call("POST", row.address, body=row.payload)
         except ServiceUnavailable:
             return _backing_off(row, _UNANSWERED_S)
         except RemoteProblem as refusal:
@@ -166,12 +207,6 @@ class ReportSender:
                 extra={"service_name": row.channel, "path": row.address, "reason": str(refusal)},
             )
         return None
-
-
-class _StoredBody(JsonModel):
-    """A body that was checked when it was reported, whatever its members are."""
-
-    model_config = ConfigDict(extra="allow")
 
 
 def _backing_off(row: Row[Any], span_s: tuple[float, float]) -> Again:

@@ -27,6 +27,11 @@ from skyway_gateway.verify import violations
 from sqlalchemy import select, text
 
 from skyway.contracts.mission import MissionReport
+from skyway.contracts.mission_reports import (
+    MANY_MISSION_REPORTS,
+    MissionReports,
+    TracedReport,
+)
 from skyway.runtime.clock import AnchoredClock, ManualClock
 from skyway.runtime.http import ServiceClient
 from skyway.runtime.identity import ServiceIdentity
@@ -135,6 +140,16 @@ class Gateway:
         return await self.http.post(
             "/internal/mission-reports",
             content=report.model_dump_json(),
+            headers={**headers, "content-type": "application/json"},
+        )
+
+    async def tell_together(self, *reports: MissionReport) -> httpx.Response:
+        """POST several mission reports in one request."""
+        together = MissionReports(reports=tuple(TracedReport(report=each) for each in reports))
+        headers = ServiceIdentity("composition", self.secrets_dir).headers(None)
+        return await self.http.post(
+            MANY_MISSION_REPORTS,
+            content=together.model_dump_json(),
             headers={**headers, "content-type": "application/json"},
         )
 

@@ -7,10 +7,16 @@ from fastapi import APIRouter, Body, Depends, Header, Request, Response
 from pydantic import Discriminator, Tag
 
 from skyway.contracts.mission import MissionReport
+from skyway.contracts.mission_reports import (
+    MANY_MISSION_REPORTS,
+    MISSION_REPORTS,
+    MissionReports,
+)
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId
 from skyway.runtime.http_app import internal_body
 from skyway.runtime.identity import Caller, ServiceGate
+from skyway.runtime.tracing import tracing
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.deliveries.accept import Acceptance, OfferChoice
 from skyway_gateway.deliveries.cancel import Canceller, CancelRequest
@@ -64,10 +70,10 @@ def delivery_routes(*, gate: KeyGate, acceptance: Acceptance, canceller: Cancell
 
 
 def report_routes(*, gate: ServiceGate, follower: Follower) -> APIRouter:
-    """POST /internal/mission-reports."""
+    """POST /internal/mission-reports and /internal/mission-reports/many."""
     router = APIRouter(tags=["internal"])
 
-    @router.post("/internal/mission-reports", status_code=204)
+    @router.post(MISSION_REPORTS, status_code=204)
     async def take_report(
         caller: Annotated[Caller, Depends(gate)],
         report: Annotated[MissionReport, Depends(internal_body(MissionReport))],
@@ -75,6 +81,18 @@ def report_routes(*, gate: ServiceGate, follower: Follower) -> APIRouter:
         """Take one report of a mission; 409 NOT_YET asks for it again later."""
         caller.must_be("service")
         await follower.follow(report)
+        return Response(status_code=204)
+
+    @router.post(MANY_MISSION_REPORTS, status_code=204)
+    async def take_reports(
+        caller: Annotated[Caller, Depends(gate)],
+        reports: Annotated[MissionReports, Depends(internal_body(MissionReports))],
+    ) -> Response:
+        """Take reports of several missions; the first that is refused refuses those after it."""
+        caller.must_be("service")
+        for each in reports.reports:
+            with tracing(each.traceparent):
+                await follower.follow(each.report)
         return Response(status_code=204)
 
     return router

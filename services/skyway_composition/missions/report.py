@@ -5,11 +5,10 @@ from datetime import datetime
 from typing import Any, Final
 
 from skyway.contracts.mission import MissionReport
+from skyway.contracts.mission_reports import MISSION_REPORTS
 from skyway.runtime.database import Tx
 from skyway.runtime.minting import Mint
 from skyway_composition.missions.record import MissionRecord
-
-_PATH: Final = "/internal/mission-reports"
 
 #: What makes a drone busy or free: all that the registry wants to know.
 _OF_THE_DRONE: Final = ("ACCEPTED", "REFUSED", "ENDED")
@@ -42,7 +41,7 @@ def report(
             **fields,
         }
     )
-    tx.report("gateway", _PATH, told, stream=mission.mission_id)
+    tx.report("gateway", MISSION_REPORTS, told, stream=mission.mission_id)
     if kind in _OF_THE_DRONE:
-        tx.report("registry", _PATH, told, stream=mission.mission_id)
+        tx.report("registry", MISSION_REPORTS, told, stream=mission.mission_id)
     return replace(record, report_seq=told.seq)

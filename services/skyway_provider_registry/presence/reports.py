@@ -5,6 +5,7 @@ little later: composition's own index decides which drones are busy.
 """
 
 import asyncio
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from skyway.contracts.mission import MissionReport
@@ -32,10 +33,10 @@ class ReportKeeper:
         self._writing = asyncio.Lock()
         self._next = _Batch()
 
-    async def keep(self, report: MissionReport) -> None:
-        """Return once the report is on disk; one that is known, or of no drone, is nothing."""
+    async def keep(self, reports: Iterable[MissionReport]) -> None:
+        """Return once the reports are on disk; one that is known, or of no drone, is nothing."""
         batch = self._next
-        batch.reports.append(report)
+        batch.reports.extend(reports)
         async with self._writing:
             # Else somebody has written it; who failed to leaves it to the next that waits for it.
             if not batch.is_kept:

@@ -5,23 +5,38 @@ from typing import Annotated
 from fastapi import APIRouter, Depends, Response
 
 from skyway.contracts.mission import MissionReport
+from skyway.contracts.mission_reports import (
+    MANY_MISSION_REPORTS,
+    MISSION_REPORTS,
+    MissionReports,
+)
 from skyway.runtime.http_app import internal_body
 from skyway.runtime.identity import Caller, ServiceGate
 from skyway_provider_registry.presence.reports import ReportKeeper
 
 
 def presence_routes(*, keeper: ReportKeeper, gate: ServiceGate) -> APIRouter:
-    """POST /internal/mission-reports."""
+    """POST /internal/mission-reports and /internal/mission-reports/many."""
     router = APIRouter(tags=["internal"])
 
-    @router.post("/internal/mission-reports", status_code=204)
+    @router.post(MISSION_REPORTS, status_code=204)
     async def take_mission_report(
         caller: Annotated[Caller, Depends(gate)],
         report: Annotated[MissionReport, Depends(internal_body(MissionReport))],
     ) -> Response:
         """Note that a drone is busy or free; a report that is known, or of no drone, is nothing."""
         caller.must_be("service")
-        await keeper.keep(report)
+        await keeper.keep([report])
+        return Response(status_code=204)
+
+    @router.post(MANY_MISSION_REPORTS, status_code=204)
+    async def take_mission_reports(
+        caller: Annotated[Caller, Depends(gate)],
+        reports: Annotated[MissionReports, Depends(internal_body(MissionReports))],
+    ) -> Response:
+        """Note of several drones that they are busy or free."""
+        caller.must_be("service")
+        await keeper.keep([each.report for each in reports.reports])
         return Response(status_code=204)
 
     return router

@@ -298,7 +298,33 @@ async def test_a_new_plan_is_told_with_its_etas(gateway: Any) -> None:
     assert (await gateway.told(delivery_id))[-2:] == ["delivery.replanned", "delivery.delayed"]
 
 
+async def test_reports_of_several_missions_come_in_one_request(gateway: Any) -> None:
+    delivery_ids = [await gateway.planned(), await gateway.planned()]
+    reports = [gateway.mission_report(one, "ACCEPTED", seq=1) for one in delivery_ids]
+
+    answer = await gateway.tell_together(*reports)
+
+    assert answer.status_code == 204, answer.text
+    for delivery_id in delivery_ids:
+        assert (await gateway.get(delivery_id))["state"] == "DISPATCHED"
+
+
+async def test_reports_that_come_together_are_refused_when_one_is(gateway: Any) -> None:
+    first, second = await gateway.planned(), await gateway.planned()
+    too_early = gateway.mission_report(second, "LOADING", seq=2)
+
+    answer = await gateway.tell_together(
+        gateway.mission_report(first, "ACCEPTED", seq=1), too_early
+    )
+    again = await gateway.report(first, "ACCEPTED", seq=1)
+
+    assert answer.status_code == 409
+    assert again.status_code == 204
+    assert (await gateway.told(first)).count("delivery.dispatched") == 1
+
+
 async def test_only_a_service_reports(gateway: Any) -> None:
-    for headers in ({}, gateway.operator):
-        answer = await gateway.http.post("/internal/mission-reports", json={}, headers=headers)
-        assert answer.status_code == 401
+    for path in ("/internal/mission-reports", "/internal/mission-reports/many"):
+        for headers in (dict[str, str](), gateway.operator):
+            answer = await gateway.http.post(path, json={}, headers=headers)
+            assert answer.status_code == 401

@@ -96,8 +96,8 @@ class InMemoryService:
         self.is_hanging = False
         self.changes = Changes()
 
-    async def call(self, method: str, path: str, *, body: JsonModel) -> None:
-        self.told.append((method, path, body.model_dump_json()))
+    async def call(self, method: str, path: str, *, body: bytes) -> None:
+        self.told.append((method, path, body.decode()))
         self.traces.append(current_traceparent())
         self.changes.tell()
         if self.is_hanging:

@@ -65,6 +65,21 @@ async def shown(api: Any, drone: dict[str, Any]) -> tuple[str, str | None]:
     return body["state"], body["mission_id"]
 
 
+async def test_reports_of_several_missions_come_in_one_request(
+    api: Any, drone: dict[str, Any]
+) -> None:
+    other = {"mission_id": "msn_2", "drone_id": "drn_nobody"}
+    reports = [
+        {"traceparent": None, "report": make_report(drone, 1, **other)},
+        {"traceparent": None, "report": make_report(drone, 1)},
+    ]
+
+    answer = await api(None, "POST", "/internal/mission-reports/many", {"reports": reports})
+
+    assert answer.status_code == 204, answer.text
+    assert await shown(api, drone) == ("RESERVED", "msn_1")
+
+
 async def test_a_drone_is_busy_from_its_yes_to_the_end(api: Any, drone: dict[str, Any]) -> None:
     seen = []
     for report in (

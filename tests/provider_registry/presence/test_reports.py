@@ -79,7 +79,7 @@ async def test_reports_that_come_meanwhile_share_the_next_transaction(
     keeper = ReportKeeper(counting, clock, Pace())
     names = [f"msn_{number}" for number in range(9)]
 
-    await asyncio.gather(*(keeper.keep(report(name)) for name in names))
+    await asyncio.gather(*(keeper.keep([report(name)]) for name in names))
 
     assert await kept(counting) == names
     assert counting.begun <= 2
@@ -92,7 +92,7 @@ async def test_who_is_told_of_a_failure_is_one_and_the_next_tries_for_all(
     keeper = ReportKeeper(counting, clock, Pace())
 
     outcomes = await asyncio.gather(
-        *(keeper.keep(report(f"msn_{number}")) for number in range(3)), return_exceptions=True
+        *(keeper.keep([report(f"msn_{number}")]) for number in range(3)), return_exceptions=True
     )
 
     assert [type(outcome) for outcome in outcomes].count(ServiceUnavailable) == 1
@@ -105,8 +105,8 @@ async def test_a_report_after_a_failure_is_kept(
     counting.failing = 1
     keeper = ReportKeeper(counting, clock, Pace())
     with pytest.raises(ServiceUnavailable):
-        await keeper.keep(report("msn_1"))
+        await keeper.keep([report("msn_1")])
 
-    await keeper.keep(report("msn_1"))
+    await keeper.keep([report("msn_1")])
 
     assert await kept(counting) == ["msn_1"]
