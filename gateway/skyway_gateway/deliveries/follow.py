@@ -1,12 +1,15 @@
 """Mission reports become the delivery's progress: each applied once, in each mission's order."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from skyway.contracts.mission import LIVE_MISSION_STATES, CancelMissions, MissionReport
+from skyway.contracts.mission_reports import TracedReport
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database, Tx
 from skyway.runtime.errors import Conflict
 from skyway.runtime.loops import Wake
+from skyway.runtime.tracing import current_traceparent, tracing
 from skyway_gateway.clients import CANCELLATIONS_PATH
 from skyway_gateway.deliveries import store
 from skyway_gateway.deliveries.delivery import Delivery
@@ -35,15 +38,37 @@ class Follower:
         Conflict
             NOT_YET: what comes before it is not known here; the sender repeats it.
         """
-        known = self.writer.known.get(report.delivery_id)
-        if known is None or not await self._follow_known(known, report):
+        traced = TracedReport(traceparent=current_traceparent(), report=report)
+        if not await self._follow_known([traced]):
             await self._follow_locked(report)
 
-    async def _follow_known(self, known: Known, report: MissionReport) -> bool:
-        """False when more is to be known than what was written here last."""
+    async def follow_all(self, reports: Sequence[TracedReport]) -> None:
+        """Apply reports of different missions: at once where that may be, else one by one.
+
+        Raises
+        ------
+        NotFound, Conflict
+            As of `follow`; those before the report that is refused are applied.
+        """
+        if await self._follow_known(reports):
+            return
+        for each in reports:
+            with tracing(each.traceparent):
+                await self.follow(each.report)
+
+    async def _follow_known(self, reports: Sequence[TracedReport]) -> bool:
+        """Apply reports to deliveries that are as we wrote them last; False when one is not."""
+        # In one order, or two replicas with the same deliveries could wait in a circle.
+        in_order = sorted(reports, key=lambda each: each.report.delivery_id)
+        remembered = self.writer.known
+        known = [one for each in in_order if (one := remembered.get(each.report.delivery_id))]
+        if len(known) < len(in_order):
+            return False
         try:
             async with self.db.write() as tx:
-                await self._apply(tx, known, report)
+                for before, each in zip(known, in_order, strict=True):
+                    with tracing(each.traceparent):
+                        await self._apply(tx, before, each.report)
         except Outdated:
             return False
         return True

@@ -16,7 +16,6 @@ from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId
 from skyway.runtime.http_app import internal_body
 from skyway.runtime.identity import Caller, ServiceGate
-from skyway.runtime.tracing import tracing
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.deliveries.accept import Acceptance, OfferChoice
 from skyway_gateway.deliveries.cancel import Canceller, CancelRequest
@@ -90,9 +89,7 @@ def report_routes(*, gate: ServiceGate, follower: Follower) -> APIRouter:
     ) -> Response:
         """Take reports of several missions; the first that is refused refuses those after it."""
         caller.must_be("service")
-        for each in reports.reports:
-            with tracing(each.traceparent):
-                await follower.follow(each.report)
+        await follower.follow_all(reports.reports)
         return Response(status_code=204)
 
     return router

@@ -9,6 +9,8 @@ from typing import Any
 import pytest
 from sqlalchemy import Engine, event
 
+from skyway.runtime.errors import Conflict
+
 
 @pytest.fixture
 def replica(gateway_on_both: Any) -> Any:
@@ -21,13 +23,12 @@ def replica(gateway_on_both: Any) -> Any:
 
 
 @contextmanager
-def reads() -> Iterator[list[str]]:
-    """The SELECTs of deliveries and their parts while the block lasts."""
+def statements() -> Iterator[list[str]]:
+    """What is executed while the block lasts."""
     seen: list[str] = []
 
     def note(_connection: Any, _cursor: Any, statement: str, *_: Any) -> None:
-        if statement.startswith("SELECT"):
-            seen.append(" ".join(statement.split()))
+        seen.append(" ".join(statement.split()))
 
     event.listen(Engine, "before_cursor_execute", note)
     try:
@@ -43,11 +44,11 @@ async def _follow(gateway: Any, delivery_id: str, kind: str, *, seq: int, **fiel
 
 
 async def test_what_was_just_written_is_not_read_again(gateway: Any) -> None:
-    with reads() as seen:
+    with statements() as seen:
         delivery_id = await gateway.accepted()
         await gateway.book_next()
         await _follow(gateway, delivery_id, "ACCEPTED", seq=1)
-    assert [one for one in seen if "api_keys" not in one] == []
+    assert not [one for one in seen if one.startswith("SELECT") and "api_keys" not in one]
     assert (await gateway.get(delivery_id))["state"] == "DISPATCHED"
 
 
@@ -126,6 +127,56 @@ async def test_reports_to_two_replicas_are_applied_once_each(
         "package.delivered",
         "delivery.completed",
     ]
+
+
+async def _follow_all(gateway: Any, kind: str, reports: dict[str, int]) -> None:
+    """Have this replica follow reports that came in one request, by delivery their numbers."""
+    from skyway.contracts.mission_reports import TracedReport
+
+    traced = [
+        TracedReport(
+            traceparent=f"00-{number:032x}-{1:016x}-01",
+            report=gateway.mission_report(delivery_id, kind, seq=seq),
+        )
+        for number, (delivery_id, seq) in enumerate(reports.items(), start=1)
+    ]
+    await gateway.parts.follower.follow_all(traced)
+
+
+async def test_reports_in_one_request_are_applied_in_one_transaction(gateway: Any) -> None:
+    planned = [await gateway.planned() for _ in range(3)]
+    with statements() as seen:
+        await _follow_all(gateway, "ACCEPTED", dict.fromkeys(planned, 1))
+    assert not [one for one in seen if one.startswith("SELECT")]
+    assert len([one for one in seen if one.startswith("INSERT INTO events")]) == 1
+    for number, delivery_id in enumerate(planned, start=1):
+        assert (await gateway.get(delivery_id))["state"] == "DISPATCHED"
+        *_, dispatched = await gateway.events(delivery_id)
+        assert f"{number:032x}" in dispatched["traceparent"]
+
+
+async def test_reports_in_one_request_are_applied_although_one_delivery_was_written_elsewhere(
+    gateway_on_both: Any, replica: Any
+) -> None:
+    gateway = gateway_on_both
+    first, second, third = [await gateway.planned() for _ in range(3)]
+    await _follow(replica, second, "ACCEPTED", seq=1)
+    await _follow_all(gateway, "ACCEPTED", {first: 1, second: 1, third: 1})
+    await asyncio.gather(
+        _follow_all(gateway, "LOADING", {first: 2, second: 2, third: 2}),
+        _follow_all(replica, "LOADING", {third: 2, second: 2, first: 2}),
+    )
+    for delivery_id in (first, second, third):
+        assert (await gateway.get(delivery_id))["state"] == "LOADING"
+        assert (await gateway.told(delivery_id))[2:] == ["delivery.dispatched"]
+
+
+async def test_a_report_that_comes_too_early_refuses_those_after_it(gateway: Any) -> None:
+    first, second = [await gateway.planned() for _ in range(2)]
+    with pytest.raises(Conflict, match="NOT_YET"):
+        await _follow_all(gateway, "LOADING", {first: 1, second: 2})
+    assert (await gateway.get(first))["state"] == "LOADING"
+    assert (await gateway.get(second))["state"] == "PLANNED"
 
 
 async def test_a_report_sees_what_was_cancelled_elsewhere(
