@@ -38,6 +38,9 @@ log = logging.getLogger(__name__)
 #: Seconds of wall time until a message is sent again: doubled from the first to the last.
 _UNCONFIRMED_S: Final = (2.0, 30.0)
 _UNANSWERED_S: Final = (0.2, 10.0)
+#: How long a message is claimed: longer than the 5 s that a PUBACK may take, and short enough that
+#: an instruction whose sender was killed is repeated before it expires (10 s at least).
+_MQTT_LEASE_S: Final = 7.0
 #: The broker went away while it was asked: once it is back, there is no reason to wait.
 _NO_BROKER_S: Final = 0.5
 
@@ -113,7 +116,13 @@ class MqttSender:
     ) -> None:
         self._mqtt = mqtt
         self._sender = StreamSender(
-            db, "mqtt", self._publish, clock=clock, pause_s=pause_s, ready=mqtt.wait_connected
+            db,
+            "mqtt",
+            self._publish,
+            clock=clock,
+            pause_s=pause_s,
+            lease_s=_MQTT_LEASE_S,
+            ready=mqtt.wait_connected,
         )
 
     async def run(self) -> None:

@@ -30,7 +30,7 @@ from skyway.units import moment_to_ms
 
 log = logging.getLogger(__name__)
 
-#: Longer than any single send takes, seconds of wall time.
+#: How long a row is claimed, seconds of wall time: longer than any single send takes.
 _LEASE_S: Final = 15.0
 #: Rows under way at once, each of another stream.
 _MOST_UNDER_WAY: Final = 64
@@ -83,6 +83,7 @@ class StreamSender:
         *,
         clock: FleetClock,
         pause_s: float = QUICK_S,
+        lease_s: float = _LEASE_S,
         ready: Callable[[], Awaitable[None]] = _at_once,
     ) -> None:
         if db.outbox is None:
@@ -92,6 +93,7 @@ class StreamSender:
         self._channel = channel
         self._send = send
         self._clock = clock
+        self._lease_s = lease_s
         self._ready = ready
         self._claimant = mint("snd")
         self._wake = Wake()
@@ -152,7 +154,7 @@ class StreamSender:
         values = claim_values(
             limit=_MOST_UNDER_WAY - len(self._under_way),
             claimant=self._claimant,
-            lease_s=_LEASE_S,
+            lease_s=self._lease_s,
             clock=self._clock,
         )
         values["done"] = done

@@ -284,7 +284,7 @@ async def test_nothing_is_lost_when_a_sender_dies_between_sending_and_deleting(
         await mqtt.changes.until(lambda: mqtt.asked == ["m1"])
     del mqtt.gates["m1"]
     left = await waiting(db)
-    clock.advance(timedelta(seconds=15))  # for as long as the dead sender held it
+    clock.advance(timedelta(seconds=7))  # for as long as the dead sender held it
     async with running(MqttSender(db, mqtt, clock)):
         await mqtt.changes.until(lambda: mqtt.taken == ["m1", "m2"])
 
