@@ -79,3 +79,17 @@ async def test_a_drone_that_has_not_begun_in_time_is_compared_with_its_plan(
     (trouble,) = await troubles(composition)
     assert trouble is not None
     assert "LATE" in trouble
+
+
+async def test_a_drone_that_falls_silent_before_it_begins_is_found_late(
+    composition: Any, drone: Any, ready: Any
+) -> None:
+    (row,) = await composition.rows("SELECT released_ms - start_ms AS lasts FROM missions")
+    await composition.take(drone.state(**ready))
+    composition.clock.advance(timedelta(milliseconds=row.lasts))
+
+    await composition.lagging.step()
+
+    (trouble,) = await troubles(composition)
+    assert trouble is not None
+    assert "LATE" in trouble
