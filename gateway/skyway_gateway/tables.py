@@ -145,7 +145,8 @@ missions = Table(
     Column("drone_id", Text, nullable=False),
     Column("state", Text, nullable=False),
     Column("report_seq", Integer, nullable=False),  # of the last report that was applied
-    Column("body", Text, nullable=False),  # JSON of deliveries.delivery.FlownMission
+    # JSON of deliveries.delivery.FlownMission, but for the state, which changes more often
+    Column("body", Text, nullable=False),
     Column("price_amount", BigInteger),  # in minor units of the currency
     Column("currency", Text),
     Column("ended_ms", BigInteger),

@@ -157,6 +157,18 @@ def mission_values(mission: FlownMission) -> Values:
     return {"state": mission.state, "body": mission.model_dump_json()}
 
 
+def mission_changes(before: FlownMission, after: FlownMission) -> Values:
+    """The columns in which a mission differs: while its plan holds, its state alone."""
+    if after.model_copy(update={"state": before.state}) == before:
+        return {"state": after.state}
+    return mission_values(after)
+
+
+def mission_of(row: Any) -> FlownMission:
+    """The mission in a row."""
+    return FlownMission.read(row.body).model_copy(update={"state": row.state})
+
+
 def reported(report: MissionReport) -> Values:
     """What a mission's row keeps of a report: its place, times up to a hand-over, its end."""
     flown = report.data.get("flown", {}) if report.kind == "DELIVERED" else {}

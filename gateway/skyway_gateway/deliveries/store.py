@@ -58,7 +58,7 @@ _PACKAGES: Final = (
 )
 #: A refused mission was never flown, and is told in `refusals`.
 _MISSIONS: Final = (
-    select(missions.c.delivery_id, missions.c.body)
+    select(missions.c.delivery_id, missions.c.state, missions.c.body)
     .where(among(missions.c.delivery_id, "ids"), missions.c.state != "REFUSED")
     .order_by(missions.c.attempt, missions.c.trip)
 )
@@ -234,7 +234,7 @@ async def _save_missions(
     new = [mission for mission in after if mission.mission_id not in known]
     tx.add(missions, [rows.mission_row(mission) for mission in new])
     changed = {
-        mission.mission_id: rows.mission_values(mission)
+        mission.mission_id: rows.mission_changes(known[mission.mission_id], mission)
         for mission in after
         if mission != known.get(mission.mission_id, mission)
     }
@@ -288,5 +288,5 @@ async def with_parts(
     # Most that is booked or cancelled early was never booked before: there is nothing to look for.
     booked = [row.delivery_id for row in found if row.state != "REQUESTED" or row.attempt > 1]
     for row in await connection.execute(_MISSIONS, {"ids": booked}) if booked else ():
-        flown[row.delivery_id].append(FlownMission.read(row.body))
+        flown[row.delivery_id].append(rows.mission_of(row))
     return [rows.delivery_of(row, packed[row.delivery_id], flown[row.delivery_id]) for row in found]

@@ -49,7 +49,10 @@ async def test_what_was_just_written_is_not_read_again(gateway: Any) -> None:
         await gateway.book_next()
         await _follow(gateway, delivery_id, "ACCEPTED", seq=1)
     assert not [one for one in seen if one.startswith("SELECT") and "api_keys" not in one]
-    assert (await gateway.get(delivery_id))["state"] == "DISPATCHED"
+    assert not [one for one in seen if one.startswith("UPDATE missions") and "body" in one]
+    delivery = await gateway.get(delivery_id)
+    assert delivery["state"] == "DISPATCHED"
+    assert delivery["missions"][0]["state"] == "ACCEPTED"
 
 
 async def test_what_another_replica_accepted_is_booked_here(
