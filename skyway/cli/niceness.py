@@ -12,10 +12,11 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-#: How much nicer than what answers people, in steps of nice(1): at 5 a process gets a third of a
-#: contended processor's time that it would else get, at 10 a tenth.
-COMPUTES: Final = 5
-SIMULATES: Final = 10
+#: How much nicer than what answers people, in steps of nice(1): where all want the processor, a
+#: process gets half of its time at 3, a third at 5. At 10 it would be a tenth, and drones lost
+#: their connections whenever anything else kept the machine busy.
+COMPUTES: Final = 3
+SIMULATES: Final = 5
 
 _NICEST: Final = 19
 #: Linux changes one group in so many seconds, unless root asks.
