@@ -63,6 +63,7 @@ class ProposedRevision(JsonModel):
 class MissionProgress(JsonModel):
     """A mission with its steps so far, and what the drone last said of itself.
 
+    While its drone stands idle without a mission, `drone_state` may be five minutes old.
     `trouble` is why another plan is looked for, `aims` are the packages that go elsewhere than to
     their destinations.
     """
