@@ -1,5 +1,6 @@
 """The lookout: reads the sensors once for all who want to know how the drone is."""
 
+from datetime import timedelta
 from typing import Final
 
 from skyway.runtime.clock import FleetClock, fleet_margin
@@ -10,17 +11,23 @@ from skyway_drone_agent.journal.logbook import Logbook
 from skyway_drone_agent.journal.under_way import doing_now
 from skyway_drone_agent.vehicles.vehicle import Vehicle
 
+#: Seconds of fleet time, or of wall time if longer, in which nothing changes that a look shows.
+_MOMENT_FLEET_S, _MOMENT_WALL_S = 0.2, 0.05
+
 #: The newest assessment is good for so many seconds of fleet time, or of wall time if longer.
 _FRESH_FLEET_S, _FRESH_WALL_S = 1.0, 0.25
 
 #: A clock's ticks do not fall together with those who ask: so many times as old is still fresh.
 _SLACK: Final = 1.5
 
+#: What a reading and its analysis take out of a logbook.
+_Doing = tuple[object, ...]
+
 
 class Lookout:
     """Guard, state and telemetry see the same assessment."""
 
-    __slots__ = ("_analysis", "_clock", "_newest", "_recorder", "_seen", "_vehicle")
+    __slots__ = ("_analysis", "_clock", "_doing", "_newest", "_recorder", "_vehicle")
 
     def __init__(
         self,
@@ -36,21 +43,40 @@ class Lookout:
         health = recorder.logbook.state_of_health
         self._analysis = Analysis(vehicle.model, state_of_health=health, book=book)
         self._newest: Assessment | None = None
-        self._seen: Logbook | None = None
+        self._doing: _Doing = ()
 
     def look(self) -> Assessment:
-        """Read the sensors now, unless that was done already."""
-        logbook, now = self._recorder.logbook, self._clock.now()
-        if self._newest is not None and self._newest.at == now and self._seen is logbook:
-            return self._newest
-        reading = self._vehicle.read(doing_now(logbook), now)
-        self._newest, self._seen = self._analysis.take(reading, logbook), logbook
-        return self._newest
+        """Read the sensors now, unless that was done at this very moment."""
+        moment = fleet_margin(self._clock, fleet_s=_MOMENT_FLEET_S, wall_s=_MOMENT_WALL_S)
+        return self._not_older_than(moment)
 
     def newest(self) -> Assessment:
-        """The last assessment, or a new one if it is old or the logbook has changed since."""
-        newest = self._newest
-        if newest is None or self._seen is not self._recorder.logbook:
-            return self.look()
+        """The last assessment, or a new one if it is old or the drone does something else now."""
         fresh = fleet_margin(self._clock, fleet_s=_FRESH_FLEET_S, wall_s=_FRESH_WALL_S)
-        return self.look() if self._clock.now() - newest.at > _SLACK * fresh else newest
+        return self._not_older_than(_SLACK * fresh)
+
+    def _not_older_than(self, age: timedelta) -> Assessment:
+        logbook, now = self._recorder.logbook, self._clock.now()
+        newest, doing = self._newest, _doing_of(logbook)
+        if newest is not None and abs(now - newest.at) <= age and self._doing == doing:
+            return newest
+        reading = self._vehicle.read(doing_now(logbook), now)
+        self._newest, self._doing = self._analysis.take(reading, logbook), doing
+        return self._newest
+
+
+def _doing_of(logbook: Logbook) -> _Doing:
+    """Not what was said to the cloud and heard of it: that changes nothing that sensors see."""
+    standing = (logbook.station_id, logbook.position, logbook.soc, logbook.packages)
+    mission = logbook.mission
+    if mission is None:
+        return standing
+    return (
+        *standing,
+        mission.mission_id,
+        mission.steps,
+        mission.began_at,
+        mission.changed_at,
+        mission.escape,
+        mission.flown_before,
+    )

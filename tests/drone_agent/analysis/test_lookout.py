@@ -77,3 +77,27 @@ def test_twice_at_one_moment_is_one_look(
 
     assert lookout.look() is lookout.look()
     assert vehicle.reads == 1
+
+
+def test_a_fraction_of_a_second_is_one_moment(
+    recorder: FlightRecorder, vehicle: CountedVehicle, virtual_clock: Any
+) -> None:
+    lookout = Lookout(recorder, vehicle, virtual_clock)
+    guards = lookout.look()
+
+    virtual_clock.move_to(virtual_clock.now() + timedelta(seconds=0.2))
+    assert lookout.look() is guards
+
+    virtual_clock.move_to(virtual_clock.now() + timedelta(seconds=0.1))
+    assert lookout.look().at == virtual_clock.now()
+
+
+def test_what_is_only_said_to_the_cloud_is_no_reason_to_look(
+    recorder: FlightRecorder, vehicle: CountedVehicle, virtual_clock: Any
+) -> None:
+    lookout = Lookout(recorder, vehicle, virtual_clock)
+    guards = lookout.look()
+
+    recorder.logbook = recorder.logbook.model_copy(update={"last_instruction_seq": 1})
+
+    assert lookout.look() is guards
