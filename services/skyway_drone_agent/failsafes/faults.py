@@ -159,20 +159,16 @@ class FaultWatch:
     def take(self, signs: Signs) -> tuple[Fault, ...]:
         """The faults there are now, the most dangerous first."""
         at = signs.assessment.at
-        self._faults = frozenset(
-            fault for fault, symptom in SYMPTOMS.items() if self._is_there(fault, symptom, signs)
-        )
         self._shown_since = {
             fault: self._shown_since.get(fault, at)
             for fault, symptom in SYMPTOMS.items()
             if symptom.shows(signs)
         }
+        lingering = {fault for fault in self._faults if SYMPTOMS[fault].lingers(signs)}
+        begun = {
+            fault
+            for fault, since in self._shown_since.items()
+            if fault not in self._faults and (at - since).total_seconds() >= SYMPTOMS[fault].lasts_s
+        }
+        self._faults = frozenset(lingering | begun)
         return in_order_of_danger(self._faults)
-
-    def _is_there(self, fault: Fault, symptom: Symptom, signs: Signs) -> bool:
-        if fault in self._faults:
-            return symptom.lingers(signs)
-        if not symptom.shows(signs):
-            return False
-        at = signs.assessment.at
-        return (at - self._shown_since.get(fault, at)).total_seconds() >= symptom.lasts_s

@@ -4,7 +4,7 @@ What it decides is in the journal first; the pilot then does what the logbook sa
 crash in the middle of an escape the drone goes on with it, and does nothing twice.
 """
 
-from datetime import datetime
+from datetime import datetime, timedelta
 from typing import Final, Never
 
 from skyway.contracts.drone_health import Failsafe, Fault
@@ -30,10 +30,13 @@ from skyway_drone_agent.link.event_writer import EventWriter
 from skyway_drone_agent.link.link_watch import LinkWatch
 from skyway_drone_agent.vehicles.vehicle import Vehicle
 
-#: Between two looks while something is under way: seconds of fleet time, or of wall time if longer.
-_EVERY_FLEET_S, _EVERY_WALL_S = 1.0, 0.25
+#: Between two looks in the air: seconds of fleet time, or of wall time if longer.
+_FLYING_EVERY_S, _EVERY_WALL_S = 1.0, 0.25
 
-#: Wall seconds between two looks while nothing is under way.
+#: The same on the ground, where nothing falls: while a step is under way, or a fault is there.
+_GROUND_EVERY_S: Final = 5.0
+
+#: Wall seconds between two looks on the ground while nothing is under way.
 _STANDING_EVERY_S: Final = 30.0
 
 #: A change of the battery's health that is worth a line in the journal.
@@ -74,13 +77,21 @@ class Guard:
         """Look out for ever."""
         while True:
             self.look()
-            now = self._clock.now()
-            if run_under_way(self._recorder.logbook) is None and not self.faults:
-                standing = fleet_margin(self._clock, fleet_s=0.0, wall_s=_STANDING_EVERY_S)
-                await wait_for_news(self._news, self._clock, until=now + standing)
+            due_at = self._clock.now() + self._pause()
+            if situation_of(self._recorder.logbook) is Situation.FLYING:
+                await self._clock.sleep_until(due_at)
             else:
-                pause = fleet_margin(self._clock, fleet_s=_EVERY_FLEET_S, wall_s=_EVERY_WALL_S)
-                await self._clock.sleep_until(now + pause)
+                # A take-off is news, and so is whatever else begins.
+                await wait_for_news(self._news, self._clock, until=due_at)
+
+    def _pause(self) -> timedelta:
+        """How long the drone may be left alone, unless there is news."""
+        logbook, clock = self._recorder.logbook, self._clock
+        if situation_of(logbook) is Situation.FLYING:
+            return fleet_margin(clock, fleet_s=_FLYING_EVERY_S, wall_s=_EVERY_WALL_S)
+        if run_under_way(logbook) is None and not self.faults:
+            return fleet_margin(clock, fleet_s=0.0, wall_s=_STANDING_EVERY_S)
+        return fleet_margin(clock, fleet_s=_GROUND_EVERY_S, wall_s=_EVERY_WALL_S)
 
     def look(self) -> None:
         """See what is wrong now, raise alarms, and begin what must be done."""
