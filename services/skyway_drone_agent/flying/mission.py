@@ -8,6 +8,7 @@ that it may have sent another drone. A drone that is held flies on to its next l
 nothing there. Whatever begins or ends is in the journal first.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from typing import Any, Final
@@ -95,7 +96,7 @@ def next_act(
     now: datetime,
     gates: Gates,
     agent_started_at: datetime,
-    consumption_factor: float = 1.0,
+    consumption_factor: Callable[[], float] = lambda: 1.0,
 ) -> Act:
     """What to do now; a `StepRun` is under way and is to be performed to its end."""
     mission = logbook.mission
@@ -139,7 +140,7 @@ def _next_on_the_ground(
     *,
     vehicle: Vehicle,
     gates: Gates,
-    consumption_factor: float,
+    consumption_factor: Callable[[], float],
 ) -> Act:
     step = mission.steps[0]
     match step:
@@ -181,7 +182,7 @@ def _take_off_or_not(
     *,
     vehicle: Vehicle,
     gates: Gates,
-    consumption_factor: float,
+    consumption_factor: Callable[[], float],
 ) -> Act:
     if gates.take_off_at is None:
         return Stand(until=None)
@@ -191,7 +192,7 @@ def _take_off_or_not(
         model=vehicle.model,
         soc=logbook.soc,
         packages=logbook.packages,
-        consumption_factor=consumption_factor,
+        consumption_factor=consumption_factor(),
     )
     if shortfall is not None:
         energy = {"need_j": shortfall.need_j, "have_j": shortfall.have_j}

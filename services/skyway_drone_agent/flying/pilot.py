@@ -68,7 +68,7 @@ class Pilot:
             now=self._clock.now(),
             gates=self._gates(),
             agent_started_at=self._started_at,
-            consumption_factor=self._consumption_factor(),
+            consumption_factor=self._consumption_factor,
         )
         match act:
             case Stand(until=until):

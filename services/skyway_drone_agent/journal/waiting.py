@@ -12,16 +12,25 @@ async def wait_for_news(news: asyncio.Event, clock: FleetClock, *, until: dateti
     if until is None:
         await news.wait()
     else:
-        waits = [
-            asyncio.ensure_future(news.wait()),
-            asyncio.ensure_future(clock.sleep_until(until)),
-        ]
-        try:
-            await asyncio.wait(waits, return_when=asyncio.FIRST_COMPLETED)
-        finally:
-            for wait in waits:
-                wait.cancel()
+        await _wait_until(until, news, clock)
     news.clear()
+
+
+async def _wait_until(moment: datetime, news: asyncio.Event, clock: FleetClock) -> None:
+    """The moment is news too: one task less than to wait for either, which a fleet does often."""
+
+    def has_come(_: asyncio.Future[None]) -> None:
+        news.set()
+
+    sleeping = asyncio.ensure_future(clock.sleep_until(moment))
+    sleeping.add_done_callback(has_come)
+    try:
+        await news.wait()
+        if sleeping.done():
+            sleeping.result()
+    finally:
+        sleeping.remove_done_callback(has_come)
+        sleeping.cancel()
 
 
 async def wait_for_end_or_news(performing: asyncio.Future[Any], news: asyncio.Event) -> None:
