@@ -155,7 +155,7 @@ class DroneAgent:
         watch = LinkWatch(self._link, clock, on_change=recorder.tell_watchers)
         cloud = CloudWatch(self._link, clock, on_change=recorder.tell_watchers)
         lookout = Lookout(recorder, vehicle, clock, book=self._book or NO_BOOK)
-        state = StateSender(uplink, recorder, lookout, clock, events=events)
+        state = StateSender(uplink, recorder, lookout, clock, acks=acks, events=events)
         telemetry = TelemetrySender(uplink, recorder, lookout, clock)
         writer = EventWriter(recorder, uplink)
         guard = Guard(

@@ -2,6 +2,7 @@
 
 import asyncio
 from collections import deque
+from itertools import islice
 from typing import Literal
 
 from skyway.contracts.drone_report import Ack
@@ -23,6 +24,8 @@ class AckQueue:
         self._clock = clock
         self._waiting: deque[tuple[_Status, Answer]] = deque()
         self._has_some = asyncio.Event()
+        self._all_sent = asyncio.Event()
+        self._all_sent.set()
 
     def received(self, answer: Answer) -> None:
         """Tell that the instruction is in the journal."""
@@ -38,17 +41,30 @@ class AckQueue:
             self.answered(self._recorder.logbook.mission.accepted_by)
         while True:
             await self._has_some.wait()
-            status, answer = self._waiting[0]
-            await self._uplink.send_until_confirmed(ACKS, self._ack(status, answer))
-            self._waiting.popleft()
+            together = self._together()
+            acks = [self._ack(status, answer) for status, answer in together]
+            await self._uplink.send_until_confirmed(ACKS, *acks)
+            for status, answer in together:
+                self._waiting.popleft()
+                if status == "ACCEPTED":
+                    self._note_told(answer)
             if not self._waiting:
                 self._has_some.clear()
-            if status == "ACCEPTED":
-                self._note_told(answer)
+                self._all_sent.set()
+
+    async def wait_all_sent(self) -> None:
+        """Return once the broker has every answer, and the journal that it has."""
+        await self._all_sent.wait()
+
+    def _together(self) -> list[tuple[_Status, Answer]]:
+        """A RECEIVED with the answer behind it: whoever reads both at once is done at once."""
+        is_received = self._waiting[0][0] == "RECEIVED"
+        return list(islice(self._waiting, 2 if is_received else 1))
 
     def _add(self, status: _Status, answer: Answer) -> None:
         self._waiting.append((status, answer))
         self._has_some.set()
+        self._all_sent.clear()
 
     def _note_told(self, answer: Answer) -> None:
         mission = self._recorder.logbook.mission

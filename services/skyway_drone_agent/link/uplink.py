@@ -1,5 +1,6 @@
 """A drone's way to the cloud: its topics, the envelope of its messages, sending until confirmed."""
 
+import asyncio
 from collections import Counter
 from collections.abc import AsyncIterator
 from datetime import datetime
@@ -90,11 +91,23 @@ class Uplink:
         """Send once; raises `MqttUnavailable` when the broker does not confirm it."""
         await self._link.publish(topic(*self._ids), message)
 
-    async def send_until_confirmed(self, topic: Topic[M], message: M) -> None:
-        """Send until the broker has it, over as many connections as that takes."""
+    async def send_until_confirmed(self, topic: Topic[M], *messages: M) -> None:
+        """Send until the broker has the last, over as many connections as that takes.
+
+        They leave together, in order. Those before the last are sent once: it says more than they.
+        """
+        *earlier, last = messages
+        if earlier:
+            confirming = (self.send(topic, message) for message in messages)
+            *_, error = await asyncio.gather(*confirming, return_exceptions=True)
+            if error is None:
+                return
+            if not isinstance(error, MqttUnavailable):
+                raise error
+            await self.wait_to_retry()
         while True:
             try:
-                await self.send(topic, message)
+                await self.send(topic, last)
             except MqttUnavailable:
                 await self.wait_to_retry()
             else:

@@ -1,6 +1,8 @@
 """The reporter: events until the broker has them, state on change and every 30 s."""
 
 import asyncio
+from operator import attrgetter
+from typing import Protocol
 
 from skyway.contracts.drone_report import DroneEvent, DroneState
 from skyway.contracts.topics import EVENTS, STATE
@@ -15,8 +17,22 @@ from skyway_drone_agent.reports.snapshot import snapshot_of
 #: Wall seconds after which the state is sent although nothing has changed.
 STATE_EVERY_S = 30.0
 
+#: Turns of the event loop in which whoever has the same news acts on it, as the pilot does.
+_TURNS = 4
+
 #: What may differ between two states that say the same.
 _PASSING = {"message_id", "sent_at", "seq", "at", "soc", "position", "health", "traceparent"}
+
+#: All that a state says beside.
+_meaning = attrgetter(*sorted(DroneState.model_fields.keys() - _PASSING))
+
+
+class Acks(Protocol):
+    """The answers to instructions, on their way."""
+
+    async def wait_all_sent(self) -> None:
+        """Return once the broker has every answer."""
+        ...
 
 
 class EventSender:
@@ -61,7 +77,7 @@ class EventSender:
 
 
 class StateSender:
-    """Sends the snapshot that tells the truth of progress, after the events that it counts.
+    """Sends the snapshot that tells the truth of progress, after the acks and events it counts.
 
     A state that came first would have the cloud ask for events that are on their way.
     """
@@ -73,8 +89,10 @@ class StateSender:
         lookout: Lookout,
         clock: FleetClock,
         *,
+        acks: Acks,
         events: EventSender,
     ) -> None:
+        self._acks = acks
         self._events = events
         self._uplink = uplink
         self._recorder = recorder
@@ -92,7 +110,8 @@ class StateSender:
         """Send for ever."""
         last: DroneState | None = None
         while True:
-            await self._events.wait_all_sent()
+            await self._rest_told()
+            self._news.clear()
             state = self._state()
             if self._is_due or last is None or _meaning(state) != _meaning(last):
                 self._is_due = False
@@ -108,17 +127,24 @@ class StateSender:
                 await self._uplink.send(STATE, state)
             except MqttUnavailable:
                 await self._uplink.wait_to_retry()
-                await self._events.wait_all_sent()
+                await self._rest_told()
                 state = self._state()
             else:
                 return state
+
+    async def _rest_told(self) -> None:
+        """Return once all is told that comes first, and done what follows from it at once.
+
+        A mission is accepted, the broker has that, and the first step begins: one state tells of
+        all three, for each has the whole cloud look at the drone.
+        """
+        await self._acks.wait_all_sent()
+        for _ in range(_TURNS):
+            await asyncio.sleep(0)
+        await self._events.wait_all_sent()
 
     def _state(self) -> DroneState:
         assessment = self._lookout.look()
         return snapshot_of(
             self._recorder.told_logbook, assessment, envelope=self._uplink.envelope(STATE)
         )
-
-
-def _meaning(state: DroneState) -> DroneState:
-    return state.model_copy(update=dict.fromkeys(_PASSING))

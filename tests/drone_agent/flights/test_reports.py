@@ -137,3 +137,31 @@ async def test_a_state_never_counts_events_that_were_not_sent_before(
         if topic is STATE:
             assert message.last_event_seq <= sent
     assert world.states[-1].last_event_seq == 9
+
+
+async def test_a_mission_that_begins_at_once_is_told_in_one_state(
+    world: Any, cloud: Any, trip: Any
+) -> None:
+    await world.start()
+    await world.pass_time(PRE_START)
+    before = len(world.states)
+
+    await world.send(cloud.mission(trip))
+
+    assert [state.activity for state in world.states[before:]] == ["LOADING"]
+
+
+async def test_a_state_waits_for_the_ack_of_the_instruction_that_it_counts(
+    world: Any, cloud: Any, trip: Any
+) -> None:
+    await world.start()
+    before = len(world.states)
+    world.pubacks.clear()
+
+    await world.send(cloud.mission(trip))
+    assert [ack.status for ack in world.acks] == ["RECEIVED", "ACCEPTED"]
+    assert len(world.states) == before
+
+    world.pubacks.set()
+    await world.settle()
+    assert world.states[-1].last_instruction_seq == 1
