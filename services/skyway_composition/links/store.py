@@ -33,7 +33,8 @@ _LINKS_OF: Final = (
     .with_for_update()
 )
 _SAVE_LINK: Final = update(drone_links).where(drone_links.c.drone_id == bindparam("of_drone"))
-_COUNT: Final = (
+#: Counts one more instruction to a drone, and tells its place.
+COUNT_NEXT: Final = (
     update(drone_links)
     .where(drone_links.c.drone_id == bindparam("of_drone"))
     .values(
@@ -98,10 +99,10 @@ async def lock_link(tx: Tx, drone_id: DroneId, provider_id: ProviderId) -> Drone
 async def take_next(tx: Tx, drone_id: DroneId, provider_id: ProviderId) -> Numbered:
     """The place of the next instruction to this provider's drone, whose link is locked by that."""
     wanted = {"of_drone": drone_id, "of_provider": provider_id}
-    taken = (await tx.execute(_COUNT, wanted)).one_or_none()
+    taken = (await tx.execute(COUNT_NEXT, wanted)).one_or_none()
     if taken is None:
         await _begin(tx, drone_id, provider_id)
-        taken = (await tx.execute(_COUNT, wanted)).one()
+        taken = (await tx.execute(COUNT_NEXT, wanted)).one()
     return Numbered(*taken)
 
 

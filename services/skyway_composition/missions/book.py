@@ -30,6 +30,7 @@ from skyway_composition.missions.deliveries.store import (
 )
 from skyway_composition.missions.engage import engage
 from skyway_composition.missions.outcome import all_taken, pickup_unknown, without_offer
+from skyway_composition.missions.taking import Outdated, take
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.planning.limits import Limits
 from skyway_composition.planning.offer import Offer
@@ -37,7 +38,7 @@ from skyway_composition.planning.offers import plan_offers
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.start import start_ms
 from skyway_composition.planning.trip_finder import TripFinder
-from skyway_composition.planning.world import World, still_holds
+from skyway_composition.planning.world import World
 
 log = logging.getLogger(__name__)
 
@@ -46,10 +47,6 @@ _MOST_ROUNDS: Final = 5
 
 #: A drone's row in a database rule that refused it: the pads may still be free for another drone.
 _DRONE_TAKEN: Final = "mission_drone"
-
-
-class _Outdated(Exception):
-    """The world changed while offers were made: plan anew."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,15 +175,15 @@ class Bookings:
                 if not now_busy - busy:
                     return None, offers.reasons
                 busy |= now_busy
-            except _Outdated:
+            except Outdated:
                 _count_conflict("outdated")
                 return None, offers.reasons
 
     async def _take(self, tx: Tx, this_round: _Round, offer: Offer) -> Booking:
         """Reserve the drones and the pads, and send the missions: one transaction.
 
-        All rows that could be contended are locked in the same order by everybody: delivery,
-        network, drones, missions, pads; one that nobody knew comes last, with all that is added.
+        The delivery is locked before anything else; one that nobody knew comes last, with all
+        that is added.
         """
         delivery_id, wanted = this_round.delivery_id, this_round.wanted
         if this_round.is_known:
@@ -198,15 +195,16 @@ class Bookings:
         else:
             # Whoever books or closes it meanwhile makes the database refuse it: then it is known.
             add_delivery(tx, delivery_id)
+        if this_round.finder.start_ms < moment_to_ms(self.clock.now()):
+            raise Outdated
         # I11: the version is read inside the transaction, and cannot change before it ends.
         world = this_round.finder.world
-        starts_too_soon = this_round.finder.start_ms < moment_to_ms(self.clock.now())
-        if starts_too_soon or not await still_holds(tx, world):
-            raise _Outdated
+        places = await take(tx, offer, world)
         missions = await engage(
             tx,
             offer,
             world.skyway,
+            places=places,
             delivery_id=delivery_id,
             attempt=wanted.attempt,
             clock=self.clock,

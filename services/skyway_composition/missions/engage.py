@@ -1,16 +1,16 @@
 """Engaging the drones of an offer: their missions, steps, pads, packages and instructions."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from skyway.contracts.flight_step import FlightStep
 from skyway.contracts.mission import Mission
-from skyway.ids import DeliveryId, MissionId
+from skyway.ids import DeliveryId, DroneId, MissionId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Tx
 from skyway.runtime.minting import Mint
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.links.courier import Courier
-from skyway_composition.links.store import take_next
+from skyway_composition.links.link import Numbered
 from skyway_composition.missions import store
 from skyway_composition.missions.custody import Custodian, Held
 from skyway_composition.missions.dispatch import mission_draft
@@ -27,22 +27,18 @@ async def engage(
     offer: Offer,
     skyway: PreparedNetwork,
     *,
+    places: Mapping[DroneId, Numbered],
     delivery_id: DeliveryId,
     attempt: int,
     clock: FleetClock,
     mint: Mint,
 ) -> tuple[Mission, ...]:
-    """Book all trips of an offer for a delivery that is locked, and send their missions.
+    """Book all trips of an offer that is taken, and send their missions to these places.
 
     What is added is added when the block ends; then a drone or a pad that is somebody else's
     meanwhile is `Taken`.
     """
     courier = Courier(clock, mint)
-    # Everybody locks drones in this order.
-    drones = sorted((part.candidate for part in offer.parts), key=lambda each: each.drone_id)
-    places = {
-        each.drone_id: await take_next(tx, each.drone_id, each.provider_id) for each in drones
-    }
     expires_at = courier.expiry()
     records = [
         record_of(
@@ -65,7 +61,7 @@ async def engage(
         record.mission_id: part.trip.booked_pads
         for record, part in zip(records, offer.parts, strict=True)
     }
-    await reserve(tx, by_mission)
+    reserve(tx, by_mission)
     await _begin_custody(tx, records)
     for record, part in zip(records, offer.parts, strict=True):
         steps = _add_steps(tx, record, part, skyway)

@@ -37,7 +37,8 @@ _BOOKED_EVERYWHERE: Final = _LASTING.join(
 _PADS_OF: Final = select(stations.c.station_id, stations.c.pads).where(
     among(stations.c.station_id, "station_ids")
 )
-_LOCK: Final = (
+#: Has two bookings of one station wait here for each other.
+LOCK_STATIONS: Final = (
     select(stations.c.station_id)
     .where(among(stations.c.station_id, "station_ids"))
     .order_by(stations.c.station_id)
@@ -81,17 +82,24 @@ class Reservation:
     mission_id: MissionId
 
 
-async def reserve(tx: Tx, booked: Mapping[MissionId, Sequence[BookedPad]]) -> None:
-    """Reserve pads for new missions when the block ends, all or nothing.
+async def lock_stations(tx: Tx, booked: Iterable[BookedPad]) -> None:
+    """Have two bookings of one station wait here for each other, in sorted order.
+
+    In the exclusion constraint itself they could wait for each other crosswise.
+    """
+    if tx.dialect == "sqlite":
+        return  # its blocks run one after another
+    station_ids = sorted({each.station_id for each in booked})
+    if station_ids:
+        await tx.execute(LOCK_STATIONS, {"station_ids": station_ids})
+
+
+def reserve(tx: Tx, booked: Mapping[MissionId, Sequence[BookedPad]]) -> None:
+    """Reserve pads of stations that are locked when the block ends, all or nothing.
 
     Then `pad_taken` is `Taken` if somebody else holds one of them for some of the time, or two of
     these missions would.
     """
-    # All at once: one mission's stations after another's would not be in sorted order.
-    everything = [each for pads in booked.values() for each in pads]
-    if not everything:
-        return
-    await _lock_stations(tx, everything)
     tx.add(pad_reservations, _rows(booked))
 
 
@@ -108,7 +116,7 @@ async def hold(tx: Tx, mission_id: MissionId, booked: Iterable[BookedPad]) -> No
     given_up, taken = held - wanted, wanted - held
     if any(not _is_within(each, held) for each in taken):
         # Given up before it is locked, a pad could make two missions wait for each other.
-        await _lock_stations(tx, given_up | taken)
+        await lock_stations(tx, given_up | taken)
     if given_up:
         rows = [
             {
@@ -234,17 +242,6 @@ def _is_within(session: BookedPad, held: Iterable[BookedPad]) -> bool:
         and session.end_ms <= each.end_ms
         for each in held
     )
-
-
-async def _lock_stations(tx: Tx, booked: Iterable[BookedPad]) -> None:
-    """Have two bookings of one station wait here for each other, in sorted order.
-
-    In the exclusion constraint itself they could wait for each other crosswise.
-    """
-    if tx.dialect == "sqlite":
-        return  # its blocks run one after another
-    station_ids = sorted({each.station_id for each in booked})
-    await tx.execute(_LOCK, {"station_ids": station_ids})
 
 
 async def _insert(tx: Tx, booked: Mapping[MissionId, Iterable[BookedPad]]) -> None:

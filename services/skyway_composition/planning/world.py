@@ -23,6 +23,12 @@ class World:
     conditions: Conditions
     conditions_version: int
 
+    @property
+    def present(self) -> Present:
+        """How the network was found: what has to be so still when a plan is kept."""
+        skyway = self.skyway
+        return Present(skyway.network_id, skyway.version, self.conditions_version)
+
     @classmethod
     async def around(
         cls, station_id: StationId, networks: PreparedNetworks, *, db: Database, after_ms: int

@@ -1,4 +1,4 @@
-"""All SQL that a booking begins with, before anything is locked."""
+"""All SQL that a booking begins with: a look at everything, and taking what its offer needs."""
 
 from collections import defaultdict
 from collections.abc import Collection
@@ -13,6 +13,8 @@ from sqlalchemy import (
     Text,
     bindparam,
     cast,
+    exists,
+    func,
     literal_column,
     null,
     select,
@@ -21,10 +23,13 @@ from sqlalchemy import (
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.mission import Mission
-from skyway.ids import DeliveryId, DroneId, StationId
+from skyway.ids import DeliveryId, DroneId, ProviderId, StationId
 from skyway.runtime.among import among
-from skyway_composition.links.store import OCCUPIED
+from skyway.runtime.database import Tx
+from skyway_composition.links.link import Numbered
+from skyway_composition.links.store import COUNT_NEXT, OCCUPIED
 from skyway_composition.networks.store import Present
+from skyway_composition.pads.store import LOCK_STATIONS
 from skyway_composition.tables import deliveries, is_live, missions, networks, stations
 
 _ON_MISSION: Final = select(missions.c.drone_id).where(
@@ -66,6 +71,24 @@ _OUTLOOK: Final = union_all(
     _answer("NETWORK", networks.c.network_id, networks.c.version, networks.c.conditions)
     .join(stations, stations.c.network_id == networks.c.network_id)
     .where(stations.c.station_id == bindparam("pickup")),
+)
+
+# In this order: PostgreSQL asks whether there is a world before it counts, and whether it has
+# counted before it locks any station.
+_world: Final = (
+    select(networks.c.network_id)
+    .where(
+        networks.c.network_id == bindparam("of_network"),
+        networks.c.version == bindparam("of_version"),
+        networks.c.conditions == bindparam("of_conditions"),
+    )
+    .with_for_update(read=True)
+    .cte("world")
+)
+_counted: Final = COUNT_NEXT.where(exists(select(_world.c.network_id))).cte("counted")
+_locked: Final = LOCK_STATIONS.where(exists(select(_counted.c.drone_id))).cte("locked")
+_TAKE: Final = select(
+    _counted, select(func.count()).select_from(_locked).scalar_subquery().label("stations")
 )
 
 
@@ -128,3 +151,32 @@ async def busy_among(
     """
     found = await connection.execute(_BUSY, {"drone_ids": [*drone_ids]})
     return frozenset(found.scalars())
+
+
+async def take_at_once(
+    tx: Tx,
+    present: Present,
+    drone_id: DroneId,
+    provider_id: ProviderId,
+    *,
+    station_ids: Collection[StationId],
+) -> Numbered | None:
+    """The place of the next instruction to a drone, in a network that is still as it was.
+
+    The network, the drone's link and the stations are locked by that, in this order. None when
+    the network has changed or the link was never begun: then nothing of it is done. PostgreSQL's
+    statement; SQLite, which has no locks, needs several.
+    """
+    wanted = {
+        "of_network": present.network_id,
+        "of_version": present.version,
+        "of_conditions": present.conditions,
+        "of_drone": drone_id,
+        "of_provider": provider_id,
+        "station_ids": sorted(set(station_ids)),
+    }
+    taken = (await tx.execute(_TAKE, wanted)).one_or_none()
+    if taken is None:
+        return None
+    *place, _ = taken
+    return Numbered(*place)

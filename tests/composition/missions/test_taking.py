@@ -1,0 +1,103 @@
+"""An offer's drone and stations are taken only in the world that it was made in."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from typing import Any
+
+import pytest
+from skyway_composition.links.store import lock_link, save_links
+from skyway_composition.missions.booking.store import take_at_once
+from skyway_composition.networks.store import Present, lock_version
+from skyway_composition.pads.booked_pad import BookedPad
+from skyway_composition.pads.store import lock_stations
+from skyway_composition.tables import networks
+from sqlalchemy import update
+
+from skyway.ids import DroneId, NetworkId, ProviderId, StationId
+
+pytestmark = [
+    pytest.mark.parametrize("migrated_url", ["postgresql"], indirect=True),
+    pytest.mark.integration,
+]
+
+DRONE, PROVIDER = DroneId("drn_1"), ProviderId("prv_1")
+ROW = NetworkId("row")
+BUMP = update(networks).values(conditions=networks.c.conditions + 1)
+
+
+async def take(composition: Any, *, version: int = 1) -> Any:
+    async with composition.db.write() as tx:
+        return await take_at_once(
+            tx, Present(ROW, version, 0), DRONE, PROVIDER, station_ids=[StationId("a")]
+        )
+
+
+@asynccontextmanager
+async def link_held(composition: Any) -> AsyncIterator[None]:
+    """While the block lasts, somebody else sends the drone one instruction more."""
+    async with composition.db.write() as tx:
+        link = await lock_link(tx, DRONE, PROVIDER)
+        await save_links(tx, [link.with_next()[0]])
+        yield
+
+
+async def blocked(composition: Any, *, on: str) -> None:
+    """Until a statement that holds these words waits for a lock."""
+    waiting = (
+        "SELECT count(*) AS n FROM pg_stat_activity WHERE wait_event_type = 'Lock' "
+        f"AND query LIKE '%{on}%'"
+    )
+    while (await composition.rows(waiting))[0].n == 0:
+        pass
+
+
+async def test_a_link_that_was_never_begun_is_not_taken(composition: Any) -> None:
+    assert await take(composition) is None
+
+
+async def test_in_another_version_nothing_is_taken(composition: Any) -> None:
+    await composition.book()
+
+    assert await take(composition, version=2) is None
+    assert (await take(composition)).seq == 2
+
+
+async def test_who_waits_for_a_link_counts_on_from_what_was_sent_meanwhile(
+    composition: Any,
+) -> None:
+    await composition.book()
+    async with link_held(composition):
+        taking = asyncio.create_task(take(composition))
+        await blocked(composition, on="locked")
+
+    assert (await taking).seq == 3
+
+
+async def test_who_waits_for_a_network_that_changes_takes_nothing(
+    composition: Any, make: Any
+) -> None:
+    await composition.book()
+    async with composition.db.write() as tx:
+        await lock_version(tx, ROW)
+        taking = asyncio.create_task(take(composition))
+        await blocked(composition, on="locked")
+        await tx.execute(BUMP)
+
+    assert await taking is None
+
+
+async def test_a_station_is_held_until_the_block_ends(composition: Any) -> None:
+    await composition.book()
+
+    async def lock(*names: str) -> None:
+        async with composition.db.write() as tx:
+            await lock_stations(tx, [BookedPad(StationId(name), 0, 0, 1) for name in names])
+
+    async with composition.db.write() as tx:
+        await take_at_once(tx, Present(ROW, 1, 0), DRONE, PROVIDER, station_ids=[StationId("a")])
+        await lock("b")
+        waiting = asyncio.create_task(lock("a"))
+        await blocked(composition, on="FOR UPDATE")
+        assert not waiting.done()
+    await waiting
