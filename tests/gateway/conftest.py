@@ -202,7 +202,7 @@ class Gateway:
 
     async def misremembered(self) -> list[str]:
         """Deliveries of which the gateway remembers something else than is written."""
-        writer = self.parts.writer
+        remembered = self.parts.writer.known
         async with self.parts.db.write() as tx:
             written = {
                 delivery_id: await lock(tx, delivery_id)
@@ -211,8 +211,7 @@ class Gateway:
         return [
             delivery_id
             for delivery_id, now in written.items()
-            if (known := writer.known.get(delivery_id)) is not None
-            and known.version == now.version
+            if (known := remembered.among([(delivery_id, now.version)]).get(delivery_id))
             and _writable(known) != _writable(now)
         ]
 

@@ -110,7 +110,7 @@ class Booker:
         try:
             async with self.db.write() as tx:
                 await self._write_plan(tx, known, missions)
-        except Outdated:
+        except Outdated:  # cancelled meanwhile, or planned by another replica
             async with self.db.write() as tx:
                 now = await store.lock(tx, known.delivery.delivery_id)
                 if now.delivery.attempt == known.delivery.attempt:

@@ -60,8 +60,8 @@ class Follower:
         """Apply reports to deliveries that are as we wrote them last; False when one is not."""
         # In one order, or two replicas with the same deliveries could wait in a circle.
         in_order = sorted(reports, key=lambda each: each.report.delivery_id)
-        remembered = self.writer.known
-        known = [one for each in in_order if (one := remembered.get(each.report.delivery_id))]
+        taken = (self.writer.known.take(each.report.delivery_id) for each in in_order)
+        known = [one for one in taken if one is not None]
         if len(known) < len(in_order):
             return False
         try:

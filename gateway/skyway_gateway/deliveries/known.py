@@ -42,9 +42,12 @@ class KnownDeliveries:
     def __init__(self) -> None:
         self._known: OrderedDict[DeliveryId, Known] = OrderedDict()
 
-    def get(self, delivery_id: DeliveryId) -> Known | None:
-        """A delivery as it was once; None when it is not remembered."""
-        return self._known.get(delivery_id)
+    def take(self, delivery_id: DeliveryId) -> Known | None:
+        """A delivery as it was once, to write from; None when it is not remembered.
+
+        It is forgotten until it has been written: whatever goes wrong, it is read the next time.
+        """
+        return self._known.pop(delivery_id, None)
 
     def among(self, wanted: Iterable[tuple[DeliveryId, int]]) -> dict[DeliveryId, Known]:
         """Those of these deliveries that are remembered just in this version."""

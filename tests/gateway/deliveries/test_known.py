@@ -214,8 +214,9 @@ async def test_only_the_youngest_are_remembered(gateway: Any) -> None:
     for number in range(501):
         other = queued.delivery.model_copy(update={"delivery_id": f"dlv_{number}"})
         known.note(Known(other, version=1, last_sequence=1))
-    assert known.get("dlv_0") is None
-    assert known.get("dlv_1") is not None
+    assert known.take("dlv_0") is None
+    assert known.take("dlv_1") is not None
+    assert known.take("dlv_1") is None, "remembered although it was about to be written"
     known.note(Known(queued.delivery, version=3, last_sequence=3))
     known.note(Known(queued.delivery, version=2, last_sequence=2))
-    assert known.get(queued.delivery.delivery_id).version == 3
+    assert known.take(queued.delivery.delivery_id).version == 3
