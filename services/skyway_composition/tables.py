@@ -258,6 +258,13 @@ drone_links = Table(
     Column("state", Text),  # JSON of DroneState, the newest,
     Column("is_occupied", Boolean, nullable=False, server_default=false()),  # and what it says
     Column("connection", Text),  # JSON of Connection, the newest
+    # Most drones are not: their links are not looked at to find those that are.
+    Index(
+        "drone_links_occupied",
+        "drone_id",
+        sqlite_where=text("is_occupied = 1"),
+        postgresql_where=text("is_occupied"),
+    ),
 )
 
 #: What happens in the world, from `from_ms` until it ends or is lifted: rows are never deleted.
