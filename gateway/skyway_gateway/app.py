@@ -29,7 +29,7 @@ from skyway.runtime.migrations import migrate
 from skyway.runtime.minting import mint
 from skyway.runtime.mqtt import MqttClient
 from skyway.runtime.outbox import MqttSender, ReportSender
-from skyway.runtime.stream_sender import UNHURRIED_S
+from skyway.runtime.stream_sender import unhurried
 from skyway_gateway.access.drone_keys import DroneKeys
 from skyway_gateway.access.keys import Keys
 from skyway_gateway.access.known_keys import KnownKeys
@@ -226,7 +226,7 @@ def build_app(settings: GatewaySettings) -> FastAPI:
             await opened.enter_async_context(parts.post)
             await opened.enter_async_context(mqtt)
             loops = await opened.enter_async_context(Loops())
-            messages = MqttSender(parts.db, mqtt, parts.clock, pause_s=UNHURRIED_S)
+            messages = MqttSender(parts.db, mqtt, parts.clock, pace=unhurried())
             loops.start("messages", messages.run())
             told = {"composition": parts.clients["composition"]}
             loops.start("reports", ReportSender(parts.db, told, parts.clock).run())

@@ -31,7 +31,8 @@ from skyway.runtime.database import Database, Tx
 from skyway.runtime.errors import MqttUnavailable, RemoteProblem, ServiceUnavailable
 from skyway.runtime.gathered_reports import GatheredReports
 from skyway.runtime.metrics import count
-from skyway.runtime.stream_sender import QUICK_S, UNHURRIED_S, Again, StreamSender
+from skyway.runtime.pace import Pace
+from skyway.runtime.stream_sender import Again, StreamSender, quick, unhurried
 
 log = logging.getLogger(__name__)
 
@@ -112,7 +113,7 @@ class MqttSender:
     """Publishes this database's messages: until confirmed by the receiver, or by the broker."""
 
     def __init__(
-        self, db: Database, mqtt: MqttPort, clock: FleetClock, *, pause_s: float = QUICK_S
+        self, db: Database, mqtt: MqttPort, clock: FleetClock, *, pace: Pace | None = None
     ) -> None:
         self._mqtt = mqtt
         self._sender = StreamSender(
@@ -120,7 +121,7 @@ class MqttSender:
             "mqtt",
             self._publish,
             clock=clock,
-            pause_s=pause_s,
+            pace=pace or quick(),
             lease_s=_MQTT_LEASE_S,
             ready=mqtt.wait_connected,
         )
@@ -162,7 +163,7 @@ class ReportSender:
         self._together = together or {}
         self._gathering: dict[tuple[str, str], GatheredReports] = {}
         self._senders = [
-            StreamSender(db, service, self._post, clock=clock, pause_s=UNHURRIED_S)
+            StreamSender(db, service, self._post, clock=clock, pace=unhurried())
             for service in clients
         ]
 

@@ -41,9 +41,20 @@ _TOGETHER_MS: Final = 500
 
 #: Seconds of wall time from one look at the table to the next: what is written and sent meanwhile
 #: takes one statement, and a row that comes after a while of silence waits for nothing.
-QUICK_S: Final = 0.05
-#: The same for what nobody waits for with a stopwatch.
-UNHURRIED_S: Final = 0.2
+_QUICK_S: Final = 0.05
+#: The same for what nobody waits for with a stopwatch, once more than a few looks were quick.
+_UNHURRIED_S: Final = 0.2
+_QUICK_LOOKS: Final = 10
+
+
+def quick() -> Pace:
+    """How often to look for what somebody waits for."""
+    return Pace(_QUICK_S)
+
+
+def unhurried() -> Pace:
+    """How often to look for all else: seldom under load, quick when little is going on."""
+    return Pace(_UNHURRIED_S, burst=_QUICK_LOOKS, least_s=_QUICK_S)
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +93,7 @@ class StreamSender:
         send: Send,
         *,
         clock: FleetClock,
-        pause_s: float = QUICK_S,
+        pace: Pace,
         lease_s: float = _LEASE_S,
         ready: Callable[[], Awaitable[None]] = _at_once,
     ) -> None:
@@ -100,7 +111,7 @@ class StreamSender:
         self._under_way: set[asyncio.Task[None]] = set()
         self._done: list[int] = []  # rows that are sent, and still in the table
         self._staying: list[_Staying] = []  # a heap
-        self._pace = Pace(pause_s)
+        self._pace = pace
         self._claiming = Claiming.of(
             self._table,
             where=and_(_is_next(self._table, channel), self._table.c.due_at_ms <= NOW_MS),

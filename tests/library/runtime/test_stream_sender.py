@@ -14,7 +14,7 @@ from skyway.json_model import JsonModel
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.database import Database, Tx
 from skyway.runtime.outbox import outbox_table
-from skyway.runtime.stream_sender import Again, StreamSender
+from skyway.runtime.stream_sender import Again, StreamSender, quick
 from skyway.units import ms_to_moment
 
 METADATA = MetaData()
@@ -75,7 +75,7 @@ async def db(database_url: str) -> AsyncIterator[CountingDatabase]:
 
 @contextlib.asynccontextmanager
 async def sending(db: Database, receiver: Receiver, clock: ManualClock) -> AsyncIterator[None]:
-    sender = StreamSender(db, CHANNEL, receiver.take, clock=clock)
+    sender = StreamSender(db, CHANNEL, receiver.take, clock=clock, pace=quick())
     task = asyncio.create_task(sender.run())
     try:
         yield
