@@ -4,7 +4,6 @@ import pytest
 from skyway_composition.links.store import OCCUPIED
 from skyway_composition.tables import drone_links
 from sqlalchemy import insert, text
-from sqlalchemy.dialects import postgresql
 
 from skyway.runtime.database import Database
 
@@ -23,9 +22,9 @@ async def test_links_of_idle_drones_are_not_looked_at(db: Database) -> None:
         await tx.execute(text("UPDATE drone_links SET is_occupied = true WHERE drone_id = 'drn_7'"))
     async with db.write() as tx:
         await tx.execute(text("ANALYZE drone_links"))
-        query = str(OCCUPIED.compile(dialect=postgresql.dialect(paramstyle="named")))
-        asked = {"drone_ids": [f"drn_{number}" for number in range(60)]}
-        explained = await tx.execute(text(f"EXPLAIN {query}"), asked)
+        query = OCCUPIED.compile(dialect=tx.connection.dialect)
+        drone_ids = [f"drn_{number}" for number in range(60)]
+        explained = await tx.connection.exec_driver_sql(f"EXPLAIN {query}", (drone_ids,))
         plan = explained.scalars().all()
 
     assert any("drone_links_occupied" in line for line in plan), plan
