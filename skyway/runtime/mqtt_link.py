@@ -12,13 +12,11 @@ from paho.mqtt.enums import CallbackAPIVersion, MQTTErrorCode
 from paho.mqtt.reasoncodes import ReasonCode
 
 from skyway.runtime.errors import MqttUnavailable
+from skyway.runtime.keepalive import next_look_s
 from skyway.runtime.mqtt_address import BrokerAddress
 
 if TYPE_CHECKING:
     from paho.mqtt.client import SocketLike
-
-#: Looks at the keepalive in one keepalive: a ping is late by a fifth of it at most.
-_KEEPALIVE_CHECKS = 5
 
 #: Stands for the broker's answer to CONNECT, which has no packet id; ids start at 1.
 _GREETING = 0
@@ -68,6 +66,7 @@ class MqttLink:
         self._waiters: dict[int, asyncio.Future[None]] = {}
         self._is_watching_writes = False
         self._keepalive_check: asyncio.TimerHandle | None = None
+        self._heard_s = self._said_s = self._loop.time()
         #: Done as soon as the connection is lost, with the reason.
         self.lost: asyncio.Future[str] = self._loop.create_future()
         self._keepalive_s = login.keepalive_s
@@ -196,6 +195,7 @@ class MqttLink:
         # What TLS has decrypted already never shows as readable again.
         while isinstance(sock, ssl.SSLSocket) and sock.fileno() != -1 and sock.pending():
             self._paho.loop_read()
+        self._heard_s = self._loop.time()
 
     def _write_soon(self) -> None:
         """Write once the present callback is done: packets made together leave together."""
@@ -204,6 +204,7 @@ class MqttLink:
     def _write(self) -> None:
         """Write at once; the selector is asked only when the socket takes no more."""
         self._paho.loop_write()
+        self._said_s = self._loop.time()
         sock = self._paho.socket()
         if self._paho.want_write() and sock is not None and not self._is_watching_writes:
             self._is_watching_writes = True
@@ -219,8 +220,14 @@ class MqttLink:
             self._loop.remove_writer(sock)
 
     def _check_keepalive(self) -> None:
-        if not self.lost.done():
-            self._paho.loop_misc()
-            self._keepalive_check = self._loop.call_later(
-                self._keepalive_s / _KEEPALIVE_CHECKS, self._check_keepalive
-            )
+        """Have paho look whether a ping is due, and come again when the next one can be."""
+        if self.lost.done():
+            return
+        self._paho.loop_misc()
+        look_s = next_look_s(
+            self._loop.time(),
+            heard_s=self._heard_s,
+            said_s=self._said_s,
+            keepalive_s=self._keepalive_s,
+        )
+        self._keepalive_check = self._loop.call_at(look_s, self._check_keepalive)
