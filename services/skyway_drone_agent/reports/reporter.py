@@ -144,7 +144,8 @@ class StateSender:
         await self._events.wait_all_sent()
 
     def _state(self) -> DroneState:
-        assessment = self._lookout.look()
+        # What the guard has just seen is as good: `at` says when that was.
+        assessment = self._lookout.newest()
         return snapshot_of(
             self._recorder.told_logbook, assessment, envelope=self._uplink.envelope(STATE)
         )

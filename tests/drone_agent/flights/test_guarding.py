@@ -70,3 +70,11 @@ async def test_a_drone_that_takes_off_is_looked_at_at_once_and_each_second(
     gaps = [after - before for before, after in pairwise(looks)]
     assert max(gaps) <= timedelta(seconds=1)
     assert 55 <= len(looks) <= 65
+
+
+async def test_a_drone_that_stands_is_looked_at_once_for_guard_and_state(looked_at: Any) -> None:
+    before = len(LookedAt.looks)
+
+    await looked_at.pass_time(5.2 * MINUTE)
+
+    assert len(LookedAt.looks) - before == 10
