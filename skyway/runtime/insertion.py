@@ -7,10 +7,13 @@ the way is short, takes table after table.
 
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from typing import Any
+from typing import Any, Final
 
 from sqlalchemy import Executable, Insert, Table, bindparam, func, insert, select
-from sqlalchemy.dialects.postgresql import ARRAY
+from sqlalchemy.dialects import postgresql
+from sqlalchemy.types import TypeEngine, UserDefinedType
+
+_POSTGRESQL: Final = postgresql.dialect()  # type: ignore[no-untyped-call]
 
 #: Rows by their tables; those of one table have the same columns.
 Rows = Mapping[Table, Sequence[Mapping[str, Any]]]
@@ -35,7 +38,7 @@ def _insertion(*columns_of: tuple[Table, tuple[str, ...]]) -> Executable:
 
 def _from_arrays(table: Table, columns: Sequence[str]) -> Insert:
     arrays = (
-        bindparam(_parameter(table, column), type_=ARRAY(table.c[column].type))
+        bindparam(_parameter(table, column), type_=_Column(table.c[column].type))
         for column in columns
     )
     rows = func.unnest(*arrays).table_valued(*columns, name=f"new_{table.name}").render_derived()
@@ -44,3 +47,17 @@ def _from_arrays(table: Table, columns: Sequence[str]) -> Insert:
 
 def _parameter(table: Table, column: str) -> str:
     return f"{table.name}_{column}"
+
+
+class _Column(UserDefinedType[Any]):
+    """Values of one type as the driver takes them: SQLAlchemy's own array looks at each of them."""
+
+    cache_ok = True
+    render_bind_cast = True
+
+    def __init__(self, of: TypeEngine[Any]) -> None:
+        self.of = of
+
+    def get_col_spec(self, **_: Any) -> str:
+        """Any: what SQLAlchemy tells a type about its column."""
+        return f"{self.of.compile(dialect=_POSTGRESQL)}[]"
