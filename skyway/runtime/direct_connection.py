@@ -1,8 +1,8 @@
 """A connection to PostgreSQL that hands statements made once to the driver itself.
 
 All else, such as statements that are made for one block, goes through SQLAlchemy, over the same
-connection of the driver and so in the same transaction: SQLAlchemy's own is never begun, for to
-it this connection is one that commits by itself.
+connection of the driver and so in the same transaction: SQLAlchemy's own is one that never ends,
+and that the server never hears of, for to SQLAlchemy this connection commits by itself.
 """
 
 import asyncio
@@ -64,11 +64,6 @@ class DirectConnection(BlockConnection):
         """Whether the next block needs another connection: this one is lost or in an odd state."""
         driver = self._driver
         return self._is_given_up or driver.is_closed() or driver.is_in_transaction()
-
-    def forget(self) -> None:
-        """Have SQLAlchemy end the transaction that it takes itself to be in, and nobody else."""
-        if self.sync_connection is not None and self.sync_connection.in_transaction():
-            self.sync_connection.rollback()
 
     async def execute(
         self,

@@ -97,7 +97,6 @@ class Lending:
     async def _give_back(self, connection: DirectConnection) -> None:
         """Nothing here waits unless the connection is given up, so a cancelled block can, too."""
         if self._is_open and not connection.is_spent:
-            connection.forget()
             self._places.put_nowait(connection)
             return
         self._places.put_nowait(None)
