@@ -39,7 +39,7 @@ async def test_a_booking_takes_few_statements(known: Any) -> None:
     with statements() as seen:
         await known.book()
 
-    assert len(seen) <= 13, seen
+    assert len(seen) <= 11, seen
 
 
 async def test_an_accepted_mission_takes_few_statements(known: Any, drone: Any) -> None:
