@@ -5,8 +5,9 @@ BIN := $(VENV)/bin
 UV := $(shell command -v uv 2>/dev/null)
 # A system is a dozen processes: each would compile anew all that it imports.
 unexport PYTHONDONTWRITEBYTECODE
-# A worker per core, but not so many that whole systems starve each other.
-PYTEST := $(BIN)/python -m pytest -n auto --maxprocesses 4 --dist worksteal
+# Whole systems mostly wait, so one worker more than cores; what runs where: tests/conftest.py.
+WORKERS := $(shell echo $$(($$(getconf _NPROCESSORS_ONLN) + 1)))
+PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --maxprocesses 5 --no-loadscope-reorder
 
 setup: $(VENV)/.ready
 

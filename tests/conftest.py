@@ -3,6 +3,7 @@
 import copy
 import gc
 import json
+import math
 import os
 import pwd
 import secrets
@@ -19,6 +20,7 @@ from typing import Any
 import asyncpg
 import pytest
 from hypothesis import HealthCheck, settings
+from xdist.scheduler import LoadScopeScheduling
 
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.database import Database
@@ -49,6 +51,40 @@ def pytest_collection_finish() -> None:
     gc.collect()
     gc.freeze()
     gc.set_threshold(10_000)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """What starts whole systems comes first, the slowest fleet clocks before all others.
+
+    It mostly waits, and nobody is to wait for it in the end.
+    """
+    items.sort(key=_begins_after)
+
+
+def _begins_after(item: pytest.Item) -> float:
+    """Whole systems by the rate of their clocks; what has no such clock comes last."""
+    if item.get_closest_marker("end_to_end") is None:
+        return math.inf
+    rate = item.get_closest_marker("fleet_rate")
+    return rate.args[0] if rate else 900.0
+
+
+class TogetherScheduling(LoadScopeScheduling):
+    """One worker runs the tests that share a running system, and those of any other file.
+
+    xdist's own groups do not work with this pytest: they want to change a test's id.
+    """
+
+    def _split_scope(self, nodeid: str) -> str:
+        file, _, name = nodeid.partition("::")
+        _, _, system = name.rstrip("]").partition("[")
+        return system if "/end_to_end/" in file and system else file
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> TogetherScheduling:
+    """Whatever `--dist` says."""
+    return TogetherScheduling(config, log)
 
 
 @pytest.fixture(scope="session")

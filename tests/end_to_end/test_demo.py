@@ -18,7 +18,7 @@ def test_the_demo_delivers_three_packages_and_leaves_nothing_running(tmp_path: P
         env=environment,
         capture_output=True,
         text=True,
-        timeout=300,
+        timeout=600,
         check=False,
     )
 

@@ -17,7 +17,7 @@ _SETTINGS = {"currency": "USD", "loading_s": 30, "dropoff_s": 240}
 def test_a_drone_killed_in_flight_at_a_hand_over_and_on_a_pad_does_each_thing_once(
     system: Any,
 ) -> None:
-    system.operate("PUT", "/v1/networks/ladders", ladders("alone") | {"settings": _SETTINGS})
+    system.operate("PUT", "/v1/networks/alone", ladders("alone") | {"settings": _SETTINGS})
     system.operate("PUT", "/v1/drone-models/quick-charge", QUICK_CHARGE)
     drone = register(system, "alone-s1", model_id="quick-charge")
     process = run(system, token=drone["enrolment_token"])
@@ -44,8 +44,6 @@ def test_a_drone_killed_in_flight_at_a_hand_over_and_on_a_pad_does_each_thing_on
     assert _handed_over(system, delivery_id) == {"p1": 1, "p2": 1}
     assert {package["custodian"]["kind"] for package in delivery["packages"]} == {"RECIPIENT"}
     assert len(delivery["missions"]) == 1
-    verified = system.command("verify")
-    assert verified.returncode == 0, verified.stdout + verified.stderr
 
 
 def _activity(system: Any, delivery_id: str) -> str | None:

@@ -11,7 +11,7 @@ NAMES = ("held", "sent", "kept", "back")
 
 
 def test_drones_do_what_operators_loaders_and_customers_want(system: Any) -> None:
-    system.operate("PUT", "/v1/networks/ladders", ladders(*NAMES))
+    system.operate("PUT", "/v1/networks/hands", ladders(*NAMES))
     system.operate("PUT", "/v1/drone-models/quick-charge", QUICK_CHARGE)
     system.start_fleet(["held-s1", "sent-s1", "back-s1"], model_id="quick-charge")
     system.start_fleet(["kept-s1"], model_id="quick-charge", loading="CONFIRMED")
@@ -33,8 +33,6 @@ def test_drones_do_what_operators_loaders_and_customers_want(system: Any) -> Non
         system.until_state(deliveries[name], "COMPLETED")
     cancelled = system.until_state(deliveries["back"], "CANCELLED")
     assert [each["state"] for each in cancelled["packages"]] == ["RETURNED"]
-    verified = system.command("verify")
-    assert verified.returncode == 0, verified.stdout + verified.stderr
 
 
 def _mission_of(system: Any, delivery_id: str) -> Any:

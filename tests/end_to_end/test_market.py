@@ -9,12 +9,12 @@ pytestmark = pytest.mark.end_to_end
 
 
 def test_offers_are_compared_and_the_one_that_is_taken_is_flown(system: Any) -> None:
-    system.publish_corridor()
+    system.publish_corridor("offers")
     near = system.start_fleet(
-        ["s1"], name="Near Air", tariff={"currency": "USD", "base": 5_000, "per_km": 50}
+        ["offers-s1"], name="Near Air", tariff={"currency": "USD", "base": 5_000, "per_km": 50}
     )
     cheap = system.start_fleet(
-        ["s2"], name="Cheap Air", tariff={"currency": "USD", "base": 100, "per_km": 1}
+        ["offers-s2"], name="Cheap Air", tariff={"currency": "USD", "base": 100, "per_km": 1}
     )
     none = system.operate(
         "POST", "/v1/providers", {"name": "No Air", "tariff": {"currency": "USD", "base": 1}}
@@ -41,17 +41,17 @@ def test_offers_are_compared_and_the_one_that_is_taken_is_flown(system: Any) -> 
     assert delivery["provider_id"] == cheap["provider_id"]
     assert delivery["price"] == cheapest["offers"][0]["price"]
     [package] = proof["packages"]
-    assert package["station_id"] == "s3"
+    assert package["station_id"] == "offers-s3"
     assert package["load_before_kg"] - package["load_after_kg"] == pytest.approx(0.5)
 
 
 def test_a_request_too_heavy_for_one_drone_is_flown_in_two_trips(system: Any) -> None:
-    system.publish_corridor()
-    system.start_fleet(["s1", "s1"], model_id="paper-matrice-300")
+    system.publish_corridor("heavy")
+    system.start_fleet(["heavy-s1"] * 2, model_id="paper-matrice-300")
     body = {
-        "pickup": {"station_id": "s1"},
+        "pickup": {"station_id": "heavy-s1"},
         "packages": [
-            {"package_id": f"p{n}", "mass_kg": 10.0, "destination": {"station_id": "s2"}}
+            {"package_id": f"p{n}", "mass_kg": 10.0, "destination": {"station_id": "heavy-s2"}}
             for n in (1, 2)
         ],
     }
@@ -63,19 +63,24 @@ def test_a_request_too_heavy_for_one_drone_is_flown_in_two_trips(system: Any) ->
     assert delivery["state"] == "COMPLETED", delivery
     assert len({mission["drone_id"] for mission in delivery["missions"]}) == 2
     assert {package["state"] for package in delivery["packages"]} == {"DELIVERED"}
-    verified = system.command("verify")
-    assert verified.returncode == 0, verified.stdout + verified.stderr
 
 
+# Here it is that many write at once; the embedded pair has one writer.
+@pytest.mark.only_on("postgresql-mosquitto")
 def test_many_requests_at_once_into_few_pads_all_end_and_none_is_double_booked(
     system: Any,
 ) -> None:
-    system.publish_corridor()
-    system.start_fleet(["s1"] * 4 + ["s2"] * 4 + ["s3"] * 4)
+    system.publish_corridor("crowd")
+    system.start_fleet(["crowd-s1", "crowd-s2", "crowd-s3"] * 3)
     key = system.keys["SKYWAY_CUSTOMER_KEY"]
 
     with ThreadPoolExecutor(16) as customers:
-        ids = list(customers.map(lambda n: system.request_delivery([f"s{2 + n % 3}"]), range(30)))
+        ids = list(
+            customers.map(
+                lambda n: system.request_delivery([f"crowd-s{2 + n % 3}"], pickup="crowd-s1"),
+                range(24),
+            )
+        )
     some = ids[::5]
     for delivery_id in some:
         system.call("POST", f"/v1/deliveries/{delivery_id}/cancel", key=key, body={})
@@ -90,8 +95,10 @@ def test_many_requests_at_once_into_few_pads_all_end_and_none_is_double_booked(
 
 def _quote(system: Any, qos: dict[str, Any]) -> dict[str, Any]:
     body = {
-        "pickup": {"station_id": "s1"},
-        "packages": [{"package_id": "p1", "mass_kg": 0.5, "destination": {"station_id": "s3"}}],
+        "pickup": {"station_id": "offers-s1"},
+        "packages": [
+            {"package_id": "p1", "mass_kg": 0.5, "destination": {"station_id": "offers-s3"}}
+        ],
         "qos": qos,
     }
     key = system.keys["SKYWAY_CUSTOMER_KEY"]

@@ -30,7 +30,7 @@ def test_the_readme_s_lines_take_a_delivery_to_its_end(system: Any) -> None:
         env=environment,
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=600,
         check=False,
     )
 

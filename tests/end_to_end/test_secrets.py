@@ -9,10 +9,10 @@ pytestmark = pytest.mark.end_to_end
 
 def test_nobody_else_can_read_what_a_system_keeps(system: Any) -> None:
     system.folder.path.chmod(0o755)
-    system.publish_corridor()
-    system.start_fleet(["s1"])
+    system.publish_corridor("modes")
+    system.start_fleet(["modes-s1"])
 
-    by_the_test_itself = ("up.log", "fleet.log", "prv_")
+    by_the_test_itself = ("up.log", "fleet.log", "drone.log", "prv_")
     kept = [
         path
         for path in system.folder.path.iterdir()
@@ -23,10 +23,10 @@ def test_nobody_else_can_read_what_a_system_keeps(system: Any) -> None:
 
 
 def test_no_secret_is_told_in_a_log_or_kept_in_a_database(system: Any) -> None:
-    system.publish_corridor()
+    system.publish_corridor("secrets")
     key = {"role": "customer", "subject_id": "alice"}
     issued = system.operate("POST", "/v1/keys", key)
-    registered = system.start_fleet(["s1"])
+    registered = system.start_fleet(["secrets-s1"])
     folder = system.folder.path
     secrets = {path.read_text().strip() for path in (folder / "secrets").iterdir()}
     secrets |= {issued["key"], issued["mqtt"]["password"], registered["key"]}

@@ -8,13 +8,13 @@ pytestmark = pytest.mark.end_to_end
 
 
 def test_a_drone_that_is_away_is_passed_over_for_one_that_is_there(system: Any) -> None:
-    system.publish_corridor()
-    away = system.start_fleet(["s1"], name="Away Air")
+    system.publish_corridor("away")
+    away = system.start_fleet(["away-s1"], name="Away Air")
     system.fleets[-1].kill()
     system.fleets[-1].wait()
-    there = system.start_fleet(["s2"], name="There Air")
+    there = system.start_fleet(["away-s2"], name="There Air")
 
-    delivery_id = system.request_delivery(["s3"])
+    delivery_id = system.request_delivery(["away-s3"], pickup="away-s1")
 
     delivery = system.until_state(delivery_id, "COMPLETED")
     assert delivery["missions"][-1]["provider_id"] == there["provider_id"]
@@ -22,9 +22,9 @@ def test_a_drone_that_is_away_is_passed_over_for_one_that_is_there(system: Any) 
 
 
 def test_a_second_customer_sees_nothing_of_the_first(system: Any) -> None:
-    system.publish_corridor()
-    system.start_fleet(["s1"])
-    delivery_id = system.request_delivery(["s2"])
+    system.publish_corridor("private")
+    system.start_fleet(["private-s1"])
+    delivery_id = system.request_delivery(["private-s2"], pickup="private-s1")
     made = system.operate("POST", "/v1/keys", {"role": "customer", "subject_id": "other"})
 
     answer = system.call("GET", f"/v1/deliveries/{delivery_id}", key=made["key"])

@@ -1,0 +1,219 @@
+"""A whole Skyway as a user starts it, in a folder of its own, and the calls of its users."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import httpx
+from corridor import corridor
+from eventually import PATIENCE_S, eventually
+
+from skyway.cli.data_folder import DataFolder
+from skyway.cli.keys import read_keys
+
+SKYWAY = (sys.executable, "-m", "skyway.cli")
+
+#: Deliveries in these states stay in them.
+TERMINAL = ("COMPLETED", "PARTIALLY_COMPLETED", "CANCELLED", "FAILED", "REJECTED")
+
+
+@dataclass
+class LocalSystem:
+    """`skyway up` on a folder of its own, with fleets, and the calls of its users."""
+
+    folder: DataFolder
+    environment: dict[str, str]
+    up: subprocess.Popen[bytes] | None = None
+    fleets: list[subprocess.Popen[bytes]] = field(default_factory=list)
+    #: Fleet seconds per wall second.
+    rate: float = 900.0
+
+    eventually = staticmethod(eventually)
+
+    def start(self) -> None:
+        log = (self.folder.path / "up.log").open("ab")
+        command = (*SKYWAY, "up", "--data", self.folder.path, "--rate", self.rate)
+        ports = () if self.up else ("--port", "0", "--mqtt-port", "0")
+        self.up = subprocess.Popen(
+            [str(part) for part in (*command, *ports)],
+            stdout=log,
+            stderr=log,
+            env=self.environment,
+        )
+        log.close()
+        eventually(self._is_up, "skyway up", told=(self.folder.path / "up.log").read_text)
+
+    def _is_up(self) -> bool:
+        text = (self.folder.path / "up.log").read_text()
+        assert self.up is not None
+        assert self.up.poll() is None, text
+        return "Skyway is up" in text
+
+    def stop(self) -> None:
+        self.stop_fleets()
+        if self.up is not None:
+            _end(self.up)
+
+    def stop_fleets(self) -> None:
+        for process in self.fleets:
+            _end(process)
+        self.fleets.clear()
+
+    @property
+    def keys(self) -> dict[str, str]:
+        return read_keys(self.folder)
+
+    def call(
+        self, method: str, path: str, *, key: str, body: Any = None, **headers: str
+    ) -> httpx.Response:
+        return httpx.request(
+            method,
+            self.keys["SKYWAY_GATEWAY_URL"] + path,
+            json=body,
+            headers={"Authorization": f"Bearer {key}", **headers},
+            timeout=PATIENCE_S,
+        )
+
+    def publish_corridor(self, name: str) -> None:
+        """A network of this test's own: its four stations are called name-s1 to name-s4."""
+        self.operate("PUT", f"/v1/networks/{name}", corridor(name))
+
+    def operate(self, method: str, path: str, body: Any = None) -> Any:
+        answer = self.call(method, path, key=self.keys["SKYWAY_OPERATOR_KEY"], body=body)
+        assert answer.is_success, answer.text
+        return answer.json() if answer.content else None
+
+    def command(self, *arguments: str) -> subprocess.CompletedProcess[str]:
+        return subprocess.run(
+            [*SKYWAY, *arguments, "--data", str(self.folder.path)],
+            env=self.environment,
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE_S,
+            check=False,
+        )
+
+    def start_fleet(
+        self,
+        homes: list[str],
+        *,
+        model_id: str = "paper-scenario",
+        options: tuple[str, ...] = (),
+        **provider: Any,
+    ) -> dict[str, Any]:
+        """Register a provider with a drone at each home, and run their agent."""
+        terms = {"name": "Test Air", "tariff": {"currency": "USD", "base": 100, "per_km": 10}}
+        registered = self.operate("POST", "/v1/providers", terms | provider)
+        drones = [{"model_id": model_id, "home_station_id": home} for home in homes]
+        path = f"/v1/providers/{registered['provider_id']}/drones"
+        answer = self.operate("POST", path, drones)
+        file = self.folder.path / f"{registered['provider_id']}.json"
+        file.write_text(json.dumps(answer))
+        self.run_fleet(file, *options)
+        self.until_available(registered["provider_id"], drones=len(homes))
+        return {**registered, "drones": answer["items"], "file": file}
+
+    def until_available(self, provider_id: str, *, drones: int) -> None:
+        """Return once so many drones of a provider, all that it has, can be sent somewhere."""
+
+        def states() -> list[str]:
+            known = self.operate("GET", f"/v1/providers/{provider_id}/drones")["items"]
+            return [drone["state"] for drone in known]
+
+        eventually(lambda: states() == ["AVAILABLE"] * drones, "all drones available", told=states)
+
+    def run_fleet(self, file: Path, *options: str) -> subprocess.Popen[bytes]:
+        log = (self.folder.path / "fleet.log").open("ab")
+        process = subprocess.Popen(
+            [*SKYWAY, "fleet", str(file), *options, "--data", str(self.folder.path)],
+            stdout=log,
+            stderr=log,
+            env=self.environment,
+        )
+        log.close()
+        self.fleets.append(process)
+        return process
+
+    def request_delivery(
+        self, destinations: list[str], *, pickup: str, key: str | None = None
+    ) -> str:
+        body = {
+            "pickup": {"station_id": pickup},
+            "packages": [
+                {"package_id": f"p{n}", "mass_kg": 0.5, "destination": {"station_id": place}}
+                for n, place in enumerate(destinations, start=1)
+            ],
+            "qos": {"objective": "fastest"},
+        }
+        customer_key = key or self.keys["SKYWAY_CUSTOMER_KEY"]
+        answer = self.call("POST", "/v1/deliveries", key=customer_key, body=body)
+        assert answer.status_code == 202, answer.text
+        return str(answer.json()["delivery_id"])
+
+    def delivery(self, delivery_id: str) -> dict[str, Any]:
+        key = self.keys["SKYWAY_CUSTOMER_KEY"]
+        answer: dict[str, Any] = self.call("GET", f"/v1/deliveries/{delivery_id}", key=key).json()
+        return answer
+
+    def until_state(self, delivery_id: str, *states: str) -> dict[str, Any]:
+        """The delivery once it is in one of these states, unless it has ended otherwise."""
+        found: dict[str, Any] = eventually(
+            lambda: (now := self.delivery(delivery_id))["state"] in (*states, *TERMINAL) and now,
+            f"delivery in {states}",
+            told=lambda: self.delivery(delivery_id),
+        )
+        assert found["state"] in states, found
+        return found
+
+    def until_ended(self, delivery_id: str) -> dict[str, Any]:
+        """The delivery once it has ended, in whatever state."""
+        return self.until_state(delivery_id, *TERMINAL)
+
+    def kill(self, package: str) -> int:
+        """kill -9 the process that runs this package; its id, once it is gone."""
+        killed = self.pid_of(package)
+        os.kill(killed, signal.SIGKILL)
+        for fleet in self.fleets:
+            fleet.poll()  # reaps the agent, if it was one
+        eventually(lambda: package not in _arguments(killed), f"{package} gone")
+        return killed
+
+    def pid_of(self, package: str) -> int:
+        """The process that runs this package, below `skyway up` or below a fleet."""
+        roots = [process.pid for process in (self.up, *self.fleets) if process is not None]
+        found: int = eventually(
+            lambda: next(
+                (pid for pid in _with_descendants(roots) if package in _arguments(pid)), 0
+            ),
+            f"a process of {package}",
+        )
+        return found
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    if process.poll() is None:
+        process.send_signal(signal.SIGTERM)
+        process.wait(timeout=PATIENCE_S)
+
+
+def _with_descendants(pids: list[int]) -> Iterator[int]:
+    for pid in pids:
+        yield pid
+        try:
+            children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+        except OSError:
+            continue
+        yield from _with_descendants([int(child) for child in children])
+
+
+def _arguments(pid: int) -> list[str]:
+    try:
+        return Path(f"/proc/{pid}/cmdline").read_text().split("\0")
+    except OSError:
+        return []
