@@ -9,6 +9,7 @@ from typing import Any, Final
 from benchmarks.load.burst import Burst
 from benchmarks.load.city import City
 from skyway.cli.api import GatewayApi
+from skyway.cli.niceness import SIMULATES
 from skyway.cli.system import System
 from skyway.errors import SkywayError
 
@@ -73,7 +74,7 @@ def _start_agents(
         file = system.folder.path / f"fleet-{number}.json"
         file.touch(mode=0o600)
         file.write_text(json.dumps({"items": drones[number::processes]}))
-        system.start_fleet(name, file)
+        system.start_fleet(name, file, gives_way_by=SIMULATES)
     return names
 
 

@@ -8,7 +8,6 @@ from typing import NoReturn
 from skyway.cli.data_folder import DataFolder
 from skyway.cli.gateway import fail
 from skyway.cli.keys import read_keys
-from skyway.cli.niceness import SIMULATES, give_way
 
 _NEEDED = "SKYWAY_MQTT_URL"
 
@@ -21,7 +20,6 @@ def become_agent(
 ) -> NoReturn:
     """Become the agent with these arguments, its journals in the data folder.
 
-    One that only simulates its drones gives way to what people wait for.
     `told` comes on top of the environment, which nobody else can read: secrets are no arguments.
     """
     folder.make()
@@ -35,7 +33,5 @@ def become_agent(
         **(told or {}),
     }
     command = [sys.executable, "-m", "skyway_drone_agent", *arguments]
-    if not any(argument.startswith("--vehicle=") for argument in arguments):
-        give_way(os.getpid(), by=SIMULATES)
     # In place of this process, so that who ends this one ends the agent.
     os.execve(sys.executable, command, environment)  # noqa: S606 - there is no shell to want

@@ -8,7 +8,6 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 
 from skyway.cli.data_folder import CLOUD_SERVICES, DataFolder
-from skyway.cli.niceness import COMPUTES
 from skyway.cli.supervisor import Child, listen
 
 _HOST = "127.0.0.1"
@@ -90,7 +89,6 @@ def child(
         log=folder.log(name),
         environment=own,
         listener=listener,
-        gives_way_by=COMPUTES if name == "composition" else 0,
     )
 
 

@@ -1,9 +1,9 @@
 """Who gives way to whom while processes share one machine.
 
-What answers people must not wait behind what computes or simulates: a processor that is short goes
-to the gateway, the registry and the broker first, then to composition, whose answers are waited for
-by other processes, and to simulated drones last. In production each has processors of its own, or
-shares of them that its platform sets.
+What simulates much in a short test of load must not take the processor from what is measured:
+real drones bring their own. Whatever has to keep the pace of a fast fleet clock gives way to
+nobody: on a busy machine a demo's drones then answered after two seconds, when loading had been
+given up.
 """
 
 import os
@@ -12,10 +12,8 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-#: How much nicer than what answers people, in steps of nice(1): where all want the processor, a
-#: process gets half of its time at 3, a third at 5. At 10 it would be a tenth, and drones lost
-#: their connections whenever anything else kept the machine busy.
-COMPUTES: Final = 3
+#: How much nicer simulated drones are than the system, in steps of nice(1): where all want the
+#: processor they get a third of the time.
 SIMULATES: Final = 5
 
 _NICEST: Final = 19

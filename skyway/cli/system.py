@@ -16,7 +16,6 @@ from skyway.cli.databases import database_urls
 from skyway.cli.fleet_time import anchor_clock, keep_heartbeat
 from skyway.cli.folder_lock import held
 from skyway.cli.mosquitto_files import write_mosquitto_files
-from skyway.cli.niceness import SIMULATES
 from skyway.cli.race import first_of
 from skyway.cli.secrets import make_secrets, write_keys_file
 from skyway.cli.supervisor import Child, Supervisor
@@ -36,7 +35,7 @@ class System:
     urls: Mapping[str, str]
     mqtt_url: str
 
-    def start_fleet(self, name: str, fleet_file: Path) -> None:
+    def start_fleet(self, name: str, fleet_file: Path, *, gives_way_by: int = 0) -> None:
         """Keep an agent process running that hosts the drones of this file."""
         self.supervisor.start(
             Child(
@@ -47,7 +46,7 @@ class System:
                     "SKYWAY_MQTT_URL": self.mqtt_url,
                     "SKYWAY_AGENT_JOURNAL": str(self.folder.journals.resolve()),
                 },
-                gives_way_by=SIMULATES,
+                gives_way_by=gives_way_by,
             )
         )
 
