@@ -1,5 +1,10 @@
 """The connection of a block, which cannot end the block's transaction."""
 
+from collections.abc import Mapping
+from typing import Any
+
+from sqlalchemy import Executable
+from sqlalchemy.engine import CursorResult
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 
@@ -13,3 +18,9 @@ class BlockConnection(AsyncConnection):
     async def rollback(self) -> None:
         """Refuse: on SQLite that would undo the other blocks of the same COMMIT."""
         raise RuntimeError("only an error rolls a write block back")
+
+    async def execute_last(
+        self, statement: Executable, parameters: Mapping[str, Any]
+    ) -> CursorResult[*tuple[Any, ...]]:
+        """Run the last statement of a write block. Any: what columns take."""
+        return await self.execute(statement, parameters)

@@ -50,6 +50,8 @@ class DirectConnection(BlockConnection):
         self._prepared: WeakKeyDictionary[Written, _Prepared] = WeakKeyDictionary()
         self._driver: Connection[Record]
         self._is_given_up = False
+        self._begins_next = False
+        self._has_begun = False
 
     @classmethod
     async def open(cls, engine: AsyncEngine, statements: WrittenStatements) -> Self:
@@ -75,6 +77,7 @@ class DirectConnection(BlockConnection):
 
         Any: SQLAlchemy's own options, with which it is to run the statement itself.
         """
+        await self._begin_if_due()
         rows = _rows(parameters)
         written = None
         if not options:
@@ -90,23 +93,47 @@ class DirectConnection(BlockConnection):
         # It answers what callers ask of SQLAlchemy's class, which needs a cursor of its own.
         return cast("CursorResult[*tuple[Any, ...]]", await self._run(written, arguments))
 
+    async def execute_last(
+        self, statement: Executable, parameters: Values
+    ) -> CursorResult[*tuple[Any, ...]]:
+        """Run a block's last statement; the only one is a transaction without BEGIN and COMMIT."""
+        self._begins_next = False
+        return await self.execute(statement, parameters)
+
+    async def run_sync(self, fn: Callable[..., AnswerT], *arguments: Any, **named: Any) -> AnswerT:
+        """As SQLAlchemy's; Any: what the function takes."""
+        await self._begin_if_due()
+        return await super().run_sync(fn, *arguments, **named)
+
+    async def exec_driver_sql(
+        self, statement: str, parameters: Any = None, execution_options: Any = None
+    ) -> CursorResult[*tuple[Any, ...]]:
+        """As SQLAlchemy's; Any: what the driver and SQLAlchemy take."""
+        await self._begin_if_due()
+        return await super().exec_driver_sql(statement, parameters, execution_options)
+
     @contextlib.asynccontextmanager
     async def transaction(self) -> AsyncIterator[None]:
         """Commit what is written within; after an error nothing of it is kept.
+
+        It begins with the first statement: a block without any asks nothing of the server.
 
         Raises
         ------
         ServiceUnavailable
             The server did not commit.
         """
-        await self._control("BEGIN")
+        self._begins_next, self._has_begun = True, False
         try:
             yield
         except BaseException:
-            await self._undo()
+            if self._has_begun:
+                await self._undo()
             raise
+        finally:
+            self._begins_next = False
         # After an error PostgreSQL takes COMMIT for ROLLBACK, and is content.
-        if await self._control("COMMIT") != "COMMIT":
+        if self._has_begun and await self._control("COMMIT") != "COMMIT":
             raise ServiceUnavailable("database", "not committed after an error in a statement")
 
     @contextlib.asynccontextmanager
@@ -135,6 +162,11 @@ class DirectConnection(BlockConnection):
             self._prepared.pop(written, None)
             raise
         return prepared.found(records)
+
+    async def _begin_if_due(self) -> None:
+        if self._begins_next:
+            self._begins_next, self._has_begun = False, True
+            await self._control("BEGIN")
 
     async def _control(self, text: str) -> str:
         """Run a statement without arguments, in the one message that it takes; what was done."""

@@ -21,7 +21,6 @@ from cryptography.hazmat.primitives.kdf.hkdf import HKDF
 from sqlalchemy import (
     BigInteger,
     Column,
-    Executable,
     Index,
     LargeBinary,
     MetaData,
@@ -30,14 +29,11 @@ from sqlalchemy import (
     bindparam,
     select,
 )
-from sqlalchemy.dialects import postgresql, sqlite
-from sqlalchemy.dialects.postgresql import Insert
 
 from skyway.errors import InvalidInput, SkywayError
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database, Tx
-from skyway.runtime.engines import Dialect
-from skyway.runtime.errors import IdempotencyKeyReused, ServiceUnavailable
+from skyway.runtime.errors import IdempotencyKeyReused, Taken
 from skyway.units import hours_to_s, moment_to_ms
 
 #: How long a key is remembered, milliseconds of wall time (contracts.md).
@@ -80,30 +76,15 @@ _KEYS: Final = idempotency_table(MetaData())
 # Statements of every request are made once: to make one takes as long as to run it.
 
 _FORGOTTEN_MS: Final = bindparam("forgotten_ms", type_=BigInteger)
+_THIS: Final = _KEYS.c.key_hash == bindparam("this")
 _FIND: Final = select(_KEYS.c.body_hash, _KEYS.c.answer).where(
-    _KEYS.c.key_hash == bindparam("this"), _KEYS.c.created_at_ms > _FORGOTTEN_MS
+    _THIS, _KEYS.c.created_at_ms > _FORGOTTEN_MS
 )
+_FORGET: Final = _KEYS.delete().where(_THIS, _KEYS.c.created_at_ms <= _FORGOTTEN_MS)
 
 
-def _taking(insert: Insert) -> Executable:
-    """Take a key that nobody has, or whose day is over."""
-    new = insert.excluded
-    return insert.on_conflict_do_update(
-        index_elements=[_KEYS.c.key_hash],
-        set_={
-            "body_hash": new.body_hash,
-            "answer": new.answer,
-            "created_at_ms": new.created_at_ms,
-        },
-        where=_KEYS.c.created_at_ms <= _FORGOTTEN_MS,
-    )
-
-
-#: The two classes share what is used of them.
-_TAKE: Final[Mapping[Dialect, Executable]] = {
-    "postgresql": _taking(postgresql.insert(_KEYS)),
-    "sqlite": _taking(sqlite.insert(_KEYS)),  # type: ignore[arg-type]
-}
+#: The rule that refuses a key that is known.
+_ONE_ANSWER: Final = "idempotency_pkey"
 
 
 async def once(
@@ -130,18 +111,27 @@ async def once(
     """
     memory = None if key is None else _Memory(_Note.derive(caller, route, key), body, clock)
     try:
-        async with db.write() as tx:
-            answer = _unless_failed(await act(tx))
-            if memory is not None:
-                await memory.keep(tx, answer)
-            return answer
+        return await _act(db, act, memory)
     except (SkywayError, _Failed) as error:
         known = None if memory is None else await memory.recall(db)
         if known is not None:
             return known
+        if memory is not None and isinstance(error, Taken) and error.constraint == _ONE_ANSWER:
+            await memory.forget(db)
+            return await once(
+                db, caller=caller, route=route, key=key, body=body, act=act, clock=clock
+            )
         if isinstance(error, _Failed):
             return error.answer
         raise
+
+
+async def _act(db: Database, act: Act, memory: "_Memory | None") -> Answer:
+    async with db.write() as tx:
+        answer = _unless_failed(await act(tx))
+        if memory is not None:
+            memory.keep(tx, answer)
+    return answer
 
 
 async def sweep(db: Database, clock: FleetClock) -> int:
@@ -150,16 +140,6 @@ async def sweep(db: Database, clock: FleetClock) -> int:
     async with db.write() as tx:
         found = await tx.execute(_KEYS.delete().where(_KEYS.c.created_at_ms <= oldest_ms))
         return found.rowcount
-
-
-class _Known(ServiceUnavailable):
-    """Leaves the write block, and so undoes it: the same call was answered before.
-
-    Its caller is told so only where that answer is forgotten at this very moment.
-    """
-
-    def __init__(self) -> None:
-        super().__init__("idempotency", "the key's day ended meanwhile: it is free again")
 
 
 class _Failed(Exception):
@@ -216,24 +196,18 @@ class _Memory:
     body: bytes = field(repr=False)
     clock: FleetClock
 
-    async def keep(self, tx: Tx, answer: Answer) -> None:
-        """Note how a call was answered; whoever makes it at the same time waits for our COMMIT.
+    def keep(self, tx: Tx, answer: Answer) -> None:
+        """Note how a call was answered, at the end of its act; known keys are refused there.
 
-        Raises
-        ------
-        _Known
-            It was answered before.
+        Whoever makes the same call at the same time waits for our COMMIT.
         """
-        now_ms = moment_to_ms(self.clock.wall_now())
         row = {
             "key_hash": self.note.key_hash,
             "body_hash": self.note.body_hash(self.body),
             "answer": self.note.seal(answer),
-            "created_at_ms": now_ms,
-            "forgotten_ms": now_ms - _KEPT_MS,
+            "created_at_ms": moment_to_ms(self.clock.wall_now()),
         }
-        if (await tx.execute(_TAKE[tx.dialect], row)).rowcount == 0:
-            raise _Known
+        tx.add(_KEYS, [row])
 
     async def recall(self, db: Database) -> Answer | None:
         """How the call was answered before; None when it was not.
@@ -243,13 +217,19 @@ class _Memory:
         IdempotencyKeyReused
             Another call was answered under this key.
         """
-        forgotten_ms = moment_to_ms(self.clock.wall_now()) - _KEPT_MS
-        wanted = {"this": self.note.key_hash, "forgotten_ms": forgotten_ms}
         # On SQLite the call may be in the same COMMIT as ours, which nobody can read before.
         async with db.write() as tx:
-            row = (await tx.execute(_FIND, wanted)).one_or_none()
+            row = (await tx.execute(_FIND, self._this_key())).one_or_none()
         if row is None:
             return None
         if not hmac.compare_digest(row.body_hash, self.note.body_hash(self.body)):
             raise IdempotencyKeyReused
         return self.note.unseal(row.answer)
+
+    async def forget(self, db: Database) -> None:
+        """Forget the key if its day is over."""
+        await db.write_alone(_FORGET, self._this_key())
+
+    def _this_key(self) -> dict[str, object]:
+        forgotten_ms = moment_to_ms(self.clock.wall_now()) - _KEPT_MS
+        return {"this": self.note.key_hash, "forgotten_ms": forgotten_ms}

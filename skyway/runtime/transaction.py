@@ -1,6 +1,6 @@
 """One transaction, as a write block sees it: statements, and messages that leave with them."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from typing import Any, Literal, TypeVar
 
 from sqlalchemy import Executable, Table
@@ -52,16 +52,7 @@ class Tx:
         Taken
             A unique, exclusion or trigger rule refused a row.
         """
-        try:
-            return await self.connection.execute(statement, parameters)
-        except DBAPIError as error:
-            self._failure = error
-            # On PostgreSQL the transaction is already unable to answer; on SQLite it still can.
-            constraint = await taken_constraint(self.connection, error, dialect=self.dialect)
-            if constraint is None:
-                raise
-            self._failure = Taken(constraint)
-            raise self._failure from error
+        return await self._told(self.connection.execute(statement, parameters))
 
     def insert(self, table: Table) -> postgresql.Insert:
         """An INSERT that knows ON CONFLICT, which both dialects spell the same."""
@@ -134,7 +125,7 @@ class Tx:
         if self._leaving:
             self.add(self.outbox_table(), self._leaving)
         if self._added and self.dialect == "postgresql":
-            await self.execute(*insertion_of(self._added))
+            await self._told(self.connection.execute_last(*insertion_of(self._added)))
         elif self._added:
             for table, rows in self._added.items():
                 await self.execute(table.insert(), rows)
@@ -144,6 +135,21 @@ class Tx:
         """Tell those who asked to be told after the COMMIT."""
         for callback in self._callbacks:
             callback()
+
+    async def _told(
+        self, running: Awaitable[CursorResult[*tuple[Any, ...]]]
+    ) -> CursorResult[*tuple[Any, ...]]:
+        """What a statement did, or by its name the rule that refused a row."""
+        try:
+            return await running
+        except DBAPIError as error:
+            self._failure = error
+            # On PostgreSQL the transaction is already unable to answer; on SQLite it still can.
+            constraint = await taken_constraint(self.connection, error, dialect=self.dialect)
+            if constraint is None:
+                raise
+            self._failure = Taken(constraint)
+            raise self._failure from error
 
     def _leave(self, **row: object) -> None:
         self.outbox_table()

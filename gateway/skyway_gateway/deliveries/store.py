@@ -45,7 +45,6 @@ _CLAIMING: Final = Claiming.of(
 )
 _THIS: Final = deliveries.c.delivery_id == bindparam("this")
 _LOCKED: Final = select(deliveries).where(_THIS).with_for_update()
-_ADD: Final = insert(deliveries).returning(HAS_WEBHOOKS)
 _SAVE: Final = (
     update(deliveries)
     .where(_THIS, deliveries.c.version == bindparam("version_before"))
@@ -89,17 +88,12 @@ _SAVE_REPORTED: Final = _SAVE_MISSION.where(missions.c.report_seq == bindparam("
 _REPORTED: Final = select(missions.c.report_seq).where(_THIS_MISSION)
 
 
-async def add(tx: Tx, queued: Queued) -> bool:
-    """Keep a new delivery: from now on it is in the queue, and its packages are in custody.
-
-    Whether its customer has webhooks.
-    """
+def add(tx: Tx, queued: Queued) -> None:
+    """Keep a new delivery: from now on it is in the queue, and its packages are in custody."""
     delivery = queued.delivery
-    values = {**rows.new_delivery(queued), "listener": delivery.customer_id}
-    has_webhooks: bool = (await tx.execute(_ADD, values)).scalar_one()
+    tx.add(deliveries, [rows.new_delivery(queued)])
     tx.add(packages, rows.new_packages(delivery))
     tx.add(custody, [rows.first_custody_row(delivery, each) for each in delivery.packages])
-    return has_webhooks
 
 
 async def claim_queued(

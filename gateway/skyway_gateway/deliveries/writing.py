@@ -12,6 +12,7 @@ from skyway_gateway.deliveries.known import Known, KnownDeliveries
 from skyway_gateway.deliveries.progress import Progress
 from skyway_gateway.deliveries.rows import Queued
 from skyway_gateway.notifications.events import Events, Happening, Place
+from skyway_gateway.notifications.store import has_webhooks
 
 #: A delivery as it is now to what becomes of it; None where it does not apply any more.
 Change = Callable[[Delivery], Progress | None]
@@ -38,8 +39,11 @@ class DeliveryWriter:
 
     async def add(self, tx: Tx, queued: Queued, first: Happening) -> None:
         """Keep a delivery that was just accepted, and tell it."""
-        has_webhooks = await store.add(tx, queued)
-        await self._tell(tx, queued.known, [first], Place(0, has_webhooks))
+        # Asked on another connection: what is only added then takes one statement, and no BEGIN.
+        async with self.db.read() as connection:
+            listens = await has_webhooks(connection, queued.known.delivery.customer_id)
+        store.add(tx, queued)
+        await self._tell(tx, queued.known, [first], Place(0, listens))
 
     async def keep(
         self, tx: Tx, before: Known, progress: Progress, *, report: MissionReport | None = None
@@ -55,8 +59,8 @@ class DeliveryWriter:
         if report is None and delivery == before.delivery and not happenings:
             return
         after = before.then(delivery, new_events=len(happenings))
-        has_webhooks = await store.save(tx, before, after, report=report)
-        await self._tell(tx, after, happenings, Place(before.last_sequence, has_webhooks))
+        listens = await store.save(tx, before, after, report=report)
+        await self._tell(tx, after, happenings, Place(before.last_sequence, listens))
 
     async def _tell(
         self, tx: Tx, after: Known, happenings: Sequence[Happening], place: Place

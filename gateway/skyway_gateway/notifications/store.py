@@ -54,9 +54,17 @@ HAS_WEBHOOKS: Final = (
     .where(webhooks.c.customer_id == bindparam("listener"), webhooks.c.state == "ACTIVE")
     .label("has_webhooks")
 )
+_HAS_WEBHOOKS: Final = select(HAS_WEBHOOKS)
 _LISTENING: Final = select(webhooks.c.webhook_id, webhooks.c.event_types).where(
     webhooks.c.customer_id == bindparam("customer_id"), webhooks.c.state == "ACTIVE"
 )
+
+
+async def has_webhooks(connection: AsyncConnection, customer_id: SubjectId) -> bool:
+    """Whether anything is posted to this customer."""
+    found = await connection.execute(_HAS_WEBHOOKS, {"listener": customer_id})
+    has_any: bool = found.scalar_one()
+    return has_any
 
 
 def add_events(tx: Tx, new: Sequence[DeliveryEvent], *, recorded_at: datetime) -> None:
