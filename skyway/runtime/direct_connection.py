@@ -19,15 +19,15 @@ from asyncpg import (
     PostgresError,
     Record,
 )
-from asyncpg.prepared_stmt import PreparedStatement
-from sqlalchemy import Dialect, Executable, Row
-from sqlalchemy.engine import CursorResult, result_tuple
+from sqlalchemy import Executable, Row
+from sqlalchemy.engine import CursorResult
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.ext.asyncio import AsyncEngine
 
 from skyway.runtime.block_connection import BlockConnection
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.found import FoundRows
+from skyway.runtime.prepared import Prepared
 from skyway.runtime.written import Values, Written, WrittenStatements
 
 AnswerT = TypeVar("AnswerT")
@@ -35,7 +35,6 @@ AnyRow = Row[*tuple[Any, ...]]
 
 #: What the driver raises of its own; what SQLAlchemy wraps, too.
 _DRIVER_ERRORS: Final = (PostgresError, InterfaceError, InternalClientError)
-
 
 #: How long a server may take to end a cancelled statement before we hang up, seconds.
 _FAREWELL_S: Final = 2.0
@@ -47,7 +46,7 @@ class DirectConnection(BlockConnection):
     def __init__(self, engine: AsyncEngine, statements: WrittenStatements) -> None:
         super().__init__(engine)
         self._statements = statements
-        self._prepared: WeakKeyDictionary[Written, _Prepared] = WeakKeyDictionary()
+        self._prepared: WeakKeyDictionary[Written, Prepared] = WeakKeyDictionary()
         self._driver: Connection[Record]
         self._is_given_up = False
         self._begins_next = False
@@ -150,7 +149,7 @@ class DirectConnection(BlockConnection):
         prepared = self._prepared.get(written)
         if prepared is None:
             statement = await self._answer(written.text, self._driver.prepare, written.text)
-            prepared = _Prepared(statement, written, dialect=self.dialect)
+            prepared = Prepared(statement, written, dialect=self.dialect)
             self._prepared[written] = prepared
         try:
             if len(arguments) > 1:
@@ -215,41 +214,6 @@ class DirectConnection(BlockConnection):
             connection_invalidated=self._driver.is_closed(),
             dialect=self.dialect,
         )
-
-
-class _Prepared:
-    """A statement that one connection keeps prepared, and how its rows are read."""
-
-    def __init__(
-        self, statement: "PreparedStatement[Record]", written: Written, *, dialect: Dialect
-    ) -> None:
-        self.statement = statement
-        attributes = statement.get_attributes()
-        columns = written.columns
-        self._to_row = result_tuple(
-            [each.name for each in attributes], [(column,) for column in columns]
-        )
-        self._convert = [
-            column.type.dialect_impl(dialect).result_processor(dialect, attribute.type.oid)
-            for column, attribute in zip(columns, attributes, strict=True)
-        ]
-        self._is_converted = any(self._convert)
-
-    def found(self, records: Sequence[Record]) -> FoundRows:
-        """The rows that the driver has read."""
-        read = map(self._converted, records) if self._is_converted else records
-        return FoundRows(
-            [self._to_row(each) for each in read],
-            status=self.statement.get_statusmsg(),
-            returns_rows=bool(self._convert),
-        )
-
-    def _converted(self, record: Record) -> list[Any]:
-        """Any: columns are of every type."""
-        return [
-            value if convert is None else convert(value)
-            for value, convert in zip(record, self._convert, strict=True)
-        ]
 
 
 def _rows(parameters: Values | Sequence[Values] | None) -> Sequence[Values]:
