@@ -174,7 +174,7 @@ async def test_a_proposed_revision_is_hit_too(composition: Any) -> None:
             code="LATE",
             detail="",
         )
-        await store.save(tx, replace(record, proposal=proposal))
+        await store.save_all(tx, [replace(record, proposal=proposal)])
 
     (hit,) = await close(composition, "/v1/stations/e/closures")
 
