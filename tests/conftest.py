@@ -10,8 +10,8 @@ import secrets
 import shutil
 import subprocess
 import tempfile
-from collections.abc import AsyncIterator, Iterator
-from contextlib import asynccontextmanager
+from collections.abc import AsyncIterator, Callable, Iterator
+from contextlib import AbstractContextManager, asynccontextmanager, contextmanager
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -20,6 +20,7 @@ from typing import Any
 import asyncpg
 import pytest
 from hypothesis import HealthCheck, settings
+from sqlalchemy import Engine, event
 from xdist.scheduler import LoadScopeScheduling
 
 from skyway.runtime.clock import ManualClock
@@ -268,3 +269,23 @@ def _bad_problem(document: dict[str, Any], fault: dict[str, Any]) -> BadProblem:
         holder[last] = fault["value"]
     name = f"{fault['path']} = {fault.get('value', 'missing')!r:.40}"
     return BadProblem(name, document, fault.get("field", fault["path"]), fault["told"])
+
+
+@pytest.fixture
+def statements() -> Callable[[], AbstractContextManager[list[str]]]:
+    """Collects what SQLAlchemy executes while a block lasts; many rows in one go count once."""
+    return _statements
+
+
+@contextmanager
+def _statements() -> Iterator[list[str]]:
+    seen: list[str] = []
+
+    def note(_connection: Any, _cursor: Any, statement: str, *_: Any) -> None:
+        seen.append(" ".join(statement.split()))
+
+    event.listen(Engine, "before_cursor_execute", note)
+    try:
+        yield seen
+    finally:
+        event.remove(Engine, "before_cursor_execute", note)

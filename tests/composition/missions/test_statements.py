@@ -1,29 +1,11 @@
 """Booking a delivery and hearing its drone take few statements: each holds up all others."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from typing import Any
 
 import pytest
-from sqlalchemy import Engine, event
 
 pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
-
-
-@contextmanager
-def statements() -> Iterator[list[str]]:
-    """What is executed while the block lasts; many rows in one go count once."""
-    seen: list[str] = []
-
-    def note(_connection: Any, _cursor: Any, statement: str, *_: Any) -> None:
-        seen.append(" ".join(statement.split()))
-
-    event.listen(Engine, "before_cursor_execute", note)
-    try:
-        yield seen
-    finally:
-        event.remove(Engine, "before_cursor_execute", note)
 
 
 @pytest.fixture
@@ -35,14 +17,16 @@ async def known(composition: Any, drone: Any) -> Any:
     return composition
 
 
-async def test_a_booking_takes_few_statements(known: Any) -> None:
+async def test_a_booking_takes_few_statements(known: Any, statements: Any) -> None:
     with statements() as seen:
         await known.book()
 
     assert len(seen) <= 11, seen
 
 
-async def test_an_accepted_mission_takes_few_statements(known: Any, drone: Any) -> None:
+async def test_an_accepted_mission_takes_few_statements(
+    known: Any, drone: Any, statements: Any
+) -> None:
     await known.book()
     (instruction,) = await known.sent()
     doing = {"mission_id": instruction.mission_id, "mission_revision": 1}
@@ -55,7 +39,9 @@ async def test_an_accepted_mission_takes_few_statements(known: Any, drone: Any) 
     assert len(seen) <= 7, seen
 
 
-async def test_a_loaded_mission_takes_few_statements(known: Any, drone: Any) -> None:
+async def test_a_loaded_mission_takes_few_statements(
+    known: Any, drone: Any, statements: Any
+) -> None:
     await known.book()
     (instruction,) = await known.sent()
     await known.take(drone.ack(instruction))
@@ -68,7 +54,7 @@ async def test_a_loaded_mission_takes_few_statements(known: Any, drone: Any) -> 
 
 
 async def test_drones_that_stand_idle_take_one_statement_that_locks_nothing(
-    known: Any, drone: Any
+    known: Any, drone: Any, statements: Any
 ) -> None:
     idle = [replace(drone, drone_id=f"drn_{number}", stream=0) for number in range(2, 9)]
     await known.take(*(each.state() for each in idle))

@@ -1,13 +1,11 @@
 """Writing from what is remembered: whatever was written since is noticed, whoever wrote it."""
 
 import asyncio
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
 import pytest
-from sqlalchemy import Engine, event
 
 from skyway.runtime.errors import Conflict
 
@@ -22,28 +20,13 @@ def replica(gateway_on_both: Any) -> Any:
     return replace(gateway_on_both, parts=replace(parts, writer=writer))
 
 
-@contextmanager
-def statements() -> Iterator[list[str]]:
-    """What is executed while the block lasts."""
-    seen: list[str] = []
-
-    def note(_connection: Any, _cursor: Any, statement: str, *_: Any) -> None:
-        seen.append(" ".join(statement.split()))
-
-    event.listen(Engine, "before_cursor_execute", note)
-    try:
-        yield seen
-    finally:
-        event.remove(Engine, "before_cursor_execute", note)
-
-
 async def _follow(gateway: Any, delivery_id: str, kind: str, *, seq: int, **fields: object) -> None:
     """Have this replica, and no other, follow a report."""
     report = gateway.mission_report(delivery_id, kind, seq=seq, **fields)
     await gateway.parts.follower.follow(report)
 
 
-async def test_what_was_just_written_is_not_read_again(gateway: Any) -> None:
+async def test_what_was_just_written_is_not_read_again(gateway: Any, statements: Any) -> None:
     with statements() as seen:
         delivery_id = await gateway.accepted()
         await gateway.book_next()
@@ -147,7 +130,9 @@ async def _follow_all(gateway: Any, kind: str, reports: dict[str, int]) -> None:
     await gateway.parts.follower.follow_all(traced)
 
 
-async def test_reports_in_one_request_are_applied_in_one_transaction(gateway: Any) -> None:
+async def test_reports_in_one_request_are_applied_in_one_transaction(
+    gateway: Any, statements: Any
+) -> None:
     planned = [await gateway.planned() for _ in range(3)]
     with statements() as seen:
         await _follow_all(gateway, "ACCEPTED", dict.fromkeys(planned, 1))
