@@ -57,8 +57,8 @@ from skyway_provider_registry.telemetry.thinning.rounds import Keeping, Thinning
 SERVICE: Final = "registry"
 PACKAGE: Final = "skyway_provider_registry"
 
-#: Seconds of wall time between two attempts to write the password file after a failure.
-_REWRITE_EVERY_S: Final = 5.0
+#: Seconds of wall time between two looks whether the password file is written and was read.
+_PASSWORDS_EVERY_S: Final = 1.0
 _SWEEP_EVERY_S: Final = 600.0
 #: Seconds of wall time between two transactions of what drones say of themselves.
 _PRESENCE_EVERY_S: Final = 0.25
@@ -158,7 +158,7 @@ def build_app(settings: RegistrySettings) -> FastAPI:
             _remember_telemetry(loops, recorder, Thinning(parts.db, parts.clock, keeping))
             loops.start(
                 "password file",
-                repeat("password file", parts.password_file.step, every_s=_REWRITE_EVERY_S),
+                repeat("password file", parts.password_file.step, every_s=_PASSWORDS_EVERY_S),
             )
             loops.start(
                 "idempotency",

@@ -19,6 +19,9 @@ log = logging.getLogger(__name__)
 #: Users whose passwords are secrets of the deployment, in the files ``mqtt_<name>``.
 DEPLOYMENT_USERS: Final = ("gateway", "registry", "composition", "operator")
 
+#: Looks after a write until the broker is told once more: a whole one lies between the two.
+_LOOKS_UNTIL_TOLD_AGAIN: Final = 2
+
 
 class PasswordFile:
     """Keeps the file equal to the accounts; only this service writes it.
@@ -41,6 +44,7 @@ class PasswordFile:
         self._writing = asyncio.Lock()
         self._wanted = 1
         self._written = 0
+        self._looks_until_told_again = 0
 
     async def refresh(self) -> None:
         """Return once every account that is committed now is in the file.
@@ -59,10 +63,18 @@ class PasswordFile:
                 await self._write()
 
     async def step(self) -> bool:
-        """Write again if a write failed; nothing more is to be done after it."""
+        """Write again if a write failed, else remind the broker; nothing is left to do then.
+
+        Mosquitto forgets a SIGHUP that comes while it still answers the one before, maybe with
+        the file already read: the last account would stay locked out until the next change.
+        """
         async with self._writing:
             if self._written < self._wanted:
                 await self._write()
+            elif self._looks_until_told_again:
+                self._looks_until_told_again -= 1
+                if not self._looks_until_told_again:
+                    self._tell_broker()
         return False
 
     async def _write(self) -> None:
@@ -77,6 +89,7 @@ class PasswordFile:
         except OSError as error:
             raise ServiceUnavailable("broker accounts", f"not written: {error}") from error
         self._written = covers
+        self._looks_until_told_again = _LOOKS_UNTIL_TOLD_AGAIN
         self._tell_broker()
 
     def _hash_deployment_users(self) -> dict[str, str]:

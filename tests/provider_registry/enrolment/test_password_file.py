@@ -1,7 +1,6 @@
 """The password file holds every account there is, and the broker is told of changes."""
 
 import asyncio
-import signal
 import stat
 import subprocess
 import sys
@@ -17,12 +16,13 @@ from skyway.runtime.broker_passwords import hash_password, matches, read_passwor
 from skyway.runtime.database import Database
 from skyway.runtime.errors import InvalidSettings, ServiceUnavailable
 
-#: Says that it is ready, and which signal came.
+#: Says that it is ready, and which signals came.
 BROKER = """
-import signal, sys
-signal.signal(signal.SIGHUP, lambda *_: (print("SIGHUP", flush=True), sys.exit(0)))
+import signal
+signal.signal(signal.SIGHUP, lambda *_: print("SIGHUP", flush=True))
 print("ready", flush=True)
-signal.pause()
+while True:
+    signal.pause()
 """
 
 
@@ -119,19 +119,43 @@ async def test_a_missing_secret_is_named(db: Database, secrets_dir: Path, tmp_pa
         await password_file.refresh()
 
 
-async def test_the_broker_is_told_by_sighup(
+@pytest.fixture
+def told_file(
     db: Database, secrets_dir: Path, tmp_path: Path, broker: "subprocess.Popen[str]"
-) -> None:
+) -> PasswordFile:
     pid_file = tmp_path / "broker.pid"
     pid_file.write_text(f"{broker.pid}\n")
-    password_file = PasswordFile(
+    return PasswordFile(
         tmp_path / "passwords", db=db, secrets_dir=secrets_dir, broker_pid_file=pid_file
     )
 
-    await password_file.refresh()
 
-    told, _ = await asyncio.to_thread(broker.communicate, timeout=10)
-    assert told == f"{signal.SIGHUP.name}\n"
+async def next_signal(broker: "subprocess.Popen[str]") -> str:
+    assert broker.stdout is not None
+    async with asyncio.timeout(10):
+        return await asyncio.to_thread(broker.stdout.readline)
+
+
+async def test_the_broker_is_told_by_sighup(
+    told_file: PasswordFile, broker: "subprocess.Popen[str]"
+) -> None:
+    await told_file.refresh()
+
+    assert await next_signal(broker) == "SIGHUP\n"
+
+
+async def test_a_broker_that_was_reading_is_told_once_more(
+    told_file: PasswordFile, broker: "subprocess.Popen[str]"
+) -> None:
+    await told_file.refresh()
+    assert await next_signal(broker) == "SIGHUP\n"
+
+    for _ in range(5):
+        await told_file.step()
+    assert await next_signal(broker) == "SIGHUP\n"
+
+    broker.terminate()
+    assert await next_signal(broker) == ""  # no third time
 
 
 @pytest.mark.parametrize("content", [None, "", "mosquitto", "0", "-1", "1", "999999999"])
