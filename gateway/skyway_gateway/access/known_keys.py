@@ -3,12 +3,13 @@
 A key that is deleted here stops at once; one that another replica deletes stops within the second.
 """
 
-from datetime import datetime, timedelta
+from datetime import timedelta
 from typing import Final
 
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database
 from skyway.runtime.identity import Caller
+from skyway.runtime.remembered import Remembered
 from skyway_gateway.access import store
 from skyway_gateway.access.key import secret_hash
 
@@ -22,26 +23,17 @@ class KnownKeys:
 
     def __init__(self, db: Database, clock: FleetClock) -> None:
         self._db = db
-        self._clock = clock
-        self._known: dict[str, tuple[datetime, Caller]] = {}
+        self._known = Remembered(self._look_up, clock=clock, kept=_KEPT, most=_MOST_KNOWN)
 
     async def caller_of(self, secret: str) -> Caller | None:
         """Whose key this is; None when it is nobody's, or deleted."""
-        key_hash, now = secret_hash(secret), self._clock.wall_now()
-        looked_up_at, caller = self._known.get(key_hash, (now, None))
-        if caller is not None and now - looked_up_at < _KEPT:
-            return caller
-        known = self._known  # replaced if a key is deleted meanwhile
-        async with self._db.read() as connection:
-            caller = await store.caller_of(connection, key_hash)
-        if caller is None:
-            known.pop(key_hash, None)
-        else:
-            if len(known) >= _MOST_KNOWN:
-                known.clear()
-            known[key_hash] = (now, caller)
-        return caller
+        key_hash = secret_hash(secret)
+        return self._known.answer(key_hash) or await self._known.ask(key_hash)
 
     def forget(self) -> None:
         """Look every key up anew, for one was deleted."""
-        self._known = {}
+        self._known.forget()
+
+    async def _look_up(self, key_hash: str) -> Caller | None:
+        async with self._db.read() as connection:
+            return await store.caller_of(connection, key_hash)

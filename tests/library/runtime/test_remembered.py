@@ -1,0 +1,168 @@
+"""Answers are believed for their time, renewed before it is over, and never asked for twice."""
+
+import asyncio
+from datetime import UTC, datetime, timedelta
+
+import pytest
+
+from skyway.runtime.clock import ManualClock
+from skyway.runtime.remembered import Remembered
+
+KEPT = timedelta(seconds=4)
+
+
+class World:
+    """Answers questions when it is told to; None to those that it does not know."""
+
+    def __init__(self) -> None:
+        self.answers: dict[str, int] = {"two": 2}
+        self.asked: list[str] = []
+        self.is_answering = asyncio.Event()
+        self.is_answering.set()
+        self.trouble: Exception | None = None
+
+    async def ask(self, question: str) -> int | None:
+        self.asked.append(question)
+        await self.is_answering.wait()
+        if self.trouble is not None:
+            raise self.trouble
+        return self.answers.get(question)
+
+
+@pytest.fixture
+def clock() -> ManualClock:
+    return ManualClock(datetime(2026, 3, 1, tzinfo=UTC))
+
+
+@pytest.fixture
+def world() -> World:
+    return World()
+
+
+@pytest.fixture
+def remembered(world: World, clock: ManualClock) -> Remembered[str, int | None]:
+    return Remembered(world.ask, clock=clock, kept=KEPT, most=3)
+
+
+async def test_an_answer_is_believed_for_its_time(
+    remembered: Remembered[str, int | None], clock: ManualClock
+) -> None:
+    assert remembered.answer("two") is None
+    assert await remembered.ask("two") == 2
+    assert remembered.answer("two") == 2
+
+    clock.advance(KEPT)
+    assert remembered.answer("two") is None
+
+
+async def test_an_old_answer_is_renewed_while_it_is_believed(
+    remembered: Remembered[str, int | None], clock: ManualClock, world: World
+) -> None:
+    await remembered.ask("two")
+    clock.advance(KEPT / 2)
+    world.answers["two"] = 22
+
+    assert remembered.answer("two") == 2
+    assert await remembered.ask("two") == 22  # the one that is under way
+    clock.advance(KEPT * 0.49)
+    assert remembered.answer("two") == 22
+    assert world.asked == ["two", "two"]
+
+
+async def test_a_young_answer_is_not_renewed(
+    remembered: Remembered[str, int | None], clock: ManualClock, world: World
+) -> None:
+    await remembered.ask("two")
+    clock.advance(KEPT * 0.49)
+
+    assert remembered.answer("two") == 2
+    await asyncio.sleep(0)
+    assert world.asked == ["two"]
+
+
+async def test_its_time_begins_when_it_is_asked_for(
+    remembered: Remembered[str, int | None], clock: ManualClock, world: World
+) -> None:
+    world.is_answering.clear()
+    asking = asyncio.create_task(remembered.ask("two"))
+    while not world.asked:
+        await asyncio.sleep(0)
+    clock.advance(KEPT)
+    world.is_answering.set()
+    await asking
+
+    assert remembered.answer("two") is None
+
+
+async def test_who_asks_at_once_waits_for_one_answer(
+    remembered: Remembered[str, int | None], world: World
+) -> None:
+    assert await asyncio.gather(*(remembered.ask("two") for _ in range(5))) == [2] * 5
+    assert world.asked == ["two"]
+
+
+async def test_who_is_cancelled_leaves_the_answer_to_the_others(
+    remembered: Remembered[str, int | None], world: World
+) -> None:
+    world.is_answering.clear()
+    first, second = (asyncio.create_task(remembered.ask("two")) for _ in range(2))
+    await asyncio.sleep(0)
+    first.cancel()
+    await asyncio.sleep(0)
+    world.is_answering.set()
+
+    assert await second == 2
+
+
+async def test_nothing_is_remembered_of_an_unknown(
+    remembered: Remembered[str, int | None], clock: ManualClock, world: World
+) -> None:
+    await remembered.ask("two")
+    clock.advance(KEPT / 2)
+    del world.answers["two"]
+
+    assert await remembered.ask("two") is None
+    assert remembered.answer("two") is None
+
+
+async def test_a_failed_renewal_leaves_what_is_known(
+    remembered: Remembered[str, int | None], clock: ManualClock, world: World
+) -> None:
+    await remembered.ask("two")
+    clock.advance(KEPT / 2)
+    world.trouble = OSError("nobody there")
+
+    assert remembered.answer("two") == 2
+    with pytest.raises(OSError, match="nobody there"):
+        await remembered.ask("two")
+    assert remembered.answer("two") == 2
+
+
+async def test_an_answer_under_way_is_forgotten_too(
+    remembered: Remembered[str, int | None], world: World
+) -> None:
+    world.is_answering.clear()
+    asking = asyncio.create_task(remembered.ask("two"))
+    await asyncio.sleep(0)
+    remembered.forget()
+    again = asyncio.create_task(remembered.ask("two"))
+    await asyncio.sleep(0)
+    world.answers["two"] = 22
+    world.is_answering.set()
+    await asyncio.gather(asking, again)
+
+    assert world.asked == ["two", "two"]
+    assert remembered.answer("two") == 22
+
+
+async def test_no_more_is_remembered_than_may_be(
+    remembered: Remembered[str, int | None], world: World
+) -> None:
+    world.answers = {name: number for number, name in enumerate("abcd")}
+    for name in "abc":
+        await remembered.ask(name)
+    await remembered.ask("c")  # not one more
+    assert [remembered.answer(name) for name in "abc"] == [0, 1, 2]
+
+    await remembered.ask("d")
+    assert [remembered.answer(name) for name in "abcd"] == [None, None, None, 3]
