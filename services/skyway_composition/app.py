@@ -114,7 +114,9 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
         service=SERVICE,
         title="Skyway composition",
         description="What is flown: networks, pads, planning, missions.",
+        # A path is looked for in their order, twice: first what every delivery asks for.
         routers=[
+            mission_routes(db=db, gate=gate, bookings=parts.bookings),
             network_routes(
                 db=db,
                 gate=gate,
@@ -128,7 +130,6 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
             mission_statistics_routes(db=db, gate=gate, clock=clock),
             composition_routes(gate=gate, known=known, solver=parts.inquiries),
             quote_routes(gate=gate, quotes=parts.quotes),
-            mission_routes(db=db, gate=gate, bookings=parts.bookings),
             hand_routes(
                 gate=gate,
                 loadings=Loadings(*hands),

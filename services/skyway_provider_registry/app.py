@@ -92,7 +92,10 @@ def registry_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> F
         service=SERVICE,
         title="Skyway provider registry",
         description="Who could fly: providers, drone models, fleets, presence, candidates.",
+        # A path is looked for in their order, twice: first what every delivery asks for.
         routers=[
+            candidate_routes(view=FleetView(db, Pace(_LOOK_EVERY_S)), gate=gate, clock=clock),
+            presence_routes(keeper=ReportKeeper(db, clock, Pace(_REPORTS_EVERY_S)), gate=gate),
             provider_routes(db=db, gate=gate, clock=clock, mint=parts.mint),
             drone_model_routes(db=db, gate=gate),
             registration_routes(
@@ -112,9 +115,7 @@ def registry_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> F
             ),
             drone_key_routes(db=db, gate=gate, password_file=password_file),
             enrolment_routes(db=db, gate=gate, password_file=password_file),
-            presence_routes(keeper=ReportKeeper(db, clock, Pace(_REPORTS_EVERY_S)), gate=gate),
             telemetry_routes(db=db, gate=gate),
-            candidate_routes(view=FleetView(db, Pace(_LOOK_EVERY_S)), gate=gate, clock=clock),
         ],
         lifespan=lifespan,
         readiness=readiness,
