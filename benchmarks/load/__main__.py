@@ -4,6 +4,8 @@ import asyncio
 import shlex
 import sys
 
+import uvloop
+
 from benchmarks.load.burst import read_burst
 from benchmarks.load.figures import Outcome
 from benchmarks.load.run import run
@@ -16,7 +18,8 @@ def main(arguments: list[str]) -> int:
     burst = read_burst(arguments)
     command = shlex.join(["python", "-m", "benchmarks", "load", *arguments])
     print(f"`{command}`: {Machine.here().as_text()}.\n\n{burst.as_text()}\n", flush=True)
-    outcome = asyncio.run(run(burst))
+    with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:  # as the services
+        outcome = runner.run(run(burst))
     for table in _tables(outcome):
         print(f"{table.as_markdown()}\n", flush=True)
     return 0 if outcome.is_right else 1
