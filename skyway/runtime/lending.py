@@ -15,6 +15,7 @@ from sqlalchemy.ext.asyncio import AsyncEngine
 
 from skyway.runtime.direct_connection import DirectConnection
 from skyway.runtime.errors import ServiceUnavailable
+from skyway.runtime.lost_connection import loss_told
 from skyway.runtime.written import WrittenStatements
 
 #: Connections that one process keeps to write, and as many to read.
@@ -60,11 +61,8 @@ class Lending:
         """
         connection = await self._take()
         try:
-            yield connection
-        except DBAPIError as error:
-            if not error.connection_invalidated:
-                raise
-            raise ServiceUnavailable("database", "the connection was lost") from error
+            with loss_told():
+                yield connection
         finally:
             await self._give_back(connection)
 

@@ -18,6 +18,7 @@ from skyway.runtime.engines import (
 )
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.lending import Lending
+from skyway.runtime.lost_connection import loss_told
 from skyway.runtime.sqlite_writer import SqliteWriter
 from skyway.runtime.written import WrittenStatements
 
@@ -125,11 +126,8 @@ async def _connect(engine: AsyncEngine) -> AsyncIterator[AsyncConnection]:
     except (OSError, DBAPIError) as error:
         raise ServiceUnavailable("database", f"no connection: {error}") from error
     try:
-        yield connection
-    except DBAPIError as error:
-        if not error.connection_invalidated:
-            raise
-        raise ServiceUnavailable("database", "the connection was lost") from error
+        with loss_told():
+            yield connection
     finally:
         # A cancelled block must still give its connection back.
         await asyncio.shield(connection.close())
