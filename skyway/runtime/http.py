@@ -1,35 +1,34 @@
 """How one service asks another: typed calls, and whole requests passed on."""
 
-from collections.abc import AsyncIterator, Iterator, Mapping
-from contextlib import AsyncExitStack, contextmanager
-from dataclasses import dataclass
-from functools import lru_cache
+from collections.abc import AsyncIterator, Mapping
+from contextlib import AsyncExitStack
 from types import TracebackType
 from typing import Any, Final, Self, TypedDict, TypeVar, Unpack, overload
-from urllib.parse import quote
+from urllib.parse import quote, urlencode
 
 import httpx
 from fastapi import Request, Response
 from fastapi.responses import StreamingResponse
-from httpx_aiohttp import AiohttpTransport
 
 from skyway.json_model import JsonModel
 from skyway.runtime.errors import NotFound, ServiceUnavailable
 from skyway.runtime.http_answer import not_known, read_answer, refuse_failure
+from skyway.runtime.http_connections import (
+    CONNECT_S,
+    Connections,
+    Question,
+    open_connections,
+    unavailable_when_lost,
+)
 from skyway.runtime.identity import Caller, ServiceIdentity
 from skyway.runtime.tracing import current_traceparent
 
 T = TypeVar("T")
 
-_CONNECT_S: Final = 2.0
 #: How long a service may take to answer; a forwarded body may be large, and be answered late.
 ANSWER_S: Final = 10.0
 FORWARD_S: Final = 30.0
 _PATH_SAFE: Final = "/%:@"
-#: Servers close what was silent for 5 s; a request must not meet that.
-_LIMITS: Final = httpx.Limits(
-    max_connections=100, max_keepalive_connections=20, keepalive_expiry=4.0
-)
 _PASSED_TO: Final = (
     "accept",
     "content-length",
@@ -87,17 +86,13 @@ class ServiceClient:
         self._identity = identity
         self._base_url = base_url.rstrip("/")
         self._transport = transport
-        self._opened: _Pool | None = None
+        self._opened: Connections | None = None
         self._stack = AsyncExitStack()
 
     async def __aenter__(self) -> Self:
         """Open the pool; nothing is connected yet."""
-        # aiohttp's connections take half the processor time of httpx's own. It asks GET, PUT and
-        # DELETE again when a kept connection turns out to be closed by a restarted service.
-        # No proxy and no .netrc of the environment: this is between our own processes.
-        transport = self._transport or AiohttpTransport(limits=_LIMITS, trust_env=False)
-        client = httpx.AsyncClient(base_url=self._base_url, transport=transport, trust_env=False)
-        self._opened = _Pool(await self._stack.enter_async_context(client), transport)
+        opened = open_connections(self._base_url, self._transport)
+        self._opened = await self._stack.enter_async_context(opened)
         return self
 
     async def __aexit__(
@@ -139,18 +134,17 @@ class ServiceClient:
         headers = {**self._headers(options.get("caller")), **options.get("headers", {})}
         if body is not None:
             headers["content-type"] = "application/json"
-        url = _url(self._base_url + path)
-        if query := options.get("query"):
-            url = url.copy_merge_params(query)
-        timeout = httpx.Timeout(options.get("timeout_s", ANSWER_S), connect=_CONNECT_S)
-        request = httpx.Request(
+        query = options.get("query")
+        question = Question(
             method,
-            url,
-            content=body.model_dump_json() if isinstance(body, JsonModel) else body,
+            self._base_url + path + (f"?{urlencode(query)}" if query else ""),
             headers=headers,
-            extensions={"timeout": timeout.as_dict()},
+            content=body.model_dump_json().encode() if isinstance(body, JsonModel) else body,
+            timeout_s=options.get("timeout_s", ANSWER_S),
         )
-        response = await self._ask(request)
+        connections = self._connections
+        with unavailable_when_lost(self.name):
+            response = await connections.ask(question)
         refuse_failure(self.name, response)
         return None if answer is None else read_answer(self.name, answer, response)
 
@@ -170,7 +164,7 @@ class ServiceClient:
             raise NotFound("path", path)
         has_body = {"content-length", "transfer-encoding"} & set(request.headers)
         passed = {name: request.headers[name] for name in _PASSED_TO if name in request.headers}
-        outgoing = self._pool.client.build_request(
+        outgoing = self._connections.streaming.build_request(
             request.method,
             httpx.URL(quote(path, safe=_PATH_SAFE), query=request.url.query.encode() or None),
             content=request.stream() if has_body else None,
@@ -179,9 +173,10 @@ class ServiceClient:
                 {"accept-encoding": "identity", **passed, **self._headers(caller)},
                 encoding="latin-1",
             ),
-            timeout=httpx.Timeout(timeout_s, connect=_CONNECT_S),
+            timeout=httpx.Timeout(timeout_s, connect=CONNECT_S),
         )
-        response = await self._send(outgoing)
+        with unavailable_when_lost(self.name):
+            response = await self._connections.streaming.send(outgoing, stream=True)
         if response.status_code == httpx.codes.UNAUTHORIZED:
             await response.aclose()
             raise not_known(self.name)
@@ -192,7 +187,7 @@ class ServiceClient:
         )
 
     @property
-    def _pool(self) -> "_Pool":
+    def _connections(self) -> Connections:
         if self._opened is None:
             raise ServiceUnavailable(self.name, "its client is not open")
         return self._opened
@@ -201,46 +196,6 @@ class ServiceClient:
         traceparent = current_traceparent()
         trace = {} if traceparent is None else {"traceparent": traceparent}
         return {**self._identity.headers(caller), **trace}
-
-    async def _ask(self, request: httpx.Request) -> httpx.Response:
-        """The whole answer, past all that httpx's client does for browsers: half of its time."""
-        transport = self._pool.transport
-        with self._in_our_words():
-            response = await transport.handle_async_request(request)
-            try:
-                await response.aread()
-            finally:
-                await response.aclose()
-        return response
-
-    async def _send(self, request: httpx.Request) -> httpx.Response:
-        """The beginning of an answer, whose body is still to come."""
-        with self._in_our_words():
-            return await self._pool.client.send(request, stream=True)
-
-    @contextmanager
-    def _in_our_words(self) -> Iterator[None]:
-        try:
-            yield
-        except httpx.ConnectTimeout as error:  # what aiohttp's refused and lost connections are
-            raise ServiceUnavailable(self.name, "it cannot be reached") from error
-        except httpx.TimeoutException as error:
-            raise ServiceUnavailable(self.name, "it did not answer in time") from error
-        except httpx.TransportError as error:
-            raise ServiceUnavailable(self.name, "it cannot be reached") from error
-
-
-@dataclass(frozen=True, slots=True)
-class _Pool:
-    """Open connections: for whole requests passed on, and bare."""
-
-    client: httpx.AsyncClient
-    transport: httpx.AsyncBaseTransport
-
-
-@lru_cache(maxsize=256)  # most paths are asked for again and again
-def _url(text: str) -> httpx.URL:
-    return httpx.URL(text)
 
 
 async def _stream(response: httpx.Response) -> AsyncIterator[bytes]:

@@ -2,20 +2,21 @@
 
 import logging
 from functools import lru_cache
+from http import HTTPStatus
 from typing import Any, TypeVar
 
-import httpx
 from pydantic import TypeAdapter, ValidationError
 
 from skyway.contracts.problem_details import ProblemDetails
 from skyway.runtime.errors import RemoteProblem, ServiceUnavailable
+from skyway.runtime.http_connections import Answer
 
 log = logging.getLogger(__name__)
 
 T = TypeVar("T")
 
 
-def refuse_failure(service: str, response: httpx.Response) -> None:
+def refuse_failure(service: str, response: Answer) -> None:
     """Raise what an answer other than 2xx means.
 
     Raises
@@ -25,12 +26,12 @@ def refuse_failure(service: str, response: httpx.Response) -> None:
     ServiceUnavailable
         It failed, or does not know us: the same request may succeed later.
     """
-    if response.status_code == httpx.codes.UNAUTHORIZED:
+    if response.status == HTTPStatus.UNAUTHORIZED:
         raise not_known(service)
-    if response.is_server_error:
-        raise ServiceUnavailable(service, f"it answered {response.status_code}")
-    if not response.is_success:
-        raise RemoteProblem(response.status_code, _problem_in(response))
+    if response.status >= HTTPStatus.INTERNAL_SERVER_ERROR:
+        raise ServiceUnavailable(service, f"it answered {response.status}")
+    if not HTTPStatus.OK <= response.status < HTTPStatus.MULTIPLE_CHOICES:
+        raise RemoteProblem(response.status, _problem_in(response))
 
 
 def not_known(service: str) -> ServiceUnavailable:
@@ -39,7 +40,7 @@ def not_known(service: str) -> ServiceUnavailable:
     return ServiceUnavailable(service, "it does not accept the secret shown to it")
 
 
-def read_answer(service: str, answer: type[T], response: httpx.Response) -> T:
+def read_answer(service: str, answer: type[T], response: Answer) -> T:
     """The value that an answer holds; fields that this version does not know are ignored."""
     reader: TypeAdapter[T] = _reader(answer)  # type: ignore[arg-type]  # types are hashable
     try:
@@ -55,9 +56,9 @@ def _reader(answer: type[Any]) -> TypeAdapter[Any]:
     return TypeAdapter(answer)
 
 
-def _problem_in(response: httpx.Response) -> dict[str, Any]:  # problems have members of their own
+def _problem_in(response: Answer) -> dict[str, Any]:  # problems have members of their own
     try:
         problem = ProblemDetails.model_validate_json(response.content)
     except ValidationError:
-        problem = ProblemDetails(title=response.reason_phrase, status=response.status_code)
+        problem = ProblemDetails(title=response.reason, status=response.status)
     return problem.model_dump(mode="json", exclude_none=True)

@@ -101,6 +101,38 @@ async def test_calls_after_one_another_share_a_connection(identity: ServiceIdent
         assert all(heard.endswith(b'{"name":"a"}') for heard in server.heard)
 
 
+async def test_a_call_says_what_we_say_and_nothing_else(identity: ServiceIdentity) -> None:
+    async with serving(identity) as (server, client):
+        await client.call("POST", "/x", body=PARCEL, query={"a": "b c"})
+
+    request_line, *headers = server.heard[0].partition(b"\r\n\r\n")[0].decode().split("\r\n")
+    names = {header.partition(":")[0].lower() for header in headers}
+    assert request_line == "POST /x?a=b+c HTTP/1.1"
+    assert names == {"host", "authorization", "skyway-caller", "content-type", "content-length"}
+
+
+async def test_a_cookie_is_not_kept(identity: ServiceIdentity) -> None:
+    async def give_cookie(_request: bytes, writer: asyncio.StreamWriter) -> None:
+        writer.write(b"HTTP/1.1 200 OK\r\nset-cookie: a=b\r\ncontent-length: 0\r\n\r\n")
+
+    async with serving(identity, give_cookie) as (server, client):
+        for _ in range(2):
+            await client.call("GET", "/x")
+
+    assert b"cookie" not in server.heard[1].lower()
+
+
+async def test_an_answer_that_breaks_off_is_none(identity: ServiceIdentity) -> None:
+    async def begin(_request: bytes, writer: asyncio.StreamWriter) -> None:
+        writer.write(b'HTTP/1.1 200 OK\r\ncontent-length: 12\r\n\r\n{"nam')
+        await writer.drain()
+        writer.close()
+
+    async with serving(identity, begin) as (_server, client):
+        with pytest.raises(ServiceUnavailable, match="cannot be reached"):
+            await client.call("GET", "/x", answer=Parcel)
+
+
 async def test_calls_at_the_same_time_have_a_connection_each(identity: ServiceIdentity) -> None:
     async with serving(identity) as (server, client):
         await asyncio.gather(*(client.call("GET", "/x") for _ in range(5)))
