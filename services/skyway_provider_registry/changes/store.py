@@ -15,7 +15,7 @@ from skyway.runtime.database import Tx
 from skyway_provider_registry.tables import changes
 
 #: There is one row.
-_ONLY: Final = 1
+ONLY_ROW: Final = 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ async def _taken(tx: Tx, statement: ReturningInsert[*tuple[Any, ...]]) -> int:
 
 def _taking(*named: str) -> ReturningInsert[*tuple[Any, ...]]:
     """Takes the next number, as that of all changes and of the named ones."""
-    first = {"only": _ONLY, "latest": 1} | dict.fromkeys(("providers", "removals"), 0)
+    first = {"only": ONLY_ROW, "latest": 1} | dict.fromkeys(("providers", "removals"), 0)
     following: dict[str, Any] = dict.fromkeys(("latest", *named), changes.c.latest + 1)
     # SQLite's compiler takes it as it is: both spell ON CONFLICT the same.
     statement = postgresql.insert(changes).values(first | dict.fromkeys(named, 1))
