@@ -2,6 +2,7 @@
 
 from collections.abc import Collection
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Final
 
 from skyway.contracts.candidate import (
@@ -10,13 +11,14 @@ from skyway.contracts.candidate import (
     ProviderReason,
     ProviderReasonCode,
 )
+from skyway.contracts.shortlist import ProviderTerms
 from skyway.delivery.offer import Tariff
 from skyway.drone.model import DroneModel
 from skyway.geo import Position
 from skyway.ids import DroneId, ProviderId, StationId
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class KnownProvider:
     """What selection looks at of a provider."""
 
@@ -24,6 +26,11 @@ class KnownProvider:
     tariff: Tariff
     is_active: bool
     loading: Loading = "AUTOMATIC"
+
+    @cached_property
+    def terms(self) -> ProviderTerms:
+        """What its candidates have in common, as it travels."""
+        return ProviderTerms(provider_id=self.provider_id, tariff=self.tariff, loading=self.loading)
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,16 +8,14 @@ import numpy as np
 import numpy.typing as npt
 
 from skyway.contracts.candidate import (
-    MAX_CANDIDATES,
-    MAX_CANDIDATES_PER_PROVIDER,
     CandidateQuery,
     ProviderReason,
     ProviderReasonCode,
 )
-from skyway.contracts.shortlist import Candidates, ProviderTerms, Shortlist
-from skyway.geo import unit_vector
+from skyway.contracts.shortlist import Candidates, Shortlist
 from skyway.ids import ProviderId
-from skyway_provider_registry.candidates.fleet_columns import Fleet, FleetColumns, Rows
+from skyway_provider_registry.candidates.fleet_columns import Fleet, FleetColumns
+from skyway_provider_registry.candidates.ranking import Flags, Ranked, in_turn
 from skyway_provider_registry.candidates.reasons import (
     KnownDrone,
     KnownProvider,
@@ -39,8 +37,6 @@ _OBSTACLES: Final[tuple[ProviderReasonCode, ...]] = (
     "LOW_CHARGE",
 )
 
-Flags = npt.NDArray[np.bool_]
-
 
 def select(query: CandidateQuery, fleet: Fleet, *, wall_now_ms: int) -> Candidates:
     """The drones to compare, nearest first, and a reason for each provider that has none."""
@@ -56,17 +52,18 @@ def select(query: CandidateQuery, fleet: Fleet, *, wall_now_ms: int) -> Candidat
     lifting = _lifting(query, columns)
     obstacles = _obstacles(query, columns, lifting.drones, wall_now_ms=wall_now_ms)
     able = np.flatnonzero((obstacles == 0) & admitted[columns.column("provider")])
-    chosen = _in_turn(_Ranked.of(query, columns, able, lifting.split), len(columns.providers))
+    chosen = in_turn(Ranked.of(query, columns, able, lifting.split), len(columns.providers))
     candidates = [columns.drones[row] for row in chosen.tolist()]
     compared = {drone.provider_id for drone in candidates}
-    with_able = set(columns.column("provider")[able].tolist())
     found = _found_by_provider(columns, obstacles)
     for provider_id in fleet.providers.keys() - reasons.keys() - compared:
-        if columns.providers.get(provider_id) in with_able:
+        place = columns.providers.get(provider_id)
+        if place is not None and found[place, 0]:
             reasons[provider_id] = not_compared(provider_id)
         else:
             reasons[provider_id] = _reason(query, columns, found, provider_id)
-    return Candidates(
+    # Made of what was checked when it came in: checking it again takes as long as finding it.
+    return Candidates.model_construct(
         shortlist=_shortlist(candidates, fleet.providers),
         infeasible=tuple(sorted(reasons.values(), key=lambda reason: reason.provider_id or "")),
     )
@@ -96,14 +93,17 @@ def _obstacles(
     """By row, 0 or the place in `_OBSTACLES`, counted from 1, of what stands in the way."""
     has_refused = np.zeros(len(lifts), np.bool_)
     has_refused[columns.rows_of(query.excluded_drone_ids)] = True
-    in_the_way = [
+    in_the_way = (
         ~lifts,
         has_refused,
         columns.column("online_until_ms") < wall_now_ms,
         columns.column("is_busy"),
         columns.column("is_low"),
-    ]
-    return np.select(in_the_way, list(range(1, len(in_the_way) + 1)), 0)
+    )
+    first = np.zeros(len(lifts), np.intp)
+    for code in range(len(in_the_way), 0, -1):
+        first[in_the_way[code - 1]] = code
+    return first
 
 
 def _found_by_provider(columns: FleetColumns, obstacles: npt.NDArray[np.intp]) -> Flags:
@@ -122,57 +122,13 @@ def _reason(
     return reason_of(query, provider_id, found=codes, strongest=columns.strongest.get(provider_id))
 
 
-@dataclass(frozen=True, slots=True)
-class _Ranked:
-    """Able drones, those at the pickup first, then the nearest, then the fullest; equals by id."""
-
-    rows: Rows
-    provider: npt.NDArray[np.int32]
-    #: Of providers that would split: the strongest first.
-    weakness_kg: npt.NDArray[np.float64]
-
-    @classmethod
-    def of(
-        cls, query: CandidateQuery, columns: FleetColumns, able: Rows, split: Flags
-    ) -> "_Ranked":
-        is_away = columns.column("station")[able] != columns.station(query.pickup_station_id)
-        # The chord grows with the distance, and costs three products.
-        x, y, z = unit_vector(query.pickup_position)
-        chord = (
-            (columns.column("x")[able] - x) ** 2
-            + (columns.column("y")[able] - y) ** 2
-            + (columns.column("z")[able] - z) ** 2
-        )
-        emptiness = -columns.column("soc")[able]
-        rows = able[np.lexsort((columns.order[able], emptiness, chord, is_away))]
-        provider = columns.column("provider")[rows]
-        weakness_kg = np.where(split[provider], -columns.column("payload_kg")[rows], 0.0)
-        return cls(rows, provider, weakness_kg)
-
-
-def _in_turn(ranked: _Ranked, providers: int) -> Rows:
-    """The candidates of all, nearest first: everybody's best comes in before anybody's second."""
-    if not len(ranked.rows):
-        return ranked.rows
-    # Stable: within a provider the rank stays, unless its strongest go first.
-    by_provider = np.lexsort((ranked.weakness_kg, ranked.provider))
-    provider = ranked.provider[by_provider]
-    first = np.searchsorted(provider, np.arange(providers))
-    turn = np.empty(len(provider), np.intp)
-    turn[by_provider] = np.arange(len(provider)) - first[provider]
-    chosen = np.argsort(turn, kind="stable")
-    chosen = chosen[turn[chosen] < MAX_CANDIDATES_PER_PROVIDER][:MAX_CANDIDATES]
-    rows: Rows = ranked.rows[np.sort(chosen)]
-    return rows
-
-
 def _shortlist(
     drones: Sequence[KnownDrone], providers: Mapping[ProviderId, KnownProvider]
 ) -> Shortlist:
-    return Shortlist(
+    return Shortlist.model_construct(
         models=tuple({each.model.model_id: each.model for each in drones}.values()),
         providers=tuple(
-            _terms(providers[provider_id])
+            providers[provider_id].terms
             for provider_id in dict.fromkeys(each.provider_id for each in drones)
         ),
         drone_ids=tuple(each.drone_id for each in drones),
@@ -181,10 +137,4 @@ def _shortlist(
         socs=tuple(each.soc for each in drones),
         station_ids=tuple(each.station_id for each in drones if each.station_id is not None),
         home_station_ids=tuple(each.home_station_id for each in drones),
-    )
-
-
-def _terms(provider: KnownProvider) -> ProviderTerms:
-    return ProviderTerms(
-        provider_id=provider.provider_id, tariff=provider.tariff, loading=provider.loading
     )
