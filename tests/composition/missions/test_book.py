@@ -2,6 +2,8 @@
 
 import asyncio
 import itertools
+import logging
+from collections.abc import Awaitable, Callable
 from typing import Any
 
 import pytest
@@ -10,7 +12,7 @@ from skyway_composition.planning.solver_pool import SolverPool
 from sqlalchemy import text
 
 from skyway.contracts.flight_step import FlyStep, RechargeStep
-from skyway.contracts.mission import BookMissions
+from skyway.contracts.mission import Booking, BookMissions
 from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.plan import Plan
 from skyway.ids import DeliveryId
@@ -26,6 +28,13 @@ WRITTEN = ("missions", "mission_steps", "pad_reservations", "instructions", "cus
 async def count(composition: Any, table: str) -> int:
     (row,) = await composition.rows(f"SELECT count(*) AS n FROM {table}")
     return int(row.n)
+
+
+@pytest.fixture
+def refusals(caplog: pytest.LogCaptureFixture) -> Callable[[], list[str]]:
+    """Tells the rules of the database that refused bookings."""
+    caplog.set_level(logging.INFO, "skyway_composition.missions.book")
+    return lambda: [record.__dict__["by"] for record in caplog.records if "by" in record.__dict__]
 
 
 async def test_a_booking_holds_the_drone_and_the_pads_and_sends_the_mission(
@@ -240,17 +249,49 @@ async def test_closing_and_booking_at_once_never_do_both(composition: Any, make:
 
 
 async def test_a_plan_made_on_an_older_network_is_not_booked(composition: Any, make: Any) -> None:
-    parts = composition.parts
     cut_off = make.network()
     cut_off["features"] = [
         feature for feature in cut_off["features"] if feature["properties"].get("from") != "b"
     ]
-    async with PublishingSolver(composition, cut_off) as solver:
-        bookings = Bookings(parts.db, parts.networks, solver, parts.clock, parts.mint)
 
-        booking = await bookings.book(DeliveryId("dlv_1"), wanted(make))
+    booking = await book_while(composition, wanted(make), lambda: composition.publish(cut_off))
 
     assert booking.outcome == "INFEASIBLE"
+    assert await composition.reservations() == []
+
+
+@pytest.mark.parametrize("faster_drone", [1, 2])
+async def test_who_meets_a_delivery_that_has_just_been_booked_answers_that_booking(
+    composition: Any, make: Any, refusals: Callable[[], list[str]], faster_drone: int
+) -> None:
+    faster: list[Booking] = []
+
+    async def book_faster() -> None:
+        faster.append(await composition.book(make.candidate(faster_drone)))
+
+    booking = await book_while(composition, wanted(make), book_faster)
+
+    # Which of the rows of both is refused first is the database's choice.
+    assert len(refusals()) == 1
+    assert booking == faster[0]
+    assert booking.missions[0].drone_id == f"drn_{faster_drone}"
+    assert await count(composition, "missions") == 1
+    assert await composition.broken() == []
+
+
+async def test_who_meets_a_delivery_that_has_just_been_closed_books_nothing(
+    composition: Any, make: Any, refusals: Callable[[], list[str]]
+) -> None:
+    async def close() -> None:
+        path = "/internal/deliveries/dlv_1/closed"
+        closed = await composition("service:gateway", "PUT", path)
+        assert closed.json()["is_closed"] is True
+
+    booking = await book_while(composition, wanted(make), close)
+
+    assert refusals() == ["deliveries_pkey"]
+    assert booking.outcome == "CLOSED"
+    assert await count(composition, "missions") == 0
     assert await composition.reservations() == []
 
 
@@ -294,17 +335,26 @@ class NoInstruction(CountingMint):
         return super().__call__(prefix)
 
 
-class PublishingSolver(SolverPool):
-    """While it composes for the first time, an operator publishes another network."""
+async def book_while(
+    composition: Any, wanted: BookMissions, meanwhile: Callable[[], Awaitable[None]]
+) -> Booking:
+    """Book dlv_1, which nobody knows; as soon as its first plan is made, `meanwhile` happens."""
+    parts = composition.parts
+    async with InterruptedSolver(meanwhile) as solver:
+        bookings = Bookings(parts.db, parts.networks, solver, parts.clock, parts.mint)
+        return await bookings.book(DeliveryId("dlv_1"), wanted)
 
-    def __init__(self, composition: Any, network: dict[str, Any]) -> None:
+
+class InterruptedSolver(SolverPool):
+    """Once it has composed for the first time, something happens before anybody hears of it."""
+
+    def __init__(self, meanwhile: Callable[[], Awaitable[None]]) -> None:
         super().__init__(threads=1, time_limit_s=5.0)
-        self._composition = composition
-        self._network: dict[str, Any] | None = network
+        self._meanwhile: Callable[[], Awaitable[None]] | None = meanwhile
 
     async def compose(self, problem: Problem, **options: Any) -> Plan:
         plan = await super().compose(problem, **options)
-        if self._network is not None:
-            network, self._network = self._network, None
-            await self._composition.publish(network)
+        if self._meanwhile is not None:
+            meanwhile, self._meanwhile = self._meanwhile, None
+            await meanwhile()
         return plan
