@@ -2,10 +2,10 @@
 
 Sixty candidates of a few models and providers pass through three processes for each delivery. So
 each model and each provider's terms come once, and what differs from drone to drone in columns,
-which the gateway reads and writes without making a value of each.
+which the gateway and composition read without making a value of each.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 from typing import Self
 
@@ -82,31 +82,52 @@ class Shortlist(WireModel):
         return not self.drone_ids
 
     @cached_property
+    def model_of(self) -> Mapping[DroneModelId, DroneModel]:
+        """The models by their ids."""
+        return {model.model_id: model for model in self.models}
+
+    @cached_property
+    def terms_of(self) -> Mapping[ProviderId, ProviderTerms]:
+        """The providers' terms by their ids."""
+        return {each.provider_id: each for each in self.providers}
+
+    @property
     def candidates(self) -> tuple[Candidate, ...]:
         """Each drone by itself, nearest first."""
-        models = {model.model_id: model for model in self.models}
-        terms = {each.provider_id: each for each in self.providers}
-        return tuple(
-            Candidate(
-                provider_id=provider_id,
-                drone_id=drone_id,
-                model=models[model_id],
-                soc=soc,
-                station_id=station_id,
-                home_station_id=home_station_id,
-                tariff=terms[provider_id].tariff,
-                loading=terms[provider_id].loading,
-            )
-            for drone_id, provider_id, model_id, soc, station_id, home_station_id in zip(
-                self.drone_ids,
-                self.provider_ids,
-                self.model_ids,
-                self.socs,
-                self.station_ids,
-                self.home_station_ids,
-                strict=True,
-            )
+        return tuple(self.candidate(row) for row in range(len(self.drone_ids)))
+
+    def candidate(self, row: int) -> Candidate:
+        """The drone of one row by itself."""
+        terms = self.terms_of[self.provider_ids[row]]
+        return Candidate(
+            provider_id=terms.provider_id,
+            drone_id=self.drone_ids[row],
+            model=self.model_of[self.model_ids[row]],
+            soc=self.socs[row],
+            station_id=self.station_ids[row],
+            home_station_id=self.home_station_ids[row],
+            tariff=terms.tariff,
+            loading=terms.loading,
         )
+
+    def only(self, rows: Sequence[int]) -> Self:
+        """The shortlist of these rows, in their order."""
+        if [*rows] == [*range(len(self.drone_ids))]:
+            return self
+        return type(self)(
+            models=self.models,
+            providers=self.providers,
+            drone_ids=tuple(self.drone_ids[row] for row in rows),
+            provider_ids=tuple(self.provider_ids[row] for row in rows),
+            model_ids=tuple(self.model_ids[row] for row in rows),
+            socs=tuple(self.socs[row] for row in rows),
+            station_ids=tuple(self.station_ids[row] for row in rows),
+            home_station_ids=tuple(self.home_station_ids[row] for row in rows),
+        )
+
+    def of_provider(self, provider_id: ProviderId) -> Self:
+        """The shortlist of one provider's drones."""
+        return self.only([row for row, of in enumerate(self.provider_ids) if of == provider_id])
 
 
 class Candidates(WireModel):

@@ -9,6 +9,7 @@ from skyway.contracts.candidate import Candidate
 from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.offer import Tariff
 from skyway.drone.models import DJI_MATRICE_300_RTK, PAPER_SCENARIO
+from skyway.ids import ProviderId
 
 
 def make_candidate(number: int, **members: Any) -> Candidate:
@@ -77,3 +78,13 @@ def test_a_broken_row_is_refused_where_it_arrives(column: str, value: list[objec
 
     with pytest.raises(ValidationError):
         Shortlist.model_validate({**whole, column: value})
+
+
+def test_some_rows_are_those_candidates_in_the_order_asked_for() -> None:
+    candidates = [make_candidate(number, provider_id=f"prv_{number % 2}") for number in range(4)]
+    shortlist = Shortlist.of(candidates)
+
+    assert shortlist.only([2, 0]).candidates == (candidates[2], candidates[0])
+    assert shortlist.only([3, 2, 1, 0]).candidates == tuple(reversed(candidates))
+    assert shortlist.only([]).is_empty
+    assert shortlist.of_provider(ProviderId("prv_1")).candidates == (candidates[1], candidates[3])

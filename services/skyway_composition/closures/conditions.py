@@ -23,6 +23,11 @@ class Conditions:
     network: Network
     closures: tuple[Closure, ...]
 
+    @cached_property
+    def has_ground_stops(self) -> bool:
+        """Whether somebody may not take off somewhere, now or later."""
+        return any(each.kind == "GROUND_STOP" for each in self.closures)
+
     def problem_closures(self, start_ms: int) -> tuple[StationClosure | SegmentClosure, ...]:
         """All that is closed after a plan's start, zones too, station by station and by segment."""
         return tuple(self._problem_closures(start_ms))

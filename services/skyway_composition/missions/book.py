@@ -12,8 +12,9 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Final
 
-from skyway.contracts.candidate import Candidate, ProviderReason
+from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.mission import Booking, BookMissions, ClosedDelivery
+from skyway.contracts.shortlist import Shortlist
 from skyway.ids import DeliveryId, DroneId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database, Tx
@@ -51,7 +52,7 @@ _DRONE_TAKEN: Final = "mission_drone"
 
 @dataclass(frozen=True, slots=True)
 class _Round:
-    """What one round books: trips of these candidates, within these limits.
+    """What one round books: trips of these drones, within these limits.
 
     Of a delivery that is not known nothing was booked, and it was not closed.
     """
@@ -59,7 +60,7 @@ class _Round:
     delivery_id: DeliveryId
     is_known: bool
     wanted: BookMissions
-    candidates: tuple[Candidate, ...]
+    shortlist: Shortlist
     finder: TripFinder
     limits: Limits
 
@@ -136,10 +137,10 @@ class Bookings:
             delivery_id,
             is_known,
             wanted,
-            candidates=tuple(
-                each
-                for each in wanted.candidates
-                if offer is None or each.provider_id == offer.provider_id
+            shortlist=(
+                wanted.shortlist
+                if offer is None
+                else wanted.shortlist.of_provider(offer.provider_id)
             ),
             finder=TripFinder(self.solver, world, begins_ms, limits.latest_ms),
             limits=limits,
@@ -149,12 +150,12 @@ class Bookings:
         self, this_round: _Round, busy: frozenset[DroneId]
     ) -> tuple[Booking | None, tuple[ProviderReason, ...]]:
         """The booking of the best offer that nobody else has taken; None when a look is due."""
-        drone_ids = [each.drone_id for each in this_round.candidates]
+        drone_ids = this_round.shortlist.drone_ids
         while True:
             offers = await plan_offers(
                 this_round.finder,
                 this_round.wanted.request,
-                candidates=this_round.candidates,
+                shortlist=this_round.shortlist,
                 busy=busy,
                 limits=this_round.limits,
             )

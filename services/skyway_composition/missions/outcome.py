@@ -12,14 +12,14 @@ def without_offer(wanted: BookMissions, reasons: tuple[ProviderReason, ...]) -> 
     """
     if wanted.offer is not None:
         return _offer_lost(wanted.offer, reasons)
-    may_change = not wanted.candidates or any(reason.is_temporary for reason in reasons)
+    may_change = wanted.shortlist.is_empty or any(reason.is_temporary for reason in reasons)
     return Booking(outcome="BUSY" if may_change else "INFEASIBLE", reasons=reasons)
 
 
 def pickup_unknown(wanted: BookMissions) -> Booking:
     """INFEASIBLE: the pickup station is in no network."""
     detail = f"pickup station {wanted.request.pickup.station_id!r} is in no network"
-    reasons = refused_for_all(wanted.candidates, "DESTINATION_UNREACHABLE", detail)
+    reasons = refused_for_all(wanted.shortlist.provider_ids, "DESTINATION_UNREACHABLE", detail)
     return Booking(outcome="INFEASIBLE", reasons=tuple(reasons))
 
 
@@ -29,7 +29,7 @@ def all_taken(wanted: BookMissions, reasons: tuple[ProviderReason, ...]) -> Book
     detail = "others took its drones or their pads meanwhile"
     taken = [
         reason.model_copy(update={"is_temporary": True})
-        for reason in refused_for_all(wanted.candidates, "TAKEN", detail)
+        for reason in refused_for_all(wanted.shortlist.provider_ids, "TAKEN", detail)
         if reason.provider_id not in told
     ]
     if wanted.offer is not None:

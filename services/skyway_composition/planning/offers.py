@@ -1,18 +1,19 @@
 """Offers: true plans, priced and ranked, and why the other providers make none."""
 
 import asyncio
-from collections.abc import Sequence
-from itertools import groupby
+import math
 
-from skyway.contracts.candidate import Candidate
+import numpy as np
+
+from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.offer import rank_offers
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DroneId
-from skyway_composition.planning.contest import Twins, next_to_compose, twins_among
+from skyway_composition.planning.contest import Contest
 from skyway_composition.planning.least import Least
 from skyway_composition.planning.limits import Limits
 from skyway_composition.planning.offer import Offer, Offers, Part
-from skyway_composition.planning.refusals import Refusals, fit_candidates
+from skyway_composition.planning.refusals import Refusals, fit_among
 from skyway_composition.planning.round_trip import NoTrip
 from skyway_composition.planning.trip_finder import TripFinder
 from skyway_composition.planning.trips import carrying_all, split_offers
@@ -22,7 +23,7 @@ async def plan_offers(
     finder: TripFinder,
     request: DeliveryRequest,
     *,
-    candidates: Sequence[Candidate],
+    shortlist: Shortlist,
     busy: frozenset[DroneId],
     limits: Limits,
 ) -> Offers:
@@ -32,21 +33,17 @@ async def plan_offers(
     """
     refusals = Refusals()
     world = finder.world
-    fit = fit_candidates(
-        refusals, world, request, candidates=candidates, busy=busy, at_ms=finder.start_ms
-    )
-    if not fit:
+    fit = fit_among(refusals, world, request, shortlist=shortlist, busy=busy, at_ms=finder.start_ms)
+    if fit.is_empty:
         return Offers((), refusals.of_providers(()))
-    settings = world.skyway.settings
-    able = carrying_all(fit, request, settings)
-    if able:
-        payload_kg = request.payload_kg
-        for each in fit:
-            if each.model.max_payload_kg < payload_kg:
-                _refuse_overweight(refusals, each, request)
-        offers = await _single_offers(finder, request, able, limits=limits, refusals=refusals)
+    able = carrying_all(fit, request, world.skyway.settings)
+    if able.is_empty:
+        offers = await split_offers(
+            finder, request, fit.candidates, limits=limits, refusals=refusals
+        )
     else:
-        offers = await split_offers(finder, request, fit, limits=limits, refusals=refusals)
+        _refuse_overweight(refusals, fit, request)
+        offers = await _single_offers(finder, request, able, limits=limits, refusals=refusals)
     ranked = rank_offers([offer.values for offer in offers], request.qos.ranking)
     reasons = refusals.of_providers({offer.provider_id for offer in offers})
     return Offers(tuple(offers[index] for index in ranked), reasons)
@@ -56,16 +53,21 @@ async def best_of_each(
     finder: TripFinder,
     request: DeliveryRequest,
     *,
-    candidates: Sequence[Candidate],
+    shortlist: Shortlist,
     busy: frozenset[DroneId],
     limits: Limits,
 ) -> Offers:
     """The best offer of each provider, best first; providers are compared by true plans, too."""
-    by_provider = sorted(candidates, key=lambda each: each.provider_id)
     found = await asyncio.gather(
         *(
-            plan_offers(finder, request, candidates=tuple(own), busy=busy, limits=limits)
-            for _, own in groupby(by_provider, key=lambda each: each.provider_id)
+            plan_offers(
+                finder,
+                request,
+                shortlist=shortlist.of_provider(provider_id),
+                busy=busy,
+                limits=limits,
+            )
+            for provider_id in sorted(set(shortlist.provider_ids))
         )
     )
     best = [offers.ranked[0] for offers in found if offers.ranked]
@@ -77,73 +79,79 @@ async def best_of_each(
 async def _single_offers(
     finder: TripFinder,
     request: DeliveryRequest,
-    candidates: Sequence[Candidate],
+    shortlist: Shortlist,
     *,
     limits: Limits,
     refusals: Refusals,
 ) -> list[Offer]:
     """Compose for the candidates that may still win, the most promising first."""
-    least = Least.of(finder.world.skyway, request, candidates)
-    waiting = [
-        twins
-        for twins in twins_among(candidates, least)
-        if not _breaks_limits(twins, finder, limits, refusals)
-    ]
+    least = Least.of(finder.world.skyway, request, shortlist)
+    contest = Contest(shortlist, least, request.qos.ranking)
+    contest.leave_out(_breaking(shortlist, least, finder, limits=limits, refusals=refusals))
     offers: list[Offer] = []
-    while True:
-        values = [offer.values for offer in offers]
-        twins = next_to_compose(waiting, values, request.qos.ranking)
-        if twins is None:
-            return offers
-        waiting.remove(twins)
-        trip = await finder.trip(twins.candidates[0], request)
-        for candidate in twins.candidates:
+    while twins := contest.take_next([offer.values for offer in offers]):
+        candidates = [shortlist.candidate(row) for row in twins]
+        trip = await finder.trip(candidates[0], request)
+        for candidate in candidates:
             if isinstance(trip, NoTrip):
-                refusals.add_no_trip(candidate, trip)
+                refusals.add_no_trip(candidate.provider_id, trip)
                 continue
             part = Part.of(candidate, trip, request=request, network=finder.world.skyway.network)
             offer = Offer((part,))
             if refusals.is_affordable(offer, limits):
                 offers.append(offer)
+    return offers
 
 
-def _breaks_limits(twins: Twins, finder: TripFinder, limits: Limits, refusals: Refusals) -> bool:
-    """Whether none of these candidates can keep the limits, whatever is composed."""
-    kept = 0
-    for candidate, least in zip(twins.candidates, twins.least, strict=True):
-        latest_s = None if limits.latest_ms is None else (limits.latest_ms - finder.start_ms) / 1000
-        # Not by a hair: bounds are sums of floats, in another order than plans are.
-        if latest_s is not None and latest_s + 1 < least.time_s < float("inf"):
+def _breaking(
+    shortlist: Shortlist, least: Least, finder: TripFinder, *, limits: Limits, refusals: Refusals
+) -> list[int]:
+    """The rows that cannot keep the limits, whatever is composed; why is kept."""
+    latest_s = math.inf
+    if limits.latest_ms is not None:
+        latest_s = (limits.latest_ms - finder.start_ms) / 1000
+    max_price = math.inf if limits.max_price is None else limits.max_price
+    # Not by a hair: bounds are sums of floats, in another order than plans are.
+    is_late = (latest_s + 1 < least.time_s) & (least.time_s < math.inf)
+    is_dear = least.price > max_price + 1
+    breaking: list[int] = np.flatnonzero(is_late | is_dear).tolist()
+    for row in breaking:
+        provider_id = shortlist.provider_ids[row]
+        if is_late[row]:
+            least_s = float(least.time_s[row])
             refusals.add(
-                candidate,
+                provider_id,
                 "TOO_LATE",
-                f"it takes {least.time_s:.0f} s at least, of which there are {latest_s:.0f}",
+                f"it takes {least_s:.0f} s at least, of which there are {latest_s:.0f}",
                 is_temporary=False,
-                least_s=least.time_s,
+                least_s=least_s,
                 latest_s=latest_s,
             )
-        elif limits.max_price is not None and least.price > limits.max_price + 1:
-            refusals.add(
-                candidate,
-                "TOO_EXPENSIVE",
-                f"it costs {least.price} at least, which exceeds the limit of {limits.max_price}",
-                is_temporary=False,
-                least_price=least.price,
-                max_price=limits.max_price,
-            )
         else:
-            kept += 1
-    return kept == 0
+            least_price = int(least.price[row])
+            refusals.add(
+                provider_id,
+                "TOO_EXPENSIVE",
+                f"it costs {least_price} at least, which exceeds the limit of {max_price}",
+                is_temporary=False,
+                least_price=least_price,
+                max_price=max_price,
+            )
+    return breaking
 
 
-def _refuse_overweight(refusals: Refusals, candidate: Candidate, request: DeliveryRequest) -> None:
-    limit_kg = candidate.model.max_payload_kg
-    refusals.add(
-        candidate,
-        "OVERWEIGHT",
-        f"payload {request.payload_kg:g} kg exceeds the {limit_kg:g} kg limit of drone model "
-        f"{candidate.model.model_id}",
-        is_temporary=False,
-        mass_kg=request.payload_kg,
-        limit_kg=limit_kg,
-    )
+def _refuse_overweight(refusals: Refusals, shortlist: Shortlist, request: DeliveryRequest) -> None:
+    """Keep which of these drones are too weak, each by itself."""
+    payload_kg = request.payload_kg
+    for provider_id, model_id in zip(shortlist.provider_ids, shortlist.model_ids, strict=True):
+        limit_kg = shortlist.model_of[model_id].max_payload_kg
+        if limit_kg < payload_kg:
+            refusals.add(
+                provider_id,
+                "OVERWEIGHT",
+                f"payload {payload_kg:g} kg exceeds the {limit_kg:g} kg limit of drone model "
+                f"{model_id}",
+                is_temporary=False,
+                mass_kg=payload_kg,
+                limit_kg=limit_kg,
+            )

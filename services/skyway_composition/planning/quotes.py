@@ -40,7 +40,9 @@ class Quotes:
         world = await World.around(pickup, self.networks, db=self.db, after_ms=after_ms)
         if world is None:
             detail = f"pickup station {pickup!r} is in no network"
-            reasons = refused_for_all(query.candidates, "DESTINATION_UNREACHABLE", detail)
+            reasons = refused_for_all(
+                query.shortlist.provider_ids, "DESTINATION_UNREACHABLE", detail
+            )
             return QuoteAnswer(offers=(), infeasible=tuple(reasons))
         offers = await self._offers(query, world)
         if not offers.ranked:
@@ -61,7 +63,7 @@ class Quotes:
         return await best_of_each(
             TripFinder(self.solver, world, begins_ms, limits.latest_ms),
             query.request,
-            candidates=query.candidates,
-            busy=await self.busy_among([each.drone_id for each in query.candidates]),
+            shortlist=query.shortlist,
+            busy=await self.busy_among(query.shortlist.drone_ids),
             limits=limits,
         )

@@ -4,6 +4,7 @@ from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import Any
 
 from skyway.contracts.candidate import Candidate, ProviderReason, ProviderReasonCode
+from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DroneId, ProviderId, StationId
 from skyway_composition.planning.limits import Limits
@@ -20,17 +21,17 @@ class Refusals:
 
     def add(
         self,
-        candidate: Candidate,
+        provider_id: ProviderId,
         code: ProviderReasonCode,
         detail: str,
         *,
         is_temporary: bool,
         **data: Any,  # numbers behind the code
     ) -> None:
-        """Keep why a candidate makes no offer."""
+        """Keep why a candidate of this provider makes no offer."""
         self._reasons.append(
             ProviderReason(
-                provider_id=candidate.provider_id,
+                provider_id=provider_id,
                 code=code,
                 detail=detail,
                 is_temporary=is_temporary,
@@ -38,10 +39,10 @@ class Refusals:
             )
         )
 
-    def add_no_trip(self, candidate: Candidate, reason: NoTrip) -> None:
-        """Keep why there is no trip for a candidate."""
+    def add_no_trip(self, provider_id: ProviderId, reason: NoTrip) -> None:
+        """Keep why there is no trip for a candidate of this provider."""
         self.add(
-            candidate,
+            provider_id,
             reason.code,
             reason.detail,
             is_temporary=reason.is_temporary,
@@ -54,7 +55,7 @@ class Refusals:
         if limit is None or price.amount <= limit:
             return True
         self.add(
-            offer.parts[0].candidate,
+            offer.provider_id,
             "TOO_EXPENSIVE",
             f"price {price.amount} exceeds the limit of {limit} {price.currency}",
             is_temporary=False,
@@ -74,38 +75,67 @@ class Refusals:
 
 
 def refused_for_all(
-    candidates: Iterable[Candidate], code: ProviderReasonCode, detail: str
+    provider_ids: Iterable[ProviderId], code: ProviderReasonCode, detail: str
 ) -> Iterator[ProviderReason]:
-    """The same lasting reason for every provider that has a candidate."""
-    for provider_id in dict.fromkeys(each.provider_id for each in candidates):
+    """The same lasting reason for each of these providers."""
+    for provider_id in dict.fromkeys(provider_ids):
         yield ProviderReason(provider_id=provider_id, code=code, detail=detail, is_temporary=False)
 
 
-def fit_candidates(
+def fit_among(
     refusals: Refusals,
     world: World,
     request: DeliveryRequest,
     *,
-    candidates: Sequence[Candidate],
+    shortlist: Shortlist,
     busy: frozenset[DroneId],
     at_ms: int,
-) -> list[Candidate]:
+) -> Shortlist:
     """The candidates worth composing for; why the others are not is kept."""
     known = world.skyway.network.row_of
     places: list[StationId] = [request.pickup.station_id, *request.destinations]
     missing = [place for place in places if place not in known]
-    fit: list[Candidate] = []
-    for candidate in candidates:
+    is_plain = not missing and not world.conditions.has_ground_stops
+    fit: list[int] = []
+    for row, is_doubtful in enumerate(_doubts(world, shortlist, busy)):
+        if is_plain and not is_doubtful:
+            fit.append(row)
+            continue
+        candidate = shortlist.candidate(row)
         reason = (
             _away(world, candidate, missing)
             or _stopped(world, candidate, request.pickup.station_id, at_ms=at_ms)
             or _unfit(world, candidate, busy)
         )
         if reason is None:
-            fit.append(candidate)
+            fit.append(row)
         else:
-            refusals.add_no_trip(candidate, reason)
-    return fit
+            refusals.add_no_trip(candidate.provider_id, reason)
+    return shortlist.only(fit)
+
+
+def _doubts(world: World, shortlist: Shortlist, busy: frozenset[DroneId]) -> Iterator[bool]:
+    """Whether something may speak against a candidate, apart from missing places and stops.
+
+    Nearly all are fit; they are not worth a look at each by itself.
+    """
+    known, currency = world.skyway.network.row_of, world.skyway.settings.currency
+    reserves = {key: model.reserve_soc for key, model in shortlist.model_of.items()}
+    foreign = {key for key, of in shortlist.terms_of.items() if of.tariff.currency != currency}
+    for drone_id, provider_id, model_id, soc, station_id in zip(
+        shortlist.drone_ids,
+        shortlist.provider_ids,
+        shortlist.model_ids,
+        shortlist.socs,
+        shortlist.station_ids,
+        strict=True,
+    ):
+        yield (
+            drone_id in busy
+            or provider_id in foreign
+            or soc < reserves[model_id]
+            or station_id not in known
+        )
 
 
 def _away(world: World, candidate: Candidate, missing: Sequence[StationId]) -> NoTrip | None:

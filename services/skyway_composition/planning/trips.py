@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from itertools import groupby
 
 from skyway.contracts.candidate import Candidate
+from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.request import DeliveryRequest, Package
 from skyway.network.network import Network
 from skyway_composition.networks.settings import NetworkSettings
@@ -18,13 +19,17 @@ from skyway_composition.planning.trip_finder import TripFinder
 
 
 def carrying_all(
-    candidates: Sequence[Candidate], request: DeliveryRequest, settings: NetworkSettings
-) -> list[Candidate]:
+    shortlist: Shortlist, request: DeliveryRequest, settings: NetworkSettings
+) -> Shortlist:
     """Those of whose drones one trip may take all packages of the request."""
     if len(request.destinations) > settings.max_destinations_per_trip:
-        return []
-    payload_kg = request.payload_kg
-    return [each for each in candidates if payload_kg <= each.model.max_payload_kg]
+        return shortlist.only([])
+    able = {
+        model_id
+        for model_id, model in shortlist.model_of.items()
+        if request.payload_kg <= model.max_payload_kg
+    }
+    return shortlist.only([row for row, of in enumerate(shortlist.model_ids) if of in able])
 
 
 async def split_offers(
@@ -141,7 +146,7 @@ def _refuse(refusals: Refusals, split: _Split, candidates: Sequence[Candidate]) 
     limit_kg = strongest.model.max_payload_kg
     if heaviest_kg > limit_kg:
         refusals.add(
-            strongest,
+            strongest.provider_id,
             "OVERWEIGHT",
             f"a package of {heaviest_kg:g} kg exceeds the {limit_kg:g} kg limit of drone model "
             f"{strongest.model.model_id}",
@@ -150,10 +155,11 @@ def _refuse(refusals: Refusals, split: _Split, candidates: Sequence[Candidate]) 
             limit_kg=limit_kg,
         )
     elif split.obstacle is not None:
-        refusals.add_no_trip(*split.obstacle)
+        candidate, reason = split.obstacle
+        refusals.add_no_trip(candidate.provider_id, reason)
     else:
         refusals.add(
-            strongest,
+            strongest.provider_id,
             "NOT_ENOUGH_DRONES",
             f"its {len(split.parts)} free drones leave {len(split.left)} packages behind",
             is_temporary=True,

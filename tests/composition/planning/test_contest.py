@@ -1,13 +1,17 @@
 """Pruning: who is not composed would not have won, nor changed who wins."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
+import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
-from skyway_composition.planning.contest import Twins, next_to_compose
+from skyway_composition.planning.contest import Contest
+from skyway_composition.planning.least import Least
 
 from skyway.contracts.candidate import Candidate
+from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.offer import OfferValues, Tariff, rank_offers
 from skyway.delivery.request import Weights
 from skyway.drone.models import PAPER_SCENARIO
@@ -48,13 +52,13 @@ def weights() -> st.SearchStrategy[Weights]:
     )
 
 
-def make_candidate(values: OfferValues) -> Candidate:
+def make_candidate(values: OfferValues, *, station_id: str) -> Candidate:
     return Candidate(
         provider_id=values.provider_id,
         drone_id=values.drone_id,
         model=PAPER_SCENARIO,
         soc=1.0,
-        station_id=StationId("a"),
+        station_id=StationId(station_id),
         home_station_id=StationId("a"),
         tariff=Tariff(),
     )
@@ -69,16 +73,17 @@ def contested(
     among: Sequence[tuple[OfferValues, OfferValues | None]], by: Weights
 ) -> tuple[list[OfferValues], int]:
     """The offers of those who were composed, and how many those were."""
-    true = {least.drone_id: values for least, values in among}
-    waiting = [Twins((make_candidate(least),), (least,)) for least, _ in among]
+    # Each at a place of its own, so that nobody is another's twin.
+    shortlist = Shortlist.of(
+        make_candidate(least, station_id=f"s{number}") for number, (least, _) in enumerate(among)
+    )
+    columns = zip(*((each.time_s, each.price, each.energy_j) for each, _ in among), strict=True)
+    contest = Contest(shortlist, Least(*(np.array(each, np.float64) for each in columns)), by)
     found: list[OfferValues] = []
     composed = 0
-    while (twins := next_to_compose(waiting, found, by)) is not None:
-        waiting.remove(twins)
-        composed += 1
-        values = true[twins.least[0].drone_id]
-        if values is not None:
-            found.append(values)
+    while rows := contest.take_next(found):
+        composed += len(rows)
+        found += [values for row in rows if (values := among[row][1]) is not None]
     return found, composed
 
 
@@ -115,3 +120,25 @@ def test_who_cannot_win_but_changes_the_scale_is_composed() -> None:
     found, _ = contested([(each, each) for each in (fast, even, slow)], Weights(time=1, price=1))
 
     assert slow in found
+
+
+def test_nobody_with_a_way_still_leaves_somebody_to_compose_for() -> None:
+    lost = OfferValues(math.inf, 0, math.inf, ProviderId("prv_1"), DroneId("drn_1"))
+    others = [replace(lost, drone_id=DroneId(f"drn_{number}")) for number in (2, 3)]
+
+    found, composed = contested(
+        [(each, None) for each in (lost, *others)], Weights(time=1, price=1, energy=1)
+    )
+
+    assert (found, composed) == ([], 3)
+
+
+@given(entrants(), weights())
+def test_who_is_composed_first_is_who_would_win_by_the_bounds(
+    among: list[tuple[OfferValues, OfferValues | None]], by: Weights
+) -> None:
+    bounds = [(least, least) for least, _ in among]
+
+    found, _ = contested(bounds, by)
+
+    assert found[0] == winner([least for least, _ in among], by)

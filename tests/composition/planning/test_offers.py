@@ -10,6 +10,8 @@ from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.trip_finder import TripFinder
 from skyway_composition.planning.world import World
 
+from skyway.contracts.shortlist import Shortlist
+from skyway.delivery.offer import amount_of
 from skyway.delivery.plan import Plan
 from skyway.ids import DroneId, StationId
 from skyway.planner.problem import Problem
@@ -41,7 +43,7 @@ async def offers_of(composition: Any, request: Any, *candidates: Any, busy: Any 
         offers = await plan_offers(
             TripFinder(solver, world, start_ms, limits.latest_ms),
             request,
-            candidates=candidates,
+            shortlist=Shortlist.of(candidates),
             busy=frozenset(busy),
             limits=limits,
         )
@@ -71,8 +73,8 @@ async def test_a_drone_that_may_be_cheaper_is_composed_when_the_price_counts(
     composition: Any, make: Any
 ) -> None:
     near = make.candidate(1)
-    cheap = make.candidate(2, station_id="b", tariff={"base": 1})
-    dear = make.candidate(3, station_id="e", tariff={"base": 5_000})
+    cheap = make.candidate(2, station_id="b", provider_id="prv_2", tariff={"base": 1})
+    dear = make.candidate(3, station_id="e", provider_id="prv_3", tariff={"base": 5_000})
     request = make.request("b", qos={"weights": {"time": 1, "price": 1}})
 
     _, asked = await offers_of(composition, request, dear, cheap, near)
@@ -90,11 +92,42 @@ async def test_no_offer_has_less_than_the_least_values(
     for request in (make.request("b"), make.request("c", "e"), make.request("e", "a", "c")):
         offers, _ = await offers_of(composition, request, candidate)
 
-        (least,) = Least.of(skyway, request, [candidate]).values([candidate])
+        least = Least.of(skyway, request, Shortlist.of([candidate]))
         values = offers.ranked[0].values
-        assert least.time_s <= values.time_s + 1e-6
-        assert least.price <= values.price
-        assert least.energy_j <= values.energy_j * (1 + 1e-9)
+        assert least.time_s[0] <= values.time_s + 1e-6
+        assert least.price[0] <= values.price
+        assert least.energy_j[0] <= values.energy_j * (1 + 1e-9)
+
+
+async def test_the_least_price_is_what_each_tariff_asks_for_the_least_way(
+    composition: Any, make: Any
+) -> None:
+    skyway = await composition.parts.networks.current("row")
+    tariffs = [
+        {"per_km": 1_000_000},
+        {"per_recharge_minute": 60_000_000},
+        {"base": 1, "per_km": 100, "per_kg": 37, "per_recharge_minute": 3},
+        {"base": 5, "per_km": 33, "minimum": 90_000},
+    ]
+    candidates = [
+        make.candidate(number, provider_id=f"prv_{number}", tariff=tariff)
+        for number, tariff in enumerate(tariffs)
+    ]
+    request = make.request("e")
+
+    least = Least.of(skyway, request, Shortlist.of(candidates))
+
+    length, charging, *others = least.price.tolist()
+    assert length > 0 < charging
+    assert others == [
+        amount_of(
+            each.tariff,
+            distance_m=length / 1_000,
+            payload_kg=request.payload_kg,
+            recharging_s=charging / 1_000_000,
+        )
+        for each in candidates[2:]
+    ]
 
 
 async def test_a_segment_shorter_than_the_great_circle_lowers_the_least_time(
