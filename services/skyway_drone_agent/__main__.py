@@ -34,7 +34,8 @@ def main() -> int:
             if settings.enrolment.wants_rotation:
                 crew.rotate()
             keep_what_is_loaded()
-            asyncio.run(_serve(crew, folder, settings))
+            with _runner(len(crew.drones)) as runner:
+                runner.run(_serve(crew, folder, settings))
     except (SkywayError, OSError) as error:
         sys.stderr.write(f"{error}\n")
         return 2
@@ -48,6 +49,19 @@ def _crew(settings: AgentSettings) -> Crew:
     if wanted.token is None:
         return EnrolledCrew(enrolled(folder, drone_id=wanted.drone_id), folder)
     return EnrolledCrew([enrol(wanted.token, api_url=wanted.api_url, folder=folder)], folder)
+
+
+def _runner(drones: int) -> asyncio.Runner:
+    """A fleet's runs on uvloop where the cloud is installed too; one drone does without it.
+
+    A thousand drones that stand wake it a thousand times a second; a single one has little memory.
+    """
+    if drones > 1:
+        with contextlib.suppress(ImportError):
+            import uvloop
+
+            return asyncio.Runner(loop_factory=uvloop.new_event_loop)
+    return asyncio.Runner()
 
 
 async def _host(crew: Crew, folder: JournalFolder, settings: AgentSettings) -> None:

@@ -20,6 +20,10 @@ PATIENCE_S = 10.0
 #: Longest single sleep, in seconds of wall time: the machine's clock may be set meanwhile.
 _LONGEST_SLEEP_S = 60.0
 
+#: What a nap is longer than it must be: uvloop counts in milliseconds, and whoever wakes before
+#: the moment naps again.
+_TICK_S = 0.001
+
 
 class ClockFromCloud(FleetClock, Protocol):
     """A fleet clock that is set by the cloud."""
@@ -71,7 +75,7 @@ class KeptClock:
         """
         loop = asyncio.get_running_loop()
         awake: asyncio.Future[None] = loop.create_future()
-        timer = loop.call_later(wall_s, _wake, awake)
+        timer = loop.call_later(wall_s + _TICK_S, _wake, awake)
         self._napping.add(awake)
         try:
             await awake

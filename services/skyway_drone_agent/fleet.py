@@ -8,6 +8,7 @@ from collections.abc import AsyncIterator, Awaitable, Callable
 from typing import Never
 
 from skyway.runtime.errors import InvalidSettings
+from skyway.runtime.garbage import keep_what_is_loaded
 from skyway.runtime.minting import mint
 from skyway.runtime.mqtt import MqttClient, Will
 from skyway_drone_agent.agent import DroneAgent, MakeLink
@@ -29,6 +30,9 @@ log = logging.getLogger(__name__)
 
 #: Wall seconds before a drone whose agent failed is taken up again from its journal.
 _AGAIN_AFTER_S = 5.0
+
+#: Wall seconds within which a large fleet has connected, as a rule.
+_SETTLED_AFTER_S = 30.0
 
 #: Files that a process holds open for each drone, its connection and its lock; and for itself.
 _FILES_PER_DRONE, _OTHER_FILES = 2, 64
@@ -55,6 +59,7 @@ async def host_fleet(
                 drones, folder, clock=clock, book=book, mqtt_url=mqtt_url, mavlink=mavlink
             )
         async with asyncio.TaskGroup() as group:
+            group.create_task(_settle(), name="settle")
             for drone in drones:
                 vehicle = SimulatedVehicle(
                     drone.model, clock, disturbances=disturbances, drone_id=drone.drone_id
@@ -133,6 +138,15 @@ def _link_maker(
         return LinkWithOutages(client, clock, disturbed=disturbances, drone_id=drone.drone_id)
 
     return make_link
+
+
+async def _settle() -> None:
+    """Keep out of the garbage collector what all drones have made to begin with.
+
+    Of a thousand that is 400,000 objects, and 0.3 s whenever they were looked through.
+    """
+    await asyncio.sleep(_SETTLED_AFTER_S)
+    keep_what_is_loaded()
 
 
 async def _keep_reading(book: LandingBook) -> None:

@@ -27,6 +27,7 @@ HEAVY = {
     "starlette",
     "typer",
     "uvicorn",
+    "uvloop",
     "yaml",
 }
 

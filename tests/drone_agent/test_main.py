@@ -1,5 +1,6 @@
 """The agent as a process."""
 
+import json
 import os
 import signal
 import subprocess
@@ -13,11 +14,15 @@ import pytest
 COMMAND = [sys.executable, "-m", "skyway_drone_agent"]
 
 
-@pytest.fixture
-def files(tmp_path: Path, drone: Any) -> list[str]:
-    """Arguments for one drone whose broker nobody serves."""
+@pytest.fixture(params=[1, 2], ids=["a drone", "a fleet"])
+def files(request: pytest.FixtureRequest, tmp_path: Path, drone: Any) -> list[str]:
+    """Arguments for drones whose broker nobody serves; a fleet has another event loop."""
+    drones = [
+        drone.model_copy(update={"drone_id": f"drn_{number + 1}"})
+        for number in range(request.param)
+    ]
     fleet = tmp_path / "fleet.json"
-    fleet.write_text(drone.model_dump_json())
+    fleet.write_text(json.dumps([one.model_dump(mode="json") for one in drones]))
     journal = str(tmp_path / "journal")
     return ["--fleet", str(fleet), "--journal", journal, "--mqtt-url", "mqtt://127.0.0.1:9"]
 
