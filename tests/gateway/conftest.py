@@ -322,11 +322,9 @@ def package() -> str:
 
 
 @pytest.fixture
-async def gateway(templates: Any, package: str, tmp_path: Path) -> AsyncIterator[Gateway]:
+async def gateway(sqlite_url: str, tmp_path: Path) -> AsyncIterator[Gateway]:
     """A gateway on SQLite; what its invariants forbid fails the test at its end."""
-    path = tmp_path / "gateway.db"
-    await templates.copy_to(path, package)
-    async with opened_gateway(f"sqlite:///{path}", tmp_path) as opened:
+    async with opened_gateway(sqlite_url, tmp_path) as opened:
         yield opened
 
 

@@ -83,7 +83,7 @@ async def test_neither_keys_nor_answers_lie_readable_in_the_database(
 ) -> None:
     headers = {"Idempotency-Key": "k"}
     issued = (await _issue(gateway, "customer", "carol", **headers)).json()
-    content = b"".join(path.read_bytes() for path in tmp_path.glob("gateway.db*"))
+    content = b"".join(path.read_bytes() for path in tmp_path.glob("service.db*"))
     assert issued["key_id"].encode() in content
     for secret in (issued["key"], issued["mqtt"]["password"]):
         assert secret.encode() not in content
