@@ -1,27 +1,27 @@
 """One transaction, as a write block sees it: statements, and messages that leave with them."""
 
-from collections.abc import Awaitable, Callable, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from typing import Any, Literal, TypeVar
 
 from sqlalchemy import Executable, Table
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.engine import CursorResult
 from sqlalchemy.exc import DBAPIError
+from sqlalchemy.sql.dml import ReturningUpdate
 
 from skyway.contracts.message import Message
 from skyway.contracts.topic import Address
 from skyway.json_model import JsonModel
+from skyway.runtime.at_once import write_at_once
 from skyway.runtime.block_connection import BlockConnection
+from skyway.runtime.declared import Change, Consequence, Declared, Following, Guard, Row
 from skyway.runtime.engines import Dialect
 from skyway.runtime.errors import Taken
-from skyway.runtime.insertion import insertion_of
+from skyway.runtime.in_turn import write_in_turn
 from skyway.runtime.taken import taken_constraint
 from skyway.runtime.tracing import current_traceparent
 
 MessageT = TypeVar("MessageT", bound=Message)
-
-#: Column values by name; Any, since a row may hold whatever its columns take.
-Row = Mapping[str, Any]
 
 
 class Tx:
@@ -37,7 +37,7 @@ class Tx:
         self.connection = connection
         self.dialect = dialect
         self._outbox = outbox
-        self._added: dict[Table, list[Row]] = {}
+        self._declared = Declared()
         self._leaving: list[Row] = []
         self._callbacks: list[Callable[[], None]] = []
         self._failure: Exception | None = None
@@ -61,6 +61,37 @@ class Tx:
         # The two classes share the methods that are used: on_conflict_do_nothing and _do_update.
         return sqlite.insert(table)  # type: ignore[return-value]
 
+    def only_if(
+        self,
+        guard: ReturningUpdate[*tuple[Any, ...]],  # whatever column it returns
+        values: Row,
+        *,
+        otherwise: Exception,
+    ) -> None:
+        """Run this UPDATE when the block ends, and raise `otherwise` where it finds no row.
+
+        It comes before all else that is declared, which is then not written either.
+        """
+        if self._declared.guard is not None:
+            raise RuntimeError("a block depends on one row")
+        self._declared.guard = Guard(guard, values, otherwise)
+
+    def change(
+        self,
+        table: Table,
+        this: Row,
+        rows: Sequence[Row],
+        *,
+        key: str,
+        counted: Sequence[str] = (),
+    ) -> None:
+        """Change rows when the block ends, each found by its `key` among those of `this`.
+
+        They have the same columns; to those that are `counted` their values are added.
+        """
+        if rows:
+            self._declared.changes.append(Change(table, this, rows, key, tuple(counted)))
+
     def add(self, table: Table, rows: Sequence[Row]) -> None:
         """Insert rows when the block ends, all at once; until then the block does not see them.
 
@@ -68,7 +99,13 @@ class Tx:
         refuses a row is raised at the end of the block.
         """
         if rows:
-            self._added.setdefault(table, []).extend(rows)
+            self._declared.added.setdefault(table, []).extend(rows)
+
+    def follow_up(
+        self, consequence: Consequence, values: Row, *, then: Callable[[], None] | None = None
+    ) -> None:
+        """Insert what follows from what is added or changed; `then` is told if there was any."""
+        self._declared.following.append(Following(consequence, values, then))
 
     def send(
         self,
@@ -124,17 +161,26 @@ class Tx:
             raise self._failure
         if self._leaving:
             self.add(self.outbox_table(), self._leaving)
-        if self._added and self.dialect == "postgresql":
-            await self._told(self.connection.execute_last(*insertion_of(self._added)))
-        elif self._added:
-            for table, rows in self._added.items():
-                await self.execute(table.insert(), rows)
+        if self._declared:
+            await self._write_declared()
         return frozenset(row["channel"] for row in self._leaving)
 
     def committed(self) -> None:
         """Tell those who asked to be told after the COMMIT."""
         for callback in self._callbacks:
             callback()
+
+    async def _write_declared(self) -> None:
+        if self.dialect == "postgresql":
+            followed = await write_at_once(self._declared, self._execute_last)
+        else:
+            followed = await write_in_turn(self._declared, self.execute)
+        self._callbacks += [each.then for each in followed if each.then is not None]
+
+    async def _execute_last(
+        self, statement: Executable, parameters: Row
+    ) -> CursorResult[*tuple[Any, ...]]:
+        return await self._told(self.connection.execute_last(statement, parameters))
 
     async def _told(
         self, running: Awaitable[CursorResult[*tuple[Any, ...]]]

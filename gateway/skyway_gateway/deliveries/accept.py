@@ -137,7 +137,7 @@ class Acceptance:
         requested = Happening(DeliveryEventType.REQUESTED, now, told.requested(delivery))
         known = Known(delivery, version=1, last_sequence=1)
         queued = Queued(known, checked.position, give_up, current_traceparent())
-        await self.writer.add(tx, queued, requested)
+        self.writer.add(tx, queued, requested)
         tx.after_commit(self.queued.set)
         return delivery
 

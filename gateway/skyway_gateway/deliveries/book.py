@@ -109,19 +109,19 @@ class Booker:
         """Plan what was booked, unless another replica was faster."""
         try:
             async with self.db.write() as tx:
-                await self._write_plan(tx, known, missions)
+                self._write_plan(tx, known, missions)
         except Outdated:  # cancelled meanwhile, or planned by another replica
             async with self.db.write() as tx:
                 now = await store.lock(tx, known.delivery.delivery_id)
                 if now.delivery.attempt == known.delivery.attempt:
-                    await self._write_plan(tx, now, missions)
+                    self._write_plan(tx, now, missions)
 
-    async def _write_plan(self, tx: Tx, known: Known, missions: Sequence[Mission]) -> None:
+    def _write_plan(self, tx: Tx, known: Known, missions: Sequence[Mission]) -> None:
         """Packages that were cancelled while it was booked are called off again."""
         delivery = known.delivery
         if delivery.is_queued:
             planned = after_booking(delivery, missions, at=self.clock.now())
-            await self.writer.keep(tx, known, planned)
+            self.writer.keep(tx, known, planned)
         if package_ids := unwanted(delivery, missions):
             asked = CancelMissions(
                 cancellation_id=self.mint("cxl"),

@@ -9,7 +9,7 @@ from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database, Tx
 from skyway.runtime.errors import Conflict
 from skyway.runtime.loops import Wake
-from skyway.runtime.tracing import current_traceparent, tracing
+from skyway.runtime.tracing import tracing
 from skyway_gateway.clients import CANCELLATIONS_PATH
 from skyway_gateway.deliveries import store
 from skyway_gateway.deliveries.delivery import Delivery
@@ -38,37 +38,29 @@ class Follower:
         Conflict
             NOT_YET: what comes before it is not known here; the sender repeats it.
         """
-        traced = TracedReport(traceparent=current_traceparent(), report=report)
-        if not await self._follow_known([traced]):
+        if not await self._follow_known(report):
             await self._follow_locked(report)
 
     async def follow_all(self, reports: Sequence[TracedReport]) -> None:
-        """Apply reports of different missions: at once where that may be, else one by one.
+        """Apply reports, each on its own: as a rule that is one statement without BEGIN and COMMIT.
 
         Raises
         ------
         NotFound, Conflict
             As of `follow`; those before the report that is refused are applied.
         """
-        if await self._follow_known(reports):
-            return
         for each in reports:
             with tracing(each.traceparent):
                 await self.follow(each.report)
 
-    async def _follow_known(self, reports: Sequence[TracedReport]) -> bool:
-        """Apply reports to deliveries that are as we wrote them last; False when one is not."""
-        # In one order, or two replicas with the same deliveries could wait in a circle.
-        in_order = sorted(reports, key=lambda each: each.report.delivery_id)
-        taken = (self.writer.known.take(each.report.delivery_id) for each in in_order)
-        known = [one for one in taken if one is not None]
-        if len(known) < len(in_order):
+    async def _follow_known(self, report: MissionReport) -> bool:
+        """Apply a report to a delivery that is as we wrote it last; False when it is not."""
+        known = self.writer.known.take(report.delivery_id)
+        if known is None:
             return False
         try:
             async with self.db.write() as tx:
-                for before, each in zip(known, in_order, strict=True):
-                    with tracing(each.traceparent):
-                        await self._apply(tx, before, each.report)
+                self._apply(tx, known, report)
         except Outdated:
             return False
         return True
@@ -84,7 +76,7 @@ class Follower:
             elif report.seq > last + 1:
                 raise Conflict("NOT_YET", f"report {report.seq} comes before {last + 1}")
             elif report.seq == last + 1:
-                await self._apply(tx, now, report)
+                self._apply(tx, now, report)
 
     def _refuse_if_not_yet(self, delivery: Delivery, report: MissionReport) -> None:
         """A mission that is still to be planned here is one of the attempt that is due."""
@@ -92,14 +84,14 @@ class Follower:
             detail = f"mission {report.mission_id} of attempt {report.attempt} is not planned yet"
             raise Conflict("NOT_YET", detail)
 
-    async def _apply(self, tx: Tx, known: Known, report: MissionReport) -> None:
+    def _apply(self, tx: Tx, known: Known, report: MissionReport) -> None:
         progress = after_report(known.delivery, report)
-        await self.writer.keep(tx, known, progress, report=report)
+        give_up = None
         if report.kind == "REFUSED" and progress.delivery.is_queued:
             # Its patience begins anew: the drone that refused has used some of it up.
-            until = give_up_at(known.delivery.request, self.clock)
-            await store.keep_queued(tx, report.delivery_id, until=until)
+            give_up = give_up_at(known.delivery.request, self.clock)
             tx.after_commit(self.queued.set)
+        self.writer.keep(tx, known, progress, report=report, give_up_at=give_up)
 
 
 def _call_off(tx: Tx, delivery: Delivery, report: MissionReport) -> None:

@@ -4,12 +4,27 @@ Any, for rows: their columns are of every type.
 """
 
 from collections import defaultdict
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from datetime import datetime
+from functools import cache
 from typing import Any, Final
 
-from sqlalchemy import BigInteger, Row, and_, bindparam, exists, insert, select, update
+from sqlalchemy import (
+    BigInteger,
+    FromClause,
+    Integer,
+    Row,
+    Select,
+    Text,
+    and_,
+    bindparam,
+    exists,
+    or_,
+    select,
+    update,
+)
 from sqlalchemy.ext.asyncio import AsyncConnection
+from sqlalchemy.sql.dml import ReturningUpdate
 
 from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.mission import MissionReport
@@ -18,6 +33,7 @@ from skyway.runtime.among import among
 from skyway.runtime.claims import FREE, NOW_MS, Claiming, claim_values
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database, Tx
+from skyway.runtime.declared import Consequence
 from skyway.runtime.errors import NotFound
 from skyway.units import moment_to_ms
 from skyway_gateway.deliveries import rows
@@ -29,7 +45,6 @@ from skyway_gateway.deliveries.states import (
     UNDER_WAY_STATES,
     may_follow,
 )
-from skyway_gateway.notifications.store import HAS_WEBHOOKS
 from skyway_gateway.tables import custody, deliveries, missions, packages
 
 #: As long as one booking may take, seconds of wall time. Two that book the same are answered the
@@ -45,11 +60,6 @@ _CLAIMING: Final = Claiming.of(
 )
 _THIS: Final = deliveries.c.delivery_id == bindparam("this")
 _LOCKED: Final = select(deliveries).where(_THIS).with_for_update()
-_SAVE: Final = (
-    update(deliveries)
-    .where(_THIS, deliveries.c.version == bindparam("version_before"))
-    .returning(HAS_WEBHOOKS)
-)
 #: What is written besides `save` and shows in a delivery makes a version of its own.
 _NEXT_VERSION: Final = {"version": deliveries.c.version + 1}
 _PACKAGES: Final = (
@@ -61,31 +71,48 @@ _MISSIONS: Final = (
     .where(among(missions.c.delivery_id, "ids"), missions.c.state != "REFUSED")
     .order_by(missions.c.attempt, missions.c.trip)
 )
-_THIS_PACKAGE: Final = and_(
-    packages.c.delivery_id == bindparam("this"),
-    packages.c.package_id == bindparam("this_package"),
+#: What is told by the next report of a mission, or by none.
+_IS_NEXT: Final = or_(
+    bindparam("reported", type_=Text).is_(None),
+    exists().where(
+        missions.c.mission_id == bindparam("reported", type_=Text),
+        missions.c.report_seq == bindparam("seq_before", type_=Integer),
+    ),
 )
-_SAVE_PACKAGES: Final = (
-    update(packages)
-    .where(_THIS_PACKAGE)
-    .values(custody_seq=packages.c.custody_seq + bindparam("moves"))
-)
-#: The next link of a package's chain: whose it is now, under the number that its row counts.
-_HAND_OVER: Final = insert(custody).from_select(
-    [each.name for each in custody.columns],
-    select(
-        packages.c.delivery_id,
-        packages.c.package_id,
-        packages.c.custody_seq,
-        packages.c.custodian_kind,
-        packages.c.custodian_id,
-        bindparam("at_ms", type_=BigInteger),
-    ).where(_THIS_PACKAGE),
-)
-_THIS_MISSION: Final = missions.c.mission_id == bindparam("this")
-_SAVE_MISSION: Final = update(missions).where(_THIS_MISSION)
-_SAVE_REPORTED: Final = _SAVE_MISSION.where(missions.c.report_seq == bindparam("seq_before"))
-_REPORTED: Final = select(missions.c.report_seq).where(_THIS_MISSION)
+
+
+@cache
+def _saving(columns: tuple[str, ...]) -> ReturningUpdate[str]:
+    """How these columns of a delivery are written, unless it was written since it was read.
+
+    A report's place is looked for before the row is locked. That will do: who takes a report
+    writes the delivery's row, too.
+    """
+    return (
+        update(deliveries)
+        .where(_THIS, deliveries.c.version == bindparam("version_before"), _IS_NEXT)
+        .values({name: bindparam(f"now_{name}") for name in columns})
+        .returning(deliveries.c.delivery_id)
+    )
+
+
+def _links_of(moved: FromClause) -> Select[*tuple[Any, ...]]:
+    """The next link of each moved package's chain: whose it is now, under the number in its row."""
+    return select(
+        moved.c.delivery_id,
+        moved.c.package_id,
+        moved.c.custody_seq.label("seq"),
+        moved.c.custodian_kind,
+        moved.c.custodian_id,
+        bindparam("moved_ms", type_=BigInteger).label("at_ms"),
+    ).where(
+        moved.c.delivery_id == bindparam("moved_of", type_=Text),
+        among(moved.c.package_id, "moved"),
+    )
+
+
+_HAND_OVER: Final = Consequence(custody, packages, _links_of)
+_REPORTED: Final = select(missions.c.report_seq).where(missions.c.mission_id == bindparam("this"))
 
 
 def add(tx: Tx, queued: Queued) -> None:
@@ -132,13 +159,6 @@ async def try_later(
     await tx.execute(update(deliveries).where(this).values(values))
 
 
-async def keep_queued(tx: Tx, delivery_id: DeliveryId, *, until: datetime) -> None:
-    """Have a delivery of which packages came back to the queue stay there until this moment."""
-    values = {"give_up_ms": moment_to_ms(until)}
-    this = and_(deliveries.c.delivery_id == delivery_id, deliveries.c.is_queued)
-    await tx.execute(update(deliveries).where(this).values(values))
-
-
 async def note_reasons(tx: Tx, delivery_id: DeliveryId, reasons: Sequence[ProviderReason]) -> None:
     """Keep why the packages that wait are about to be given up."""
     values = {"reasons": rows.reasons_text(reasons), **_NEXT_VERSION}
@@ -168,57 +188,62 @@ async def lock(tx: Tx, delivery_id: DeliveryId) -> Known:
     return rows.known_of(found[0], delivery)
 
 
-async def save(tx: Tx, before: Known, after: Known, *, report: MissionReport | None) -> bool:
+def save(
+    tx: Tx,
+    before: Known,
+    after: Known,
+    *,
+    report: MissionReport | None,
+    give_up_at: datetime | None,
+) -> None:
     """Write what changed of a delivery, by the next report of a mission or by something else.
 
-    Whether its customer has webhooks. From here on nobody else changes the delivery until this
-    transaction ends: its row comes first, as with `lock`, so that nobody waits in a circle.
-
-    Raises
-    ------
-    Outdated
-        It was written since it was `before`, or the report is not the mission's next.
+    All of it is written with the delivery's row, or nothing, and the block ends with Outdated: it
+    was written since it was `before`, or the report is not the mission's next. The row comes
+    first, as with `lock`, so that nobody waits in a circle.
     """
     old, new = before.delivery, after.delivery
     if not may_follow(new.state, old.state):
         raise RuntimeError(f"a delivery never goes from {old.state} to {new.state}")
-    this = {
-        "this": old.delivery_id,
-        "version_before": before.version,
-        "listener": old.customer_id,
-    }
     values = rows.changing(after)
     if (old.attempt, old.is_queued) != (new.attempt, new.is_queued):
         # What is to be booked is another thing now, to be looked at at once.
         values |= {"next_try_wall_ms": 0, **FREE}
-    has_webhooks: bool | None = (await tx.execute(_SAVE, {**this, **values})).scalar()
-    if has_webhooks is None:
-        raise Outdated
-    await _save_packages(tx, old, new)
-    await _save_missions(tx, old.missions, new.missions, report)
-    return has_webhooks
+    if give_up_at is not None:
+        values["give_up_ms"] = moment_to_ms(give_up_at)
+    expected = {
+        "this": old.delivery_id,
+        "version_before": before.version,
+        "reported": report and report.mission_id,
+        "seq_before": report and report.seq - 1,
+    }
+    now = {f"now_{name}": value for name, value in values.items()}
+    tx.only_if(_saving(tuple(values)), {**expected, **now}, otherwise=Outdated())
+    _save_packages(tx, old, new)
+    _save_missions(tx, old.missions, new.missions, report)
 
 
-async def _save_packages(tx: Tx, before: Delivery, after: Delivery) -> None:
-    pairs = [*zip(before.packages, after.packages, strict=True)]
-    moved = [new for old, new in pairs if new.custodian != old.custodian]
-    changed = [
-        {**_this_package(after, new), "moves": int(new in moved), **rows.package_values(new)}
-        for old, new in pairs
-        if new != old
+def _save_packages(tx: Tx, before: Delivery, after: Delivery) -> None:
+    pairs = [(old, new) for old, new in zip(before.packages, after.packages, strict=True)]
+    changed = [(old, new) for old, new in pairs if new != old]
+    moved = [new.package_id for old, new in changed if new.custodian != old.custodian]
+    new_values = [
+        {
+            "package_id": new.package_id,
+            "custody_seq": int(new.package_id in moved),
+            **rows.package_values(new),
+        }
+        for _, new in changed
     ]
-    if changed:
-        await tx.execute(_SAVE_PACKAGES, changed)
+    this = {"delivery_id": after.delivery_id}
+    tx.change(packages, this, new_values, key="package_id", counted=["custody_seq"])
     if moved:
-        at = {"at_ms": moment_to_ms(after.updated_at)}
-        await tx.execute(_HAND_OVER, [{**_this_package(after, new), **at} for new in moved])
+        at_ms = moment_to_ms(after.updated_at)
+        values = {"moved_of": after.delivery_id, "moved": moved, "moved_ms": at_ms}
+        tx.follow_up(_HAND_OVER, values)
 
 
-def _this_package(delivery: Delivery, package: PackageStatus) -> dict[str, object]:
-    return {"this": delivery.delivery_id, "this_package": package.package_id}
-
-
-async def _save_missions(
+def _save_missions(
     tx: Tx,
     before: Sequence[FlownMission],
     after: Sequence[FlownMission],
@@ -233,17 +258,11 @@ async def _save_missions(
         if mission != known.get(mission.mission_id, mission)
     }
     if report is not None:
-        await _save_reported(tx, report, changed.pop(report.mission_id, {}))
+        told = changed.get(report.mission_id, {})
+        changed[report.mission_id] = {**told, **rows.reported(report)}
     for mission_id, values in changed.items():
-        await tx.execute(_SAVE_MISSION, {"this": mission_id, **values})
-
-
-async def _save_reported(tx: Tx, report: MissionReport, values: Mapping[str, object]) -> None:
-    """Write a mission together with the report that changed it, the next one of that mission."""
-    this = {"this": report.mission_id, "seq_before": report.seq - 1}
-    saved = await tx.execute(_SAVE_REPORTED, {**this, **rows.reported(report), **values})
-    if saved.rowcount == 0:
-        raise Outdated
+        this = {"mission_id": mission_id}
+        tx.change(missions, this, [{**this, **values}], key="mission_id")
 
 
 async def last_report(tx: Tx, mission_id: MissionId) -> int | None:

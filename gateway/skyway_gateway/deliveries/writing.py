@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 
 from skyway.contracts.mission import MissionReport
 from skyway.ids import DeliveryId
@@ -11,8 +12,7 @@ from skyway_gateway.deliveries.delivery import Delivery
 from skyway_gateway.deliveries.known import Known, KnownDeliveries
 from skyway_gateway.deliveries.progress import Progress
 from skyway_gateway.deliveries.rows import Queued
-from skyway_gateway.notifications.events import Events, Happening, Place
-from skyway_gateway.notifications.store import has_webhooks
+from skyway_gateway.notifications.events import Events, Happening
 
 #: A delivery as it is now to what becomes of it; None where it does not apply any more.
 Change = Callable[[Delivery], Progress | None]
@@ -35,42 +35,42 @@ class DeliveryWriter:
                 return
             progress = change(now.delivery)
             if progress is not None:
-                await self.keep(tx, now, progress)
+                self.keep(tx, now, progress)
 
-    async def add(self, tx: Tx, queued: Queued, first: Happening) -> None:
+    def add(self, tx: Tx, queued: Queued, first: Happening) -> None:
         """Keep a delivery that was just accepted, and tell it."""
-        # Asked on another connection: what is only added then takes one statement, and no BEGIN.
-        async with self.db.read() as connection:
-            listens = await has_webhooks(connection, queued.known.delivery.customer_id)
         store.add(tx, queued)
-        await self._tell(tx, queued.known, [first], Place(0, listens))
+        self._tell(tx, queued.known, [first], after=0)
 
-    async def keep(
-        self, tx: Tx, before: Known, progress: Progress, *, report: MissionReport | None = None
+    def keep(
+        self,
+        tx: Tx,
+        before: Known,
+        progress: Progress,
+        *,
+        report: MissionReport | None = None,
+        give_up_at: datetime | None = None,
     ) -> None:
         """Keep what became of a delivery, with the report that said so, and tell it.
 
-        Raises
-        ------
-        Outdated
-            It was not locked, and is not any more what it was `before`.
+        It is written when the block ends, which raises Outdated if the delivery was not locked,
+        and is not any more what it was `before`: then nothing is written. What waits is given up
+        at another moment from now on, if there is one.
         """
         delivery, happenings = progress.delivery, progress.happenings
         if report is None and delivery == before.delivery and not happenings:
             return
         after = before.then(delivery, new_events=len(happenings))
-        listens = await store.save(tx, before, after, report=report)
-        await self._tell(tx, after, happenings, Place(before.last_sequence, listens))
+        store.save(tx, before, after, report=report, give_up_at=give_up_at)
+        self._tell(tx, after, happenings, after=before.last_sequence)
 
-    async def _tell(
-        self, tx: Tx, after: Known, happenings: Sequence[Happening], place: Place
-    ) -> None:
-        delivery = after.delivery
-        await self.events.tell(
+    def _tell(self, tx: Tx, now: Known, happenings: Sequence[Happening], *, after: int) -> None:
+        delivery = now.delivery
+        self.events.tell(
             tx,
             happenings,
-            place,
+            after=after,
             delivery_id=delivery.delivery_id,
             customer_id=delivery.customer_id,
         )
-        tx.after_commit(lambda: self.known.note(after))
+        tx.after_commit(lambda: self.known.note(now))

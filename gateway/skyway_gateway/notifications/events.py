@@ -18,8 +18,8 @@ from skyway.runtime.loops import Wake
 from skyway.runtime.metrics import count
 from skyway.runtime.minting import Mint
 from skyway.runtime.tracing import current_traceparent
-from skyway_gateway.notifications import store
 from skyway_gateway.notifications.news import News
+from skyway_gateway.notifications.telling.store import add_events
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,17 +32,6 @@ class Happening:
     data: dict[str, Any] = field(default_factory=dict)
 
 
-@dataclass(frozen=True, slots=True)
-class Place:
-    """Where new events of a delivery stand: which is the last before them, and who listens.
-
-    The row of the delivery counts its events; whoever writes that row takes their place.
-    """
-
-    after: int
-    has_webhooks: bool
-
-
 class Events:
     """Writes events; `webhooks` is set when there is something to notify."""
 
@@ -52,28 +41,33 @@ class Events:
         self._news = news
         self._webhooks = webhooks
 
-    async def tell(
+    def tell(
         self,
         tx: Tx,
         happenings: Sequence[Happening],
-        place: Place,
         *,
+        after: int,
         delivery_id: DeliveryId,
         customer_id: SubjectId,
     ) -> None:
-        """Tell the customer what happened, in this order, once the transaction is committed."""
+        """Tell the customer what happened, in this order, once the transaction is committed.
+
+        `after` is how many events the delivery had: its row counts them, and who writes that row
+        takes their place.
+        """
         if not happenings:
             return
         events = [
             self._event(happening, delivery_id, sequence)
-            for sequence, happening in enumerate(happenings, start=place.after + 1)
+            for sequence, happening in enumerate(happenings, start=after + 1)
         ]
-        wall_now = self._clock.wall_now()
-        store.add_events(tx, events, recorded_at=wall_now)
-        if place.has_webhooks and await store.notify_webhooks(
-            tx, events, customer_id=customer_id, at=wall_now
-        ):
-            tx.after_commit(self._webhooks.set)
+        add_events(
+            tx,
+            events,
+            customer_id=customer_id,
+            wall_at=self._clock.wall_now(),
+            when_notified=self._webhooks.set,
+        )
         for event in events:
             address = DELIVERY_EVENTS(customer_id, delivery_id)
             tx.send(address, event, confirmed_by="broker", stream=delivery_id)

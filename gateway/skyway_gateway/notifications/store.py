@@ -1,4 +1,4 @@
-"""All SQL of events, webhooks and notifications."""
+"""All SQL of events, webhooks and notifications, but for how new events are kept (`telling`)."""
 
 import json
 from collections.abc import Sequence
@@ -10,7 +10,6 @@ from sqlalchemy import (
     ColumnElement,
     Row,
     and_,
-    bindparam,
     delete,
     exists,
     false,
@@ -21,7 +20,7 @@ from sqlalchemy import (
 )
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from skyway.contracts.delivery_event import DeliveryEvent, DeliveryEventType
+from skyway.contracts.delivery_event import DeliveryEventType
 from skyway.ids import DeliveryId, EventId, SubjectId, WebhookId
 from skyway.runtime.claims import FREE, claim
 from skyway.runtime.clock import FleetClock
@@ -45,64 +44,6 @@ from skyway_gateway.tables import (
 
 #: Longer than a try may take, seconds of wall time.
 _LEASE_S: Final = 20.0
-
-# Statements of every event are made once: to make one takes as long as to run it.
-
-#: Whether a customer has webhooks: told by the statement that counts the delivery's new events.
-HAS_WEBHOOKS: Final = (
-    exists()
-    .where(webhooks.c.customer_id == bindparam("listener"), webhooks.c.state == "ACTIVE")
-    .label("has_webhooks")
-)
-_HAS_WEBHOOKS: Final = select(HAS_WEBHOOKS)
-_LISTENING: Final = select(webhooks.c.webhook_id, webhooks.c.event_types).where(
-    webhooks.c.customer_id == bindparam("customer_id"), webhooks.c.state == "ACTIVE"
-)
-
-
-async def has_webhooks(connection: AsyncConnection, customer_id: SubjectId) -> bool:
-    """Whether anything is posted to this customer."""
-    found = await connection.execute(_HAS_WEBHOOKS, {"listener": customer_id})
-    has_any: bool = found.scalar_one()
-    return has_any
-
-
-def add_events(tx: Tx, new: Sequence[DeliveryEvent], *, recorded_at: datetime) -> None:
-    """Keep events, in the form in which every channel carries them."""
-    rows = [
-        {
-            "event_id": event.event_id,
-            "delivery_id": event.delivery_id,
-            "sequence": event.sequence,
-            "type": event.type,
-            "body": event.model_dump_json(),
-            "recorded_wall_ms": moment_to_ms(recorded_at),
-        }
-        for event in new
-    ]
-    tx.add(events, rows)
-
-
-async def notify_webhooks(
-    tx: Tx, new: Sequence[DeliveryEvent], *, customer_id: SubjectId, at: datetime
-) -> bool:
-    """Make events due at every active webhook that wants them; True when there is one."""
-    rows = [
-        {
-            "webhook_id": webhook.webhook_id,
-            "event_id": event.event_id,
-            "delivery_id": event.delivery_id,
-            "sequence": event.sequence,
-            "state": "PENDING",
-            "attempts": 0,
-            "next_try_wall_ms": moment_to_ms(at),
-        }
-        for webhook in await tx.execute(_LISTENING, {"customer_id": customer_id})
-        for event in new
-        if webhook.event_types is None or event.type in json.loads(webhook.event_types)
-    ]
-    tx.add(notifications, rows)
-    return bool(rows)
 
 
 async def events_after(
