@@ -9,8 +9,9 @@ import numpy as np
 from skyway.ids import StationId
 from skyway.planner.exact_acts import Act, best_acts
 from skyway.planner.exact_memory import AMPLE, Room, enlarged, new_memory
-from skyway.planner.exact_task import Method, book_of, closed_of, required_before, task_of
-from skyway.planner.kernels import hierarchy, memory, places, search, trees
+from skyway.planner.exact_task import Method, book_handle, closed_handle, required_before, task_of
+from skyway.planner.kernels import hierarchy as distances
+from skyway.planner.kernels import memory, places, search, trees
 from skyway.planner.kernels.handles import handle_of
 from skyway.planner.kernels.records import Search
 from skyway.planner.network_rows import rows_of
@@ -58,14 +59,14 @@ class ExactSearch:
         self._destinations = np.array([row_of[each] for each in situation.destinations], np.int32)
         self._source = row_of[situation.problem.source]
         self._start = row_of[situation.problem.start_station_id]
-        rows = rows_of(situation.network)
-        if situation.hierarchy is not None:
-            rows = situation.hierarchy.added_to(rows)
-        self._skyway = handle_of(rows)
-        self._closed = handle_of(closed_of(situation))
-        self._books = [handle_of(book_of(book)) for book in situation.books]
+        hierarchy = situation.hierarchy
+        self._skyway = (
+            handle_of(rows_of(situation.network)) if hierarchy is None else hierarchy.skyway
+        )
+        self._closed = closed_handle(situation)
+        self._books = [book_handle(book) for book in situation.books]
         trees_needed = len(self._destinations) + (self._start != self._source)
-        ranks = 0 if situation.hierarchy is None else len(situation.hierarchy.rank)
+        ranks = 0 if hierarchy is None else len(hierarchy.rank)
         self._memory = new_memory(trees_needed, ranks, room=room)
         self._notes = handle_of(self._memory)
         self._plant_trees()
@@ -151,7 +152,7 @@ class ExactSearch:
         if self._start != self._source:
             roots = np.append(roots, np.int32(self._source))
         if self._situation.hierarchy is not None:
-            hierarchy.root_all(self._skyway, self._notes, roots)
+            distances.root_all(self._skyway, self._notes, roots)
             self._memory.radius[:] = math.inf
             return
         while not trees.plant_all(

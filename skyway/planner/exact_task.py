@@ -3,6 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cache, lru_cache
 from typing import Literal
 
 import numpy as np
@@ -12,9 +13,10 @@ from skyway.ids import StationId
 from skyway.network.network import Network
 from skyway.planner.closures import Interval
 from skyway.planner.exact_bounds import bounds_of, legs_of
+from skyway.planner.kernels.handles import handle_of
 from skyway.planner.kernels.memory import Floats, Ints
 from skyway.planner.kernels.records import Book, Closed, Task
-from skyway.planner.pad_book import PadBook
+from skyway.planner.pad_book import NO_RESERVATIONS, PadBook
 from skyway.planner.situation import Situation
 from skyway.units import CHARGE_TOLERANCE, TIME_TOLERANCE_S
 
@@ -36,6 +38,30 @@ class Method:
 def book_of(book: PadBook) -> Book:
     """A pad book as the kernels read it."""
     return Book(book.station, book.pad, book.start_ms, book.end_ms, book.zero_ms)
+
+
+def book_handle(book: PadBook) -> Book:
+    """The same behind its handle; of books without reservations, which are many, there is one."""
+    return handle_of(book_of(book)) if len(book.station) else _empty_book()
+
+
+@cache
+def _empty_book() -> Book:
+    return handle_of(book_of(NO_RESERVATIONS))
+
+
+def closed_handle(situation: Situation) -> Closed:
+    """All closures behind their handle; where nothing is closed, as mostly, it is made once."""
+    first_station_key = len(situation.network.columns.length_m)
+    if situation.closures.intervals():
+        return handle_of(closed_of(situation))
+    return _nothing_closed(first_station_key)
+
+
+@lru_cache(maxsize=10)  # by the number of the network's segments
+def _nothing_closed(first_station_key: int) -> Closed:
+    nothing, never = np.empty(0, np.int64), np.empty(0)
+    return handle_of(Closed(nothing, np.zeros(1, np.int64), never, never, first_station_key))
 
 
 def closed_of(situation: Situation) -> Closed:

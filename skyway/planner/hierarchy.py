@@ -5,6 +5,7 @@ trees as far as each request reaches, which for local requests is as good.
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Self
 
 import numpy as np
@@ -18,7 +19,8 @@ from skyway.planner.kernels.records import Skyway
 from skyway.planner.network_rows import rows_of
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+# Without slots: what the kernels read is made once, for all problems.
+@dataclass(frozen=True, eq=False)
 class Hierarchy:
     """A contraction hierarchy of a network's segments by their length.
 
@@ -27,6 +29,7 @@ class Hierarchy:
     `down_length` are the metres to and from them.
     """
 
+    network: Network
     rank: Longs
     offsets: Longs
     above: Longs
@@ -41,14 +44,16 @@ class Hierarchy:
         stretch = np.cos(np.radians(columns.latitude_deg.mean())) if len(columns.pads) else 1.0
         rank = dissected(skyway, columns.longitude_deg * stretch, columns.latitude_deg)
         offsets, above = shortcuts(skyway, rank)
-        return cls(rank, offsets, above, *shortcut_lengths(skyway, rank, offsets, above))
+        return cls(network, rank, offsets, above, *shortcut_lengths(skyway, rank, offsets, above))
 
-    def added_to(self, rows: Skyway) -> Skyway:
-        """The network's rows, with this hierarchy for the kernels to use."""
-        return rows._replace(
+    @cached_property
+    def skyway(self) -> Skyway:
+        """The network with this hierarchy, as the kernels read it."""
+        rows = rows_of(self.network)._replace(
             rank=self.rank,
             above_offsets=self.offsets,
             above=self.above,
             up_length=self.up_length,
             down_length=self.down_length,
         )
+        return handle_of(rows)

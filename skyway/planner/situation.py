@@ -50,7 +50,9 @@ class Situation:
         hierarchy: Hierarchy | None = None,
     ) -> "Situation":
         """The situation of this problem, with reservations known beside its own."""
-        given = PadBook.of(problem.network, problem.pad_reservations)
+        given = NO_RESERVATIONS
+        if problem.pad_reservations:
+            given = PadBook.of(problem.network, problem.pad_reservations)
         return cls(problem, Closures.of(problem, airspace), (given, booked), hierarchy)
 
     @property

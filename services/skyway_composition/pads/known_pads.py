@@ -8,7 +8,7 @@ import numpy as np
 from skyway.ids import MissionId, NetworkId, StationId
 from skyway.network.columns import Rows
 from skyway.network.network import Network
-from skyway.planner.pad_book import PadBook
+from skyway.planner.pad_book import NO_RESERVATIONS, PadBook
 from skyway.runtime.database import Database
 from skyway_composition.pads.store import PadHeld, booked_at, booked_everywhere
 
@@ -54,7 +54,7 @@ class KnownPads:
         self._gap_ms = gap_ms
         self._held: list[PadHeld] = []
         #: Of the stations read so far, milliseconds since 1970.
-        self.book: PadBook = self._book_of(())
+        self.book: PadBook = self._book_of(()) if outages else NO_RESERVATIONS
 
     def knows(self, station_id: StationId) -> bool:
         """Whether this station has been read."""

@@ -62,7 +62,7 @@ def test_a_hierarchys_distances_are_dijkstras(stations: int) -> None:
     network = _network(stations, seed=stations)
     roots = sorted({0, stations // 2, stations - 1})
     hierarchy = Hierarchy.of(network)
-    skyway = handle_of(hierarchy.added_to(rows_of(network)))
+    skyway = hierarchy.skyway
     memory = new_memory(len(roots), stations)
     notes = handle_of(memory)
     root_all(skyway, notes, np.array(roots, np.int32))
