@@ -14,7 +14,9 @@ _CURVE = (ChargePoint(40, 0.05), ChargePoint(500, 0.6), ChargePoint(900, 0.8), C
 @pytest.fixture
 def curved(model: DroneModel) -> DroneModel:
     # Made anew: a copy would have the columns of the curve that the model was asked for before.
-    return DroneModel.model_validate({**model.model_dump(), "charge_curve": _CURVE})
+    return DroneModel.model_validate(
+        {**model.model_dump(), "charge_curve": _CURVE, "reserve_soc": 0.05}
+    )
 
 
 @pytest.fixture
