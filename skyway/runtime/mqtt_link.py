@@ -1,7 +1,6 @@
 """One connection to a broker: paho as a parser of packets, asyncio as its socket loop."""
 
 import asyncio
-import socket
 import ssl
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -14,6 +13,7 @@ from paho.mqtt.reasoncodes import ReasonCode
 from skyway.runtime.errors import MqttUnavailable
 from skyway.runtime.keepalive import next_look_s
 from skyway.runtime.mqtt_address import BrokerAddress
+from skyway.runtime.mqtt_socket import BufferedSocket
 
 if TYPE_CHECKING:
     from paho.mqtt.client import SocketLike
@@ -47,9 +47,9 @@ class Login:
 class _PahoClient(Client):
     """A paho client on a socket that asyncio has already connected (paho's own connect blocks)."""
 
-    opened: socket.socket
+    opened: BufferedSocket
 
-    def _create_socket(self) -> socket.socket:
+    def _create_socket(self) -> BufferedSocket:
         return self.opened
 
 
@@ -84,9 +84,8 @@ class MqttLink:
         paho.on_publish = lambda _c, _u, mid, _r, _p: self._acknowledged(mid)
         paho.on_message = self._arrived
         paho.on_socket_open = lambda _c, _u, sock: self._loop.add_reader(sock, self._read)
-        paho.on_socket_close = lambda _c, _u, sock: self._stop_reading(sock)
+        paho.on_socket_close = lambda _c, _u, sock: self._stop_watching(sock)
         paho.on_socket_register_write = lambda _c, _u, _s: self._write_soon()
-        paho.on_socket_unregister_write = lambda _c, _u, sock: self._stop_watching_writes(sock)
         return paho
 
     async def open(self, broker: BrokerAddress, tls: ssl.SSLContext | None = None) -> None:
@@ -99,7 +98,7 @@ class MqttLink:
         OSError
             Nobody listens there.
         """
-        self._paho.opened = await broker.open_socket(tls)
+        self._paho.opened = BufferedSocket(await broker.open_socket(tls))
         self._paho.connect(broker.host, broker.port, keepalive=self._keepalive_s)
         self._check_keepalive()
         await self._answer_to(_GREETING)
@@ -149,8 +148,7 @@ class MqttLink:
     def _close_socket(self) -> None:
         sock = self._paho.socket()
         if sock is not None:
-            self._stop_watching_writes(sock)
-            self._stop_reading(sock)
+            self._stop_watching(sock)
             sock.close()
 
     async def _answer_to(self, mid: int) -> None:
@@ -190,12 +188,14 @@ class MqttLink:
                 waiter.set_exception(MqttUnavailable(f"connection lost: {reason}"))
 
     def _read(self) -> None:
-        self._paho.loop_read()
-        sock = self._paho.socket()
-        # What TLS has decrypted already never shows as readable again.
-        while isinstance(sock, ssl.SSLSocket) and sock.fileno() != -1 and sock.pending():
-            self._paho.loop_read()
+        self._paho.opened.fill()
+        self._read_on()
+
+    def _read_on(self) -> None:
+        """Have paho read all that there is: the selector does not know of what is buffered."""
         self._heard_s = self._loop.time()
+        while self._paho.opened.has_unread and not self.lost.done():
+            self._paho.loop_read()
 
     def _write_soon(self) -> None:
         """Write once the present callback is done: packets made together leave together."""
@@ -204,18 +204,30 @@ class MqttLink:
     def _write(self) -> None:
         """Write at once; the selector is asked only when the socket takes no more."""
         self._paho.loop_write()
+        sock = self._paho.opened
+        if self._paho.socket() is None:
+            return
+        sock.flush()
         self._said_s = self._loop.time()
-        sock = self._paho.socket()
-        if self._paho.want_write() and sock is not None and not self._is_watching_writes:
-            self._is_watching_writes = True
-            self._loop.add_writer(sock, self._paho.loop_write)
+        if sock.has_unsent or self._paho.want_write():
+            self._watch_writes(sock)
+        else:
+            self._stop_watching_writes(sock)
+        if sock.has_unread:  # that the connection is lost
+            self._read_on()
 
-    def _stop_reading(self, sock: "SocketLike") -> None:
+    def _watch_writes(self, sock: BufferedSocket) -> None:
+        if not self._is_watching_writes:
+            self._is_watching_writes = True
+            self._loop.add_writer(sock, self._write)
+
+    def _stop_watching(self, sock: "SocketLike") -> None:
         if sock.fileno() != -1:
+            self._stop_watching_writes(sock)
             self._loop.remove_reader(sock)
 
     def _stop_watching_writes(self, sock: "SocketLike") -> None:
-        if self._is_watching_writes and sock.fileno() != -1:
+        if self._is_watching_writes:
             self._is_watching_writes = False
             self._loop.remove_writer(sock)
 
