@@ -27,7 +27,7 @@ from skyway_drone_agent.instructions.ack_queue import AckQueue
 from skyway_drone_agent.instructions.inbox import RAW_INSTRUCTIONS, Inbox
 from skyway_drone_agent.journal.flight_recorder import FlightRecorder
 from skyway_drone_agent.journal.journal import Journal
-from skyway_drone_agent.journal.waiting import wait_for_news
+from skyway_drone_agent.journal.waiting import NewsOrMoment
 from skyway_drone_agent.link.event_writer import EventWriter
 from skyway_drone_agent.link.link_watch import LinkWatch
 from skyway_drone_agent.link.presence import Presence
@@ -132,11 +132,11 @@ class DroneAgent:
         Until there is room on the disk for the session, the drone does as with a lost link.
         """
         recorder, clock = self._recorder, self._clock
-        news = recorder.watch()
-        while not recorder.has_session:
-            recorder.make_room()
-            pause = fleet_margin(clock, fleet_s=0.0, wall_s=_ROOM_EVERY_S)
-            await wait_for_news(news, clock, until=clock.now() + pause)
+        with NewsOrMoment(recorder.watch(), clock) as room:
+            while not recorder.has_session:
+                recorder.make_room()
+                pause = fleet_margin(clock, fleet_s=0.0, wall_s=_ROOM_EVERY_S)
+                await room.wait(until=clock.now() + pause)
         await linked.enter_async_context(self._link)
 
     async def _fly(self, instructions: AsyncIterator[list[Received[Any]]], loops: Loops) -> Never:

@@ -25,7 +25,7 @@ from skyway_drone_agent.failsafes.rescue import Rescue
 from skyway_drone_agent.journal.flight_recorder import FlightRecorder
 from skyway_drone_agent.journal.records import FaultEnded, HealthLearned
 from skyway_drone_agent.journal.under_way import run_under_way
-from skyway_drone_agent.journal.waiting import wait_for_news
+from skyway_drone_agent.journal.waiting import NewsOrMoment
 from skyway_drone_agent.link.event_writer import EventWriter
 from skyway_drone_agent.link.link_watch import LinkWatch
 from skyway_drone_agent.vehicles.vehicle import Vehicle
@@ -68,21 +68,22 @@ class Guard:
         self._cloud = cloud
         self._rescue = Rescue(recorder, vehicle, events)
         self._reserve_soc = vehicle.model.reserve_soc
-        self._news = recorder.watch()
+        self._begins = NewsOrMoment(recorder.watch(), clock)
         self._watch = FaultWatch(recorder.logbook.faults)
         self._cleared_at = clock.now()
         self.faults = recorder.logbook.faults
 
     async def run(self) -> Never:
         """Look out for ever."""
-        while True:
-            self.look()
-            due_at = self._clock.now() + self._pause()
-            if situation_of(self._recorder.logbook) is Situation.FLYING:
-                await self._clock.sleep_until(due_at)
-            else:
-                # A take-off is news, and so is whatever else begins.
-                await wait_for_news(self._news, self._clock, until=due_at)
+        with self._begins:
+            while True:
+                self.look()
+                due_at = self._clock.now() + self._pause()
+                if situation_of(self._recorder.logbook) is Situation.FLYING:
+                    await self._clock.sleep_until(due_at)
+                else:
+                    # A take-off is news, and so is whatever else begins.
+                    await self._begins.wait(until=due_at)
 
     def _pause(self) -> timedelta:
         """How long the drone may be left alone, unless there is news."""

@@ -18,7 +18,7 @@ from skyway_drone_agent.journal.flight_recorder import FlightRecorder
 from skyway_drone_agent.journal.journal import JournalUnwritable
 from skyway_drone_agent.journal.records import StepBegun
 from skyway_drone_agent.journal.under_way import run_under_way
-from skyway_drone_agent.journal.waiting import wait_for_end_or_news, wait_for_news
+from skyway_drone_agent.journal.waiting import NewsOrMoment, wait_for_end_or_news
 from skyway_drone_agent.link.event_writer import EventWriter
 from skyway_drone_agent.vehicles.vehicle import Outcome, StepRun, Vehicle
 
@@ -47,19 +47,21 @@ class Pilot:
         self._consumption_factor = consumption_factor
         self._events = events
         self._news = recorder.watch()
+        self._standing = NewsOrMoment(self._news, clock)
         self._started_at = clock.now()
         #: The step that an earlier agent had begun: it may have ended unseen.
         self._left_behind = run_under_way(recorder.logbook)
 
     async def run(self) -> Never:
         """Fly for ever."""
-        while True:
-            try:
-                await self._act()
-            except JournalUnwritable:
-                # What is not written is not begun.
-                pause = fleet_margin(self._clock, fleet_s=_WRITE_AGAIN_S, wall_s=_WRITE_AGAIN_S)
-                await wait_for_news(self._news, self._clock, until=self._clock.now() + pause)
+        with self._standing:
+            while True:
+                try:
+                    await self._act()
+                except JournalUnwritable:
+                    # What is not written is not begun.
+                    pause = fleet_margin(self._clock, fleet_s=_WRITE_AGAIN_S, wall_s=_WRITE_AGAIN_S)
+                    await self._standing.wait(until=self._clock.now() + pause)
 
     async def _act(self) -> None:
         act = next_act(
@@ -72,7 +74,7 @@ class Pilot:
         )
         match act:
             case Stand(until=until):
-                await wait_for_news(self._news, self._clock, until=until)
+                await self._standing.wait(until=until)
             case Begin():
                 self._begin(act)
             case StepRun():

@@ -10,7 +10,7 @@ from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.runtime.errors import MqttUnavailable
 from skyway_drone_agent.analysis.lookout import Lookout
 from skyway_drone_agent.journal.flight_recorder import FlightRecorder
-from skyway_drone_agent.journal.waiting import wait_for_news
+from skyway_drone_agent.journal.waiting import NewsOrMoment
 from skyway_drone_agent.link.uplink import Uplink
 from skyway_drone_agent.reports.snapshot import snapshot_of
 
@@ -109,16 +109,17 @@ class StateSender:
     async def run(self) -> None:
         """Send for ever."""
         last: DroneState | None = None
-        while True:
-            await self._rest_told()
-            self._news.clear()
-            state = self._state()
-            if self._is_due or last is None or _meaning(state) != _meaning(last):
-                self._is_due = False
-                last = await self._sent(state)
-            due_at = last.at + fleet_margin(self._clock, fleet_s=0.0, wall_s=STATE_EVERY_S)
-            await wait_for_news(self._news, self._clock, until=due_at)
-            self._is_due = self._is_due or self._clock.now() >= due_at
+        with NewsOrMoment(self._news, self._clock) as change:
+            while True:
+                await self._rest_told()
+                self._news.clear()
+                state = self._state()
+                if self._is_due or last is None or _meaning(state) != _meaning(last):
+                    self._is_due = False
+                    last = await self._sent(state)
+                due_at = last.at + fleet_margin(self._clock, fleet_s=0.0, wall_s=STATE_EVERY_S)
+                await change.wait(until=due_at)
+                self._is_due = self._is_due or self._clock.now() >= due_at
 
     async def _sent(self, state: DroneState) -> DroneState:
         """Send until the broker has it, each time as it is then."""
