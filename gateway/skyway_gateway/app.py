@@ -101,7 +101,7 @@ class Parts:
     targets: Targets
     post: WebhookPost
     sender: WebhookSender
-    queued: Wake
+    booking: BookingLoop
 
     @property
     def booker(self) -> Booker:
@@ -114,7 +114,6 @@ class Parts:
             self.writer,
             self.clock,
             mint,
-            self.queued,
         )
 
     @property
@@ -130,7 +129,7 @@ class Parts:
     @property
     def follower(self) -> Follower:
         """Applies mission reports."""
-        return Follower(self.db, self.writer, self.clock, self.queued)
+        return Follower(self.db, self.writer, self.clock, self.booking.queued)
 
     @property
     def quote_maker(self) -> QuoteMaker:
@@ -147,7 +146,7 @@ class Parts:
     @property
     def acceptance(self) -> Acceptance:
         """Accepts delivery requests."""
-        return Acceptance(self.db, self.checks, self.writer, self.clock, mint, self.queued)
+        return Acceptance(self.db, self.checks, self.writer, self.clock, mint, self.booking)
 
     @property
     def checks(self) -> Checks:
@@ -232,8 +231,7 @@ def build_app(settings: GatewaySettings) -> FastAPI:
             loops.start("reports", ReportSender(parts.db, told, parts.clock).run())
             loops.start("webhooks", parts.sender.run())
             loops.start("networks", parts.networks.run(mqtt))
-            booking = BookingLoop(parts.booker, most=settings.bookings_at_once)
-            loops.start("booking", booking.run())
+            loops.start("booking", parts.booking.run(parts.booker))
             loops.start("clock", repeat("clock", tell_time, every_s=CLOCK_EVERY_S))
             _start_sweeping(loops, parts)
             yield
@@ -326,7 +324,7 @@ def build_parts(
         targets=targets,
         post=post,
         sender=WebhookSender(db, post, told, clock, mint),
-        queued=Wake(),
+        booking=BookingLoop(Wake(), most=settings.bookings_at_once),
     )
 
 

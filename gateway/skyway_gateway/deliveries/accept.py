@@ -5,6 +5,7 @@ The row is the queue: once it is written, `book` finds it, whoever dies meanwhil
 
 from dataclasses import dataclass
 from datetime import datetime
+from functools import partial
 
 from skyway.contracts.delivery_event import DeliveryEventType
 from skyway.contracts.mission import OfferLimits
@@ -13,18 +14,20 @@ from skyway.errors import SkywayError
 from skyway.geo import Position
 from skyway.ids import DeliveryId, OfferId, QuoteId, SubjectId
 from skyway.json_model import JsonModel
+from skyway.runtime.claims import FREE
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database, Tx
 from skyway.runtime.idempotency import Answer, once
 from skyway.runtime.identity import Caller
-from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
 from skyway.runtime.tracing import current_traceparent
 from skyway_gateway.deliveries import told
+from skyway_gateway.deliveries.booking_loop import BookingLoop
 from skyway_gateway.deliveries.delivery import Custodian, Delivery, Flags, PackageStatus
 from skyway_gateway.deliveries.known import Known
 from skyway_gateway.deliveries.patience import give_up_at
 from skyway_gateway.deliveries.rows import Queued
+from skyway_gateway.deliveries.store import held_by
 from skyway_gateway.deliveries.writing import DeliveryWriter
 from skyway_gateway.notifications.events import Happening
 from skyway_gateway.quotes.checks import Checks
@@ -49,14 +52,14 @@ class _Checked:
 
 @dataclass(frozen=True, slots=True)
 class Acceptance:
-    """Accepts requests; `queued` is set when there is one to book."""
+    """Accepts requests, and hands them to the loop that books them."""
 
     db: Database
     checks: Checks
     writer: DeliveryWriter
     clock: FleetClock
     mint: Mint
-    queued: Wake
+    booking: BookingLoop
 
     async def accept(
         self,
@@ -137,8 +140,10 @@ class Acceptance:
         requested = Happening(DeliveryEventType.REQUESTED, now, told.requested(delivery))
         known = Known(delivery, version=1, last_sequence=1)
         queued = Queued(known, checked.position, give_up, current_traceparent())
-        self.writer.add(tx, queued, requested)
-        tx.after_commit(self.queued.set)
+        is_ours = self.booking.is_free
+        claim = held_by(self.mint("bkr"), self.clock) if is_ours else FREE
+        self.writer.add(tx, queued, requested, claim=claim)
+        tx.after_commit(partial(self.booking.begin, queued) if is_ours else self.booking.queued.set)
         return delivery
 
 

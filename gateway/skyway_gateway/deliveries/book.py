@@ -19,7 +19,6 @@ from skyway.contracts.shortlist import Candidates
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database, Tx
 from skyway.runtime.errors import RemoteProblem, ServiceUnavailable
-from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
 from skyway.runtime.tracing import tracing
 from skyway_gateway.clients import CANCELLATIONS_PATH, Composition, Registry
@@ -42,7 +41,7 @@ _RETRY_S: Final = (0.5, 3.0)
 
 @dataclass(frozen=True, slots=True)
 class Booker:
-    """Books queued deliveries; `queued` is set when there is a new one."""
+    """Books queued deliveries."""
 
     db: Database
     registry: Registry
@@ -51,7 +50,6 @@ class Booker:
     writer: DeliveryWriter
     clock: FleetClock
     mint: Mint
-    queued: Wake
     chance: random.Random = field(default_factory=random.SystemRandom)
 
     async def claim(self, *, limit: int) -> Sequence[Queued]:

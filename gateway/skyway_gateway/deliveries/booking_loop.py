@@ -4,7 +4,7 @@ import asyncio
 import logging
 from typing import Final, Never
 
-from skyway.runtime.loops import repeat
+from skyway.runtime.loops import Wake, repeat
 from skyway.runtime.metrics import count
 from skyway_gateway.deliveries.book import Booker
 from skyway_gateway.deliveries.rows import Queued
@@ -16,46 +16,64 @@ _LOOK_EVERY_S: Final = 0.5
 
 
 class BookingLoop:
-    """Claims what is due, `most` at a time, and books each on its own: none waits for a slow one.
+    """Books what it is handed, and what it finds due; each on its own: none waits for a slow one.
 
-    One look claims for all: a worker for each booking would look, and commit, as often as there
-    are workers.
+    As a rule a delivery is booked by the process that accepts it, which claims it in the row that
+    it adds: nobody need look for it. One look claims all else, `most` at a time: a worker for each
+    booking would look, and commit, as often as there are workers.
     """
 
-    def __init__(self, booker: Booker, *, most: int) -> None:
-        self._booker = booker
+    def __init__(self, queued: Wake, *, most: int) -> None:
+        self.queued = queued
         self._most = most
+        self._booker: Booker | None = None
+        self._group = asyncio.TaskGroup()
         self._under_way: set[asyncio.Task[None]] = set()
+        self._is_behind = False
 
-    async def run(self) -> Never:
+    @property
+    def is_free(self) -> bool:
+        """Whether to hand over what is accepted: not while something older may be waiting."""
+        has_room = len(self._under_way) < self._most
+        return self._booker is not None and has_room and not self._is_behind
+
+    async def run(self, booker: Booker) -> Never:
         """Book for ever."""
-        async with asyncio.TaskGroup() as group:
-            await repeat(
-                "book",
-                lambda: self._step(group),
-                every_s=_LOOK_EVERY_S,
-                wake=self._booker.queued,
-            )
+        async with self._group:
+            self._booker = booker
+            try:
+                await repeat(
+                    "book", lambda: self._step(booker), every_s=_LOOK_EVERY_S, wake=self.queued
+                )
+            finally:
+                self._booker = None
 
-    async def _step(self, group: asyncio.TaskGroup) -> bool:
+    def begin(self, queued: Queued) -> None:
+        """Book a delivery that is ours; whoever is handed one as the process ends lets it be."""
+        if self._booker is not None:
+            task = self._group.create_task(self._book(self._booker, queued))
+            self._under_way.add(task)
+            task.add_done_callback(self._finished)
+
+    async def _step(self, booker: Booker) -> bool:
         """Begin to book what is due; False, since whoever queues or finishes wakes the loop."""
-        free = self._most - len(self._under_way)
-        if free:
-            for queued in await self._booker.claim(limit=free):
-                task = group.create_task(self._book(queued))
-                self._under_way.add(task)
-                task.add_done_callback(self._finished)
+        free = max(0, self._most - len(self._under_way))
+        self._is_behind = True  # until all that is due was claimed
+        due = await booker.claim(limit=free) if free else []
+        for queued in due:
+            self.begin(queued)
+        self._is_behind = len(due) == free
         return False
 
     def _finished(self, task: asyncio.Task[None]) -> None:
-        if len(self._under_way) == self._most:  # more may be due than could be claimed
-            self._booker.queued.set()
         self._under_way.discard(task)
+        if self._is_behind:
+            self.queued.set()
 
-    async def _book(self, queued: Queued) -> None:
+    async def _book(self, booker: Booker, queued: Queued) -> None:
         """Book one; whatever goes wrong, its claim runs out."""
         try:
-            await self._booker.book_or_retry(queued)
+            await booker.book_or_retry(queued)
         except Exception:
             count("skyway_loop_failures", "steps of loops that failed", loop="book")
             log.exception("booking failed", extra={"delivery_id": queued.delivery.delivery_id})

@@ -4,7 +4,7 @@ Any, for rows: their columns are of every type.
 """
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 from functools import cache
 from typing import Any, Final
@@ -115,12 +115,18 @@ _HAND_OVER: Final = Consequence(custody, packages, _links_of)
 _REPORTED: Final = select(missions.c.report_seq).where(missions.c.mission_id == bindparam("this"))
 
 
-def add(tx: Tx, queued: Queued) -> None:
+def add(tx: Tx, queued: Queued, *, claim: Mapping[str, object]) -> None:
     """Keep a new delivery: from now on it is in the queue, and its packages are in custody."""
     delivery = queued.delivery
-    tx.add(deliveries, [rows.new_delivery(queued)])
+    tx.add(deliveries, [{**rows.new_delivery(queued), **claim}])
     tx.add(packages, rows.new_packages(delivery))
     tx.add(custody, [rows.first_custody_row(delivery, each) for each in delivery.packages])
+
+
+def held_by(claimant: str, clock: FleetClock) -> rows.Values:
+    """The columns of a row that is claimed as it is added, for as long as by `claim_queued`."""
+    until_ms = moment_to_ms(clock.wall_now()) + int(_LEASE_S * 1000)
+    return {"claimed_by": claimant, "claimed_until_ms": until_ms}
 
 
 async def claim_queued(

@@ -1,6 +1,6 @@
 """The one way to write a delivery: as it is now, together with what is told of it."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
@@ -37,9 +37,9 @@ class DeliveryWriter:
             if progress is not None:
                 self.keep(tx, now, progress)
 
-    def add(self, tx: Tx, queued: Queued, first: Happening) -> None:
-        """Keep a delivery that was just accepted, and tell it."""
-        store.add(tx, queued)
+    def add(self, tx: Tx, queued: Queued, first: Happening, *, claim: Mapping[str, object]) -> None:
+        """Keep a delivery that was just accepted, claimed or not, and tell it."""
+        store.add(tx, queued, claim=claim)
         self._tell(tx, queued.known, [first], after=0)
 
     def keep(

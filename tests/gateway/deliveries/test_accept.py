@@ -1,12 +1,17 @@
 """Accepting requests: what is wrong is named with field and limit, and never a 500."""
 
+import asyncio
 from collections.abc import Callable
+from dataclasses import replace
 from datetime import timedelta
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from skyway.contracts.candidate import PayloadLimit
+from skyway.delivery.request import DeliveryRequest
+from skyway.runtime.identity import Caller
 
 Change = Callable[[dict[str, Any]], object]
 
@@ -263,3 +268,51 @@ async def test_packages_that_are_too_heavy_together_are_accepted(
     for package in body["packages"]:
         package["mass_kg"] = 5.0
     assert (await gateway.post(body)).status_code == 202
+
+
+async def test_what_this_process_books_itself_is_claimed_for_as_long_as_it_may_take(
+    gateway_on_both: Any, request_body: Any
+) -> None:
+    """Nobody else looks at it meanwhile; when the process is killed first, somebody does later."""
+    gateway = gateway_on_both
+    handed: list[Any] = []
+    booking = SimpleNamespace(is_free=True, begin=handed.append)
+    acceptance = replace(gateway.parts.acceptance, booking=booking)
+
+    for _ in range(2):  # the second is the first, repeated
+        await acceptance.accept(
+            Caller(role="customer", subject_id="alice"),
+            DeliveryRequest.model_validate(request_body()),
+            idempotency_key="once",
+            body=b"",
+        )
+
+    [queued] = handed
+    assert await gateway.parts.booker.claim(limit=9) == []
+    gateway.clock.advance(timedelta(seconds=26))
+    [found] = await gateway.parts.booker.claim(limit=9)
+    assert found == queued
+    await gateway.parts.booker.book(queued)
+    delivery_id = queued.delivery.delivery_id
+    assert await gateway.told(delivery_id) == ["delivery.requested", "delivery.planned"]
+    assert await gateway.parts.booker.claim(limit=9) == []
+
+
+async def test_a_running_loop_books_what_is_accepted_without_looking_for_it(gateway: Any) -> None:
+    async def find_nothing(*, limit: int) -> list[Any]:
+        return []
+
+    booking, booker = gateway.parts.booking, gateway.parts.booker
+    blind = SimpleNamespace(claim=find_nothing, book_or_retry=booker.book_or_retry)
+    running = asyncio.create_task(booking.run(blind))
+    try:
+        async with asyncio.timeout(20):
+            while not booking.is_free:  # noqa: ASYNC110 - it is the loop that begins
+                await asyncio.sleep(0)
+            delivery_id = await gateway.accepted()
+            while not gateway.composition.booked:  # noqa: ASYNC110 - the same
+                await asyncio.sleep(0)
+    finally:
+        running.cancel()
+        await asyncio.gather(running, return_exceptions=True)
+    assert [delivery for delivery, _ in gateway.composition.booked] == [delivery_id]

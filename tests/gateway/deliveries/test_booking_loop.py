@@ -26,7 +26,7 @@ class Booker:
     async def claim(self, *, limit: int) -> list[Any]:
         self.looks += 1
         taken, self.waiting = self.waiting[:limit], self.waiting[limit:]
-        return [SimpleNamespace(delivery=SimpleNamespace(delivery_id=name)) for name in taken]
+        return [_queued(name) for name in taken]
 
     async def book_or_retry(self, queued: Any) -> None:
         name = queued.delivery.delivery_id
@@ -52,8 +52,19 @@ def until() -> Until:
     return wait
 
 
-async def _run(booker: Booker, most: int, test: Callable[[], Awaitable[None]]) -> None:
-    running = asyncio.create_task(BookingLoop(booker, most=most).run())  # type: ignore[arg-type]
+def _queued(name: str) -> Any:
+    return SimpleNamespace(delivery=SimpleNamespace(delivery_id=name))
+
+
+async def _run(
+    booker: Booker,
+    most: int,
+    test: Callable[[], Awaitable[None]],
+    *,
+    loop: BookingLoop | None = None,
+) -> None:
+    loop = loop or BookingLoop(booker.queued, most=most)
+    running = asyncio.create_task(loop.run(booker))  # type: ignore[arg-type]
     try:
         await test()
     finally:
@@ -106,3 +117,48 @@ async def test_one_look_claims_all_that_is_due(until: Until) -> None:
         assert booker.looks == 1
 
     await _run(booker, 8, test)
+
+
+async def test_what_is_handed_over_is_booked_without_a_look(until: Until) -> None:
+    booker = Booker([])
+    loop = BookingLoop(booker.queued, most=2)
+    assert not loop.is_free
+
+    async def test() -> None:
+        await until(lambda: loop.is_free)
+        loop.begin(_queued("a"))
+        await until(lambda: booker.booked == ["a"])
+        assert booker.looks == 1
+
+    await _run(booker, 2, test, loop=loop)
+    assert not loop.is_free
+    loop.begin(_queued("late"))
+    assert booker.booked == ["a"]
+
+
+async def test_nothing_is_handed_over_while_older_deliveries_wait(until: Until) -> None:
+    booker = Booker(["slow 1", "slow 2", "slow 3"])
+    loop = BookingLoop(booker.queued, most=2)
+
+    async def test() -> None:
+        await until(lambda: len(booker.under_way) == 2)
+        assert not loop.is_free
+        booker.gate.set()
+        await until(lambda: len(booker.booked) == 3)
+        await until(lambda: loop.is_free)
+
+    await _run(booker, 2, test, loop=loop)
+
+
+async def test_the_most_may_be_handed_over_and_no_more(until: Until) -> None:
+    booker = Booker([])
+    loop = BookingLoop(booker.queued, most=2)
+
+    async def test() -> None:
+        await until(lambda: loop.is_free)
+        loop.begin(_queued("slow 1"))
+        assert loop.is_free
+        loop.begin(_queued("slow 2"))
+        assert not loop.is_free
+
+    await _run(booker, 2, test, loop=loop)
