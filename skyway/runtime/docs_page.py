@@ -3,10 +3,11 @@
 from importlib.resources import as_file, files
 from typing import Final
 
-from fastapi import APIRouter, Request, Response
+from fastapi import Request, Response
 from fastapi.openapi.docs import get_swagger_ui_html
 
 from skyway.runtime.errors import NotFound
+from skyway.runtime.service_router import ServiceRouter
 
 _ASSETS: Final = {
     "swagger-ui-bundle.js": "text/javascript",
@@ -16,7 +17,7 @@ _ASSETS: Final = {
 #: The browser itself refuses what is not ours; the page's own script and styles are inline.
 _ONLY_OURS: Final = "default-src 'self' 'unsafe-inline'; img-src 'self' data:"
 
-router = APIRouter(include_in_schema=False)
+router = ServiceRouter(include_in_schema=False)
 
 
 @router.get("/docs")

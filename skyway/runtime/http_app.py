@@ -6,18 +6,19 @@ from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from importlib.metadata import version
 from typing import Any, Final
 
-from fastapi import APIRouter, Depends, FastAPI, Response
+from fastapi import FastAPI, Response
 from fastapi.responses import PlainTextResponse
 from starlette.middleware import Middleware
 
 from skyway.json_model import JsonModel
 from skyway.runtime import docs_page
 from skyway.runtime.errors import ServiceUnavailable
-from skyway.runtime.json_bodies import internal_body, read_json, refuse_unstorable_json
+from skyway.runtime.json_bodies import internal_body, read_json
 from skyway.runtime.metrics import exposition
 from skyway.runtime.openapi_document import complete_document
 from skyway.runtime.problems import install_problems
 from skyway.runtime.request_boundary import BodyLimit, RequestBoundary, body_limits
+from skyway.runtime.service_router import ServiceRouter
 
 __all__ = ["Health", "Readiness", "body_limits", "create_app", "internal_body", "read_json"]
 
@@ -51,7 +52,7 @@ def create_app(
     service: str,
     title: str,
     description: str,
-    routers: Sequence[APIRouter],
+    routers: Sequence[ServiceRouter],
     lifespan: Lifespan,
     readiness: Readiness,
     body_limit: BodyLimit | None = None,
@@ -68,7 +69,6 @@ def create_app(
         description=description,
         version=version("skyway"),
         lifespan=lifespan,
-        dependencies=[Depends(refuse_unstorable_json)],
         docs_url=None,
         redoc_url=None,
         redirect_slashes=False,
@@ -77,12 +77,12 @@ def create_app(
     )
     install_problems(app)
     for router in (*routers, _health_routes(service, readiness), docs_page.router):
-        app.include_router(router)
+        app.routes.extend(router.routes)
     return app
 
 
-def _health_routes(service: str, readiness: Readiness) -> APIRouter:
-    router = APIRouter(tags=["service"])
+def _health_routes(service: str, readiness: Readiness) -> ServiceRouter:
+    router = ServiceRouter(tags=("service",))
 
     @router.get("/healthz")
     async def healthz() -> Health:

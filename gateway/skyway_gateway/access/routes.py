@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Header, Query, Request, Response
+from fastapi import Depends, Header, Query, Request, Response
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 
 from skyway.contracts.drone_key import DRONE_KEY_PREFIX
@@ -11,6 +11,7 @@ from skyway.runtime.database import Database
 from skyway.runtime.errors import Unauthenticated
 from skyway.runtime.identity import Caller
 from skyway.runtime.paging import Page, PageQuery, page_of
+from skyway.runtime.service_router import ServiceRouter
 from skyway_gateway.access import store
 from skyway_gateway.access.drone_keys import DroneKeys
 from skyway_gateway.access.key import ApiKey, IssuedKey, KeyRole, NewKey
@@ -52,9 +53,9 @@ class KeyListQuery(PageQuery):
     subject_id: SubjectId | None = None
 
 
-def key_routes(*, db: Database, gate: KeyGate, keys: Keys) -> APIRouter:
+def key_routes(*, db: Database, gate: KeyGate, keys: Keys) -> ServiceRouter:
     """POST, GET and DELETE /v1/keys; operators only."""
-    router = APIRouter(tags=["keys"])
+    router = ServiceRouter(tags=("keys",))
 
     @router.post("/v1/keys", status_code=201, response_model=IssuedKey)
     async def issue_key(

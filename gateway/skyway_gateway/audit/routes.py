@@ -2,13 +2,14 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Query
+from fastapi import Depends, Query
 from pydantic import Field
 
 from skyway.ids import SubjectId
 from skyway.runtime.database import Database
 from skyway.runtime.identity import Caller
 from skyway.runtime.paging import Page, PageQuery, page_of
+from skyway.runtime.service_router import ServiceRouter
 from skyway_gateway.access.key import KeyRole
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.audit import store
@@ -24,9 +25,9 @@ class AuditQuery(PageQuery):
     path: Annotated[str | None, Field(min_length=1, max_length=LONGEST_PATH)] = None
 
 
-def audit_routes(*, db: Database, gate: KeyGate) -> APIRouter:
+def audit_routes(*, db: Database, gate: KeyGate) -> ServiceRouter:
     """GET /v1/audit."""
-    router = APIRouter(tags=["audit"])
+    router = ServiceRouter(tags=("audit",))
 
     @router.get("/v1/audit")
     async def list_entries(

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Annotated
 
-from fastapi import APIRouter, Body, Depends, Header, Request, Response
+from fastapi import Body, Depends, Header, Request, Response
 from pydantic import Discriminator, Tag
 
 from skyway.contracts.mission import MissionReport
@@ -16,6 +16,7 @@ from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId
 from skyway.runtime.http_app import internal_body
 from skyway.runtime.identity import Caller, ServiceGate
+from skyway.runtime.service_router import ServiceRouter
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.deliveries.accept import Acceptance, OfferChoice
 from skyway_gateway.deliveries.cancel import Canceller, CancelRequest
@@ -35,9 +36,11 @@ RequestOrOffer = Annotated[
 ]
 
 
-def delivery_routes(*, gate: KeyGate, acceptance: Acceptance, canceller: Canceller) -> APIRouter:
+def delivery_routes(
+    *, gate: KeyGate, acceptance: Acceptance, canceller: Canceller
+) -> ServiceRouter:
     """POST /v1/deliveries, and what a customer changes of them later."""
-    router = APIRouter(tags=["deliveries"])
+    router = ServiceRouter(tags=("deliveries",))
 
     @router.post("/v1/deliveries", status_code=202, response_model=Delivery)
     async def request_delivery(
@@ -68,9 +71,9 @@ def delivery_routes(*, gate: KeyGate, acceptance: Acceptance, canceller: Cancell
     return router
 
 
-def report_routes(*, gate: ServiceGate, follower: Follower) -> APIRouter:
+def report_routes(*, gate: ServiceGate, follower: Follower) -> ServiceRouter:
     """POST /internal/mission-reports and /internal/mission-reports/many."""
-    router = APIRouter(tags=["internal"])
+    router = ServiceRouter(tags=("internal",))
 
     @router.post(MISSION_REPORTS, status_code=204)
     async def take_report(

@@ -5,7 +5,7 @@ from collections.abc import Awaitable, Callable, Mapping
 from http import HTTPStatus
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends, Header, Request, Response
+from fastapi import Depends, Header, Request, Response
 from fastapi.responses import StreamingResponse
 
 from skyway.ids import SubjectId
@@ -16,6 +16,7 @@ from skyway.runtime.errors import NotFound
 from skyway.runtime.http import ServiceClient
 from skyway.runtime.idempotency import Answer, once
 from skyway.runtime.identity import Caller
+from skyway.runtime.service_router import ServiceRouter
 from skyway_gateway.access.keys import Keys
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.forward.table import FORWARDED, Forwarded
@@ -23,9 +24,9 @@ from skyway_gateway.forward.table import FORWARDED, Forwarded
 _PROVIDERS = "/v1/providers"
 
 
-def forward_routes(*, gate: KeyGate, clients: Mapping[str, ServiceClient]) -> APIRouter:
+def forward_routes(*, gate: KeyGate, clients: Mapping[str, ServiceClient]) -> ServiceRouter:
     """Every row of the table."""
-    router = APIRouter()
+    router = ServiceRouter()
     for row in FORWARDED:
         router.add_api_route(
             row.path,
@@ -63,9 +64,9 @@ def _handler(
 
 def provider_routes(
     *, db: Database, gate: KeyGate, registry: ServiceClient, keys: Keys, clock: FleetClock
-) -> APIRouter:
+) -> ServiceRouter:
     """POST /v1/providers: forwarded, then `access` adds the provider's key."""
-    router = APIRouter(tags=["registry"])
+    router = ServiceRouter(tags=("registry",))
 
     @router.post(
         _PROVIDERS,

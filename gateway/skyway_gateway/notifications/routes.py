@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Header, Query, Request, Response
+from fastapi import Depends, Header, Query, Request, Response
 
 from skyway.ids import SubjectId, WebhookId
 from skyway.runtime.clock import AnchoredClock, FleetClock
@@ -11,6 +11,7 @@ from skyway.runtime.idempotency import Answer, once
 from skyway.runtime.identity import Caller
 from skyway.runtime.minting import Mint
 from skyway.runtime.paging import Page, PageQuery, page_of
+from skyway.runtime.service_router import ServiceRouter
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.notifications import store
 from skyway_gateway.notifications.fleet_time import FleetTime, fleet_time
@@ -28,9 +29,9 @@ from skyway_gateway.notifications.webhook import (
 )
 
 
-def clock_routes(*, gate: KeyGate, anchor: AnchoredClock) -> APIRouter:
+def clock_routes(*, gate: KeyGate, anchor: AnchoredClock) -> ServiceRouter:
     """GET /v1/clock."""
-    router = APIRouter(tags=["clock"])
+    router = ServiceRouter(tags=("clock",))
 
     @router.get("/v1/clock")
     async def get_clock(_caller: Annotated[Caller, Depends(gate)]) -> FleetTime:
@@ -48,9 +49,9 @@ def webhook_routes(
     sender: WebhookSender,
     clock: FleetClock,
     mint: Mint,
-) -> APIRouter:
+) -> ServiceRouter:
     """/v1/webhooks: POST, GET, PATCH, DELETE, and `/test`, `/attempts`, `/replay` of each."""
-    router = APIRouter(tags=["webhooks"])
+    router = ServiceRouter(tags=("webhooks",))
 
     @router.post("/v1/webhooks", status_code=201, response_model=IssuedWebhook)
     async def add_webhook(

@@ -2,21 +2,22 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Header, Request, Response
+from fastapi import Depends, Header, Request, Response
 
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import QuoteId
 from skyway.runtime.database import Database
 from skyway.runtime.identity import Caller
+from skyway.runtime.service_router import ServiceRouter
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.quotes import store
 from skyway_gateway.quotes.make import QuoteMaker
 from skyway_gateway.quotes.quote import Quote
 
 
-def quote_routes(*, db: Database, gate: KeyGate, maker: QuoteMaker) -> APIRouter:
+def quote_routes(*, db: Database, gate: KeyGate, maker: QuoteMaker) -> ServiceRouter:
     """POST /v1/quotes and GET /v1/quotes/{quote_id}."""
-    router = APIRouter(tags=["quotes"])
+    router = ServiceRouter(tags=("quotes",))
 
     @router.post("/v1/quotes", status_code=201, response_model=Quote)
     async def request_quote(

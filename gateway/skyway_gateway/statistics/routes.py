@@ -2,22 +2,23 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Query
+from fastapi import Depends, Query
 
 from skyway.ids import ProviderId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database
 from skyway.runtime.errors import NotFound
 from skyway.runtime.identity import Caller
+from skyway.runtime.service_router import ServiceRouter
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.statistics import store
 from skyway_gateway.statistics.deliveries import DeliveryQuery, DeliveryStatistics, statistics
 from skyway_gateway.statistics.store import Wanted
 
 
-def statistics_routes(*, db: Database, gate: KeyGate, clock: FleetClock) -> APIRouter:
+def statistics_routes(*, db: Database, gate: KeyGate, clock: FleetClock) -> ServiceRouter:
     """GET /v1/stats/deliveries."""
-    router = APIRouter(tags=["statistics"])
+    router = ServiceRouter(tags=("statistics",))
 
     @router.get("/v1/stats/deliveries")
     async def delivery_statistics(

@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Query
+from fastapi import Depends, Query
 from pydantic import Field
 
 from skyway.contracts.drone_health import AlarmLevel
@@ -13,6 +13,7 @@ from skyway.runtime.database import Database
 from skyway.runtime.errors import NotFound
 from skyway.runtime.identity import Caller, ServiceGate
 from skyway.runtime.paging import Page, PageQuery, page_of
+from skyway.runtime.service_router import ServiceRouter
 from skyway.units import moment_to_ms
 from skyway_composition.alarms import store
 from skyway_composition.alarms.alarm import Alarm, AlarmState
@@ -33,9 +34,9 @@ class Acknowledgement(JsonModel):
     note: Annotated[str | None, Field(max_length=1_000)] = None
 
 
-def alarm_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> APIRouter:
+def alarm_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> ServiceRouter:
     """GET /v1/alarms and POST /v1/alarms/{alarm_id}/acknowledgements."""
-    router = APIRouter(tags=["alarms"])
+    router = ServiceRouter(tags=("alarms",))
 
     @router.get("/v1/alarms")
     async def list_alarms(

@@ -2,13 +2,14 @@
 
 from typing import Annotated, Any, Final
 
-from fastapi import APIRouter, Depends, Path, Query, Response
+from fastapi import Depends, Path, Query, Response
 
 from skyway.ids import ClosureId, NetworkId, StationId
 from skyway.network.network import MAX_PADS
 from skyway.runtime.errors import NotFound
 from skyway.runtime.identity import Caller, ServiceGate
 from skyway.runtime.paging import Page, page_of
+from skyway.runtime.service_router import ServiceRouter
 from skyway_composition.closures import store
 from skyway_composition.closures.closing import Closings
 from skyway_composition.closures.closure import Closure, ClosureKind
@@ -34,9 +35,9 @@ _MADE: Final[dict[int | str, dict[str, Any]]] = {201: {"model": ClosureMade}}
 PadNumber = Annotated[int, Path(ge=0, lt=MAX_PADS)]
 
 
-def closure_routes(*, gate: ServiceGate, closings: Closings) -> APIRouter:
+def closure_routes(*, gate: ServiceGate, closings: Closings) -> ServiceRouter:
     """Closures of stations and segments, outages of pads, zones, ground stops."""
-    router = APIRouter(tags=["closures"])
+    router = ServiceRouter(tags=("closures",))
     _add_closures(router, gate, closings)
     _add_outages(router, gate, closings)
     _add_segment_closures(router, gate, closings)
@@ -45,7 +46,7 @@ def closure_routes(*, gate: ServiceGate, closings: Closings) -> APIRouter:
     return router
 
 
-def _add_closures(router: APIRouter, gate: ServiceGate, closings: Closings) -> None:
+def _add_closures(router: ServiceRouter, gate: ServiceGate, closings: Closings) -> None:
     path = "/v1/stations/{station_id}/closures"
 
     @router.post(path, response_model=ClosureMade, responses=_MADE)
@@ -79,7 +80,7 @@ def _add_closures(router: APIRouter, gate: ServiceGate, closings: Closings) -> N
         await _lift(closings, caller, closure_id, "STATION", station_id=station_id)
 
 
-def _add_outages(router: APIRouter, gate: ServiceGate, closings: Closings) -> None:
+def _add_outages(router: ServiceRouter, gate: ServiceGate, closings: Closings) -> None:
     path = "/v1/stations/{station_id}/pads/{pad}/outages"
 
     @router.post(path, response_model=ClosureMade, responses=_MADE)
@@ -120,7 +121,7 @@ def _add_outages(router: APIRouter, gate: ServiceGate, closings: Closings) -> No
         await _lift(closings, caller, closure_id, "PAD", station_id=station_id, pad=pad)
 
 
-def _add_segment_closures(router: APIRouter, gate: ServiceGate, closings: Closings) -> None:
+def _add_segment_closures(router: ServiceRouter, gate: ServiceGate, closings: Closings) -> None:
     path = "/v1/segments/{from_id}/{to_id}/closures"
 
     @router.post(path, response_model=ClosureMade, responses=_MADE)
@@ -167,7 +168,7 @@ def _add_segment_closures(router: APIRouter, gate: ServiceGate, closings: Closin
         )
 
 
-def _add_zones(router: APIRouter, gate: ServiceGate, closings: Closings) -> None:
+def _add_zones(router: ServiceRouter, gate: ServiceGate, closings: Closings) -> None:
     @router.post("/v1/zones", response_model=ClosureMade, responses=_MADE)
     async def make_zone(
         order: ZoneOrder,
@@ -193,7 +194,7 @@ def _add_zones(router: APIRouter, gate: ServiceGate, closings: Closings) -> None
         await _lift(closings, caller, closure_id, "ZONE")
 
 
-def _add_ground_stops(router: APIRouter, gate: ServiceGate, closings: Closings) -> None:
+def _add_ground_stops(router: ServiceRouter, gate: ServiceGate, closings: Closings) -> None:
     @router.post("/v1/ground-stops", response_model=ClosureMade, responses=_MADE)
     async def stop_on_ground(
         order: GroundStopOrder,

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any, Literal
 
-from fastapi import APIRouter, Depends, Query
+from fastapi import Depends, Query
 from pydantic import Field
 
 from skyway.contracts.drone_report import Connection, DroneEvent, DroneState
@@ -22,6 +22,7 @@ from skyway.runtime.errors import NotFound
 from skyway.runtime.http_app import internal_body
 from skyway.runtime.identity import Caller, ServiceGate
 from skyway.runtime.paging import Page, PageQuery, page_of
+from skyway.runtime.service_router import ServiceRouter
 from skyway_composition.links.store import link_to
 from skyway_composition.missions import store
 from skyway_composition.missions.book import Bookings
@@ -79,9 +80,9 @@ class MissionProgress(JsonModel):
     drone_connection: Connection | None
 
 
-def mission_routes(*, db: Database, gate: ServiceGate, bookings: Bookings) -> APIRouter:
+def mission_routes(*, db: Database, gate: ServiceGate, bookings: Bookings) -> ServiceRouter:
     """/v1/missions, and the gateway's PUTs under /internal/deliveries."""
-    router = APIRouter(tags=["missions"])
+    router = ServiceRouter(tags=("missions",))
 
     @router.put("/internal/deliveries/{delivery_id}/missions")
     async def put_missions(

@@ -3,7 +3,7 @@
 from datetime import datetime
 from typing import Annotated, Any, Final, Literal
 
-from fastapi import APIRouter, Depends, Header, Query, Request, Response
+from fastapi import Depends, Header, Query, Request, Response
 from pydantic import Field, field_validator
 
 from skyway.contracts.station_check import NetworkStations, StationCheck, StationCheckQuery
@@ -18,6 +18,7 @@ from skyway.runtime.http_app import internal_body, read_json
 from skyway.runtime.identity import Caller, ServiceGate
 from skyway.runtime.loops import Wake
 from skyway.runtime.paging import Page, PageQuery, page_of
+from skyway.runtime.service_router import ServiceRouter
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.closures.impact import Impact
 from skyway_composition.closures.store import closed_stations
@@ -114,9 +115,9 @@ def network_routes(
     clock: FleetClock,
     published: Wake,
     impact: Impact,
-) -> APIRouter:
+) -> ServiceRouter:
     """/v1/networks and what is below it, and what other services ask about stations."""
-    router = APIRouter(tags=["networks"])
+    router = ServiceRouter(tags=("networks",))
 
     @router.put(
         "/v1/networks/{network_id}",

@@ -3,7 +3,7 @@
 from datetime import datetime
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Query
+from fastapi import Depends, Query
 
 from skyway.ids import MissionId, StationId
 from skyway.json_model import JsonModel
@@ -12,6 +12,7 @@ from skyway.runtime.database import Database
 from skyway.runtime.errors import NotFound
 from skyway.runtime.identity import Caller, ServiceGate
 from skyway.runtime.paging import Page, PageQuery, page_of
+from skyway.runtime.service_router import ServiceRouter
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.closures.store import outages
 from skyway_composition.pads.outage import Outage, outages_by_pad
@@ -51,9 +52,9 @@ class ReservationInfo(JsonModel):
     mission_id: MissionId | None
 
 
-def pad_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> APIRouter:
+def pad_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> ServiceRouter:
     """GET /v1/stations/{station_id}/pads and .../reservations."""
-    router = APIRouter(tags=["pads"])
+    router = ServiceRouter(tags=("pads",))
 
     @router.get("/v1/stations/{station_id}/pads")
     async def get_pads(

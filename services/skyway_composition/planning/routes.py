@@ -3,7 +3,7 @@
 import asyncio
 from typing import Annotated, Any, Final
 
-from fastapi import APIRouter, Depends, Request
+from fastapi import Depends, Request
 
 from skyway.contracts.quote import QuoteAnswer, QuoteQuery
 from skyway.delivery.plan import Plan
@@ -11,6 +11,7 @@ from skyway.planner.problem_document import read_problem
 from skyway.runtime.abandonment import while_wanted
 from skyway.runtime.http_app import internal_body, read_json
 from skyway.runtime.identity import Caller, ServiceGate
+from skyway.runtime.service_router import ServiceRouter
 from skyway_composition.planning.compose_in import compose_in
 from skyway_composition.planning.known_network import KnownNetworks, NetworkReference
 from skyway_composition.planning.quotes import Quotes
@@ -36,9 +37,9 @@ _PROBLEM_BODY: Final[dict[str, Any]] = {  # a part of the OpenAPI document
 }
 
 
-def quote_routes(*, gate: ServiceGate, quotes: Quotes) -> APIRouter:
+def quote_routes(*, gate: ServiceGate, quotes: Quotes) -> ServiceRouter:
     """POST /internal/quotes, for the gateway."""
-    router = APIRouter(tags=["quotes"])
+    router = ServiceRouter(tags=("quotes",))
 
     @router.post("/internal/quotes")
     async def post_quotes(
@@ -52,9 +53,11 @@ def quote_routes(*, gate: ServiceGate, quotes: Quotes) -> APIRouter:
     return router
 
 
-def composition_routes(*, gate: ServiceGate, known: KnownNetworks, solver: SolverPool) -> APIRouter:
+def composition_routes(
+    *, gate: ServiceGate, known: KnownNetworks, solver: SolverPool
+) -> ServiceRouter:
     """POST /v1/compositions."""
-    router = APIRouter(tags=["compositions"])
+    router = ServiceRouter(tags=("compositions",))
 
     @router.post("/v1/compositions", response_model=Plan, openapi_extra=_PROBLEM_BODY)
     async def compose(request: Request, caller: Annotated[Caller, Depends(gate)]) -> Plan:

@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Query
+from fastapi import Depends, Query
 
 from skyway.contracts.statistics import Span
 from skyway.ids import ProviderId
@@ -11,6 +11,7 @@ from skyway.runtime.database import Database
 from skyway.runtime.errors import NotFound
 from skyway.runtime.identity import Caller, ServiceGate
 from skyway.runtime.paging import page_of
+from skyway.runtime.service_router import ServiceRouter
 from skyway.units import moment_to_ms
 from skyway_composition.statistics import store
 from skyway_composition.statistics.store import Wanted
@@ -28,9 +29,9 @@ from skyway_composition.statistics.use import (
 )
 
 
-def statistics_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> APIRouter:
+def statistics_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> ServiceRouter:
     """GET /v1/stats/pads and /v1/stats/drones."""
-    router = APIRouter(tags=["statistics"])
+    router = ServiceRouter(tags=("statistics",))
 
     @router.get("/v1/stats/pads")
     async def pad_statistics(

@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Response
+from fastapi import Depends, Response
 
 from skyway.contracts.candidate import (
     CandidateQuery,
@@ -13,15 +13,16 @@ from skyway.contracts.shortlist import Candidates
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.http_app import internal_body
 from skyway.runtime.identity import Caller, ServiceGate
+from skyway.runtime.service_router import ServiceRouter
 from skyway.units import moment_to_ms
 from skyway_provider_registry.candidates.fleet_view import FleetView
 from skyway_provider_registry.candidates.payload_limit import payload_limit
 from skyway_provider_registry.candidates.select import select
 
 
-def candidate_routes(*, view: FleetView, gate: ServiceGate, clock: FleetClock) -> APIRouter:
+def candidate_routes(*, view: FleetView, gate: ServiceGate, clock: FleetClock) -> ServiceRouter:
     """POST /internal/candidates and /internal/payload-limit."""
-    router = APIRouter(tags=["internal"])
+    router = ServiceRouter(tags=("internal",))
 
     @router.post("/internal/candidates", response_model=Candidates)
     async def find_candidates(

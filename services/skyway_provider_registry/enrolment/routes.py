@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Response
+from fastapi import Depends, Response
 from pydantic import Field
 
 from skyway.errors import InvalidInput
@@ -12,6 +12,7 @@ from skyway.runtime.broker_passwords import hash_password
 from skyway.runtime.database import Database
 from skyway.runtime.http_app import internal_body
 from skyway.runtime.identity import Caller, ServiceGate
+from skyway.runtime.service_router import ServiceRouter
 from skyway_provider_registry.enrolment import store
 from skyway_provider_registry.enrolment.password_file import DEPLOYMENT_USERS, PasswordFile
 
@@ -25,9 +26,11 @@ class BrokerPassword(WireModel):
     password: Annotated[str, Field(min_length=16, max_length=200)]
 
 
-def enrolment_routes(*, db: Database, gate: ServiceGate, password_file: PasswordFile) -> APIRouter:
+def enrolment_routes(
+    *, db: Database, gate: ServiceGate, password_file: PasswordFile
+) -> ServiceRouter:
     """PUT and DELETE /internal/broker-accounts/{user_name}."""
-    router = APIRouter(tags=["internal"])
+    router = ServiceRouter(tags=("internal",))
 
     @router.put("/internal/broker-accounts/{user_name}", status_code=204)
     async def put_broker_account(

@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Query, Response
+from fastapi import Depends, Query, Response
 
 from skyway.errors import InvalidInput
 from skyway.ids import DroneId, ProviderId
@@ -11,6 +11,7 @@ from skyway.runtime.database import Database
 from skyway.runtime.errors import Conflict
 from skyway.runtime.identity import Caller, ServiceGate
 from skyway.runtime.paging import Page, PageQuery, page_of
+from skyway.runtime.service_router import ServiceRouter
 from skyway_provider_registry.enrolment import store as accounts
 from skyway_provider_registry.enrolment.password_file import PasswordFile
 from skyway_provider_registry.fleets import store
@@ -26,9 +27,9 @@ def fleet_routes(
     clock: FleetClock,
     stations: StationLookup,
     password_file: PasswordFile,
-) -> APIRouter:
+) -> ServiceRouter:
     """GET, PATCH and DELETE of /v1/providers/{provider_id}/drones and /{drone_id}."""
-    router = APIRouter(tags=["drones"], prefix="/v1/providers/{provider_id}/drones")
+    router = ServiceRouter(tags=("drones",), prefix="/v1/providers/{provider_id}/drones")
 
     @router.get("")
     async def list_drones(

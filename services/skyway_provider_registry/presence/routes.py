@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Response
+from fastapi import Depends, Response
 
 from skyway.contracts.mission import MissionReport
 from skyway.contracts.mission_reports import (
@@ -12,12 +12,13 @@ from skyway.contracts.mission_reports import (
 )
 from skyway.runtime.http_app import internal_body
 from skyway.runtime.identity import Caller, ServiceGate
+from skyway.runtime.service_router import ServiceRouter
 from skyway_provider_registry.presence.reports import ReportKeeper
 
 
-def presence_routes(*, keeper: ReportKeeper, gate: ServiceGate) -> APIRouter:
+def presence_routes(*, keeper: ReportKeeper, gate: ServiceGate) -> ServiceRouter:
     """POST /internal/mission-reports and /internal/mission-reports/many."""
-    router = APIRouter(tags=["internal"])
+    router = ServiceRouter(tags=("internal",))
 
     @router.post(MISSION_REPORTS, status_code=204)
     async def take_mission_report(

@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Header, Query, Request, Response
+from fastapi import Depends, Header, Query, Request, Response
 
 from skyway.ids import ProviderId
 from skyway.runtime.clock import FleetClock
@@ -12,6 +12,7 @@ from skyway.runtime.idempotency import Answer, once
 from skyway.runtime.identity import Caller, ServiceGate
 from skyway.runtime.minting import Mint
 from skyway.runtime.paging import Page, PageQuery, page_of
+from skyway.runtime.service_router import ServiceRouter
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_provider_registry.providers import store
 from skyway_provider_registry.providers.provider import (
@@ -22,9 +23,11 @@ from skyway_provider_registry.providers.provider import (
 )
 
 
-def provider_routes(*, db: Database, gate: ServiceGate, clock: FleetClock, mint: Mint) -> APIRouter:
+def provider_routes(
+    *, db: Database, gate: ServiceGate, clock: FleetClock, mint: Mint
+) -> ServiceRouter:
     """POST and GET /v1/providers, GET and PATCH /v1/providers/{provider_id}."""
-    router = APIRouter(tags=["providers"])
+    router = ServiceRouter(tags=("providers",))
 
     @router.post("/v1/providers", status_code=201, response_model=Provider)
     async def register_provider(

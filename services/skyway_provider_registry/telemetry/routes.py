@@ -2,13 +2,14 @@
 
 from typing import Annotated, Any, Final
 
-from fastapi import APIRouter, Depends, Header, Query, Response
+from fastapi import Depends, Header, Query, Response
 from fastapi.responses import JSONResponse
 
 from skyway.ids import DroneId, ProviderId
 from skyway.runtime.database import Database
 from skyway.runtime.identity import Caller, ServiceGate
 from skyway.runtime.paging import Page
+from skyway.runtime.service_router import ServiceRouter
 from skyway_provider_registry.fleets import store as fleets
 from skyway_provider_registry.telemetry.reading.geojson import GEOJSON, feature_collection
 from skyway_provider_registry.telemetry.reading.measured import Measured
@@ -27,9 +28,9 @@ class GeoJsonResponse(JSONResponse):
     media_type = GEOJSON
 
 
-def telemetry_routes(*, db: Database, gate: ServiceGate) -> APIRouter:
+def telemetry_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
     """GET /v1/providers/{provider_id}/drones/{drone_id}/telemetry."""
-    router = APIRouter(tags=["drones"])
+    router = ServiceRouter(tags=("drones",))
 
     @router.get(
         "/v1/providers/{provider_id}/drones/{drone_id}/telemetry",

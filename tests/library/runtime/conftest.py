@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import httpx
 import pytest
-from fastapi import APIRouter, Depends, FastAPI, Request
+from fastapi import Depends, FastAPI, Request
 from pydantic import Field
 
 from skyway.errors import InvalidInput
@@ -25,6 +25,7 @@ from skyway.runtime.errors import (
     Unauthenticated,
 )
 from skyway.runtime.http_app import body_limits, create_app, internal_body, read_json
+from skyway.runtime.service_router import ServiceRouter
 from skyway.runtime.tracing import current_traceparent
 
 
@@ -43,7 +44,7 @@ class Order(JsonModel):
     load: Load = Load()
 
 
-router = APIRouter()
+router = ServiceRouter()
 
 
 @router.get("/loads")

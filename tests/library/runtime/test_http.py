@@ -7,13 +7,14 @@ from typing import Any
 
 import httpx
 import pytest
-from fastapi import APIRouter, FastAPI, Request, Response
+from fastapi import FastAPI, Request, Response
 
 from skyway.json_model import JsonModel
 from skyway.runtime.errors import RemoteProblem, ServiceUnavailable
 from skyway.runtime.http import ServiceClient
 from skyway.runtime.http_app import body_limits, create_app
 from skyway.runtime.identity import Caller, ServiceIdentity
+from skyway.runtime.service_router import ServiceRouter
 from skyway.runtime.tracing import trace_id_of, tracing
 
 
@@ -140,7 +141,7 @@ async def ready() -> dict[str, bool]:
 
 def make_gateway(registry: ServiceClient) -> FastAPI:
     """A gateway that forwards all under /v1 to the registry, for the operator o1."""
-    router = APIRouter()
+    router = ServiceRouter()
 
     @router.api_route("/v1/{path:path}", methods=["GET", "PUT", "POST", "DELETE"])
     async def forward(path: str, request: Request) -> Response:

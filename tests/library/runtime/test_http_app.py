@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 import httpx
 from fastapi import FastAPI
+from starlette.routing import Route
 
 
 async def no_broker() -> dict[str, bool]:
@@ -29,6 +30,12 @@ async def test_what_is_missing_is_named(
 
     assert_is_problem(answer, 503, "service-unavailable")
     assert "missing: broker" in answer.json()["detail"]
+
+
+def test_routes_are_taken_over_as_they_are_for_one_that_is_included_is_matched_twice(
+    make_app: Callable[..., FastAPI],
+) -> None:
+    assert all(isinstance(route, Route) for route in make_app().routes)
 
 
 async def test_requests_are_counted(client: httpx.AsyncClient) -> None:

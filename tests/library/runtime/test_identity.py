@@ -7,11 +7,12 @@ from typing import Annotated
 
 import httpx
 import pytest
-from fastapi import APIRouter, Depends, FastAPI
+from fastapi import Depends, FastAPI
 
 from skyway.runtime.errors import InvalidSettings, Unauthenticated
 from skyway.runtime.http_app import create_app
 from skyway.runtime.identity import Caller, ServiceGate, ServiceIdentity, read_secret
+from skyway.runtime.service_router import ServiceRouter
 
 
 async def ready() -> dict[str, bool]:
@@ -32,7 +33,7 @@ def secrets_dir(tmp_path: Path) -> Path:
 
 @pytest.fixture
 async def client(secrets_dir: Path) -> AsyncIterator[httpx.AsyncClient]:
-    router = APIRouter()
+    router = ServiceRouter()
     gate = ServiceGate(secrets_dir, ("gateway",))
 
     @router.get("/who")

@@ -2,20 +2,21 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Query
+from fastapi import Depends, Query
 
 from skyway.ids import ProviderId
 from skyway.runtime.database import Database
 from skyway.runtime.errors import NotFound
 from skyway.runtime.identity import Caller
+from skyway.runtime.service_router import ServiceRouter
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.deliveries.earnings import store
 from skyway_gateway.deliveries.earnings.earned import Earnings, EarningsQuery, earnings_of
 
 
-def earnings_routes(*, db: Database, gate: KeyGate) -> APIRouter:
+def earnings_routes(*, db: Database, gate: KeyGate) -> ServiceRouter:
     """/v1/providers/{provider_id}/earnings."""
-    router = APIRouter(tags=["deliveries"])
+    router = ServiceRouter(tags=("deliveries",))
 
     @router.get("/v1/providers/{provider_id}/earnings")
     async def get_earnings(

@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Header, Query, Response
+from fastapi import Depends, Header, Query, Response
 from fastapi.responses import JSONResponse, StreamingResponse
 from pydantic import Field
 
@@ -12,6 +12,7 @@ from skyway.runtime.database import Database
 from skyway.runtime.errors import NotFound
 from skyway.runtime.identity import Caller
 from skyway.runtime.paging import Page, PageQuery, page_of
+from skyway.runtime.service_router import ServiceRouter
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.clients import Composition
 from skyway_gateway.deliveries.delivery import (
@@ -45,18 +46,16 @@ class DeliveryListQuery(PageQuery):
 
 def reading_routes(
     *, db: Database, gate: KeyGate, composition: Composition, stream: EventStream
-) -> APIRouter:
+) -> ServiceRouter:
     """GET /v1/deliveries and all below it, and /v1/providers/{provider_id}/deliveries."""
-    router = APIRouter(tags=["deliveries"])
-    router.include_router(_list_routes(db, gate))
-    router.include_router(_detail_routes(db, gate, composition))
-    router.include_router(_event_routes(db, gate, stream))
+    router = ServiceRouter(tags=("deliveries",))
+    _add_lists(router, db, gate)
+    _add_details(router, db, gate, composition)
+    _add_events(router, db, gate, stream)
     return router
 
 
-def _list_routes(db: Database, gate: KeyGate) -> APIRouter:
-    router = APIRouter()
-
+def _add_lists(router: ServiceRouter, db: Database, gate: KeyGate) -> None:
     @router.get("/v1/deliveries")
     async def list_deliveries(
         caller: Annotated[Caller, Depends(gate)],
@@ -85,12 +84,10 @@ def _list_routes(db: Database, gate: KeyGate) -> APIRouter:
             found, query, item=_for_provider, sort_key=lambda delivery: (delivery.delivery_id,)
         )
 
-    return router
 
-
-def _detail_routes(db: Database, gate: KeyGate, composition: Composition) -> APIRouter:
-    router = APIRouter()
-
+def _add_details(
+    router: ServiceRouter, db: Database, gate: KeyGate, composition: Composition
+) -> None:
     @router.get("/v1/deliveries/{delivery_id}")
     async def get_delivery(
         delivery_id: DeliveryId, caller: Annotated[Caller, Depends(gate)]
@@ -134,12 +131,8 @@ def _detail_routes(db: Database, gate: KeyGate, composition: Composition) -> API
         track = await composition.track(delivery_id) if delivery.missions else Track(missions=())
         return feature_collection(delivery, track)
 
-    return router
 
-
-def _event_routes(db: Database, gate: KeyGate, stream: EventStream) -> APIRouter:
-    router = APIRouter()
-
+def _add_events(router: ServiceRouter, db: Database, gate: KeyGate, stream: EventStream) -> None:
     @router.get(
         "/v1/deliveries/{delivery_id}/events",
         response_class=StreamingResponse,
@@ -166,8 +159,6 @@ def _event_routes(db: Database, gate: KeyGate, stream: EventStream) -> APIRouter
             media_type="text/event-stream",
             headers=_SSE_HEADERS,
         )
-
-    return router
 
 
 def _proof_of(delivery: Delivery) -> DeliveryProof:

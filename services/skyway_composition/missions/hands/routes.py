@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Depends
+from fastapi import Depends
 from pydantic import Field
 
 from skyway.contracts.flight_step import PackageOnBoard
@@ -12,6 +12,7 @@ from skyway.ids import DeliveryId, MissionId, PackageId, ProviderId
 from skyway.json_model import JsonModel
 from skyway.runtime.http_app import internal_body
 from skyway.runtime.identity import Caller, ServiceGate
+from skyway.runtime.service_router import ServiceRouter
 from skyway_composition.missions.hands.cancel import Cancellations
 from skyway_composition.missions.hands.commands import Command, CommandAnswer, Commands
 from skyway_composition.missions.hands.loading import LoadingAnswer, Loadings
@@ -33,9 +34,9 @@ class Loaded(JsonModel):
 
 def hand_routes(
     *, gate: ServiceGate, loadings: Loadings, commands: Commands, cancellations: Cancellations
-) -> APIRouter:
+) -> ServiceRouter:
     """Loading and commands under /v1/missions, the gateway's cancellations under /internal."""
-    router = APIRouter(tags=["missions"])
+    router = ServiceRouter(tags=("missions",))
 
     @router.post("/v1/missions/{mission_id}/loading")
     async def confirm_loading(

@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Depends
+from fastapi import Depends
 
 from skyway.contracts.message import FleetMoment
 from skyway.ids import ProviderId
@@ -10,6 +10,7 @@ from skyway.json_model import JsonModel
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database
 from skyway.runtime.identity import Caller, ServiceGate
+from skyway.runtime.service_router import ServiceRouter
 from skyway_composition.statistics.now import store
 
 
@@ -21,9 +22,11 @@ class MissionStatistics(JsonModel):
     unsent: dict[str, int]
 
 
-def mission_statistics_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> APIRouter:
+def mission_statistics_routes(
+    *, db: Database, gate: ServiceGate, clock: FleetClock
+) -> ServiceRouter:
     """GET /v1/stats/missions."""
-    router = APIRouter(tags=["statistics"])
+    router = ServiceRouter(tags=("statistics",))
 
     @router.get("/v1/stats/missions")
     async def mission_statistics(caller: Annotated[Caller, Depends(gate)]) -> MissionStatistics:

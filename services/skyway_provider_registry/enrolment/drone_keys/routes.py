@@ -2,19 +2,22 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Depends
+from fastapi import Depends
 
 from skyway.contracts.drone_key import DroneKeyAnswer, DroneKeyQuery
 from skyway.runtime.database import Database
 from skyway.runtime.http_app import internal_body
 from skyway.runtime.identity import Caller, ServiceGate
+from skyway.runtime.service_router import ServiceRouter
 from skyway_provider_registry.enrolment.drone_keys import store
 from skyway_provider_registry.enrolment.password_file import PasswordFile
 
 
-def drone_key_routes(*, db: Database, gate: ServiceGate, password_file: PasswordFile) -> APIRouter:
+def drone_key_routes(
+    *, db: Database, gate: ServiceGate, password_file: PasswordFile
+) -> ServiceRouter:
     """POST /internal/drone-keys."""
-    router = APIRouter(tags=["internal"])
+    router = ServiceRouter(tags=("internal",))
 
     @router.post("/internal/drone-keys")
     async def find_drone_key(

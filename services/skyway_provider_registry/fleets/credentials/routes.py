@@ -3,7 +3,7 @@
 from collections.abc import Awaitable, Callable
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Header, Request, Response
+from fastapi import Depends, Header, Request, Response
 
 from skyway.ids import DroneId, ProviderId
 from skyway.json_model import JsonModel
@@ -11,6 +11,7 @@ from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database, Tx
 from skyway.runtime.idempotency import Answer, once
 from skyway.runtime.identity import Caller, ServiceGate
+from skyway.runtime.service_router import ServiceRouter
 from skyway_provider_registry.enrolment.password_file import PasswordFile
 from skyway_provider_registry.enrolment.tokens import store as tokens
 from skyway_provider_registry.enrolment.tokens.token import token_hash
@@ -41,9 +42,9 @@ def credential_routes(
     clock: FleetClock,
     password_file: PasswordFile,
     issuer: Issuer,
-) -> APIRouter:
+) -> ServiceRouter:
     """POST /v1/enrolments and /rotations, a drone's enrolment tokens, DELETE of credentials."""
-    router = APIRouter(tags=["enrolment"])
+    router = ServiceRouter(tags=("enrolment",))
 
     async def answer_once(
         request: Request,

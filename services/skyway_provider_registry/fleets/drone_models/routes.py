@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Depends, Query, Response
+from fastapi import Depends, Query, Response
 
 from skyway.drone.model import DroneModel
 from skyway.errors import InvalidInput
@@ -11,12 +11,13 @@ from skyway.runtime.database import Database
 from skyway.runtime.errors import NotFound
 from skyway.runtime.identity import Caller, ServiceGate
 from skyway.runtime.paging import Page, PageQuery, page_of
+from skyway.runtime.service_router import ServiceRouter
 from skyway_provider_registry.fleets.drone_models import store
 
 
-def drone_model_routes(*, db: Database, gate: ServiceGate) -> APIRouter:
+def drone_model_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
     """GET /v1/drone-models, GET and PUT /v1/drone-models/{model_id}."""
-    router = APIRouter(tags=["drone models"])
+    router = ServiceRouter(tags=("drone models",))
 
     @router.get("/v1/drone-models")
     async def list_drone_models(

@@ -4,7 +4,7 @@ import asyncio
 import json
 from typing import Annotated, Final
 
-from fastapi import APIRouter, Depends, Header, Request, Response
+from fastapi import Depends, Header, Request, Response
 from fastapi.exceptions import RequestValidationError
 from pydantic import Discriminator, Field, Tag
 
@@ -14,6 +14,7 @@ from skyway.runtime.database import Database, Tx
 from skyway.runtime.idempotency import Answer, once
 from skyway.runtime.identity import Caller, ServiceGate
 from skyway.runtime.minting import Mint
+from skyway.runtime.service_router import ServiceRouter
 from skyway_provider_registry.enrolment.password_file import PasswordFile
 from skyway_provider_registry.fleets.drone import (
     MAX_NEW_DRONES,
@@ -51,9 +52,9 @@ def registration_routes(
     mint: Mint,
     stations: StationLookup,
     password_file: PasswordFile,
-) -> APIRouter:
+) -> ServiceRouter:
     """POST /v1/providers/{provider_id}/drones."""
-    router = APIRouter(tags=["drones"])
+    router = ServiceRouter(tags=("drones",))
 
     async def prepared(
         new_drones: list[NewDrone], *, caller: Caller, provider_id: ProviderId, raw: bytes

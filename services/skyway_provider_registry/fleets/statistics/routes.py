@@ -2,21 +2,22 @@
 
 from typing import Annotated
 
-from fastapi import APIRouter, Depends
+from fastapi import Depends
 
 from skyway.ids import ProviderId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database
 from skyway.runtime.identity import Caller, ServiceGate
+from skyway.runtime.service_router import ServiceRouter
 from skyway.units import moment_to_ms
 from skyway_provider_registry.fleets.statistics import store
 from skyway_provider_registry.fleets.statistics.totals import FleetStatistics, totals
 from skyway_provider_registry.presence.known import SILENCE
 
 
-def fleet_statistics_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> APIRouter:
+def fleet_statistics_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> ServiceRouter:
     """GET /v1/stats/fleets."""
-    router = APIRouter(tags=["statistics"])
+    router = ServiceRouter(tags=("statistics",))
 
     @router.get("/v1/stats/fleets")
     async def fleet_statistics(caller: Annotated[Caller, Depends(gate)]) -> FleetStatistics:
