@@ -61,11 +61,11 @@ PACKAGE: Final = "skyway_provider_registry"
 _PASSWORDS_EVERY_S: Final = 1.0
 _SWEEP_EVERY_S: Final = 600.0
 #: Seconds of wall time between two transactions of what drones say of themselves.
-_PRESENCE_EVERY_S: Final = 0.25
+_PRESENCE_EVERY_S: Final = 0.5
 #: The same for composition's mission reports, and for looks at what has changed: under load a few
 #: share one, and after a rest nobody waits.
 _REPORTS_EVERY_S: Final = 0.1
-_LOOK_EVERY_S: Final = 0.05
+_LOOK_EVERY_S: Final = 0.1
 #: Seconds of wall time between two transactions of telemetry, and between two rounds of thinning.
 _TELEMETRY_EVERY_S: Final = 1.0
 _THINNING_EVERY_S: Final = 600.0
