@@ -5,10 +5,12 @@ import re
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Final, Literal, get_args
+from typing import Final, Literal, get_args
 
-from fastapi import Depends, Request
-from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
+from fastapi import Request
+from fastapi.openapi.models import HTTPBearer as HTTPBearerModel
+from fastapi.security.base import SecurityBase
+from fastapi.security.utils import get_authorization_scheme_param
 
 from skyway.runtime.errors import AccessDenied, InvalidSettings, Unauthenticated
 
@@ -18,7 +20,6 @@ CallerRole = Literal["customer", "provider", "operator", "drone", "service"]
 CALLER_HEADER: Final = "Skyway-Caller"
 
 _SUBJECT: Final = re.compile(r"[A-Za-z0-9_-]{1,64}")
-_bearer = HTTPBearer(auto_error=False, description="the secret of the calling service")
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,8 +93,14 @@ class ServiceIdentity:
         return {"Authorization": f"Bearer {self._secret}", CALLER_HEADER: str(speaks_for)}
 
 
-class ServiceGate:
-    """A dependency that lets only known services in, and gives the caller they speak for."""
+class ServiceGate(SecurityBase):
+    """A dependency that lets only known services in, and gives the caller they speak for.
+
+    It is its own security scheme: FastAPI's would be solved as one more dependency.
+    """
+
+    model = HTTPBearerModel(description="the secret of the calling service")
+    scheme_name = "HTTPBearer"
 
     def __init__(self, secrets_dir: Path, allowed: tuple[str, ...]) -> None:
         self._secrets_dir = secrets_dir
@@ -106,16 +113,13 @@ class ServiceGate:
             for name in self._allowed
         }
 
-    async def __call__(
-        self,
-        request: Request,
-        shown: Annotated[HTTPAuthorizationCredentials | None, Depends(_bearer)],
-    ) -> Caller:
+    async def __call__(self, request: Request) -> Caller:
         """The caller of a call that carries a known service's secret."""
-        if shown is None:
+        scheme, shown = get_authorization_scheme_param(request.headers.get("Authorization"))
+        if scheme.lower() != "bearer" or not shown:
             raise Unauthenticated
         # Every secret is compared, in constant time: neither which nor how far may show.
-        secret = shown.credentials.encode()
+        secret = shown.encode()
         matching = [
             name for name, known in self._secrets.items() if hmac.compare_digest(secret, known)
         ]
