@@ -19,6 +19,7 @@ from skyway.runtime.claims import FREE
 from skyway.runtime.database import Tx
 from skyway.units import moment_to_ms
 from skyway_composition.missions.custody import Custodian, Held
+from skyway_composition.missions.known_json import KnownJson
 from skyway_composition.missions.record import Aim, MissionRecord, Proposal, Stuck, Trouble
 from skyway_composition.missions.step_columns import step_columns
 from skyway_composition.missions.step_record import StepRecord, read_step
@@ -31,6 +32,11 @@ from skyway_composition.tables import (
 )
 
 _AIMS: Final = TypeAdapter(tuple[Aim, ...])
+
+# A mission is read again soon after it was written, and its request never changes.
+_MISSIONS: Final = KnownJson(Mission)
+_REQUESTS: Final = KnownJson(DeliveryRequest)
+_CANDIDATES: Final = KnownJson(Candidate)
 
 #: An event that names no revision is of whichever is known.
 _ANY_REVISION: Final = 2**31 - 1
@@ -114,8 +120,8 @@ def add(tx: Tx, record: MissionRecord) -> None:
         "provider_id": mission.provider_id,
         "drone_id": mission.drone_id,
         "network_id": record.network_id,
-        "request": record.request.model_dump_json(),
-        "candidate": record.candidate.model_dump_json(),
+        "request": _REQUESTS.write(record.request),
+        "candidate": _CANDIDATES.write(record.candidate),
         **_changing(record),
     }
     tx.add(missions, [row])
@@ -362,7 +368,7 @@ def _changing(record: MissionRecord) -> dict[str, Any]:  # column values of any 
         "start_ms": moment_to_ms(mission.start_at),
         "released_ms": moment_to_ms(mission.released_at),
         "expires_ms": record.expires_ms,
-        "body": mission.model_dump_json(),
+        "body": _MISSIONS.write(mission),
         "report_seq": record.report_seq,
         "told": record.told,
         "stuck": None if record.stuck is None else record.stuck.model_dump_json(),
@@ -375,10 +381,10 @@ def _changing(record: MissionRecord) -> dict[str, Any]:  # column values of any 
 
 def _record(row: Row[*tuple[Any, ...]]) -> MissionRecord:  # a row of missions
     return MissionRecord(
-        mission=Mission.read(row.body),
+        mission=_MISSIONS.read(row.body),
         network_id=row.network_id,
-        request=DeliveryRequest.read(row.request),
-        candidate=Candidate.read(row.candidate),
+        request=_REQUESTS.read(row.request),
+        candidate=_CANDIDATES.read(row.candidate),
         expires_ms=row.expires_ms,
         report_seq=row.report_seq,
         told=row.told,
