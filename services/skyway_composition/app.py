@@ -68,6 +68,10 @@ PACKAGE: Final = "skyway_composition"
 #: Seconds of wall time between two looks of a loop that nothing has woken.
 _LOOK_EVERY_S: Final = 1.0
 
+#: How far the event loop itself searches for a booking's plan: a millisecond or two. Inquiries ask
+#: for many plans in a row, so they never do.
+_LABELS_AT_ONCE: Final = 2_048
+
 
 @dataclass(frozen=True, slots=True)
 class Parts:
@@ -264,12 +268,16 @@ def _parts(settings: CompositionSettings) -> Parts:
         clock=load_clock(settings.clock_file),
         mint=mint,
         networks=PreparedNetworks(db),
-        solver=_pool(settings),
-        inquiries=_pool(settings),
+        solver=_pool(settings, labels_at_once=_LABELS_AT_ONCE),
+        inquiries=_pool(settings, labels_at_once=0),
         published=Wake(),
         stuck=Wake(),
     )
 
 
-def _pool(settings: CompositionSettings) -> SolverPool:
-    return SolverPool(threads=settings.solver_threads, time_limit_s=settings.solver_time_limit_s)
+def _pool(settings: CompositionSettings, *, labels_at_once: int) -> SolverPool:
+    return SolverPool(
+        threads=settings.solver_threads,
+        time_limit_s=settings.solver_time_limit_s,
+        labels_at_once=labels_at_once,
+    )

@@ -1,4 +1,8 @@
-"""The threads that plan: composing is heavy, and the event loop must never wait for it."""
+"""Who plans: composing may be heavy, and then the event loop must not wait for it.
+
+Most local requests are solved in a millisecond, which is less than a thread costs that has to wake
+up, fight for the interpreter and report back. Those are composed at once; all others in threads.
+"""
 
 import asyncio
 import logging
@@ -10,11 +14,11 @@ from typing import Final, Self
 
 from skyway.delivery.plan import Plan, PlanStatus
 from skyway.planner.airspace import Airspace
-from skyway.planner.compose import compose
+from skyway.planner.compose import DEFAULT_STRATEGY, compose
 from skyway.planner.hierarchy import Hierarchy
 from skyway.planner.pad_book import NO_RESERVATIONS, PadBook
 from skyway.planner.problem import Problem
-from skyway.planner.stop import TimeLimit, first_of
+from skyway.planner.stop import Stop, TimeLimit, first_of, never
 from skyway.planner.verify import PlanRejected
 from skyway.planner.warm import warm
 from skyway.runtime.errors import ServiceUnavailable
@@ -24,13 +28,24 @@ log = logging.getLogger(__name__)
 #: Problems that may wait for a thread; whoever comes later is told to ask again.
 _MOST_WAITING: Final = 500
 
+#: Problems with more than this go to a thread at once: already before the search they take long.
+_FEW_STATIONS, _FEW_PACKAGES, _FEW_CLOSURES = 20_000, 5, 50
+
 
 class SolverPool:
-    """Composes plans in threads; a search ends when its time is up or nobody waits for it."""
+    """Composes plans; a search in a thread ends when its time is up or nobody waits for it.
 
-    def __init__(self, *, threads: int, time_limit_s: float) -> None:
+    Parameters
+    ----------
+    labels_at_once
+        How many labels a search may make on the event loop, 16 taking some 10 us; most make fewer
+        than 100. It begins anew in a thread when they are not enough. 0: all goes to the threads.
+    """
+
+    def __init__(self, *, threads: int, time_limit_s: float, labels_at_once: int = 0) -> None:
         self._threads = threads
         self._time_limit_s = time_limit_s
+        self._labels_at_once = labels_at_once
         self._waiting = 0
         self._executor: ThreadPoolExecutor | None = None
         #: Whether the first plan will take no longer than the tenth.
@@ -78,6 +93,11 @@ class SolverPool:
         """
         if self._executor is None or self._waiting >= _MOST_WAITING:
             raise ServiceUnavailable("planning", f"{self._waiting} problems wait for a thread")
+        # Before the planner is compiled any problem takes a minute.
+        if self._labels_at_once and self.is_warm and _is_small(problem, airspace, hierarchy):
+            plan = self._composed_at_once(problem, airspace, booked, hierarchy)
+            if plan is not None:
+                return plan
         is_abandoned = threading.Event()
         loop = asyncio.get_running_loop()
         self._waiting += 1
@@ -89,6 +109,20 @@ class SolverPool:
             self._waiting -= 1
             is_abandoned.set()
 
+    def _composed_at_once(
+        self,
+        problem: Problem,
+        airspace: Airspace | None,
+        booked: PadBook,
+        hierarchy: Hierarchy | None,
+    ) -> Plan | None:
+        """The plan of a problem that takes few labels; None for another one, or at least maybe."""
+        limited = problem.model_copy(update={"label_limit": self._labels_at_once})
+        plan = _composed(limited, never, airspace, booked, hierarchy)
+        # No search takes more than half of the labels that are left, unless it is cut short. So
+        # none was, and this is the plan that would be found without a limit.
+        return plan if 2 * plan.stats.get("labels", 0) < self._labels_at_once else None
+
     def _compose(
         self,
         problem: Problem,
@@ -98,11 +132,33 @@ class SolverPool:
         is_abandoned: threading.Event,
     ) -> Plan:
         stop = first_of(TimeLimit(self._time_limit_s), lambda _labels: is_abandoned.is_set())
-        try:
-            return compose(
-                problem, stop=stop, airspace=airspace, booked=booked, hierarchy=hierarchy
-            )
-        except PlanRejected as error:
-            # A defect of the planner; a plan that breaks a rule must not fly, so there is none.
-            log.exception("plan rejected", extra={"source": problem.source})
-            return Plan(status=PlanStatus.UNKNOWN, stats={"rejected": str(error)})
+        return _composed(problem, stop, airspace, booked, hierarchy)
+
+
+def _composed(
+    problem: Problem,
+    stop: Stop,
+    airspace: Airspace | None,
+    booked: PadBook,
+    hierarchy: Hierarchy | None,
+) -> Plan:
+    try:
+        return compose(problem, stop=stop, airspace=airspace, booked=booked, hierarchy=hierarchy)
+    except PlanRejected as error:
+        # A defect of the planner; a plan that breaks a rule must not fly, so there is none.
+        log.exception("plan rejected", extra={"source": problem.source})
+        return Plan(status=PlanStatus.UNKNOWN, stats={"rejected": str(error)})
+
+
+def _is_small(problem: Problem, airspace: Airspace | None, hierarchy: Hierarchy | None) -> bool:
+    """Whether all but the search itself takes little, and the search can be cut short."""
+    return (
+        problem.strategy in (None, DEFAULT_STRATEGY)
+        and problem.label_limit is None
+        and hierarchy is not None
+        and len(hierarchy.rank) <= _FEW_STATIONS
+        and len(problem.packages) <= _FEW_PACKAGES
+        and len(problem.closures) <= _FEW_CLOSURES
+        and airspace is not None
+        and not airspace.reaches
+    )

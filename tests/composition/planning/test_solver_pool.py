@@ -6,8 +6,10 @@ from typing import Any
 import pytest
 from skyway_composition.planning.solver_pool import SolverPool
 
-from skyway.delivery.plan import PlanStatus
+from skyway.delivery.plan import Plan, PlanStatus
 from skyway.network.geojson import read_network
+from skyway.planner.airspace import Airspace
+from skyway.planner.hierarchy import Hierarchy
 from skyway.planner.problem import Problem
 from skyway.runtime.errors import ServiceUnavailable
 
@@ -36,6 +38,72 @@ async def test_a_search_whose_time_is_up_says_unknown(make: Any) -> None:
         plan = await solver.compose(make_problem(make, strategy="exhaustive"))
 
     assert plan.status is PlanStatus.UNKNOWN
+
+
+@pytest.fixture
+def local(make: Any) -> dict[str, Any]:
+    """What a pool is told of a problem that it may compose at once, but the problem."""
+    network = read_network(make.network())
+    return {"airspace": Airspace.of(network), "hierarchy": Hierarchy.of(network)}
+
+
+def without_times(plan: Plan) -> Plan:
+    return plan.model_copy(update={"stats": {**plan.stats, "elapsed_s": 0.0}})
+
+
+@pytest.mark.parametrize("labels", [1, 2, 4, 8, 12, 16, 24, 2_048])
+@pytest.mark.parametrize("members", [{}, {"latest_delivery_s": 10.0}])
+async def test_a_plan_does_not_depend_on_how_far_is_searched_at_once(
+    make: Any, local: Any, labels: int, members: Any
+) -> None:
+    problem = make_problem(make, **members)
+    async with SolverPool(threads=1, time_limit_s=5.0) as beside:
+        expected = await beside.compose(problem, **local)
+
+    async with SolverPool(threads=1, time_limit_s=5.0, labels_at_once=labels) as solver:
+        await solver.warm()
+        plan = await solver.compose(problem, **local)
+
+    assert without_times(plan) == without_times(expected)
+
+
+async def test_a_small_problem_waits_for_no_thread(make: Any, local: Any) -> None:
+    async with SolverPool(threads=1, time_limit_s=5.0, labels_at_once=2_048) as solver:
+        await solver.warm()
+        composing = asyncio.ensure_future(solver.compose(make_problem(make), **local))
+
+        await asyncio.sleep(0)
+
+        assert composing.done()
+        assert composing.result().is_flyable
+
+
+@pytest.mark.parametrize(
+    "members",
+    [
+        {"strategy": "heuristic"},
+        {"label_limit": 10},
+        {
+            "packages": [
+                {"package_id": f"p{n}", "mass_kg": 0.1, "destination": "c"} for n in range(6)
+            ]
+        },
+        {
+            "closures": [
+                {"station_id": "e", "start_s": float(n), "end_s": n + 0.5} for n in range(51)
+            ]
+        },
+    ],
+)
+async def test_what_may_take_long_goes_to_a_thread(make: Any, local: Any, members: Any) -> None:
+    async with SolverPool(threads=1, time_limit_s=5.0, labels_at_once=2_048) as solver:
+        await solver.warm()
+        composing = asyncio.ensure_future(solver.compose(make_problem(make, **members), **local))
+
+        await asyncio.sleep(0)
+
+        assert not composing.done()
+        await composing
 
 
 async def test_a_closed_pool_is_unavailable(make: Any) -> None:
