@@ -118,7 +118,7 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
         service=SERVICE,
         title="Skyway composition",
         description="What is flown: networks, pads, planning, missions.",
-        # A path is looked for in their order, twice: first what every delivery asks for.
+        # A path is looked for in their order: first what every delivery asks for.
         routers=[
             mission_routes(db=db, gate=gate, bookings=parts.bookings),
             network_routes(

@@ -92,7 +92,7 @@ def registry_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> F
         service=SERVICE,
         title="Skyway provider registry",
         description="Who could fly: providers, drone models, fleets, presence, candidates.",
-        # A path is looked for in their order, twice: first what every delivery asks for.
+        # A path is looked for in their order: first what every delivery asks for.
         routers=[
             candidate_routes(view=FleetView(db, Pace(_LOOK_EVERY_S)), gate=gate, clock=clock),
             presence_routes(keeper=ReportKeeper(db, clock, Pace(_REPORTS_EVERY_S)), gate=gate),
