@@ -29,6 +29,7 @@ from skyway_drone_agent.journal.flight_recorder import FlightRecorder
 from skyway_drone_agent.journal.journal import Journal
 from skyway_drone_agent.journal.waiting import NewsOrMoment
 from skyway_drone_agent.link.event_writer import EventWriter
+from skyway_drone_agent.link.heartbeat import Heartbeat
 from skyway_drone_agent.link.link_watch import LinkWatch
 from skyway_drone_agent.link.presence import Presence
 from skyway_drone_agent.link.uplink import Link, Uplink
@@ -154,8 +155,17 @@ class DroneAgent:
         events = EventSender(uplink, recorder)
         watch = LinkWatch(self._link, clock, on_change=recorder.tell_watchers)
         cloud = CloudWatch(self._link, clock, on_change=recorder.tell_watchers)
+        heartbeat = Heartbeat(self._drone.drone_id, watch, clock)
         lookout = Lookout(recorder, vehicle, clock, book=self._book or NO_BOOK)
-        state = StateSender(uplink, recorder, lookout, clock, acks=acks, events=events)
+        state = StateSender(
+            uplink,
+            recorder,
+            lookout,
+            clock,
+            acks=acks,
+            events=events,
+            heartbeat=heartbeat,
+        )
         telemetry = TelemetrySender(uplink, recorder, lookout, clock)
         writer = EventWriter(recorder, uplink)
         guard = Guard(
@@ -166,6 +176,7 @@ class DroneAgent:
             events=writer,
             link=watch,
             cloud=cloud,
+            heartbeat=heartbeat,
         )
 
         def consumption_factor() -> float:

@@ -4,7 +4,7 @@ What it decides is in the journal first; the pilot then does what the logbook sa
 crash in the middle of an escape the drone goes on with it, and does nothing twice.
 """
 
-from datetime import datetime, timedelta
+from datetime import datetime
 from typing import Final, Never
 
 from skyway.contracts.drone_health import Failsafe, Fault
@@ -27,6 +27,7 @@ from skyway_drone_agent.journal.records import FaultEnded, HealthLearned
 from skyway_drone_agent.journal.under_way import run_under_way
 from skyway_drone_agent.journal.waiting import NewsOrMoment
 from skyway_drone_agent.link.event_writer import EventWriter
+from skyway_drone_agent.link.heartbeat import Heartbeat
 from skyway_drone_agent.link.link_watch import LinkWatch
 from skyway_drone_agent.vehicles.vehicle import Vehicle
 
@@ -35,9 +36,6 @@ _FLYING_EVERY_S, _EVERY_WALL_S = 1.0, 0.25
 
 #: The same on the ground, where nothing falls: while a step is under way, or a fault is there.
 _GROUND_EVERY_S: Final = 5.0
-
-#: Wall seconds between two looks on the ground while nothing is under way.
-_STANDING_EVERY_S: Final = 30.0
 
 #: A change of the battery's health that is worth a line in the journal.
 _HEALTH_STEP: Final = 0.01
@@ -59,6 +57,7 @@ class Guard:
         events: EventWriter,
         link: LinkWatch,
         cloud: CloudWatch,
+        heartbeat: Heartbeat,
     ) -> None:
         self._recorder = recorder
         self._clock = clock
@@ -70,6 +69,7 @@ class Guard:
         self._reserve_soc = vehicle.model.reserve_soc
         self._begins = NewsOrMoment(recorder.watch(), clock)
         self._watch = FaultWatch(recorder.logbook.faults)
+        self._heartbeat = heartbeat
         self._cleared_at = clock.now()
         self.faults = recorder.logbook.faults
 
@@ -78,21 +78,21 @@ class Guard:
         with self._begins:
             while True:
                 self.look()
-                due_at = self._clock.now() + self._pause()
+                due_at = self._due_at()
                 if situation_of(self._recorder.logbook) is Situation.FLYING:
                     await self._clock.sleep_until(due_at)
                 else:
                     # A take-off is news, and so is whatever else begins.
                     await self._begins.wait(until=due_at)
 
-    def _pause(self) -> timedelta:
-        """How long the drone may be left alone, unless there is news."""
-        logbook, clock = self._recorder.logbook, self._clock
+    def _due_at(self) -> datetime:
+        """Until when the drone may be left alone, unless there is news."""
+        logbook, clock, now = self._recorder.logbook, self._clock, self._clock.now()
         if situation_of(logbook) is Situation.FLYING:
-            return fleet_margin(clock, fleet_s=_FLYING_EVERY_S, wall_s=_EVERY_WALL_S)
+            return now + fleet_margin(clock, fleet_s=_FLYING_EVERY_S, wall_s=_EVERY_WALL_S)
         if run_under_way(logbook) is None and not self.faults:
-            return fleet_margin(clock, fleet_s=0.0, wall_s=_STANDING_EVERY_S)
-        return fleet_margin(clock, fleet_s=_GROUND_EVERY_S, wall_s=_EVERY_WALL_S)
+            return self._heartbeat.after(now)
+        return now + fleet_margin(clock, fleet_s=_GROUND_EVERY_S, wall_s=_EVERY_WALL_S)
 
     def look(self) -> None:
         """See what is wrong now, raise alarms, and begin what must be done."""

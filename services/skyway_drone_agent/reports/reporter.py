@@ -6,16 +6,14 @@ from typing import Protocol
 
 from skyway.contracts.drone_report import DroneEvent, DroneState
 from skyway.contracts.topics import EVENTS, STATE
-from skyway.runtime.clock import FleetClock, fleet_margin
+from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import MqttUnavailable
 from skyway_drone_agent.analysis.lookout import Lookout
 from skyway_drone_agent.journal.flight_recorder import FlightRecorder
 from skyway_drone_agent.journal.waiting import NewsOrMoment
+from skyway_drone_agent.link.heartbeat import Heartbeat
 from skyway_drone_agent.link.uplink import Uplink
 from skyway_drone_agent.reports.snapshot import snapshot_of
-
-#: Wall seconds after which the state is sent although nothing has changed.
-STATE_EVERY_S = 30.0
 
 #: Turns of the event loop in which whoever has the same news acts on it, as the pilot does.
 _TURNS = 4
@@ -91,7 +89,9 @@ class StateSender:
         *,
         acks: Acks,
         events: EventSender,
+        heartbeat: Heartbeat,
     ) -> None:
+        self._heartbeat = heartbeat
         self._acks = acks
         self._events = events
         self._uplink = uplink
@@ -109,6 +109,7 @@ class StateSender:
     async def run(self) -> None:
         """Send for ever."""
         last: DroneState | None = None
+        due_at = self._clock.now()
         with NewsOrMoment(self._news, self._clock) as change:
             while True:
                 await self._rest_told()
@@ -117,7 +118,7 @@ class StateSender:
                 if self._is_due or last is None or _meaning(state) != _meaning(last):
                     self._is_due = False
                     last = await self._sent(state)
-                due_at = last.at + fleet_margin(self._clock, fleet_s=0.0, wall_s=STATE_EVERY_S)
+                    due_at = self._heartbeat.after(last.at)
                 await change.wait(until=due_at)
                 self._is_due = self._is_due or self._clock.now() >= due_at
 

@@ -73,8 +73,22 @@ async def test_a_drone_that_takes_off_is_looked_at_at_once_and_each_second(
 
 
 async def test_a_drone_that_stands_is_looked_at_once_for_guard_and_state(looked_at: Any) -> None:
+    await looked_at.pass_time(MINUTE)
     before = len(LookedAt.looks)
 
-    await looked_at.pass_time(5.2 * MINUTE)
+    await looked_at.pass_time(5 * MINUTE)
+
+    assert len(LookedAt.looks) - before == 10
+
+
+async def test_guard_and_state_look_together_after_a_lost_link_too(looked_at: Any) -> None:
+    await looked_at.pass_time(MINUTE)
+    looked_at.link.cut()
+    await looked_at.pass_time(0.7 * MINUTE)
+    looked_at.link.connect()
+    await looked_at.pass_time(MINUTE)
+    before = len(LookedAt.looks)
+
+    await looked_at.pass_time(5 * MINUTE)
 
     assert len(LookedAt.looks) - before == 10

@@ -1,0 +1,34 @@
+"""The heartbeat of a drone that nothing happens to: seldom, and not with all others at once."""
+
+from datetime import datetime
+from typing import Final
+from zlib import crc32
+
+from skyway.ids import DroneId
+from skyway.runtime.clock import FleetClock, fleet_margin
+from skyway_drone_agent.link.link_watch import LinkWatch
+
+#: Wall seconds between two beats.
+EVERY_S: Final = 30.0
+
+
+class Heartbeat:
+    """Says when a drone is due again; guard and state sender beat together.
+
+    A fleet connects at once, after a start and when the broker comes back. Were all its drones due
+    30 s later, and so for ever, whatever else happened then would wait for a second. So the first
+    beat of a connection comes after a part of the time that is the drone's own.
+    """
+
+    def __init__(self, drone_id: DroneId, link: LinkWatch, clock: FleetClock) -> None:
+        self._share = crc32(drone_id.encode()) / 2**32
+        self._link = link
+        self._clock = clock
+
+    def after(self, moment: datetime) -> datetime:
+        """When a drone is due that was looked at or sent its state then."""
+        every = fleet_margin(self._clock, fleet_s=0.0, wall_s=EVERY_S)
+        connected_at = self._link.up_since
+        if connected_at is not None and moment < connected_at + self._share * every:
+            return min(connected_at + self._share * every, moment + every)
+        return moment + every

@@ -1,0 +1,71 @@
+"""How often a drone beats, and that a fleet does not beat as one."""
+
+from collections import Counter
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import pytest
+from skyway_drone_agent.link.heartbeat import Heartbeat
+from skyway_drone_agent.link.link_watch import LinkWatch
+
+from skyway.ids import DroneId
+from skyway.runtime.clock import ManualClock
+
+NOON = datetime(2026, 3, 1, 12, tzinfo=UTC)
+MINUTE, BEAT = timedelta(minutes=1), timedelta(seconds=30)
+
+
+class Connected:
+    """A link that is up; nothing else is asked of it here."""
+
+    is_connected = True
+
+
+@pytest.fixture
+def clock() -> ManualClock:
+    return ManualClock(NOON)
+
+
+@pytest.fixture
+def watch(clock: ManualClock) -> LinkWatch:
+    link: Any = Connected()
+    return LinkWatch(link, clock, on_change=lambda: None)
+
+
+def test_only_the_first_beat_of_a_connection_comes_early(
+    watch: LinkWatch, clock: ManualClock
+) -> None:
+    heartbeat = Heartbeat(DroneId("drn_1"), watch, clock)
+    first = heartbeat.after(NOON)
+    assert NOON < first < NOON + BEAT
+    assert heartbeat.after(first) == first + BEAT
+
+    clock.advance(MINUTE)
+    watch.came_up()
+
+    assert heartbeat.after(NOON + MINUTE) == first + MINUTE
+
+
+def test_what_happens_before_the_first_beat_does_not_put_it_off(
+    watch: LinkWatch, clock: ManualClock
+) -> None:
+    heartbeat = Heartbeat(DroneId("drn_1"), watch, clock)
+    first = heartbeat.after(NOON)
+
+    assert heartbeat.after(NOON + 0.5 * (first - NOON)) == first
+
+
+def test_a_fleet_that_connects_at_once_beats_evenly(watch: LinkWatch, clock: ManualClock) -> None:
+    fleet = [Heartbeat(DroneId(f"drn_{n:05}"), watch, clock) for n in range(1000)]
+
+    in_second = Counter(int((one.after(NOON) - NOON).total_seconds()) for one in fleet)
+
+    assert len(in_second) == 30
+    assert max(in_second.values()) < 60
+
+
+def test_a_beat_is_of_wall_time(watch: LinkWatch) -> None:
+    heartbeat = Heartbeat(DroneId("drn_1"), watch, ManualClock(NOON, rate=600.0))
+    later = NOON + 600 * BEAT
+
+    assert heartbeat.after(later) == later + 600 * BEAT
