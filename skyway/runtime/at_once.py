@@ -6,7 +6,7 @@ there. What depends on a guard is not begun before the guard has found its row a
 
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 from sqlalchemy import (
     CTE,
@@ -25,24 +25,22 @@ from sqlalchemy import (
 )
 from sqlalchemy.sql.dml import ReturningUpdate
 
-from skyway.runtime.arrays import arrays_of, rows_given
 from skyway.runtime.declared import Change, Consequence, Declared, Following, Run
+from skyway.runtime.given import Given
 
 
 class _Changing(NamedTuple):
     """What changes of one kind have in common."""
 
-    table: Table
+    given: Given
     this: tuple[str, ...]
-    columns: tuple[str, ...]
     key: str
     counted: tuple[str, ...]
 
     @classmethod
-    def of(cls, change: Change) -> "_Changing":
-        return cls(
-            change.table, tuple(change.this), tuple(change.rows[0]), change.key, change.counted
-        )
+    def of(cls, change: Change) -> Self:
+        given = Given.of(change.table, change.rows)
+        return cls(given, tuple(change.this), change.key, change.counted)
 
 
 class _Shape(NamedTuple):
@@ -50,7 +48,7 @@ class _Shape(NamedTuple):
 
     guard: ReturningUpdate[*tuple[Any, ...]] | None  # whatever column it returns
     changes: tuple[_Changing, ...]
-    added: tuple[tuple[Table, tuple[str, ...]], ...]
+    added: tuple[Given, ...]
     consequences: tuple[Consequence, ...]
 
 
@@ -68,15 +66,15 @@ def statement_of(declared: Declared) -> tuple[Select[*tuple[Any, ...]], dict[str
     shape = _Shape(
         None if guard is None else guard.statement,
         tuple(map(_Changing.of, declared.changes)),
-        tuple((table, tuple(rows[0])) for table, rows in declared.added.items()),
+        tuple(Given.of(table, rows) for table, rows in declared.added.items()),
         tuple(each.consequence for each in declared.following),
     )
     values = {} if guard is None else dict(guard.values)
-    for number, change in enumerate(declared.changes):
-        values |= arrays_of(f"change_{number}", change.rows)
+    for number, (kind, change) in enumerate(zip(shape.changes, declared.changes, strict=True)):
+        values |= kind.given.parameters(f"change_{number}", change.rows)
         values |= {f"this_{number}_{name}": value for name, value in change.this.items()}
-    for table, rows in declared.added.items():
-        values |= arrays_of(_new(table), rows)
+    for given, rows in zip(shape.added, declared.added.values(), strict=True):
+        values |= given.parameters(_new(given.table), rows)
     for each in declared.following:
         values |= each.values
     return _statement(shape), values
@@ -98,10 +96,11 @@ def _statement(shape: _Shape) -> Select[*tuple[Any, ...]]:
         parts.append(written[table])
 
     for number, changing in enumerate(shape.changes):
-        note(_update(changing, number, condition), changing.table, f"changed_{number}")
-    for number, (table, columns) in enumerate(shape.added):
-        rows = select(rows_given(_new(table), table, columns)).where(condition)
-        new = insert(table).from_select(columns, rows, include_defaults=False)
+        note(_update(changing, number, condition), changing.given.table, f"changed_{number}")
+    for number, given in enumerate(shape.added):
+        table = given.table
+        rows = select(given.rows(_new(table))).where(condition)
+        new = insert(table).from_select(given.columns, rows, include_defaults=False)
         note(new, table, f"added_{number}")
     follows = [
         _insertion(each, written).cte(f"follows_{number}")
@@ -112,13 +111,13 @@ def _statement(shape: _Shape) -> Select[*tuple[Any, ...]]:
 
 
 def _update(changing: _Changing, number: int, condition: ColumnElement[bool]) -> Update:
-    table = changing.table
-    new = rows_given(f"change_{number}", table, changing.columns)
+    table = changing.given.table
+    new = changing.given.rows(f"change_{number}")
     found = [table.c[name] == bindparam(f"this_{number}_{name}") for name in changing.this]
     found.append(table.c[changing.key] == new.c[changing.key])
     values = {
         name: table.c[name] + new.c[name] if name in changing.counted else new.c[name]
-        for name in changing.columns
+        for name in changing.given.columns
         if name != changing.key
     }
     return update(table).where(and_(*found, condition)).values(values)

@@ -100,13 +100,17 @@ async def test_rows_of_several_tables_are_added_when_the_block_ends(db: Database
 
 
 def test_a_server_is_told_the_same_however_many_rows_there_are() -> None:
-    few, _ = statement_of(Declared(added={STATIONS: [{"name": "a"}], PADS: [pad("a")]}))
-    more = Declared(added={STATIONS: [{"name": "b"}], PADS: [pad("b"), pad("b", b"1")]})
-    many, parameters = statement_of(more)
+    few, _ = statement_of(Declared(added={PADS: [pad("a"), pad("b")]}))
+    many, parameters = statement_of(Declared(added={PADS: [pad("b"), pad("b", b"1"), pad("c")]}))
 
     assert many is few
-    assert parameters["new_stations_name"] == ["b"]
-    assert parameters["new_pads_sign"] == [None, b"1"]
+    assert parameters["new_pads_sign"] == [None, b"1", None]
+
+
+def test_a_single_row_is_told_without_arrays() -> None:
+    _, parameters = statement_of(Declared(added={PADS: [pad("b", b"1")]}))
+
+    assert parameters["new_pads_sign"] == b"1"
 
 
 async def test_a_row_that_is_refused_undoes_the_block(db: Database) -> None:
