@@ -3,6 +3,7 @@
 from typing import Any
 
 import pytest
+from sqlalchemy import text
 
 URL = "http://127.0.0.1:9/in"
 
@@ -100,3 +101,17 @@ async def test_the_clock_tells_fleet_time_to_any_key(gateway: Any) -> None:
     assert answer.json()["rate"] == 1.0
     assert set(answer.json()) == {"fleet_at", "wall_at", "rate", "now"}
     assert (await gateway.http.get("/v1/clock")).status_code == 401
+
+
+async def test_what_happens_while_a_webhook_is_disabled_is_not_told_to_it(
+    gateway_on_both: Any,
+) -> None:
+    gateway = gateway_on_both
+    path = f"/v1/webhooks/{(await _made(gateway))['webhook_id']}"
+    for state in ("DISABLED", "ACTIVE"):
+        answer = await gateway.http.patch(path, json={"state": state}, headers=gateway.customer)
+        assert answer.status_code == 200
+        last = await gateway.accepted()
+    async with gateway.parts.db.read() as connection:
+        due = await connection.execute(text("SELECT delivery_id FROM notifications"))
+    assert due.scalars().all() == [last]
