@@ -28,7 +28,13 @@ class Heartbeat:
     def after(self, moment: datetime) -> datetime:
         """When a drone is due that was looked at or sent its state then."""
         every = fleet_margin(self._clock, fleet_s=0.0, wall_s=EVERY_S)
-        connected_at = self._link.up_since
-        if connected_at is not None and moment < connected_at + self._share * every:
-            return min(connected_at + self._share * every, moment + every)
-        return moment + every
+        if self._link.up_since is not None:
+            first = _whole_second(self._link.up_since + self._share * every)
+            if moment < first:
+                return min(first, moment + every)
+        return _whole_second(moment + every)
+
+
+def _whole_second(moment: datetime) -> datetime:
+    """A few dozen drones together take half the processor time of as many one by one."""
+    return moment.replace(microsecond=0)

@@ -64,6 +64,15 @@ def test_a_fleet_that_connects_at_once_beats_evenly(watch: LinkWatch, clock: Man
     assert max(in_second.values()) < 60
 
 
+def test_drones_that_are_due_in_the_same_second_beat_together(watch: LinkWatch) -> None:
+    heartbeat = Heartbeat(DroneId("drn_1"), watch, ManualClock(NOON))
+    later = NOON + MINUTE
+
+    due_at = {heartbeat.after(later + timedelta(seconds=part)) for part in (0.0, 0.2, 0.999)}
+
+    assert due_at == {later + BEAT}
+
+
 def test_a_beat_is_of_wall_time(watch: LinkWatch) -> None:
     heartbeat = Heartbeat(DroneId("drn_1"), watch, ManualClock(NOON, rate=600.0))
     later = NOON + 600 * BEAT
