@@ -17,12 +17,14 @@ class World:
     def __init__(self) -> None:
         self.answers: dict[str, int] = {"two": 2}
         self.asked: list[str] = []
+        self.was_asked = asyncio.Event()
         self.is_answering = asyncio.Event()
         self.is_answering.set()
         self.trouble: Exception | None = None
 
     async def ask(self, question: str) -> int | None:
         self.asked.append(question)
+        self.was_asked.set()
         await self.is_answering.wait()
         if self.trouble is not None:
             raise self.trouble
@@ -85,8 +87,7 @@ async def test_its_time_begins_when_it_is_asked_for(
 ) -> None:
     world.is_answering.clear()
     asking = asyncio.create_task(remembered.ask("two"))
-    while not world.asked:
-        await asyncio.sleep(0)
+    await world.was_asked.wait()
     clock.advance(KEPT)
     world.is_answering.set()
     await asking
