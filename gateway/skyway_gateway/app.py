@@ -37,7 +37,6 @@ from skyway_gateway.access.routes import KeyGate, key_routes
 from skyway_gateway.audit.routes import audit_routes
 from skyway_gateway.audit.trail import AuditTrail
 from skyway_gateway.clients import Composition, Registry, RestComposition, RestRegistry
-from skyway_gateway.deliveries import store as delivery_store
 from skyway_gateway.deliveries.accept import Acceptance
 from skyway_gateway.deliveries.book import Booker
 from skyway_gateway.deliveries.booking_loop import BookingLoop
@@ -46,6 +45,7 @@ from skyway_gateway.deliveries.earnings.routes import earnings_routes
 from skyway_gateway.deliveries.follow import Follower
 from skyway_gateway.deliveries.known import KnownDeliveries
 from skyway_gateway.deliveries.overdue import OverdueWatch
+from skyway_gateway.deliveries.queueing.store import free_claims
 from skyway_gateway.deliveries.reading.routes import reading_routes
 from skyway_gateway.deliveries.routes import delivery_routes, report_routes
 from skyway_gateway.deliveries.writing import DeliveryWriter
@@ -114,6 +114,7 @@ class Parts:
             self.writer,
             self.clock,
             mint,
+            self.booking.claimant,
         )
 
     @property
@@ -264,7 +265,7 @@ async def take_over(parts: Parts) -> None:
     await parts.keys.make_first_keys()
     if parts.db.dialect == "sqlite":
         async with parts.db.write() as tx:
-            await delivery_store.free_claims(tx)
+            await free_claims(tx)
 
 
 def _start_sweeping(loops: Loops, parts: Parts) -> None:
@@ -324,7 +325,7 @@ def build_parts(
         targets=targets,
         post=post,
         sender=WebhookSender(db, post, told, clock, mint),
-        booking=BookingLoop(Wake(), most=settings.bookings_at_once),
+        booking=BookingLoop(Wake(), claimant=mint("bkr"), most=settings.bookings_at_once),
     )
 
 

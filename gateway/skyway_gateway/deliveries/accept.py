@@ -26,8 +26,8 @@ from skyway_gateway.deliveries.booking_loop import BookingLoop
 from skyway_gateway.deliveries.delivery import Custodian, Delivery, Flags, PackageStatus
 from skyway_gateway.deliveries.known import Known
 from skyway_gateway.deliveries.patience import give_up_at
+from skyway_gateway.deliveries.queueing.store import held_by
 from skyway_gateway.deliveries.rows import Queued
-from skyway_gateway.deliveries.store import held_by
 from skyway_gateway.deliveries.writing import DeliveryWriter
 from skyway_gateway.notifications.events import Happening
 from skyway_gateway.quotes.checks import Checks
@@ -141,7 +141,7 @@ class Acceptance:
         known = Known(delivery, version=1, last_sequence=1)
         queued = Queued(known, checked.position, give_up, current_traceparent())
         is_ours = self.booking.is_free
-        claim = held_by(self.mint("bkr"), self.clock) if is_ours else FREE
+        claim = held_by(self.booking.claimant, self.clock) if is_ours else FREE
         self.writer.add(tx, queued, requested, claim=claim)
         tx.after_commit(partial(self.booking.begin, queued) if is_ours else self.booking.queued.set)
         return delivery

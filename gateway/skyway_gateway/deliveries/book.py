@@ -8,7 +8,7 @@ queue, and the next round asks again. That is safe, because composition answers 
 
 import logging
 import random
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass, field
 from datetime import timedelta
 from typing import Final
@@ -16,6 +16,7 @@ from typing import Final
 from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.mission import Booking, CancelMissions, Mission
 from skyway.contracts.shortlist import Candidates
+from skyway.ids import DeliveryId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.database import Database, Tx
 from skyway.runtime.errors import RemoteProblem, ServiceUnavailable
@@ -29,6 +30,7 @@ from skyway_gateway.deliveries.cancel import Canceller
 from skyway_gateway.deliveries.delivery import Delivery
 from skyway_gateway.deliveries.known import Known, Outdated
 from skyway_gateway.deliveries.progress import Progress
+from skyway_gateway.deliveries.queueing.store import claim_queued, hold, try_later
 from skyway_gateway.deliveries.rows import Queued
 from skyway_gateway.deliveries.verdict import most_refused, nobody_asked, refusal_reasons, why_never
 from skyway_gateway.deliveries.writing import DeliveryWriter
@@ -41,7 +43,7 @@ _RETRY_S: Final = (0.5, 3.0)
 
 @dataclass(frozen=True, slots=True)
 class Booker:
-    """Books queued deliveries."""
+    """Books queued deliveries, which it claims as `claimant`."""
 
     db: Database
     registry: Registry
@@ -50,17 +52,22 @@ class Booker:
     writer: DeliveryWriter
     clock: FleetClock
     mint: Mint
+    claimant: str
     chance: random.Random = field(default_factory=random.SystemRandom)
 
     async def claim(self, *, limit: int) -> Sequence[Queued]:
         """Deliveries whose booking is due, the longest waiting first, now ours to book."""
-        return await store.claim_queued(
+        return await claim_queued(
             self.db,
             limit=limit,
-            claimant=self.mint("bkr"),
+            claimant=self.claimant,
             clock=self.clock,
             known=self.writer.known,
         )
+
+    async def hold(self, deliveries: Collection[DeliveryId]) -> None:
+        """Go on holding those of these deliveries that are still ours to book."""
+        await hold(self.db, deliveries, claimant=self.claimant, clock=self.clock)
 
     async def book_or_retry(self, queued: Queued) -> None:
         """One round; what cannot be asked now is put off."""
@@ -167,9 +174,7 @@ class Booker:
         wait_s = self.chance.uniform(*_RETRY_S)
         next_try_at = self.clock.wall_now() + timedelta(seconds=wait_s)
         async with self.db.write() as tx:
-            await store.try_later(
-                tx, delivery.delivery_id, next_try_at=next_try_at, reasons=reasons
-            )
+            await try_later(tx, delivery.delivery_id, next_try_at=next_try_at, reasons=reasons)
 
 
 def _knows(delivery: Delivery, missions: Sequence[Mission]) -> bool:

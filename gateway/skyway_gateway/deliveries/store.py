@@ -1,4 +1,4 @@
-"""The SQL by which deliveries, their packages, custody and missions change.
+"""The SQL by which deliveries, their packages, custody and missions change (queue: `queueing`).
 
 Any, for rows: their columns are of every type.
 """
@@ -30,15 +30,14 @@ from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.mission import MissionReport
 from skyway.ids import DeliveryId, MissionId
 from skyway.runtime.among import among
-from skyway.runtime.claims import FREE, NOW_MS, Claiming, claim_values
-from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database, Tx
+from skyway.runtime.claims import FREE
+from skyway.runtime.database import Tx
 from skyway.runtime.declared import Consequence
 from skyway.runtime.errors import NotFound
 from skyway.units import moment_to_ms
 from skyway_gateway.deliveries import rows
 from skyway_gateway.deliveries.delivery import Delivery, FlownMission, PackageStatus
-from skyway_gateway.deliveries.known import Known, KnownDeliveries, Outdated
+from skyway_gateway.deliveries.known import Known, Outdated
 from skyway_gateway.deliveries.rows import Queued
 from skyway_gateway.deliveries.states import (
     SETTLED_PACKAGE_STATES,
@@ -47,21 +46,12 @@ from skyway_gateway.deliveries.states import (
 )
 from skyway_gateway.tables import custody, deliveries, missions, packages
 
-#: As long as one booking may take, seconds of wall time. Two that book the same are answered the
-#: same, so a claim that runs out costs a question, not a second drone.
-_LEASE_S: Final = 25.0
-
 # Statements of every delivery are made once: to make one takes as long as to run it.
 
-_CLAIMING: Final = Claiming.of(
-    deliveries,
-    where=and_(deliveries.c.is_queued, deliveries.c.next_try_wall_ms <= NOW_MS),
-    order_by=[deliveries.c.next_try_wall_ms, deliveries.c.delivery_id],
-)
 _THIS: Final = deliveries.c.delivery_id == bindparam("this")
 _LOCKED: Final = select(deliveries).where(_THIS).with_for_update()
 #: What is written besides `save` and shows in a delivery makes a version of its own.
-_NEXT_VERSION: Final = {"version": deliveries.c.version + 1}
+NEXT_VERSION: Final = {"version": deliveries.c.version + 1}
 _PACKAGES: Final = (
     select(packages).where(among(packages.c.delivery_id, "ids")).order_by(packages.c.number)
 )
@@ -123,58 +113,16 @@ def add(tx: Tx, queued: Queued, *, claim: Mapping[str, object]) -> None:
     tx.add(custody, [rows.first_custody_row(delivery, each) for each in delivery.packages])
 
 
-def held_by(claimant: str, clock: FleetClock) -> rows.Values:
-    """The columns of a row that is claimed as it is added, for as long as by `claim_queued`."""
-    until_ms = moment_to_ms(clock.wall_now()) + int(_LEASE_S * 1000)
-    return {"claimed_by": claimant, "claimed_until_ms": until_ms}
-
-
-async def claim_queued(
-    db: Database, *, limit: int, claimant: str, clock: FleetClock, known: KnownDeliveries
-) -> Sequence[Queued]:
-    """Deliveries whose booking is due, the longest waiting first, now held by us."""
-    values = claim_values(limit=limit, claimant=claimant, lease_s=_LEASE_S, clock=clock)
-    due = _CLAIMING.in_order(await db.write_alone(_CLAIMING.statement, values))
-    found = known.among((row.delivery_id, row.version) for row in due)
-    unknown = [row for row in due if row.delivery_id not in found]
-    if unknown:
-        # Parts that change meanwhile are of a later version: nothing is written from these.
-        async with db.read() as connection:
-            for row, delivery in zip(unknown, await with_parts(connection, unknown), strict=True):
-                found[delivery.delivery_id] = rows.known_of(row, delivery)
-    return [rows.queued_of(row, found[row.delivery_id]) for row in due]
-
-
-async def free_claims(tx: Tx) -> None:
-    """Let go of all that somebody held: on SQLite whoever claimed before us is dead."""
-    await tx.execute(update(deliveries).where(deliveries.c.is_queued).values(FREE))
-
-
-async def try_later(
-    tx: Tx,
-    delivery_id: DeliveryId,
-    *,
-    next_try_at: datetime,
-    reasons: Sequence[ProviderReason] | None,
-) -> None:
-    """Leave a delivery in the queue until a moment of wall time; None keeps the known reasons."""
-    values: dict[str, object] = {"next_try_wall_ms": moment_to_ms(next_try_at), **FREE}
-    if reasons is not None:
-        values |= {"reasons": rows.reasons_text(reasons), **_NEXT_VERSION}
-    this = and_(deliveries.c.delivery_id == delivery_id, deliveries.c.is_queued)
-    await tx.execute(update(deliveries).where(this).values(values))
-
-
 async def note_reasons(tx: Tx, delivery_id: DeliveryId, reasons: Sequence[ProviderReason]) -> None:
     """Keep why the packages that wait are about to be given up."""
-    values = {"reasons": rows.reasons_text(reasons), **_NEXT_VERSION}
+    values = {"reasons": rows.reasons_text(reasons), **NEXT_VERSION}
     this = and_(deliveries.c.delivery_id == delivery_id, deliveries.c.is_queued)
     await tx.execute(update(deliveries).where(this).values(values))
 
 
 async def note_cancelling(tx: Tx, delivery_id: DeliveryId, *, reason: str) -> None:
     """Keep that all of a delivery that still can be stopped is to be."""
-    values = {"cancel_reason": reason, **_NEXT_VERSION}
+    values = {"cancel_reason": reason, **NEXT_VERSION}
     this = deliveries.c.delivery_id == delivery_id
     await tx.execute(update(deliveries).where(this).values(values))
 

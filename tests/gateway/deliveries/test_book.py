@@ -4,6 +4,7 @@ import asyncio
 import itertools
 import types
 from collections.abc import Callable, Coroutine, Generator
+from dataclasses import replace
 from datetime import timedelta
 from typing import Any
 
@@ -141,8 +142,40 @@ async def test_a_claimed_delivery_is_left_alone_until_the_claim_runs_out(
     await gateway.accepted()
     assert len(await _claimed(gateway)) == 1
     assert await _claimed(gateway) == []
-    gateway.clock.advance(timedelta(seconds=26))
+    gateway.clock.advance(timedelta(seconds=3))
     assert len(await _claimed(gateway)) == 1
+
+
+async def test_a_claim_that_is_renewed_by_whose_it_is_does_not_run_out(
+    gateway_on_both: Any,
+) -> None:
+    gateway = gateway_on_both
+    first = await gateway.accepted()
+    assert len(await _claimed(gateway)) == 1
+    second = await gateway.accepted()
+    other = replace(gateway.parts.booker, claimant="bkr_of_a_replica")
+    assert len(await other.claim(limit=9)) == 1
+
+    gateway.clock.advance(timedelta(seconds=2))
+    await gateway.parts.booker.hold([first, second])
+    gateway.clock.advance(timedelta(seconds=2))
+
+    assert [one.delivery.delivery_id for one in await other.claim(limit=9)] == [second]
+    gateway.clock.advance(timedelta(seconds=1))
+    assert [one.delivery.delivery_id for one in await other.claim(limit=9)] == [first]
+
+
+async def test_what_is_planned_or_put_off_is_not_held_any_more(gateway_on_both: Any) -> None:
+    gateway = gateway_on_both
+    planned = await gateway.planned()
+    gateway.composition.is_busy = True
+    put_off = await gateway.accepted()
+    assert await gateway.book_next()
+
+    gateway.clock.advance(timedelta(seconds=1))
+    await gateway.parts.booker.hold([planned, put_off])
+    gateway.clock.advance(timedelta(seconds=2))
+    assert [one.delivery.delivery_id for one in await _claimed(gateway)] == [put_off]
 
 
 async def test_busy_keeps_the_request_and_tries_again_in_a_while(

@@ -1,0 +1,1 @@
+"""Deliveries with packages that wait: who books which of them, until when."""
