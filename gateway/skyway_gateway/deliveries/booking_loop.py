@@ -32,6 +32,7 @@ class BookingLoop:
         self.queued = queued
         self.claimant = claimant
         self._most = most
+        self._places = asyncio.Semaphore(most)
         self._booker: Booker | None = None
         self._group = asyncio.TaskGroup()
         self._under_way: dict[asyncio.Task[None], DeliveryId] = {}
@@ -84,9 +85,11 @@ class BookingLoop:
             self.queued.set()
 
     async def _book(self, booker: Booker, queued: Queued) -> None:
-        """Book one; whatever goes wrong, its claim runs out."""
+        """Book one in its turn; whatever goes wrong, its claim runs out."""
         try:
-            await booker.book_or_retry(queued)
+            # More may be handed over than there is room for: what one COMMIT has accepted.
+            async with self._places:
+                await booker.book_or_retry(queued)
         except Exception:
             count("skyway_loop_failures", "steps of loops that failed", loop="book")
             log.exception("booking failed", extra={"delivery_id": queued.delivery.delivery_id})

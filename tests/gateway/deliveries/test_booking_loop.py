@@ -168,6 +168,23 @@ async def test_the_most_may_be_handed_over_and_no_more(until: Until) -> None:
     await _run(booker, 2, test, loop=loop)
 
 
+async def test_what_one_commit_hands_over_beyond_the_most_waits(until: Until) -> None:
+    booker = Booker([])
+    loop = BookingLoop(booker.queued, claimant="bkr_1", most=2)
+
+    async def test() -> None:
+        await until(lambda: loop.is_free)
+        for name in ("slow 1", "slow 2", "slow 3"):
+            loop.begin(_queued(name))
+        for _ in range(20):
+            await asyncio.sleep(0)
+        assert booker.under_way == {"slow 1", "slow 2"}
+        booker.gate.set()
+        await until(lambda: len(booker.booked) == 3)
+
+    await _run(booker, 2, test, loop=loop)
+
+
 async def test_what_is_under_way_is_held_again_and_again() -> None:
     booker = Booker(["slow 1", "a", "slow 2"])
 
