@@ -69,7 +69,7 @@ class Effort:
     def has_made(self, labels: int) -> bool:
         """Count these labels; True when the search has to end."""
         self.labels += labels
-        return self.room == 0 or self.stop(self.labels)
+        return self.stop(self.labels) or self.room == 0
 
 
 def stopwatch() -> Callable[[], float]:

@@ -18,7 +18,7 @@ from skyway.planner.compose import DEFAULT_STRATEGY, compose
 from skyway.planner.hierarchy import Hierarchy
 from skyway.planner.pad_book import NO_RESERVATIONS, PadBook
 from skyway.planner.problem import Problem
-from skyway.planner.stop import Stop, TimeLimit, first_of, never
+from skyway.planner.stop import Stop, TimeLimit, first_of
 from skyway.planner.verify import PlanRejected
 from skyway.planner.warm import warm
 from skyway.runtime.errors import ServiceUnavailable
@@ -29,7 +29,11 @@ log = logging.getLogger(__name__)
 _MOST_WAITING: Final = 500
 
 #: Problems with more than this go to a thread at once: already before the search they take long.
-_FEW_STATIONS, _FEW_PACKAGES, _FEW_CLOSURES = 20_000, 5, 50
+_FEW_STATIONS, _FEW_PACKAGES, _FEW_CLOSURES = 5_000, 5, 50
+
+
+class _TakesLong(Exception):
+    """A problem is not solved by as few labels as the event loop may make."""
 
 
 class SolverPool:
@@ -96,6 +100,8 @@ class SolverPool:
         # Before the planner is compiled any problem takes a minute.
         if self._labels_at_once and self.is_warm and _is_small(problem, airspace, hierarchy):
             plan = self._composed_at_once(problem, airspace, booked, hierarchy)
+            # Whoever asks for a hundred plans in a row leaves all others their turn in between.
+            await asyncio.sleep(0)
             if plan is not None:
                 return plan
         is_abandoned = threading.Event()
@@ -118,10 +124,20 @@ class SolverPool:
     ) -> Plan | None:
         """The plan of a problem that takes few labels; None for another one, or at least maybe."""
         limited = problem.model_copy(update={"label_limit": self._labels_at_once})
-        plan = _composed(limited, never, airspace, booked, hierarchy)
-        # No search takes more than half of the labels that are left, unless it is cut short. So
-        # none was, and this is the plan that would be found without a limit.
-        return plan if 2 * plan.stats.get("labels", 0) < self._labels_at_once else None
+        try:
+            return _composed(limited, self._give_up, airspace, booked, hierarchy)
+        except _TakesLong:
+            return None
+
+    def _give_up(self, labels: int) -> bool:
+        """End all at once, as a search that is merely cut short is followed by costly proofs.
+
+        No search is cut short before it has made half of the labels that are left. So none ever
+        was where this does not raise, and the plan is the one that is found without a limit.
+        """
+        if 2 * labels >= self._labels_at_once:
+            raise _TakesLong
+        return False
 
     def _compose(
         self,

@@ -1,6 +1,8 @@
 """The solver pool: bounded, and never searching for nobody."""
 
 import asyncio
+import sys
+from types import FrameType
 from typing import Any
 
 import pytest
@@ -8,6 +10,7 @@ from skyway_composition.planning.solver_pool import SolverPool
 
 from skyway.delivery.plan import Plan, PlanStatus
 from skyway.network.geojson import read_network
+from skyway.network.synthetic import synthetic_city
 from skyway.planner.airspace import Airspace
 from skyway.planner.hierarchy import Hierarchy
 from skyway.planner.problem import Problem
@@ -51,7 +54,7 @@ def without_times(plan: Plan) -> Plan:
     return plan.model_copy(update={"stats": {**plan.stats, "elapsed_s": 0.0}})
 
 
-@pytest.mark.parametrize("labels", [1, 2, 4, 8, 12, 16, 24, 2_048])
+@pytest.mark.parametrize("labels", [*range(1, 33), 2_048])
 @pytest.mark.parametrize("members", [{}, {"latest_delivery_s": 10.0}])
 async def test_a_plan_does_not_depend_on_how_far_is_searched_at_once(
     make: Any, local: Any, labels: int, members: Any
@@ -70,12 +73,65 @@ async def test_a_plan_does_not_depend_on_how_far_is_searched_at_once(
 async def test_a_small_problem_waits_for_no_thread(make: Any, local: Any) -> None:
     async with SolverPool(threads=1, time_limit_s=5.0, labels_at_once=2_048) as solver:
         await solver.warm()
-        composing = asyncio.ensure_future(solver.compose(make_problem(make), **local))
+        composing = solver.compose(make_problem(make), **local)
 
-        await asyncio.sleep(0)
+        # It gives way to others once, and then has its plan.
+        composing.send(None)
+        with pytest.raises(StopIteration) as made:
+            composing.send(None)
 
-        assert composing.done()
-        assert composing.result().is_flyable
+    assert made.value.value.is_flyable
+
+
+async def test_many_small_problems_leave_others_their_turn(make: Any, local: Any) -> None:
+    turns = 0
+
+    async def others() -> None:
+        nonlocal turns
+        while True:
+            turns += 1
+            await asyncio.sleep(0)
+
+    async with SolverPool(threads=1, time_limit_s=5.0, labels_at_once=2_048) as solver:
+        await solver.warm()
+        running = asyncio.create_task(others())
+        for _ in range(10):
+            await solver.compose(make_problem(make), **local)
+        running.cancel()
+
+    assert turns >= 10
+
+
+async def test_a_problem_that_takes_many_labels_holds_the_event_loop_no_longer(make: Any) -> None:
+    """Nothing can be delivered in 10 s, which is seen soon; why it cannot takes many labels."""
+    network = synthetic_city(stations=400, seed=1)
+    problem = make_problem(
+        make,
+        network=network,
+        source="s1",
+        packages=[{"package_id": "p1", "mass_kg": 0.4, "destination": "s400"}],
+        latest_delivery_s=10.0,
+    )
+    calls = 0
+
+    def note(_frame: FrameType, event: str, _of: object) -> None:
+        nonlocal calls
+        calls += event == "call"
+
+    async with SolverPool(threads=1, time_limit_s=5.0, labels_at_once=16) as solver:
+        await solver.warm()
+        composing = solver.compose(
+            problem, airspace=Airspace.of(network), hierarchy=Hierarchy.of(network)
+        )
+        sys.setprofile(note)
+        try:
+            composing.send(None)
+        finally:
+            sys.setprofile(None)
+        composing.close()
+
+    # A look at each station alone takes more.
+    assert calls < 1_000
 
 
 @pytest.mark.parametrize(

@@ -8,6 +8,14 @@ def test_effort_is_spent_with_the_last_label_of_the_limit():
     assert effort.labels == 4
 
 
+def test_a_stop_is_told_of_the_last_labels_that_may_be_made():
+    told: list[int] = []
+    effort = Effort(lambda labels: bool(told.append(labels)), most_labels=3)
+
+    assert [effort.has_made(2), effort.has_made(1)] == [False, True]
+    assert told == [2, 3]
+
+
 def test_a_time_limit_of_nothing_is_over_at_once_and_a_long_one_is_not():
     assert TimeLimit(0.0)(0)
     assert not TimeLimit(3600.0)(10**9)
