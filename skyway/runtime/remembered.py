@@ -39,7 +39,7 @@ class Remembered(Generic[QuestionT, AnswerT]):
         if asked_at is None:
             return None
         age = self._clock.wall_now() - asked_at
-        if age >= self._kept:
+        if not timedelta() <= age < self._kept:  # the machine's clock may be set back
             return None
         if age >= self._kept / 2:
             self._under_way(question)

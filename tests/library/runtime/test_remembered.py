@@ -57,6 +57,15 @@ async def test_an_answer_is_believed_for_its_time(
     assert remembered.answer("two") is None
 
 
+async def test_an_answer_is_not_believed_for_longer_when_the_clock_is_set_back(
+    remembered: Remembered[str, int | None], clock: ManualClock
+) -> None:
+    await remembered.ask("two")
+
+    clock.advance(timedelta(hours=-1))
+    assert remembered.answer("two") is None
+
+
 async def test_an_old_answer_is_renewed_while_it_is_believed(
     remembered: Remembered[str, int | None], clock: ManualClock, world: World
 ) -> None:
