@@ -303,7 +303,9 @@ async def test_a_running_loop_books_what_is_accepted_without_looking_for_it(gate
         return []
 
     booking, booker = gateway.parts.booking, gateway.parts.booker
-    blind = SimpleNamespace(claim=find_nothing, book_or_retry=booker.book_or_retry)
+    blind = SimpleNamespace(
+        claim=find_nothing, hold=booker.hold, book_or_retry=booker.book_or_retry
+    )
     running = asyncio.create_task(booking.run(blind))
     try:
         async with asyncio.timeout(20):
