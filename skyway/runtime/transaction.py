@@ -172,15 +172,11 @@ class Tx:
 
     async def _write_declared(self) -> None:
         if self.dialect == "postgresql":
-            followed = await write_at_once(self._declared, self._execute_last)
+            last = self.connection.execute_last
+            followed = await write_at_once(self._declared, lambda *what: self._told(last(*what)))
         else:
             followed = await write_in_turn(self._declared, self.execute)
         self._callbacks += [each.then for each in followed if each.then is not None]
-
-    async def _execute_last(
-        self, statement: Executable, parameters: Row
-    ) -> CursorResult[*tuple[Any, ...]]:
-        return await self._told(self.connection.execute_last(statement, parameters))
 
     async def _told(
         self, running: Awaitable[CursorResult[*tuple[Any, ...]]]
