@@ -4,6 +4,7 @@ Paho reads a packet in three pieces, and writes each packet by itself. A system 
 than all else that is done for a small packet.
 """
 
+import select
 import socket
 import ssl
 from typing import Final
@@ -29,6 +30,8 @@ class BufferedSocket:
         self._taken = 0  # how much of that paho has
         self._unsent = bytearray()
         self._end: OSError | bytes | None = None  # what paho is answered when all is read
+        #: Asked for further records: TLS gives one at a time, a whole one, of 16 KiB at most.
+        self._records = _arrivals(sock) if isinstance(sock, ssl.SSLSocket) else None
 
     @property
     def has_unread(self) -> bool:
@@ -44,13 +47,17 @@ class BufferedSocket:
         """Read what has arrived; call it when the socket is readable."""
         try:
             self._keep(self._sock.recv(_MOST_BYTES))
-            # What TLS has decrypted already never shows as readable again.
-            while isinstance(self._sock, ssl.SSLSocket) and self._sock.pending():
+            while self._records is not None and self._has_room and self._records.poll(0):
                 self._keep(self._sock.recv(_MOST_BYTES))
         except _NOT_NOW:
             return
         except OSError as error:
             self._end = error
+
+    @property
+    def _has_room(self) -> bool:
+        """Whether to ask for more: others of this process want their turn too."""
+        return self._end is None and len(self._read) < _MOST_BYTES
 
     def _keep(self, data: bytes) -> None:
         self._read = self._read[self._taken :] + data
@@ -103,3 +110,9 @@ class BufferedSocket:
     def setblocking(self, flag: bool) -> None:
         """Block or not, as paho asks; it never wants to."""
         self._sock.setblocking(flag)
+
+
+def _arrivals(sock: socket.socket) -> select.poll:
+    arrivals = select.poll()
+    arrivals.register(sock, select.POLLIN)
+    return arrivals

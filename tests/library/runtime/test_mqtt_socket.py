@@ -1,6 +1,7 @@
 """The socket under paho: few system calls, and nothing lost between them."""
 
 import socket
+import ssl
 from collections.abc import Iterator
 from contextlib import suppress
 
@@ -22,6 +23,22 @@ class Ends:
     def close(self) -> None:
         self.near.close()
         self.far.close()
+
+
+def tls_without_certificates(protocol: int) -> ssl.SSLContext:
+    """What trusts everybody, and needs nothing made."""
+    context = ssl.SSLContext(protocol)
+    context.check_hostname, context.verify_mode = False, ssl.CERT_NONE
+    context.maximum_version = ssl.TLSVersion.TLSv1_2
+    context.set_ciphers("AECDH-AES128-SHA:@SECLEVEL=0")
+    return context
+
+
+def encrypted(sock: socket.socket, protocol: int) -> ssl.SSLSocket:
+    sock.setblocking(False)
+    return tls_without_certificates(protocol).wrap_socket(
+        sock, server_side=protocol == ssl.PROTOCOL_TLS_SERVER, do_handshake_on_connect=False
+    )
 
 
 def send_until_full(sock: BufferedSocket) -> Iterator[bytes]:
@@ -82,6 +99,23 @@ def test_what_was_left_unread_comes_before_what_arrives_later(stream):
     stream.near.fill()
 
     assert stream.near.recv(100) == b"ne,two"
+
+
+def test_all_that_arrived_over_tls_is_read_at_once():
+    plain_near, plain_far = socket.socketpair()
+    near = encrypted(plain_near, ssl.PROTOCOL_TLS_CLIENT)
+    far = encrypted(plain_far, ssl.PROTOCOL_TLS_SERVER)
+    for end in (near, far, near, far, near):
+        with suppress(ssl.SSLWantReadError):
+            end.do_handshake()
+    with near, far:
+        buffered = BufferedSocket(near)
+        far.send(b"one record,")
+        far.send(b"another")
+
+        buffered.fill()
+
+        assert buffered.recv(100) == b"one record,another"
 
 
 def test_nothing_to_read_is_not_the_end(stream):
