@@ -1,6 +1,6 @@
 """The heartbeat of a drone that nothing happens to: seldom, and not with all others at once."""
 
-from datetime import datetime
+from datetime import UTC, datetime, timedelta
 from typing import Final
 from zlib import crc32
 
@@ -10,6 +10,10 @@ from skyway_drone_agent.link.link_watch import LinkWatch
 
 #: Wall seconds between two beats.
 EVERY_S: Final = 30.0
+
+#: Beats fall on whole multiples of so many wall seconds, counted from the epoch.
+_TICK_S: Final = 1.0
+_EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 class Heartbeat:
@@ -27,14 +31,17 @@ class Heartbeat:
 
     def after(self, moment: datetime) -> datetime:
         """When a drone is due that was looked at or sent its state then."""
-        every = fleet_margin(self._clock, fleet_s=0.0, wall_s=EVERY_S)
+        every, tick = self._wall(EVERY_S), self._wall(_TICK_S)
         if self._link.up_since is not None:
-            first = _whole_second(self._link.up_since + self._share * every)
+            first = _at_tick(self._link.up_since + self._share * every, tick)
             if moment < first:
                 return min(first, moment + every)
-        return _whole_second(moment + every)
+        return _at_tick(moment + every, tick)
+
+    def _wall(self, seconds: float) -> timedelta:
+        return fleet_margin(self._clock, fleet_s=0.0, wall_s=seconds)
 
 
-def _whole_second(moment: datetime) -> datetime:
+def _at_tick(moment: datetime, tick: timedelta) -> datetime:
     """A few dozen drones together take half the processor time of as many one by one."""
-    return moment.replace(microsecond=0)
+    return moment - (moment - _EPOCH) % tick

@@ -73,8 +73,11 @@ def test_drones_that_are_due_in_the_same_second_beat_together(watch: LinkWatch) 
     assert due_at == {later + BEAT}
 
 
-def test_a_beat_is_of_wall_time(watch: LinkWatch) -> None:
-    heartbeat = Heartbeat(DroneId("drn_1"), watch, ManualClock(NOON, rate=600.0))
-    later = NOON + 600 * BEAT
+@pytest.mark.parametrize("rate", [0.01, 1.0, 600.0])
+def test_beats_and_their_seconds_are_of_wall_time(watch: LinkWatch, rate: float) -> None:
+    heartbeat = Heartbeat(DroneId("drn_1"), watch, ManualClock(NOON, rate=rate))
+    later = NOON + rate * MINUTE
 
-    assert heartbeat.after(later) == later + 600 * BEAT
+    due_at = {heartbeat.after(later + rate * timedelta(seconds=part)) for part in (0.0, 0.999)}
+
+    assert due_at == {later + rate * BEAT}
