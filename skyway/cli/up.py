@@ -41,10 +41,14 @@ def up_command(
 async def _up(folder: DataFolder, *, rate: float, ports: Ports) -> None:
     console = Console()
     with asked_to_stop() as asked:
-        async with running_system(folder, rate=rate, ports=ports) as system:
-            announce(console, system)
-            await first_of(asked.wait(), system.supervisor.failed())
+        await first_of(asked.wait(), _run(console, folder, rate=rate, ports=ports))
     console.print("Skyway has stopped; nothing is left running.")
+
+
+async def _run(console: Console, folder: DataFolder, *, rate: float, ports: Ports) -> None:
+    async with running_system(folder, rate=rate, ports=ports) as system:
+        announce(console, system)
+        await system.supervisor.failed()
 
 
 @contextmanager

@@ -1,0 +1,38 @@
+"""`skyway up` hears that it is to stop whenever that is said."""
+
+import asyncio
+import os
+import signal
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from skyway.cli import up
+from skyway.cli.main import app
+
+
+@pytest.mark.parametrize("asking", [signal.SIGINT, signal.SIGTERM])
+def test_a_system_that_is_not_up_yet_is_ended_too(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, asking: signal.Signals
+) -> None:
+    happened: list[str] = []
+
+    @asynccontextmanager
+    async def never_ready(*_: object, **__: object) -> AsyncIterator[None]:
+        os.kill(os.getpid(), asking)
+        try:
+            await asyncio.sleep(10)
+            happened.append("gave up")
+            yield
+        finally:
+            happened.append("ended")
+
+    monkeypatch.setattr(up, "running_system", never_ready)
+
+    done = CliRunner().invoke(app, ["up", "--data", str(tmp_path)])
+
+    assert happened == ["ended"]
+    assert "has stopped" in done.output
