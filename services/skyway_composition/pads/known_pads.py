@@ -1,5 +1,6 @@
 """Who holds the pads of a network's stations: read station by station, as plans come to ask."""
 
+import asyncio
 from collections.abc import Sequence
 from typing import Final
 
@@ -53,6 +54,8 @@ class KnownPads:
         self._outages = tuple(outages)
         self._gap_ms = gap_ms
         self._held: list[PadHeld] = []
+        # Who asks while another reads must not plan without what is being read.
+        self._reading = asyncio.Lock()
         #: Of the stations read so far, milliseconds since 1970.
         self.book: PadBook = self._book_of(()) if outages else NO_RESERVATIONS
 
@@ -62,28 +65,35 @@ class KnownPads:
 
     async def read(self, rows: Rows) -> None:
         """Read the stations of these rows, as far as they have not been read."""
-        missing = rows[~self._is_read[rows]]
-        if len(missing) == 0:
-            return
-        async with self._db.read() as connection:
+        async with self._reading:
+            missing = rows[~self._is_read[rows]]
             if len(missing) > _MOST_NAMED:
-                self._is_read[:] = True
-                self._held = await booked_everywhere(
-                    connection,
-                    self._network_id,
-                    moment_ms=self._after_ms,
-                    without_mission_id=self._without_mission_id,
-                )
-            else:
-                self._is_read[missing] = True
-                ids = self._network.columns.station_ids
-                self._held += await booked_at(
-                    connection,
-                    [ids[row] for row in missing.tolist()],
-                    moment_ms=self._after_ms,
-                    without_mission_id=self._without_mission_id,
-                )
+                await self._read_all()
+            elif len(missing):
+                await self._read_at(missing)
+
+    async def _read_all(self) -> None:
+        async with self._db.read() as connection:
+            self._held = await booked_everywhere(
+                connection,
+                self._network_id,
+                moment_ms=self._after_ms,
+                without_mission_id=self._without_mission_id,
+            )
         self.book = self._book_of(self._held)
+        self._is_read[:] = True
+
+    async def _read_at(self, missing: Rows) -> None:
+        ids = self._network.columns.station_ids
+        async with self._db.read() as connection:
+            self._held += await booked_at(
+                connection,
+                [ids[row] for row in missing.tolist()],
+                moment_ms=self._after_ms,
+                without_mission_id=self._without_mission_id,
+            )
+        self.book = self._book_of(self._held)
+        self._is_read[missing] = True
 
     def _book_of(self, held: Sequence[PadHeld]) -> PadBook:
         row_of, pads = self._network.row_of, self._network.columns.pads

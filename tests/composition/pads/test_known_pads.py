@@ -1,5 +1,6 @@
 """What planning knows of pads: others' gap before them, and what is out of order."""
 
+import asyncio
 from typing import Any
 
 import numpy as np
@@ -49,3 +50,18 @@ async def test_an_outage_stays_known_once_stations_are_read(composition: Any) ->
     pads = await known(composition, outages=[("b", 1, 10, 20)])
 
     assert pads.book.end_ms.tolist() == [20]
+
+
+async def test_who_asks_while_another_reads_knows_as_much(composition: Any) -> None:
+    """The providers of a quote are planned for at the same time, in one world."""
+    await composition.book()
+    skyway = await composition.parts.networks.current("row")
+    pads = KnownPads(composition.db, skyway.network_id, skyway.network, after_ms=0)
+
+    async def known_after_reading() -> int:
+        await pads.read(np.arange(5, dtype=np.int32))
+        return len(pads.book.start_ms)
+
+    first, second = await asyncio.gather(known_after_reading(), known_after_reading())
+
+    assert (first > 0, second) == (True, first)
