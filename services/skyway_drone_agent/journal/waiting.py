@@ -54,15 +54,15 @@ class NewsOrMoment:
                 return
             self._sleeps_until = self._moment
 
-    def _has_come(self, _: "asyncio.Task[None]") -> None:
+    def _has_come(self, slept: "asyncio.Task[None]") -> None:
         """The moment is news too: one thing less to wait for."""
-        if self._moment is not None:
+        if self._moment is not None and slept is self._sleeping:
             self._news.set()
 
     def _wake(self) -> None:
         if self._sleeping is not None:
-            self._sleeping.remove_done_callback(self._has_come)
             self._sleeping.cancel()
+            self._sleeping = None
 
 
 async def wait_for_end_or_news(performing: asyncio.Future[Any], news: asyncio.Event) -> None:

@@ -121,6 +121,19 @@ async def test_a_moment_that_comes_while_nobody_waits_is_no_news(
     assert wait.done()
 
 
+async def test_a_sleep_that_ends_as_a_wait_begins_does_not_end_it(
+    waiting: NewsOrMoment, news: asyncio.Event, clock: CountingClock
+) -> None:
+    await begin(waiting, NOON + MINUTE)
+    news.set()
+    await settle()
+    clock.advance(MINUTE)
+
+    wait = await begin(waiting, NOON + 3 * MINUTE)
+
+    assert not wait.done()
+
+
 async def test_waits_that_end_by_news_share_a_sleep(
     waiting: NewsOrMoment, news: asyncio.Event, clock: CountingClock
 ) -> None:
