@@ -60,7 +60,7 @@ def running_system(
         if mosquitto is None:
             pytest.skip("Mosquitto is not installed")
         environment |= {
-            "SKYWAY_DATABASE_URL": request.getfixturevalue("postgresql_server"),
+            "SKYWAY_DATABASE_URL": request.getfixturevalue("postgresql_server").url("postgres"),
             "SKYWAY_MQTT_URL": f"mqtt://127.0.0.1:{free_port()}",
             "SKYWAY_MQTT_DRONE_URL": f"mqtt://127.0.0.1:{free_port()}",
             "SKYWAY_MQTT_TLS_URL": f"mqtts://127.0.0.1:{free_port()}",
