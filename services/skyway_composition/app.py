@@ -69,7 +69,7 @@ PACKAGE: Final = "skyway_composition"
 _LOOK_EVERY_S: Final = 1.0
 
 #: How far the event loop itself searches for a booking's plan: a millisecond or two as a rule, 20
-#: at most among 1,000 odd requests. Inquiries ask for many plans in a row, so they never do.
+#: at most among odd requests at 1,000 stations. Inquiries ask for many plans in a row, so never.
 _LABELS_AT_ONCE: Final = 2_048
 
 
