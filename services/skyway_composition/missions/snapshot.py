@@ -17,6 +17,7 @@ from skyway_composition.missions.new_stream import open_stream
 from skyway_composition.missions.record import MissionRecord
 from skyway_composition.missions.report import report
 from skyway_composition.missions.watch import Watch
+from skyway_composition.planning.margins import used_more
 
 #: What a customer is shown; loading is told by reports of its own.
 _TOLD_ACTIVITIES: Final = ("FLYING", "WAITING", "RECHARGING", "DELIVERING")
@@ -29,8 +30,7 @@ async def take_state(watch: Watch, link: DroneLink, state: DroneState) -> None:
     if not link.hears_newer(state):
         return
     must_open_stream = link.has_lost_its_order(state)
-    # What events have told was compared with the plan when they came.
-    is_news = link.state is not None and link.state.last_event_seq == state.last_event_seq
+    is_news = link.state is not None and _is_news(link.state, state)
     link = replace(link, state=state)
     if state.stream == link.stream:
         link = link.acked(state.stream, state.session)
@@ -50,6 +50,17 @@ async def take_state(watch: Watch, link: DroneLink, state: DroneState) -> None:
             await judged(watch, record)
     elif state.mission_id is not None:
         await _call_off_if_over(watch, link.drone_id, state.mission_id, state)
+
+
+def _is_news(before: DroneState, state: DroneState) -> bool:
+    """Whether a state may say more of the plan than its events, which were compared with it."""
+    if before.last_event_seq == state.last_event_seq:
+        return True
+    return bool(set(state.faults) - set(before.faults)) or _used_more(state) > _used_more(before)
+
+
+def _used_more(state: DroneState) -> float:
+    return 0.0 if state.health is None else used_more(state.health.consumption_factor)
 
 
 async def _call_off_if_over(

@@ -68,6 +68,32 @@ async def test_a_drone_that_can_do_less_than_it_was_booked_for_is_in_trouble(
     assert "MORE_ENERGY" in trouble
 
 
+@pytest.mark.parametrize(
+    "told",
+    [
+        {"faults": ["BATTERY_LOW"], "soc": 0.5},
+        {"health": HEALTH | {"consumption_factor": 1.8}},
+    ],
+)
+async def test_what_a_state_says_beside_its_alarm_is_compared_with_the_plan(
+    composition: Any, drone: Any, ready: Any, told: dict[str, Any]
+) -> None:
+    await composition.take(drone.state(**ready))
+    alarm = drone.event(
+        "ALARM",
+        mission_id=ready["mission_id"],
+        mission_revision=1,
+        code="BATTERY_LOW",
+        level="URGENT",
+    )
+
+    await composition.take(alarm, drone.state(**ready | told))
+
+    (trouble,) = await troubles(composition)
+    assert trouble is not None
+    assert "MORE_ENERGY" in trouble
+
+
 async def test_a_drone_that_has_not_begun_in_time_is_compared_with_its_plan(
     composition: Any, drone: Any, ready: Any
 ) -> None:
