@@ -1,4 +1,4 @@
-"""A drone's way to the broker, which can be cut, and on which its acks can be kept back."""
+"""A drone's way to the broker, which can be cut, and on which messages can be kept back."""
 
 import contextlib
 import socket
@@ -17,7 +17,7 @@ class BrokerWay:
         self._broker = broker
         self._lock = threading.Lock()
         self._is_cut = False
-        self._holds = False
+        self._holds: bytes | None = None
         self._held: list[tuple[socket.socket, bytes]] = []
         self._listener = socket.create_server(("127.0.0.1", 0))
         self._ends: list[socket.socket] = []
@@ -28,18 +28,18 @@ class BrokerWay:
         """Where drones connect."""
         return f"mqtt://127.0.0.1:{self._listener.getsockname()[1]}"
 
-    def hold_acks(self) -> None:
-        """Keep acks back from now on, and nothing else."""
+    def hold(self, kind: str) -> None:
+        """Keep messages of this kind back from now on, "acks" or "instructions", and no others."""
         with self._lock:
-            self._holds = True
+            self._holds = f"/{kind}".encode()
 
-    def let_acks_go(self) -> None:
+    def let_go(self) -> None:
         """Pass on what was held, and all that follows."""
         with self._lock:
-            self._holds = False
-            for broker, packet in self._held:
+            self._holds = None
+            for receiver, packet in self._held:
                 with contextlib.suppress(OSError):
-                    broker.sendall(packet)
+                    receiver.sendall(packet)
             self._held.clear()
 
     def cut(self) -> None:
@@ -86,29 +86,22 @@ class BrokerWay:
         broker = socket.create_connection(self._broker)
         self._ends += [drone, broker]
         ways = [
-            threading.Thread(target=self._pass_up, args=(drone, broker)),
-            threading.Thread(target=_pass_down, args=(broker, drone)),
+            threading.Thread(target=self._pass_on, args=(drone, broker)),
+            threading.Thread(target=self._pass_on, args=(broker, drone)),
         ]
         self._threads += ways
         for way in ways:
             way.start()
 
-    def _pass_up(self, drone: socket.socket, broker: socket.socket) -> None:
+    def _pass_on(self, sender: socket.socket, receiver: socket.socket) -> None:
         with contextlib.suppress(OSError):
-            for packet in _packets(drone):
+            for packet in _packets(sender):
                 with self._lock:
-                    if self._holds and _is_ack(packet):
-                        self._held.append((broker, packet))
+                    if self._holds is not None and _is_about(self._holds, packet):
+                        self._held.append((receiver, packet))
                     else:
-                        broker.sendall(packet)
-        _hang_up(broker)
-
-
-def _pass_down(broker: socket.socket, drone: socket.socket) -> None:
-    with contextlib.suppress(OSError):
-        while some := broker.recv(65_536):
-            drone.sendall(some)
-    _hang_up(drone)
+                        receiver.sendall(packet)
+        _hang_up(receiver)
 
 
 def _packets(end: socket.socket) -> Iterator[bytes]:
@@ -126,8 +119,8 @@ def _packets(end: socket.socket) -> Iterator[bytes]:
             yield head + stream.read(length)
 
 
-def _is_ack(packet: bytes) -> bool:
-    return packet[0] >> 4 == _PUBLISH and b"/acks" in packet[:200]
+def _is_about(topic: bytes, packet: bytes) -> bool:
+    return packet[0] >> 4 == _PUBLISH and topic in packet[:200]
 
 
 def _hang_up(end: socket.socket) -> None:

@@ -1,8 +1,8 @@
 """Drones in every kind of trouble, side by side: each failsafe acts, and every delivery ends."""
 
+import contextlib
 import resource
 from collections.abc import Iterator
-from contextlib import contextmanager
 from datetime import datetime, timedelta
 from typing import Any
 from urllib.parse import urlsplit
@@ -84,6 +84,8 @@ until_at = 2120-01-01T00:00:00Z
 #: from that: nothing that it does by itself takes as long.
 _KEPT_FOR = timedelta(seconds=300)
 
+_THIRSTY = "flight_energy_factor = 1.18"
+
 _WORN = """
 [battery]
 temperature_c = -8
@@ -97,19 +99,27 @@ cell_spread_v = 0.15
 def test_every_failsafe_acts_and_every_delivery_ends(system: Any) -> None:
     system.operate("PUT", "/v1/networks/failsafes", ladders(*_RESERVES) | {"settings": _SETTINGS})
     fleets = TroubledFleets(system, _RESERVES)
-    with way_to_broker(system) as late, way_to_broker(system) as lost:
-        start(fleets, late=late, lost=lost)
-        deliveries = {name: requested(system, name) for name in _TRIPS if name != "late"}
+    with contextlib.ExitStack() as ways:
+        late, lost, short = (ways.enter_context(way_to_broker(system)) for _ in range(3))
+        start(fleets, late=late, lost=lost, short=short)
+        # Else the cloud has it land, as soon as it says that its battery will be low.
+        deliveries = {"short": requested(system, "short")}
+        until_accepted(system, fleets, "short")
+        short.hold("instructions")
+        others = _TRIPS.keys() - {"short", "late"}
+        deliveries |= {name: requested(system, name) for name in others}
 
         until_airborne(system, fleets, "link", deliveries["link"])
         lost.cut()
+        until_alarmed(system, fleets, "short", {"BATTERY_SHORT"})
+        short.let_go()
         fill_disk_in_flight(system, fleets, deliveries["disk"])
         # Last, with nothing else to wait for: a state that its drone sends between the expiry and
         # the acks says that it does not fly, and composition may give the mission up on its own.
-        late.hold_acks()
+        late.hold("acks")
         deliveries["late"] = requested(system, "late")
         until_expired(system, fleets, "late")
-        late.let_acks_go()
+        late.let_go()
         ready_at = until_kept_on_the_ground(system, fleets, "link")
         found_at = load_clock(system.folder.clock_file).now()
         lost.restore()
@@ -132,12 +142,13 @@ def requested(system: Any, name: str) -> str:
     return delivery_id
 
 
-def start(fleets: TroubledFleets, *, late: BrokerWay, lost: BrokerWay) -> None:
+def start(fleets: TroubledFleets, *, late: BrokerWay, lost: BrokerWay, short: BrokerWay) -> None:
     """The agents; what is the same for all drones of an agent needs agents of its own."""
     named = ("motor", "gps", "drift", "pad")
     ids = {name: fleets.drone_id(name) for name in named}
     fleets.run(*named, scenario=_BY_NAME.format(**ids))
-    fleets.run("low", "short", scenario="flight_energy_factor = 1.18")
+    fleets.run("low", scenario=_THIRSTY)
+    fleets.run("short", scenario=_THIRSTY, mqtt_url=short.url)
     fleets.run("empty", scenario="flight_energy_factor = 100.0")
     fleets.run("hot", scenario="[battery]\ntemperature_c = 62")
     fleets.run("worn", scenario=_WORN)
@@ -147,13 +158,18 @@ def start(fleets: TroubledFleets, *, late: BrokerWay, lost: BrokerWay) -> None:
     fleets.until_available()
 
 
-@contextmanager
+@contextlib.contextmanager
 def way_to_broker(system: Any) -> Iterator[BrokerWay]:
     broker = urlsplit(system.environment.get("SKYWAY_MQTT_URL", system.keys["SKYWAY_MQTT_URL"]))
     assert broker.hostname is not None
     assert broker.port is not None
     with BrokerWay((broker.hostname, broker.port)) as way:
         yield way
+
+
+def until_accepted(system: Any, fleets: TroubledFleets, name: str) -> None:
+    """Return once the drone has written down that it has a mission."""
+    system.eventually(lambda: fleets.logbook(name).mission, f"{name} on a mission")
 
 
 def until_airborne(system: Any, fleets: TroubledFleets, name: str, delivery_id: str) -> None:
@@ -229,5 +245,5 @@ def until_alarmed(system: Any, fleets: TroubledFleets, name: str, codes: set[str
     system.eventually(
         lambda: codes <= fleets.alarms(name),
         f"{codes} of {name}",
-        told=lambda: fleets.alarms(name),
+        told=lambda: (fleets.alarms(name), fleets.missions(name)),
     )
