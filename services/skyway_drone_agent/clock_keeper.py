@@ -1,4 +1,9 @@
-"""The fleet clock as the cloud tells it, kept on disk for a restart without the cloud."""
+"""The fleet clock as the cloud tells it, kept on disk for a restart without the cloud.
+
+It never goes back. A cloud that begins anew says where the old clock would be (decision 0002), but
+a drone that hears late of a slower clock is ahead of it, and waits for it without standing still:
+whatever is due by wall time, as heartbeats are, goes on.
+"""
 
 import asyncio
 import contextlib
@@ -13,9 +18,13 @@ from skyway.runtime.clock import AnchoredClock, FleetClock, load_clock
 
 log = logging.getLogger(__name__)
 
-#: Wall seconds to wait for the cloud's word after a start before the kept anchor is believed: it
-#: is too far on when the whole system, and with it fleet time, stood still meanwhile.
+#: Wall seconds to wait for the cloud's word after a start before the kept anchor is believed: the
+#: cloud may have begun anew at another rate.
 PATIENCE_S = 10.0
+
+#: How fast a clock runs, of the cloud's, until that has caught up with it. What was due in 30 s
+#: when it slowed down is due within a minute.
+_WAITING_PACE = 0.5
 
 #: Longest single sleep, in seconds of wall time: the machine's clock may be set meanwhile.
 _LONGEST_SLEEP_S = 60.0
@@ -38,35 +47,51 @@ class ClockFromCloud(FleetClock, Protocol):
 
 
 class KeptClock:
-    """Goes by the newest anchor; whoever sleeps is woken by the new one's time."""
+    """Goes by the newest anchor, never back; whoever sleeps is woken by the new one's time."""
 
     def __init__(self, path: Path, *, patience_s: float = PATIENCE_S) -> None:
         self._path = path
         self._patience_s = patience_s
-        self._clock = AnchoredClock.plain()
+        self._told = AnchoredClock.plain()
+        #: Slower than the clock told, and ahead of it; None once that has caught up.
+        self._waiting: AnchoredClock | None = None
         self._is_known = asyncio.Event()
         self._napping: set[asyncio.Future[None]] = set()
 
     @property
     def rate(self) -> float:
         """Seconds of fleet time per second of wall time."""
-        return self._clock.rate
+        return self._ahead().rate
 
     def now(self) -> datetime:
         """Fleet time, UTC."""
-        return self._clock.now()
+        return self._ahead().now()
 
     def wall_now(self) -> datetime:
         """Wall time, UTC."""
-        return self._clock.wall_now()
+        return self._told.wall_now()
+
+    def _ahead(self) -> AnchoredClock:
+        """The clock that is furthest on: once caught up with, the slower one is forgotten."""
+        if self._waiting is None:
+            return self._told
+        if self._told.now() >= self._waiting.now():
+            self._waiting = None
+            return self._told
+        return self._waiting
 
     async def sleep_until(self, fleet_moment: datetime) -> None:
         """Return once fleet time has reached the moment, also if the anchor changes meanwhile."""
         while True:
-            remaining_s = (fleet_moment - self.now()).total_seconds() / self.rate
+            remaining_s = self._wall_s_until(fleet_moment)
             if remaining_s <= 0:
                 return
             await self._nap(min(remaining_s, _LONGEST_SLEEP_S))
+
+    def _wall_s_until(self, fleet_moment: datetime) -> float:
+        """How long it takes until the first of the two clocks shows this moment."""
+        clocks = (self._told,) if self._waiting is None else (self._told, self._waiting)
+        return min((fleet_moment - clock.now()).total_seconds() / clock.rate for clock in clocks)
 
     async def _nap(self, wall_s: float) -> None:
         """Sleep for a while, or until there is another anchor.
@@ -96,7 +121,7 @@ class KeptClock:
     def keep(self, anchor: ClockAnchor) -> None:
         """Go by this anchor from now on, and after a restart too."""
         clock = AnchoredClock(anchor.fleet_at, anchor.wall_at, anchor.rate)
-        if self._is_known.is_set() and clock == self._clock:
+        if self._is_known.is_set() and clock == self._told:
             return
         self._go_by(clock)
         try:
@@ -112,7 +137,10 @@ class KeptClock:
         beside.replace(self._path)
 
     def _go_by(self, clock: AnchoredClock) -> None:
-        self._clock = clock
+        if self._is_known.is_set():
+            reached, wall_at = self.now(), self.wall_now()
+            self._waiting = AnchoredClock(reached, wall_at, clock.rate * _WAITING_PACE)
+        self._told = clock
         self._is_known.set()
         for awake in tuple(self._napping):
             _wake(awake)

@@ -70,6 +70,34 @@ async def test_a_new_anchor_wakes_who_sleeps_past_it(tmp_path: Path) -> None:
     await asyncio.wait_for(sleeping, timeout=5)
 
 
+async def test_a_clock_that_is_told_to_go_back_waits_for_the_clouds(tmp_path: Path) -> None:
+    clock = KeptClock(tmp_path / "clock.json")
+    clock.keep(anchor(rate=600.0, fleet_at=NOON + timedelta(hours=5)))
+    reached = clock.now()
+
+    clock.keep(anchor(rate=20.0))
+
+    assert clock.now() >= reached
+    # It does not stand still meanwhile: a heartbeat that is due by the wall clock is sent.
+    assert 0 < clock.rate < 20.0
+    await asyncio.wait_for(clock.sleep_until(clock.now() + timedelta(seconds=0.2)), timeout=5)
+
+
+async def test_a_clock_that_waited_goes_by_the_clouds_in_the_end(tmp_path: Path) -> None:
+    clock = KeptClock(tmp_path / "clock.json")
+    clock.keep(anchor(rate=600.0, fleet_at=NOON + timedelta(seconds=30)))
+    told = anchor(rate=600.0)
+
+    clock.keep(told)
+    # It catches up after 60 s of fleet time, a tenth of a second.
+    await asyncio.wait_for(clock.sleep_until(NOON + timedelta(seconds=90)), timeout=5)
+
+    assert clock.rate == 600.0
+    before = clock.wall_now()
+    assert clock.now() >= told.fleet_at + (before - told.wall_at) * 600.0
+    assert clock.now() <= told.fleet_at + (clock.wall_now() - told.wall_at) * 600.0
+
+
 async def test_a_full_disk_does_not_stop_the_clock(tmp_path: Path) -> None:
     clock = KeptClock(tmp_path / "no_such_folder" / "clock.json")
 
