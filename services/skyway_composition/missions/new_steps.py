@@ -15,7 +15,7 @@ from skyway_composition.missions.instruct import StepTerms, flight_steps, wait_t
 from skyway_composition.missions.proposal import Revision
 from skyway_composition.missions.record import MissionRecord, Trouble
 from skyway_composition.missions.rest import Rest
-from skyway_composition.missions.revision import margins_of, next_revision
+from skyway_composition.missions.revision import next_revision
 from skyway_composition.networks.prepared import PreparedNetwork
 from skyway_composition.planning.trip import PlacedStep
 
@@ -50,7 +50,7 @@ def revision_of(
         # Home and charged: the drone still has to hear that nothing is left, to end it.
         start_ms = rest.trip.start_ms
         steps = (wait_there(anchor.station_id, start_ms, step_id=anchor.first_step),)
-    margins = margins_of(skyway.settings).model_copy(update={"energy_margin": energy_margin})
+    margins = skyway.settings.margins.model_copy(update={"energy_margin": energy_margin})
     mission = next_revision(record.mission, rest.trip, revision=number, margins=margins).model_copy(
         update={"given_up": rest.given_up}
     )

@@ -11,7 +11,6 @@ from skyway.ids import DeliveryId, MissionId
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.missions.record import MissionRecord
 from skyway_composition.networks.prepared import PreparedNetwork
-from skyway_composition.networks.settings import NetworkSettings
 from skyway_composition.planning.trip import Trip
 
 
@@ -33,7 +32,6 @@ def record_of(
     Its first instruction expires at `expires_at`.
     """
     start_at = ms_to_moment(trip.start_ms)
-    settings = skyway.settings
     mission = Mission(
         mission_id=mission_id,
         delivery_id=delivery_id,
@@ -51,7 +49,7 @@ def record_of(
         plan=trip.plan,
         home_plan=trip.home_plan,
         home_recharge=trip.home_recharge,
-        margins=margins_of(settings),
+        margins=skyway.settings.margins,
         loading="AWAITED" if candidate.loading == "CONFIRMED" else "AUTOMATIC",
     )
     return MissionRecord(
@@ -60,15 +58,6 @@ def record_of(
         request=request,
         candidate=candidate,
         expires_ms=moment_to_ms(expires_at),
-    )
-
-
-def margins_of(settings: NetworkSettings) -> Margins:
-    """The margins of plans in a network with these settings."""
-    return Margins(
-        energy_margin=settings.energy_margin,
-        pad_gap_s=settings.pad_gap_s,
-        tolerated_lateness_s=settings.tolerated_lateness_s,
     )
 
 

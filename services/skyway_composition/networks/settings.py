@@ -4,6 +4,7 @@ from typing import Annotated
 
 from pydantic import Field, ValidationError
 
+from skyway.contracts.mission import Margins
 from skyway.delivery.offer import Currency
 from skyway.delivery.request import MAX_TRIP_DESTINATIONS
 from skyway.errors import InvalidNetwork
@@ -31,6 +32,15 @@ class NetworkSettings(JsonModel):
     recipient_wait_s: Annotated[float, Field(ge=0, le=_LONGEST_STOP_S)] = 300.0
     loading_timeout_s: Annotated[float, Field(gt=0, le=7 * _LONGEST_STOP_S)] = 1_800.0
     max_destinations_per_trip: Annotated[int, Field(ge=1, le=MAX_TRIP_DESTINATIONS)] = 8
+
+    @property
+    def margins(self) -> Margins:
+        """What plans in this network are booked with, as offers and missions show it."""
+        return Margins(
+            energy_margin=self.energy_margin,
+            pad_gap_s=self.pad_gap_s,
+            tolerated_lateness_s=self.tolerated_lateness_s,
+        )
 
 
 def settings_of(network: Network) -> NetworkSettings:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from datetime import timedelta
 
 from skyway.contracts.candidate import Candidate, ProviderReason
-from skyway.contracts.mission import Margins, PackageEta
+from skyway.contracts.mission import PackageEta
 from skyway.contracts.quote import OfferTerms
 from skyway.delivery.offer import BestValues, OfferValues, Price, price_of
 from skyway.delivery.plan import Fly, Plan, Recharge
@@ -103,7 +103,7 @@ def terms_of(
         recharging_s=sum(plan.recharging_s or 0.0 for plan in plans),
         waiting_s=sum(plan.waiting_s or 0.0 for plan in plans),
         trips=len(offer.parts),
-        margins=Margins(energy_margin=settings.energy_margin, pad_gap_s=settings.pad_gap_s),
+        margins=settings.margins,
         score=best.score(values, weights),
     )
 

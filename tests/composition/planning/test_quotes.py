@@ -57,6 +57,20 @@ async def test_offers_are_ordered_as_asked_and_their_score_says_why(
     assert [offer.score for offer in offers] == sorted(offer.score for offer in offers)
 
 
+async def test_an_offer_shows_the_margins_that_it_would_be_booked_with(
+    composition: Any, make: Any
+) -> None:
+    await composition.publish(
+        make.network(energy_margin=0.2, pad_gap_s=60, tolerated_lateness_s=45)
+    )
+
+    answer = await quote(composition, make.request("c"), make.candidate())
+
+    booking = await composition.book()
+    assert answer.offers[0].margins == booking.missions[0].margins
+    assert answer.offers[0].margins.tolerated_lateness_s == 45
+
+
 async def test_a_provider_offers_its_drone_with_the_best_plan(composition: Any, make: Any) -> None:
     # The nearest has to be charged first; only its plan tells.
     empty = make.candidate(1, soc=0.15)
