@@ -26,10 +26,10 @@ from skyway.contracts.topics import TELEMETRY
 from skyway.geo import Position
 from skyway.ids import DroneId
 from skyway.runtime.clock import ManualClock
-from skyway.runtime.database import Database
-from skyway.runtime.migrations import migrate
 from skyway.runtime.minting import mint
-from skyway.runtime.mqtt_inbox import Inbox, Received
+from skyway.runtime.mqtt.inbox import Inbox, Received
+from skyway.runtime.sql.database import Database
+from skyway.runtime.sql.migrations import migrate
 
 DRONES: Final = 1_000
 ROUNDS: Final = 60

@@ -25,8 +25,8 @@ from sqlalchemy import Engine, event
 from xdist.scheduler import LoadScopeScheduling
 
 from skyway.runtime.clock import ManualClock
-from skyway.runtime.database import Database
-from skyway.runtime.migrations import migrate
+from skyway.runtime.sql.database import Database
+from skyway.runtime.sql.migrations import migrate
 
 #: Tables that tests in several folders read.
 _DATA = Path(__file__).parent / "data"

@@ -10,7 +10,7 @@ from typing import Any, Final
 from benchmarks.fleet.crew import PASSWORD
 from skyway.contracts.drone_report import Connection, DroneState, Telemetry
 from skyway.contracts.topics import CONNECTION, STATE, TELEMETRY
-from skyway.runtime.mqtt import MqttClient, Received
+from skyway.runtime.mqtt.client import MqttClient, Received
 
 _CONNECT_WITHIN_S: Final = 20.0
 

@@ -16,8 +16,8 @@ from typing import Final
 from benchmarks.fleet.crew import PASSWORD
 from skyway.contracts.broker_rules import SERVICE_ACCOUNTS, BrokerRules
 from skyway.errors import SkywayError
-from skyway.runtime.broker_passwords import hash_password, write_password_file
-from skyway.runtime.mosquitto import mosquitto_conf
+from skyway.runtime.mqtt.broker_passwords import hash_password, write_password_file
+from skyway.runtime.mqtt.mosquitto import mosquitto_conf
 
 #: Where Mosquitto is installed for those who are not root.
 _SERVERS: Final = "/usr/sbin"

@@ -13,7 +13,7 @@ from benchmarks.fleet.crew import PASSWORD
 from benchmarks.fleet.trip import trip_of
 from skyway.contracts.topics import CLOCK, INSTRUCTIONS
 from skyway.contracts.world import ClockAnchor
-from skyway.runtime.mqtt import MqttClient
+from skyway.runtime.mqtt.client import MqttClient
 
 _CONNECT_WITHIN_S: Final = 20.0
 

@@ -11,7 +11,7 @@ from benchmarks.load.world import World
 from skyway.contracts.delivery_event import DeliveryEvent, DeliveryEventType
 from skyway.contracts.topics import DELIVERY_EVENTS
 from skyway.ids import DeliveryId
-from skyway.runtime.mqtt import MqttClient, Received
+from skyway.runtime.mqtt.client import MqttClient, Received
 
 _ENDS = {
     DeliveryEventType.COMPLETED,

@@ -11,11 +11,8 @@ from typing import Final
 from fastapi import FastAPI
 from starlette.middleware import Middleware
 
-from skyway.runtime import idempotency
 from skyway.runtime.clock import AnchoredClock, FleetClock, load_clock
-from skyway.runtime.database import Database
-from skyway.runtime.http import ServiceClient
-from skyway.runtime.http_app import (
+from skyway.runtime.http.app import (
     Lifespan,
     Readiness,
     body_limits,
@@ -23,13 +20,17 @@ from skyway.runtime.http_app import (
     nothing_to_open,
     nothing_to_wait_for,
 )
-from skyway.runtime.identity import ServiceGate, ServiceIdentity, read_secret
+from skyway.runtime.http.client import ServiceClient
+from skyway.runtime.http.identity import ServiceGate, ServiceIdentity, read_secret
+from skyway.runtime.idempotency.memory import sweep
 from skyway.runtime.loops import Loops, Wake, repeat
-from skyway.runtime.migrations import migrate
 from skyway.runtime.minting import mint
-from skyway.runtime.mqtt import MqttClient
-from skyway.runtime.outbox import MqttSender, ReportSender
-from skyway.runtime.stream_sender import unhurried
+from skyway.runtime.mqtt.client import MqttClient
+from skyway.runtime.outbox.mqtt_sender import MqttSender
+from skyway.runtime.outbox.paces import unhurried
+from skyway.runtime.outbox.report_sender import ReportSender
+from skyway.runtime.sql.database import Database
+from skyway.runtime.sql.migrations import migrate
 from skyway_gateway.access.drone_keys import DroneKeys
 from skyway_gateway.access.keys import Keys
 from skyway_gateway.access.known_keys import KnownKeys
@@ -270,7 +271,7 @@ async def take_over(parts: Parts) -> None:
 
 def _start_sweeping(loops: Loops, parts: Parts) -> None:
     async def forget_old_answers() -> bool:
-        await idempotency.sweep(parts.db, parts.clock)
+        await sweep(parts.db, parts.clock)
         expired_before = parts.clock.wall_now() - _QUOTES_KEPT
         async with parts.db.write() as tx:
             await quote_store.forget(tx, expired_before=expired_before)

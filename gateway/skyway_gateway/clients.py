@@ -19,7 +19,7 @@ from skyway.contracts.station_check import NetworkStations, StationCheck, Statio
 from skyway.contracts.track import Track
 from skyway.ids import DeliveryId, DroneId, NetworkId, SubjectId
 from skyway.json_model import WireModel
-from skyway.runtime.http import ServiceClient
+from skyway.runtime.http.client import ServiceClient
 
 #: Composing may take a while; the same PUT again is answered the same, so this may be cut short.
 _COMPOSING_S: Final = 20.0

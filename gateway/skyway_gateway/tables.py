@@ -18,9 +18,9 @@ from sqlalchemy import (
     true,
 )
 
-from skyway.runtime.claims import claim_columns
-from skyway.runtime.idempotency import idempotency_table
-from skyway.runtime.outbox import outbox_table
+from skyway.runtime.idempotency.table import idempotency_table
+from skyway.runtime.outbox.table import outbox_table
+from skyway.runtime.sql.claims import claim_columns
 
 metadata = MetaData()
 

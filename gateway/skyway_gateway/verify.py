@@ -6,7 +6,7 @@ from typing import Any, Final
 from sqlalchemy import ColumnElement, Select, String, and_, cast, exists, func, or_, select
 
 from skyway.contracts.mission import LIVE_MISSION_STATES
-from skyway.runtime.database import Database
+from skyway.runtime.sql.database import Database
 from skyway_gateway.notifications.stream import LAST_EVENTS
 from skyway_gateway.tables import (
     custody,

@@ -4,7 +4,7 @@ import logging
 from pathlib import Path
 
 from skyway.contracts.broker_rules import SERVICE_ACCOUNTS
-from skyway.runtime.broker_passwords import matches, read_password_file
+from skyway.runtime.mqtt.broker_passwords import matches, read_password_file
 
 log = logging.getLogger(__name__)
 

@@ -11,9 +11,7 @@ from fastapi import FastAPI
 
 from skyway.contracts.mission_reports import MANY_MISSION_REPORTS, MISSION_REPORTS
 from skyway.runtime.clock import FleetClock, load_clock
-from skyway.runtime.database import Database
-from skyway.runtime.http import ServiceClient
-from skyway.runtime.http_app import (
+from skyway.runtime.http.app import (
     Lifespan,
     Readiness,
     body_limits,
@@ -21,12 +19,15 @@ from skyway.runtime.http_app import (
     nothing_to_open,
     nothing_to_wait_for,
 )
-from skyway.runtime.identity import ServiceGate, ServiceIdentity, read_secret
+from skyway.runtime.http.client import ServiceClient
+from skyway.runtime.http.identity import ServiceGate, ServiceIdentity, read_secret
 from skyway.runtime.loops import Loops, Wake, repeat
-from skyway.runtime.migrations import migrate
 from skyway.runtime.minting import Mint, mint
-from skyway.runtime.mqtt import MqttClient
-from skyway.runtime.outbox import MqttSender, ReportSender
+from skyway.runtime.mqtt.client import MqttClient
+from skyway.runtime.outbox.mqtt_sender import MqttSender
+from skyway.runtime.outbox.report_sender import ReportSender
+from skyway.runtime.sql.database import Database
+from skyway.runtime.sql.migrations import migrate
 from skyway_composition.alarms.routes import alarm_routes
 from skyway_composition.closures.closing import Closings
 from skyway_composition.closures.routes import closure_routes

@@ -24,8 +24,8 @@ from sqlalchemy import (
 )
 
 from skyway.contracts.mission import LIVE_MISSION_STATES
-from skyway.runtime.claims import claim_columns
-from skyway.runtime.outbox import outbox_table
+from skyway.runtime.outbox.table import outbox_table
+from skyway.runtime.sql.claims import claim_columns
 
 metadata = MetaData()
 

@@ -10,7 +10,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 from skyway.contracts.flight_step import RechargeStep
 from skyway.contracts.mission import Cancellation
 from skyway.ids import MissionId
-from skyway.runtime.database import Database
+from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_composition.pads.booked_pad import BookedPad, merged
 from skyway_composition.tables import (

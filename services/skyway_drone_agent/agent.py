@@ -14,7 +14,7 @@ from skyway.runtime.clock import fleet_margin
 from skyway.runtime.errors import MqttUnavailable
 from skyway.runtime.loops import Loops
 from skyway.runtime.minting import Mint
-from skyway.runtime.mqtt import Received, Will
+from skyway.runtime.mqtt.client import Received, Will
 from skyway_drone_agent.analysis.landings import NO_BOOK, LandingBook
 from skyway_drone_agent.analysis.lookout import Lookout
 from skyway_drone_agent.clock_keeper import ClockFromCloud

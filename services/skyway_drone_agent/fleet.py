@@ -10,7 +10,7 @@ from typing import Never
 from skyway.runtime.errors import InvalidSettings
 from skyway.runtime.garbage import keep_what_is_loaded
 from skyway.runtime.minting import mint
-from skyway.runtime.mqtt import MqttClient, Will
+from skyway.runtime.mqtt.client import MqttClient, Will
 from skyway_drone_agent.agent import DroneAgent, MakeLink
 from skyway_drone_agent.clock_keeper import KeptClock
 from skyway_drone_agent.enrolled_drone import EnrolledDrone

@@ -11,12 +11,9 @@ from typing import Final
 
 from fastapi import FastAPI
 
-from skyway.runtime import idempotency
 from skyway.runtime.certificates import CertificateAuthority
 from skyway.runtime.clock import FleetClock, load_clock
-from skyway.runtime.database import Database
-from skyway.runtime.http import ServiceClient
-from skyway.runtime.http_app import (
+from skyway.runtime.http.app import (
     Lifespan,
     Readiness,
     body_limits,
@@ -24,12 +21,15 @@ from skyway.runtime.http_app import (
     nothing_to_open,
     nothing_to_wait_for,
 )
-from skyway.runtime.identity import ServiceGate, ServiceIdentity, read_secret
+from skyway.runtime.http.client import ServiceClient
+from skyway.runtime.http.identity import ServiceGate, ServiceIdentity, read_secret
+from skyway.runtime.idempotency.memory import sweep
 from skyway.runtime.loops import Loops, repeat
-from skyway.runtime.migrations import migrate
 from skyway.runtime.minting import Mint, mint
-from skyway.runtime.mqtt import MqttClient
+from skyway.runtime.mqtt.client import MqttClient
 from skyway.runtime.pace import Pace
+from skyway.runtime.sql.database import Database
+from skyway.runtime.sql.migrations import migrate
 from skyway_provider_registry.candidates.fleet_view import FleetView
 from skyway_provider_registry.candidates.routes import candidate_routes
 from skyway_provider_registry.enrolment.drone_keys.routes import drone_key_routes
@@ -224,5 +224,5 @@ def _remember_telemetry(loops: Loops, recorder: TelemetryRecorder, thinning: Thi
 
 
 async def _sweep(parts: Parts) -> bool:
-    await idempotency.sweep(parts.db, parts.clock)
+    await sweep(parts.db, parts.clock)
     return False

@@ -6,7 +6,7 @@ from typing import Any, Final
 from sqlalchemy import Select, select
 
 from skyway.drone.models import DRONE_MODELS
-from skyway.runtime.database import Database
+from skyway.runtime.sql.database import Database
 from skyway_provider_registry.tables import (
     broker_accounts,
     drone_models,

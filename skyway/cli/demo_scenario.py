@@ -25,7 +25,7 @@ from skyway.cli.webhook_receiver import WebhookReceiver
 from skyway.contracts.drone_report import DroneEvent, DroneState, Telemetry
 from skyway.contracts.topics import EVENTS, STATE, TELEMETRY
 from skyway.errors import SkywayError
-from skyway.runtime.mqtt import MqttClient
+from skyway.runtime.mqtt.client import MqttClient
 
 #: How long the cast may take to get ready, and the delivery to end, wall seconds.
 _READY_WITHIN_S = 30.0

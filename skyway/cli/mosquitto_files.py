@@ -7,7 +7,7 @@ from urllib.parse import urlsplit
 from skyway.cli.data_folder import DataFolder
 from skyway.cli.tls_files import made_tls_files
 from skyway.contracts.broker_rules import BrokerRules
-from skyway.runtime.mosquitto import mosquitto_conf
+from skyway.runtime.mqtt.mosquitto import mosquitto_conf
 
 #: Where drones and customers, and where services meet Mosquitto when no setting says.
 _DRONE_PORT = 1883

@@ -4,7 +4,7 @@ import os
 from urllib.parse import urlsplit
 
 from skyway.cli.data_folder import DataFolder
-from skyway.runtime.mosquitto import TlsFiles
+from skyway.runtime.mqtt.mosquitto import TlsFiles
 
 #: Where drones meet Mosquitto over TLS when no setting says.
 _TLS_PORT = 8883

@@ -11,11 +11,11 @@ from typing import Generic, TypeVar
 from fastapi import FastAPI
 
 from skyway.errors import SkywayError
-from skyway.runtime.database import Database
+from skyway.runtime.http.serving import serve
 from skyway.runtime.logs import configure_logs
-from skyway.runtime.migrations import migrate
-from skyway.runtime.serving import serve
 from skyway.runtime.settings import DatabaseSettings, ServiceSettings
+from skyway.runtime.sql.database import Database
+from skyway.runtime.sql.migrations import migrate
 
 S = TypeVar("S", bound=ServiceSettings)
 

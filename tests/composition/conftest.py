@@ -35,11 +35,11 @@ from skyway.delivery.request import DeliveryRequest
 from skyway.drone.models import DRONE_MODELS
 from skyway.ids import DroneModelId
 from skyway.runtime.clock import ManualClock
-from skyway.runtime.database import Database
-from skyway.runtime.identity import ServiceGate
+from skyway.runtime.http.identity import ServiceGate
 from skyway.runtime.loops import Wake
 from skyway.runtime.minting import CountingMint
-from skyway.runtime.mqtt import Received
+from skyway.runtime.mqtt.client import Received
+from skyway.runtime.sql.database import Database
 
 #: With the paper's drone a flight of 20 km has to be followed by a recharge.
 SCENARIO_MODEL = DRONE_MODELS[DroneModelId("paper-scenario")]

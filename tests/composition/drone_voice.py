@@ -12,7 +12,7 @@ from skyway.contracts.topics import ACKS, CONNECTION, EVENTS, STATE
 from skyway.drone.flight import flight_energy_j, soc_after_use
 from skyway.drone.models import DRONE_MODELS
 from skyway.ids import DroneModelId
-from skyway.runtime.mqtt import Received
+from skyway.runtime.mqtt.client import Received
 
 _MODEL = DRONE_MODELS[DroneModelId("paper-scenario")]
 

@@ -36,7 +36,7 @@ from skyway.ids import DroneId, ProviderId, StationId
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.errors import MqttUnavailable
 from skyway.runtime.minting import CountingMint
-from skyway.runtime.mqtt import Received, Will
+from skyway.runtime.mqtt.client import Received, Will
 
 #: What composition reads of what drones say.
 _HEARD = (ACKS.template, EVENTS.template, STATE.template, CONNECTION.template)

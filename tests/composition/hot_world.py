@@ -50,11 +50,11 @@ from skyway.delivery.offer import Tariff
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import ClosureId, DeliveryId, MissionId, NetworkId
 from skyway.runtime.clock import ManualClock
-from skyway.runtime.database import Database
 from skyway.runtime.errors import Conflict
 from skyway.runtime.loops import Wake
 from skyway.runtime.minting import CountingMint
-from skyway.runtime.mqtt import Received
+from skyway.runtime.mqtt.client import Received
+from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 
 #: Fleet seconds per second of wall time.

@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from skyway.runtime.paging import encode_cursor
+from skyway.runtime.http.paging import encode_cursor
 
 
 @pytest.mark.parametrize(("place", "left"), [(2**62, 1), (1, 0), (-(2**62), 0)])

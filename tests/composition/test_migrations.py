@@ -3,8 +3,8 @@ from alembic.migration import MigrationContext
 from skyway_composition.tables import metadata
 from sqlalchemy import Connection
 
-from skyway.runtime.database import Database
-from skyway.runtime.migrations import migrate
+from skyway.runtime.sql.database import Database
+from skyway.runtime.sql.migrations import migrate
 
 
 def differences(connection: Connection) -> list[object]:

@@ -33,8 +33,8 @@ from skyway.contracts.mission_reports import (
     TracedReport,
 )
 from skyway.runtime.clock import AnchoredClock, ManualClock
-from skyway.runtime.http import ServiceClient
-from skyway.runtime.identity import ServiceIdentity
+from skyway.runtime.http.client import ServiceClient
+from skyway.runtime.http.identity import ServiceIdentity
 
 START = datetime(2026, 3, 1, 12, tzinfo=UTC)
 

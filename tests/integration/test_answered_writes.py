@@ -6,15 +6,15 @@ import sys
 
 from sqlalchemy import text
 
-from skyway.runtime.database import Database
+from skyway.runtime.sql.database import Database
 
 #: Writes for ever, eight blocks at a time, and names each on standard output once it is answered.
 WRITER = """
 import asyncio, itertools, sys
 from sqlalchemy import Column, Integer, MetaData, Table
 from skyway.json_model import JsonModel
-from skyway.runtime.database import Database
-from skyway.runtime.outbox import outbox_table
+from skyway.runtime.sql.database import Database
+from skyway.runtime.outbox.table import outbox_table
 
 class Told(JsonModel):
     number: int

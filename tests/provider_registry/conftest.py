@@ -17,10 +17,10 @@ from skyway.contracts.station_check import StationCheck
 from skyway.geo import Position
 from skyway.ids import NetworkId, StationId
 from skyway.runtime.clock import ManualClock
-from skyway.runtime.database import Database
 from skyway.runtime.errors import ServiceUnavailable
-from skyway.runtime.identity import ServiceGate
+from skyway.runtime.http.identity import ServiceGate
 from skyway.runtime.minting import CountingMint
+from skyway.runtime.sql.database import Database
 
 STATIONS = {
     StationId("san-marcos"): Position(-97.94139, 29.88327),

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from skyway_provider_registry.app import PACKAGE, openapi_app
 
-from skyway.runtime.migrations import migrate
+from skyway.runtime.sql.migrations import migrate
 
 
 def test_the_document_of_the_routes_needs_nothing_opened() -> None:

@@ -7,7 +7,7 @@ from skyway_provider_registry.tables import broker_accounts, drones, presence
 from skyway_provider_registry.verify import violations
 from sqlalchemy import Executable, delete, insert, update
 
-from skyway.runtime.database import Database
+from skyway.runtime.sql.database import Database
 
 BREAKS: dict[str, tuple[Executable, str]] = {
     "every drone has a broker account": (delete(broker_accounts), "drn_000001"),

@@ -3,7 +3,7 @@
 from typing import Protocol
 
 from skyway.ids import DroneId
-from skyway.runtime.identity import Caller
+from skyway.runtime.http.identity import Caller
 from skyway_gateway.access.key import secret_hash
 
 

@@ -7,9 +7,9 @@ from datetime import timedelta
 from typing import Final
 
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database
-from skyway.runtime.identity import Caller
+from skyway.runtime.http.identity import Caller
 from skyway.runtime.remembered import Remembered
+from skyway.runtime.sql.database import Database
 from skyway_gateway.access import store
 from skyway_gateway.access.key import secret_hash
 

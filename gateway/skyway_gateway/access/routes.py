@@ -7,11 +7,11 @@ from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 
 from skyway.contracts.drone_key import DRONE_KEY_PREFIX
 from skyway.ids import KeyId, SubjectId
-from skyway.runtime.database import Database
 from skyway.runtime.errors import Unauthenticated
-from skyway.runtime.identity import Caller
-from skyway.runtime.paging import Page, PageQuery, page_of
-from skyway.runtime.service_router import ServiceRouter
+from skyway.runtime.http.identity import Caller
+from skyway.runtime.http.paging import Page, PageQuery, page_of
+from skyway.runtime.http.service_router import ServiceRouter
+from skyway.runtime.sql.database import Database
 from skyway_gateway.access import store
 from skyway_gateway.access.drone_keys import DroneKeys
 from skyway_gateway.access.key import ApiKey, IssuedKey, KeyRole, NewKey

@@ -9,10 +9,10 @@ from sqlalchemy import ColumnElement, Row, and_, bindparam, exists, insert, sele
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import KeyId, SubjectId
-from skyway.runtime.database import Tx
 from skyway.runtime.errors import NotFound
-from skyway.runtime.identity import Caller
-from skyway.runtime.paging import PageQuery
+from skyway.runtime.http.identity import Caller
+from skyway.runtime.http.paging import PageQuery
+from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_gateway.access.key import ApiKey, KeyRole
 from skyway_gateway.tables import api_keys

@@ -6,10 +6,10 @@ from fastapi import Depends, Query
 from pydantic import Field
 
 from skyway.ids import SubjectId
-from skyway.runtime.database import Database
-from skyway.runtime.identity import Caller
-from skyway.runtime.paging import Page, PageQuery, page_of
-from skyway.runtime.service_router import ServiceRouter
+from skyway.runtime.http.identity import Caller
+from skyway.runtime.http.paging import Page, PageQuery, page_of
+from skyway.runtime.http.service_router import ServiceRouter
+from skyway.runtime.sql.database import Database
 from skyway_gateway.access.key import KeyRole
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.audit import store

@@ -8,8 +8,8 @@ from sqlalchemy import Row, func, insert, select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import SubjectId
-from skyway.runtime.database import Tx
-from skyway.runtime.paging import PageQuery
+from skyway.runtime.http.paging import PageQuery
+from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_gateway.access.key import KeyRole
 from skyway_gateway.audit.entry import AuditEntry

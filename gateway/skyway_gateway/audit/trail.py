@@ -10,11 +10,11 @@ from typing import Any, Final
 
 from skyway.ids import SubjectId
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database
 from skyway.runtime.errors import ServiceUnavailable
-from skyway.runtime.identity import Caller
+from skyway.runtime.http.identity import Caller
 from skyway.runtime.metrics import count
 from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Database
 from skyway.runtime.tracing import current_traceparent
 from skyway_gateway.audit import store
 from skyway_gateway.audit.entry import LONGEST_BODY, AuditEntry, body_text, path_text

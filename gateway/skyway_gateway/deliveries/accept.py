@@ -14,12 +14,13 @@ from skyway.errors import SkywayError
 from skyway.geo import Position
 from skyway.ids import DeliveryId, OfferId, QuoteId, SubjectId
 from skyway.json_model import JsonModel
-from skyway.runtime.claims import FREE
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database, Tx
-from skyway.runtime.idempotency import Answer, once
-from skyway.runtime.identity import Caller
+from skyway.runtime.http.identity import Caller
+from skyway.runtime.idempotency.answer import Answer
+from skyway.runtime.idempotency.once import once
 from skyway.runtime.minting import Mint
+from skyway.runtime.sql.claims import FREE
+from skyway.runtime.sql.database import Database, Tx
 from skyway.runtime.tracing import current_traceparent
 from skyway_gateway.deliveries import told
 from skyway_gateway.deliveries.booking_loop import BookingLoop

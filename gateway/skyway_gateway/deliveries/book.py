@@ -18,9 +18,9 @@ from skyway.contracts.mission import Booking, CancelMissions, Mission
 from skyway.contracts.shortlist import Candidates
 from skyway.ids import DeliveryId
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database, Tx
 from skyway.runtime.errors import RemoteProblem, ServiceUnavailable
 from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Database, Tx
 from skyway.runtime.tracing import tracing
 from skyway_gateway.clients import CANCELLATIONS_PATH, Composition, Registry
 from skyway_gateway.deliveries import store

@@ -16,10 +16,10 @@ from skyway.errors import InvalidInput
 from skyway.ids import DeliveryId, PackageId
 from skyway.json_model import JsonModel
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database
 from skyway.runtime.errors import Conflict
-from skyway.runtime.identity import Caller
+from skyway.runtime.http.identity import Caller
 from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Database
 from skyway_gateway.clients import Composition
 from skyway_gateway.deliveries import store
 from skyway_gateway.deliveries.cancelling import (

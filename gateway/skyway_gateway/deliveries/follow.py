@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from skyway.contracts.mission import LIVE_MISSION_STATES, CancelMissions, MissionReport
 from skyway.contracts.mission_reports import TracedReport
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database, Tx
 from skyway.runtime.errors import Conflict
 from skyway.runtime.loops import Wake
+from skyway.runtime.sql.database import Database, Tx
 from skyway.runtime.tracing import tracing
 from skyway_gateway.clients import CANCELLATIONS_PATH
 from skyway_gateway.deliveries import store

@@ -5,7 +5,7 @@ from datetime import timedelta
 from typing import Final
 
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database
+from skyway.runtime.sql.database import Database
 from skyway_gateway.deliveries import store
 from skyway_gateway.deliveries.delivery import Delivery
 from skyway_gateway.deliveries.lateness import TOLERANCE_S, when_overdue

@@ -14,9 +14,9 @@ from skyway.contracts.mission_reports import (
 )
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId
-from skyway.runtime.http_app import internal_body
-from skyway.runtime.identity import Caller, ServiceGate
-from skyway.runtime.service_router import ServiceRouter
+from skyway.runtime.http.app import internal_body
+from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.service_router import ServiceRouter
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.deliveries.accept import Acceptance, OfferChoice
 from skyway_gateway.deliveries.cancel import Canceller, CancelRequest

@@ -29,11 +29,11 @@ from sqlalchemy.sql.dml import ReturningUpdate
 from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.mission import MissionReport
 from skyway.ids import DeliveryId, MissionId
-from skyway.runtime.among import among
-from skyway.runtime.claims import FREE
-from skyway.runtime.database import Tx
-from skyway.runtime.declared import Consequence
 from skyway.runtime.errors import NotFound
+from skyway.runtime.sql.among import among
+from skyway.runtime.sql.claims import FREE
+from skyway.runtime.sql.database import Tx
+from skyway.runtime.sql.declared import Consequence
 from skyway.units import moment_to_ms
 from skyway_gateway.deliveries import rows
 from skyway_gateway.deliveries.delivery import Delivery, FlownMission, PackageStatus

@@ -6,7 +6,7 @@ from datetime import datetime
 
 from skyway.contracts.mission import MissionReport
 from skyway.ids import DeliveryId
-from skyway.runtime.database import Database, Tx
+from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.deliveries import store
 from skyway_gateway.deliveries.delivery import Delivery
 from skyway_gateway.deliveries.known import Known, KnownDeliveries

@@ -9,14 +9,15 @@ from fastapi import Depends, Header, Request, Response
 from fastapi.responses import StreamingResponse
 
 from skyway.ids import SubjectId
-from skyway.runtime.abandonment import while_wanted
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database, Tx
 from skyway.runtime.errors import NotFound
-from skyway.runtime.http import ServiceClient
-from skyway.runtime.idempotency import Answer, once
-from skyway.runtime.identity import Caller
-from skyway.runtime.service_router import ServiceRouter
+from skyway.runtime.http.abandonment import while_wanted
+from skyway.runtime.http.client import ServiceClient
+from skyway.runtime.http.identity import Caller
+from skyway.runtime.http.service_router import ServiceRouter
+from skyway.runtime.idempotency.answer import Answer
+from skyway.runtime.idempotency.once import once
+from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.access.keys import Keys
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.forward.table import FORWARDED, Forwarded

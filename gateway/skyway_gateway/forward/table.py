@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from http import HTTPStatus
 from typing import Any, Final, Literal
 
-from skyway.runtime.identity import CallerRole
+from skyway.runtime.http.identity import CallerRole
 
 Method = Literal["GET", "POST", "PUT", "PATCH", "DELETE"]
 Service = Literal["registry", "composition"]

@@ -13,10 +13,10 @@ from skyway.contracts.delivery_event import DeliveryEvent, DeliveryEventType
 from skyway.contracts.topics import DELIVERY_EVENTS
 from skyway.ids import DeliveryId, EventId, SubjectId
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Tx
 from skyway.runtime.loops import Wake
 from skyway.runtime.metrics import count
 from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Tx
 from skyway.runtime.tracing import current_traceparent
 from skyway_gateway.notifications.news import News
 from skyway_gateway.notifications.telling.store import add_events

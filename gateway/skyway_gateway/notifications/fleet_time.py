@@ -9,7 +9,7 @@ from skyway.contracts.world import ClockAnchor
 from skyway.json_model import JsonModel
 from skyway.runtime.clock import AnchoredClock
 from skyway.runtime.minting import Mint
-from skyway.runtime.mqtt import MqttClient
+from skyway.runtime.mqtt.client import MqttClient
 
 #: Wall seconds between two repetitions: a drone that misses three knows that the cloud is silent.
 CLOCK_EVERY_S: Final = 30.0

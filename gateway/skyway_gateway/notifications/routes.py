@@ -6,12 +6,13 @@ from fastapi import Depends, Header, Query, Request, Response
 
 from skyway.ids import SubjectId, WebhookId
 from skyway.runtime.clock import AnchoredClock, FleetClock
-from skyway.runtime.database import Database, Tx
-from skyway.runtime.idempotency import Answer, once
-from skyway.runtime.identity import Caller
+from skyway.runtime.http.identity import Caller
+from skyway.runtime.http.paging import Page, PageQuery, page_of
+from skyway.runtime.http.service_router import ServiceRouter
+from skyway.runtime.idempotency.answer import Answer
+from skyway.runtime.idempotency.once import once
 from skyway.runtime.minting import Mint
-from skyway.runtime.paging import Page, PageQuery, page_of
-from skyway.runtime.service_router import ServiceRouter
+from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.notifications import store
 from skyway_gateway.notifications.fleet_time import FleetTime, fleet_time

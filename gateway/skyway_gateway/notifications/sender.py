@@ -13,10 +13,10 @@ from typing import Final, Never
 
 from skyway.ids import EventId, WebhookId
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database
 from skyway.runtime.loops import Wake, repeat
 from skyway.runtime.metrics import count
 from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Database
 from skyway_gateway.notifications import store
 from skyway_gateway.notifications.post import Reply, WebhookPost
 from skyway_gateway.notifications.schedule import pause_s

@@ -22,12 +22,12 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.delivery_event import DeliveryEventType
 from skyway.ids import DeliveryId, EventId, SubjectId, WebhookId
-from skyway.runtime.claims import FREE, claim
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database, Tx
 from skyway.runtime.errors import NotFound
-from skyway.runtime.identity import Caller
-from skyway.runtime.paging import PageQuery
+from skyway.runtime.http.identity import Caller
+from skyway.runtime.http.paging import PageQuery
+from skyway.runtime.sql.claims import FREE, claim
+from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_gateway.notifications.webhook import (
     Endpoint,

@@ -7,7 +7,7 @@ from typing import Final
 
 from skyway.contracts.delivery_event import DeliveryEventType
 from skyway.ids import DeliveryId
-from skyway.runtime.database import Database
+from skyway.runtime.sql.database import Database
 from skyway_gateway.notifications import store
 from skyway_gateway.notifications.news import News
 

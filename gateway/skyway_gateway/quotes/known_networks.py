@@ -15,7 +15,7 @@ from skyway.contracts.world import NetworkVersion
 from skyway.geo import Position
 from skyway.ids import NetworkId, StationId
 from skyway.runtime.loops import Wake, repeat
-from skyway.runtime.mqtt import MqttClient, Received
+from skyway.runtime.mqtt.client import MqttClient, Received
 from skyway_gateway.clients import Composition
 
 #: The most stations that are kept, of all networks together: a hundred bytes each, or two.

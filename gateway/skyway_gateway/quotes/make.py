@@ -10,11 +10,12 @@ from skyway.errors import SkywayError
 from skyway.geo import Position
 from skyway.ids import OfferId, QuoteId, SubjectId
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database, Tx
-from skyway.runtime.idempotency import Answer, once
-from skyway.runtime.identity import Caller
+from skyway.runtime.http.identity import Caller
+from skyway.runtime.idempotency.answer import Answer
+from skyway.runtime.idempotency.once import once
 from skyway.runtime.metrics import count
 from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.clients import Composition, Registry
 from skyway_gateway.quotes import store
 from skyway_gateway.quotes.checks import Checks

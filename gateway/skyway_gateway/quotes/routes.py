@@ -6,9 +6,9 @@ from fastapi import Depends, Header, Request, Response
 
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import QuoteId
-from skyway.runtime.database import Database
-from skyway.runtime.identity import Caller
-from skyway.runtime.service_router import ServiceRouter
+from skyway.runtime.http.identity import Caller
+from skyway.runtime.http.service_router import ServiceRouter
+from skyway.runtime.sql.database import Database
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.quotes import store
 from skyway_gateway.quotes.make import QuoteMaker

@@ -10,9 +10,9 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 from skyway.contracts.candidate import ProviderReason
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId, OfferId, QuoteId, SubjectId
-from skyway.runtime.database import Tx
 from skyway.runtime.errors import NotFound
-from skyway.runtime.identity import Caller
+from skyway.runtime.http.identity import Caller
+from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_gateway.quotes.quote import Offer, Quote
 from skyway_gateway.tables import quotes

@@ -6,9 +6,9 @@ from datetime import datetime
 from skyway.contracts.mission import OfferLimits
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId, OfferId, QuoteId
-from skyway.runtime.database import Tx
 from skyway.runtime.errors import Conflict, NotFound
-from skyway.runtime.identity import Caller
+from skyway.runtime.http.identity import Caller
+from skyway.runtime.sql.database import Tx
 from skyway_gateway.quotes import store
 from skyway_gateway.quotes.quote import Offer, Quote
 

@@ -6,10 +6,10 @@ from fastapi import Depends, Query
 
 from skyway.ids import ProviderId
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database
 from skyway.runtime.errors import NotFound
-from skyway.runtime.identity import Caller
-from skyway.runtime.service_router import ServiceRouter
+from skyway.runtime.http.identity import Caller
+from skyway.runtime.http.service_router import ServiceRouter
+from skyway.runtime.sql.database import Database
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.statistics import store
 from skyway_gateway.statistics.deliveries import DeliveryQuery, DeliveryStatistics, statistics

@@ -9,11 +9,11 @@ from skyway.contracts.drone_health import AlarmLevel
 from skyway.ids import AlarmId, ProviderId
 from skyway.json_model import JsonModel
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database
 from skyway.runtime.errors import NotFound
-from skyway.runtime.identity import Caller, ServiceGate
-from skyway.runtime.paging import Page, PageQuery, page_of
-from skyway.runtime.service_router import ServiceRouter
+from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.paging import Page, PageQuery, page_of
+from skyway.runtime.http.service_router import ServiceRouter
+from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_composition.alarms import store
 from skyway_composition.alarms.alarm import Alarm, AlarmState

@@ -10,8 +10,8 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.drone_health import AlarmLevel
 from skyway.ids import AlarmId, DroneId, MissionId, ProviderId, StationId
-from skyway.runtime.database import Tx
 from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Tx
 from skyway.units import ms_to_moment
 from skyway_composition.alarms.alarm import Alarm, AlarmState
 from skyway_composition.tables import alarms

@@ -11,9 +11,9 @@ from skyway.ids import ClosureId, NetworkId, StationId
 from skyway.network.network import Network
 from skyway.network.zones import contains
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database
 from skyway.runtime.errors import NotFound
 from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_composition.closures import store
 from skyway_composition.closures.closure import Closure

@@ -7,7 +7,7 @@ from typing import Protocol
 from skyway.ids import DeliveryId, DroneId, MissionId, ProviderId, StationId
 from skyway.json_model import JsonModel
 from skyway.planner.airspace import SegmentEnds
-from skyway.runtime.database import Database, Tx
+from skyway.runtime.sql.database import Database, Tx
 from skyway_composition.closures.closure import Closure
 
 

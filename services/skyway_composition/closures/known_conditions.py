@@ -2,7 +2,7 @@
 
 from skyway.ids import NetworkId
 from skyway.network.network import Network
-from skyway.runtime.database import Database
+from skyway.runtime.sql.database import Database
 from skyway_composition.closures import store
 from skyway_composition.closures.conditions import Conditions
 

@@ -8,7 +8,7 @@ from pydantic import AwareDatetime, Field
 from skyway.errors import InvalidInput
 from skyway.ids import ClosureId, DroneModelId, NetworkId, ProviderId, StationId
 from skyway.json_model import JsonModel
-from skyway.runtime.paging import PageQuery
+from skyway.runtime.http.paging import PageQuery
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.closures.closure import Area, Closure, ClosureKind
 from skyway_composition.closures.impact import AffectedMission

@@ -7,9 +7,9 @@ from fastapi import Depends, Path, Query, Response
 from skyway.ids import ClosureId, NetworkId, StationId
 from skyway.network.network import MAX_PADS
 from skyway.runtime.errors import NotFound
-from skyway.runtime.identity import Caller, ServiceGate
-from skyway.runtime.paging import Page, page_of
-from skyway.runtime.service_router import ServiceRouter
+from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.paging import Page, page_of
+from skyway.runtime.http.service_router import ServiceRouter
 from skyway_composition.closures import store
 from skyway_composition.closures.closing import Closings
 from skyway_composition.closures.closure import Closure, ClosureKind

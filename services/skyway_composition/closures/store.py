@@ -8,8 +8,8 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.geo import Position
 from skyway.ids import ClosureId, NetworkId, StationId
-from skyway.runtime.database import Tx
 from skyway.runtime.errors import NotFound
+from skyway.runtime.sql.database import Tx
 from skyway_composition.closures.closure import Area, Closure, ClosureKind
 from skyway_composition.tables import closures, networks, stations
 

@@ -10,9 +10,9 @@ from skyway.contracts.instruction import AnyInstruction, ReportInstruction
 from skyway.contracts.topics import INSTRUCTIONS
 from skyway.ids import InstructionId
 from skyway.runtime.clock import FleetClock, fleet_margin
-from skyway.runtime.database import Tx
 from skyway.runtime.minting import Mint
-from skyway.runtime.outbox import confirm
+from skyway.runtime.outbox.confirming import confirm
+from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.links import store
 from skyway_composition.links.link import DroneLink, Numbered

@@ -12,7 +12,7 @@ from typing import Any, Final
 from skyway.contracts.drone_report import Connection, DroneState
 from skyway.ids import DroneId, ProviderId
 from skyway.runtime.clock import FleetClock, fleet_margin
-from skyway.runtime.mqtt import Received
+from skyway.runtime.mqtt.client import Received
 from skyway_composition.links.link import DroneLink
 
 #: Drones of which is known what they said, those of the last batches: some 5 KiB each.

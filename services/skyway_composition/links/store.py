@@ -10,8 +10,8 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 from skyway.contracts.drone_report import Connection, DroneState
 from skyway.contracts.instruction import AnyInstruction, CancelInstruction
 from skyway.ids import DroneId, InstructionId, MissionId, ProviderId
-from skyway.runtime.among import among
-from skyway.runtime.database import Tx
+from skyway.runtime.sql.among import among
+from skyway.runtime.sql.database import Tx
 from skyway_composition.links.link import DroneLink, Numbered
 from skyway_composition.tables import drone_links, instructions
 

@@ -17,10 +17,10 @@ from skyway.contracts.mission import Booking, BookMissions, ClosedDelivery
 from skyway.contracts.shortlist import Shortlist
 from skyway.ids import DeliveryId, DroneId
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database, Tx
 from skyway.runtime.errors import Taken
 from skyway.runtime.metrics import count
 from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms
 from skyway_composition.missions import store
 from skyway_composition.missions.booking.store import busy_among, missions_of, outlook

@@ -9,7 +9,7 @@ from skyway.contracts.flight_step import FlightStep
 from skyway.contracts.instruction import CancelInstruction, MissionInstruction
 from skyway.contracts.mission import Mission
 from skyway.ids import DroneId, MissionId
-from skyway.runtime.database import Tx
+from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms
 from skyway_composition.links.courier import Courier, Draft
 from skyway_composition.links.link import DroneLink

@@ -6,8 +6,8 @@ from skyway.contracts.flight_step import FlightStep
 from skyway.contracts.mission import Mission
 from skyway.ids import DeliveryId, DroneId, MissionId
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Tx
 from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.links.courier import Courier
 from skyway_composition.links.link import Numbered

@@ -20,13 +20,13 @@ from skyway.contracts.topic import Topic
 from skyway.contracts.topics import ACKS, CONNECTION, EVENTS, STATE
 from skyway.ids import DroneId, ProviderId
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.loops import Wake, repeat
 from skyway.runtime.metrics import count
 from skyway.runtime.minting import Mint
-from skyway.runtime.mqtt import Received
-from skyway.runtime.mqtt_inbox import BATCH_SIZE
+from skyway.runtime.mqtt.client import Received
+from skyway.runtime.mqtt.inbox import BATCH_SIZE
+from skyway.runtime.sql.database import Database
 from skyway_composition.links.last_heard import LastHeard
 from skyway_composition.links.link import DroneLink
 from skyway_composition.links.store import lock_link

@@ -2,7 +2,7 @@
 
 from skyway.contracts.flight_step import FlyStep
 from skyway.ids import MissionId
-from skyway.runtime.database import Tx
+from skyway.runtime.sql.database import Tx
 from skyway_composition.missions import store
 from skyway_composition.missions.record import Proposal
 

@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 from skyway.ids import DroneId
 from skyway.runtime.clock import FleetClock, fleet_margin
-from skyway.runtime.database import Database
 from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_composition.missions.judging import ON_ITS_WAY, judged
 from skyway_composition.missions.sweeps.store import perhaps_late

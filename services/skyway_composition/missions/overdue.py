@@ -7,8 +7,8 @@ from typing import Final
 
 from skyway.ids import DroneId
 from skyway.runtime.clock import FleetClock, fleet_margin
-from skyway.runtime.database import Database
 from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.ending import abort, refuse

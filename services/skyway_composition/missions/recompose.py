@@ -13,9 +13,9 @@ from typing import Final
 
 from skyway.ids import DroneId
 from skyway.runtime.clock import FleetClock, fleet_margin
-from skyway.runtime.database import Database, Tx
 from skyway.runtime.errors import Taken
 from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms
 from skyway_composition.links.store import last_revision
 from skyway_composition.missions import store

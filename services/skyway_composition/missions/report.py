@@ -6,8 +6,8 @@ from typing import Any, Final
 
 from skyway.contracts.mission import MissionReport
 from skyway.contracts.mission_reports import MISSION_REPORTS
-from skyway.runtime.database import Tx
 from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Tx
 from skyway_composition.missions.record import MissionRecord
 
 #: What makes a drone busy or free: all that the registry wants to know.

@@ -17,12 +17,12 @@ from skyway.contracts.mission import (
 from skyway.contracts.track import Track
 from skyway.ids import DeliveryId, DroneId, MissionId, ProviderId
 from skyway.json_model import JsonModel
-from skyway.runtime.database import Database
 from skyway.runtime.errors import NotFound
-from skyway.runtime.http_app import internal_body
-from skyway.runtime.identity import Caller, ServiceGate
-from skyway.runtime.paging import Page, PageQuery, page_of
-from skyway.runtime.service_router import ServiceRouter
+from skyway.runtime.http.app import internal_body
+from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.paging import Page, PageQuery, page_of
+from skyway.runtime.http.service_router import ServiceRouter
+from skyway.runtime.sql.database import Database
 from skyway_composition.links.store import link_to
 from skyway_composition.missions import store
 from skyway_composition.missions.book import Bookings

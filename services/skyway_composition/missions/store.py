@@ -14,9 +14,9 @@ from skyway.contracts.flight_step import FlightStep
 from skyway.contracts.mission import Mission
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId, DroneId, MissionId, PackageId, ProviderId
-from skyway.runtime.among import among
-from skyway.runtime.claims import FREE
-from skyway.runtime.database import Tx
+from skyway.runtime.sql.among import among
+from skyway.runtime.sql.claims import FREE
+from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms
 from skyway_composition.missions.custody import Custodian, Held
 from skyway_composition.missions.known_json import KnownJson

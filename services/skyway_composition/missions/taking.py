@@ -5,7 +5,7 @@ drones, missions, stations.
 """
 
 from skyway.ids import DroneId
-from skyway.runtime.database import Tx
+from skyway.runtime.sql.database import Tx
 from skyway_composition.links.link import Numbered
 from skyway_composition.links.store import take_next
 from skyway_composition.missions.booking.store import take_at_once

@@ -10,7 +10,7 @@ from skyway.contracts.flight_step import DeliverStep, FlightStep, FlyStep, PickU
 from skyway.contracts.track import Track, TrackedMission, TrackedStep
 from skyway.geo import Position
 from skyway.ids import DeliveryId, PackageId, StationId
-from skyway.runtime.database import Database
+from skyway.runtime.sql.database import Database
 from skyway_composition.links.link import DroneLink
 from skyway_composition.links.store import link_to
 from skyway_composition.missions import store

@@ -6,9 +6,9 @@ from typing import Self
 
 from skyway.ids import DroneId, InstructionId
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Tx
 from skyway.runtime.minting import Mint
-from skyway.runtime.outbox import confirm
+from skyway.runtime.outbox.confirming import confirm
+from skyway.runtime.sql.database import Tx
 from skyway_composition.links.courier import Courier
 from skyway_composition.links.link import DroneLink
 from skyway_composition.links.store import lock_links, save_links

@@ -6,9 +6,9 @@ from skyway.contracts.topics import NETWORK_VERSION
 from skyway.contracts.world import NetworkVersion
 from skyway.ids import NetworkId
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database
 from skyway.runtime.minting import Mint
-from skyway.runtime.mqtt import MqttClient
+from skyway.runtime.mqtt.client import MqttClient
+from skyway.runtime.sql.database import Database
 from skyway_composition.networks.store import all_current
 
 

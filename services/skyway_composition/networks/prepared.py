@@ -17,8 +17,8 @@ from skyway.network.great_circle import distances_m
 from skyway.network.network import Network
 from skyway.planner.airspace import Airspace
 from skyway.planner.hierarchy import Hierarchy
-from skyway.runtime.database import Database
 from skyway.runtime.errors import NotFound
+from skyway.runtime.sql.database import Database
 from skyway_composition.closures.known_conditions import KnownConditions
 from skyway_composition.networks import store
 from skyway_composition.networks.settings import NetworkSettings, settings_of

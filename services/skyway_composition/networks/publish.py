@@ -10,8 +10,8 @@ from typing import Any
 from skyway.ids import NetworkId
 from skyway.network.geojson import read_network, write_network
 from skyway.network.network import Network
-from skyway.runtime.database import Database, Tx
 from skyway.runtime.errors import Conflict, NotFound, PreconditionFailed
+from skyway.runtime.sql.database import Database, Tx
 from skyway_composition.closures.impact import Impact, Reach
 from skyway_composition.networks import store
 from skyway_composition.networks.losses import losses

@@ -12,13 +12,13 @@ from skyway.geo import Position
 from skyway.ids import NetworkId, StationId, ZoneId
 from skyway.json_model import JsonModel
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database
 from skyway.runtime.errors import NotFound
-from skyway.runtime.http_app import internal_body, read_json
-from skyway.runtime.identity import Caller, ServiceGate
+from skyway.runtime.http.app import internal_body, read_json
+from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.paging import Page, PageQuery, page_of
+from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.loops import Wake
-from skyway.runtime.paging import Page, PageQuery, page_of
-from skyway.runtime.service_router import ServiceRouter
+from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.closures.impact import Impact
 from skyway_composition.closures.store import closed_stations

@@ -5,7 +5,7 @@ from collections.abc import Collection, Iterable
 from skyway.contracts.station_check import StationCheck, StationCheckQuery
 from skyway.ids import StationId
 from skyway.network.network import Network
-from skyway.runtime.database import Database
+from skyway.runtime.sql.database import Database
 from skyway_composition.networks import store
 from skyway_composition.networks.prepared import PreparedNetworks
 

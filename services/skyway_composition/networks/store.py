@@ -10,8 +10,8 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 from skyway.geo import Position
 from skyway.ids import NetworkId, StationId
 from skyway.network.network import Station
-from skyway.runtime.among import among
-from skyway.runtime.database import Tx
+from skyway.runtime.sql.among import among
+from skyway.runtime.sql.database import Tx
 from skyway_composition.networks.box import Box
 from skyway_composition.tables import network_versions, networks, pad_reservations, stations
 

@@ -10,7 +10,7 @@ from skyway.ids import MissionId, NetworkId, StationId
 from skyway.network.columns import Rows
 from skyway.network.network import Network
 from skyway.planner.pad_book import NO_RESERVATIONS, PadBook
-from skyway.runtime.database import Database
+from skyway.runtime.sql.database import Database
 from skyway_composition.pads.store import PadHeld, booked_at, booked_everywhere
 
 #: Stations above which the whole network's reservations are read: naming each takes longer.

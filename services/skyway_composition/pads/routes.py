@@ -8,11 +8,11 @@ from fastapi import Depends, Query
 from skyway.ids import MissionId, StationId
 from skyway.json_model import JsonModel
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database
 from skyway.runtime.errors import NotFound
-from skyway.runtime.identity import Caller, ServiceGate
-from skyway.runtime.paging import Page, PageQuery, page_of
-from skyway.runtime.service_router import ServiceRouter
+from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.paging import Page, PageQuery, page_of
+from skyway.runtime.http.service_router import ServiceRouter
+from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.closures.store import outages
 from skyway_composition.pads.outage import Outage, outages_by_pad

@@ -6,9 +6,9 @@ from skyway.contracts.topics import STATION_STATE
 from skyway.contracts.world import StationState
 from skyway.ids import StationId
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database
 from skyway.runtime.minting import Mint
-from skyway.runtime.mqtt import MqttClient
+from skyway.runtime.mqtt.client import MqttClient
+from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.closures.store import outages
 from skyway_composition.pads.outage import outages_by_pad

@@ -8,8 +8,8 @@ from sqlalchemy import BigInteger, bindparam, delete, func, insert, literal, sel
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import MissionId, NetworkId, StationId
-from skyway.runtime.among import among
-from skyway.runtime.database import Tx
+from skyway.runtime.sql.among import among
+from skyway.runtime.sql.database import Tx
 from skyway_composition.pads.booked_pad import BookedPad, merged
 from skyway_composition.pads.pad_use import PadUse
 from skyway_composition.tables import pad_reservations, stations

@@ -13,8 +13,8 @@ from skyway.json_model import JsonModel
 from skyway.planner.problem import Problem
 from skyway.planner.problem_document import read_problem
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database
 from skyway.runtime.errors import NotFound
+from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.planning.world import World

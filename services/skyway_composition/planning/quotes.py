@@ -7,7 +7,7 @@ from skyway.contracts.quote import QuoteAnswer, QuoteQuery
 from skyway.delivery.offer import BestValues
 from skyway.ids import DroneId
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database
+from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.planning.limits import Limits

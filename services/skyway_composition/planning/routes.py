@@ -8,10 +8,10 @@ from fastapi import Depends, Request
 from skyway.contracts.quote import QuoteAnswer, QuoteQuery
 from skyway.delivery.plan import Plan
 from skyway.planner.problem_document import read_problem
-from skyway.runtime.abandonment import while_wanted
-from skyway.runtime.http_app import internal_body, read_json
-from skyway.runtime.identity import Caller, ServiceGate
-from skyway.runtime.service_router import ServiceRouter
+from skyway.runtime.http.abandonment import while_wanted
+from skyway.runtime.http.app import internal_body, read_json
+from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.service_router import ServiceRouter
 from skyway_composition.planning.compose_in import compose_in
 from skyway_composition.planning.known_network import KnownNetworks, NetworkReference
 from skyway_composition.planning.quotes import Quotes

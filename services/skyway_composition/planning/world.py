@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Self
 
 from skyway.ids import MissionId, StationId
-from skyway.runtime.database import Database, Tx
+from skyway.runtime.sql.database import Database, Tx
 from skyway_composition.closures.conditions import Conditions
 from skyway_composition.networks.prepared import PreparedNetwork, PreparedNetworks
 from skyway_composition.networks.store import Present, share_world

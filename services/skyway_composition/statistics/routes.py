@@ -7,11 +7,11 @@ from fastapi import Depends, Query
 from skyway.contracts.statistics import Span
 from skyway.ids import ProviderId
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database
 from skyway.runtime.errors import NotFound
-from skyway.runtime.identity import Caller, ServiceGate
-from skyway.runtime.paging import page_of
-from skyway.runtime.service_router import ServiceRouter
+from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.paging import page_of
+from skyway.runtime.http.service_router import ServiceRouter
+from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_composition.statistics import store
 from skyway_composition.statistics.store import Wanted

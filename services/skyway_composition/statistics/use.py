@@ -8,7 +8,7 @@ from skyway.contracts.message import FleetMoment
 from skyway.contracts.statistics import SpanQuery
 from skyway.ids import DroneId, NetworkId, ProviderId, StationId
 from skyway.json_model import JsonModel
-from skyway.runtime.paging import Page, PageQuery
+from skyway.runtime.http.paging import Page, PageQuery
 
 Share = Annotated[float | None, Field(description="0 to 1; null when there is nothing to share")]
 

@@ -11,14 +11,14 @@ from skyway.ids import DroneId, ProviderId
 from skyway.runtime.clock import FleetClock, sleep_wall
 from skyway.runtime.errors import MqttUnavailable
 from skyway.runtime.minting import Mint
-from skyway.runtime.mqtt import Received
+from skyway.runtime.mqtt.client import Received
 
 #: Wall seconds before a message is tried again on a connection that did not take it.
 _RETRY_S = 0.2
 
 
 class Link(Protocol):
-    """What the agent needs of `skyway.runtime.mqtt.MqttClient`."""
+    """What the agent needs of `skyway.runtime.mqtt.client.MqttClient`."""
 
     @property
     def is_connected(self) -> bool:

@@ -12,7 +12,7 @@ from typing import Any, Self
 from skyway.contracts.topic import Address, M, Topic
 from skyway.ids import DroneId
 from skyway.runtime.clock import sleep_wall
-from skyway.runtime.mqtt import MqttClient, Received
+from skyway.runtime.mqtt.client import MqttClient, Received
 from skyway_drone_agent.clock_keeper import ClockFromCloud
 from skyway_drone_agent.simulated.chance import uniforms
 from skyway_drone_agent.simulated.disturbances import Disturbances

@@ -11,8 +11,8 @@ from typing import Final
 
 from skyway.drone.model import DroneModel
 from skyway.ids import DroneModelId
-from skyway.runtime.database import Database
 from skyway.runtime.pace import Pace
+from skyway.runtime.sql.database import Database
 from skyway_provider_registry.candidates import store
 from skyway_provider_registry.candidates.fleet_columns import Fleet, FleetColumns
 from skyway_provider_registry.changes.store import ChangeMarks

@@ -11,9 +11,9 @@ from skyway.contracts.candidate import (
 )
 from skyway.contracts.shortlist import Candidates
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.http_app import internal_body
-from skyway.runtime.identity import Caller, ServiceGate
-from skyway.runtime.service_router import ServiceRouter
+from skyway.runtime.http.app import internal_body
+from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.service_router import ServiceRouter
 from skyway.units import moment_to_ms
 from skyway_provider_registry.candidates.fleet_view import FleetView
 from skyway_provider_registry.candidates.payload_limit import payload_limit

@@ -11,7 +11,7 @@ from typing import Any, Final
 from sqlalchemy.dialects import postgresql
 from sqlalchemy.sql.dml import ReturningInsert
 
-from skyway.runtime.database import Tx
+from skyway.runtime.sql.database import Tx
 from skyway_provider_registry.tables import changes
 
 #: There is one row.

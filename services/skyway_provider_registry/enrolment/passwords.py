@@ -4,7 +4,7 @@ import secrets
 from collections.abc import Iterable
 
 from skyway.ids import DroneId
-from skyway.runtime.broker_passwords import hash_password
+from skyway.runtime.mqtt.broker_passwords import hash_password
 
 
 def new_password() -> str:

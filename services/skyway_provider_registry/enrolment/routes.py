@@ -8,11 +8,11 @@ from pydantic import Field
 from skyway.errors import InvalidInput
 from skyway.ids import SubjectId
 from skyway.json_model import WireModel
-from skyway.runtime.broker_passwords import hash_password
-from skyway.runtime.database import Database
-from skyway.runtime.http_app import internal_body
-from skyway.runtime.identity import Caller, ServiceGate
-from skyway.runtime.service_router import ServiceRouter
+from skyway.runtime.http.app import internal_body
+from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.service_router import ServiceRouter
+from skyway.runtime.mqtt.broker_passwords import hash_password
+from skyway.runtime.sql.database import Database
 from skyway_provider_registry.enrolment import store
 from skyway_provider_registry.enrolment.password_file import DEPLOYMENT_USERS, PasswordFile
 

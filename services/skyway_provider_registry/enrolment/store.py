@@ -7,7 +7,7 @@ from sqlalchemy import delete, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import DroneId, SubjectId
-from skyway.runtime.database import Tx
+from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms
 from skyway_provider_registry.tables import broker_accounts
 

@@ -5,7 +5,7 @@ from typing import Protocol
 
 from skyway.contracts.station_check import StationCheck, StationCheckQuery
 from skyway.ids import StationId
-from skyway.runtime.http import ServiceClient
+from skyway.runtime.http.client import ServiceClient
 
 
 class StationLookup(Protocol):

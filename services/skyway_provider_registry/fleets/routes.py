@@ -7,11 +7,11 @@ from fastapi import Depends, Query, Response
 from skyway.errors import InvalidInput
 from skyway.ids import DroneId, ProviderId
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database
 from skyway.runtime.errors import Conflict
-from skyway.runtime.identity import Caller, ServiceGate
-from skyway.runtime.paging import Page, PageQuery, page_of
-from skyway.runtime.service_router import ServiceRouter
+from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.paging import Page, PageQuery, page_of
+from skyway.runtime.http.service_router import ServiceRouter
+from skyway.runtime.sql.database import Database
 from skyway_provider_registry.enrolment import store as accounts
 from skyway_provider_registry.enrolment.password_file import PasswordFile
 from skyway_provider_registry.fleets import store

@@ -9,10 +9,10 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 from skyway.drone.model import DroneModel
 from skyway.geo import Position
 from skyway.ids import DroneId, DroneModelId, ProviderId
-from skyway.runtime.database import Tx
 from skyway.runtime.errors import Conflict, NotFound, Taken
-from skyway.runtime.identity import Caller
-from skyway.runtime.paging import PageQuery
+from skyway.runtime.http.identity import Caller
+from skyway.runtime.http.paging import PageQuery
+from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_provider_registry.changes.store import mark_removal
 from skyway_provider_registry.fleets.drone_models import store as drone_models

@@ -10,10 +10,10 @@ from skyway.contracts.topic import Topic
 from skyway.contracts.topics import CONNECTION, STATE, TELEMETRY
 from skyway.ids import DroneId, ProviderId
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database
 from skyway.runtime.metrics import count
-from skyway.runtime.mqtt import Received
-from skyway.runtime.mqtt_inbox import BATCH_SIZE
+from skyway.runtime.mqtt.client import Received
+from skyway.runtime.mqtt.inbox import BATCH_SIZE
+from skyway.runtime.sql.database import Database
 from skyway_provider_registry.presence import store
 from skyway_provider_registry.presence.newest import newest
 

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 
 from skyway.contracts.mission import MissionReport
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database
 from skyway.runtime.pace import Pace
+from skyway.runtime.sql.database import Database
 from skyway_provider_registry.presence import store
 
 

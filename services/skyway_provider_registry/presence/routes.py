@@ -10,9 +10,9 @@ from skyway.contracts.mission_reports import (
     MISSION_REPORTS,
     MissionReports,
 )
-from skyway.runtime.http_app import internal_body
-from skyway.runtime.identity import Caller, ServiceGate
-from skyway.runtime.service_router import ServiceRouter
+from skyway.runtime.http.app import internal_body
+from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.service_router import ServiceRouter
 from skyway_provider_registry.presence.reports import ReportKeeper
 
 

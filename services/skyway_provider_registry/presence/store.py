@@ -24,7 +24,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 from skyway.contracts.mission import LIVE_MISSION_STATES, MissionReport
 from skyway.geo import Position
 from skyway.ids import DroneId, MissionId, ProviderId
-from skyway.runtime.database import Tx
+from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_provider_registry.changes.store import next_change
 from skyway_provider_registry.presence.condition import condition_text

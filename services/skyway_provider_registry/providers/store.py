@@ -8,10 +8,10 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.delivery.offer import Tariff
 from skyway.ids import ProviderId
-from skyway.runtime.database import Tx
 from skyway.runtime.errors import NotFound
-from skyway.runtime.identity import Caller
-from skyway.runtime.paging import PageQuery
+from skyway.runtime.http.identity import Caller
+from skyway.runtime.http.paging import PageQuery
+from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_provider_registry.changes.store import mark_providers
 from skyway_provider_registry.providers.provider import Provider, ProviderChange

@@ -11,9 +11,9 @@ from typing import Final
 from skyway.contracts.drone_report import Telemetry
 from skyway.ids import DroneId
 from skyway.runtime.clock import FleetClock, fleet_margin
-from skyway.runtime.database import Database
 from skyway.runtime.loops import Wake
 from skyway.runtime.metrics import count
+from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_provider_registry.telemetry import store
 from skyway_provider_registry.telemetry.heard_sample import HeardSample

@@ -6,10 +6,10 @@ from fastapi import Depends, Header, Query, Response
 from fastapi.responses import JSONResponse
 
 from skyway.ids import DroneId, ProviderId
-from skyway.runtime.database import Database
-from skyway.runtime.identity import Caller, ServiceGate
-from skyway.runtime.paging import Page
-from skyway.runtime.service_router import ServiceRouter
+from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.paging import Page
+from skyway.runtime.http.service_router import ServiceRouter
+from skyway.runtime.sql.database import Database
 from skyway_provider_registry.fleets import store as fleets
 from skyway_provider_registry.telemetry.reading.geojson import GEOJSON, feature_collection
 from skyway_provider_registry.telemetry.reading.measured import Measured

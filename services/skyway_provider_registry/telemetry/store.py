@@ -23,7 +23,7 @@ from sqlalchemy.dialects import postgresql
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import DroneId
-from skyway.runtime.database import Tx
+from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms
 from skyway_provider_registry.tables import telemetry_minutes, telemetry_samples
 from skyway_provider_registry.telemetry.heard_sample import HeardSample

@@ -17,7 +17,7 @@ from skyway.contracts.flight_step import FlyStep
 from skyway.contracts.mission import BookMissions
 from skyway.contracts.shortlist import Shortlist
 from skyway.ids import DeliveryId
-from skyway.runtime.database import Database, Tx
+from skyway.runtime.sql.database import Database, Tx
 
 OPERATOR = "operator:op"
 AROUND_B = [[0.15, -0.1], [0.2, -0.1], [0.2, 0.1], [0.15, 0.1], [0.15, -0.1]]

@@ -5,7 +5,7 @@ from skyway_composition.links.store import OCCUPIED
 from skyway_composition.tables import drone_links
 from sqlalchemy import insert, text
 
-from skyway.runtime.database import Database
+from skyway.runtime.sql.database import Database
 
 
 @pytest.mark.integration

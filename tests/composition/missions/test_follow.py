@@ -10,10 +10,10 @@ from skyway_composition.missions.follow import Follower
 from skyway_composition.tables import outbox
 
 from skyway.contracts.topic import Topic
-from skyway.runtime.database import Database
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.loops import Wake
-from skyway.runtime.mqtt import Received
+from skyway.runtime.mqtt.client import Received
+from skyway.runtime.sql.database import Database
 
 pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 

@@ -13,10 +13,10 @@ from skyway_composition.tables import outbox
 from skyway.contracts.drone_report import DroneState
 from skyway.contracts.topic import Topic
 from skyway.ids import DroneId
-from skyway.runtime.database import Database, Tx
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.loops import Wake
-from skyway.runtime.mqtt import Received
+from skyway.runtime.mqtt.client import Received
+from skyway.runtime.sql.database import Database, Tx
 
 pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 

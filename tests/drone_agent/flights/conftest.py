@@ -27,7 +27,7 @@ from skyway.contracts.topics import ACKS, CLOCK, EVENTS, INSTRUCTIONS, NETWORK_V
 from skyway.contracts.world import NetworkVersion
 from skyway.runtime.errors import MqttUnavailable
 from skyway.runtime.minting import CountingMint
-from skyway.runtime.mqtt import Received, Will
+from skyway.runtime.mqtt.client import Received, Will
 
 
 class FakeLink:

@@ -10,9 +10,9 @@ from skyway_gateway.audit.entry import LONGEST_BODY, body_text, path_text
 from skyway_gateway.audit.trail import AuditTrail
 
 from skyway.runtime.clock import AnchoredClock
-from skyway.runtime.database import Database
-from skyway.runtime.identity import Caller
+from skyway.runtime.http.identity import Caller
 from skyway.runtime.minting import mint
+from skyway.runtime.sql.database import Database
 
 TRACE = "00-0123456789abcdef0123456789abcdef-0123456789abcdef-01"
 

@@ -11,7 +11,7 @@ import pytest
 
 from skyway.contracts.candidate import PayloadLimit
 from skyway.delivery.request import DeliveryRequest
-from skyway.runtime.identity import Caller
+from skyway.runtime.http.identity import Caller
 
 Change = Callable[[dict[str, Any]], object]
 

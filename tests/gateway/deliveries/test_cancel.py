@@ -299,7 +299,7 @@ async def test_a_cancellation_that_is_killed_anywhere_is_ended_or_never_began(
 ) -> None:
     from skyway_gateway.deliveries.cancel import CancelRequest
 
-    from skyway.runtime.identity import Caller
+    from skyway.runtime.http.identity import Caller
 
     alice, was_killed, wait, ends = Caller("customer", "alice"), True, 0, []
     while was_killed:

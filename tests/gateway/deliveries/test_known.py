@@ -183,7 +183,7 @@ async def test_a_report_sees_what_was_cancelled_elsewhere(
 async def _cancel(gateway: Any, delivery_id: str, package_ids: list[str]) -> Any:
     from skyway_gateway.deliveries.cancel import CancelRequest
 
-    from skyway.runtime.identity import Caller
+    from skyway.runtime.http.identity import Caller
 
     wanted = CancelRequest(package_ids=tuple(package_ids))
     caller = Caller(role="customer", subject_id="alice")

@@ -14,7 +14,7 @@ from skyway.contracts.topic import Topic
 from skyway.contracts.world import NetworkVersion
 from skyway.geo import Position
 from skyway.ids import NetworkId, StationId
-from skyway.runtime.mqtt_inbox import Received
+from skyway.runtime.mqtt.inbox import Received
 
 
 @dataclass

@@ -11,7 +11,7 @@ from skyway_gateway.quotes.take import TakenOffer, take
 
 from skyway.ids import DeliveryId
 from skyway.runtime.errors import Conflict, NotFound
-from skyway.runtime.identity import Caller
+from skyway.runtime.http.identity import Caller
 
 ALICE = Caller("customer", "alice")
 

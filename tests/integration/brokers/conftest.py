@@ -21,9 +21,9 @@ from skyway.contracts.delivery_event import DeliveryEvent, DeliveryEventType
 from skyway.contracts.drone_report import Ack, Connection
 from skyway.contracts.instruction import ReportInstruction
 from skyway.contracts.world import ClockAnchor, StationState
-from skyway.runtime.broker_passwords import hash_password, write_password_file
-from skyway.runtime.mosquitto import mosquitto_conf
-from skyway.runtime.mqtt import MqttClient, Received
+from skyway.runtime.mqtt.broker_passwords import hash_password, write_password_file
+from skyway.runtime.mqtt.client import MqttClient, Received
+from skyway.runtime.mqtt.mosquitto import mosquitto_conf
 
 SERVICES = ("operator", "gateway", "registry", "composition")
 NOW = datetime(2026, 1, 1, tzinfo=UTC)

@@ -17,13 +17,13 @@ from skyway_drone_agent.enrolled_drone import ClientCertificate
 from skyway_drone_agent.enrolment.client_tls import client_tls
 
 from skyway.contracts.broker_rules import BrokerRules
-from skyway.runtime.broker_passwords import hash_password, write_password_file
 from skyway.runtime.certificates import CertificateAuthority
 from skyway.runtime.errors import MqttUnavailable
-from skyway.runtime.mosquitto import TlsFiles, mosquitto_conf
-from skyway.runtime.mqtt import MqttClient
-from skyway.runtime.mqtt_address import BrokerAddress
-from skyway.runtime.mqtt_link import Login, MqttLink
+from skyway.runtime.mqtt.address import BrokerAddress
+from skyway.runtime.mqtt.broker_passwords import hash_password, write_password_file
+from skyway.runtime.mqtt.client import MqttClient
+from skyway.runtime.mqtt.link import Login, MqttLink
+from skyway.runtime.mqtt.mosquitto import TlsFiles, mosquitto_conf
 
 pytestmark = pytest.mark.integration
 

@@ -11,8 +11,8 @@ from skyway.contracts.instruction import ReportInstruction
 from skyway.contracts.topics import CLOCK, CONNECTION, INSTRUCTIONS
 from skyway.contracts.world import ClockAnchor
 from skyway.runtime.errors import MqttUnavailable
-from skyway.runtime.mqtt_address import BrokerAddress
-from skyway.runtime.mqtt_link import Login, MqttLink, RawMessage
+from skyway.runtime.mqtt.address import BrokerAddress
+from skyway.runtime.mqtt.link import Login, MqttLink, RawMessage
 
 NOW = datetime(2026, 1, 1, tzinfo=UTC)
 ANCHOR = ClockAnchor(message_id="m", sent_at=NOW, fleet_at=NOW, wall_at=NOW, rate=1.0)

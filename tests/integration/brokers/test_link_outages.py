@@ -11,7 +11,7 @@ from skyway.contracts.world import ClockAnchor
 from skyway.ids import DroneId
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.errors import MqttUnavailable
-from skyway.runtime.mqtt import MqttClient
+from skyway.runtime.mqtt.client import MqttClient
 
 DRONE = DroneId("drone-1")
 NOON = datetime(2026, 3, 1, 12, tzinfo=UTC)

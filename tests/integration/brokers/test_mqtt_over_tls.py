@@ -12,8 +12,8 @@ import pytest
 
 from skyway.contracts.topics import CLOCK
 from skyway.contracts.world import ClockAnchor
-from skyway.runtime.mqtt import MqttClient
-from skyway.runtime.mqtt_address import BrokerAddress
+from skyway.runtime.mqtt.address import BrokerAddress
+from skyway.runtime.mqtt.client import MqttClient
 
 NOW = datetime(2026, 1, 1, tzinfo=UTC)
 

@@ -24,8 +24,8 @@ from skyway.runtime.errors import (
     TooLarge,
     Unauthenticated,
 )
-from skyway.runtime.http_app import body_limits, create_app, internal_body, read_json
-from skyway.runtime.service_router import ServiceRouter
+from skyway.runtime.http.app import body_limits, create_app, internal_body, read_json
+from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.tracing import current_traceparent
 
 

@@ -5,9 +5,9 @@ from pathlib import Path
 import pytest
 from fastapi import FastAPI
 
-from skyway.runtime.database import Database
 from skyway.runtime.service_process import ServiceProcess, Violation
 from skyway.runtime.settings import ServiceSettings
+from skyway.runtime.sql.database import Database
 
 
 def make_process(found: Sequence[Violation] = ()) -> ServiceProcess[ServiceSettings]:

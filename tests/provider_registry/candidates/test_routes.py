@@ -14,8 +14,8 @@ from skyway.drone.model import DroneModel
 from skyway.geo import Position
 from skyway.ids import MissionId, StationId
 from skyway.runtime.clock import ManualClock
-from skyway.runtime.database import Database
-from skyway.runtime.mqtt import Received
+from skyway.runtime.mqtt.client import Received
+from skyway.runtime.sql.database import Database
 
 AT = datetime(2026, 3, 1, 12, tzinfo=UTC)
 QUERY: dict[str, object] = {

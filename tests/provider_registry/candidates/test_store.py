@@ -7,7 +7,7 @@ from skyway_provider_registry.candidates import store
 from sqlalchemy import text
 from sqlalchemy.dialects import postgresql
 
-from skyway.runtime.database import Database
+from skyway.runtime.sql.database import Database
 
 #: Fleets of two thousand, and what was told of five thousand missions since yesterday.
 _FLEETS: Final = """

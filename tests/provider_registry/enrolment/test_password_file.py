@@ -12,9 +12,9 @@ from skyway_provider_registry.enrolment import store
 from skyway_provider_registry.enrolment.password_file import PasswordFile
 
 from skyway.ids import SubjectId
-from skyway.runtime.broker_passwords import hash_password, matches, read_password_file
-from skyway.runtime.database import Database
 from skyway.runtime.errors import InvalidSettings, ServiceUnavailable
+from skyway.runtime.mqtt.broker_passwords import hash_password, matches, read_password_file
+from skyway.runtime.sql.database import Database
 
 #: Says that it is ready, and which signals came.
 BROKER = """

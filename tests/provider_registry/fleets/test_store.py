@@ -6,9 +6,9 @@ import pytest
 from skyway_provider_registry.fleets import store
 
 from skyway.ids import DroneId, ProviderId
-from skyway.runtime.database import Database
 from skyway.runtime.errors import NotFound
-from skyway.runtime.identity import Caller
+from skyway.runtime.http.identity import Caller
+from skyway.runtime.sql.database import Database
 
 OPERATOR = Caller("operator", "op")
 

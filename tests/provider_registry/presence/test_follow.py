@@ -12,10 +12,10 @@ from skyway_provider_registry.presence.follow import PresenceFollower, Recorder
 from skyway.contracts.drone_report import Connection, DroneState, Telemetry
 from skyway.contracts.topics import CONNECTION, STATE, TELEMETRY
 from skyway.runtime.clock import ManualClock
-from skyway.runtime.database import Database
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.metrics import COUNTERS
-from skyway.runtime.mqtt import Received
+from skyway.runtime.mqtt.client import Received
+from skyway.runtime.sql.database import Database
 
 TOPICS = {Connection: CONNECTION, DroneState: STATE, Telemetry: TELEMETRY}
 

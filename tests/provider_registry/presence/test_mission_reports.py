@@ -11,8 +11,8 @@ from sqlalchemy import select
 
 from skyway.contracts.topics import CONNECTION, STATE
 from skyway.runtime.clock import ManualClock
-from skyway.runtime.database import Database
-from skyway.runtime.mqtt import Received
+from skyway.runtime.mqtt.client import Received
+from skyway.runtime.sql.database import Database
 
 Maker = Callable[..., Any]
 

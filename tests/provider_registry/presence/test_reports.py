@@ -12,9 +12,9 @@ from sqlalchemy import select
 
 from skyway.contracts.mission import MissionReport
 from skyway.runtime.clock import ManualClock
-from skyway.runtime.database import Database, Tx
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.pace import Pace
+from skyway.runtime.sql.database import Database, Tx
 
 
 class CountingDatabase(Database):

@@ -11,8 +11,8 @@ from skyway.contracts.drone_report import Connection, DroneState, Telemetry
 from skyway.contracts.topic import Topic
 from skyway.contracts.topics import CONNECTION, STATE, TELEMETRY
 from skyway.runtime.clock import ManualClock
-from skyway.runtime.database import Database
-from skyway.runtime.mqtt import Received
+from skyway.runtime.mqtt.client import Received
+from skyway.runtime.sql.database import Database
 
 TOPICS: dict[Any, Topic[Any]] = {
     Connection: CONNECTION,

@@ -7,9 +7,9 @@ from skyway_provider_registry.providers import store
 from skyway_provider_registry.providers.provider import ProviderChange
 
 from skyway.ids import ProviderId
-from skyway.runtime.database import Database
 from skyway.runtime.errors import NotFound
-from skyway.runtime.identity import Caller
+from skyway.runtime.http.identity import Caller
+from skyway.runtime.sql.database import Database
 
 
 async def test_a_provider_is_changed_by_itself_only(api: Any, db: Database) -> None:

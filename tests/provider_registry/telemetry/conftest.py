@@ -13,7 +13,7 @@ from skyway.contracts.drone_report import Telemetry
 from skyway.geo import Position
 from skyway.ids import DroneId
 from skyway.runtime.clock import ManualClock
-from skyway.runtime.database import Database
+from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 
 MakeSample = Callable[..., Telemetry]

@@ -12,10 +12,10 @@ from skyway_provider_registry.telemetry.recorder import BATCH, TelemetryRecorder
 from skyway.contracts.topics import TELEMETRY
 from skyway.ids import DroneId
 from skyway.runtime.clock import ManualClock
-from skyway.runtime.database import Database
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.metrics import COUNTERS
-from skyway.runtime.mqtt import Received
+from skyway.runtime.mqtt.client import Received
+from skyway.runtime.sql.database import Database
 
 
 def dropped(reason: str) -> float:

@@ -11,7 +11,7 @@ from skyway_provider_registry.telemetry.thinning.store import PIECE
 from sqlalchemy import func, select
 
 from skyway.runtime.clock import ManualClock
-from skyway.runtime.database import Database
+from skyway.runtime.sql.database import Database
 
 KEEPING = Keeping(samples_for=timedelta(hours=24), minutes_for=timedelta(days=30))
 

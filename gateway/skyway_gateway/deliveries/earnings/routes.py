@@ -5,10 +5,10 @@ from typing import Annotated
 from fastapi import Depends, Query
 
 from skyway.ids import ProviderId
-from skyway.runtime.database import Database
 from skyway.runtime.errors import NotFound
-from skyway.runtime.identity import Caller
-from skyway.runtime.service_router import ServiceRouter
+from skyway.runtime.http.identity import Caller
+from skyway.runtime.http.service_router import ServiceRouter
+from skyway.runtime.sql.database import Database
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.deliveries.earnings import store
 from skyway_gateway.deliveries.earnings.earned import Earnings, EarningsQuery, earnings_of

@@ -8,10 +8,10 @@ from sqlalchemy import BigInteger, Text, and_, bindparam, update
 
 from skyway.contracts.candidate import ProviderReason
 from skyway.ids import DeliveryId
-from skyway.runtime.among import among
-from skyway.runtime.claims import FREE, NOW_MS, Claiming, claim_values
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database, Tx
+from skyway.runtime.sql.among import among
+from skyway.runtime.sql.claims import FREE, NOW_MS, Claiming, claim_values
+from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms
 from skyway_gateway.deliveries import rows
 from skyway_gateway.deliveries.known import KnownDeliveries

@@ -8,11 +8,11 @@ from pydantic import Field
 
 from skyway.contracts.track import Track
 from skyway.ids import DeliveryId, ProviderId
-from skyway.runtime.database import Database
 from skyway.runtime.errors import NotFound
-from skyway.runtime.identity import Caller
-from skyway.runtime.paging import Page, PageQuery, page_of
-from skyway.runtime.service_router import ServiceRouter
+from skyway.runtime.http.identity import Caller
+from skyway.runtime.http.paging import Page, PageQuery, page_of
+from skyway.runtime.http.service_router import ServiceRouter
+from skyway.runtime.sql.database import Database
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.clients import Composition
 from skyway_gateway.deliveries.delivery import (

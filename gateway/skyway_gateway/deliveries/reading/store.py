@@ -9,8 +9,8 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import DeliveryId, ProviderId
 from skyway.runtime.errors import NotFound
-from skyway.runtime.identity import Caller
-from skyway.runtime.paging import PageQuery
+from skyway.runtime.http.identity import Caller
+from skyway.runtime.http.paging import PageQuery
 from skyway_gateway.deliveries.delivery import Delivery
 from skyway_gateway.deliveries.states import DeliveryState
 from skyway_gateway.deliveries.store import with_parts

@@ -3,11 +3,11 @@
 from skyway.errors import InvalidInput
 from skyway.ids import SubjectId, WebhookId
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database, Tx
 from skyway.runtime.errors import Conflict, NotFound
-from skyway.runtime.identity import Caller
+from skyway.runtime.http.identity import Caller
 from skyway.runtime.loops import Wake
 from skyway.runtime.metrics import count
+from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.notifications import store as webhook_store
 from skyway_gateway.notifications.replay import store
 from skyway_gateway.notifications.replay.wanted import MOST_EVENTS, Replay, ReplayRequest

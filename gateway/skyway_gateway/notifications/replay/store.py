@@ -9,8 +9,8 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.delivery_event import DeliveryEventType
 from skyway.ids import DeliveryId, EventId, SubjectId, WebhookId
-from skyway.runtime.claims import FREE
-from skyway.runtime.database import Tx
+from skyway.runtime.sql.claims import FREE
+from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms
 from skyway_gateway.notifications.replay.wanted import ReplayRequest
 from skyway_gateway.tables import deliveries, events, notifications

@@ -18,8 +18,8 @@ from sqlalchemy import (
 
 from skyway.contracts.delivery_event import DeliveryEvent
 from skyway.ids import SubjectId
-from skyway.runtime.database import Tx
-from skyway.runtime.declared import Consequence
+from skyway.runtime.sql.database import Tx
+from skyway.runtime.sql.declared import Consequence
 from skyway.units import moment_to_ms
 from skyway_gateway.tables import events, notifications, webhooks
 

@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from typing import Final
 
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database, Tx
 from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.closures.closure import ClosureKind
 from skyway_composition.closures.impact import AffectedMission, Reach

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database
+from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_composition.closures.closing import Closings
 from skyway_composition.closures.closure import Closure

@@ -8,7 +8,7 @@ from sqlalchemy import ColumnElement, Row, Select, and_, select, text, true, upd
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import DroneId, DroneModelId, MissionId, NetworkId, ProviderId, StationId
-from skyway.runtime.database import Tx
+from skyway.runtime.sql.database import Tx
 from skyway_composition.missions.affected.planned import Doing, HeldPad, Owner, PlannedFlight
 from skyway_composition.missions.record import Proposal
 from skyway_composition.tables import (

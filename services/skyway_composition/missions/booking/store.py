@@ -24,8 +24,8 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.mission import Mission
 from skyway.ids import DeliveryId, DroneId, ProviderId, StationId
-from skyway.runtime.among import among
-from skyway.runtime.database import Tx
+from skyway.runtime.sql.among import among
+from skyway.runtime.sql.database import Tx
 from skyway_composition.links.link import Numbered
 from skyway_composition.links.store import COUNT_NEXT, OCCUPIED
 from skyway_composition.networks.store import Present

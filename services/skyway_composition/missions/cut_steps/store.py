@@ -5,7 +5,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.drone_report import DroneEvent
 from skyway.ids import MissionId
-from skyway.runtime.database import Tx
+from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms
 from skyway_composition.tables import cut_steps, mission_steps
 

@@ -5,7 +5,7 @@ from typing import Final
 from sqlalchemy import bindparam, select, update
 
 from skyway.ids import DeliveryId
-from skyway.runtime.database import Tx
+from skyway.runtime.sql.database import Tx
 from skyway_composition.tables import deliveries
 
 _LOCK: Final = (

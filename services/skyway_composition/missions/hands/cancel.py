@@ -7,9 +7,9 @@ from functools import reduce
 from skyway.contracts.mission import Cancellation, CancelMissions
 from skyway.ids import DeliveryId, PackageId
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database, Tx
 from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms
 from skyway_composition.missions import store as mission_store
 from skyway_composition.missions.deliveries.store import lock_delivery

@@ -10,10 +10,10 @@ from skyway.errors import InvalidInput
 from skyway.ids import InstructionId, MissionId, StationId
 from skyway.json_model import JsonModel
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database
 from skyway.runtime.errors import Conflict
 from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Database
 from skyway_composition.links.link import DroneLink
 from skyway_composition.links.store import kind_of_revision
 from skyway_composition.missions import store as mission_store

@@ -8,10 +8,10 @@ from skyway.contracts.flight_step import PackageOnBoard
 from skyway.ids import MissionId, ProviderId
 from skyway.json_model import JsonModel
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database
 from skyway.runtime.errors import Conflict
 from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_composition.alarms import store as alarm_store
 from skyway_composition.missions import ending

@@ -5,8 +5,8 @@ from datetime import datetime, timedelta
 
 from skyway.contracts.flight_step import PickUpStep
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database
 from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_composition.missions import store as mission_store
 from skyway_composition.missions.hands import store

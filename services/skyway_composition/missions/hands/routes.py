@@ -10,9 +10,9 @@ from skyway.contracts.mission import Cancellation, CancelMissions
 from skyway.delivery.request import MAX_PACKAGE_MASS_KG, MAX_PACKAGES
 from skyway.ids import DeliveryId, MissionId, PackageId, ProviderId
 from skyway.json_model import JsonModel
-from skyway.runtime.http_app import internal_body
-from skyway.runtime.identity import Caller, ServiceGate
-from skyway.runtime.service_router import ServiceRouter
+from skyway.runtime.http.app import internal_body
+from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.service_router import ServiceRouter
 from skyway_composition.missions.hands.cancel import Cancellations
 from skyway_composition.missions.hands.commands import Command, CommandAnswer, Commands
 from skyway_composition.missions.hands.loading import LoadingAnswer, Loadings

@@ -8,7 +8,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.mission import Cancellation
 from skyway.ids import DeliveryId, DroneId, MissionId, NetworkId
-from skyway.runtime.database import Tx
+from skyway.runtime.sql.database import Tx
 from skyway_composition.missions.record import MissionRecord
 from skyway_composition.tables import cancellations, is_live, missions
 

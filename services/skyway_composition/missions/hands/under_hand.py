@@ -2,9 +2,9 @@
 
 from skyway.ids import MissionId, ProviderId
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Tx
 from skyway.runtime.errors import Conflict, NotFound
 from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Tx
 from skyway_composition.missions import store
 from skyway_composition.missions.record import MissionRecord
 from skyway_composition.missions.watch import Watch

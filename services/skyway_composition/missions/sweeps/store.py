@@ -6,9 +6,9 @@ from sqlalchemy import and_, bindparam, or_, select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import DroneId
-from skyway.runtime.claims import NOW_MS, Claiming, claim_values
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database
+from skyway.runtime.sql.claims import NOW_MS, Claiming, claim_values
+from skyway.runtime.sql.database import Database
 from skyway_composition.tables import is_live, is_under_way, missions
 
 _OVERDUE: Final = (

@@ -5,10 +5,10 @@ from typing import Annotated
 from fastapi import Depends
 
 from skyway.contracts.drone_key import DroneKeyAnswer, DroneKeyQuery
-from skyway.runtime.database import Database
-from skyway.runtime.http_app import internal_body
-from skyway.runtime.identity import Caller, ServiceGate
-from skyway.runtime.service_router import ServiceRouter
+from skyway.runtime.http.app import internal_body
+from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.service_router import ServiceRouter
+from skyway.runtime.sql.database import Database
 from skyway_provider_registry.enrolment.drone_keys import store
 from skyway_provider_registry.enrolment.password_file import PasswordFile
 

@@ -12,7 +12,7 @@ from sqlalchemy import BindParameter, bindparam, delete, or_, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import DroneId
-from skyway.runtime.database import Tx
+from skyway.runtime.sql.database import Tx
 from skyway_provider_registry.tables import broker_accounts, drone_keys
 
 _HASH: Final[BindParameter[str]] = bindparam("key_hash")

@@ -7,8 +7,8 @@ from sqlalchemy import delete, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import DroneId
-from skyway.runtime.database import Tx
 from skyway.runtime.errors import AccessDenied, Conflict
+from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms
 from skyway_provider_registry.tables import enrolment_tokens
 

@@ -3,10 +3,10 @@
 from datetime import datetime
 
 from skyway.ids import DroneId
-from skyway.runtime.broker_passwords import hash_password
 from skyway.runtime.certificates import CertificateAuthority
-from skyway.runtime.database import Tx
 from skyway.runtime.errors import AccessDenied
+from skyway.runtime.mqtt.broker_passwords import hash_password
+from skyway.runtime.sql.database import Tx
 from skyway_provider_registry.enrolment import store as accounts
 from skyway_provider_registry.enrolment.drone_keys import store as drone_keys
 from skyway_provider_registry.enrolment.drone_keys.key import key_hash, new_key

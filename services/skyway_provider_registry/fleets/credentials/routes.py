@@ -8,10 +8,11 @@ from fastapi import Depends, Header, Request, Response
 from skyway.ids import DroneId, ProviderId
 from skyway.json_model import JsonModel
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database, Tx
-from skyway.runtime.idempotency import Answer, once
-from skyway.runtime.identity import Caller, ServiceGate
-from skyway.runtime.service_router import ServiceRouter
+from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.service_router import ServiceRouter
+from skyway.runtime.idempotency.answer import Answer
+from skyway.runtime.idempotency.once import once
+from skyway.runtime.sql.database import Database, Tx
 from skyway_provider_registry.enrolment.password_file import PasswordFile
 from skyway_provider_registry.enrolment.tokens import store as tokens
 from skyway_provider_registry.enrolment.tokens.token import token_hash

@@ -7,11 +7,11 @@ from fastapi import Depends, Query, Response
 from skyway.drone.model import DroneModel
 from skyway.errors import InvalidInput
 from skyway.ids import DroneModelId
-from skyway.runtime.database import Database
 from skyway.runtime.errors import NotFound
-from skyway.runtime.identity import Caller, ServiceGate
-from skyway.runtime.paging import Page, PageQuery, page_of
-from skyway.runtime.service_router import ServiceRouter
+from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.paging import Page, PageQuery, page_of
+from skyway.runtime.http.service_router import ServiceRouter
+from skyway.runtime.sql.database import Database
 from skyway_provider_registry.fleets.drone_models import store
 
 

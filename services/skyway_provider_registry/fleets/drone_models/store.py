@@ -9,8 +9,8 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 from skyway.drone.model import DroneModel
 from skyway.drone.models import DRONE_MODELS
 from skyway.ids import DroneModelId
-from skyway.runtime.database import Tx
 from skyway.runtime.errors import Conflict
+from skyway.runtime.sql.database import Tx
 from skyway_provider_registry.tables import drone_models, drones
 
 Models = Mapping[DroneModelId, DroneModel]

@@ -8,8 +8,8 @@ from skyway.contracts.station_check import StationCheck
 from skyway.drone.model import DroneModel
 from skyway.ids import DroneId, DroneModelId, ProviderId
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Tx
 from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Tx
 from skyway_provider_registry.changes.store import next_change
 from skyway_provider_registry.enrolment import store as accounts
 from skyway_provider_registry.enrolment.passwords import new_passwords

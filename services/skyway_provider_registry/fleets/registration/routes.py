@@ -10,11 +10,12 @@ from pydantic import Discriminator, Field, Tag
 
 from skyway.ids import ProviderId
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database, Tx
-from skyway.runtime.idempotency import Answer, once
-from skyway.runtime.identity import Caller, ServiceGate
+from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.service_router import ServiceRouter
+from skyway.runtime.idempotency.answer import Answer
+from skyway.runtime.idempotency.once import once
 from skyway.runtime.minting import Mint
-from skyway.runtime.service_router import ServiceRouter
+from skyway.runtime.sql.database import Database, Tx
 from skyway_provider_registry.enrolment.password_file import PasswordFile
 from skyway_provider_registry.fleets.drone import (
     MAX_NEW_DRONES,

@@ -6,9 +6,9 @@ from fastapi import Depends
 
 from skyway.ids import ProviderId
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database
-from skyway.runtime.identity import Caller, ServiceGate
-from skyway.runtime.service_router import ServiceRouter
+from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.service_router import ServiceRouter
+from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_provider_registry.fleets.statistics import store
 from skyway_provider_registry.fleets.statistics.totals import FleetStatistics, totals

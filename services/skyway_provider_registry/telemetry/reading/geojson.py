@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from skyway.contracts.message import utc_text
 from skyway.ids import DroneId
-from skyway.runtime.paging import Page
+from skyway.runtime.http.paging import Page
 from skyway_provider_registry.telemetry.reading.measured import Measured
 
 GEOJSON: Final = "application/geo+json"

@@ -3,8 +3,8 @@
 from dataclasses import replace
 
 from skyway.ids import DroneId
-from skyway.runtime.database import Database
-from skyway.runtime.paging import Page, page_of
+from skyway.runtime.http.paging import Page, page_of
+from skyway.runtime.sql.database import Database
 from skyway_provider_registry.telemetry import store
 from skyway_provider_registry.telemetry.reading.measured import Measured, minute_of, sample_of
 from skyway_provider_registry.telemetry.reading.query import LONGEST_PAGE, TelemetryQuery

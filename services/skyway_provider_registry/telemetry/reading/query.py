@@ -6,7 +6,7 @@ from pydantic import Field
 
 from skyway.contracts.message import FleetMoment
 from skyway.errors import InvalidInput
-from skyway.runtime.paging import PageQuery
+from skyway.runtime.http.paging import PageQuery
 from skyway.units import moment_to_ms
 from skyway_provider_registry.telemetry.store import MINUTE_MS, Span
 

@@ -7,7 +7,7 @@ from typing import Final
 
 from skyway.ids import DroneId
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.database import Database
+from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_provider_registry.telemetry.thinning import store
 

@@ -7,7 +7,7 @@ from sqlalchemy.dialects import postgresql
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import DroneId
-from skyway.runtime.database import Tx
+from skyway.runtime.sql.database import Tx
 from skyway_provider_registry.tables import drones, telemetry_minutes, telemetry_samples
 from skyway_provider_registry.telemetry.store import (
     ABOUT,

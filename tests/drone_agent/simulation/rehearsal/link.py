@@ -13,7 +13,7 @@ from rehearsal.witness import Witness
 from skyway.contracts.topic import Address, Topic
 from skyway.contracts.topics import CLOCK
 from skyway.runtime.errors import MqttUnavailable
-from skyway.runtime.mqtt import Received, Will
+from skyway.runtime.mqtt.client import Received, Will
 
 #: Where a drone's messages go.
 Listener = Callable[[Topic[Any], Any], None]

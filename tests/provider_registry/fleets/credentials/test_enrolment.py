@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 from skyway_provider_registry.verify import violations
 
-from skyway.runtime.broker_passwords import matches, read_password_file
 from skyway.runtime.clock import ManualClock
-from skyway.runtime.database import Database
+from skyway.runtime.mqtt.broker_passwords import matches, read_password_file
+from skyway.runtime.sql.database import Database
 
 GATEWAY = "service:gateway"
 MONTH = timedelta(days=30)

@@ -9,8 +9,8 @@ from skyway_provider_registry.tables import presence
 from skyway_provider_registry.verify import violations
 from sqlalchemy import update
 
-from skyway.runtime.broker_passwords import matches, read_password_file
-from skyway.runtime.database import Database
+from skyway.runtime.mqtt.broker_passwords import matches, read_password_file
+from skyway.runtime.sql.database import Database
 
 GATEWAY = "service:gateway"
 ROTATIONS = "/v1/enrolments/rotations"

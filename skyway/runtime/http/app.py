@@ -1,0 +1,122 @@
+"""The HTTP face of every cloud service: what all of them answer alike."""
+
+import asyncio
+from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
+from contextlib import AbstractAsyncContextManager, asynccontextmanager
+from importlib.metadata import version
+from typing import Any, Final
+
+from fastapi import FastAPI, Response
+from fastapi.responses import PlainTextResponse
+from starlette.middleware import Middleware
+
+from skyway.json_model import JsonModel
+from skyway.runtime.errors import ServiceUnavailable
+from skyway.runtime.http import docs_page
+from skyway.runtime.http.json_bodies import internal_body, read_json
+from skyway.runtime.http.openapi_document import complete_document
+from skyway.runtime.http.problems import install_problems
+from skyway.runtime.http.request_boundary import BodyLimit, RequestBoundary, body_limits
+from skyway.runtime.http.service_router import ServiceRouter
+from skyway.runtime.metrics import exposition
+
+__all__ = ["Health", "Readiness", "body_limits", "create_app", "internal_body", "read_json"]
+
+#: Longer than any part needs to answer that it is there.
+_READINESS_S: Final = 5.0
+
+Lifespan = Callable[[FastAPI], AbstractAsyncContextManager[None]]
+#: Asks each part that a service needs, by its name, whether it is there.
+Readiness = Callable[[], Awaitable[dict[str, bool]]]
+
+
+class Health(JsonModel):
+    """The process is alive; with `checks`, each part it needs is there."""
+
+    service: str
+    checks: dict[str, bool]
+
+
+class _ServiceApp(FastAPI):
+    """FastAPI whose OpenAPI document is complete."""
+
+    def openapi(self) -> dict[str, Any]:  # a JSON document
+        """The OpenAPI 3.1 document, made once."""
+        if self.openapi_schema is None:
+            self.openapi_schema = complete_document(super().openapi(), self.routes)
+        return self.openapi_schema
+
+
+def create_app(
+    *,
+    service: str,
+    title: str,
+    description: str,
+    routers: Sequence[ServiceRouter],
+    lifespan: Lifespan,
+    readiness: Readiness,
+    body_limit: BodyLimit | None = None,
+    middleware: Sequence[Middleware] = (),
+) -> FastAPI:
+    """An app with these routers, and with everything that all services answer alike.
+
+    Nothing is opened before the lifespan begins. Without `body_limit`, every body ends at 256 KiB.
+    `middleware` sees requests within their trace and their limit.
+    """
+    boundary = Middleware(RequestBoundary, body_limit=body_limit or body_limits({}))
+    app = _ServiceApp(
+        title=title,
+        description=description,
+        version=version("skyway"),
+        lifespan=lifespan,
+        docs_url=None,
+        redoc_url=None,
+        redirect_slashes=False,
+        separate_input_output_schemas=False,
+        middleware=[boundary, *middleware],
+    )
+    install_problems(app)
+    for router in (*routers, _health_routes(service, readiness), docs_page.router):
+        app.routes.extend(router.routes)
+    return app
+
+
+def _health_routes(service: str, readiness: Readiness) -> ServiceRouter:
+    router = ServiceRouter(tags=("service",))
+
+    @router.get("/healthz")
+    async def healthz() -> Health:
+        """Whether the process is alive."""
+        return Health(service=service, checks={})
+
+    @router.get("/readyz")
+    async def readyz() -> Health:
+        """Whether everything the service needs is there; 503 names what is missing."""
+        try:
+            checks = await asyncio.wait_for(readiness(), _READINESS_S)
+        except TimeoutError as error:
+            detail = f"its parts did not answer within {_READINESS_S:.0f} s"
+            raise ServiceUnavailable(service, detail) from error
+        missing = sorted(name for name, is_there in checks.items() if not is_there)
+        if missing:
+            raise ServiceUnavailable(service, f"missing: {', '.join(missing)}")
+        return Health(service=service, checks=checks)
+
+    @router.get("/metrics", response_class=PlainTextResponse)
+    async def metrics() -> Response:
+        """What the process counts, for Prometheus."""
+        content, content_type = exposition()
+        return Response(content, headers={"Content-Type": content_type})
+
+    return router
+
+
+@asynccontextmanager
+async def nothing_to_open(_app: FastAPI) -> AsyncIterator[None]:
+    """The lifespan of an app that only documents itself."""
+    yield
+
+
+async def nothing_to_wait_for() -> dict[str, bool]:
+    """The readiness of an app that needs nothing."""
+    return {}

@@ -1,0 +1,187 @@
+"""The single table from an error to its HTTP answer, an RFC 9457 problem document."""
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from http import HTTPStatus
+from typing import Final
+
+from fastapi import FastAPI, Request, Response
+from fastapi.exceptions import RequestValidationError
+from fastapi.routing import iter_route_contexts
+from pydantic import ValidationError
+from starlette.exceptions import HTTPException
+from starlette.routing import compile_path
+
+from skyway.contracts.problem_details import (
+    PROBLEM_MEDIA_TYPE,
+    FieldProblem,
+    ProblemDetails,
+)
+from skyway.errors import InvalidInput, SkywayError
+from skyway.runtime.errors import (
+    AccessDenied,
+    Conflict,
+    IdempotencyKeyReused,
+    MqttUnavailable,
+    NotFound,
+    PreconditionFailed,
+    RemoteProblem,
+    ServiceUnavailable,
+    Taken,
+    TooLarge,
+    Unauthenticated,
+)
+from skyway.runtime.http.field_problems import field_problems
+from skyway.runtime.tracing import current_trace_id
+
+
+@dataclass(frozen=True, slots=True)
+class _Kind:
+    status: int
+    name: str
+    title: str
+
+
+_INVALID: Final = _Kind(422, "invalid-input", "The request breaks a limit")
+_BROKEN_JSON: Final = _Kind(400, "broken-json", "The body is not JSON")
+_FAILED: Final = _Kind(500, "internal-error", "Something failed on our side")
+_UNAVAILABLE: Final = _Kind(503, "service-unavailable", "A part of the system does not answer")
+
+_TABLE: Final[Mapping[type[SkywayError], _Kind]] = {
+    InvalidInput: _INVALID,
+    Unauthenticated: _Kind(401, "unauthenticated", "Who is calling is not known"),
+    AccessDenied: _Kind(403, "access-denied", "The caller may not do this"),
+    NotFound: _Kind(404, "not-found", "There is no such thing"),
+    Conflict: _Kind(409, "conflict", "The state of things does not allow this"),
+    Taken: _Kind(409, "taken", "Somebody else holds this"),
+    PreconditionFailed: _Kind(412, "precondition-failed", "It changed since it was read"),
+    TooLarge: _Kind(413, "too-large", "The body exceeds the limit"),
+    IdempotencyKeyReused: _Kind(
+        422, "idempotency-key-reused", "The Idempotency-Key was used for another request"
+    ),
+    ServiceUnavailable: _UNAVAILABLE,
+    MqttUnavailable: _UNAVAILABLE,
+}
+#: What a status raised by the framework itself is called.
+_BY_STATUS: Final = {
+    kind.status: kind for kind in (*_TABLE.values(), _INVALID, _FAILED, _UNAVAILABLE)
+}
+_HEADERS: Final = {401: {"WWW-Authenticate": "Bearer"}, 503: {"Retry-After": "1"}}
+
+
+def problem_of(error: SkywayError) -> ProblemDetails:
+    """The problem document of an error; one that the table does not know is our own failure."""
+    if isinstance(error, RemoteProblem):
+        return _remote_problem(error)
+    kind = next((_TABLE[cls] for cls in type(error).__mro__ if cls in _TABLE), _FAILED)
+    if kind is _FAILED:
+        return our_failure()
+    if isinstance(error, InvalidInput):
+        at_fault = tuple(FieldProblem(field=one.field, detail=one.detail) for one in error.faults)
+        return _problem(kind, _summary(at_fault), errors=at_fault)
+    if isinstance(error, Conflict):
+        return _problem(kind, error.detail, code=error.code)
+    return _problem(kind, str(error))
+
+
+def our_failure() -> ProblemDetails:
+    """The problem document of a bug: nothing of the inside, only where to find it in the logs."""
+    return _problem(_FAILED, "the request was not carried out; the logs tell why by its trace_id")
+
+
+def status_problem(status: int, detail: str | None) -> ProblemDetails:
+    """The problem document of a plain HTTP status."""
+    phrase = HTTPStatus(status).phrase
+    kind = _BY_STATUS.get(status, _Kind(status, phrase.lower().replace(" ", "-"), phrase))
+    return _problem(kind, detail)
+
+
+def problem_response(problem: ProblemDetails, headers: Mapping[str, str] | None = None) -> Response:
+    """The HTTP answer that carries a problem document."""
+    members = problem.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
+    body = json.dumps({"type": problem.type, **members}, ensure_ascii=False)
+    return Response(
+        body.encode(errors="replace"),
+        status_code=problem.status,
+        headers={**_HEADERS.get(problem.status, {}), **(headers or {})},
+        media_type=PROBLEM_MEDIA_TYPE,
+    )
+
+
+def install_problems(app: FastAPI) -> None:
+    """Answer every error that a route can raise with its problem document."""
+    app.add_exception_handler(SkywayError, _on_skyway_error)
+    app.add_exception_handler(RequestValidationError, _on_invalid_request)
+    app.add_exception_handler(HTTPException, _on_http_exception)
+
+
+async def _on_skyway_error(_request: Request, error: Exception) -> Response:
+    problem = problem_of(error) if isinstance(error, SkywayError) else our_failure()
+    if problem.status == _FAILED.status and not isinstance(error, RemoteProblem):
+        raise error  # the boundary logs it and answers
+    return problem_response(problem)
+
+
+async def _on_invalid_request(_request: Request, error: Exception) -> Response:
+    complaints = error.errors() if isinstance(error, RequestValidationError) else []
+    body = error.body if isinstance(error, RequestValidationError) else None
+    errors = field_problems(complaints, body)
+    is_broken = any(complaint["type"] == "json_invalid" for complaint in complaints)
+    kind = _BROKEN_JSON if is_broken else _INVALID
+    return problem_response(_problem(kind, _summary(errors), errors=() if is_broken else errors))
+
+
+async def _on_http_exception(request: Request, error: Exception) -> Response:
+    if not isinstance(error, HTTPException):
+        raise error
+    if error.status_code == HTTPStatus.BAD_REQUEST and error.__cause__ is not None:
+        # What FastAPI makes of a body its JSON parser gave up on, other than by a JSONDecodeError.
+        detail = "the text is not UTF-8, nests too deeply, or holds too long a number"
+        return problem_response(_problem(_BROKEN_JSON, detail))
+    headers = dict(error.headers or {})
+    if error.status_code == HTTPStatus.METHOD_NOT_ALLOWED:
+        headers["Allow"] = ", ".join(allowed_methods(request))
+    return problem_response(status_problem(error.status_code, error.detail), headers)
+
+
+def allowed_methods(request: Request) -> list[str]:
+    """All methods of a path, sorted: the framework only names those of one of its routes."""
+    app: FastAPI = request.app
+    path = request.scope["path"].removeprefix(request.scope.get("root_path", ""))
+    methods: set[str] = set()
+    for route in iter_route_contexts(app.routes):
+        if route.methods and route.path and compile_path(route.path)[0].match(path):
+            methods |= route.methods
+    return sorted(methods)
+
+
+def _problem(
+    kind: _Kind,
+    detail: str | None,
+    *,
+    code: str | None = None,
+    errors: tuple[FieldProblem, ...] = (),
+) -> ProblemDetails:
+    return ProblemDetails(
+        type=f"urn:skyway:problem:{kind.name}",
+        title=kind.title,
+        status=kind.status,
+        detail=detail,
+        code=code,
+        errors=errors,
+        trace_id=current_trace_id(),
+    )
+
+
+def _summary(errors: Sequence[FieldProblem]) -> str:
+    """The first few fields at fault, and how many more there are."""
+    detail = "; ".join(f"{problem.field}: {problem.detail}" for problem in errors[:3])
+    return f"{detail}; and {len(errors) - 3} more" if len(errors) > 3 else detail
+
+
+def _remote_problem(error: RemoteProblem) -> ProblemDetails:
+    try:
+        return ProblemDetails.model_validate({**error.problem, "status": error.status})
+    except ValidationError:
+        return status_problem(error.status, str(error))

@@ -1,0 +1,1 @@
+"""The same Idempotency-Key, the same effect and the same answer, for a day."""

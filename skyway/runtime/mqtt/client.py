@@ -1,0 +1,235 @@
+"""A client of the broker that connects again for ever, with typed messages and batches."""
+
+import asyncio
+import contextlib
+import logging
+import random
+import ssl
+from collections.abc import AsyncIterator, Awaitable, Callable
+from typing import Any, Final, Never, Self, overload
+
+from pydantic import BaseModel
+
+from skyway.contracts.message import Message
+from skyway.contracts.topic import Address, M, Topic
+from skyway.runtime.errors import MqttUnavailable
+from skyway.runtime.mqtt.address import BrokerAddress
+from skyway.runtime.mqtt.inbox import Inbox, Received, Subscription
+from skyway.runtime.mqtt.link import Login, MqttLink, RawMessage
+
+__all__ = ["MqttClient", "Received"]
+
+log = logging.getLogger(__name__)
+
+#: Seconds for the TCP connection and the broker's answer together.
+_CONNECT_TIMEOUT_S: Final = 10.0
+
+#: Seconds between two attempts to connect: doubled from the first to the last, less some jitter.
+_FIRST_PAUSE_S: Final = 0.1
+_LONGEST_PAUSE_S: Final = 2.0
+
+Will = Callable[[], tuple[Address[Any], Message]]
+
+
+class MqttClient:
+    """A connection to the broker that is made again whenever it is lost.
+
+    Parameters
+    ----------
+    url
+        ``mqtt://host:port`` or ``mqtts://host:port``.
+    will
+        Asked before every attempt to connect: a last will is fixed at CONNECT.
+    on_connected
+        Runs after every connect, once the subscriptions are renewed: republish what is retained.
+    keepalive_s
+        Wall seconds of silence after which the broker is asked for; it takes a client that is
+        silent for 1.5 times as long for lost, and sends its last will.
+    tls
+        Whom ``mqtts`` trusts and what it shows, if not the system's roots and nothing.
+
+    Notes
+    -----
+    Nothing is kept over a lost connection: a publish that is not acknowledged raises
+    `MqttUnavailable`, and its sender decides what to do.
+    """
+
+    def __init__(
+        self,
+        url: str,
+        *,
+        client_id: str,
+        user_name: str,
+        password: str,
+        will: Will | None = None,
+        on_connected: Callable[[], Awaitable[None]] | None = None,
+        keepalive_s: int = 10,
+        tls: ssl.SSLContext | None = None,
+    ) -> None:
+        self._broker = BrokerAddress.parse(url)
+        self._tls = tls
+        self._login = Login(client_id, user_name, password, keepalive_s)
+        self._will = will
+        self._on_connected = on_connected
+        self._link: MqttLink | None = None
+        self._inboxes: list[Inbox] = []
+        self._subscribed = 0  # how many of the inboxes the broker knows of
+        self._has_new_inbox = asyncio.Event()
+        self._connected = asyncio.Event()
+        self._lost = asyncio.Event()
+        self._lost.set()
+        self._running: asyncio.Task[Never] | None = None
+
+    async def __aenter__(self) -> Self:
+        self._running = asyncio.create_task(self._run(), name=f"mqtt {self._login.client_id}")
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        if self._running is not None:
+            self._running.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await self._running
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether the broker has accepted us and all subscriptions are in force."""
+        return self._connected.is_set()
+
+    async def wait_connected(self) -> None:
+        """Return once the broker has accepted us and all subscriptions are in force."""
+        await self._connected.wait()
+
+    async def wait_lost(self) -> None:
+        """Return once there is no connection; at once while there is none."""
+        await self._lost.wait()
+
+    async def publish(self, address: Address[M], message: M, *, timeout_s: float = 5.0) -> None:
+        """Publish a message on its topic; for `mqtt_qos` 1 return after the PUBACK.
+
+        Raises
+        ------
+        MqttUnavailable
+            Not connected, the connection was lost, or no PUBACK within `timeout_s` of wall time.
+        """
+        await self.publish_raw(
+            address.name,
+            _payload(message),
+            mqtt_qos=address.topic.mqtt_qos,
+            retained=address.topic.retained,
+            timeout_s=timeout_s,
+        )
+
+    async def publish_raw(
+        self,
+        name: str,
+        payload: bytes,
+        *,
+        mqtt_qos: int,
+        retained: bool,
+        timeout_s: float = 5.0,
+    ) -> None:
+        """Publish bytes, as `publish` does."""
+        if self._link is None:
+            raise MqttUnavailable(f"{self._login.client_id} is not connected to the broker")
+        try:
+            async with asyncio.timeout(timeout_s):
+                await self._link.publish(RawMessage(name, payload, mqtt_qos, retained))
+        except TimeoutError as error:
+            raise MqttUnavailable(f"no PUBACK on {name} within {timeout_s:g} s") from error
+
+    def drop(self) -> None:
+        """Lose the connection as a radio loses it: without a goodbye, so the last will is sent."""
+        if self._link is not None:
+            self._link.drop()
+
+    @overload
+    def batches(self, only: Topic[M] | Address[M], /) -> AsyncIterator[list[Received[M]]]: ...
+
+    @overload
+    def batches(self, *subscriptions: Subscription) -> AsyncIterator[list[Received[Any]]]: ...
+
+    def batches(self, *subscriptions: Subscription) -> AsyncIterator[list[Received[Any]]]:
+        """Everything that has arrived, in order, at most 500 messages at a time.
+
+        Subscribes at the call, not at the first step of the iteration, and for the client's life.
+        """
+        inbox = Inbox(subscriptions)
+        self._inboxes.append(inbox)
+        self._connected.clear()
+        self._has_new_inbox.set()
+        return inbox.batches()
+
+    def _arrived(self, name: str, payload: bytes, retained: bool) -> None:
+        if not payload:  # how MQTT tells that a retained message was cleared: nothing to read
+            return
+        for inbox in self._inboxes:
+            inbox.offer(name, payload, retained=retained)
+
+    async def _run(self) -> Never:
+        """Connect, serve until the connection is lost, and again, for ever."""
+        loop = asyncio.get_running_loop()
+        pause_s, known_reason = _FIRST_PAUSE_S, ""
+        while True:
+            started_s = loop.time()
+            try:
+                await self._serve_one_connection()
+            except (OSError, MqttUnavailable) as error:
+                reason = str(error) or type(error).__name__
+            if loop.time() - started_s > _LONGEST_PAUSE_S:
+                pause_s, known_reason = _FIRST_PAUSE_S, ""
+            if reason != known_reason:
+                known_reason = reason
+                who = {"client_id": self._login.client_id, "reason": reason}
+                log.warning("no connection to the broker", extra=who)
+            await asyncio.sleep(pause_s * random.uniform(0.5, 1.0))  # noqa: S311 - only jitter
+            pause_s = min(2 * pause_s, _LONGEST_PAUSE_S)
+
+    async def _serve_one_connection(self) -> Never:
+        link = MqttLink(self._login, will=self._ask_will(), on_message=self._arrived)
+        greeting: asyncio.Task[None] | None = None
+        try:
+            async with asyncio.timeout(_CONNECT_TIMEOUT_S):
+                await link.open(self._broker, self._tls)
+                await self._renew_subscriptions(link)
+            self._link = link
+            self._lost.clear()
+            greeting = asyncio.create_task(self._greet())
+            while not link.lost.done():
+                await self._renew_subscriptions(link)
+                self._connected.set()
+                await link.lost_or(self._has_new_inbox)
+            raise MqttUnavailable(link.lost.result())
+        finally:
+            self._link = None
+            self._lost.set()
+            self._connected.clear()
+            self._subscribed = 0
+            if greeting is not None:
+                greeting.cancel()
+            link.close()
+
+    def _ask_will(self) -> RawMessage | None:
+        if self._will is None:
+            return None
+        address, message = self._will()
+        topic = address.topic
+        return RawMessage(address.name, _payload(message), topic.mqtt_qos, topic.retained)
+
+    async def _renew_subscriptions(self, link: MqttLink) -> None:
+        """Subscribe for every inbox that this connection does not serve yet."""
+        while self._subscribed < len(self._inboxes):
+            fresh = self._inboxes[self._subscribed :]
+            self._subscribed = len(self._inboxes)
+            filters = {name: qos for inbox in fresh for name, qos in inbox.filters.items()}
+            await link.subscribe(filters)
+        self._has_new_inbox.clear()
+
+    async def _greet(self) -> None:
+        """Run `on_connected`; a connection lost meanwhile starts it anew on the next one."""
+        if self._on_connected is not None:
+            with contextlib.suppress(MqttUnavailable):
+                await self._on_connected()
+
+
+def _payload(message: BaseModel) -> bytes:
+    return message.model_dump_json().encode()

@@ -1,0 +1,245 @@
+"""One connection to a broker: paho as a parser of packets, asyncio as its socket loop."""
+
+import asyncio
+import ssl
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from paho.mqtt.client import Client, MQTTMessage
+from paho.mqtt.enums import CallbackAPIVersion, MQTTErrorCode
+from paho.mqtt.reasoncodes import ReasonCode
+
+from skyway.runtime.errors import MqttUnavailable
+from skyway.runtime.mqtt.address import BrokerAddress
+from skyway.runtime.mqtt.buffered_socket import BufferedSocket
+from skyway.runtime.mqtt.keepalive import next_look_s
+
+if TYPE_CHECKING:
+    from paho.mqtt.client import SocketLike
+
+#: Stands for the broker's answer to CONNECT, which has no packet id; ids start at 1.
+_GREETING = 0
+
+Arrival = Callable[[str, bytes, bool], None]
+
+
+@dataclass(frozen=True, slots=True)
+class RawMessage:
+    """A topic name and a payload as they go over the wire."""
+
+    name: str
+    payload: bytes
+    mqtt_qos: int
+    retained: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Login:
+    """How a client introduces itself."""
+
+    client_id: str
+    user_name: str
+    password: str = field(repr=False)
+    keepalive_s: int
+
+
+class _PahoClient(Client):
+    """A paho client on a socket that asyncio has already connected (paho's own connect blocks)."""
+
+    opened: BufferedSocket
+
+    def _create_socket(self) -> BufferedSocket:
+        return self.opened
+
+
+class MqttLink:
+    """A single connection, from CONNECT to its loss; never connected again.
+
+    A fresh paho client per connection: what was not acknowledged is told to its sender and not
+    kept, so nothing is sent behind a sender's back after a reconnect.
+    """
+
+    def __init__(self, login: Login, *, will: RawMessage | None, on_message: Arrival) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._on_message = on_message
+        self._waiters: dict[int, asyncio.Future[None]] = {}
+        self._is_watching_writes = False
+        self._keepalive_check: asyncio.TimerHandle | None = None
+        self._heard_s = self._said_s = self._loop.time()
+        #: Done as soon as the connection is lost, with the reason.
+        self.lost: asyncio.Future[str] = self._loop.create_future()
+        self._keepalive_s = login.keepalive_s
+        self._paho = self._make_paho(login, will)
+
+    def _make_paho(self, login: Login, will: RawMessage | None) -> _PahoClient:
+        paho = _PahoClient(CallbackAPIVersion.VERSION2, login.client_id, reconnect_on_failure=False)
+        paho.username_pw_set(login.user_name, login.password)
+        paho.max_inflight_messages = 0
+        if will is not None:
+            paho.will_set(will.name, will.payload, will.mqtt_qos, will.retained)
+        paho.on_connect = lambda _c, _u, _f, reason, _p: self._greeted(reason)
+        paho.on_disconnect = lambda _c, _u, _f, reason, _p: self._has_lost(str(reason))
+        paho.on_subscribe = lambda _c, _u, mid, _r, _p: self._acknowledged(mid)
+        paho.on_publish = lambda _c, _u, mid, _r, _p: self._acknowledged(mid)
+        paho.on_message = self._arrived
+        paho.on_socket_open = lambda _c, _u, sock: self._loop.add_reader(sock, self._read)
+        paho.on_socket_close = lambda _c, _u, sock: self._stop_watching(sock)
+        paho.on_socket_register_write = lambda _c, _u, _s: self._write_soon()
+        return paho
+
+    async def open(self, broker: BrokerAddress, tls: ssl.SSLContext | None = None) -> None:
+        """Connect to the broker, introduce ourselves and wait for its answer.
+
+        Raises
+        ------
+        MqttUnavailable
+            The broker refused us or hung up.
+        OSError
+            Nobody listens there.
+        """
+        self._paho.opened = BufferedSocket(await broker.open_socket(tls))
+        self._paho.connect(broker.host, broker.port, keepalive=self._keepalive_s)
+        self._check_keepalive()
+        await self._answer_to(_GREETING)
+
+    async def subscribe(self, filters: Mapping[str, int]) -> None:
+        """Subscribe to these filters, each with its `mqtt_qos`, and wait for the SUBACK."""
+        rc, mid = self._paho.subscribe(list(filters.items()))
+        if mid is None:
+            raise MqttUnavailable(f"not subscribed: {rc.name}")
+        await self._answer_to(mid)
+
+    async def publish(self, message: RawMessage) -> None:
+        """Return after the PUBACK, or for `mqtt_qos` 0 once the message is written to the socket.
+
+        Raises
+        ------
+        MqttUnavailable
+            The connection is lost before that.
+        """
+        info = self._paho.publish(message.name, message.payload, message.mqtt_qos, message.retained)
+        if info.rc != MQTTErrorCode.MQTT_ERR_SUCCESS:
+            raise MqttUnavailable(f"not sent: {info.rc.name}")
+        await self._answer_to(info.mid)
+
+    async def lost_or(self, event: asyncio.Event) -> None:
+        """Return once the connection is lost or the event is set."""
+        happened = asyncio.create_task(event.wait())
+        try:
+            await asyncio.wait((self.lost, happened), return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            happened.cancel()
+
+    def close(self) -> None:
+        """Say goodbye, so that the broker does not send the last will, and close the socket."""
+        if not self.lost.done():
+            self._paho.disconnect()
+            self._paho.loop_write()
+        # Still there when the goodbye did not fit into a full socket.
+        self._close_socket()
+        self._has_lost("closed by this side")
+
+    def drop(self) -> None:
+        """Close the socket without a goodbye, as a lost radio does: the broker sends the will."""
+        self._close_socket()
+        self._has_lost("dropped by this side")
+
+    def _close_socket(self) -> None:
+        sock = self._paho.socket()
+        if sock is not None:
+            self._stop_watching(sock)
+            sock.close()
+
+    async def _answer_to(self, mid: int) -> None:
+        """Return when the broker has answered the packet with this id."""
+        if self.lost.done():
+            raise MqttUnavailable(f"connection lost: {self.lost.result()}")
+        waiter: asyncio.Future[None] = self._loop.create_future()
+        self._waiters[mid] = waiter
+        try:
+            await waiter
+        finally:
+            self._waiters.pop(mid, None)
+
+    def _acknowledged(self, mid: int) -> None:
+        waiter = self._waiters.get(mid)
+        if waiter is not None and not waiter.done():
+            waiter.set_result(None)
+
+    def _greeted(self, reason: ReasonCode) -> None:
+        if reason.is_failure:
+            self._has_lost(f"refused by the broker: {reason}")
+        else:
+            self._acknowledged(_GREETING)
+
+    def _arrived(self, _client: Client, _data: object, message: MQTTMessage) -> None:
+        self._on_message(message.topic, bytes(message.payload), message.retain)
+
+    def _has_lost(self, reason: str) -> None:
+        """Tell everyone who waits for this connection that no answer comes any more."""
+        if self.lost.done():
+            return
+        self.lost.set_result(reason)
+        if self._keepalive_check is not None:
+            self._keepalive_check.cancel()
+        for waiter in self._waiters.values():
+            if not waiter.done():
+                waiter.set_exception(MqttUnavailable(f"connection lost: {reason}"))
+
+    def _read(self) -> None:
+        self._paho.opened.fill()
+        self._read_on()
+
+    def _read_on(self) -> None:
+        """Have paho read all that there is: the selector does not know of what is buffered."""
+        self._heard_s = self._loop.time()
+        while self._paho.opened.has_unread and not self.lost.done():
+            self._paho.loop_read()
+
+    def _write_soon(self) -> None:
+        """Write once the present callback is done: packets made together leave together."""
+        self._loop.call_soon(self._write)
+
+    def _write(self) -> None:
+        """Write at once; the selector is asked only when the socket takes no more."""
+        self._paho.loop_write()
+        sock = self._paho.opened
+        if self._paho.socket() is None:
+            return
+        sock.flush()
+        self._said_s = self._loop.time()
+        if sock.has_unsent or self._paho.want_write():
+            self._watch_writes(sock)
+        else:
+            self._stop_watching_writes(sock)
+        if sock.has_unread:  # that the connection is lost
+            self._read_on()
+
+    def _watch_writes(self, sock: BufferedSocket) -> None:
+        if not self._is_watching_writes:
+            self._is_watching_writes = True
+            self._loop.add_writer(sock, self._write)
+
+    def _stop_watching(self, sock: "SocketLike") -> None:
+        if sock.fileno() != -1:
+            self._stop_watching_writes(sock)
+            self._loop.remove_reader(sock)
+
+    def _stop_watching_writes(self, sock: "SocketLike") -> None:
+        if self._is_watching_writes:
+            self._is_watching_writes = False
+            self._loop.remove_writer(sock)
+
+    def _check_keepalive(self) -> None:
+        """Have paho look whether a ping is due, and come again when the next one can be."""
+        if self.lost.done():
+            return
+        self._paho.loop_misc()
+        look_s = next_look_s(
+            self._loop.time(),
+            heard_s=self._heard_s,
+            said_s=self._said_s,
+            keepalive_s=self._keepalive_s,
+        )
+        self._keepalive_check = self._loop.call_at(look_s, self._check_keepalive)

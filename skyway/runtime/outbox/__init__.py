@@ -1,0 +1,1 @@
+"""Messages that leave with a transaction, and are sent until somebody has them."""

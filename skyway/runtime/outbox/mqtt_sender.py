@@ -1,0 +1,69 @@
+"""Messages of the outbox for drones and services, published over MQTT."""
+
+from typing import Any, Final, Protocol
+
+from sqlalchemy import Row
+
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.errors import MqttUnavailable
+from skyway.runtime.outbox.again import Again, backing_off
+from skyway.runtime.outbox.paces import quick
+from skyway.runtime.outbox.stream_sender import StreamSender
+from skyway.runtime.pace import Pace
+from skyway.runtime.sql.database import Database
+
+#: Seconds of wall time until a message is sent again: doubled from the first to the last.
+_UNCONFIRMED_S: Final = (2.0, 30.0)
+#: How long a message is claimed: longer than the 5 s that a PUBACK may take, and short enough that
+#: an instruction whose sender was killed is repeated before it expires (10 s at least).
+_MQTT_LEASE_S: Final = 7.0
+#: The broker went away while it was asked: once it is back, there is no reason to wait.
+_NO_BROKER_S: Final = 0.5
+
+
+class MqttPort(Protocol):
+    """What the sender needs of an MQTT client."""
+
+    async def wait_connected(self) -> None:
+        """Return once the broker has accepted us."""
+        ...
+
+    async def publish_raw(
+        self, name: str, payload: bytes, *, mqtt_qos: int, retained: bool
+    ) -> None:
+        """Publish; for `mqtt_qos` 1 return after the PUBACK, else raise MqttUnavailable."""
+        ...
+
+
+class MqttSender:
+    """Publishes this database's messages: until confirmed by the receiver, or by the broker."""
+
+    def __init__(
+        self, db: Database, mqtt: MqttPort, clock: FleetClock, *, pace: Pace | None = None
+    ) -> None:
+        self._mqtt = mqtt
+        self._sender = StreamSender(
+            db,
+            "mqtt",
+            self._publish,
+            clock=clock,
+            pace=pace or quick(),
+            lease_s=_MQTT_LEASE_S,
+            ready=mqtt.wait_connected,
+        )
+
+    async def run(self) -> None:
+        """Publish for ever."""
+        await self._sender.run()
+
+    async def _publish(self, row: Row[Any]) -> Again | None:
+        try:
+            await self._mqtt.publish_raw(
+                row.address, row.payload, mqtt_qos=row.mqtt_qos, retained=row.is_retained
+            )
+        except MqttUnavailable:
+            return Again(after_s=_NO_BROKER_S, attempts=row.attempts)
+        if row.confirmed_by == "broker":
+            return None
+        # A broker's PUBACK is not delivery: it may forget all that it has acknowledged.
+        return backing_off(row, _UNCONFIRMED_S)

@@ -1,0 +1,120 @@
+"""Who works on a due row: a claim for a while, so that replicas never take the same one.
+
+A claimant that dies loses its claims when they run out; whoever finishes frees them.
+"""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, Final, Self
+
+from sqlalchemy import (
+    BigInteger,
+    Column,
+    ColumnElement,
+    Integer,
+    Row,
+    Table,
+    Text,
+    bindparam,
+    select,
+    tuple_,
+)
+from sqlalchemy.sql.dml import ReturningUpdate
+
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.sql.database import Database, Tx
+from skyway.units import moment_to_ms
+
+#: The values that free a claim.
+FREE: Final = {"claimed_by": None, "claimed_until_ms": 0}
+
+#: The moment of a claim within its statement, wall time in milliseconds.
+NOW_MS: Final = bindparam("now_ms", type_=BigInteger)
+
+
+def claim_columns() -> tuple[Column[str], Column[int]]:
+    """The two columns of a table whose rows are claimed; wall time in milliseconds."""
+    return (
+        Column("claimed_by", Text),
+        Column("claimed_until_ms", BigInteger, nullable=False, server_default="0"),
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class Claiming:
+    """How rows of one table are claimed: made once, since making statements takes long."""
+
+    statement: ReturningUpdate[*tuple[Any, ...]]  # rows have the types of their table
+    order_by: tuple[Column[Any], ...]
+
+    @classmethod
+    def of(
+        cls, table: Table, *, where: ColumnElement[bool], order_by: Sequence[Column[Any]]
+    ) -> Self:
+        """Rows that meet a condition, in this order; the condition may be about `NOW_MS`.
+
+        Any: sort columns have the types of their table.
+        """
+        key = [*table.primary_key]
+        due = (
+            select(*key)
+            .where(where, table.c.claimed_until_ms <= NOW_MS)
+            .order_by(*order_by)
+            .limit(bindparam("most", type_=Integer))
+            .with_for_update(skip_locked=True)
+            # A subquery could be run more than once by PostgreSQL, and take more than the limit.
+            .cte("due")
+        )
+        taken = table.update().where(tuple_(*key).in_(select(*due.c)))
+        new = {
+            "claimed_by": bindparam("claimant", type_=Text),
+            "claimed_until_ms": bindparam("until_ms", type_=BigInteger),
+        }
+        return cls(taken.values(new).returning(table), tuple(order_by))
+
+    async def run(
+        self, tx: Tx, *, limit: int, claimant: str, lease_s: float, clock: FleetClock
+    ) -> list[Row[Any]]:
+        """At most `limit` rows that nobody holds, now held by `claimant`; in order.
+
+        Any: rows have the types of their table.
+        """
+        values = claim_values(limit=limit, claimant=claimant, lease_s=lease_s, clock=clock)
+        return self.in_order(await tx.execute(self.statement, values))
+
+    def in_order(self, taken: Iterable[Row[Any]]) -> list[Row[Any]]:
+        """What the statement returned, in the order of the claim."""
+        return sorted(taken, key=lambda row: [row._mapping[each] for each in self.order_by])
+
+
+def claim_values(
+    *, limit: int, claimant: str, lease_s: float, clock: FleetClock
+) -> dict[str, object]:
+    """The parameters of a claiming statement."""
+    now_ms = moment_to_ms(clock.wall_now())
+    return {
+        "now_ms": now_ms,
+        "most": limit,
+        "claimant": claimant,
+        "until_ms": now_ms + int(lease_s * 1000),
+    }
+
+
+async def claim(
+    db: Database,
+    table: Table,
+    *,
+    where: ColumnElement[bool],
+    order_by: Sequence[Column[Any]],
+    limit: int,
+    claimant: str,
+    lease_s: float,
+    clock: FleetClock,
+) -> list[Row[Any]]:
+    """At most `limit` rows that nobody holds, now held by `claimant` for `lease_s` of wall time.
+
+    Any: rows and sort columns have the types of their table.
+    """
+    claiming = Claiming.of(table, where=where, order_by=order_by)
+    values = claim_values(limit=limit, claimant=claimant, lease_s=lease_s, clock=clock)
+    return claiming.in_order(await db.write_alone(claiming.statement, values))

@@ -1,0 +1,123 @@
+"""A service's own database, the same to use on SQLite and PostgreSQL.
+
+`read` lends a connection that cannot write, `survey` one for questions that take long. `write`
+lends a transaction, and leaving its block is the only commit there is. SQLite has one writer whose
+commits are grouped (`sqlite_writer`); PostgreSQL has a connection per block (`lending`), of those
+that can write or of those that cannot. `write_alone` is for a write of one statement.
+"""
+
+from collections.abc import AsyncIterator, Sequence
+from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager
+from typing import Any, Self
+
+from sqlalchemy import Executable, Table, text
+from sqlalchemy.engine import Row
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from skyway.runtime.errors import ServiceUnavailable
+from skyway.runtime.loops import Wake
+from skyway.runtime.sql.engines import Dialect, read_url
+from skyway.runtime.sql.storage import PostgresqlStorage, SqliteStorage, Storage
+from skyway.runtime.sql.transaction import Tx
+from skyway.runtime.sql.written import Values
+
+__all__ = ["Database", "Tx"]
+
+
+class Database:
+    """One database, opened with `async with`; building one opens nothing.
+
+    Parameters
+    ----------
+    url
+        ``sqlite:///path`` or ``postgresql://user@host/name``.
+    outbox
+        The table of messages that leave with a transaction, when this service sends any.
+    """
+
+    def __init__(self, url: str, *, outbox: Table | None = None) -> None:
+        self._url = read_url(url)
+        self.dialect: Dialect = "sqlite" if self._url.drivername == "sqlite" else "postgresql"
+        self.outbox = outbox
+        self._wakes: dict[str, list[Wake]] = {}
+        self._opened = AsyncExitStack()
+        self._storage: Storage | None = None
+
+    async def __aenter__(self) -> Self:
+        storage = (SqliteStorage if self.dialect == "sqlite" else PostgresqlStorage)(self._url)
+        self._storage = await self._opened.enter_async_context(storage)
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        await self._opened.aclose()
+        self._storage = None
+
+    def read(self) -> AbstractAsyncContextManager[AsyncConnection]:
+        """A connection to read from: on SQLite one moment's data, however long it is held.
+
+        On PostgreSQL each statement sees the data of its own moment.
+        """
+        return self._open().read()
+
+    def survey(self) -> AbstractAsyncContextManager[AsyncConnection]:
+        """A connection to read much from, all of it one moment's data.
+
+        On SQLite others go on while a statement runs.
+        """
+        return self._open().survey()
+
+    @asynccontextmanager
+    async def write(self) -> AsyncIterator[Tx]:
+        """A transaction: all of the block is on disk when it is left, or nothing of it.
+
+        Raises
+        ------
+        ServiceUnavailable
+            The database could not be reached or did not commit.
+        """
+        async with self._open().write() as connection:
+            tx = Tx(connection, dialect=self.dialect, outbox=self.outbox)
+            yield tx
+            channels = await tx.finish()
+        for channel in channels:
+            for wake in self._wakes.get(channel, ()):
+                wake.set()
+        tx.committed()
+
+    async def write_alone(
+        self, statement: Executable, parameters: Values | Sequence[Values]
+    ) -> Sequence[Row[*tuple[Any, ...]]]:
+        """Run one statement that is a transaction of its own; the rows that it returns.
+
+        PostgreSQL then needs neither BEGIN nor COMMIT, two round trips of three.
+
+        Raises
+        ------
+        ServiceUnavailable
+            As of `write`; the statement may have been run.
+        """
+        if self.dialect == "sqlite":
+            async with self.write() as tx:
+                done = await tx.execute(statement, parameters)
+        else:
+            async with self._open().write_alone() as connection:
+                done = await connection.execute(statement, parameters)
+        return done.all() if done.returns_rows else ()
+
+    def wake_when_sent(self, wake: Wake, *, channel: str) -> None:
+        """Set `wake` after each commit that put messages for this channel into the outbox."""
+        self._wakes.setdefault(channel, []).append(wake)
+
+    async def is_answering(self) -> bool:
+        """Whether the database can be read now."""
+        try:
+            async with self.read() as connection:
+                await connection.execute(text("SELECT 1"))
+        except ServiceUnavailable:
+            return False
+        return True
+
+    def _open(self) -> Storage:
+        if self._storage is None:
+            raise ServiceUnavailable("database", "it is not open")
+        return self._storage

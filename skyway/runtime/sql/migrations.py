@@ -1,0 +1,65 @@
+"""Brings a service's database to the tables that its code knows."""
+
+import logging
+from typing import Final
+
+from alembic.config import Config
+from alembic.migration import MigrationContext
+from alembic.runtime.environment import EnvironmentContext
+from alembic.script import ScriptDirectory
+from sqlalchemy import event, text
+from sqlalchemy.engine import Connection
+from sqlalchemy.ext.asyncio import AsyncEngine
+
+from skyway.runtime.sql.engines import postgresql_engine, read_url, sqlite_engine
+
+#: Key of the advisory lock under which one replica migrates while the others wait ("skyway").
+_LOCK_KEY: Final = 0x736B79776179
+
+
+async def migrate(db_url: str, package: str) -> None:
+    """Upgrade to the newest revision in ``<package>/migrations/versions``, all or nothing.
+
+    A package's migrations folder needs no env.py. Replicas that start together wait for the first.
+    """
+    # Alembic tells each revision as INFO; a start has more to say than that.
+    logging.getLogger("alembic").setLevel(logging.WARNING)
+    engine = _engine(db_url)
+    try:
+        async with engine.begin() as connection:
+            if engine.dialect.name == "postgresql":
+                await connection.execute(text(f"SELECT pg_advisory_xact_lock({_LOCK_KEY})"))
+            await connection.run_sync(_upgrade, _scripts(package))
+    finally:
+        await engine.dispose()
+
+
+def _engine(db_url: str) -> AsyncEngine:
+    url = read_url(db_url)
+    if url.drivername == "postgresql":
+        return postgresql_engine(url)
+    engine = sqlite_engine(url)
+    event.listen(engine.sync_engine, "begin", _begin_immediate)
+    return engine
+
+
+def _begin_immediate(connection: Connection) -> None:
+    connection.exec_driver_sql("BEGIN IMMEDIATE")
+
+
+def _scripts(package: str) -> ScriptDirectory:
+    config = Config()
+    config.set_main_option("script_location", f"{package}:migrations")
+    config.set_main_option("path_separator", "os")
+    return ScriptDirectory.from_config(config)
+
+
+def _upgrade(connection: Connection, scripts: ScriptDirectory) -> None:
+    def steps(revision: str, _context: MigrationContext) -> list[object]:
+        return list(scripts._upgrade_revs("head", revision))  # as alembic's own `upgrade` does
+
+    with EnvironmentContext(Config(), scripts, fn=steps) as environment:
+        # SQLite can roll back DDL too, which Alembic does not assume.
+        environment.configure(connection=connection, transactional_ddl=True)
+        with environment.begin_transaction():
+            environment.run_migrations()

@@ -1,0 +1,172 @@
+"""The one writer of a SQLite database: blocks one after another, many in one COMMIT.
+
+A sync to disk costs more than many writes. While one COMMIT is under way, blocks queue up; they
+then run one after another, each a savepoint of one transaction, and all are answered after its
+single COMMIT. A block that fails rolls back to its savepoint, alone.
+"""
+
+import asyncio
+import contextlib
+import logging
+import sqlite3
+from collections import deque
+from collections.abc import AsyncIterator
+from typing import Final, Self
+
+from sqlalchemy.engine import URL
+from sqlalchemy.exc import DBAPIError
+from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
+
+from skyway.runtime.errors import ServiceUnavailable
+from skyway.runtime.sql.engines import sqlite_engine
+
+log = logging.getLogger(__name__)
+
+#: Blocks in one COMMIT at most: the first of them waits for the last.
+_LARGEST_GROUP: Final = 64
+
+
+class _Turn:
+    """One block's turn: granted by the writer, ended by the block, settled by the COMMIT."""
+
+    def __init__(self) -> None:
+        loop = asyncio.get_running_loop()
+        self.owner = asyncio.current_task()
+        self.granted: asyncio.Future[AsyncConnection] = loop.create_future()
+        self.ended: asyncio.Future[bool] = loop.create_future()
+        self.settled: asyncio.Future[None] = loop.create_future()
+
+    @property
+    def is_kept(self) -> bool:
+        """Whether the block ended well, so that the COMMIT is about it."""
+        return self.ended.done() and self.ended.result()
+
+    def refuse(self, error: ServiceUnavailable) -> None:
+        """Tell the block, if it still waits, that nothing of it is kept."""
+        if not self.granted.done():
+            self.granted.set_exception(error)
+        elif self.is_kept and not self.settled.done():
+            self.settled.set_exception(error)
+
+
+class _NotCommitted(Exception):
+    """A group was rolled back, and each of its blocks told so."""
+
+
+class SqliteWriter:
+    """Runs write blocks on one connection; `async with` starts and drains it."""
+
+    def __init__(self, url: URL) -> None:
+        self._engine: AsyncEngine = sqlite_engine(url)
+        self._queue: deque[_Turn] = deque()
+        self._arrived = asyncio.Event()
+        self._is_closing = False
+        self._running: _Turn | None = None
+        self._task: asyncio.Task[None] | None = None
+
+    async def __aenter__(self) -> Self:
+        # The first connection checks that this file can be written durably.
+        async with self._engine.connect():
+            pass
+        self._is_closing = False
+        self._task = asyncio.create_task(self._run(), name="sqlite writer")
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        self._is_closing = True
+        self._arrived.set()
+        if self._task is not None:
+            await self._task
+        await self._engine.dispose()
+
+    @contextlib.asynccontextmanager
+    async def block(self) -> AsyncIterator[AsyncConnection]:
+        """A turn on the writing connection, left once its writes are on disk.
+
+        Raises
+        ------
+        ServiceUnavailable
+            The transaction could not begin or commit: nothing of this block is kept.
+        """
+        if self._is_closing or self._task is None:
+            raise ServiceUnavailable("database", "it is not open")
+        if self._running is not None and self._running.owner is asyncio.current_task():
+            raise RuntimeError("a write block within a write block would wait for itself")
+        turn = _Turn()
+        self._queue.append(turn)
+        self._arrived.set()
+        try:
+            yield await turn.granted
+        except BaseException:
+            self._end(turn, is_kept=False)
+            raise
+        self._end(turn, is_kept=True)
+        await turn.settled
+
+    def _end(self, turn: _Turn, *, is_kept: bool) -> None:
+        if self._running is turn:
+            self._running = None
+        turn.ended.set_result(is_kept)
+
+    async def _run(self) -> None:
+        while await self._has_work():
+            await self._serve()
+
+    async def _has_work(self) -> bool:
+        """Wait until a block has come; False when none has and none will."""
+        while not self._queue and not self._is_closing:
+            self._arrived.clear()
+            await self._arrived.wait()
+        return bool(self._queue)
+
+    async def _serve(self) -> None:
+        """Commit groups on one connection until closing; after an error, leave it for another."""
+        try:
+            async with self._engine.connect() as connection:
+                while await self._has_work():
+                    await self._commit_group(connection)
+        except _NotCommitted:
+            # Leaving the connection rolled the group back; who came after it is served next.
+            log.exception("group not committed")
+        except Exception as error:
+            log.exception("sqlite cannot be written")
+            while self._queue:
+                self._queue.popleft().refuse(ServiceUnavailable("database", str(error)))
+
+    async def _commit_group(self, connection: AsyncConnection) -> None:
+        group: list[_Turn] = []
+        await _control(connection, "BEGIN IMMEDIATE")
+        try:
+            while self._queue and len(group) < _LARGEST_GROUP:
+                group.append(self._queue.popleft())
+                await self._run_block(group[-1], connection)
+            await _control(connection, "COMMIT")
+        except (sqlite3.Error, DBAPIError, OSError) as error:
+            for turn in group:
+                turn.refuse(ServiceUnavailable("database", f"not committed: {error}"))
+            raise _NotCommitted from error
+        for turn in group:
+            if turn.is_kept and not turn.settled.done():
+                turn.settled.set_result(None)
+
+    async def _run_block(self, turn: _Turn, connection: AsyncConnection) -> None:
+        """Let one block run as a savepoint, to which it is rolled back when it fails."""
+        if turn.granted.done():
+            return  # its task was cancelled while it waited
+        # Never released: the COMMIT does that for all, and the innermost is the present block's.
+        await _control(connection, "SAVEPOINT block")
+        if turn.granted.done():
+            return
+        self._running = turn
+        turn.granted.set_result(connection)
+        await turn.ended
+        if not turn.is_kept:
+            await _control(connection, "ROLLBACK TO block")
+
+
+async def _control(connection: AsyncConnection, statement: str) -> None:
+    """Run BEGIN, SAVEPOINT or COMMIT in one hop to the driver's thread, past SQLAlchemy."""
+    driver = (await connection.get_raw_connection()).driver_connection
+    if driver is None:
+        raise sqlite3.OperationalError("the writing connection is gone")
+    await driver.execute_fetchall(statement)

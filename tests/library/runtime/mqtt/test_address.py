@@ -1,0 +1,39 @@
+"""Broker URLs."""
+
+import asyncio
+import socket
+
+import pytest
+
+from skyway.errors import InvalidInput
+from skyway.runtime.mqtt.address import BrokerAddress
+
+
+@pytest.mark.parametrize(
+    ("url", "expected"),
+    [
+        ("mqtt://broker:1900", BrokerAddress("broker", 1900, is_encrypted=False)),
+        ("mqtt://broker", BrokerAddress("broker", 1883, is_encrypted=False)),
+        ("mqtts://broker", BrokerAddress("broker", 8883, is_encrypted=True)),
+        ("mqtt://[::1]:1900", BrokerAddress("::1", 1900, is_encrypted=False)),
+    ],
+)
+def test_a_url_names_host_port_and_encryption(url, expected):
+    assert BrokerAddress.parse(url) == expected
+
+
+@pytest.mark.parametrize("url", ["", "broker:1883", "http://broker", "mqtt://"])
+def test_what_is_no_broker_url_is_refused(url):
+    with pytest.raises(InvalidInput, match="mqtt_url"):
+        BrokerAddress.parse(url)
+
+
+async def test_a_socket_sends_small_packets_at_once():
+    server = await asyncio.start_server(lambda _r, writer: writer.close(), "127.0.0.1", 0)
+    port = server.sockets[0].getsockname()[1]
+
+    async with server:
+        sock = await BrokerAddress("127.0.0.1", port, is_encrypted=False).open_socket()
+
+    assert sock.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY) != 0
+    sock.close()

@@ -1,0 +1,162 @@
+"""Reports that are found together travel together, and lose nothing by it."""
+
+import asyncio
+import json
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from datetime import timedelta
+from typing import Any
+
+import pytest
+from sqlalchemy import MetaData, func, select
+
+from skyway.json_model import JsonModel
+from skyway.runtime.clock import ManualClock
+from skyway.runtime.errors import RemoteProblem, ServiceUnavailable
+from skyway.runtime.outbox.report_sender import ReportSender
+from skyway.runtime.outbox.table import outbox_table
+from skyway.runtime.sql.database import Database
+from skyway.runtime.tracing import tracing
+
+METADATA = MetaData()
+OUTBOX = outbox_table(METADATA)
+TOGETHER = {"/reports": "/reports/many"}
+
+
+class Note(JsonModel):
+    text: str
+
+
+class InMemoryService:
+    """Notes what it is told, and refuses what comes together as it is told to."""
+
+    def __init__(self, *refusals: Exception) -> None:
+        self.refusals = list(refusals)
+        self.told: list[tuple[str, Any]] = []
+
+    async def call(self, method: str, path: str, *, body: bytes) -> None:
+        self.told.append((path, json.loads(body)))
+        await asyncio.sleep(0)
+        if path == "/reports/many" and self.refusals:
+            raise self.refusals.pop(0)
+
+
+@pytest.fixture
+async def db(database_url: str) -> AsyncIterator[Database]:
+    async with Database(database_url, outbox=OUTBOX) as opened:
+        async with opened.write() as tx:
+            await tx.connection.run_sync(METADATA.create_all)
+        yield opened
+
+
+@asynccontextmanager
+async def sending(
+    db: Database, service: InMemoryService, clock: ManualClock
+) -> AsyncIterator[None]:
+    task = asyncio.create_task(
+        ReportSender(db, {"gateway": service}, clock, together=TOGETHER).run()
+    )
+    try:
+        yield
+    finally:
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+
+async def report(db: Database, *texts: str, path: str = "/reports") -> None:
+    async with db.write() as tx:
+        for text in texts:
+            with tracing(None):
+                tx.report("gateway", path, Note(text=text), stream=text)
+
+
+async def until_sent(db: Database, clock: ManualClock) -> None:
+    async with asyncio.timeout(20):
+        while True:
+            async with db.read() as connection:
+                if not (await connection.execute(select(func.count(OUTBOX.c.id)))).scalar_one():
+                    return
+            clock.advance(timedelta(seconds=0.1))
+
+
+async def traces(db: Database) -> list[str]:
+    async with db.read() as connection:
+        found = select(OUTBOX.c.traceparent).order_by(OUTBOX.c.id)
+        return list((await connection.execute(found)).scalars())
+
+
+async def test_reports_found_in_one_look_travel_together_each_with_its_trace(
+    db: Database, clock: ManualClock
+) -> None:
+    service = InMemoryService()
+    await report(db, "a", "b", "c")
+    of_each = await traces(db)
+
+    async with sending(db, service, clock):
+        await until_sent(db, clock)
+
+    [(path, body)] = service.told
+    assert path == "/reports/many"
+    assert body["reports"] == [
+        {"traceparent": trace, "report": {"text": text}}
+        for trace, text in zip(of_each, "abc", strict=True)
+    ]
+    assert len(set(of_each)) == 3
+
+
+async def test_one_report_travels_alone(db: Database, clock: ManualClock) -> None:
+    service = InMemoryService()
+    await report(db, "a")
+
+    async with sending(db, service, clock):
+        await until_sent(db, clock)
+
+    assert service.told == [("/reports", {"text": "a"})]
+
+
+async def test_reports_for_other_paths_stay_apart(db: Database, clock: ManualClock) -> None:
+    service = InMemoryService()
+    await report(db, "a", "b", path="/cancellations")
+
+    async with sending(db, service, clock):
+        await until_sent(db, clock)
+
+    assert sorted(service.told, key=str) == [
+        ("/cancellations", {"text": "a"}),
+        ("/cancellations", {"text": "b"}),
+    ]
+
+
+@pytest.mark.parametrize(
+    "refusal",
+    [
+        ServiceUnavailable("gateway", "down"),
+        *(RemoteProblem(status, {"title": "no"}) for status in (404, 409, 413, 422)),
+    ],
+)
+async def test_what_was_refused_together_is_sent_again_alone(
+    db: Database, clock: ManualClock, refusal: Exception
+) -> None:
+    service = InMemoryService(refusal)
+    await report(db, "a", "b")
+
+    async with sending(db, service, clock):
+        await until_sent(db, clock)
+
+    assert [path for path, _ in service.told] == ["/reports/many", "/reports", "/reports"]
+    assert sorted(body["text"] for _, body in service.told[1:]) == ["a", "b"]
+
+
+async def test_a_report_that_does_not_fit_travels_in_another_request(
+    db: Database, clock: ManualClock
+) -> None:
+    service = InMemoryService()
+    large = "x" * 100_000
+    await report(db, "a" + large, "b" + large, "c")
+
+    async with sending(db, service, clock):
+        await until_sent(db, clock)
+
+    told = [body["reports"] if path == "/reports/many" else [body] for path, body in service.told]
+    assert sorted(len(reports) for reports in told) == [1, 2]
+    assert sum(len(reports) for reports in told) == 3

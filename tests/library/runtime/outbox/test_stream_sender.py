@@ -1,0 +1,191 @@
+"""What a sender's looks at the table cost, and what the table knows of a row meanwhile."""
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator, Mapping, Sequence
+from contextlib import asynccontextmanager
+from datetime import timedelta
+from typing import Any
+
+import pytest
+from sqlalchemy import Executable, MetaData, Row, Table, select
+
+from skyway.json_model import JsonModel
+from skyway.runtime.clock import ManualClock
+from skyway.runtime.outbox.again import Again
+from skyway.runtime.outbox.paces import quick
+from skyway.runtime.outbox.stream_sender import StreamSender
+from skyway.runtime.outbox.table import outbox_table
+from skyway.runtime.sql.database import Database, Tx
+from skyway.units import ms_to_moment
+
+METADATA = MetaData()
+OUTBOX = outbox_table(METADATA)
+CHANNEL = "gateway"
+
+#: A SQLite file has one process: there are no replicas on it, and its statements share a COMMIT.
+ON_POSTGRESQL = pytest.mark.parametrize(
+    "database_url", [pytest.param("postgresql", marks=pytest.mark.integration)], indirect=True
+)
+
+
+class Note(JsonModel):
+    text: str
+
+
+class CountingDatabase(Database):
+    """Counts writes: blocks, and statements that are alone."""
+
+    def __init__(self, url: str, *, outbox: Table) -> None:
+        super().__init__(url, outbox=outbox)
+        self.blocks = self.alone = 0
+
+    @asynccontextmanager
+    async def write(self) -> AsyncIterator[Tx]:
+        self.blocks += 1
+        async with super().write() as tx:
+            yield tx
+
+    async def write_alone(
+        self, statement: Executable, parameters: Mapping[str, Any] | Sequence[Mapping[str, Any]]
+    ) -> Sequence[Row[*tuple[Any, ...]]]:
+        self.alone += 1
+        return await super().write_alone(statement, parameters)
+
+
+class Receiver:
+    """Notes what it is sent, and has it sent again after so many seconds, if any."""
+
+    def __init__(self, *again_after_s: float) -> None:
+        self.again_after_s = list(again_after_s)
+        self.taken: list[tuple[str, int]] = []  # addresses, and how often each was tried before
+
+    async def take(self, row: Row[Any]) -> Again | None:
+        self.taken.append((row.address, row.attempts))
+        if not self.again_after_s:
+            return None
+        return Again(after_s=self.again_after_s.pop(0), attempts=row.attempts + 1)
+
+
+@pytest.fixture
+async def db(database_url: str) -> AsyncIterator[CountingDatabase]:
+    async with CountingDatabase(database_url, outbox=OUTBOX) as opened:
+        async with opened.write() as tx:
+            await tx.connection.run_sync(METADATA.create_all)
+        yield opened
+
+
+@contextlib.asynccontextmanager
+async def sending(db: Database, receiver: Receiver, clock: ManualClock) -> AsyncIterator[None]:
+    sender = StreamSender(db, CHANNEL, receiver.take, clock=clock, pace=quick())
+    task = asyncio.create_task(sender.run())
+    try:
+        yield
+    finally:
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+
+async def write(db: Database, *addresses: str) -> None:
+    async with db.write() as tx:
+        for address in addresses:
+            tx.report(CHANNEL, address, Note(text=address), stream="s")
+
+
+async def rows(db: Database) -> Sequence[Row[Any]]:
+    async with db.read() as connection:
+        return (await connection.execute(select(OUTBOX).order_by(OUTBOX.c.id))).all()
+
+
+async def oldest(db: Database) -> Row[Any]:
+    return (await rows(db))[0]
+
+
+async def until_empty(db: Database) -> None:
+    async with asyncio.timeout(10):
+        while await rows(db):
+            pass
+
+
+async def until_taken(db: Database, times: int, *, by: Receiver, clock: ManualClock) -> Row[Any]:
+    """Let time pass until a row was taken so often; the row then."""
+    async with asyncio.timeout(10):
+        while len(by.taken) < times:
+            await rows(db)
+            clock.advance(timedelta(seconds=0.5))
+    return await oldest(db)
+
+
+async def until_looked_again(db: CountingDatabase) -> None:
+    """Wait until the sender has rested and turned to the table again, without time going by."""
+    looks = db.blocks + db.alone
+    async with asyncio.timeout(10):
+        while db.blocks + db.alone < looks + 2:
+            await rows(db)
+
+
+@ON_POSTGRESQL
+async def test_on_postgresql_a_look_at_the_table_is_one_statement(
+    db: CountingDatabase, clock: ManualClock
+) -> None:
+    receiver, addresses = Receiver(), [f"/{number}" for number in range(10)]
+    await write(db, *addresses)
+    blocks = db.blocks
+
+    async with sending(db, receiver, clock):
+        await until_empty(db)
+
+    assert receiver.taken == [(address, 0) for address in addresses]
+    assert db.blocks == blocks
+    # The first claims a row, the last deletes one, and those in between do both.
+    assert db.alone == len(addresses) + 1
+
+
+async def test_the_table_does_not_hear_of_a_row_that_waits_before_it_is_due(
+    db: CountingDatabase, clock: ManualClock
+) -> None:
+    receiver = Receiver(2.0, 100.0)
+    await write(db, "/a")
+
+    async with sending(db, receiver, clock):
+        await until_taken(db, 1, by=receiver, clock=clock)
+        await until_looked_again(db)
+        once = await oldest(db)
+        twice = await until_taken(db, 2, by=receiver, clock=clock)
+
+    assert (once.attempts, once.due_at_ms) == (0, 0)
+    assert once.claimed_by is not None
+    assert twice.attempts == 1
+    assert receiver.taken == [("/a", 0), ("/a", 1)]
+
+
+async def test_a_row_that_waits_for_longer_than_a_claim_is_free_meanwhile(
+    db: CountingDatabase, clock: ManualClock
+) -> None:
+    receiver = Receiver(100.0)
+    await write(db, "/a")
+
+    async with sending(db, receiver, clock):
+        row = await until_taken(db, 1, by=receiver, clock=clock)
+        async with asyncio.timeout(10):
+            while row.claimed_by is not None:
+                row = await oldest(db)
+
+    assert ms_to_moment(row.due_at_ms) - clock.wall_now() > timedelta(seconds=90)
+
+
+@ON_POSTGRESQL
+async def test_what_waits_with_one_sender_is_not_sent_by_another(
+    db: CountingDatabase, clock: ManualClock
+) -> None:
+    receiver, other = Receiver(5.0), Receiver()
+    await write(db, "/a")
+
+    async with sending(db, receiver, clock):
+        await until_taken(db, 1, by=receiver, clock=clock)
+        async with sending(db, other, clock):
+            for _ in range(8):
+                await rows(db)
+                clock.advance(timedelta(seconds=0.5))
+
+    assert other.taken == []

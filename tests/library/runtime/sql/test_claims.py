@@ -1,0 +1,88 @@
+"""A due row is worked on by one claimant at a time."""
+
+import asyncio
+from datetime import timedelta
+
+import pytest
+from sqlalchemy import Column, Integer, MetaData, Row, Table, true
+
+from skyway.runtime.clock import ManualClock
+from skyway.runtime.sql.claims import FREE, claim, claim_columns
+from skyway.runtime.sql.database import Database
+
+METADATA = MetaData()
+REQUESTS = Table(
+    "requests",
+    METADATA,
+    Column("day", Integer, primary_key=True),
+    Column("number", Integer, primary_key=True),
+    *claim_columns(),
+)
+
+
+@pytest.fixture
+async def db(database: Database) -> Database:
+    async with database.write() as tx:
+        await tx.connection.run_sync(METADATA.create_all)
+        await tx.execute(REQUESTS.insert(), [{"day": 1, "number": n} for n in range(6)])
+    return database
+
+
+async def take(
+    db: Database, clock: ManualClock, *, claimant: str, limit: int = 10
+) -> list[Row[tuple[int, ...]]]:
+    return await claim(
+        db,
+        REQUESTS,
+        where=true(),
+        order_by=[REQUESTS.c.number],
+        limit=limit,
+        claimant=claimant,
+        lease_s=10.0,
+        clock=clock,
+    )
+
+
+async def test_rows_are_claimed_in_order(db: Database, clock: ManualClock) -> None:
+    first = await take(db, clock, claimant="a", limit=2)
+    second = await take(db, clock, claimant="b", limit=2)
+
+    assert [row.number for row in first] == [0, 1]
+    assert [row.number for row in second] == [2, 3]
+
+
+async def test_replicas_never_hold_the_same_row(db: Database, clock: ManualClock) -> None:
+    taken = await asyncio.gather(
+        *(take(db, clock, claimant=f"replica-{number}", limit=1) for number in range(8))
+    )
+
+    numbers = [row.number for rows in taken for row in rows]
+    assert len(numbers) == len(set(numbers))
+
+
+async def test_a_held_row_is_not_given_to_its_own_holder_again(
+    db: Database, clock: ManualClock
+) -> None:
+    await take(db, clock, claimant="a")
+
+    assert await take(db, clock, claimant="a") == []
+
+
+async def test_a_claim_runs_out(db: Database, clock: ManualClock) -> None:
+    await take(db, clock, claimant="dead")
+
+    clock.advance(timedelta(seconds=9.9))
+    early = await take(db, clock, claimant="heir")
+    clock.advance(timedelta(seconds=0.1))
+    late = await take(db, clock, claimant="heir")
+
+    assert early == []
+    assert len(late) == 6
+
+
+async def test_a_freed_row_can_be_claimed_at_once(db: Database, clock: ManualClock) -> None:
+    await take(db, clock, claimant="a")
+    async with db.write() as tx:
+        await tx.execute(REQUESTS.update().where(REQUESTS.c.number == 3).values(FREE))
+
+    assert [row.number for row in await take(db, clock, claimant="b")] == [3]
