@@ -54,11 +54,11 @@ from skyway_gateway.forward.routes import forward_routes, provider_routes
 from skyway_gateway.forward.table import larger_bodies
 from skyway_gateway.notifications.events import Events
 from skyway_gateway.notifications.fleet_time import CLOCK_EVERY_S, publish_clock
-from skyway_gateway.notifications.news import News
-from skyway_gateway.notifications.post import WebhookPost
 from skyway_gateway.notifications.routes import clock_routes, webhook_routes
-from skyway_gateway.notifications.sender import WebhookSender
-from skyway_gateway.notifications.stream import EventStream
+from skyway_gateway.notifications.sending.post import WebhookPost
+from skyway_gateway.notifications.sending.sender import WebhookSender
+from skyway_gateway.notifications.streaming.news import News
+from skyway_gateway.notifications.streaming.stream import EventStream
 from skyway_gateway.notifications.targets import Targets
 from skyway_gateway.quotes import store as quote_store
 from skyway_gateway.quotes.checks import Checks

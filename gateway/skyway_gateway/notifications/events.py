@@ -18,7 +18,7 @@ from skyway.runtime.metrics import count
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Tx
 from skyway.runtime.tracing import current_traceparent
-from skyway_gateway.notifications.news import News
+from skyway_gateway.notifications.streaming.news import News
 from skyway_gateway.notifications.telling.store import add_events
 
 

@@ -18,7 +18,8 @@ from skyway_gateway.notifications import store
 from skyway_gateway.notifications.fleet_time import FleetTime, fleet_time
 from skyway_gateway.notifications.replay.again import replay
 from skyway_gateway.notifications.replay.wanted import Replay, ReplayRequest
-from skyway_gateway.notifications.sender import WebhookSender
+from skyway_gateway.notifications.sending.sender import WebhookSender
+from skyway_gateway.notifications.sending.store import attempts_page
 from skyway_gateway.notifications.signature import new_webhook_secret
 from skyway_gateway.notifications.targets import Targets
 from skyway_gateway.notifications.webhook import (
@@ -166,7 +167,7 @@ def webhook_routes(
         caller.must_be("customer", "operator")
         async with db.read() as connection:
             await store.webhook_of(connection, caller, webhook_id)
-            found = await store.attempts_page(connection, webhook_id, query)
+            found = await attempts_page(connection, webhook_id, query)
         return page_of(found, query, item=lambda it: it, sort_key=lambda it: (it.attempt_id,))
 
     return router

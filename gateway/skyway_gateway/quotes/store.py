@@ -4,7 +4,7 @@ from datetime import datetime
 from typing import Any, Final
 
 from pydantic import TypeAdapter
-from sqlalchemy import ColumnElement, Row, and_, delete, false, insert, select, true, update
+from sqlalchemy import Row, and_, delete, insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.candidate import ProviderReason
@@ -14,6 +14,7 @@ from skyway.runtime.errors import NotFound
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms, ms_to_moment
+from skyway_gateway.access.ownership.store import owned
 from skyway_gateway.quotes.quote import Offer, Quote
 from skyway_gateway.tables import quotes
 
@@ -43,7 +44,9 @@ async def one_of(connection: AsyncConnection, caller: Caller, quote_id: QuoteId)
     NotFound
         There is no such quote, or it is not the caller's.
     """
-    statement = select(quotes).where(quotes.c.quote_id == quote_id, _owned(caller))
+    statement = select(quotes).where(
+        quotes.c.quote_id == quote_id, owned(caller, quotes.c.customer_id)
+    )
     row = (await connection.execute(statement)).one_or_none()
     if row is None:
         raise NotFound("quote", quote_id)
@@ -63,13 +66,6 @@ async def forget(tx: Tx, *, expired_before: datetime) -> None:
     """Forget the quotes that expired before a moment of wall time."""
     is_old = quotes.c.expires_wall_ms < moment_to_ms(expired_before)
     await tx.execute(delete(quotes).where(is_old))
-
-
-def _owned(caller: Caller) -> ColumnElement[bool]:
-    """Whether a quote is the caller's to see: operators see everybody's."""
-    if caller.role == "operator":
-        return true()
-    return quotes.c.customer_id == caller.subject_id if caller.role == "customer" else false()
 
 
 def _quote(row: Row[*tuple[Any, ...]]) -> Quote:  # columns of every type

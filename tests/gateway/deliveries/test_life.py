@@ -23,7 +23,7 @@ from skyway_gateway.deliveries.lateness import when_overdue
 from skyway_gateway.deliveries.progress import Progress
 from skyway_gateway.deliveries.reports import after_report
 from skyway_gateway.deliveries.states import may_follow
-from skyway_gateway.notifications.stream import LAST_EVENTS
+from skyway_gateway.notifications.streaming.stream import LAST_EVENTS
 
 from skyway.contracts.mission import Cancellation, Mission, MissionReport
 from skyway.delivery.request import DeliveryRequest

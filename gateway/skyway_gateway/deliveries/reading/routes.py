@@ -26,7 +26,7 @@ from skyway_gateway.deliveries.reading import store
 from skyway_gateway.deliveries.reading.store import DeliveryFilter
 from skyway_gateway.deliveries.states import DeliveryState
 from skyway_gateway.deliveries.tracking import FeatureCollection, feature_collection
-from skyway_gateway.notifications.stream import EventStream
+from skyway_gateway.notifications.streaming.stream import EventStream
 
 _SSE_HEADERS = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
 

@@ -4,13 +4,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from sqlalchemy import ColumnElement, Select, exists, false, select, true
+from sqlalchemy import Select, exists, select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import DeliveryId, ProviderId
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import PageQuery
+from skyway_gateway.access.ownership.store import owned
 from skyway_gateway.deliveries.delivery import Delivery
 from skyway_gateway.deliveries.states import DeliveryState
 from skyway_gateway.deliveries.store import with_parts
@@ -33,7 +34,9 @@ async def one_of(connection: AsyncConnection, caller: Caller, delivery_id: Deliv
     NotFound
         There is no such delivery, or it is not the caller's.
     """
-    statement = select(deliveries).where(deliveries.c.delivery_id == delivery_id, _owned(caller))
+    statement = select(deliveries).where(
+        deliveries.c.delivery_id == delivery_id, owned(caller, deliveries.c.customer_id)
+    )
     found = (await connection.execute(statement)).all()
     if not found:
         raise NotFound("delivery", delivery_id)
@@ -45,7 +48,7 @@ async def page_of(
     connection: AsyncConnection, caller: Caller, query: PageQuery, wanted: DeliveryFilter
 ) -> Sequence[Delivery]:
     """Up to limit + 1 of the caller's deliveries, the newest first."""
-    statement = select(deliveries).where(_owned(caller))
+    statement = select(deliveries).where(owned(caller, deliveries.c.customer_id))
     if wanted.state is not None:
         statement = statement.where(deliveries.c.state == wanted.state)
     if wanted.reference is not None:
@@ -78,10 +81,3 @@ async def _page(
         statement = statement.where(deliveries.c.delivery_id < after[0])
     statement = statement.order_by(deliveries.c.delivery_id.desc()).limit(query.limit + 1)
     return await with_parts(connection, (await connection.execute(statement)).all())
-
-
-def _owned(caller: Caller) -> ColumnElement[bool]:
-    """Whether a delivery is the caller's to see: operators see everybody's."""
-    if caller.role == "operator":
-        return true()
-    return deliveries.c.customer_id == caller.subject_id if caller.role == "customer" else false()

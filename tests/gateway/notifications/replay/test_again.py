@@ -7,7 +7,7 @@ from typing import Any
 import httpx
 import pytest
 from skyway_gateway.notifications.replay import again
-from skyway_gateway.notifications.store import claim_due
+from skyway_gateway.notifications.sending.store import claim_due
 from sqlalchemy import text
 
 from skyway.ids import WebhookId

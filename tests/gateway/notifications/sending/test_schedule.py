@@ -2,7 +2,7 @@
 
 import random
 
-from skyway_gateway.notifications.schedule import MOST_ATTEMPTS, pause_s
+from skyway_gateway.notifications.sending.schedule import MOST_ATTEMPTS, pause_s
 
 
 def test_pauses_grow_and_end() -> None:

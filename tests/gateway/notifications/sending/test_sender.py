@@ -79,7 +79,7 @@ async def _webhook(gateway: Any, url: str, **fields: object) -> dict[str, Any]:
 
 async def _notify(gateway: Any) -> int:
     """Send what is due now; how many."""
-    from skyway_gateway.notifications.store import due_endpoints
+    from skyway_gateway.notifications.sending.store import due_endpoints
 
     sent = 0
     while True:

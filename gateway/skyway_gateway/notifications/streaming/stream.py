@@ -8,8 +8,8 @@ from typing import Final
 from skyway.contracts.delivery_event import DeliveryEventType
 from skyway.ids import DeliveryId
 from skyway.runtime.sql.database import Database
-from skyway_gateway.notifications import store
-from skyway_gateway.notifications.news import News
+from skyway_gateway.notifications.streaming import store
+from skyway_gateway.notifications.streaming.news import News
 
 #: The last word on a delivery: its stream ends with one of these.
 LAST_EVENTS: Final = frozenset(

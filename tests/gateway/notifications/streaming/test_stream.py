@@ -3,8 +3,8 @@
 import asyncio
 from typing import Any
 
-from skyway_gateway.notifications.news import News
-from skyway_gateway.notifications.stream import EventStream
+from skyway_gateway.notifications.streaming.news import News
+from skyway_gateway.notifications.streaming.stream import EventStream
 
 
 async def test_a_new_event_wakes_the_stream_at_once(gateway: Any) -> None:

@@ -17,10 +17,11 @@ from skyway.runtime.loops import Wake, repeat
 from skyway.runtime.metrics import count
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database
-from skyway_gateway.notifications import store
-from skyway_gateway.notifications.post import Reply, WebhookPost
-from skyway_gateway.notifications.schedule import pause_s
+from skyway_gateway.notifications.sending import store
+from skyway_gateway.notifications.sending.post import Reply, WebhookPost
+from skyway_gateway.notifications.sending.schedule import pause_s
 from skyway_gateway.notifications.signature import signed_headers
+from skyway_gateway.notifications.store import disable_webhook
 from skyway_gateway.notifications.webhook import (
     Endpoint,
     Notification,
@@ -135,7 +136,7 @@ class WebhookSender:
                 return
             await store.add_attempt(tx, endpoint.webhook_id, attempt)
             if sent.reply.is_gone:
-                await store.disable_webhook(
+                await disable_webhook(
                     tx, endpoint.webhook_id, reason="it answered 410", at=self.clock.wall_now()
                 )
 

@@ -1,0 +1,1 @@
+"""What is due at webhooks, sent until somebody has it."""

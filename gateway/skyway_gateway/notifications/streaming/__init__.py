@@ -1,0 +1,1 @@
+"""A delivery's events for who listens: as they happen, over one HTTP answer."""
