@@ -2,7 +2,6 @@
 
 import subprocess
 import sys
-import time
 from typing import Any
 
 SKYWAY = (sys.executable, "-m", "skyway.cli")
@@ -39,12 +38,10 @@ def run(system: Any, *options: str, token: str | None = None) -> subprocess.Pope
     return process
 
 
-def until(system: Any, drone: dict[str, Any], state: str) -> float:
-    """Wall seconds until the cloud sees the drone in this state."""
-    since = time.monotonic()
+def until(system: Any, drone: dict[str, Any], state: str) -> None:
+    """Return once the cloud sees the drone in this state."""
     system.eventually(
         lambda: system.operate("GET", path_of(drone))["state"] == state,
         f"{drone['drone_id']} {state}",
         told=lambda: system.operate("GET", path_of(drone)),
     )
-    return time.monotonic() - since
