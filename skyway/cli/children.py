@@ -8,6 +8,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 
 from skyway.cli.data_folder import CLOUD_SERVICES, DataFolder
+from skyway.cli.own_broker import named_broker
 from skyway.cli.supervisor import Child, listen
 
 _HOST = "127.0.0.1"
@@ -30,12 +31,9 @@ class Ports:
 
 
 def bind(ports: Ports, held: ExitStack) -> dict[str, socket.socket]:
-    """The sockets by process, in start order: the registry writes what the broker reads.
-
-    With `SKYWAY_MQTT_URL` set, the broker is not ours to start.
-    """
+    """The sockets by process, in start order: the registry writes what the broker reads."""
     wanted = {"registry": 0, "broker": ports.broker, "composition": 0, "gateway": ports.gateway}
-    if "SKYWAY_MQTT_URL" in os.environ:
+    if named_broker() is not None:
         del wanted["broker"]
     return {
         name: held.enter_context(listen(_HOST, port, purpose=f"the {name}"))
@@ -62,10 +60,11 @@ def environment(folder: DataFolder, sockets: Mapping[str, socket.socket]) -> dic
         told["SKYWAY_DRONE_CA_DIR"] = str(folder.drone_ca.resolve())
     for name, url in service_urls(sockets).items():
         told[f"SKYWAY_{name.upper()}_URL"] = url
-    if "broker" in sockets:
+    broker = named_broker()
+    if broker is None:
         told["SKYWAY_MQTT_URL"] = f"mqtt://{_HOST}:{_port(sockets['broker'])}"
     else:
-        told["SKYWAY_MQTT_URL"] = os.environ["SKYWAY_MQTT_URL"]
+        told["SKYWAY_MQTT_URL"] = broker
         told["SKYWAY_BROKER_PID_FILE"] = str(folder.broker_pid.resolve())
     return told
 

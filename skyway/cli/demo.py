@@ -54,7 +54,8 @@ async def _demo(folder: DataFolder, *, stay: bool) -> None:
     ports = Ports() if stay else Ports(gateway=0, broker=0)
     with DemoScreen(console) as screen, asked_to_stop() as asked:
         screen.starting(planned_s=planned_s, rate=rate)
-        async with running_system(folder, rate=rate, ports=ports) as system:
+        starting = running_system(folder, rate=rate, ports=ports, say=console.print)
+        async with starting as system:
             await first_of(play(system, screen), asked.wait(), system.supervisor.failed())
             if asked.is_set():
                 raise SkywayError("stopped before the scenario ended")

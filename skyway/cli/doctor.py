@@ -14,6 +14,7 @@ from rich.console import Console
 from skyway.cli.children import PACKAGES
 from skyway.cli.data_folder import DataFolder, data_folder
 from skyway.cli.keys import read_keys
+from skyway.cli.own_broker import named_broker
 from skyway.cli.up import DataOption
 
 
@@ -53,7 +54,7 @@ def _database() -> Finding:
 
 
 def _broker() -> Finding:
-    url = os.environ.get("SKYWAY_MQTT_URL")
+    url = named_broker()
     if url is None:
         return Finding("broker", "embedded")
     found = shutil.which("mosquitto", path=f"{os.environ.get('PATH', '')}:/usr/sbin")

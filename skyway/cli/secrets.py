@@ -4,6 +4,7 @@ import secrets
 from pathlib import Path
 
 from skyway.cli.data_folder import CLOUD_SERVICES, DataFolder
+from skyway.cli.own_broker import OWN_BROKER_URL
 from skyway.runtime.private_file import write_private
 
 #: Broker accounts that exist before any drone: the services' and the operator's.
@@ -45,11 +46,17 @@ def make_database_passwords(folder: DataFolder, passwords: Path, *, host: str) -
         write_private(folder.secrets / f"pgpass_{service}", line)
 
 
-def write_keys_file(folder: DataFolder, gateway_url: str, mqtt_url: str) -> None:
-    """Write the newcomer's keys and where to use them, as lines that a shell can source."""
+def write_keys_file(
+    folder: DataFolder, gateway_url: str, mqtt_url: str, *, own_broker_url: str = ""
+) -> None:
+    """Write the newcomer's keys and where to use them, as lines that a shell can source.
+
+    `own_broker_url`: where the system's own broker listens, if it runs one.
+    """
     values = {
         "SKYWAY_GATEWAY_URL": gateway_url,
         "SKYWAY_MQTT_URL": mqtt_url,
+        OWN_BROKER_URL: own_broker_url,
         "SKYWAY_OPERATOR_KEY": read_secret(folder, "operator_key"),
         "SKYWAY_CUSTOMER_KEY": read_secret(folder, "customer_key"),
         "SKYWAY_MQTT_OPERATOR_PASSWORD": read_secret(folder, "mqtt_operator"),

@@ -3,12 +3,10 @@
 import asyncio
 import os
 import sys
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import ExitStack, asynccontextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
-
-import httpx
 
 from skyway.cli.children import Ports, bind, child, environment, service_urls
 from skyway.cli.data_folder import DataFolder
@@ -17,6 +15,7 @@ from skyway.cli.fleet_time import anchor_clock, keep_heartbeat
 from skyway.cli.folder_lock import held
 from skyway.cli.mosquitto_files import write_mosquitto_files
 from skyway.cli.race import first_of
+from skyway.cli.readiness import until_ready
 from skyway.cli.secrets import make_secrets, write_keys_file
 from skyway.cli.supervisor import Child, Supervisor
 from skyway.errors import SkywayError
@@ -52,10 +51,13 @@ class System:
 
 
 @asynccontextmanager
-async def running_system(folder: DataFolder, *, rate: float, ports: Ports) -> AsyncIterator[System]:
+async def running_system(
+    folder: DataFolder, *, rate: float, ports: Ports, say: Callable[[str], None]
+) -> AsyncIterator[System]:
     """Start everything, wait until it is ready, and end all of it on leaving.
 
-    `SKYWAY_DATABASE_URL` and `SKYWAY_MQTT_URL` replace the embedded database and broker.
+    `SKYWAY_DATABASE_URL` and `SKYWAY_MQTT_URL` replace the embedded database and broker. `say` is
+    told what is waited for, should it take long.
 
     Raises
     ------
@@ -79,7 +81,10 @@ async def running_system(folder: DataFolder, *, rate: float, ports: Ports) -> As
             urls=service_urls(sockets),
             mqtt_url=os.environ.get("SKYWAY_MQTT_DRONE_URL", told["SKYWAY_MQTT_URL"]),
         )
-        write_keys_file(folder, system.urls["gateway"], system.mqtt_url)
+        own_broker_url = told["SKYWAY_MQTT_URL"] if "broker" in sockets else ""
+        write_keys_file(
+            folder, system.urls["gateway"], system.mqtt_url, own_broker_url=own_broker_url
+        )
         heartbeat = asyncio.create_task(keep_heartbeat(folder))
         try:
             async with system.supervisor:
@@ -88,7 +93,7 @@ async def running_system(folder: DataFolder, *, rate: float, ports: Ports) -> As
                         name, folder, listener=listener, told=told, database_urls=databases
                     )
                     system.supervisor.start(process)
-                await _until_ready(system)
+                await _until_ready(system, say)
                 yield system
         finally:
             heartbeat.cancel()
@@ -96,27 +101,13 @@ async def running_system(folder: DataFolder, *, rate: float, ports: Ports) -> As
                 await heartbeat
 
 
-async def _until_ready(system: System) -> None:
-    """Wait for every service's /readyz, or for a child that keeps dying."""
+async def _until_ready(system: System, say: Callable[[str], None]) -> None:
+    """Wait until every service is ready, or for a child that keeps dying."""
     try:
         async with asyncio.timeout(_READY_WITHIN_S):
-            await first_of(_all_answer(system.urls), system.supervisor.failed())
+            await first_of(until_ready(system.urls, say=say), system.supervisor.failed())
     except TimeoutError as error:
         raise SkywayError(
             f"not everything was ready within {_READY_WITHIN_S:.0f} s; "
             f"the logs are in {system.folder.logs}"
         ) from error
-
-
-async def _all_answer(urls: Mapping[str, str]) -> None:
-    async with httpx.AsyncClient(timeout=5.0) as client:
-        for url in urls.values():
-            while not await _is_ready(client, url):  # noqa: ASYNC110 - asked of another process
-                await asyncio.sleep(0.05)
-
-
-async def _is_ready(client: httpx.AsyncClient, url: str) -> bool:
-    try:
-        return (await client.get(f"{url}/readyz")).is_success
-    except httpx.HTTPError:
-        return False

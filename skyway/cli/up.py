@@ -46,7 +46,7 @@ async def _up(folder: DataFolder, *, rate: float, ports: Ports) -> None:
 
 
 async def _run(console: Console, folder: DataFolder, *, rate: float, ports: Ports) -> None:
-    async with running_system(folder, rate=rate, ports=ports) as system:
+    async with running_system(folder, rate=rate, ports=ports, say=console.print) as system:
         announce(console, system)
         await system.supervisor.failed()
 
