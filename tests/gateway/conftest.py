@@ -18,8 +18,9 @@ from fastapi import FastAPI
 from skyway_gateway.access.key import ApiKey, secret_hash
 from skyway_gateway.access.store import add as add_key
 from skyway_gateway.app import Parts, build_parts, gateway_app, take_over
-from skyway_gateway.deliveries import rows
 from skyway_gateway.deliveries.known import Known
+from skyway_gateway.deliveries.rows.of_delivery import changing
+from skyway_gateway.deliveries.rows.of_packages import package_values
 from skyway_gateway.deliveries.store import lock
 from skyway_gateway.settings import GatewaySettings
 from skyway_gateway.tables import deliveries
@@ -283,8 +284,8 @@ def _writable(known: Known) -> object:
     """All that could be written of a delivery: its moments are kept to the millisecond."""
     delivery = known.delivery
     return (
-        rows.changing(known),
-        [rows.package_values(package) for package in delivery.packages],
+        changing(known),
+        [package_values(package) for package in delivery.packages],
         delivery.model_dump(exclude={"created_at", "updated_at", "packages"}),
     )
 

@@ -27,8 +27,8 @@ from skyway_gateway.deliveries.booking_loop import BookingLoop
 from skyway_gateway.deliveries.delivery import Custodian, Delivery, Flags, PackageStatus
 from skyway_gateway.deliveries.known import Known
 from skyway_gateway.deliveries.patience import give_up_at
+from skyway_gateway.deliveries.queued import Queued
 from skyway_gateway.deliveries.queueing.store import held_by
-from skyway_gateway.deliveries.rows import Queued
 from skyway_gateway.deliveries.writing import DeliveryWriter
 from skyway_gateway.notifications.events import Happening
 from skyway_gateway.quotes.checks import Checks

@@ -6,7 +6,7 @@ from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.offer import Price
 from skyway.delivery.request import DeliveryRequest, ProviderChoice
 from skyway_gateway.deliveries.delivery import Delivery
-from skyway_gateway.deliveries.rows import Queued
+from skyway_gateway.deliveries.queued import Queued
 
 
 def candidate_query(queued: Queued) -> CandidateQuery:

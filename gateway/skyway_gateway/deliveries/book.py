@@ -30,8 +30,8 @@ from skyway_gateway.deliveries.cancel import Canceller
 from skyway_gateway.deliveries.delivery import Delivery
 from skyway_gateway.deliveries.known import Known, Outdated
 from skyway_gateway.deliveries.progress import Progress
+from skyway_gateway.deliveries.queued import Queued
 from skyway_gateway.deliveries.queueing.store import claim_queued, hold, try_later
-from skyway_gateway.deliveries.rows import Queued
 from skyway_gateway.deliveries.verdict import most_refused, nobody_asked, refusal_reasons, why_never
 from skyway_gateway.deliveries.writing import DeliveryWriter
 

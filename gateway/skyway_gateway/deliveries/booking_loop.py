@@ -8,7 +8,7 @@ from skyway.ids import DeliveryId
 from skyway.runtime.loops import Wake, repeat
 from skyway.runtime.metrics import count
 from skyway_gateway.deliveries.book import Booker
-from skyway_gateway.deliveries.rows import Queued
+from skyway_gateway.deliveries.queued import Queued
 
 log = logging.getLogger(__name__)
 

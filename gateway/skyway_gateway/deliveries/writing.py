@@ -11,7 +11,8 @@ from skyway_gateway.deliveries import store
 from skyway_gateway.deliveries.delivery import Delivery
 from skyway_gateway.deliveries.known import Known, KnownDeliveries
 from skyway_gateway.deliveries.progress import Progress
-from skyway_gateway.deliveries.rows import Queued
+from skyway_gateway.deliveries.queued import Queued
+from skyway_gateway.deliveries.saving import store as saving
 from skyway_gateway.notifications.events import Events, Happening
 
 #: A delivery as it is now to what becomes of it; None where it does not apply any more.
@@ -39,7 +40,7 @@ class DeliveryWriter:
 
     def add(self, tx: Tx, queued: Queued, first: Happening, *, claim: Mapping[str, object]) -> None:
         """Keep a delivery that was just accepted, claimed or not, and tell it."""
-        store.add(tx, queued, claim=claim)
+        saving.add(tx, queued, claim=claim)
         self._tell(tx, queued.known, [first], after=0)
 
     def keep(
@@ -61,7 +62,7 @@ class DeliveryWriter:
         if report is None and delivery == before.delivery and not happenings:
             return
         after = before.then(delivery, new_events=len(happenings))
-        store.save(tx, before, after, report=report, give_up_at=give_up_at)
+        saving.save(tx, before, after, report=report, give_up_at=give_up_at)
         self._tell(tx, after, happenings, after=before.last_sequence)
 
     def _tell(self, tx: Tx, now: Known, happenings: Sequence[Happening], *, after: int) -> None:

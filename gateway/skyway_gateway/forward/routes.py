@@ -20,7 +20,8 @@ from skyway.runtime.idempotency.once import once
 from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.access.keys import Keys
 from skyway_gateway.access.routes import KeyGate
-from skyway_gateway.forward.table import FORWARDED, Forwarded
+from skyway_gateway.forward.call import Forwarded
+from skyway_gateway.forward.table import FORWARDED
 
 _PROVIDERS = "/v1/providers"
 

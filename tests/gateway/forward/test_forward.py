@@ -4,7 +4,8 @@ import json
 from typing import Any
 
 import pytest
-from skyway_gateway.forward.table import FORWARDED, Forwarded
+from skyway_gateway.forward.call import Forwarded
+from skyway_gateway.forward.table import FORWARDED
 
 IDS = {
     "provider_id": "prv_1",

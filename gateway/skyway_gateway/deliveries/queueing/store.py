@@ -13,9 +13,10 @@ from skyway.runtime.sql.among import among
 from skyway.runtime.sql.claims import FREE, NOW_MS, Claiming, claim_values
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms
-from skyway_gateway.deliveries import rows
 from skyway_gateway.deliveries.known import KnownDeliveries
-from skyway_gateway.deliveries.rows import Queued
+from skyway_gateway.deliveries.queued import Queued
+from skyway_gateway.deliveries.rows.of_delivery import known_of, queued_of, reasons_text
+from skyway_gateway.deliveries.rows.values import Values
 from skyway_gateway.deliveries.store import NEXT_VERSION, with_parts
 from skyway_gateway.tables import deliveries
 
@@ -41,7 +42,7 @@ _HOLDING: Final = (
 )
 
 
-def held_by(claimant: str, clock: FleetClock) -> rows.Values:
+def held_by(claimant: str, clock: FleetClock) -> Values:
     """The columns of a row that is claimed as it is added, for as long as by `claim_queued`."""
     return {"claimed_by": claimant, "claimed_until_ms": _lease_end_ms(clock)}
 
@@ -58,8 +59,8 @@ async def claim_queued(
         # Parts that change meanwhile are of a later version: nothing is written from these.
         async with db.read() as connection:
             for row, delivery in zip(unknown, await with_parts(connection, unknown), strict=True):
-                found[delivery.delivery_id] = rows.known_of(row, delivery)
-    return [rows.queued_of(row, found[row.delivery_id]) for row in due]
+                found[delivery.delivery_id] = known_of(row, delivery)
+    return [queued_of(row, found[row.delivery_id]) for row in due]
 
 
 async def hold(
@@ -85,7 +86,7 @@ async def try_later(
     """Leave a delivery in the queue until a moment of wall time; None keeps the known reasons."""
     values: dict[str, object] = {"next_try_wall_ms": moment_to_ms(next_try_at), **FREE}
     if reasons is not None:
-        values |= {"reasons": rows.reasons_text(reasons), **NEXT_VERSION}
+        values |= {"reasons": reasons_text(reasons), **NEXT_VERSION}
     this = and_(deliveries.c.delivery_id == delivery_id, deliveries.c.is_queued)
     await tx.execute(update(deliveries).where(this).values(values))
 

@@ -1,0 +1,1 @@
+"""Between a delivery and its rows: which column holds what."""

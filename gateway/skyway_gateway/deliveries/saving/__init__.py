@@ -1,0 +1,1 @@
+"""How a delivery is written: with all its parts, or not at all."""
