@@ -2,9 +2,10 @@
 
 from dataclasses import dataclass
 from datetime import datetime, timedelta
+from typing import Final
 
 from skyway.contracts.flight_step import PickUpStep
-from skyway.runtime.clock import FleetClock
+from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
@@ -17,6 +18,10 @@ from skyway_composition.missions.hands.store import AwaitedLoading
 from skyway_composition.missions.record import MissionRecord
 from skyway_composition.missions.watch import Watch
 from skyway_composition.networks.prepared import PreparedNetworks
+
+#: Wall seconds that a loader has at least: on a fast clock it is a program that confirms, and half
+#: an hour of fleet time is less than its question and our answer may take. Our own choice.
+_LEAST_WALL_S: Final = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +40,8 @@ class LoadingWatch:
             awaited = await store.awaited_loadings(connection, started_before_ms=now_ms)
         for each in awaited:
             skyway = await self.networks.current(each.network_id)
-            timeout = timedelta(seconds=skyway.settings.loading_timeout_s)
+            timeout_s = skyway.settings.loading_timeout_s
+            timeout = fleet_margin(self.clock, fleet_s=timeout_s, wall_s=_LEAST_WALL_S)
             # Whoever is still on the way to the pickup cannot have waited that long.
             if each.start_ms <= moment_to_ms(self.clock.now() - timeout):
                 await self._judge(each, timeout)

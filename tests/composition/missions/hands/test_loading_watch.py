@@ -41,6 +41,22 @@ async def test_a_loader_has_all_the_time_that_the_network_gives(
     assert await composition.state_of(instruction.mission_id) == "ACTIVE"
 
 
+async def test_on_a_fast_clock_a_loader_has_ten_wall_seconds(
+    composition: Any, drone: Any, make: Any, begin: Any
+) -> None:
+    instruction = await begin.at_pickup(composition, drone, make)
+    composition.clock.rate = 1_200.0
+
+    composition.clock.advance(timedelta(seconds=9.9 * composition.clock.rate))
+    await sweep(composition)
+    in_time = await composition.state_of(instruction.mission_id)
+    composition.clock.advance(timedelta(seconds=0.1 * composition.clock.rate))
+    await sweep(composition)
+
+    assert in_time == "ACTIVE"
+    assert await composition.state_of(instruction.mission_id) == "CANCELLED"
+
+
 async def test_the_time_begins_when_the_drone_comes(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
