@@ -40,11 +40,11 @@ from skyway_composition.missions.hands.commands import Commands
 from skyway_composition.missions.hands.loading import Loadings
 from skyway_composition.missions.hands.loading_watch import LoadingWatch
 from skyway_composition.missions.hands.routes import hand_routes
-from skyway_composition.missions.lagging import Lagging
-from skyway_composition.missions.occupied_pads import OccupiedPads
-from skyway_composition.missions.overdue import Overdue
 from skyway_composition.missions.recompose import Recomposer
+from skyway_composition.missions.recomposing.occupied_pads import OccupiedPads
 from skyway_composition.missions.routes import mission_routes
+from skyway_composition.missions.sweeps.lagging import Lagging
+from skyway_composition.missions.sweeps.overdue import Overdue
 from skyway_composition.networks.announce import NetworkVersions
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.networks.routes import NETWORK_LIMIT_BYTES, network_routes

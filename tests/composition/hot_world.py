@@ -14,19 +14,19 @@ from skyway_composition.closures.closure import Closure, ClosureKind
 from skyway_composition.missions.affected.impact import MissionImpact
 from skyway_composition.missions.affected.stops_watch import StopsWatch
 from skyway_composition.missions.book import Bookings
-from skyway_composition.missions.custody import delivered
+from skyway_composition.missions.custody.chain import delivered
 from skyway_composition.missions.follow import Follower
 from skyway_composition.missions.hands.cancel import Cancellations
 from skyway_composition.missions.hands.commands import Command, Commands
 from skyway_composition.missions.hands.loading import Loadings
 from skyway_composition.missions.hands.loading_watch import LoadingWatch
 from skyway_composition.missions.hands.recall import has_never_left
-from skyway_composition.missions.lagging import Lagging
-from skyway_composition.missions.occupied_pads import OccupiedPads
-from skyway_composition.missions.overdue import Overdue
 from skyway_composition.missions.recompose import Recomposer
+from skyway_composition.missions.recomposing.occupied_pads import OccupiedPads
 from skyway_composition.missions.record import MissionRecord
 from skyway_composition.missions.store import MissionFilter, held_packages, page
+from skyway_composition.missions.sweeps.lagging import Lagging
+from skyway_composition.missions.sweeps.overdue import Overdue
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.networks.publish import read_content
 from skyway_composition.networks.store import VersionRow, add_version

@@ -8,13 +8,13 @@ from skyway.geo import Position
 from skyway.ids import PackageId, StationId
 from skyway.units import moment_to_ms
 from skyway_composition.missions import store
-from skyway_composition.missions.custody import Custodian, Held, left_behind, on_board
-from skyway_composition.missions.cut_steps.store import ended_events
+from skyway_composition.missions.custody.chain import Custodian, Held, left_behind, on_board
 from skyway_composition.missions.dispatch import call_off
 from skyway_composition.missions.record import MissionRecord
 from skyway_composition.missions.report import report
 from skyway_composition.missions.states import moved
-from skyway_composition.missions.totals import flown_totals
+from skyway_composition.missions.steps.cut.store import ended_events
+from skyway_composition.missions.steps.totals import flown_totals
 from skyway_composition.missions.watch import Watch
 from skyway_composition.pads.store import free
 

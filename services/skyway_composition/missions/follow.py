@@ -31,9 +31,9 @@ from skyway_composition.links.last_heard import LastHeard
 from skyway_composition.links.link import DroneLink
 from skyway_composition.links.store import lock_link
 from skyway_composition.missions import store
-from skyway_composition.missions.acknowledge import take_ack
-from skyway_composition.missions.progress import take_event
-from skyway_composition.missions.snapshot import take_state
+from skyway_composition.missions.following.acknowledge import take_ack
+from skyway_composition.missions.following.progress import take_event
+from skyway_composition.missions.following.snapshot import take_state
 from skyway_composition.missions.watch import Watch
 
 log = logging.getLogger(__name__)

@@ -9,7 +9,7 @@ from skyway.contracts.flight_step import FlightStep, RechargeStep
 from skyway.units import moment_to_ms
 from skyway_composition.missions import store
 from skyway_composition.missions.record import MissionRecord
-from skyway_composition.missions.step_record import StepRecord
+from skyway_composition.missions.steps.step_record import StepRecord
 from skyway_composition.missions.watch import Watch
 from skyway_composition.pads.booked_pad import BookedPad, merged
 from skyway_composition.pads.store import hold

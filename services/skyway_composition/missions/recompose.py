@@ -19,10 +19,9 @@ from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms
 from skyway_composition.links.store import last_revision
 from skyway_composition.missions import store
-from skyway_composition.missions.anchor import Anchor, anchor_of_stuck, find_anchor
-from skyway_composition.missions.case import Case, may_be_planned, trouble_of
-from skyway_composition.missions.closed_ahead import ClosedAhead
-from skyway_composition.missions.giving_up import (
+from skyway_composition.missions.outlook.situation import Situation
+from skyway_composition.missions.recomposing.case import Case, may_be_planned, trouble_of
+from skyway_composition.missions.recomposing.giving_up import (
     give_up,
     hold_for_stop,
     raise_no_landing,
@@ -30,13 +29,14 @@ from skyway_composition.missions.giving_up import (
     stop_diverting,
     stop_trying,
 )
-from skyway_composition.missions.new_steps import revision_of
-from skyway_composition.missions.occupied_pads import OccupiedPads
-from skyway_composition.missions.proposal import propose
+from skyway_composition.missions.recomposing.occupied_pads import OccupiedPads
 from skyway_composition.missions.record import MissionRecord, Trouble
-from skyway_composition.missions.replacement import replace_plan
-from skyway_composition.missions.rest import Rest, RestPlanner
-from skyway_composition.missions.situation import Situation
+from skyway_composition.missions.rest.anchor import Anchor, anchor_of_stuck, find_anchor
+from skyway_composition.missions.rest.closed_ahead import ClosedAhead
+from skyway_composition.missions.rest.planner import Rest, RestPlanner
+from skyway_composition.missions.revisions.new_steps import revision_of
+from skyway_composition.missions.revisions.proposal import propose
+from skyway_composition.missions.revisions.replacement import replace_plan
 from skyway_composition.missions.sweeps.store import claim_stuck
 from skyway_composition.missions.watch import Watch
 from skyway_composition.networks.prepared import PreparedNetworks

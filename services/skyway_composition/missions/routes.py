@@ -26,10 +26,10 @@ from skyway.runtime.sql.database import Database
 from skyway_composition.links.store import link_to
 from skyway_composition.missions import store
 from skyway_composition.missions.book import Bookings
-from skyway_composition.missions.cut_steps.store import ended_events
 from skyway_composition.missions.record import Aim, MissionRecord, Trouble
+from skyway_composition.missions.steps.cut.store import ended_events
+from skyway_composition.missions.steps.totals import flown_totals
 from skyway_composition.missions.store import MissionFilter
-from skyway_composition.missions.totals import flown_totals
 from skyway_composition.missions.track import track_of
 
 MissionLoading = Literal["AUTOMATIC", "CONFIRMED", "AWAITED"]

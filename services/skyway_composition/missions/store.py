@@ -18,11 +18,11 @@ from skyway.runtime.sql.among import among
 from skyway.runtime.sql.claims import FREE
 from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms
-from skyway_composition.missions.custody import Custodian, Held
+from skyway_composition.missions.custody.chain import Custodian, Held
 from skyway_composition.missions.known_json import KnownJson
 from skyway_composition.missions.record import Aim, MissionRecord, Proposal, Stuck, Trouble
-from skyway_composition.missions.step_columns import step_columns
-from skyway_composition.missions.step_record import StepRecord, read_step
+from skyway_composition.missions.steps.step_columns import step_columns
+from skyway_composition.missions.steps.step_record import StepRecord, read_step
 from skyway_composition.tables import (
     custody,
     first_planned_end_ms,

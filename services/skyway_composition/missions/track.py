@@ -14,9 +14,9 @@ from skyway.runtime.sql.database import Database
 from skyway_composition.links.link import DroneLink
 from skyway_composition.links.store import link_to
 from skyway_composition.missions import store
-from skyway_composition.missions.custody import on_board
+from skyway_composition.missions.custody.chain import on_board
 from skyway_composition.missions.record import MissionRecord
-from skyway_composition.missions.step_record import StepRecord
+from skyway_composition.missions.steps.step_record import StepRecord
 from skyway_composition.missions.store import MissionFilter
 from skyway_composition.networks.store import stations_named
 

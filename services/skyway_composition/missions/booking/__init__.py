@@ -1,1 +1,1 @@
-"""What a booking has to know before it plans."""
+"""The parts of booking (`book`): a look at everything, what an offer takes, engaging its drones."""

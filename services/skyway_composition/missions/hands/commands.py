@@ -17,7 +17,7 @@ from skyway.runtime.sql.database import Database
 from skyway_composition.links.link import DroneLink
 from skyway_composition.links.store import kind_of_revision
 from skyway_composition.missions import store as mission_store
-from skyway_composition.missions.custody import on_board
+from skyway_composition.missions.custody.chain import on_board
 from skyway_composition.missions.escape import escape_of
 from skyway_composition.missions.hands.recall import is_being_loaded
 from skyway_composition.missions.hands.stop_packages import bring_back, stop_packages

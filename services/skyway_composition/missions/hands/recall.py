@@ -7,9 +7,9 @@ from typing import Final
 from skyway.contracts.flight_step import PickUpStep
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway_composition.links.link import DroneLink
-from skyway_composition.missions.custody import Held
+from skyway_composition.missions.custody.chain import Held
 from skyway_composition.missions.record import MissionRecord
-from skyway_composition.missions.step_record import StepRecord
+from skyway_composition.missions.steps.step_record import StepRecord
 
 #: Longest time until a drone has heard us, seconds of wall time. Our own choice.
 _HEARD_WITHIN_S: Final = 2.0

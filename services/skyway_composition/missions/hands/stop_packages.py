@@ -8,7 +8,7 @@ from skyway.contracts.mission import Cancellation
 from skyway.ids import PackageId
 from skyway_composition.missions import ending
 from skyway_composition.missions import store as mission_store
-from skyway_composition.missions.custody import Custodian
+from skyway_composition.missions.custody.chain import Custodian
 from skyway_composition.missions.hands import store
 from skyway_composition.missions.hands.recall import can_be_kept_off, has_never_left
 from skyway_composition.missions.record import Aim, MissionRecord, Trouble

@@ -1,1 +1,1 @@
-"""Which missions are to be looked at because time has passed, or because they wait for a plan."""
+"""Missions that are looked at since time has passed: overdue, late, or waiting for a plan."""

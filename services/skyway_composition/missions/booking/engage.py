@@ -1,0 +1,101 @@
+"""Engaging the drones of an offer: their missions, steps, pads, packages and instructions."""
+
+from collections.abc import Mapping, Sequence
+
+from skyway.contracts.flight_step import FlightStep
+from skyway.contracts.mission import Mission
+from skyway.ids import DeliveryId, DroneId, MissionId
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Tx
+from skyway.units import moment_to_ms, ms_to_moment
+from skyway_composition.links.courier import Courier
+from skyway_composition.links.link import Numbered
+from skyway_composition.missions import store
+from skyway_composition.missions.custody.chain import Custodian, Held
+from skyway_composition.missions.dispatch import mission_draft
+from skyway_composition.missions.record import MissionRecord
+from skyway_composition.missions.revisions.revision import record_of
+from skyway_composition.missions.steps.flight_steps import StepTerms, flight_steps
+from skyway_composition.networks.prepared import PreparedNetwork
+from skyway_composition.pads.store import reserve
+from skyway_composition.planning.offer import Offer, Part
+
+
+async def engage(
+    tx: Tx,
+    offer: Offer,
+    skyway: PreparedNetwork,
+    *,
+    places: Mapping[DroneId, Numbered],
+    delivery_id: DeliveryId,
+    attempt: int,
+    clock: FleetClock,
+    mint: Mint,
+) -> tuple[Mission, ...]:
+    """Book all trips of an offer that is taken, and send their missions to these places.
+
+    What is added is added when the block ends; then a drone or a pad that is somebody else's
+    meanwhile is `Taken`.
+    """
+    courier = Courier(clock, mint)
+    expires_at = courier.expiry()
+    records = [
+        record_of(
+            part.candidate,
+            part.trip,
+            delivery_id=delivery_id,
+            attempt=attempt,
+            trip_number=number,
+            mission_id=MissionId(mint("msn")),
+            request=part.request,
+            price=part.price,
+            skyway=skyway,
+            expires_at=expires_at,
+        )
+        for number, part in enumerate(offer.parts, 1)
+    ]
+    for record in records:
+        store.add(tx, record)
+    by_mission = {
+        record.mission_id: part.trip.booked_pads
+        for record, part in zip(records, offer.parts, strict=True)
+    }
+    reserve(tx, by_mission)
+    await _begin_custody(tx, records)
+    for record, part in zip(records, offer.parts, strict=True):
+        steps = _add_steps(tx, record, part, skyway)
+        courier.post_last(
+            tx,
+            places[record.drone_id],
+            mission_draft(record.mission, steps),
+            expires_at=ms_to_moment(record.expires_ms),
+        )
+    return tuple(record.mission for record in records)
+
+
+def _add_steps(
+    tx: Tx, record: MissionRecord, part: Part, skyway: PreparedNetwork
+) -> tuple[FlightStep, ...]:
+    steps = flight_steps(
+        skyway.network,
+        list(part.trip.steps()),
+        terms=StepTerms.of(record, skyway.settings),
+        first_step=1,
+    )
+    store.add_steps(tx, record.mission_id, steps)
+    return steps
+
+
+async def _begin_custody(tx: Tx, records: Sequence[MissionRecord]) -> None:
+    """The pickup station holds what no earlier attempt has begun to carry."""
+    first = records[0].mission
+    held = await store.held_packages(tx.connection, first.delivery_id) if first.attempt > 1 else {}
+    for record in records:
+        station = Custodian("STATION", record.request.pickup.station_id)
+        rows = [
+            Held(package.package_id, 1, station)
+            for package in record.request.packages
+            if package.package_id not in held
+        ]
+        store.begin_custody(tx, record, rows, at_ms=moment_to_ms(record.mission.start_at))

@@ -1,0 +1,1 @@
+"""Who holds each package, from the pickup station to the recipient."""

@@ -1,0 +1,1 @@
+"""What re-composition (`recompose`) looks at, and what it does when there is no plan."""

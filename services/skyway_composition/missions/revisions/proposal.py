@@ -1,0 +1,165 @@
+"""Proposals: a revision for a drone that flies by its plan counts once the drone has taken it.
+
+Until then the mission is what it was, and holds the pads of both plans. Accepted, the new steps
+replace the old ones and only their pads are held; rejected, the old ones stay, and another plan is
+looked for from what the drone says then.
+"""
+
+from dataclasses import dataclass, replace
+from functools import partial
+
+from skyway.contracts.flight_step import FlightStep
+from skyway.contracts.instruction import (
+    DivertInstruction,
+    MissionInstruction,
+    ReturnHomeInstruction,
+)
+from skyway.contracts.mission import Mission
+from skyway_composition.links.courier import Draft
+from skyway_composition.missions import store
+from skyway_composition.missions.give_back import give_back
+from skyway_composition.missions.record import CALLED_HOME, Aim, MissionRecord, Proposal, Trouble
+from skyway_composition.missions.report import report
+from skyway_composition.missions.rest.aiming import turned_back
+from skyway_composition.missions.rest.anchor import Anchor
+from skyway_composition.missions.revisions.unmet import unmet_returns
+from skyway_composition.missions.trouble import troubled
+from skyway_composition.missions.watch import Watch
+
+
+@dataclass(frozen=True, slots=True)
+class Revision:
+    """What a mission becomes: its plan as the world sees it, and the steps for the drone."""
+
+    mission: Mission
+    steps: tuple[FlightStep, ...]
+    aims: tuple[Aim, ...]
+
+
+async def propose(
+    watch: Watch, record: MissionRecord, revision: Revision, *, anchor: Anchor, trouble: Trouble
+) -> None:
+    """Send a revision; both plans' pads are held from now on.
+
+    Raises
+    ------
+    Taken
+        Somebody else holds one of the new pads.
+    """
+    draft = _draft(revision, anchor, trouble)
+    link, instruction_id = await watch.courier.post(
+        watch.tx, watch.links[record.drone_id], draft, expires_at=watch.courier.expiry()
+    )
+    watch.links[record.drone_id] = link
+    record = with_aims(watch, record, revision.aims, code=trouble.code, detail=trouble.detail)
+    proposal = Proposal(
+        instruction_id=instruction_id,
+        first_step=anchor.first_step,
+        mission=revision.mission,
+        steps=revision.steps,
+        code=trouble.code,
+        detail=trouble.detail,
+    )
+    record = replace(record, proposal=proposal)
+    await watch.keep(record)
+    await give_back(watch, record)
+
+
+def with_aims(
+    watch: Watch, record: MissionRecord, aims: tuple[Aim, ...], *, code: str, detail: str
+) -> MissionRecord:
+    """The record with these aims, once it is told what goes back to the pickup now."""
+    turned = turned_back(record.aims, aims)
+    record = replace(record, aims=aims)
+    if not turned:
+        return record
+    return report(
+        watch.tx,
+        record,
+        "RETURNING",
+        at=watch.clock.now(),
+        mint=watch.mint,
+        package_ids=turned,
+        code=code,
+        detail=detail,
+    )
+
+
+async def settle(watch: Watch, record: MissionRecord, proposal: Proposal) -> None:
+    """The drone has taken the proposal: from now on it is the mission."""
+    known = record.mission
+    mission = proposal.mission.model_copy(update={"state": known.state, "is_held": known.is_held})
+    await store.replace_steps(
+        watch.tx,
+        record.mission_id,
+        proposal.steps,
+        first_step=proposal.first_step,
+        revision=mission.revision,
+    )
+    is_over = record.trouble is None or _is_answer_to(proposal, record.trouble)
+    record = replace(
+        record,
+        mission=mission,
+        proposal=None,
+        stuck=None,
+        told=None,
+        trouble=None if is_over else record.trouble,
+    )
+    await give_back(watch, record)
+    record = report(
+        watch.tx,
+        record,
+        "REPLANNED",
+        at=watch.clock.now(),
+        mint=watch.mint,
+        code=proposal.code,
+        detail=proposal.detail,
+        etas=mission.packages,
+        mission=mission,
+    )
+    await watch.keep(record)
+    await store.plan_at_once(watch.tx, record.mission_id)
+    unmet = unmet_returns(record, proposal.steps)
+    if unmet:
+        detail = f"cancelled while the plan was on its way: {', '.join(unmet)}"
+        await troubled(watch, record, Trouble(code="CANCELLED", detail=detail))
+
+
+async def drop(watch: Watch, record: MissionRecord) -> MissionRecord:
+    """The drone will not fly the proposal: the record without it, and without its pads.
+
+    The trouble stays, and another plan is looked for at once.
+    """
+    record = replace(record, proposal=None)
+    await give_back(watch, record)
+    await watch.keep(record)
+    await store.plan_at_once(watch.tx, record.mission_id)
+    return record
+
+
+def _is_answer_to(proposal: Proposal, trouble: Trouble) -> bool:
+    return (proposal.code, proposal.detail) == (trouble.code, trouble.detail)
+
+
+def _draft(revision: Revision, anchor: Anchor, trouble: Trouble) -> Draft:
+    """A MISSION where it replaces what is not released, else what may replace more."""
+    mission = revision.mission
+    common = {
+        "mission_id": mission.mission_id,
+        "mission_revision": mission.revision,
+        "delivery_id": mission.delivery_id,
+        "steps": revision.steps,
+    }
+    is_mission = not anchor.is_divert and not trouble.overrides_failsafe
+    if trouble.code != CALLED_HOME and is_mission:
+        return partial(
+            MissionInstruction, first_step=anchor.first_step, loaded=trouble.loaded, **common
+        )
+    kind = ReturnHomeInstruction if trouble.code == CALLED_HOME else DivertInstruction
+    return partial(
+        kind,
+        last_valid_step=anchor.last_valid_step,
+        reason=f"{trouble.code}: {trouble.detail}",
+        overrides_failsafe=trouble.overrides_failsafe,
+        **common,
+    )
