@@ -2,9 +2,15 @@
 
 from typing import Any
 
+from skyway_composition.networks.publish import read_content
+from skyway_composition.networks.store import VersionRow, add_version
+
 from skyway.drone.models import DRONE_MODELS
 from skyway.geo import Position
-from skyway.ids import DroneModelId
+from skyway.ids import DroneModelId, NetworkId
+from skyway.runtime.sql.database import Tx
+
+NETWORK_ID = NetworkId("hot")
 
 #: Three stations, 12 km from each other, with a pad each.
 PLACES = {"a": Position(0.0, 0.0), "b": Position(0.1079, 0.0), "c": Position(0.05395, 0.0934)}
@@ -15,7 +21,7 @@ MODEL = DRONE_MODELS[DroneModelId("paper-scenario")].model_copy(
 )
 
 
-def network() -> dict[str, Any]:
+def _network() -> dict[str, Any]:
     """Every station connected with every other one, by segments both ways."""
     points = [
         {
@@ -37,3 +43,14 @@ def network() -> dict[str, Any]:
         for start, end in ("ab", "bc", "ca")
     ]
     return {"type": "FeatureCollection", "features": points + lines}
+
+
+async def add_network(tx: Tx, *, now_ms: int) -> None:
+    """Make it the first version of the network `NETWORK_ID`."""
+    content = await read_content(_network())
+    await add_version(
+        tx,
+        VersionRow(NETWORK_ID, 1, content.sha256, now_ms),
+        content=content.geojson,
+        of_stations=content.network.stations.values(),
+    )

@@ -8,13 +8,14 @@ from typing import Any, Self
 
 from flown_drone import DeafSubscriber, FlownDrone
 from hot_deeds import ended_missions, handed_over, shared_pads
-from hot_network import MODEL, PLACES, network
+from hot_network import MODEL, NETWORK_ID, PLACES, add_network
 from skyway_composition.closures.closing import Closings
 from skyway_composition.closures.closure import Closure, ClosureKind
 from skyway_composition.missions.affected.impact import MissionImpact
 from skyway_composition.missions.affected.stops_watch import StopsWatch
 from skyway_composition.missions.book import Bookings
 from skyway_composition.missions.custody.chain import delivered
+from skyway_composition.missions.custody.store import held_packages
 from skyway_composition.missions.follow import Follower
 from skyway_composition.missions.hands.cancel import Cancellations
 from skyway_composition.missions.hands.commands import Command, Commands
@@ -24,12 +25,10 @@ from skyway_composition.missions.hands.recall import has_never_left
 from skyway_composition.missions.recompose import Recomposer
 from skyway_composition.missions.recomposing.occupied_pads import OccupiedPads
 from skyway_composition.missions.record import MissionRecord
-from skyway_composition.missions.store import MissionFilter, held_packages, page
+from skyway_composition.missions.store import MissionFilter, page
 from skyway_composition.missions.sweeps.lagging import Lagging
 from skyway_composition.missions.sweeps.overdue import Overdue
 from skyway_composition.networks.prepared import PreparedNetworks
-from skyway_composition.networks.publish import read_content
-from skyway_composition.networks.store import VersionRow, add_version
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.tables import metadata, outbox, pad_reservations
 from skyway_composition.verify import violations
@@ -48,7 +47,7 @@ from skyway.contracts.mission import (
 from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.offer import Tariff
 from skyway.delivery.request import DeliveryRequest
-from skyway.ids import ClosureId, DeliveryId, MissionId, NetworkId
+from skyway.ids import ClosureId, DeliveryId, MissionId
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.errors import Conflict
 from skyway.runtime.loops import Wake
@@ -95,13 +94,7 @@ class HotWorld:
         async with self.db.write() as tx:
             for table in reversed(metadata.sorted_tables):
                 await tx.execute(delete(table))
-            content = await read_content(network())
-            await add_version(
-                tx,
-                VersionRow(NetworkId("hot"), 1, content.sha256, self.now_ms),
-                content=content.geojson,
-                of_stations=content.network.stations.values(),
-            )
+            await add_network(tx, now_ms=self.now_ms)
         for number, home in enumerate("aabc", 1):
             drone = FlownDrone(
                 f"drn_{number}", model=MODEL, home=home, position=PLACES[home], clock=self.clock
@@ -315,7 +308,7 @@ class HotWorld:
     async def close(self, kind: ClosureKind, **members: Any) -> Closure:
         now_ms = self.now_ms
         closure = Closure(
-            ClosureId(""), kind, NetworkId("hot"), from_ms=now_ms, made_ms=now_ms, **members
+            ClosureId(""), kind, NETWORK_ID, from_ms=now_ms, made_ms=now_ms, **members
         )
         made, _ = await self.closings.make(closure)
         await self.converse()

@@ -14,8 +14,8 @@ from skyway.units import moment_to_ms
 from skyway_composition.links.courier import Courier, Draft
 from skyway_composition.links.link import DroneLink
 from skyway_composition.links.store import open_instructions
-from skyway_composition.missions import store
 from skyway_composition.missions.record import MissionRecord
+from skyway_composition.missions.steps.store import steps_of
 from skyway_composition.missions.watch import Watch
 
 
@@ -61,7 +61,7 @@ async def call_off(
 
 async def reissue(watch: Watch, record: MissionRecord) -> None:
     """Send a mission that was not answered once more, in the link's new stream."""
-    known = await store.steps_of(watch.tx.connection, record.mission_id)
+    known = await steps_of(watch.tx.connection, record.mission_id)
     steps = [each.step for each in known if each.status == "PLANNED"]
     expires_at = watch.courier.expiry()
     watch.links[record.drone_id] = await dispatch(

@@ -7,8 +7,8 @@ from skyway.contracts.mission import MissionState
 from skyway.geo import Position
 from skyway.ids import PackageId, StationId
 from skyway.units import moment_to_ms
-from skyway_composition.missions import store
 from skyway_composition.missions.custody.chain import Custodian, Held, left_behind, on_board
+from skyway_composition.missions.custody.store import add_custody, held_packages
 from skyway_composition.missions.dispatch import call_off
 from skyway_composition.missions.record import MissionRecord
 from skyway_composition.missions.report import report
@@ -154,10 +154,10 @@ async def _strand(
     watch: Watch, record: MissionRecord, *, at: datetime, station_id: StationId | None
 ) -> tuple[PackageId, ...]:
     """The packages left on board, or left behind; where the station is known, it holds them."""
-    held = record.own(await store.held_packages(watch.tx.connection, record.mission.delivery_id))
+    held = record.own(await held_packages(watch.tx.connection, record.mission.delivery_id))
     on_its_board = sorted(on_board(held))
     if station_id is not None:
         station = Custodian("STATION", station_id)
         rows = [Held(each, held[each].seq + 1, station) for each in on_its_board]
-        await store.add_custody(watch.tx, record, rows, at_ms=moment_to_ms(at))
+        await add_custody(watch.tx, record, rows, at_ms=moment_to_ms(at))
     return (*on_its_board, *sorted(left_behind(held, record.request.pickup.station_id)))

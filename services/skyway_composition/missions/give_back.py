@@ -7,9 +7,9 @@ from collections.abc import Iterable, Sequence
 
 from skyway.contracts.flight_step import FlightStep, RechargeStep
 from skyway.units import moment_to_ms
-from skyway_composition.missions import store
 from skyway_composition.missions.record import MissionRecord
 from skyway_composition.missions.steps.step_record import StepRecord
+from skyway_composition.missions.steps.store import steps_of
 from skyway_composition.missions.watch import Watch
 from skyway_composition.pads.booked_pad import BookedPad, merged
 from skyway_composition.pads.store import hold
@@ -63,5 +63,5 @@ def needed_pads(record: MissionRecord, steps: Sequence[StepRecord]) -> tuple[Boo
 
 async def give_back(watch: Watch, record: MissionRecord) -> None:
     """Hold what the mission still needs, and nothing else; a new need may be `Taken`."""
-    steps = await store.steps_of(watch.tx.connection, record.mission_id)
+    steps = await steps_of(watch.tx.connection, record.mission_id)
     await hold(watch.tx, record.mission_id, needed_pads(record, steps))

@@ -28,6 +28,7 @@ from skyway_composition.missions import store
 from skyway_composition.missions.book import Bookings
 from skyway_composition.missions.record import Aim, MissionRecord, Trouble
 from skyway_composition.missions.steps.cut.store import ended_events
+from skyway_composition.missions.steps.store import steps_of
 from skyway_composition.missions.steps.totals import flown_totals
 from skyway_composition.missions.store import MissionFilter
 from skyway_composition.missions.track import track_of
@@ -144,7 +145,7 @@ def mission_routes(*, db: Database, gate: ServiceGate, bookings: Bookings) -> Se
             record = await store.get(connection, mission_id, provider_id=_own(caller))
             if record is None or _own_drone(caller) not in (None, record.drone_id):
                 raise NotFound("mission", mission_id)
-            steps = await store.steps_of(connection, mission_id)
+            steps = await steps_of(connection, mission_id)
             events = await ended_events(connection, mission_id)
             link = await link_to(connection, DroneId(record.drone_id))
         return MissionProgress(

@@ -15,8 +15,10 @@ from skyway_composition.links.link import DroneLink
 from skyway_composition.links.store import link_to
 from skyway_composition.missions import store
 from skyway_composition.missions.custody.chain import on_board
+from skyway_composition.missions.custody.store import held_packages
 from skyway_composition.missions.record import MissionRecord
 from skyway_composition.missions.steps.step_record import StepRecord
+from skyway_composition.missions.steps.store import steps_of
 from skyway_composition.missions.store import MissionFilter
 from skyway_composition.networks.store import stations_named
 
@@ -47,11 +49,11 @@ async def track_of(db: Database, delivery_id: DeliveryId) -> Track:
     shown = MissionFilter(delivery_id=delivery_id)
     async with db.read() as connection:
         records = await store.page(connection, shown, before=None, limit=_MOST_MISSIONS)
-        carried = on_board(await store.held_packages(connection, delivery_id))
+        carried = on_board(await held_packages(connection, delivery_id))
         flown = [
             _Flown(
                 record,
-                _of_delivery(record, await store.steps_of(connection, record.mission_id), carried),
+                _of_delivery(record, await steps_of(connection, record.mission_id), carried),
                 _state_on(record, await link_to(connection, record.drone_id)),
             )
             for record in reversed(records)

@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 from skyway_composition.missions import store
+from skyway_composition.missions.steps.store import steps_of
 
 from skyway.contracts.flight_step import FlyStep
 from skyway.contracts.mission import BookMissions
@@ -58,7 +59,7 @@ async def unaware(composition: Any, is_forbidden: Callable[[FlyStep], bool]) -> 
             record.mission_id
             for record in records
             if record.is_live and record.trouble is None
-            for each in await store.steps_of(connection, record.mission_id)
+            for each in await steps_of(connection, record.mission_id)
             if isinstance(each.step, FlyStep) and is_forbidden(each.step)
         ]
 

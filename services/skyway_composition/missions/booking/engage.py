@@ -13,10 +13,12 @@ from skyway_composition.links.courier import Courier
 from skyway_composition.links.link import Numbered
 from skyway_composition.missions import store
 from skyway_composition.missions.custody.chain import Custodian, Held
+from skyway_composition.missions.custody.store import begin_custody, held_packages
 from skyway_composition.missions.dispatch import mission_draft
 from skyway_composition.missions.record import MissionRecord
 from skyway_composition.missions.revisions.revision import record_of
 from skyway_composition.missions.steps.flight_steps import StepTerms, flight_steps
+from skyway_composition.missions.steps.store import add_steps
 from skyway_composition.networks.prepared import PreparedNetwork
 from skyway_composition.pads.store import reserve
 from skyway_composition.planning.offer import Offer, Part
@@ -83,14 +85,14 @@ def _add_steps(
         terms=StepTerms.of(record, skyway.settings),
         first_step=1,
     )
-    store.add_steps(tx, record.mission_id, steps)
+    add_steps(tx, record.mission_id, steps)
     return steps
 
 
 async def _begin_custody(tx: Tx, records: Sequence[MissionRecord]) -> None:
     """The pickup station holds what no earlier attempt has begun to carry."""
     first = records[0].mission
-    held = await store.held_packages(tx.connection, first.delivery_id) if first.attempt > 1 else {}
+    held = await held_packages(tx.connection, first.delivery_id) if first.attempt > 1 else {}
     for record in records:
         station = Custodian("STATION", record.request.pickup.station_id)
         rows = [
@@ -98,4 +100,4 @@ async def _begin_custody(tx: Tx, records: Sequence[MissionRecord]) -> None:
             for package in record.request.packages
             if package.package_id not in held
         ]
-        store.begin_custody(tx, record, rows, at_ms=moment_to_ms(record.mission.start_at))
+        begin_custody(tx, record, rows, at_ms=moment_to_ms(record.mission.start_at))

@@ -15,6 +15,7 @@ from skyway_composition.missions.record import MissionRecord, Stuck
 from skyway_composition.missions.report import report
 from skyway_composition.missions.rest.aiming import absent_aim, aimed
 from skyway_composition.missions.revisions.proposal import with_aims
+from skyway_composition.missions.steps.store import end_step
 from skyway_composition.missions.watch import Watch
 
 log = logging.getLogger(__name__)
@@ -26,7 +27,7 @@ async def take_step_failure(watch: Watch, record: MissionRecord, event: DroneEve
     That may be elsewhere than planned, when a failsafe led it there; without a station it is down
     in the open, and flies no more. Packages that nobody was there to take go elsewhere from now on.
     """
-    step = await store.end_step(watch.tx, record.mission_id, event, status="FAILED")
+    step = await end_step(watch.tx, record.mission_id, event, status="FAILED")
     record = begun(watch, record, at=event.started_at or event.ended_at)
     code, detail = event.code or "STEP_FAILED", _in_words(event, step)
     if event.station_id is None:

@@ -13,6 +13,7 @@ from skyway.units import moment_to_ms
 from skyway_composition.links.store import last_revision, open_instructions
 from skyway_composition.missions import store
 from skyway_composition.missions.custody.chain import Custodian, Held
+from skyway_composition.missions.custody.store import add_custody, held_packages
 from skyway_composition.missions.hold import hold
 from skyway_composition.missions.mission_alarm import raise_alarm
 from skyway_composition.missions.record import MissionRecord
@@ -58,14 +59,14 @@ async def take_return(watch: Watch, event: DroneEvent) -> None:
     ended = await store.get(watch.tx.connection, event.mission_id, provider_id=None)
     if ended is None or ended.is_live or event.event != "STEP_ENDED":
         return
-    held = await store.held_packages(watch.tx.connection, ended.mission.delivery_id)
+    held = await held_packages(watch.tx.connection, ended.mission.delivery_id)
     drone, station = Custodian("DRONE", ended.drone_id), Custodian("STATION", event.station_id)
     rows = [
         Held(each, held[each].seq + 1, station)
         for each in event.package_ids
         if each in held and held[each].custodian == drone
     ]
-    await store.add_custody(watch.tx, ended, rows, at_ms=moment_to_ms(event.ended_at))
+    await add_custody(watch.tx, ended, rows, at_ms=moment_to_ms(event.ended_at))
 
 
 async def _leave_all(

@@ -3,8 +3,8 @@
 from datetime import datetime
 
 from skyway.geo import Position
-from skyway_composition.missions import store
 from skyway_composition.missions.custody.chain import on_board
+from skyway_composition.missions.custody.store import held_packages
 from skyway_composition.missions.ending import abort_in_the_open
 from skyway_composition.missions.mission_alarm import raise_alarm
 from skyway_composition.missions.record import MissionRecord
@@ -22,7 +22,7 @@ async def take_forced_landing(
     detail: str,
 ) -> None:
     """End the mission where its drone came down; what is on board stays with the drone."""
-    held = record.own(await store.held_packages(watch.tx.connection, record.mission.delivery_id))
+    held = record.own(await held_packages(watch.tx.connection, record.mission.delivery_id))
     packages = sorted(on_board(held))
     place = f"{position.latitude_deg:.5f}, {position.longitude_deg:.5f}"
     load = f"with {', '.join(packages)} on board" if packages else "with nothing on board"

@@ -6,8 +6,8 @@ from skyway.contracts.drone_report import DroneEvent
 from skyway.contracts.flight_step import DeliverStep, PickUpStep, ReturnStep
 from skyway.ids import PackageId
 from skyway.units import moment_to_ms
-from skyway_composition.missions import store
 from skyway_composition.missions.custody.chain import Custodian, Held, may_pass
+from skyway_composition.missions.custody.store import add_custody, held_packages
 from skyway_composition.missions.hands.astray import bring_astray_back
 from skyway_composition.missions.record import MissionRecord
 from skyway_composition.missions.report import report
@@ -88,8 +88,8 @@ async def _pass_on(
     event: DroneEvent,
 ) -> tuple[PackageId, ...]:
     """Pass these packages on; those that were already there, or delivered, stay as they are."""
-    held = await store.held_packages(watch.tx.connection, record.mission.delivery_id)
+    held = await held_packages(watch.tx.connection, record.mission.delivery_id)
     passed = [each for each in package_ids if may_pass(held.get(each), to)]
     rows = [Held(each, held[each].seq + 1 if each in held else 1, to) for each in passed]
-    await store.add_custody(watch.tx, record, rows, at_ms=moment_to_ms(event.ended_at))
+    await add_custody(watch.tx, record, rows, at_ms=moment_to_ms(event.ended_at))
     return tuple(passed)

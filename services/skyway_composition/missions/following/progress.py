@@ -8,8 +8,8 @@ from skyway.contracts.flight_step import DeliverStep, PickUpStep, RechargeStep, 
 from skyway.units import moment_to_ms
 from skyway_composition.alarms.store import add as raise_alarm
 from skyway_composition.links.link import DroneLink
-from skyway_composition.missions import store
 from skyway_composition.missions.custody.chain import delivered, returned
+from skyway_composition.missions.custody.store import held_packages
 from skyway_composition.missions.ending import abort, complete
 from skyway_composition.missions.following.beginning import begun
 from skyway_composition.missions.following.failure import take_step_failure
@@ -19,6 +19,7 @@ from skyway_composition.missions.give_back import give_back
 from skyway_composition.missions.outlook.judging import judged_after_step
 from skyway_composition.missions.record import MissionRecord, Trouble
 from skyway_composition.missions.steps.cut import store as cut_steps
+from skyway_composition.missions.steps.store import end_step
 from skyway_composition.missions.trouble import troubled
 from skyway_composition.missions.watch import Watch
 
@@ -55,7 +56,7 @@ async def take_event(watch: Watch, link: DroneLink, event: DroneEvent) -> None:
 async def _take_step_end(watch: Watch, record: MissionRecord, event: DroneEvent) -> None:
     if event.code == "CUT":
         await cut_steps.keep(watch.tx, record.mission_id, event)
-    step = await store.end_step(watch.tx, record.mission_id, event, status="ENDED")
+    step = await end_step(watch.tx, record.mission_id, event, status="ENDED")
     if step is None:
         return
     record = begun(watch, record, at=event.started_at or event.ended_at)
@@ -103,7 +104,7 @@ async def _take_wish(watch: Watch, record: MissionRecord, event: DroneEvent) -> 
 
 async def _take_mission_end(watch: Watch, record: MissionRecord, event: DroneEvent) -> None:
     record = begun(watch, record, at=event.ended_at)
-    held = record.own(await store.held_packages(watch.tx.connection, record.mission.delivery_id))
+    held = record.own(await held_packages(watch.tx.connection, record.mission.delivery_id))
     back = returned(held, record.request.pickup.station_id)
     missing = {each.package_id for each in record.request.packages} - delivered(held) - back
     if not missing:

@@ -9,6 +9,7 @@ from skyway_composition.links.link import DroneLink
 from skyway_composition.links.store import last_cancel
 from skyway_composition.missions import store
 from skyway_composition.missions.custody.chain import on_board
+from skyway_composition.missions.custody.store import held_packages
 from skyway_composition.missions.dispatch import call_off
 from skyway_composition.missions.following.beginning import begun
 from skyway_composition.missions.following.flying_on import bring_to_rest, raise_flies_on
@@ -107,7 +108,7 @@ async def _told_activity(watch: Watch, record: MissionRecord, state: DroneState)
     doing = f"{state.activity} {state.station_id or ''}"
     if state.activity not in _TOLD_ACTIVITIES or doing == record.told:
         return record
-    held = await store.held_packages(watch.tx.connection, record.mission.delivery_id)
+    held = await held_packages(watch.tx.connection, record.mission.delivery_id)
     if not on_board(record.own(held)):
         return record
     return report(

@@ -11,7 +11,7 @@ from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms
-from skyway_composition.missions import store as mission_store
+from skyway_composition.missions.custody.store import held_packages
 from skyway_composition.missions.deliveries.store import lock_delivery
 from skyway_composition.missions.hands import store
 from skyway_composition.missions.hands.recall import has_never_left
@@ -62,7 +62,7 @@ class Cancellations:
             # Meanwhile the drone may serve somebody else.
             if each in watch.missions and watch.missions[each].mission.delivery_id == delivery_id
         ]
-        held = await mission_store.held_packages(tx.connection, delivery_id)
+        held = await held_packages(tx.connection, delivery_id)
         under_way = {each.package_id for one in records for each in one.request.packages}
         package_ids = wanted.package_ids
         if package_ids is None:

@@ -16,8 +16,8 @@ from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database
 from skyway_composition.links.link import DroneLink
 from skyway_composition.links.store import kind_of_revision
-from skyway_composition.missions import store as mission_store
 from skyway_composition.missions.custody.chain import on_board
+from skyway_composition.missions.custody.store import held_packages
 from skyway_composition.missions.escape import escape_of
 from skyway_composition.missions.hands.recall import is_being_loaded
 from skyway_composition.missions.hands.stop_packages import bring_back, stop_packages
@@ -175,9 +175,7 @@ async def _divert(watch: Watch, record: MissionRecord, command: Command) -> Inst
 async def _return_home(watch: Watch, record: MissionRecord, command: Command) -> None:
     """Bring back what is on board; an empty drone goes home anyway, or is cancelled."""
     reason = command.reason
-    carried = on_board(
-        await mission_store.held_packages(watch.tx.connection, record.mission.delivery_id)
-    )
+    carried = on_board(await held_packages(watch.tx.connection, record.mission.delivery_id))
     own = [each.package_id for each in record.packages(carried)]
     if not own:
         detail = f"nothing of {record.mission_id} is on board: to end it before loading, cancel it"

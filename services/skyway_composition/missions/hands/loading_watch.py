@@ -9,13 +9,13 @@ from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
-from skyway_composition.missions import store as mission_store
 from skyway_composition.missions.hands import store
 from skyway_composition.missions.hands.loaded_check import LoadingFault
 from skyway_composition.missions.hands.loading import refuse_loading
 from skyway_composition.missions.hands.recall import is_being_loaded
 from skyway_composition.missions.hands.store import AwaitedLoading
 from skyway_composition.missions.record import MissionRecord
+from skyway_composition.missions.steps.store import steps_of
 from skyway_composition.missions.watch import Watch
 from skyway_composition.networks.prepared import PreparedNetworks
 
@@ -72,7 +72,7 @@ async def _loading_since(watch: Watch, record: MissionRecord) -> datetime | None
     if not is_awaited or is_being_loaded(record) or mission.is_held or record.stuck is not None:
         return None
     since = record.mission.start_at
-    for each in await mission_store.steps_of(watch.tx.connection, record.mission_id):
+    for each in await steps_of(watch.tx.connection, record.mission_id):
         if each.status == "ENDED" and each.event is not None:
             since = max(since, each.event.ended_at)
         elif isinstance(each.step, PickUpStep):

@@ -7,12 +7,13 @@ from typing import Final
 from skyway.contracts.mission import Cancellation
 from skyway.ids import PackageId
 from skyway_composition.missions import ending
-from skyway_composition.missions import store as mission_store
 from skyway_composition.missions.custody.chain import Custodian
+from skyway_composition.missions.custody.store import held_packages
 from skyway_composition.missions.hands import store
 from skyway_composition.missions.hands.recall import can_be_kept_off, has_never_left
 from skyway_composition.missions.record import Aim, MissionRecord, Trouble
 from skyway_composition.missions.report import report
+from skyway_composition.missions.steps.store import steps_of
 from skyway_composition.missions.trouble import troubled
 from skyway_composition.missions.watch import Watch
 
@@ -34,14 +35,14 @@ async def stop_packages(
     back. A drone that takes packages on board this very moment brings them back, too; one that has
     not said yet that it flies the mission at all cannot be told anything now.
     """
-    held = await mission_store.held_packages(watch.tx.connection, record.mission.delivery_id)
+    held = await held_packages(watch.tx.connection, record.mission.delivery_id)
     own = [each.package_id for each in record.packages(frozenset(package_ids))]
     drone = Custodian("DRONE", record.drone_id)
     carried = [each for each in own if each in held and held[each].custodian == drone]
     waiting = [each for each in own if has_never_left(held.get(each))]
     too_late = [each for each in own if each not in carried and each not in waiting]
 
-    steps = await mission_store.steps_of(watch.tx.connection, record.mission_id)
+    steps = await steps_of(watch.tx.connection, record.mission_id)
     takes_others = len(waiting) < len(record.request.packages)
     link = watch.links[record.drone_id]
     if waiting and not can_be_kept_off(

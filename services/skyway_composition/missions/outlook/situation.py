@@ -8,11 +8,12 @@ from skyway.contracts.drone_health import ActiveFailsafe
 from skyway.contracts.flight_step import FlightStep, PickUpStep
 from skyway.ids import PackageId
 from skyway_composition.links.link import DroneLink
-from skyway_composition.missions import store
 from skyway_composition.missions.custody.chain import Held, delivered, on_board
+from skyway_composition.missions.custody.store import held_packages
 from skyway_composition.missions.escape import escape_of
 from skyway_composition.missions.record import MissionRecord
 from skyway_composition.missions.steps.step_record import StepRecord
+from skyway_composition.missions.steps.store import steps_of
 from skyway_composition.missions.watch import Watch
 from skyway_composition.networks.settings import NetworkSettings
 from skyway_composition.planning.margins import planned_more
@@ -31,8 +32,8 @@ class Situation:
     async def of(cls, watch: Watch, record: MissionRecord) -> Self:
         """The situation of a mission that is watched."""
         connection = watch.tx.connection
-        held = await store.held_packages(connection, record.mission.delivery_id)
-        steps = await store.steps_of(connection, record.mission_id)
+        held = await held_packages(connection, record.mission.delivery_id)
+        steps = await steps_of(connection, record.mission_id)
         return cls(record, watch.links[record.drone_id], tuple(steps), record.own(held))
 
     @property

@@ -23,6 +23,7 @@ from skyway_composition.missions.report import report
 from skyway_composition.missions.rest.aiming import turned_back
 from skyway_composition.missions.rest.anchor import Anchor
 from skyway_composition.missions.revisions.unmet import unmet_returns
+from skyway_composition.missions.steps.store import replace_steps
 from skyway_composition.missions.trouble import troubled
 from skyway_composition.missions.watch import Watch
 
@@ -89,7 +90,7 @@ async def settle(watch: Watch, record: MissionRecord, proposal: Proposal) -> Non
     """The drone has taken the proposal: from now on it is the mission."""
     known = record.mission
     mission = proposal.mission.model_copy(update={"state": known.state, "is_held": known.is_held})
-    await store.replace_steps(
+    await replace_steps(
         watch.tx,
         record.mission_id,
         proposal.steps,

@@ -2,12 +2,12 @@
 
 from dataclasses import replace
 
-from skyway_composition.missions import store
 from skyway_composition.missions.dispatch import dispatch
 from skyway_composition.missions.give_back import give_back
 from skyway_composition.missions.record import MissionRecord, Trouble
 from skyway_composition.missions.report import report
 from skyway_composition.missions.revisions.proposal import Revision, with_aims
+from skyway_composition.missions.steps.store import replace_planned
 from skyway_composition.missions.watch import Watch
 
 
@@ -22,9 +22,7 @@ async def replace_plan(
         Somebody else holds one of the new pads.
     """
     mission = revision.mission
-    await store.replace_planned(
-        watch.tx, record.mission_id, revision.steps, revision=mission.revision
-    )
+    await replace_planned(watch.tx, record.mission_id, revision.steps, revision=mission.revision)
     record = with_aims(watch, record, revision.aims, code=trouble.code, detail=trouble.detail)
     record = replace(record, mission=mission, stuck=None, trouble=None, told=None)
     await give_back(watch, record)

@@ -5,7 +5,8 @@ from typing import Any
 import pytest
 from skyway_composition.missions.record import Proposal
 from skyway_composition.missions.revisions.joining import join
-from skyway_composition.missions.store import get, steps_of
+from skyway_composition.missions.steps.store import steps_of
+from skyway_composition.missions.store import get
 
 from skyway.contracts.flight_step import FlyStep, WaitStep
 from skyway.ids import InstructionId, MissionId
