@@ -2,11 +2,15 @@
 
 import json
 from collections import Counter
+from collections.abc import Collection, Iterable
 from typing import Any
 
 import pytest
+from drone_journal import events_of, logbook_of
 from ladders import QUICK_CHARGE, ladders
 from lone_drone import register, run, until
+
+from skyway.contracts.drone_report import DroneEvent
 
 pytestmark = [pytest.mark.end_to_end, pytest.mark.fleet_rate(60.0)]
 
@@ -24,43 +28,49 @@ def test_a_drone_killed_in_flight_at_a_hand_over_and_on_a_pad_does_each_thing_on
     until(system, drone, "AVAILABLE")
     delivery_id = system.request_delivery(["alone-s3", "alone-s4"], pickup="alone-s1")
 
-    written: set[tuple[int | None, str, str]] = set()
-    for activity in ("FLYING", "DELIVERING", "RECHARGING"):
-        system.eventually(
-            lambda activity=activity: _activity(system, delivery_id) == activity,
-            activity,
-            told=lambda: system.delivery(delivery_id),
-        )
+    written: dict[str, DroneEvent] = {}
+    killed_in: set[str] = set()
+    while left := {"FLY", "DELIVER", "RECHARGE"} - killed_in:
+        killed_in.add(_until_at(system, drone["drone_id"], left))
         process.kill()
         process.wait()
-        written |= _events(system, drone)
+        written |= events_of(system, drone["drone_id"])
         process = run(system)
     delivery = system.until_state(delivery_id, "COMPLETED", "FAILED")
 
-    written |= _events(system, drone)
-    steps = Counter(step_id for step_id, _, kind in written if kind.startswith("STEP_"))
+    written |= events_of(system, drone["drone_id"])
+    ends = [event for event in written.values() if event.event in ("STEP_ENDED", "STEP_FAILED")]
+    done = [event for event in ends if event.event == "STEP_ENDED" and event.code != "CUT"]
     assert delivery["state"] == "COMPLETED", delivery
-    assert set(steps.values()) == {1}
+    # Late as it is, its pad may be lost, or it be told to charge for longer: another revision
+    # then puts a step in the place of the one that was not done.
+    assert _most(event.step_id for event in done) == 1, ends
+    assert _most((event.mission_revision, event.step_id) for event in ends) == 1, ends
     assert _handed_over(system, delivery_id) == {"p1": 1, "p2": 1}
     assert {package["custodian"]["kind"] for package in delivery["packages"]} == {"RECIPIENT"}
     assert len(delivery["missions"]) == 1
 
 
-def _activity(system: Any, delivery_id: str) -> str | None:
-    missions = system.delivery(delivery_id)["missions"]
-    if not missions:
-        return None
-    state = system.operate("GET", f"/v1/missions/{missions[0]['mission_id']}")["drone_state"]
-    activity: str | None = state and state["activity"]
-    return activity
+def _until_at(system: Any, drone_id: str, kinds: Collection[str]) -> str:
+    """The kind of the step that the drone is at, once it is one of these.
+
+    By its own journal: a hand-over may be over when the cloud has heard of it, and asked.
+    """
+
+    def at() -> str | None:
+        mission = logbook_of(system, drone_id).mission
+        step = mission.step_under_way if mission else None
+        return step.kind if step and step.kind in kinds else None
+
+    found: str = system.eventually(
+        at, f"at one of {kinds}", told=lambda: logbook_of(system, drone_id).mission
+    )
+    return found
 
 
-def _events(system: Any, drone: dict[str, Any]) -> set[tuple[int | None, str, str]]:
-    """Step, id and kind of the events that the drone's journal holds now."""
-    path = system.folder.journals / f"{drone['drone_id']}.jsonl"
-    lines = [json.loads(line) for line in path.read_text().splitlines()]
-    kept = [*lines[0]["events"], *(line["event"] for line in lines[1:] if line["kind"] == "EVENT")]
-    return {(event["step_id"], event["message_id"], event["event"]) for event in kept}
+def _most(things: Iterable[object]) -> int:
+    """How often the one comes that comes most often."""
+    return max(Counter(things).values(), default=0)
 
 
 def _handed_over(system: Any, delivery_id: str) -> dict[str, int]:
