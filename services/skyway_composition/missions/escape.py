@@ -4,15 +4,13 @@ from typing import Final
 
 from skyway.contracts.drone_health import ActiveFailsafe, Failsafe, Fault
 from skyway.contracts.drone_report import DroneState
+from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.mission_alarm import raise_alarm
-from skyway_composition.missions.record import CALLED_HOME, DIVERTED, MissionRecord
+from skyway_composition.missions.record import CALLED_HOME, MissionRecord
 from skyway_composition.missions.watch import Watch
 
 #: While one of these acts a drone refuses new steps, unless they override it.
 _ESCAPES: Final = (Failsafe.DIVERT, Failsafe.LAND_NOW)
-
-#: Troubles that are operators' wishes: they are told when a drone does not do as they wish.
-_WISHES: Final = (CALLED_HOME, DIVERTED)
 
 
 def escape_of(record: MissionRecord, state: DroneState | None) -> ActiveFailsafe | None:
@@ -23,9 +21,15 @@ def escape_of(record: MissionRecord, state: DroneState | None) -> ActiveFailsafe
     return state.failsafe if is_of_this and state.failsafe.failsafe in _ESCAPES else None
 
 
-def waits_for_pad(record: MissionRecord, state: DroneState | None) -> bool:
-    """Whether a mission's drone stands beside a pad that something else occupies."""
+def waits_for_pad(record: MissionRecord, link: DroneLink) -> bool:
+    """Whether a mission's drone stands beside a pad that something else occupies.
+
+    What it said before its last event says nothing of that: it may have charged meanwhile.
+    """
+    state = link.state
     if state is None or state.mission_id != record.mission_id:
+        return False
+    if state.last_event_seq < link.last_event_seq:
         return False
     return state.activity == "RECHARGING" and Fault.PAD_OCCUPIED in state.faults
 
@@ -39,7 +43,7 @@ async def take_failsafe_refusal(watch: Watch, record: MissionRecord) -> MissionR
     trouble = record.trouble
     if trouble is None:
         return record
-    if trouble.code in _WISHES:
+    if trouble.code == CALLED_HOME or trouble.land_at is not None:
         escape = escape_of(record, watch.links[record.drone_id].state)
         acting = "a failsafe" if escape is None else f"{escape.failsafe} for {escape.fault}"
         hint = "nothing overrides this" if trouble.overrides_failsafe else "unless overridden"

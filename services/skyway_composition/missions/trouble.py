@@ -14,24 +14,21 @@ async def troubled(watch: Watch, record: MissionRecord, trouble: Trouble) -> Mis
 
     Told once, however many troubles follow. Whoever calls this wakes `stuck` after the commit.
     """
-    told = _told(watch, record, trouble)
-    if told is not record:
-        await watch.keep(told)
-        await store.plan_at_once(watch.tx, told.mission_id)
-    return told
+    record = _told(watch, record, trouble)
+    await watch.keep(record)
+    await store.plan_at_once(watch.tx, record.mission_id)
+    return record
 
 
 async def troubled_all(watch: Watch, records: Iterable[MissionRecord], trouble: Trouble) -> None:
     """The same for many missions, in one statement: a closure may hit hundreds of them."""
-    changed = [told for each in records if (told := _told(watch, each, trouble)) is not each]
-    await store.save_troubles(watch.tx, changed)
-    watch.missions.update({record.drone_id: record for record in changed})
+    told = [_told(watch, each, trouble) for each in records]
+    await store.save_troubles(watch.tx, told)
+    watch.missions.update({record.drone_id: record for record in told})
 
 
 def _told(watch: Watch, record: MissionRecord, trouble: Trouble) -> MissionRecord:
-    """The record with this trouble, told if it is the first; unchanged if an older one outlasts."""
-    if record.trouble is not None and _outlasts(record.trouble, trouble):
-        return record
+    """The record with this trouble, told if it is the first."""
     if record.trouble is None and record.stuck is None:
         record = report(
             watch.tx,
@@ -42,11 +39,22 @@ def _told(watch: Watch, record: MissionRecord, trouble: Trouble) -> MissionRecor
             code=trouble.code,
             detail=trouble.detail,
         )
-    return replace(record, trouble=trouble)
+    return replace(record, trouble=_on_top_of(record.trouble, trouble))
 
 
-def _outlasts(known: Trouble, new: Trouble) -> bool:
-    """Whether the known trouble says what must not be forgotten, and the new one does not."""
-    if new.loaded is not None or new.land_at is not None:
-        return False
-    return known.loaded is not None or known.land_at is not None
+def _on_top_of(known: Trouble | None, new: Trouble) -> Trouble:
+    """The new trouble, with what must not be forgotten of the known one: what people said.
+
+    The known one would not do: it is over with the plan for it, which may be on its way.
+    """
+    if known is None or new.loaded is not None or new.land_at is not None:
+        return new
+    if known.loaded is None and known.land_at is None:
+        return new
+    return new.model_copy(
+        update={
+            "loaded": known.loaded,
+            "land_at": known.land_at,
+            "overrides_failsafe": known.overrides_failsafe,
+        }
+    )

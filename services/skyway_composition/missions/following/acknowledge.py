@@ -17,7 +17,6 @@ from skyway_composition.missions.following.failure import wait_for_revision
 from skyway_composition.missions.following.new_stream import open_stream
 from skyway_composition.missions.hold import take_refused_hold
 from skyway_composition.missions.record import MissionRecord, Proposal
-from skyway_composition.missions.revisions.joining import join
 from skyway_composition.missions.revisions.proposal import drop, settle
 from skyway_composition.missions.watch import Watch
 
@@ -64,10 +63,7 @@ async def _take_answer_to_proposal(
     watch: Watch, record: MissionRecord, proposal: Proposal, *, sent: SentInstruction, ack: Ack
 ) -> None:
     if ack.status == "ACCEPTED":
-        if sent.kind != "MISSION":
-            # The flight before a DIVERT flies on, or lands, as what follows has it.
-            await join(watch.tx, record.mission_id, proposal)
-        await settle(watch, record, proposal)
+        await settle(watch, record, proposal, kind=sent.kind)
         return
     code = ack.code or RefusalCode.MALFORMED
     log.info("proposal refused", extra={"mission_id": record.mission_id, "code": code})

@@ -18,6 +18,7 @@ from skyway_composition.missions.following.handing_over import hand_back, hand_o
 from skyway_composition.missions.give_back import give_back
 from skyway_composition.missions.outlook.judging import judged_after_step
 from skyway_composition.missions.record import MissionRecord, Trouble
+from skyway_composition.missions.revisions.proposal import settle_if_flown
 from skyway_composition.missions.steps.cut import store as cut_steps
 from skyway_composition.missions.steps.store import end_step
 from skyway_composition.missions.trouble import troubled
@@ -42,6 +43,7 @@ async def take_event(watch: Watch, link: DroneLink, event: DroneEvent) -> None:
         log.info("event of no live mission", extra={"mission_id": event.mission_id})
         await take_return(watch, event)
         return
+    record = await settle_if_flown(watch, record, event.mission_revision)
     match event.event:
         case "STEP_ENDED":
             await _take_step_end(watch, record, event)

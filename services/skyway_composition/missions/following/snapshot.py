@@ -17,6 +17,7 @@ from skyway_composition.missions.following.new_stream import open_stream
 from skyway_composition.missions.outlook.judging import judged
 from skyway_composition.missions.record import MissionRecord
 from skyway_composition.missions.report import report
+from skyway_composition.missions.revisions.proposal import settle_if_flown
 from skyway_composition.missions.watch import Watch
 from skyway_composition.planning.margins import used_more
 
@@ -31,7 +32,7 @@ async def take_state(watch: Watch, link: DroneLink, state: DroneState) -> None:
     if not link.hears_newer(state):
         return
     must_open_stream = link.has_lost_its_order(state)
-    is_news = link.state is not None and _is_news(link.state, state)
+    is_news = _is_news(link.state, state)
     link = replace(link, state=state)
     if state.stream == link.stream:
         link = link.acked(state.stream, state.session)
@@ -46,6 +47,7 @@ async def take_state(watch: Watch, link: DroneLink, state: DroneState) -> None:
         watch.links[link.drone_id] = await watch.courier.ask_for_events(watch.tx, link)
     record = watch.missions.get(link.drone_id)
     if record is not None and state.mission_id == record.mission_id:
+        record = await settle_if_flown(watch, record, state.mission_revision)
         record = await _with_progress(watch, record, state)
         if is_news:
             await judged(watch, record)
@@ -53,11 +55,20 @@ async def take_state(watch: Watch, link: DroneLink, state: DroneState) -> None:
         await _call_off_if_over(watch, link.drone_id, state.mission_id, state)
 
 
-def _is_news(before: DroneState, state: DroneState) -> bool:
-    """Whether a state may say more of the plan than its events, which were compared with it."""
-    if before.last_event_seq == state.last_event_seq:
+def _is_news(before: DroneState | None, state: DroneState) -> bool:
+    """Whether a state may say more of the plan than its events, which were compared with it.
+
+    Only the end of a step was, by the plan that held then: not an alarm, nor what was cut.
+    """
+    if before is None or before.last_event_seq == state.last_event_seq:
+        return True
+    if _plan(before) != _plan(state) or before.step_id == state.step_id:
         return True
     return bool(set(state.faults) - set(before.faults)) or _used_more(state) > _used_more(before)
+
+
+def _plan(state: DroneState) -> tuple[MissionId | None, int | None]:
+    return state.mission_id, state.mission_revision
 
 
 def _used_more(state: DroneState) -> float:

@@ -86,8 +86,6 @@ async def bring_back(
             code=code,
             detail=detail,
         )
-    # Kept first: an older trouble may stand, and then nothing else keeps what has changed.
-    await watch.keep(record)
     return await troubled(watch, record, Trouble(code=code, detail=detail))
 
 
@@ -122,6 +120,5 @@ async def _release(
         aims=tuple(aim for aim in record.aims if aim.package_id not in package_ids),
     )
     await store.save_request(watch.tx, record)
-    await watch.keep(record)
     detail = f"{len(package_ids)} packages were cancelled: {reason}"
     await troubled(watch, record, Trouble(code=PACKAGES_CANCELLED, detail=detail))

@@ -69,7 +69,7 @@ def _explained(trouble: Trouble, event: DroneEvent) -> Trouble:
 async def _outlook(watch: Watch, record: MissionRecord) -> Outlook | None:
     """What to expect; None where another plan is looked for already, or nothing is to go on."""
     has_other_cares = record.trouble or record.stuck or record.proposal or record.mission.is_held
-    if waits_for_pad(record, watch.links[record.drone_id].state):
+    if waits_for_pad(record, watch.links[record.drone_id]):
         # It asks for another plan by itself: one with the same pad would have it wait anew.
         return None
     # How long a loader takes is nobody's plan: it is made anew once the packages are confirmed.

@@ -75,10 +75,13 @@ def find_anchor(
     closed: ClosedAhead,
     now_ms: int,
     earliest_ms: int,
+    before_step: int | None = None,
 ) -> Anchor | None:
     """The anchor of a drone that flies by its plan; None while none can be known.
 
     `model` has the margin that flights are planned with; new steps can begin at `earliest_ms`.
+    Of a drone in flight, `before_step` asks for an earlier one: where it would fly over before it
+    begins that step.
     """
     where = whereabouts(situation)
     if where is None:
@@ -90,7 +93,10 @@ def find_anchor(
         load = load.after(step) if step.step_id < where.next_step else load
     ahead = list(predict(steps, where, model=model, load=load, now_ms=now_ms))
     if where.is_under_way and ahead and isinstance(ahead[0].step, FlyStep):
-        anchor = _of_flight(ahead, where, trouble, model=model, closed=closed)
+        left = [each for each in ahead if before_step is None or each.step.step_id < before_step]
+        anchor = _of_flight(left, where, trouble, model=model, closed=closed) if left else None
+    elif before_step is not None:
+        return None
     elif where.is_under_way and ahead:
         anchor = _of_stop(situation, ahead[0], where, trouble, now_ms=now_ms)
     else:
@@ -172,7 +178,7 @@ def _of_stop(
             wanted = {each.package_id for each in situation.record.request.packages}
             if {each.package_id for each in step.packages} - wanted:
                 return _cut(step, where.soc, situation)
-            if step.awaits_confirmation and trouble.loaded is None:
+            if situation.record.mission.loading == "AWAITED" and trouble.loaded is None:
                 return None
         case _:
             pass

@@ -16,12 +16,14 @@ from skyway.contracts.instruction import (
 )
 from skyway.contracts.mission import Mission
 from skyway_composition.links.courier import Draft
+from skyway_composition.links.store import kind_of_revision
 from skyway_composition.missions import store
 from skyway_composition.missions.give_back import give_back
 from skyway_composition.missions.record import CALLED_HOME, Aim, MissionRecord, Proposal, Trouble
 from skyway_composition.missions.report import report
 from skyway_composition.missions.rest.aiming import turned_back
 from skyway_composition.missions.rest.anchor import Anchor
+from skyway_composition.missions.revisions.joining import join
 from skyway_composition.missions.revisions.unmet import unmet_returns
 from skyway_composition.missions.steps.store import replace_steps
 from skyway_composition.missions.trouble import troubled
@@ -86,8 +88,27 @@ def with_aims(
     )
 
 
-async def settle(watch: Watch, record: MissionRecord, proposal: Proposal) -> None:
-    """The drone has taken the proposal: from now on it is the mission."""
+async def settle_if_flown(
+    watch: Watch, record: MissionRecord, revision: int | None
+) -> MissionRecord:
+    """The record once its drone is heard to fly by the proposal, whose answer is still to come.
+
+    Without this the answer would undo what the drone has done by the new plan.
+    """
+    proposal = record.proposal
+    if proposal is None or revision != proposal.mission.revision:
+        return record
+    kind = await kind_of_revision(watch.tx, record.mission_id, revision)
+    return await settle(watch, record, proposal, kind=kind)
+
+
+async def settle(
+    watch: Watch, record: MissionRecord, proposal: Proposal, *, kind: str | None
+) -> MissionRecord:
+    """The drone has taken the proposal, an instruction of this kind: now it is the mission."""
+    if kind != "MISSION":
+        # The flight before a DIVERT flies on, or lands, as what follows has it.
+        await join(watch.tx, record.mission_id, proposal)
     known = record.mission
     mission = proposal.mission.model_copy(update={"state": known.state, "is_held": known.is_held})
     await replace_steps(
@@ -97,14 +118,13 @@ async def settle(watch: Watch, record: MissionRecord, proposal: Proposal) -> Non
         first_step=proposal.first_step,
         revision=mission.revision,
     )
-    is_over = record.trouble is None or _is_answer_to(proposal, record.trouble)
     record = replace(
         record,
         mission=mission,
         proposal=None,
         stuck=None,
         told=None,
-        trouble=None if is_over else record.trouble,
+        trouble=_left_of(record.trouble, proposal),
     )
     await give_back(watch, record)
     record = report(
@@ -123,7 +143,8 @@ async def settle(watch: Watch, record: MissionRecord, proposal: Proposal) -> Non
     unmet = unmet_returns(record, proposal.steps)
     if unmet:
         detail = f"cancelled while the plan was on its way: {', '.join(unmet)}"
-        await troubled(watch, record, Trouble(code="CANCELLED", detail=detail))
+        record = await troubled(watch, record, Trouble(code="CANCELLED", detail=detail))
+    return record
 
 
 async def drop(watch: Watch, record: MissionRecord) -> MissionRecord:
@@ -138,8 +159,12 @@ async def drop(watch: Watch, record: MissionRecord) -> MissionRecord:
     return record
 
 
-def _is_answer_to(proposal: Proposal, trouble: Trouble) -> bool:
-    return (proposal.code, proposal.detail) == (trouble.code, trouble.detail)
+def _left_of(trouble: Trouble | None, proposal: Proposal) -> Trouble | None:
+    """What has come up since the proposal was made; the drone hears only once what was loaded."""
+    if trouble is None or (proposal.code, proposal.detail) == (trouble.code, trouble.detail):
+        return None
+    is_loaded = proposal.mission.loading == "CONFIRMED"
+    return trouble.model_copy(update={"loaded": None}) if is_loaded else trouble
 
 
 def _draft(revision: Revision, anchor: Anchor, trouble: Trouble) -> Draft:

@@ -211,7 +211,11 @@ async def test_what_a_loader_has_confirmed_comes_back(
     assert answer.json()["returning"] == ["p1"]
     progress = await shown(composition, instruction.mission_id)
     assert [aim["kind"] for aim in progress["aims"]] == ["RETURN"]
-    assert progress["trouble"]["code"] == "LOADED"
+    trouble = progress["trouble"]
+    assert (trouble["code"], [each["package_id"] for each in trouble["loaded"]]) == (
+        "CANCELLED",
+        ["p1"],
+    )
 
 
 async def test_what_was_delivered_is_too_late(

@@ -124,6 +124,37 @@ async def test_what_is_cancelled_while_the_drone_is_told_to_take_off_comes_back(
     assert "RETURN" in kinds((await planned_anew(composition)).steps)
 
 
+async def test_what_closes_while_the_drone_is_told_to_take_off_is_flown_around(
+    composition: Any, drone: Any, make: Any, begin: Any
+) -> None:
+    instruction = await begin.at_pickup(composition, drone, make)
+    await confirm(composition, instruction.mission_id, p1=0.4)
+    told = await planned_anew(composition)
+    await post(composition, "/v1/stations/c/closures", {"reason": "fire"})
+
+    await composition.take(drone.ack(told))
+    revision = await planned_anew(composition)
+
+    assert [each.package_id for each in told.loaded] == ["p1"]
+    assert (revision.mission_revision, revision.loaded) == (3, None)
+    assert "c" not in {each.to_id for each in revision.steps if each.kind == "FLY"}
+
+
+async def test_what_closes_before_the_drone_is_told_to_take_off_changes_nothing_of_its_load(
+    composition: Any, drone: Any, make: Any, begin: Any
+) -> None:
+    instruction = await begin.at_pickup(composition, drone, make, "b", "c")
+    await confirm(composition, instruction.mission_id, p1=0.4, p2=0.4)
+    await post(composition, "/v1/stations/c/closures", {"reason": "fire"})
+
+    told = await planned_anew(composition)
+    await composition.take(drone.ack(told))
+
+    assert [each.package_id for each in told.loaded] == ["p1", "p2"]
+    progress = await shown(composition, instruction.mission_id)
+    assert (progress["mission"]["loading"], progress["trouble"]) == ("CONFIRMED", None)
+
+
 async def test_a_package_cancelled_in_time_is_not_even_loaded(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:

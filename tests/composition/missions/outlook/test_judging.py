@@ -94,6 +94,20 @@ async def test_what_a_state_says_beside_its_alarm_is_compared_with_the_plan(
     assert "MORE_ENERGY" in trouble
 
 
+async def test_the_first_that_a_drone_says_is_compared_with_its_plan(
+    composition: Any, drone: Any
+) -> None:
+    await composition.book()
+    (instruction,) = await composition.sent()
+    mission = {"mission_id": instruction.mission_id, "mission_revision": 1, "step_id": 1}
+
+    await composition.take(drone.ack(instruction), drone.state(**mission, soc=0.5))
+
+    (trouble,) = await troubles(composition)
+    assert trouble is not None
+    assert "MORE_ENERGY" in trouble
+
+
 async def test_a_drone_that_has_not_begun_in_time_is_compared_with_its_plan(
     composition: Any, drone: Any, ready: Any
 ) -> None:

@@ -1,8 +1,10 @@
 """A revision for a drone that flies counts once the drone has taken it."""
 
+import json
 from datetime import timedelta
 from typing import Any
 
+import pytest
 from skyway_composition.missions.give_back import pads_of
 from skyway_composition.missions.record import Trouble
 from skyway_composition.missions.trouble import troubled
@@ -11,6 +13,15 @@ from skyway_composition.missions.watch import Watch
 from skyway.contracts.flight_step import FlyStep, RechargeStep
 from skyway.units import moment_to_ms
 
+HEALTH = {
+    "voltage_v": 22.0,
+    "current_a": 1.0,
+    "soc_error": 0.01,
+    "cell_spread_v": 0.01,
+    "temperature_c": 20.0,
+    "state_of_health": 1.0,
+    "range_m": 10_000.0,
+}
 LATE_WIND = Trouble(code="PLAN_WANTED", detail="the wind has turned")
 
 
@@ -74,6 +85,11 @@ def is_held(window: tuple[str, int, int, int], rows: Any) -> bool:
         and row.end_ms >= end_ms
         for row in rows
     )
+
+
+async def trouble_code(composition: Any) -> Any:
+    (row,) = await composition.rows("SELECT trouble FROM missions")
+    return json.loads(row.trouble or "{}").get("code")
 
 
 async def steps_planned(composition: Any) -> list[int]:
@@ -169,33 +185,93 @@ async def test_after_a_rejection_another_plan_is_made_from_what_the_drone_says(
     assert moment_to_ms(another.steps[0].planned_start_at) > now_ms
 
 
-async def test_a_recharge_that_was_cut_leaves_the_new_step_of_its_number(
-    composition: Any, drone: Any
-) -> None:
+async def diverted_from_its_pad(composition: Any, drone: Any) -> tuple[Any, Any]:
+    """The first instruction, and the one that cuts the recharge the drone is at."""
     first, proposal = await proposed(composition, drone)
     await composition.take(
         drone.ack(proposal, "REJECTED", code="STEP_RELEASED"),
         *drone.ended(first, [first.steps[1]]),
-        drone.state(
-            mission_id=first.mission_id,
-            activity="RECHARGING",
-            step_id=3,
-            released_through=3,
-            station_id="b",
-            soc=0.4,
-            package_ids=("p1",),
-        ),
+        at_its_pad(drone, first),
     )
     await composition.recomposer.step()
     (divert,) = await composition.sent()
-    (cut,) = drone.ended(first, [first.steps[2]])
-    cut = cut.__class__(
-        cut.topic, cut.ids, cut.message.model_copy(update={"code": "CUT"}), retained=False
-    )
+    return first, divert
 
-    await composition.take(drone.ack(divert), cut)
+
+def at_its_pad(drone: Any, instruction: Any, **members: Any) -> Any:
+    values = {
+        "mission_id": instruction.mission_id,
+        "mission_revision": instruction.mission_revision,
+        "activity": "RECHARGING",
+        "step_id": 3,
+        "released_through": 3,
+        "station_id": "b",
+        "soc": 0.4,
+        "package_ids": ("p1",),
+        **members,
+    }
+    return drone.state(**values)
+
+
+def cut(drone: Any, step: Any, instruction: Any) -> Any:
+    (ended,) = drone.ended(instruction, [step])
+    message = ended.message.model_copy(update={"code": "CUT"})
+    return type(ended)(ended.topic, ended.ids, message, retained=False)
+
+
+async def test_a_recharge_that_was_cut_leaves_the_new_step_of_its_number(
+    composition: Any, drone: Any
+) -> None:
+    first, divert = await diverted_from_its_pad(composition, drone)
+
+    await composition.take(drone.ack(divert), cut(drone, first.steps[2], first))
 
     assert await steps_planned(composition) == [step.step_id for step in divert.steps]
+    assert await composition.broken() == []
+
+
+async def test_what_was_found_while_a_proposal_was_on_its_way_is_compared_with_it(
+    composition: Any, drone: Any
+) -> None:
+    first, divert = await diverted_from_its_pad(composition, drone)
+    in_wind = {"health": HEALTH | {"consumption_factor": 1.6}}
+    await composition.take(at_its_pad(drone, first, **in_wind))
+    assert await trouble_code(composition) == "PLAN_WANTED"
+
+    await composition.take(
+        drone.ack(divert),
+        cut(drone, first.steps[2], first),
+        at_its_pad(drone, divert, activity="WAITING", released_through=2, **in_wind),
+    )
+
+    assert await trouble_code(composition) == "MORE_ENERGY"
+
+
+@pytest.mark.parametrize("is_told_first", ["state", "event"])
+async def test_a_drone_that_flies_by_a_proposal_has_taken_it(
+    composition: Any, drone: Any, is_told_first: str
+) -> None:
+    first, proposal = await proposed(composition, drone)
+    landed = drone.ended(first, [first.steps[1]])
+    on_pad = at_its_pad(drone, proposal, activity="WAITING", released_through=2)
+    lost = drone.event(
+        "STEP_FAILED",
+        mission_id=proposal.mission_id,
+        mission_revision=2,
+        step_id=3,
+        station_id="b",
+        code="PAD_LOST",
+    )
+
+    # Its answer was lost: it says so again once it has heard the proposal again.
+    await composition.take(*landed, *([on_pad] if is_told_first == "state" else []), lost)
+    await composition.take(drone.ack(proposal))
+
+    assert [each.kind for each in await composition.reports()].count("REPLANNED") == 1
+    (row,) = await composition.rows("SELECT stuck FROM missions")
+    assert "PAD_LOST" in (row.stuck or "")
+    await composition.recomposer.step()
+    assert [each.mission_revision for each in await composition.sent()] == [3]
     assert await composition.broken() == []
 
 
