@@ -3,7 +3,8 @@
 import sys
 
 from skyway.runtime.service_process import ServiceProcess
-from skyway_gateway.app import PACKAGE, SERVICE, build_app
+from skyway_gateway.app import PACKAGE, build_app
+from skyway_gateway.parts import SERVICE
 from skyway_gateway.settings import GatewaySettings
 from skyway_gateway.verify import violations
 

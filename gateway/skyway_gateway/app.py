@@ -1,9 +1,8 @@
-"""The one place where the gateway is put together."""
+"""The gateway as an app: its routes, what it opens and closes, the loops that run meanwhile."""
 
 import secrets
-from collections.abc import AsyncIterator, Mapping
+from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, asynccontextmanager
-from dataclasses import dataclass
 from datetime import timedelta
 from pathlib import Path
 from typing import Final
@@ -11,7 +10,6 @@ from typing import Final
 from fastapi import FastAPI
 from starlette.middleware import Middleware
 
-from skyway.runtime.clock import AnchoredClock, FleetClock, load_clock
 from skyway.runtime.http.app import (
     Lifespan,
     Readiness,
@@ -20,57 +18,33 @@ from skyway.runtime.http.app import (
     nothing_to_open,
     nothing_to_wait_for,
 )
-from skyway.runtime.http.client import ServiceClient
-from skyway.runtime.http.identity import ServiceGate, ServiceIdentity, read_secret
+from skyway.runtime.http.identity import read_secret
 from skyway.runtime.idempotency.memory import sweep
-from skyway.runtime.loops import Loops, Wake, repeat
+from skyway.runtime.loops import Loops, repeat
 from skyway.runtime.minting import mint
 from skyway.runtime.mqtt.client import MqttClient
 from skyway.runtime.outbox.mqtt_sender import MqttSender
 from skyway.runtime.outbox.paces import unhurried
 from skyway.runtime.outbox.report_sender import ReportSender
-from skyway.runtime.sql.database import Database
 from skyway.runtime.sql.migrations import migrate
-from skyway_gateway.access.drone_keys import DroneKeys
-from skyway_gateway.access.keys import Keys
-from skyway_gateway.access.known_keys import KnownKeys
-from skyway_gateway.access.routes import KeyGate, key_routes
+from skyway_gateway.access.routes import key_routes
 from skyway_gateway.audit.routes import audit_routes
 from skyway_gateway.audit.trail import AuditTrail
-from skyway_gateway.clients import Composition, Registry, RestComposition, RestRegistry
-from skyway_gateway.deliveries.accept import Acceptance
-from skyway_gateway.deliveries.book import Booker
-from skyway_gateway.deliveries.booking_loop import BookingLoop
-from skyway_gateway.deliveries.cancel import Canceller
 from skyway_gateway.deliveries.earnings.routes import earnings_routes
-from skyway_gateway.deliveries.follow import Follower
-from skyway_gateway.deliveries.known import KnownDeliveries
-from skyway_gateway.deliveries.overdue import OverdueWatch
 from skyway_gateway.deliveries.queueing.store import free_claims
 from skyway_gateway.deliveries.reading.routes import reading_routes
 from skyway_gateway.deliveries.routes import delivery_routes, report_routes
-from skyway_gateway.deliveries.writing import DeliveryWriter
 from skyway_gateway.forward.routes import forward_routes, provider_routes
 from skyway_gateway.forward.table import larger_bodies
-from skyway_gateway.notifications.events import Events
 from skyway_gateway.notifications.fleet_time import CLOCK_EVERY_S, publish_clock
 from skyway_gateway.notifications.routes import clock_routes, webhook_routes
-from skyway_gateway.notifications.sending.post import WebhookPost
-from skyway_gateway.notifications.sending.sender import WebhookSender
-from skyway_gateway.notifications.streaming.news import News
 from skyway_gateway.notifications.streaming.stream import EventStream
-from skyway_gateway.notifications.targets import Targets
+from skyway_gateway.parts import SERVICE, Parts, parts_in_life
 from skyway_gateway.quotes import store as quote_store
-from skyway_gateway.quotes.checks import Checks
-from skyway_gateway.quotes.known_networks import KnownNetworks
-from skyway_gateway.quotes.make import QuoteMaker
-from skyway_gateway.quotes.payload_limits import PayloadLimits
 from skyway_gateway.quotes.routes import quote_routes
 from skyway_gateway.settings import GatewaySettings
 from skyway_gateway.statistics.routes import statistics_routes
-from skyway_gateway.tables import outbox
 
-SERVICE: Final = "gateway"
 PACKAGE: Final = "skyway_gateway"
 
 #: Seconds of wall time between two looks of a loop that nothing has woken.
@@ -80,81 +54,6 @@ _OVERDUE_EVERY_S: Final = 1.0
 
 #: How long a quote can be read after it has expired.
 _QUOTES_KEPT: Final = timedelta(hours=24)
-
-
-@dataclass(frozen=True, slots=True)
-class Parts:
-    """What the rooms are made of; `Wake`s tell one room's loop what another has done."""
-
-    db: Database
-    clock: FleetClock
-    anchor: AnchoredClock
-    clients: Mapping[str, ServiceClient]
-    registry: Registry
-    composition: Composition
-    networks: KnownNetworks
-    known_keys: KnownKeys
-    gate: KeyGate
-    services: ServiceGate
-    keys: Keys
-    news: News
-    writer: DeliveryWriter
-    targets: Targets
-    post: WebhookPost
-    sender: WebhookSender
-    booking: BookingLoop
-
-    @property
-    def booker(self) -> Booker:
-        """Books queued deliveries."""
-        return Booker(
-            self.db,
-            self.registry,
-            self.composition,
-            self.canceller,
-            self.writer,
-            self.clock,
-            mint,
-            self.booking.claimant,
-        )
-
-    @property
-    def canceller(self) -> Canceller:
-        """Cancels deliveries."""
-        return Canceller(self.db, self.composition, self.writer, self.clock, mint)
-
-    @property
-    def overdue_watch(self) -> OverdueWatch:
-        """Tells that deliveries are late."""
-        return OverdueWatch(self.db, self.writer, self.clock)
-
-    @property
-    def follower(self) -> Follower:
-        """Applies mission reports."""
-        return Follower(self.db, self.writer, self.clock, self.booking.queued)
-
-    @property
-    def quote_maker(self) -> QuoteMaker:
-        """Makes quotes."""
-        return QuoteMaker(
-            self.db,
-            self.registry,
-            self.composition,
-            self.checks,
-            self.clock,
-            mint,
-        )
-
-    @property
-    def acceptance(self) -> Acceptance:
-        """Accepts delivery requests."""
-        return Acceptance(self.db, self.checks, self.writer, self.clock, mint, self.booking)
-
-    @property
-    def checks(self) -> Checks:
-        """Checks delivery requests against the world."""
-        limits = PayloadLimits(self.registry, self.clock)
-        return Checks(limits, self.networks, self.composition, self.clock)
 
 
 def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> FastAPI:
@@ -203,7 +102,7 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
 
 def build_app(settings: GatewaySettings) -> FastAPI:
     """The gateway as it runs; everything is opened by the app's lifespan."""
-    parts = _parts_in_life(settings)
+    parts = parts_in_life(settings)
 
     async def on_connected() -> None:
         await publish_clock(mqtt, parts.anchor, mint)
@@ -257,7 +156,7 @@ def openapi_app() -> FastAPI:
     )
 
     return gateway_app(
-        _parts_in_life(settings), lifespan=nothing_to_open, readiness=nothing_to_wait_for
+        parts_in_life(settings), lifespan=nothing_to_open, readiness=nothing_to_wait_for
     )
 
 
@@ -285,56 +184,3 @@ def _start_sweeping(loops: Loops, parts: Parts) -> None:
     late = repeat("overdue", parts.overdue_watch.step, every_s=_OVERDUE_EVERY_S)
     loops.start("overdue", late)
     loops.start("sweep", repeat("sweep", forget_old_answers, every_s=_SWEEP_EVERY_S))
-
-
-def build_parts(
-    settings: GatewaySettings,
-    *,
-    clients: Mapping[str, ServiceClient],
-    anchor: AnchoredClock,
-    clock: FleetClock,
-) -> Parts:
-    """The parts on these clients and this clock; nothing is opened."""
-    db = Database(settings.database_url, outbox=outbox)
-    registry = RestRegistry(clients["registry"])
-    composition = RestComposition(clients["composition"])
-    news, told, targets = News(), Wake(), Targets(settings.webhook_allow_networks)
-    post = WebhookPost(targets)
-    events = Events(clock=clock, mint=mint, news=news, webhooks=told)
-    known_keys = KnownKeys(db, clock)
-    return Parts(
-        db=db,
-        clock=clock,
-        anchor=anchor,
-        clients=clients,
-        registry=registry,
-        composition=composition,
-        networks=KnownNetworks(composition),
-        known_keys=known_keys,
-        gate=KeyGate(known_keys, DroneKeys(registry)),
-        services=ServiceGate(settings.secrets_dir, allowed=("composition",)),
-        keys=Keys(
-            db,
-            known=known_keys,
-            accounts=registry,
-            secrets_dir=settings.secrets_dir,
-            clock=clock,
-            mint=mint,
-        ),
-        news=news,
-        writer=DeliveryWriter(db, events, KnownDeliveries()),
-        targets=targets,
-        post=post,
-        sender=WebhookSender(db, post, told, clock, mint),
-        booking=BookingLoop(Wake(), claimant=mint("bkr"), most=settings.bookings_at_once),
-    )
-
-
-def _parts_in_life(settings: GatewaySettings) -> Parts:
-    identity = ServiceIdentity(SERVICE, settings.secrets_dir)
-    clock = load_clock(settings.clock_file)
-    clients = {
-        "registry": ServiceClient("registry", settings.registry_url, identity),
-        "composition": ServiceClient("composition", settings.composition_url, identity),
-    }
-    return build_parts(settings, clients=clients, anchor=clock, clock=clock)

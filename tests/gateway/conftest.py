@@ -17,11 +17,12 @@ import pytest
 from fastapi import FastAPI
 from skyway_gateway.access.key import ApiKey, secret_hash
 from skyway_gateway.access.store import add as add_key
-from skyway_gateway.app import Parts, build_parts, gateway_app, take_over
+from skyway_gateway.app import gateway_app, take_over
 from skyway_gateway.deliveries.known import Known
 from skyway_gateway.deliveries.rows.of_delivery import changing
 from skyway_gateway.deliveries.rows.of_packages import package_values
 from skyway_gateway.deliveries.store import lock
+from skyway_gateway.parts import Parts, build_parts
 from skyway_gateway.settings import GatewaySettings
 from skyway_gateway.tables import deliveries
 from skyway_gateway.verify import violations

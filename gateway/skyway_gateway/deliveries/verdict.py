@@ -12,6 +12,9 @@ from skyway_gateway.deliveries.delivery import Delivery, Refusal
 #: So often may drones refuse a delivery before it is given up (decisions.md, Booking).
 MOST_REFUSALS: Final = 5
 
+#: What holds for every drone of a provider, or for none.
+_WHOEVER_FLIES: Final = ("OTHER_CURRENCY",)
+
 
 @dataclass(frozen=True, slots=True)
 class Never:
@@ -30,14 +33,15 @@ def why_never(offer: OfferLimits | None, booking: Booking, candidates: Candidate
     """Why no later round can find a drone; None while one may.
 
     Without candidates composition knows nothing, and only the registry's reasons count. Nobody
-    registered is no reason for ever: the first fleet may be on its way. A taken offer does not
-    wait: what it promised is there at once, or lost.
+    registered is no reason for ever: the first fleet may be on its way. What holds for the drones
+    of a provider that were compared may not hold for those that are busy now. A taken offer does
+    not wait: what it promised is there at once, or lost.
     """
     reasons = (*booking.reasons, *candidates.infeasible)
     if offer is not None:
         return _lost(offer, reasons)
     is_busy = booking.outcome == "BUSY" and not candidates.shortlist.is_empty
-    if is_busy or not reasons or any(reason.is_temporary for reason in reasons):
+    if is_busy or not reasons or any(_may_pass(reason, candidates) for reason in reasons):
         return None
     detail = "no provider can fly it: " + "; ".join(_in_words(reason) for reason in reasons)
     return Never(reasons, detail)
@@ -60,6 +64,12 @@ def refusal_reasons(refusals: Iterable[Refusal]) -> tuple[ProviderReason, ...]:
 def nobody_asked(detail: str) -> ProviderReason:
     """The reason of a delivery that ran out of time before any provider said a word."""
     return ProviderReason(provider_id=None, code="TOO_LATE", detail=detail, is_temporary=False)
+
+
+def _may_pass(reason: ProviderReason, candidates: Candidates) -> bool:
+    if reason.code in _WHOEVER_FLIES:
+        return False
+    return reason.is_temporary or reason.provider_id in candidates.more_later
 
 
 def _lost(offer: OfferLimits, reasons: tuple[ProviderReason, ...]) -> Never:

@@ -41,6 +41,29 @@ def test_only_reasons_that_last_are_never(
     assert (why_never(None, Booking(outcome=outcome), found) is not None) == is_never
 
 
+@pytest.mark.parametrize(
+    ("code", "more_later", "is_never"),
+    [
+        ("DESTINATION_UNREACHABLE", ("prv_1",), False),
+        ("DESTINATION_UNREACHABLE", ("prv_2",), True),
+        ("OTHER_CURRENCY", ("prv_1",), True),
+    ],
+)
+def test_what_holds_for_free_drones_may_not_hold_for_busy_ones(
+    reason: Callable[..., Any],
+    candidate: Callable[..., Any],
+    code: str,
+    more_later: Any,
+    is_never: bool,
+) -> None:
+    booking = Booking(outcome="INFEASIBLE", reasons=(reason(code, is_temporary=False),))
+    shortlist = Shortlist.of([candidate()])
+
+    found = Candidates(shortlist=shortlist, infeasible=(), more_later=more_later)
+
+    assert (why_never(None, booking, found) is not None) == is_never
+
+
 def test_the_sentence_names_provider_code_and_detail(reason: Callable[..., Any]) -> None:
     booking = Booking(outcome="INFEASIBLE", reasons=(reason("OUT_OF_RANGE", is_temporary=False),))
     never = why_never(None, booking, Candidates(shortlist=Shortlist(), infeasible=()))

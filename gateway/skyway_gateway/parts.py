@@ -1,0 +1,167 @@
+"""What the gateway is made of; nothing of it is opened here."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from skyway.runtime.clock import AnchoredClock, FleetClock, load_clock
+from skyway.runtime.http.client import ServiceClient
+from skyway.runtime.http.identity import ServiceGate, ServiceIdentity
+from skyway.runtime.loops import Wake
+from skyway.runtime.minting import mint
+from skyway.runtime.sql.database import Database
+from skyway_gateway.access.drone_keys import DroneKeys
+from skyway_gateway.access.keys import Keys
+from skyway_gateway.access.known_keys import KnownKeys
+from skyway_gateway.access.routes import KeyGate
+from skyway_gateway.clients import Composition, Registry, RestComposition, RestRegistry
+from skyway_gateway.deliveries.accept import Acceptance
+from skyway_gateway.deliveries.book import Booker
+from skyway_gateway.deliveries.booking_loop import BookingLoop
+from skyway_gateway.deliveries.cancel import Canceller
+from skyway_gateway.deliveries.follow import Follower
+from skyway_gateway.deliveries.known import KnownDeliveries
+from skyway_gateway.deliveries.overdue import OverdueWatch
+from skyway_gateway.deliveries.writing import DeliveryWriter
+from skyway_gateway.notifications.events import Events
+from skyway_gateway.notifications.sending.post import WebhookPost
+from skyway_gateway.notifications.sending.sender import WebhookSender
+from skyway_gateway.notifications.streaming.news import News
+from skyway_gateway.notifications.targets import Targets
+from skyway_gateway.quotes.checks import Checks
+from skyway_gateway.quotes.known_networks import KnownNetworks
+from skyway_gateway.quotes.make import QuoteMaker
+from skyway_gateway.quotes.payload_limits import PayloadLimits
+from skyway_gateway.settings import GatewaySettings
+from skyway_gateway.tables import outbox
+
+SERVICE: Final = "gateway"
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """What the rooms are made of; `Wake`s tell one room's loop what another has done."""
+
+    db: Database
+    clock: FleetClock
+    anchor: AnchoredClock
+    clients: Mapping[str, ServiceClient]
+    registry: Registry
+    composition: Composition
+    networks: KnownNetworks
+    known_keys: KnownKeys
+    gate: KeyGate
+    services: ServiceGate
+    keys: Keys
+    news: News
+    writer: DeliveryWriter
+    targets: Targets
+    post: WebhookPost
+    sender: WebhookSender
+    booking: BookingLoop
+
+    @property
+    def booker(self) -> Booker:
+        """Books queued deliveries."""
+        return Booker(
+            self.db,
+            self.registry,
+            self.composition,
+            self.canceller,
+            self.writer,
+            self.clock,
+            mint,
+            self.booking.claimant,
+        )
+
+    @property
+    def canceller(self) -> Canceller:
+        """Cancels deliveries."""
+        return Canceller(self.db, self.composition, self.writer, self.clock, mint)
+
+    @property
+    def overdue_watch(self) -> OverdueWatch:
+        """Tells that deliveries are late."""
+        return OverdueWatch(self.db, self.writer, self.clock)
+
+    @property
+    def follower(self) -> Follower:
+        """Applies mission reports."""
+        return Follower(self.db, self.writer, self.clock, self.booking.queued)
+
+    @property
+    def quote_maker(self) -> QuoteMaker:
+        """Makes quotes."""
+        return QuoteMaker(
+            self.db,
+            self.registry,
+            self.composition,
+            self.checks,
+            self.clock,
+            mint,
+        )
+
+    @property
+    def acceptance(self) -> Acceptance:
+        """Accepts delivery requests."""
+        return Acceptance(self.db, self.checks, self.writer, self.clock, mint, self.booking)
+
+    @property
+    def checks(self) -> Checks:
+        """Checks delivery requests against the world."""
+        limits = PayloadLimits(self.registry, self.clock)
+        return Checks(limits, self.networks, self.composition, self.clock)
+
+
+def build_parts(
+    settings: GatewaySettings,
+    *,
+    clients: Mapping[str, ServiceClient],
+    anchor: AnchoredClock,
+    clock: FleetClock,
+) -> Parts:
+    """The parts on these clients and this clock; nothing is opened."""
+    db = Database(settings.database_url, outbox=outbox)
+    registry = RestRegistry(clients["registry"])
+    composition = RestComposition(clients["composition"])
+    news, told, targets = News(), Wake(), Targets(settings.webhook_allow_networks)
+    post = WebhookPost(targets)
+    events = Events(clock=clock, mint=mint, news=news, webhooks=told)
+    known_keys = KnownKeys(db, clock)
+    return Parts(
+        db=db,
+        clock=clock,
+        anchor=anchor,
+        clients=clients,
+        registry=registry,
+        composition=composition,
+        networks=KnownNetworks(composition),
+        known_keys=known_keys,
+        gate=KeyGate(known_keys, DroneKeys(registry)),
+        services=ServiceGate(settings.secrets_dir, allowed=("composition",)),
+        keys=Keys(
+            db,
+            known=known_keys,
+            accounts=registry,
+            secrets_dir=settings.secrets_dir,
+            clock=clock,
+            mint=mint,
+        ),
+        news=news,
+        writer=DeliveryWriter(db, events, KnownDeliveries()),
+        targets=targets,
+        post=post,
+        sender=WebhookSender(db, post, told, clock, mint),
+        booking=BookingLoop(Wake(), claimant=mint("bkr"), most=settings.bookings_at_once),
+    )
+
+
+def parts_in_life(settings: GatewaySettings) -> Parts:
+    """The parts as they run: with the services of these settings, and the system's clock."""
+    identity = ServiceIdentity(SERVICE, settings.secrets_dir)
+    clock = load_clock(settings.clock_file)
+    clients = {
+        "registry": ServiceClient("registry", settings.registry_url, identity),
+        "composition": ServiceClient("composition", settings.composition_url, identity),
+    }
+    return build_parts(settings, clients=clients, anchor=clock, clock=clock)

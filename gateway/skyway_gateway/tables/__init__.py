@@ -1,0 +1,29 @@
+"""The tables of the gateway; `_ms` is fleet time, `_wall_ms` wall time, in ms since 1970."""
+
+from skyway.runtime.idempotency.table import idempotency_table
+from skyway.runtime.outbox.table import outbox_table
+from skyway_gateway.tables.access import api_keys, audit
+from skyway_gateway.tables.deliveries import custody, deliveries, missions, packages
+from skyway_gateway.tables.metadata import metadata
+from skyway_gateway.tables.notifications import events, notifications, webhook_attempts, webhooks
+from skyway_gateway.tables.quotes import quotes
+
+__all__ = [
+    "api_keys",
+    "audit",
+    "custody",
+    "deliveries",
+    "events",
+    "idempotency",
+    "metadata",
+    "missions",
+    "notifications",
+    "outbox",
+    "packages",
+    "quotes",
+    "webhook_attempts",
+    "webhooks",
+]
+
+outbox = outbox_table(metadata)
+idempotency = idempotency_table(metadata)

@@ -1,0 +1,21 @@
+"""Quotes."""
+
+from sqlalchemy import BigInteger, Column, Index, Table, Text
+
+from skyway_gateway.tables.metadata import metadata
+
+#: Offers made to a customer; they reserve nothing.
+quotes = Table(
+    "quotes",
+    metadata,
+    Column("quote_id", Text, primary_key=True),
+    Column("customer_id", Text, nullable=False),
+    Column("request", Text, nullable=False),  # JSON of skyway.delivery.request.DeliveryRequest
+    Column("offers", Text, nullable=False),  # JSON list of quotes.quote.Offer
+    Column("infeasible", Text, nullable=False),  # JSON list of ProviderReason
+    Column("made_ms", BigInteger, nullable=False),
+    Column("expires_wall_ms", BigInteger, nullable=False),
+    Column("taken_offer_id", Text),
+    Column("delivery_id", Text),
+    Index("quotes_by_expiry", "expires_wall_ms"),
+)
