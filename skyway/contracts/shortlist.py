@@ -131,7 +131,12 @@ class Shortlist(WireModel):
 
 
 class Candidates(WireModel):
-    """The registry's answer: the drones to compare, and the providers that have none."""
+    """The registry's answer: the drones to compare, and the providers that have none.
+
+    The providers in `more_later` have, beside those to compare, drones that could fly it once they
+    are free again or charged.
+    """
 
     shortlist: Shortlist
     infeasible: tuple[ProviderReason, ...]
+    more_later: tuple[ProviderId, ...] = ()

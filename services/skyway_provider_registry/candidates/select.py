@@ -37,6 +37,9 @@ _OBSTACLES: Final[tuple[ProviderReasonCode, ...]] = (
     "LOW_CHARGE",
 )
 
+#: The places of what ends by itself among these, counted from 1.
+_PASSING: Final = [1 + _OBSTACLES.index(code) for code in ("BUSY", "LOW_CHARGE")]
+
 
 def select(query: CandidateQuery, fleet: Fleet, *, wall_now_ms: int) -> Candidates:
     """The drones to compare, nearest first, and a reason for each provider that has none."""
@@ -56,6 +59,7 @@ def select(query: CandidateQuery, fleet: Fleet, *, wall_now_ms: int) -> Candidat
     candidates = [columns.drones[row] for row in chosen.tolist()]
     compared = {drone.provider_id for drone in candidates}
     found = _found_by_provider(columns, obstacles)
+    passing = found[:, _PASSING].any(axis=1)
     for provider_id in fleet.providers.keys() - reasons.keys() - compared:
         place = columns.providers.get(provider_id)
         if place is not None and found[place, 0]:
@@ -66,6 +70,7 @@ def select(query: CandidateQuery, fleet: Fleet, *, wall_now_ms: int) -> Candidat
     return Candidates.model_construct(
         shortlist=_shortlist(candidates, fleet.providers),
         infeasible=tuple(sorted(reasons.values(), key=lambda reason: reason.provider_id or "")),
+        more_later=tuple(each for each in sorted(compared) if passing[columns.providers[each]]),
     )
 
 

@@ -258,6 +258,28 @@ def test_a_provider_whose_only_strong_drone_is_busy_is_busy_and_splits_nothing()
     assert [reason.code for reason in found.infeasible] == ["BUSY"]
 
 
+@pytest.mark.parametrize(
+    ("sister", "is_more_later"),
+    [
+        ({"is_busy": True}, True),
+        ({"soc": 0.05, "model": DJI_MATRICE_300_RTK}, True),
+        ({}, False),
+        ({"online_until_ms": 0}, False),
+        ({"is_busy": True, "model": DJI_MATRICE_300_RTK, "payload_kg": 3.0}, False),
+    ],
+)
+def test_a_provider_may_have_more_drones_later_beside_those_to_compare(
+    sister: dict[str, object], is_more_later: bool
+) -> None:
+    query = make_query(payload_kg=sister.pop("payload_kg", 2.0))
+    drones = [make_drone("free", away_deg=0.3), make_drone("sister", **sister)]
+
+    found = select(query, providers=[make_provider("p")], drones=drones)
+
+    assert found.infeasible == ()
+    assert found.more_later == (("p",) if is_more_later else ())
+
+
 def test_one_provider_splits_while_another_lifts_everything() -> None:
     drones = [
         make_drone("weak", provider="p", model=DJI_MATRICE_300_RTK),
