@@ -27,9 +27,11 @@ from skyway.contracts.topics import EVENTS, STATE, TELEMETRY
 from skyway.errors import SkywayError
 from skyway.runtime.mqtt.client import MqttClient
 
-#: How long the cast may take to get ready, and the delivery to end, wall seconds.
-_READY_WITHIN_S = 30.0
-_ENDED_WITHIN_S = 150.0
+#: How long the cast may take to get ready, and the delivery to end, wall seconds: some eight times
+#: what they take, since a newcomer's machine may have little free, and every pause makes drones
+#: late. What keeps dying is seen at once.
+_READY_WITHIN_S = 90.0
+_ENDED_WITHIN_S = 300.0
 
 _TERMINAL = frozenset({"COMPLETED", "PARTIALLY_COMPLETED", "CANCELLED", "FAILED", "REJECTED"})
 
