@@ -8,6 +8,7 @@ that sends the revision, and whatever has changed meanwhile leads to another loo
 
 import asyncio
 import logging
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
@@ -108,13 +109,34 @@ class Recomposer:
             await self._hold(case.record, stop)
             return
         planner = RestPlanner(self.solver, case.world, case.situation, case.closed)
-        rest = await planner.plan(anchor, case.trouble)
+        anchor, rest = await self._rest(case, planner, landing=anchor)
         if isinstance(rest, Rest):
             await self._take_or_retry(case, anchor, rest)
         elif rest.is_temporary:
             await self._retry_later(case.record)
         else:
             await self._do_without(case, anchor, planner, rest)
+
+    async def _rest(
+        self, case: Case, planner: RestPlanner, *, landing: Anchor
+    ) -> tuple[Anchor, Rest | NoTrip]:
+        """The rest from where the drone lands next, else from a station that it would fly over."""
+        found = await planner.plan(landing, case.trouble)
+        if isinstance(found, Rest):
+            return landing, found
+        for over in self._flown_over(case, landing):
+            sooner = await planner.plan(over, case.trouble)
+            if isinstance(sooner, Rest):
+                return over, sooner
+        return landing, found
+
+    def _flown_over(self, case: Case, landing: Anchor) -> Iterator[Anchor]:
+        """Where the drone would fly over before it lands, and may take off again; latest first."""
+        over: Anchor | None = landing
+        while over is not None:
+            over = self._anchor(case, closed=case.closed, before_step=over.last_valid_step)
+            if over is not None and case.ground_stop(over) is None:
+                yield over
 
     async def _do_without(
         self, case: Case, anchor: Anchor, planner: RestPlanner, reason: NoTrip
@@ -153,13 +175,16 @@ class Recomposer:
             skyway, self.db, after_ms=self._now_ms(), without_mission_id=record.mission_id
         )
 
-    def _anchor(self, case: Case, *, closed: ClosedAhead) -> Anchor | None:
+    def _anchor(
+        self, case: Case, *, closed: ClosedAhead, before_step: int | None = None
+    ) -> Anchor | None:
         fleet_s, wall_s = _HEARD_WITHIN_S
         margin = fleet_margin(self.clock, fleet_s=fleet_s, wall_s=wall_s)
         earliest_ms = 1 + moment_to_ms(self.clock.now() + margin)
         stuck = case.record.stuck
         if stuck is not None:
-            return anchor_of_stuck(case.situation, stuck, earliest_ms=earliest_ms)
+            at_once = anchor_of_stuck(case.situation, stuck, earliest_ms=earliest_ms)
+            return at_once if before_step is None else None
         settings = case.world.skyway.settings
         return find_anchor(
             case.situation,
@@ -168,6 +193,7 @@ class Recomposer:
             closed=closed,
             now_ms=self._now_ms(),
             earliest_ms=earliest_ms,
+            before_step=before_step,
         )
 
     async def _take_or_retry(self, case: Case, anchor: Anchor, rest: Rest) -> None:

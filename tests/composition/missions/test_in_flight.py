@@ -87,6 +87,27 @@ async def test_a_drone_lands_before_the_station_that_was_closed(
     assert await composition.broken() == []
 
 
+async def test_a_drone_lands_before_a_station_where_it_cannot_charge_any_more(
+    composition: Any, drone: Any, make: Any
+) -> None:
+    first = await take_off(composition, drone, "e", make=make, battery_j=FOR_TWO_FLIGHTS_J)
+    over, landing, recharge = first.steps[1:4]
+    assert (over.to_id, over.lands, landing.lands) == ("b", False, True)
+    assert (recharge.kind, recharge.station_id) == ("RECHARGE", "c")
+
+    for pad in range(2):
+        outages = f"/v1/stations/c/pads/{pad}/outages"
+        answer = await composition(OPERATOR, "POST", outages, {"reason": "no power"})
+        assert answer.status_code == 201, answer.text
+    await composition.recomposer.step()
+
+    (divert,) = await composition.sent()
+    assert (divert.kind, divert.last_valid_step) == ("DIVERT", 2)
+    assert (divert.steps[0].kind, divert.steps[0].station_id) == ("RECHARGE", "b")
+    assert [step.kind for step in divert.steps].count("DELIVER") == 1
+    assert await composition.broken() == []
+
+
 async def test_packages_whose_recipient_cannot_be_reached_any_more_go_back(
     composition: Any, drone: Any, make: Any
 ) -> None:
