@@ -1,0 +1,63 @@
+"""The tables of the links to drones."""
+
+from sqlalchemy import (
+    BigInteger,
+    Boolean,
+    CheckConstraint,
+    Column,
+    ForeignKey,
+    Index,
+    Integer,
+    Table,
+    Text,
+    UniqueConstraint,
+    false,
+    text,
+)
+
+from skyway_composition.tables.metadata import metadata
+
+#: What was sent to a drone, and its answer.
+instructions = Table(
+    "instructions",
+    metadata,
+    Column("instruction_id", Text, primary_key=True),
+    Column("drone_id", Text, nullable=False),
+    Column("stream", Integer, nullable=False),
+    Column("seq", Integer, nullable=False),
+    Column("kind", Text, nullable=False),
+    Column("mission_id", Text, ForeignKey("missions.mission_id")),
+    Column("mission_revision", Integer),
+    Column("status", Text, nullable=False),
+    Column("body", Text, nullable=False),  # JSON of Instruction
+    CheckConstraint(
+        "status IN ('SENT', 'RECEIVED', 'ACCEPTED', 'REJECTED', 'REISSUED')",
+        name="instruction_status",
+    ),
+    UniqueConstraint("drone_id", "stream", "seq", name="instruction_order"),
+    Index("instructions_by_mission", "mission_id"),
+)
+
+#: Per drone: the order of what goes to it, and how far we know what comes from it.
+drone_links = Table(
+    "drone_links",
+    metadata,
+    Column("drone_id", Text, primary_key=True),
+    Column("provider_id", Text, nullable=False),
+    Column("stream", Integer, nullable=False),  # 0 before the first instruction
+    Column("last_seq", Integer, nullable=False),  # of the instructions in this stream
+    Column("acked_stream", Integer, nullable=False),  # the last one that the drone has shown,
+    Column("acked_session", BigInteger, nullable=False),  # and the session in which it did
+    Column("last_event_seq", BigInteger, nullable=False),
+    Column("report_asked_wall_ms", BigInteger, nullable=False),
+    Column("state", Text),  # JSON of DroneState, the newest,
+    Column("is_occupied", Boolean, nullable=False, server_default=false()),  # and what it says
+    Column("connection", Text),  # JSON of Connection, the newest
+    # Most drones are not: their links are not looked at to find those that are.
+    Index(
+        "drone_links_occupied",
+        "drone_id",
+        sqlite_where=text("is_occupied = 1"),
+        postgresql_where=text("is_occupied"),
+    ),
+)

@@ -1,0 +1,5 @@
+"""What gathers all tables of composition, for migrations."""
+
+from sqlalchemy import MetaData
+
+metadata = MetaData()
