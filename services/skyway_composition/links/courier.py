@@ -15,6 +15,13 @@ from skyway.runtime.outbox.confirming import confirm
 from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.links import store
+from skyway_composition.links.instructions.store import (
+    SentInstruction,
+    add_instruction,
+    add_last_instruction,
+    open_instructions,
+    set_status,
+)
 from skyway_composition.links.link import DroneLink, Numbered
 
 #: Makes the instruction once its envelope is known: `functools.partial` of a model.
@@ -50,14 +57,14 @@ class Courier:
         link, place = link.with_next()
         await store.save_links(tx, [link])
         instruction = self._instruction(place, draft, expires_at)
-        await store.add_instruction(tx, place.drone_id, instruction)
+        await add_instruction(tx, place.drone_id, instruction)
         _hand_over(tx, place, instruction)
         return link, instruction.instruction_id
 
     def post_last(self, tx: Tx, place: Numbered, draft: Draft, *, expires_at: datetime) -> None:
         """Send an instruction whose place is taken already, the last that the block sends there."""
         instruction = self._instruction(place, draft, expires_at)
-        store.add_last_instruction(tx, place.drone_id, instruction)
+        add_last_instruction(tx, place.drone_id, instruction)
         _hand_over(tx, place, instruction)
 
     def _instruction(self, place: Numbered, draft: Draft, expires_at: datetime) -> AnyInstruction:
@@ -81,12 +88,12 @@ class Courier:
         draft = partial(ReportInstruction, events_after_seq=link.last_event_seq)
         return await self.send(tx, link, draft, expires_at=self.expiry())
 
-    async def withdraw_open(self, tx: Tx, link: DroneLink) -> list[store.SentInstruction]:
+    async def withdraw_open(self, tx: Tx, link: DroneLink) -> list[SentInstruction]:
         """Stop sending what the drone has not answered; what that was, in order."""
-        withdrawn = await store.open_instructions(tx, link.drone_id)
+        withdrawn = await open_instructions(tx, link.drone_id)
         await confirm(tx, [each.instruction_id for each in withdrawn])
         for instruction in withdrawn:
-            await store.set_status(tx, instruction.instruction_id, "REISSUED")
+            await set_status(tx, instruction.instruction_id, "REISSUED")
         return withdrawn
 
 

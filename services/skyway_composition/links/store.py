@@ -1,22 +1,17 @@
-"""All SQL of the links: how far the talk with each drone is, and what was sent to it."""
+"""All SQL of the links: how far the talk with each drone is."""
 
 from collections.abc import Collection, Iterable
-from dataclasses import dataclass
 from typing import Any, Final
 
-from sqlalchemy import Row, bindparam, case, func, insert, literal_column, select, update
+from sqlalchemy import Row, bindparam, case, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.drone_report import Connection, DroneState
-from skyway.contracts.instruction import AnyInstruction, CancelInstruction
-from skyway.ids import DroneId, InstructionId, MissionId, ProviderId
+from skyway.ids import DroneId, ProviderId
 from skyway.runtime.sql.among import among
 from skyway.runtime.sql.database import Tx
 from skyway_composition.links.link import DroneLink, Numbered
-from skyway_composition.tables import drone_links, instructions
-
-#: What the drone has not finally answered.
-_OPEN = ("SENT", "RECEIVED")
+from skyway_composition.tables import drone_links
 
 #: Those among `drone_ids` that say so themselves.
 OCCUPIED: Final = select(drone_links.c.drone_id).where(
@@ -25,7 +20,6 @@ OCCUPIED: Final = select(drone_links.c.drone_id).where(
 
 # Statements that each booking and each word of a drone needs: making them takes longer than
 # running them does.
-_is_open: Final = instructions.c.status.in_([literal_column(f"'{each}'") for each in _OPEN])
 _LINKS_OF: Final = (
     select(drone_links)
     .where(among(drone_links.c.drone_id, "drone_ids"))
@@ -50,41 +44,6 @@ COUNT_NEXT: Final = (
         drone_links.c.last_event_seq,
     )
 )
-_ADD_INSTRUCTION: Final = insert(instructions)
-_SENT_TO: Final = select(instructions.c.instruction_id).where(
-    instructions.c.instruction_id == bindparam("instruction_id"),
-    instructions.c.drone_id == bindparam("drone_id"),
-)
-_LAST_REVISION: Final = select(func.max(instructions.c.mission_revision)).where(
-    instructions.c.mission_id == bindparam("mission_id")
-)
-_SET_STATUS: Final = update(instructions).where(
-    instructions.c.instruction_id == bindparam("of_instruction")
-)
-_ANSWER: Final = (
-    update(instructions)
-    .where(
-        instructions.c.instruction_id == bindparam("of_instruction"),
-        instructions.c.drone_id == bindparam("to_drone"),
-        _is_open,
-    )
-    .returning(
-        instructions.c.instruction_id,
-        instructions.c.kind,
-        instructions.c.mission_id,
-        instructions.c.mission_revision,
-    )
-)
-
-
-@dataclass(frozen=True, slots=True)
-class SentInstruction:
-    """An instruction as it was sent."""
-
-    instruction_id: InstructionId
-    kind: str
-    mission_id: MissionId | None
-    mission_revision: int | None
 
 
 async def lock_link(tx: Tx, drone_id: DroneId, provider_id: ProviderId) -> DroneLink:
@@ -142,115 +101,6 @@ def _values(link: DroneLink) -> dict[str, Any]:  # parameters of `_SAVE_LINK` of
     }
 
 
-async def add_instruction(tx: Tx, drone_id: DroneId, instruction: AnyInstruction) -> None:
-    """Keep an instruction that is being sent."""
-    await tx.execute(_ADD_INSTRUCTION, _instruction_row(drone_id, instruction))
-
-
-def add_last_instruction(tx: Tx, drone_id: DroneId, instruction: AnyInstruction) -> None:
-    """The same when the block ends, which does not ask any more what the drone was sent."""
-    tx.add(instructions, [_instruction_row(drone_id, instruction)])
-
-
-def _instruction_row(
-    drone_id: DroneId, instruction: AnyInstruction
-) -> dict[str, Any]:  # column values of any type
-    return {
-        "instruction_id": instruction.instruction_id,
-        "drone_id": drone_id,
-        "stream": instruction.stream,
-        "seq": instruction.seq,
-        "kind": instruction.kind,
-        "mission_id": instruction.mission_id,
-        "mission_revision": instruction.mission_revision,
-        "status": "SENT",
-        "body": instruction.model_dump_json(),
-    }
-
-
-async def was_sent(tx: Tx, drone_id: DroneId, instruction_id: InstructionId) -> bool:
-    """Whether an instruction was ever sent to this drone."""
-    wanted = {"instruction_id": instruction_id, "drone_id": drone_id}
-    found = await tx.execute(_SENT_TO, wanted)
-    return found.scalar_one_or_none() is not None
-
-
-async def is_answered(tx: Tx, link: DroneLink, *, seq: int) -> bool:
-    """Whether the drone has finally answered this instruction of the present stream."""
-    found = await tx.execute(
-        select(instructions.c.status).where(
-            instructions.c.drone_id == link.drone_id,
-            instructions.c.stream == link.stream,
-            instructions.c.seq == seq,
-        )
-    )
-    status = found.scalar_one_or_none()
-    return status is not None and status not in _OPEN
-
-
-async def open_instructions(tx: Tx, drone_id: DroneId) -> list[SentInstruction]:
-    """What this drone has not finally answered, in the order of sending."""
-    found = await tx.execute(
-        select(instructions)
-        .where(instructions.c.drone_id == drone_id, _is_open)
-        .order_by(instructions.c.stream, instructions.c.seq)
-    )
-    return [_sent(row) for row in found]
-
-
-async def last_cancel(tx: Tx, link: DroneLink, mission_id: MissionId) -> CancelInstruction | None:
-    """How the drone was last told to forget a mission, in the present stream, if it was."""
-    found = await tx.execute(
-        select(instructions.c.body)
-        .where(
-            instructions.c.drone_id == link.drone_id,
-            instructions.c.mission_id == mission_id,
-            instructions.c.kind == "CANCEL",
-            instructions.c.stream == link.stream,
-        )
-        .order_by(instructions.c.seq.desc())
-        .limit(1)
-    )
-    body = found.scalar_one_or_none()
-    return None if body is None else CancelInstruction.read(body)
-
-
-async def last_revision(tx: Tx, mission_id: MissionId) -> int:
-    """The newest revision of a mission that was ever sent, taken or not."""
-    found = await tx.execute(_LAST_REVISION, {"mission_id": mission_id})
-    return found.scalar_one() or 0
-
-
-async def kind_of_revision(tx: Tx, mission_id: MissionId, revision: int) -> str | None:
-    """Which instruction brought this revision of a mission; None when none is known."""
-    found = await tx.execute(
-        select(instructions.c.kind)
-        .where(
-            instructions.c.mission_id == mission_id,
-            instructions.c.mission_revision == revision,
-            instructions.c.kind.in_(("MISSION", "DIVERT", "RETURN_HOME")),
-        )
-        .order_by(instructions.c.stream.desc(), instructions.c.seq.desc())
-        .limit(1)
-    )
-    return found.scalar_one_or_none()
-
-
-async def answer(
-    tx: Tx, drone_id: DroneId, instruction_id: InstructionId, status: str
-) -> SentInstruction | None:
-    """An instruction whose answer this drone has just given; None when it had none to give."""
-    answered = {"of_instruction": instruction_id, "to_drone": drone_id, "status": status}
-    found = await tx.execute(_ANSWER, answered)
-    row = found.one_or_none()
-    return None if row is None else _sent(row)
-
-
-async def set_status(tx: Tx, instruction_id: InstructionId, status: str) -> None:
-    """Note how far the drone's answer is."""
-    await tx.execute(_SET_STATUS, {"of_instruction": instruction_id, "status": status})
-
-
 async def _begin(tx: Tx, drone_id: DroneId, provider_id: ProviderId) -> None:
     fresh = DroneLink(drone_id, provider_id)
     row = {
@@ -279,7 +129,3 @@ def _link(row: Row[Any]) -> DroneLink:  # a row of drone_links
         state=None if row.state is None else DroneState.read(row.state),
         connection=None if row.connection is None else Connection.read(row.connection),
     )
-
-
-def _sent(row: Row[Any]) -> SentInstruction:  # a row of instructions
-    return SentInstruction(row.instruction_id, row.kind, row.mission_id, row.mission_revision)

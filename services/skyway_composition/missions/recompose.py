@@ -18,7 +18,9 @@ from skyway.runtime.errors import Taken
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms
-from skyway_composition.links.store import last_revision
+from skyway_composition.links.instructions.store import (
+    last_revision,
+)
 from skyway_composition.missions import store
 from skyway_composition.missions.outlook.situation import Situation
 from skyway_composition.missions.recomposing.case import Case, may_be_planned, trouble_of

@@ -5,9 +5,13 @@ from typing import Final
 
 from skyway.contracts.drone_report import Ack, RefusalCode
 from skyway.units import moment_to_ms
-from skyway_composition.links import store as link_store
+from skyway_composition.links.instructions.store import (
+    SentInstruction,
+    answered,
+    is_answered,
+    was_sent,
+)
 from skyway_composition.links.link import DroneLink
-from skyway_composition.links.store import SentInstruction
 from skyway_composition.missions import store
 from skyway_composition.missions.dispatch import call_off
 from skyway_composition.missions.ending import cancel, refuse
@@ -37,8 +41,8 @@ async def take_ack(watch: Watch, link: DroneLink, ack: Ack) -> None:
     is_gap = ack.code is RefusalCode.SEQUENCE_GAP
     sent = None
     if not is_gap:
-        sent = await link_store.answer(watch.tx, link.drone_id, ack.instruction_id, ack.status)
-    if sent is None and not await link_store.was_sent(watch.tx, link.drone_id, ack.instruction_id):
+        sent = await answered(watch.tx, link.drone_id, ack.instruction_id, ack.status)
+    if sent is None and not await was_sent(watch.tx, link.drone_id, ack.instruction_id):
         return
     link = link.acked(ack.stream, ack.session)
     watch.note_link(link)
@@ -89,7 +93,7 @@ async def _take_gap(watch: Watch, link: DroneLink, ack: Ack) -> None:
     is_of_now = state is not None and state.session == ack.session and ack.stream == link.stream
     if state is None or not is_of_now or not isinstance(expected_seq, int):
         return
-    if await link_store.is_answered(watch.tx, link, seq=expected_seq):
+    if await is_answered(watch.tx, link, seq=expected_seq):
         await open_stream(watch, link, state)
 
 

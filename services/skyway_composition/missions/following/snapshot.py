@@ -5,8 +5,10 @@ from typing import Final
 
 from skyway.contracts.drone_report import DroneState
 from skyway.ids import DroneId, MissionId
+from skyway_composition.links.instructions.store import (
+    last_cancel,
+)
 from skyway_composition.links.link import DroneLink
-from skyway_composition.links.store import last_cancel
 from skyway_composition.missions import store
 from skyway_composition.missions.custody.chain import on_board
 from skyway_composition.missions.custody.store import held_packages

@@ -14,8 +14,10 @@ from skyway.runtime.errors import Conflict
 from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database
+from skyway_composition.links.instructions.store import (
+    kind_of_revision,
+)
 from skyway_composition.links.link import DroneLink
-from skyway_composition.links.store import kind_of_revision
 from skyway_composition.missions.custody.chain import on_board
 from skyway_composition.missions.custody.store import held_packages
 from skyway_composition.missions.escape import escape_of

@@ -1,0 +1,1 @@
+"""What was sent to drones, and what they answered."""
