@@ -49,7 +49,7 @@ from skyway_composition.networks.announce import NetworkVersions
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.networks.routes import NETWORK_LIMIT_BYTES, network_routes
 from skyway_composition.pads.routes import pad_routes
-from skyway_composition.pads.station_states import StationStates
+from skyway_composition.pads.taken.station_states import StationStates
 from skyway_composition.planning.known_network import KnownNetworks
 from skyway_composition.planning.quotes import Quotes
 from skyway_composition.planning.routes import (

@@ -11,9 +11,14 @@ from skyway.runtime.mqtt.client import MqttClient
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.closures.store import outages
-from skyway_composition.pads.outage import outages_by_pad
-from skyway_composition.pads.pad_use import PadUse
-from skyway_composition.pads.store import booked_at, pads_everywhere, pads_of_all, used_stations
+from skyway_composition.pads.store import booked_at
+from skyway_composition.pads.taken.outage import outages_by_pad
+from skyway_composition.pads.taken.pad_use import PadUse
+from skyway_composition.pads.taken.store import (
+    pads_everywhere,
+    pads_of_all,
+    used_stations,
+)
 
 
 @dataclass(slots=True)

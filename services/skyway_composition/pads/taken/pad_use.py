@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from skyway.planner.pad_book import OPEN_MS
-from skyway_composition.pads.outage import Outage
+from skyway_composition.pads.taken.outage import Outage
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 from skyway_composition.networks.announce import NetworkVersions
-from skyway_composition.pads.station_states import StationStates
+from skyway_composition.pads.taken.station_states import StationStates
 
 pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 

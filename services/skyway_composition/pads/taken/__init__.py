@@ -1,0 +1,1 @@
+"""How taken stations are: counted, and told to everybody."""
