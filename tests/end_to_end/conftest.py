@@ -1,7 +1,9 @@
 """Running systems, on the embedded pair of database and broker and on PostgreSQL with Mosquitto."""
 
 import asyncio
+import contextlib
 import os
+import secrets
 import shutil
 import socket
 import subprocess
@@ -18,11 +20,17 @@ PAIRS = {"embedded": (), "postgresql-mosquitto": (pytest.mark.integration,)}
 DATABASES = ("skyway_registry", "skyway_composition", "skyway_gateway")
 
 
+#: Linux gives ports from here on to whoever asks for any, and to every connection.
+_FIRST_GIVEN = 32_768
+
+
 def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port: int = probe.getsockname()[1]
-        return port
+    """A port that is free, and given to nobody until the broker takes it seconds later."""
+    while True:
+        port = secrets.randbelow(_FIRST_GIVEN // 2) + _FIRST_GIVEN // 2
+        with socket.socket() as probe, contextlib.suppress(OSError):
+            probe.bind(("127.0.0.1", port))
+            return port
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
@@ -79,8 +87,9 @@ def running_system(
     finally:
         local.stop()
         if broker is not None:
-            broker.terminate()
-            broker.wait(timeout=10)
+            # It keeps nothing that it would have to write.
+            broker.kill()
+            broker.wait()
             asyncio.run(_drop_databases(environment["SKYWAY_DATABASE_URL"]))
 
 
