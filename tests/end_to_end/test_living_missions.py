@@ -10,7 +10,7 @@ pytestmark = [pytest.mark.end_to_end, pytest.mark.fleet_rate(60.0)]
 #: It stands on its pad for so long that the pad can fail meanwhile, on a slow machine too.
 _SEEN_CHARGING = QUICK_CHARGE | {
     "model_id": "seen-charging",
-    "charge_curve": [[0.0, 0.0], [1800.0, 1.0]],
+    "charge_curve": [[0.0, 0.0], [3600.0, 1.0]],
 }
 
 
@@ -29,7 +29,7 @@ def test_deliveries_complete_though_stations_close_pads_fail_and_zones_appear(sy
     }
 
     closed = _when(system, deliveries["closed"], "FLY")
-    lost = _next_recharge(closed)
+    lost = _last_recharge(closed)
     system.operate("POST", f"/v1/stations/{lost}/closures", {"reason": "roof works"})
     zoned = _when(system, deliveries["zoned"], "FLY")
     system.operate("POST", "/v1/zones", _zone_around("zoned-s4", ladders(*names)))
@@ -83,14 +83,16 @@ def _under_way(mission: dict[str, Any]) -> dict[str, Any] | None:
     return next((step for step in steps if step["step_id"] == state["step_id"]), None)
 
 
-def _next_recharge(mission: dict[str, Any]) -> str:
-    at = mission["drone_state"]["step_id"]
+def _last_recharge(mission: dict[str, Any]) -> str:
+    """Where the drone charges last before it delivers: the furthest ahead, to be told in time."""
+    steps = [each["step"] for each in mission["steps"]]
+    kinds = [step["kind"] for step in steps]
     stations: list[str] = [
-        each["step"]["station_id"]
-        for each in mission["steps"]
-        if each["step"]["kind"] == "RECHARGE" and each["step"]["step_id"] > at
+        step["station_id"]
+        for step in steps[: kinds.index("DELIVER")]
+        if step["kind"] == "RECHARGE" and step["step_id"] > mission["drone_state"]["step_id"]
     ]
-    return stations[0]
+    return stations[-1]
 
 
 def _zone_around(station_id: str, network: dict[str, Any]) -> dict[str, Any]:
