@@ -7,12 +7,20 @@ UV := $(shell command -v uv 2>/dev/null)
 unexport PYTHONDONTWRITEBYTECODE
 # Whole systems mostly wait, so one worker more than cores; what runs where: tests/conftest.py.
 WORKERS := $(shell echo $$(($$(getconf _NPROCESSORS_ONLN) + 1)))
+# Beside the kernels, where numba keeps what it compiles: an environment may outlive its checkout.
+COMPILED := skyway/planner/kernels/__pycache__/.compiled
 PYTEST := $(BIN)/python -m pytest -n $(WORKERS) --maxprocesses 5 --no-loadscope-reorder
 
-setup: $(VENV)/.ready
+setup: $(COMPILED)
 
 $(VENV)/.ready: requirements.txt pyproject.toml
 	@UV="$(UV)" VENV="$(VENV)" sh tools/setup.sh
+	@touch $@
+
+$(COMPILED): $(VENV)/.ready $(wildcard skyway/planner/kernels/*.py)
+	@echo "Compiling the planner, once: about half a minute."
+	@$(BIN)/python -m skyway.planner.warm
+	@mkdir -p $(@D)
 	@touch $@
 
 demo: setup

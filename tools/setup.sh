@@ -18,5 +18,3 @@ else
     "$VENV/bin/python" -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.txt
     "$VENV/bin/python" -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
 fi
-echo "Compiling the planner, once: about half a minute."
-"$VENV/bin/python" -m skyway.planner.warm
