@@ -45,9 +45,11 @@ from skyway_composition.missions.recomposing.occupied_pads import OccupiedPads
 from skyway_composition.missions.routes import mission_routes
 from skyway_composition.missions.sweeps.lagging import Lagging
 from skyway_composition.missions.sweeps.overdue import Overdue
+from skyway_composition.networks.airspace.routes import airspace_routes
 from skyway_composition.networks.announce import NetworkVersions
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.networks.routes import NETWORK_LIMIT_BYTES, network_routes
+from skyway_composition.networks.stations.routes import station_check_routes, station_routes
 from skyway_composition.pads.routes import pad_routes
 from skyway_composition.pads.taken.station_states import StationStates
 from skyway_composition.planning.known_network import KnownNetworks
@@ -130,6 +132,9 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
                 published=parts.published,
                 impact=parts.impact,
             ),
+            station_routes(db=db, gate=gate, networks=networks, clock=clock),
+            airspace_routes(gate=gate, networks=networks),
+            station_check_routes(db=db, gate=gate, networks=networks),
             pad_routes(db=db, gate=gate, clock=clock),
             statistics_routes(db=db, gate=gate, clock=clock),
             mission_statistics_routes(db=db, gate=gate, clock=clock),

@@ -3,6 +3,7 @@
 from typing import Any
 
 from skyway_composition.networks.publish import read_content
+from skyway_composition.networks.stations.store import replace_stations
 from skyway_composition.networks.store import VersionRow, add_version
 
 from skyway.drone.models import DRONE_MODELS
@@ -48,9 +49,6 @@ def _network() -> dict[str, Any]:
 async def add_network(tx: Tx, *, now_ms: int) -> None:
     """Make it the first version of the network `NETWORK_ID`."""
     content = await read_content(_network())
-    await add_version(
-        tx,
-        VersionRow(NETWORK_ID, 1, content.sha256, now_ms),
-        content=content.geojson,
-        of_stations=content.network.stations.values(),
-    )
+    row = VersionRow(NETWORK_ID, 1, content.sha256, now_ms)
+    await add_version(tx, row, content=content.geojson)
+    await replace_stations(tx, NETWORK_ID, content.network.stations.values())

@@ -21,6 +21,7 @@ from skyway.runtime.errors import NotFound
 from skyway.runtime.sql.database import Database
 from skyway_composition.closures.known_conditions import KnownConditions
 from skyway_composition.networks import store
+from skyway_composition.networks.current import current_row
 from skyway_composition.networks.settings import NetworkSettings, settings_of
 
 log = logging.getLogger(__name__)
@@ -68,10 +69,7 @@ class PreparedNetworks:
         NotFound
             There is no such network.
         """
-        async with self._db.read() as connection:
-            row = await store.current_version(connection, network_id)
-        if row is None:
-            raise NotFound("network", network_id)
+        row = await current_row(self._db, network_id)
         return await self.version(network_id, row.version)
 
     async def around(self, station_id: StationId) -> PreparedNetwork | None:

@@ -17,6 +17,11 @@ from skyway_composition.networks import store
 from skyway_composition.networks.losses import losses
 from skyway_composition.networks.prepared import PreparedNetwork, PreparedNetworks
 from skyway_composition.networks.settings import settings_of
+from skyway_composition.networks.stations.store import (
+    replace_stations,
+    reserved_pads,
+    stations_elsewhere,
+)
 from skyway_composition.networks.store import VersionRow
 
 
@@ -107,8 +112,8 @@ async def _put(
     await _refuse_dropped_reservations(tx, network_id, content.network)
     version = 1 if current is None else current.version + 1
     row = VersionRow(network_id, version, content.sha256, now_ms)
-    stations = content.network.stations.values()
-    await store.add_version(tx, row, content=content.geojson, of_stations=stations)
+    await store.add_version(tx, row, content=content.geojson)
+    await replace_stations(tx, network_id, content.network.stations.values())
     return Published(row, is_new=current is None)
 
 
@@ -130,14 +135,14 @@ def _check_precondition(current: VersionRow | None, if_match: str | None) -> Non
 
 
 async def _refuse_foreign_stations(tx: Tx, network_id: NetworkId, network: Network) -> None:
-    elsewhere = await store.stations_elsewhere(tx, network_id, list(network.stations))
+    elsewhere = await stations_elsewhere(tx, network_id, list(network.stations))
     if elsewhere:
         named = ", ".join(f"{row.station_id!r} of {row.network_id!r}" for row in elsewhere)
         raise Conflict("STATION_ELSEWHERE", f"station ids belong to one network; taken: {named}")
 
 
 async def _refuse_dropped_reservations(tx: Tx, network_id: NetworkId, network: Network) -> None:
-    needed = await store.reserved_pads(tx, network_id)
+    needed = await reserved_pads(tx, network_id)
     dropped = sorted(
         station_id
         for station_id, pads in needed.items()

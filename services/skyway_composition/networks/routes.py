@@ -1,19 +1,17 @@
-"""Networks over REST: operators publish them, everybody reads them."""
+"""Networks and their versions over REST: operators publish them, everybody reads them."""
 
 from datetime import datetime
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, Final
 
 from fastapi import Depends, Header, Query, Request, Response
-from pydantic import Field, field_validator
+from pydantic import Field
 
-from skyway.contracts.station_check import NetworkStations, StationCheck, StationCheckQuery
 from skyway.errors import InvalidNetwork
-from skyway.geo import Position
-from skyway.ids import NetworkId, StationId, ZoneId
+from skyway.ids import NetworkId
 from skyway.json_model import JsonModel
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import NotFound
-from skyway.runtime.http.app import internal_body, read_json
+from skyway.runtime.http.app import read_json
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.service_router import ServiceRouter
@@ -21,14 +19,11 @@ from skyway.runtime.loops import Wake
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.closures.impact import Impact
-from skyway_composition.closures.store import closed_stations
 from skyway_composition.networks import store
-from skyway_composition.networks.all_stations import all_stations
-from skyway_composition.networks.box import Box
+from skyway_composition.networks.current import current_row
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.networks.publish import etag, publish, read_content
-from skyway_composition.networks.station_check import check_stations
-from skyway_composition.networks.store import StationRow, VersionRow
+from skyway_composition.networks.store import VersionRow
 
 #: The most bytes of a network (decisions.md).
 NETWORK_LIMIT_BYTES: Final = 256 * 1024 * 1024
@@ -53,54 +48,6 @@ class NetworkInfo(JsonModel):
     published_at: datetime
 
 
-class StationInfo(JsonModel):
-    """A station of the current version; nobody lands where it `is_closed` now."""
-
-    station_id: StationId
-    name: str | None
-    pads: int
-    position: Position
-    is_closed: bool
-
-
-class SegmentInfo(JsonModel):
-    """A segment of the current version, in one direction."""
-
-    from_id: StationId
-    to_id: StationId
-    length_m: float
-
-
-class ZoneInfo(JsonModel):
-    """A zone of the current version, as GeoJSON polygon rings."""
-
-    zone_id: ZoneId
-    type: Literal["Polygon"] = "Polygon"
-    coordinates: tuple[tuple[Position, ...], ...]
-    active_from: datetime | None
-    active_until: datetime | None
-
-
-class StationQuery(PageQuery):
-    """Which stations a list shows: all, or those in a box."""
-
-    bbox: Annotated[
-        str | None, Field(max_length=100, description="west,south,east,north in degrees")
-    ] = None
-
-    @field_validator("bbox")
-    @classmethod
-    def _is_a_box(cls, value: str | None) -> str | None:
-        if value is not None:
-            Box.parse(value)
-        return value
-
-    @property
-    def box(self) -> Box | None:
-        """The box; None for all stations."""
-        return None if self.bbox is None else Box.parse(self.bbox)
-
-
 class VersionQuery(JsonModel):
     """Which version of a network; without it the current one."""
 
@@ -116,7 +63,7 @@ def network_routes(
     published: Wake,
     impact: Impact,
 ) -> ServiceRouter:
-    """/v1/networks and what is below it, and what other services ask about stations."""
+    """/v1/networks, a network, and its versions."""
     router = ServiceRouter(tags=("networks",))
 
     @router.put(
@@ -177,7 +124,7 @@ def network_routes(
     ) -> Response:
         """A network as GeoJSON, with its version as ETag."""
         _must_be_somebody(caller)
-        current = await _current(db, network_id)
+        current = await current_row(db, network_id)
         version = current.version if query.version is None else query.version
         async with db.read() as connection:
             content = await store.content(connection, network_id, version)
@@ -194,7 +141,7 @@ def network_routes(
     ) -> Page[NetworkInfo]:
         """All versions of a network, the newest first."""
         _must_be_somebody(caller)
-        current = await _current(db, network_id)
+        current = await current_row(db, network_id)
         after = query.after(int)
         newest = current.version + 1
         # A made-up cursor may lie beyond what the database can number.
@@ -205,111 +152,11 @@ def network_routes(
             )
         return page_of(rows, query, item=_info, sort_key=lambda row: (row.version,))
 
-    @router.get("/v1/networks/{network_id}/stations")
-    async def list_stations(
-        network_id: NetworkId,
-        caller: Annotated[Caller, Depends(gate)],
-        query: Annotated[StationQuery, Query()],
-    ) -> Page[StationInfo]:
-        """The stations of the current version, by id; those in a `bbox` if one is given."""
-        caller.must_be("customer", "provider", "operator", "service", "drone")
-        await _current(db, network_id)
-        after = query.after(str)
-        async with db.read() as connection:
-            rows = await store.stations_after(
-                connection,
-                network_id,
-                str(after[0]) if after else "",
-                box=query.box,
-                limit=query.limit + 1,
-            )
-            closed = await closed_stations(connection, network_id, at_ms=moment_to_ms(clock.now()))
-        return page_of(
-            rows,
-            query,
-            item=lambda row: _station(row, closed),
-            sort_key=lambda row: (row.station_id,),
-        )
-
-    @router.get("/v1/networks/{network_id}/segments")
-    async def list_segments(
-        network_id: NetworkId,
-        caller: Annotated[Caller, Depends(gate)],
-        query: Annotated[PageQuery, Query()],
-    ) -> Page[SegmentInfo]:
-        """The segments of the current version, each direction on its own."""
-        _must_be_somebody(caller)
-        segments = (await networks.current(network_id)).network.segments
-        start = _offset(query)
-        rows = list(enumerate(segments[start : start + query.limit + 1], start))
-        return page_of(
-            rows,
-            query,
-            item=lambda row: SegmentInfo(
-                from_id=row[1].from_id, to_id=row[1].to_id, length_m=row[1].length_m
-            ),
-            sort_key=lambda row: (row[0],),
-        )
-
-    @router.get("/v1/networks/{network_id}/zones")
-    async def list_zones(
-        network_id: NetworkId,
-        caller: Annotated[Caller, Depends(gate)],
-        query: Annotated[PageQuery, Query()],
-    ) -> Page[ZoneInfo]:
-        """The zones of the current version."""
-        _must_be_somebody(caller)
-        zones = (await networks.current(network_id)).network.zones
-        start = _offset(query)
-        rows = list(enumerate(zones[start : start + query.limit + 1], start))
-        return page_of(
-            rows,
-            query,
-            item=lambda row: ZoneInfo(
-                zone_id=row[1].zone_id,
-                coordinates=row[1].rings,
-                active_from=row[1].active_from,
-                active_until=row[1].active_until,
-            ),
-            sort_key=lambda row: (row[0],),
-        )
-
-    @router.post("/internal/station-checks")
-    async def post_station_check(
-        caller: Annotated[Caller, Depends(gate)],
-        query: Annotated[StationCheckQuery, Depends(internal_body(StationCheckQuery))],
-    ) -> StationCheck:
-        """Which of these stations exist, where they are, and to which a path leads."""
-        caller.must_be("service")
-        return await check_stations(db, networks, query)
-
-    @router.get("/internal/networks/{network_id}/stations")
-    async def get_all_stations(
-        caller: Annotated[Caller, Depends(gate)], network_id: NetworkId
-    ) -> NetworkStations:
-        """All stations of the current version, where they are and which of them hang together."""
-        caller.must_be("service")
-        return all_stations(await networks.current(network_id))
-
     return router
 
 
 def _must_be_somebody(caller: Caller) -> None:
     caller.must_be("customer", "provider", "operator", "service")
-
-
-async def _current(db: Database, network_id: NetworkId) -> VersionRow:
-    async with db.read() as connection:
-        current = await store.current_version(connection, network_id)
-    if current is None:
-        raise NotFound("network", network_id)
-    return current
-
-
-def _offset(query: PageQuery) -> int:
-    """The place after the last item seen, in a list that is kept in order."""
-    after = query.after(int)
-    return max(0, int(after[0]) + 1) if after else 0
 
 
 def _info(row: VersionRow) -> NetworkInfo:
@@ -318,14 +165,4 @@ def _info(row: VersionRow) -> NetworkInfo:
         version=row.version,
         sha256=row.sha256,
         published_at=ms_to_moment(row.published_ms),
-    )
-
-
-def _station(row: StationRow, closed: frozenset[StationId]) -> StationInfo:
-    return StationInfo(
-        station_id=row.station_id,
-        name=row.name,
-        pads=row.pads,
-        position=row.position,
-        is_closed=row.station_id in closed,
     )

@@ -1,19 +1,14 @@
-"""All SQL of the networks."""
+"""All SQL of networks and their versions."""
 
-from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
-from sqlalchemy import ColumnElement, Row, bindparam, delete, func, insert, select, true, update
+from sqlalchemy import Row, bindparam, insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from skyway.geo import Position
 from skyway.ids import NetworkId, StationId
-from skyway.network.network import Station
-from skyway.runtime.sql.among import among
 from skyway.runtime.sql.database import Tx
-from skyway_composition.networks.box import Box
-from skyway_composition.tables import network_versions, networks, pad_reservations, stations
+from skyway_composition.tables import network_versions, networks, stations
 
 # Statements that each booking needs: making them takes longer than running them does.
 _CURRENT: Final = select(networks).where(networks.c.network_id == bindparam("of_network"))
@@ -28,10 +23,6 @@ _PRESENT_AROUND: Final = (
     .join(stations, stations.c.network_id == networks.c.network_id)
     .where(stations.c.station_id == bindparam("of_station"))
 )
-_NETWORK_OF: Final = select(stations.c.network_id).where(
-    stations.c.station_id == bindparam("of_station")
-)
-_STATIONS_NAMED: Final = select(stations).where(among(stations.c.station_id, "station_ids"))
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,17 +42,6 @@ class Present:
     network_id: NetworkId
     version: int
     conditions: int
-
-
-@dataclass(frozen=True, slots=True)
-class StationRow:
-    """A station of a current version."""
-
-    station_id: StationId
-    network_id: NetworkId
-    name: str | None
-    pads: int
-    position: Position
 
 
 async def current_version(connection: AsyncConnection, network_id: NetworkId) -> VersionRow | None:
@@ -138,13 +118,6 @@ async def content(connection: AsyncConnection, network_id: NetworkId, version: i
     return stored
 
 
-async def network_of(connection: AsyncConnection, station_id: StationId) -> NetworkId | None:
-    """The network that has this station now."""
-    found = await connection.execute(_NETWORK_OF, {"of_station": station_id})
-    network_id: NetworkId | None = found.scalar_one_or_none()
-    return network_id
-
-
 async def present_around(connection: AsyncConnection, station_id: StationId) -> Present | None:
     """The network that has this station now, as it is at one moment."""
     found = await connection.execute(_PRESENT_AROUND, {"of_station": station_id})
@@ -152,64 +125,8 @@ async def present_around(connection: AsyncConnection, station_id: StationId) -> 
     return None if row is None else Present(*row)
 
 
-async def stations_named(
-    connection: AsyncConnection, station_ids: Collection[StationId]
-) -> dict[StationId, StationRow]:
-    """Those of the named stations that exist."""
-    found = await connection.execute(_STATIONS_NAMED, {"station_ids": [*station_ids]})
-    return {row.station_id: _station_row(row) for row in found}
-
-
-async def stations_after(
-    connection: AsyncConnection,
-    network_id: NetworkId,
-    station_id: str,
-    *,
-    box: Box | None,
-    limit: int,
-) -> list[StationRow]:
-    """The stations of a network that follow this id, all or those in a box."""
-    found = await connection.execute(
-        select(stations)
-        .where(stations.c.network_id == network_id, stations.c.station_id > station_id)
-        .where(true() if box is None else _lies_in(box))
-        .order_by(stations.c.station_id)
-        .limit(limit)
-    )
-    return [_station_row(row) for row in found]
-
-
-async def stations_elsewhere(
-    tx: Tx, network_id: NetworkId, station_ids: Sequence[StationId]
-) -> list[StationRow]:
-    """Those of these stations that another network has, at most ten."""
-    elsewhere: list[StationRow] = []
-    for part in _parts(station_ids):
-        found = await tx.execute(
-            select(stations)
-            .where(stations.c.network_id != network_id, stations.c.station_id.in_(part))
-            .order_by(stations.c.station_id)
-            .limit(10)
-        )
-        elsewhere.extend(_station_row(row) for row in found)
-    return elsewhere[:10]
-
-
-async def reserved_pads(tx: Tx, network_id: NetworkId) -> dict[StationId, int]:
-    """How many pads each station must keep: one more than its highest reserved pad."""
-    found = await tx.execute(
-        select(pad_reservations.c.station_id, (func.max(pad_reservations.c.pad) + 1).label("pads"))
-        .join(stations, stations.c.station_id == pad_reservations.c.station_id)
-        .where(stations.c.network_id == network_id)
-        .group_by(pad_reservations.c.station_id)
-    )
-    return {row.station_id: row.pads for row in found}
-
-
-async def add_version(
-    tx: Tx, row: VersionRow, *, content: bytes, of_stations: Iterable[Station]
-) -> None:
-    """Make this the current version, with its stations."""
+async def add_version(tx: Tx, row: VersionRow, *, content: bytes) -> None:
+    """Make this the current version; its stations are replaced by whoever publishes it."""
     values = {
         "version": row.version,
         "sha256": row.sha256,
@@ -224,39 +141,7 @@ async def add_version(
     await tx.execute(
         insert(network_versions).values(network_id=row.network_id, content=content, **values)
     )
-    await tx.execute(delete(stations).where(stations.c.network_id == row.network_id))
-    added = [
-        {
-            "station_id": station.station_id,
-            "network_id": row.network_id,
-            "name": station.name,
-            "pads": station.pads,
-            "longitude_deg": station.position.longitude_deg,
-            "latitude_deg": station.position.latitude_deg,
-        }
-        for station in of_stations
-    ]
-    if added:
-        await tx.execute(insert(stations), added)
-
-
-def _parts(station_ids: Sequence[StationId]) -> Iterable[Sequence[StationId]]:
-    # Drivers limit the parameters of one statement: 32,766 on SQLite.
-    return (station_ids[start : start + 10_000] for start in range(0, len(station_ids), 10_000))
 
 
 def _version_row(row: Row[*tuple[Any, ...]]) -> VersionRow:
     return VersionRow(row.network_id, row.version, row.sha256, row.published_ms)
-
-
-def _lies_in(box: Box) -> ColumnElement[bool]:
-    (west, south), (east, north) = box.south_west, box.north_east
-    is_east, is_west = stations.c.longitude_deg >= west, stations.c.longitude_deg <= east
-    return stations.c.latitude_deg.between(south, north) & (
-        (is_east | is_west) if box.crosses_date_line else (is_east & is_west)
-    )
-
-
-def _station_row(row: Row[*tuple[Any, ...]]) -> StationRow:
-    position = Position(row.longitude_deg, row.latitude_deg)
-    return StationRow(row.station_id, row.network_id, row.name, row.pads, position)

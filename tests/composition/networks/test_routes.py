@@ -129,36 +129,6 @@ async def test_lists_go_on_where_they_stopped(composition: Any) -> None:
         assert len(seen) == len({str(item) for item in seen}) == length
 
 
-async def test_a_drone_finds_the_stations_in_a_box(composition: Any) -> None:
-    every = (await composition("drone:d", "GET", f"{PATH}/stations")).json()["items"]
-    second = next(item for item in every if item["station_id"] == "b")
-    longitude, latitude = second["position"]
-    around = f"{longitude - 0.001},{latitude - 0.001},{longitude + 0.001},{latitude + 0.001}"
-    over_the_date_line = f"{longitude + 0.001},-90,{longitude - 0.001},90"
-
-    inside = await composition("drone:d", "GET", f"{PATH}/stations?bbox={around}")
-    others = await composition("drone:d", "GET", f"{PATH}/stations?bbox={over_the_date_line}")
-
-    assert inside.json()["items"] == [second]
-    assert [item["station_id"] for item in others.json()["items"]] == ["a", "c", "d", "e"]
-
-
-async def test_a_drone_sees_which_stations_are_closed(composition: Any) -> None:
-    await composition("operator:op", "POST", "/v1/stations/b/closures")
-    await composition("operator:op", "POST", "/v1/stations/c/pads/0/outages")
-
-    every = (await composition("drone:d", "GET", f"{PATH}/stations")).json()["items"]
-
-    assert [item["station_id"] for item in every if item["is_closed"]] == ["b"]
-
-
-@pytest.mark.parametrize("bbox", ["", "1,2,3", "1,2,3,x", "0,1,0,0", "0,0,0,91", "nan,0,0,0"])
-async def test_a_box_that_cannot_be_is_named(composition: Any, bbox: str) -> None:
-    answer = await composition("drone:d", "GET", f"{PATH}/stations?bbox={bbox}")
-
-    assert (answer.status_code, answer.json()["errors"][0]["field"]) == (422, "bbox")
-
-
 async def test_a_drone_reads_pads_and_neither_networks_nor_reservations(composition: Any) -> None:
     paths = ("/v1/stations/b/pads", "/v1/stations/b/reservations", PATH, "/v1/networks")
 
@@ -188,40 +158,3 @@ async def test_a_network_that_is_not_there(composition: Any) -> None:
     for below in ("", "/versions", "/stations", "/segments", "/zones"):
         answer = await composition("operator:op", "GET", f"/v1/networks/none{below}")
         assert answer.status_code == 404
-
-
-async def test_a_station_check_tells_places_strangers_and_islands(
-    composition: Any, make: Any
-) -> None:
-    await composition("operator:op", "PUT", "/v1/networks/other", make.network(stations="yz"))
-    query = {"station_ids": ["c", "z", "nowhere"], "reachable_from": "a"}
-
-    answer = await composition("service:gateway", "POST", "/internal/station-checks", query)
-
-    assert answer.json() == {
-        "network_ids": {"c": "row", "z": "other"},
-        "positions": {"c": [2 * 0.17986, 0.0], "z": [25 * 0.17986, 0.0]},
-        "unknown": ["nowhere"],
-        "unreachable": ["z"],
-    }
-
-
-async def test_station_checks_are_for_services(composition: Any) -> None:
-    answer = await composition(
-        "customer:c", "POST", "/internal/station-checks", {"station_ids": ["a"]}
-    )
-
-    assert answer.status_code == 403
-
-
-async def test_all_stations_are_told_at_once_to_services_alone(composition: Any) -> None:
-    path = "/internal/networks/row/stations"
-
-    answer = await composition("service:gateway", "GET", path)
-    refused = await composition("customer:c", "GET", path)
-
-    told = answer.json()
-    assert (told["network_id"], told["version"]) == ("row", 1)
-    assert told["positions"][told["station_ids"].index("c")] == [2 * 0.17986, 0.0]
-    assert set(told["parts"]) == {0}
-    assert refused.status_code == 403

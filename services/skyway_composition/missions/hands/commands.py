@@ -28,7 +28,9 @@ from skyway_composition.missions.hold import held, hold, resume
 from skyway_composition.missions.record import CALLED_HOME, DIVERTED, MissionRecord, Trouble
 from skyway_composition.missions.trouble import troubled
 from skyway_composition.missions.watch import Watch
-from skyway_composition.networks.store import network_of
+from skyway_composition.networks.stations.store import (
+    network_of,
+)
 
 CommandName = Literal["HOLD", "RESUME", "DIVERT", "RETURN_HOME", "CANCEL"]
 

@@ -6,8 +6,8 @@ from skyway.contracts.station_check import StationCheck, StationCheckQuery
 from skyway.ids import StationId
 from skyway.network.network import Network
 from skyway.runtime.sql.database import Database
-from skyway_composition.networks import store
 from skyway_composition.networks.prepared import PreparedNetworks
+from skyway_composition.networks.stations.store import stations_named
 
 
 async def check_stations(
@@ -16,7 +16,7 @@ async def check_stations(
     """What is known of the stations asked for."""
     asked = list(dict.fromkeys(query.station_ids))
     async with db.read() as connection:
-        known = await store.stations_named(connection, asked)
+        known = await stations_named(connection, asked)
     unreachable: Iterable[StationId] = ()
     if query.reachable_from is not None:
         around = await networks.around(query.reachable_from)

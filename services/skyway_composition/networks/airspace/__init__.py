@@ -1,0 +1,1 @@
+"""Where drones fly in a network, and where not: its segments and zones."""
