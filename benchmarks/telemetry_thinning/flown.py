@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Final
 
+from skyway_drone_agent.journal.applying import logbook_after
 from skyway_drone_agent.journal.current_mission import CurrentMission
-from skyway_drone_agent.journal.logbook import Logbook, logbook_after
+from skyway_drone_agent.journal.logbook import Logbook
 from skyway_drone_agent.journal.records import Answer, EventRecorded, StepBegun
 from skyway_drone_agent.journal.step_places import end_of
 from skyway_drone_agent.journal.under_way import run_under_way

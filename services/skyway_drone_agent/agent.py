@@ -1,8 +1,7 @@
-"""One drone's agent: constructs its parts for a session and runs them side by side."""
+"""One drone's agent: links it to the cloud, and serves it from its cockpit once time is known."""
 
 import contextlib
 from collections.abc import AsyncIterator, Awaitable, Callable
-from datetime import datetime
 from types import TracebackType
 from typing import Any, Never, Protocol, Self
 
@@ -16,25 +15,15 @@ from skyway.runtime.loops import Loops
 from skyway.runtime.minting import Mint
 from skyway.runtime.mqtt.client import Received, Will
 from skyway_drone_agent.analysis.landings import NO_BOOK, LandingBook
-from skyway_drone_agent.analysis.lookout import Lookout
 from skyway_drone_agent.clock_keeper import ClockFromCloud
+from skyway_drone_agent.cockpit import Cockpit
 from skyway_drone_agent.enrolled_drone import EnrolledDrone
-from skyway_drone_agent.failsafes.cloud_watch import CloudWatch
-from skyway_drone_agent.failsafes.guard import Guard
-from skyway_drone_agent.flying.mission import Gates
-from skyway_drone_agent.flying.pilot import Pilot
-from skyway_drone_agent.instructions.ack_queue import AckQueue
-from skyway_drone_agent.instructions.inbox import RAW_INSTRUCTIONS, Inbox
+from skyway_drone_agent.instructions.inbox import RAW_INSTRUCTIONS
 from skyway_drone_agent.journal.flight_recorder import FlightRecorder
 from skyway_drone_agent.journal.journal import Journal
 from skyway_drone_agent.journal.waiting import NewsOrMoment
-from skyway_drone_agent.link.event_writer import EventWriter
-from skyway_drone_agent.link.heartbeat import Heartbeat
-from skyway_drone_agent.link.link_watch import LinkWatch
 from skyway_drone_agent.link.presence import Presence
-from skyway_drone_agent.link.uplink import Link, Uplink
-from skyway_drone_agent.reports.reporter import EventSender, StateSender
-from skyway_drone_agent.reports.telemetry import TelemetrySender
+from skyway_drone_agent.link.uplink import Link
 from skyway_drone_agent.vehicles.vehicle import Vehicle
 
 #: Wall seconds that a farewell may take.
@@ -104,9 +93,7 @@ class DroneAgent:
             mint=mint,
         )
         self._link = make_link(self._presence.last_will, self._connected)
-        self._watch: LinkWatch | None = None
-        self._cloud: CloudWatch | None = None
-        self._state: StateSender | None = None
+        self._cockpit: Cockpit | None = None  # None until fleet time is known
 
     async def run(self) -> None:
         """Serve the drone; a leave on purpose is told to the cloud."""
@@ -142,108 +129,42 @@ class DroneAgent:
 
     async def _fly(self, instructions: AsyncIterator[list[Received[Any]]], loops: Loops) -> Never:
         """Everything that needs fleet time."""
-        clock, recorder, vehicle = self._clock, self._recorder, self._vehicle
-        uplink = Uplink(
-            self._link,
-            clock,
-            provider_id=self._drone.provider_id,
-            drone_id=self._drone.drone_id,
-            session=recorder.logbook.session,
+        cockpit = self._cockpit = Cockpit.of(
+            self._drone,
+            self._recorder,
+            vehicle=self._vehicle,
+            clock=self._clock,
+            link=self._link,
+            book=self._book or NO_BOOK,
             mint=self._mint,
         )
-        acks = AckQueue(uplink, recorder, clock)
-        events = EventSender(uplink, recorder)
-        watch = LinkWatch(self._link, clock, on_change=recorder.tell_watchers)
-        cloud = CloudWatch(self._link, clock, on_change=recorder.tell_watchers)
-        heartbeat = Heartbeat(self._drone.drone_id, watch, clock)
-        lookout = Lookout(recorder, vehicle, clock, book=self._book or NO_BOOK)
-        state = StateSender(
-            uplink,
-            recorder,
-            lookout,
-            clock,
-            acks=acks,
-            events=events,
-            heartbeat=heartbeat,
-        )
-        telemetry = TelemetrySender(uplink, recorder, lookout, clock)
-        writer = EventWriter(recorder, uplink)
-        guard = Guard(
-            recorder,
-            vehicle,
-            clock,
-            lookout=lookout,
-            events=writer,
-            link=watch,
-            cloud=cloud,
-            heartbeat=heartbeat,
-        )
-
-        def consumption_factor() -> float:
-            return lookout.newest().consumption_factor
-
-        inbox = Inbox(
-            recorder,
-            clock,
-            vehicle=vehicle,
-            answers=acks,
-            events=events,
-            consumption_factor=consumption_factor,
-        )
-        pilot = Pilot(
-            recorder,
-            vehicle,
-            clock,
-            gates=lambda: self._gates(watch, cloud, guard),
-            consumption_factor=consumption_factor,
-            events=writer,
-        )
-        self._watch, self._cloud, self._state = watch, cloud, state
         if self._link.is_connected:
             await self._say_online()
-        for part in (acks, events, watch, state, telemetry, guard):
+        for part in cockpit.parts:
             loops.start(type(part).__name__, part.run())
-        loops.start("inbox", self._take(instructions, inbox, cloud=cloud))
-        await pilot.run()
+        loops.start("inbox", _take(instructions, cockpit))
+        await cockpit.pilot.run()
 
     async def _keep_time(self, batches: AsyncIterator[list[Received[ClockAnchor]]]) -> None:
         async for batch in batches:
             self._clock.keep(batch[-1].message)
-            if self._cloud is not None:
-                self._cloud.heard_clock(is_repeated=not batch[-1].retained)
-
-    async def _take(
-        self, batches: AsyncIterator[list[Received[Any]]], inbox: Inbox, *, cloud: CloudWatch
-    ) -> None:
-        async for batch in batches:
-            cloud.heard()
-            for received in batch:
-                inbox.take(received.message)
+            if self._cockpit is not None:
+                self._cockpit.cloud.heard_clock(is_repeated=not batch[-1].retained)
 
     async def _connected(self) -> None:
         """Be present, once instructions can be taken."""
-        if self._watch is None or self._cloud is None or self._state is None:
+        cockpit = self._cockpit
+        if cockpit is None:
             return
+        cockpit.cloud.heard()
+        cockpit.watch.came_up()
+        # Before the broker confirms anything: a state that waited for the connection is the one.
+        cockpit.state.send_anew()
         await self._say_online()
-        self._cloud.heard()
-        self._watch.came_up()
-        self._state.send_anew()
 
     async def _say_online(self) -> None:
         with contextlib.suppress(MqttUnavailable):
             await self._link.publish(self._presence.address, self._presence.online())
-
-    def _gates(self, watch: LinkWatch, cloud: CloudWatch, guard: Guard) -> Gates:
-        mission = self._recorder.logbook.mission
-        told_at = mission.told_at if mission else None
-        up_since = watch.up_since
-        return Gates(
-            take_off_at=_latest(
-                watch.not_lost_since, cloud.not_silent_since, guard.takes_off_since
-            ),
-            begin_at=guard.begins_since,
-            loading_at=max(told_at, up_since) if told_at and up_since else None,
-        )
 
     async def _say_goodbye(self) -> None:
         address: Address[Connection] = self._presence.address
@@ -257,7 +178,9 @@ async def _tell(book: HeardBook, batches: AsyncIterator[list[Received[NetworkVer
             book.heard(received.message)
 
 
-def _latest(*moments: datetime | None) -> datetime | None:
-    """Since when all of them hold; None while one does not."""
-    known = [moment for moment in moments if moment is not None]
-    return max(known) if len(known) == len(moments) else None
+async def _take(batches: AsyncIterator[list[Received[Any]]], cockpit: Cockpit) -> None:
+    """Any: instructions are read by the inbox itself."""
+    async for batch in batches:
+        cockpit.cloud.heard()
+        for received in batch:
+            cockpit.inbox.take(received.message)

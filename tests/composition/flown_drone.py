@@ -11,7 +11,8 @@ from typing import Any, Self
 
 from skyway_drone_agent.agent import DroneAgent
 from skyway_drone_agent.enrolled_drone import BrokerLogin, EnrolledDrone
-from skyway_drone_agent.journal.logbook import Logbook, logbook_after
+from skyway_drone_agent.journal.applying import logbook_after
+from skyway_drone_agent.journal.logbook import Logbook
 from skyway_drone_agent.journal.records import EventRecorded, Placed, Record
 from skyway_drone_agent.journal.under_way import run_under_way
 from skyway_drone_agent.simulated.disturbances import UNDISTURBED

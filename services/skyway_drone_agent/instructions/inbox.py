@@ -17,9 +17,10 @@ from skyway.runtime.clock import FleetClock
 from skyway_drone_agent.instructions.overriding import overridden_by
 from skyway_drone_agent.instructions.refusal import Refusal
 from skyway_drone_agent.instructions.refusals import refusal_of
+from skyway_drone_agent.journal.applying import logbook_after
 from skyway_drone_agent.journal.flight_recorder import FlightRecorder
 from skyway_drone_agent.journal.journal import JournalUnwritable
-from skyway_drone_agent.journal.logbook import Logbook, logbook_after
+from skyway_drone_agent.journal.logbook import Logbook
 from skyway_drone_agent.journal.records import Answer, InstructionAnswered
 from skyway_drone_agent.vehicles.vehicle import Vehicle
 

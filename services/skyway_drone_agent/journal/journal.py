@@ -9,7 +9,8 @@ from typing import Protocol
 from pydantic import TypeAdapter, ValidationError
 
 from skyway.errors import SkywayError
-from skyway_drone_agent.journal.logbook import Logbook, logbook_after
+from skyway_drone_agent.journal.applying import logbook_after
+from skyway_drone_agent.journal.logbook import Logbook
 from skyway_drone_agent.journal.records import Record, RecordLine
 
 _LINE: TypeAdapter[Record] = TypeAdapter(RecordLine)

@@ -2,7 +2,8 @@
 
 from collections.abc import Sequence
 
-from skyway_drone_agent.journal.logbook import Logbook, logbook_after
+from skyway_drone_agent.journal.applying import logbook_after
+from skyway_drone_agent.journal.logbook import Logbook
 from skyway_drone_agent.journal.records import Record
 
 

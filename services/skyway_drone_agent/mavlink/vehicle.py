@@ -24,6 +24,7 @@ from skyway_drone_agent.mavlink.commands import command, command_once
 from skyway_drone_agent.mavlink.flight import MavlinkFlight, begin_flight
 from skyway_drone_agent.mavlink.link import MavlinkLink, mavlink_link
 from skyway_drone_agent.mavlink.mission import MissionRefused
+from skyway_drone_agent.mavlink.releases import Releases
 from skyway_drone_agent.mavlink.settings import MavlinkSettings
 from skyway_drone_agent.vehicles.reading import Reading
 from skyway_drone_agent.vehicles.vehicle import Elsewhere, Outcome, Sample, Standing, StepRun
@@ -63,7 +64,7 @@ class MavlinkVehicle:
         self._autopilot = Autopilot(model, link.dialect, now_s=now_s)
         link.listen(self._autopilot.take)
         self._flight: MavlinkFlight | None = None
-        self._release: tuple[tuple[int, datetime], asyncio.Task[bool | None]] | None = None
+        self._releases = Releases(link, clock, settings)
 
     @property
     def model(self) -> DroneModel:
@@ -137,10 +138,8 @@ class MavlinkVehicle:
         return replace(self._ended(run), elsewhere=Elsewhere(None, here))
 
     def recall(self, run: StepRun) -> bool | None:
-        """Whether this process has seen the hand-over done; autopilots do not remember it."""
-        if self._release is None or self._release[0] != _key(run) or not self._release[1].done():
-            return None
-        return self._release[1].result()
+        """Whether this process has seen the hand-over done."""
+        return self._releases.known(run)
 
     async def _fly(self, run: StepRun, step: FlyStep) -> Outcome:
         route = (step, *run.onward)
@@ -200,30 +199,13 @@ class MavlinkVehicle:
         return Outcome(max(self._clock.now(), run.started_at), self._soc(run), 0.0, code)
 
     async def _hand_over(self, run: StepRun) -> Outcome:
-        """Let go once, whatever comes: packages that were dropped cannot be dropped again."""
-        if self._release is None or self._release[0] != _key(run):
-            self._release = (_key(run), asyncio.create_task(self._let_go()))
-        # Shielded: a step that is taken up again goes on with the same release.
-        was_done = await asyncio.shield(self._release[1])
+        was_done = await self._releases.done(run)
         if was_done is None:
             return _failed(self._ended(run), code="UNKNOWN")
         if not was_done:
             return _failed(self._ended(run), code="HAND_OVER_REFUSED")
         await self._planned_end(run)
         return self._ended(run)
-
-    async def _let_go(self) -> bool | None:
-        """Whether the autopilot has let go; None when nobody knows."""
-        dialect = self._link.dialect
-        command_id, *params = self._settings.payload.command(dialect)
-        while True:
-            result = await command_once(
-                self._link, int(command_id), *params, timeout_s=self._settings.release_s
-            )
-            if result == dialect.MAV_RESULT_TEMPORARILY_REJECTED:
-                await sleep_wall(self._clock, _AGAIN_S)
-                continue
-            return None if result is None else result == dialect.MAV_RESULT_ACCEPTED
 
     async def _planned_end(self, run: StepRun) -> None:
         planned = run.step.planned_end_at - run.step.planned_start_at
@@ -254,10 +236,6 @@ async def mavlink_vehicle(
         vehicle = MavlinkVehicle(model, clock, link, settings)
         await vehicle.ready()
         yield vehicle
-
-
-def _key(run: StepRun) -> tuple[int, datetime]:
-    return run.step.step_id, run.started_at
 
 
 def _failed(ended: Outcome, *, code: str, elsewhere: Elsewhere | None = None) -> Outcome:

@@ -1,0 +1,128 @@
+"""What serves a drone once fleet time is known, put together for one session."""
+
+from collections.abc import Coroutine
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any, Protocol, Self
+
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.minting import Mint
+from skyway_drone_agent.analysis.landings import LandingBook
+from skyway_drone_agent.analysis.lookout import Lookout
+from skyway_drone_agent.enrolled_drone import EnrolledDrone
+from skyway_drone_agent.failsafes.cloud_watch import CloudWatch
+from skyway_drone_agent.failsafes.guard import Guard
+from skyway_drone_agent.flying.mission import Gates
+from skyway_drone_agent.flying.pilot import Pilot
+from skyway_drone_agent.instructions.ack_queue import AckQueue
+from skyway_drone_agent.instructions.inbox import Inbox
+from skyway_drone_agent.journal.flight_recorder import FlightRecorder
+from skyway_drone_agent.link.event_writer import EventWriter
+from skyway_drone_agent.link.heartbeat import Heartbeat
+from skyway_drone_agent.link.link_watch import LinkWatch
+from skyway_drone_agent.link.uplink import Link, Uplink
+from skyway_drone_agent.reports.reporter import EventSender, StateSender
+from skyway_drone_agent.reports.telemetry import TelemetrySender
+from skyway_drone_agent.vehicles.vehicle import Vehicle
+
+
+class Part(Protocol):
+    """What works beside the pilot for as long as the drone is served."""
+
+    def run(self) -> Coroutine[Any, Any, None]:
+        """Work until cancelled; Any: what it yields to the event loop is asyncio's."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Cockpit:
+    """The pilot, the parts that work beside it, and whom the agent tells what it hears."""
+
+    pilot: Pilot
+    parts: tuple[Part, ...]
+    inbox: Inbox
+    watch: LinkWatch
+    cloud: CloudWatch
+    state: StateSender
+
+    @classmethod
+    def of(
+        cls,
+        drone: EnrolledDrone,
+        recorder: FlightRecorder,
+        *,
+        vehicle: Vehicle,
+        clock: FleetClock,
+        link: Link,
+        book: LandingBook,
+        mint: Mint,
+    ) -> Self:
+        """The cockpit of a drone for the recorder's session; fleet time is known."""
+        uplink = Uplink(
+            link,
+            clock,
+            provider_id=drone.provider_id,
+            drone_id=drone.drone_id,
+            session=recorder.logbook.session,
+            mint=mint,
+        )
+        acks, events = AckQueue(uplink, recorder, clock), EventSender(uplink, recorder)
+        watch = LinkWatch(link, clock, on_change=recorder.tell_watchers)
+        cloud = CloudWatch(link, clock, on_change=recorder.tell_watchers)
+        heartbeat = Heartbeat(drone.drone_id, watch, clock)
+        lookout = Lookout(recorder, vehicle, clock, book=book)
+        state = StateSender(
+            uplink, recorder, lookout, clock, acks=acks, events=events, heartbeat=heartbeat
+        )
+        telemetry = TelemetrySender(uplink, recorder, lookout, clock)
+        writer = EventWriter(recorder, uplink)
+        guard = Guard(
+            recorder,
+            vehicle,
+            clock,
+            lookout=lookout,
+            events=writer,
+            link=watch,
+            cloud=cloud,
+            heartbeat=heartbeat,
+        )
+
+        def consumption_factor() -> float:
+            return lookout.newest().consumption_factor
+
+        inbox = Inbox(
+            recorder,
+            clock,
+            vehicle=vehicle,
+            answers=acks,
+            events=events,
+            consumption_factor=consumption_factor,
+        )
+        pilot = Pilot(
+            recorder,
+            vehicle,
+            clock,
+            gates=lambda: _gates(recorder, watch, cloud, guard=guard),
+            consumption_factor=consumption_factor,
+            events=writer,
+        )
+        parts = (acks, events, watch, state, telemetry, guard)
+        return cls(pilot, parts, inbox, watch, cloud, state)
+
+
+def _gates(recorder: FlightRecorder, watch: LinkWatch, cloud: CloudWatch, *, guard: Guard) -> Gates:
+    """Since when the drone may take off, begin a step and load, as far as it may."""
+    mission = recorder.logbook.mission
+    told_at = mission.told_at if mission else None
+    up_since = watch.up_since
+    return Gates(
+        take_off_at=_latest(watch.not_lost_since, cloud.not_silent_since, guard.takes_off_since),
+        begin_at=guard.begins_since,
+        loading_at=max(told_at, up_since) if told_at and up_since else None,
+    )
+
+
+def _latest(*moments: datetime | None) -> datetime | None:
+    """Since when all of them hold; None while one does not."""
+    known = [moment for moment in moments if moment is not None]
+    return max(known) if len(known) == len(moments) else None
