@@ -116,15 +116,17 @@ class StateSender:
                 self._news.clear()
                 state = self._state()
                 if self._is_due or last is None or _meaning(state) != _meaning(last):
-                    self._is_due = False
                     last = await self._sent(state)
-                    due_at = self._heartbeat.after(last.at)
+                    # Not after `last.at`: the sensors may have been read before this very beat.
+                    due_at = self._heartbeat.after(self._clock.now())
                 await change.wait(until=due_at)
                 self._is_due = self._is_due or self._clock.now() >= due_at
 
     async def _sent(self, state: DroneState) -> DroneState:
         """Send until the broker has it, each time as it is then."""
         while True:
+            # What asks for a state from now on may not be answered by this one.
+            self._is_due = False
             try:
                 await self._uplink.send(STATE, state)
             except MqttUnavailable:

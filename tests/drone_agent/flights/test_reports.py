@@ -4,6 +4,9 @@ from datetime import timedelta
 from itertools import pairwise
 from typing import Any
 
+from skyway_drone_agent.link.heartbeat import Heartbeat
+from skyway_drone_agent.link.link_watch import LinkWatch
+
 from skyway.contracts.topics import ACKS, EVENTS, STATE, TELEMETRY
 
 PRE_START = timedelta(minutes=10)
@@ -16,6 +19,48 @@ async def test_the_state_is_told_every_30_s_of_wall_time(world: Any) -> None:
     await world.pass_time(timedelta(seconds=600 * 95))
 
     assert len(world.states) == before + 3
+
+
+async def test_the_first_beat_is_one_state_though_the_sensors_were_read_shortly_before(
+    world: Any, cloud: Any, trip: Any
+) -> None:
+    await world.start()
+    connected = LinkWatch(world.link, world.clock, on_change=lambda: None)
+    beat = Heartbeat(world.drone.drone_id, connected, world.clock).after(world.clock.now())
+    moment = timedelta(seconds=1)
+    await world.pass_time(beat - moment - world.clock.now())
+    await world.send(cloud.mission(trip))
+    before = len(world.states)
+
+    await world.pass_time(2 * moment)
+
+    assert len(world.states) == before + 1
+
+
+async def test_a_drone_that_is_connected_late_tells_its_state_once(world: Any) -> None:
+    world.is_broker_up = False
+    await world.start()
+    world.pubacks.clear()
+
+    world.link.connect()
+    await world.pass_time(timedelta(seconds=600))
+    # The broker is slow: it has the state before the drone knows that it has ONLINE.
+    world.pubacks.set()
+    await world.pass_time(timedelta(seconds=600))
+
+    assert len(world.states) == 1
+
+
+async def test_a_drone_that_is_connected_again_tells_its_state_once(world: Any) -> None:
+    await world.start()
+    world.link.cut()
+    await world.settle()
+    before = len(world.states)
+
+    world.link.connect()
+    await world.pass_time(timedelta(seconds=600))
+
+    assert len(world.states) == before + 1
 
 
 async def test_states_are_numbered_upwards_and_name_the_mission(
