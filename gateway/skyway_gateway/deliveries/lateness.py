@@ -18,14 +18,18 @@ _TOLERANCE_SHARE: Final = 0.02
 
 def with_etas(delivery: Delivery, report: MissionReport) -> tuple[Delivery, tuple[Happening, ...]]:
     """The delivery with a report's ETAs, and what to tell when it has become late by them."""
-    etas = report.etas
+    etas, replanned = report.etas, None
     if report.kind == "REPLANNED" and report.mission is not None:
-        etas = etas or report.mission.packages
+        etas, replanned = etas or report.mission.packages, report.mission.mission_id
     new = {eta.package_id: eta.eta_at for eta in etas}
     after = with_packages(
         delivery,
-        lambda one: {"eta_at": new[one.package_id]},
-        where=lambda one: one.package_id in new and not one.is_settled,
+        # What a new plan leaves out does not arrive any more.
+        lambda one: {"eta_at": new.get(one.package_id)},
+        where=lambda one: (
+            (one.package_id in new or (replanned is not None and one.mission_id == replanned))
+            and not one.is_settled
+        ),
     )
     return _with_lateness(after, at=report.at)
 

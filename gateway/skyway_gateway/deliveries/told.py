@@ -68,26 +68,35 @@ def loaded(package_ids: Sequence[PackageId], mission: Mission, report: MissionRe
 
 
 def replanned(delivery: Delivery, mission: Mission, report: MissionReport) -> Data:
-    """Why there is a new plan, and how much later than promised it delivers."""
+    """Why there is a new plan, and how much later than promised it delivers.
+
+    A package without ETA is left where the drone can land; `given_up` says why.
+    """
     etas = {eta.package_id: eta.eta_at for eta in report.etas or mission.packages}
     return {
         **flown_by(mission),
         "revision": mission.revision,
         "code": report.code,
         "detail": report.detail,
+        "given_up": mission.given_up,
         "packages": [
             {
                 "package_id": one.package_id,
                 "state": one.state,
-                "eta_at": utc_text(etas[one.package_id]),
+                "eta_at": _text(etas.get(one.package_id)),
                 "promised_at": _text(one.promised_at),
-                "later_s": one.promised_at
-                and (etas[one.package_id] - one.promised_at).total_seconds(),
+                "later_s": _later_s(one.promised_at, etas.get(one.package_id)),
             }
             for one in delivery.packages
-            if one.package_id in etas and not one.is_settled
+            if one.mission_id == mission.mission_id and not one.is_settled
         ],
     }
+
+
+def _later_s(promised_at: datetime | None, eta_at: datetime | None) -> float | None:
+    if promised_at is None or eta_at is None:
+        return None
+    return (eta_at - promised_at).total_seconds()
 
 
 def package_delivered(package: PackageStatus, mission: Mission, report: MissionReport) -> Data:

@@ -157,10 +157,13 @@ async def test_a_drone_that_can_land_nowhere_else_lands_where_it_flies_to(
     alarms = await composition.rows("SELECT level, code FROM alarms")
     assert [tuple(row) for row in alarms] == [("CRITICAL", "NO_SAFE_LANDING")]
 
+    await composition.take(drone.ack(revision))
+    replanned = (await composition.reports())[-1]
+    assert (replanned.kind, replanned.mission.given_up) == ("REPLANNED", "OUT_OF_RANGE")
+    assert (replanned.etas, replanned.mission.packages) == ((), ())
+
     # Its state is the last to come, so that where it stands is known from its events alone.
-    await composition.take(
-        drone.ack(revision), *drone.ended(first, [first.steps[1]]), *drone.flown(revision)
-    )
+    await composition.take(*drone.ended(first, [first.steps[1]]), *drone.flown(revision))
 
     report = (await composition.reports())[-1]
     assert (report.kind, report.mission_state) == ("ENDED", "ABORTED")

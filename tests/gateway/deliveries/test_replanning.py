@@ -47,6 +47,22 @@ async def test_a_plan_that_does_not_hold_is_flagged_until_there_is_another(
     assert told["promised_at"] < told["eta_at"]
 
 
+async def test_what_a_new_plan_leaves_behind_has_no_eta_and_is_told_so(gateway: Any) -> None:
+    delivery_id = await under_way(gateway)
+    mission = gateway.composition.booked[delivery_id, 1]
+    given_up = later(mission).model_copy(update={"packages": (), "given_up": "OUT_OF_RANGE"})
+
+    await gateway.report(
+        delivery_id, "REPLANNED", seq=4, mission=given_up, code="ZONE_AHEAD", detail="a fire"
+    )
+
+    told = (await gateway.events(delivery_id))[-1]["data"]
+    assert (told["code"], told["given_up"]) == ("ZONE_AHEAD", "OUT_OF_RANGE")
+    [package] = told["packages"]
+    assert (package["package_id"], package["eta_at"], package["later_s"]) == ("p1", None, None)
+    assert (await gateway.get(delivery_id))["packages"][0]["eta_at"] is None
+
+
 async def test_times_count_from_the_start_that_was_booked_first(gateway: Any) -> None:
     """Ten minutes were promised; the new plan begins when these are over."""
     delivery_id = await under_way(gateway)

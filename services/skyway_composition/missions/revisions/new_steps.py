@@ -54,6 +54,10 @@ def revision_of(
     mission = next_revision(record.mission, rest.trip, revision=number, margins=margins).model_copy(
         update={"given_up": rest.given_up}
     )
+    if rest.given_up is not None:
+        # What is left behind arrives nowhere, so nobody is told when.
+        arriving = [each for each in mission.packages if each.package_id not in anchor.carried]
+        mission = mission.model_copy(update={"packages": tuple(arriving)})
     if trouble.loaded is not None:
         mission = mission.model_copy(update={"loading": "CONFIRMED"})
     return Revision(mission, steps, rest.aims)
