@@ -174,7 +174,7 @@ class Work:
         )
         self._follower = Follower(db, mqtt, clock=clock, mint=mint, stuck=parts.stuck)
         self._overdue = Overdue(db, clock, mint)
-        self._lagging = Lagging(db, clock, mint, parts.stuck)
+        self._lagging = Lagging(db, parts.networks, clock, mint, parts.stuck)
         self._recomposer = Recomposer(
             db, parts.networks, parts.solver, clock, mint, replica, OccupiedPads(parts.closings)
         )

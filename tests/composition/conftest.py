@@ -280,7 +280,7 @@ async def composition(
         ) as client:
             follower = Follower(db, SilentSubscriber(), clock=clock, mint=mint, stuck=parts.stuck)
             overdue = Overdue(db, clock, mint)
-            lagging = Lagging(db, clock, mint, parts.stuck)
+            lagging = Lagging(db, parts.networks, clock, mint, parts.stuck)
             occupied = OccupiedPads(parts.closings)
             recomposer = Recomposer(db, parts.networks, solver, clock, mint, "test", occupied)
             whole = Composition(client, parts, clock, follower, overdue, lagging, recomposer)

@@ -124,7 +124,7 @@ class HotWorld:
         occupied = OccupiedPads(self.closings)
         self.recomposer = Recomposer(db, networks, self.solver, clock, mint, "hot", occupied)
         self.sweeps = (
-            Lagging(db, clock, mint, stuck),
+            Lagging(db, networks, clock, mint, stuck),
             LoadingWatch(db, networks, clock, mint),
             StopsWatch(db, self.closings, clock),
             Overdue(db, clock, mint),

@@ -8,6 +8,7 @@ from typing import Final
 from skyway.contracts.flight_step import DeliverStep, FlyStep, RechargeStep
 from skyway.contracts.mission import PackageEta
 from skyway.units import moment_to_ms, ms_to_moment
+from skyway_composition.missions.outlook.closing import Closed, closed_by_then
 from skyway_composition.missions.outlook.prediction import Load, PredictedStep, predict
 from skyway_composition.missions.outlook.situation import Situation
 from skyway_composition.missions.outlook.whereabouts import Whereabouts, whereabouts
@@ -33,8 +34,11 @@ class Outlook:
     late_by: timedelta
 
 
-def outlook(situation: Situation, *, now_ms: int) -> Outlook | None:
-    """What the drone's last word means for its plan; None before it has said anything of it."""
+def outlook(situation: Situation, *, now_ms: int, closed: Closed | None = None) -> Outlook | None:
+    """What the drone's last word means for its plan; None before it has said anything of it.
+
+    What is `closed` is looked at only where that is given.
+    """
     where = whereabouts(situation)
     if where is None:
         return None
@@ -54,7 +58,10 @@ def outlook(situation: Situation, *, now_ms: int) -> Outlook | None:
         (each.eta_at - told[each.package_id] for each in etas if each.package_id in told),
         default=timedelta(0),
     )
-    return Outlook(_trouble(record, ahead, likely, where=where), etas, late_by)
+    trouble = _trouble(record, ahead, likely, where=where)
+    if trouble is None and closed is not None:
+        trouble = closed_by_then(ahead, where, closed)
+    return Outlook(trouble, etas, late_by)
 
 
 def _etas(ahead: Sequence[PredictedStep]) -> Iterator[PackageEta]:

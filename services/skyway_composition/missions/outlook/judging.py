@@ -7,6 +7,7 @@ from skyway.contracts.drone_report import DroneEvent, DroneState
 from skyway.runtime.clock import fleet_margin
 from skyway.units import moment_to_ms
 from skyway_composition.missions.escape import waits_for_pad
+from skyway_composition.missions.outlook.closing import Closed
 from skyway_composition.missions.outlook.deviation import (
     LEAST_SHORTFALL_SOC,
     TOLD_LATENESS,
@@ -24,9 +25,14 @@ from skyway_composition.planning.margins import used_more
 ON_ITS_WAY: Final = {"fleet_s": 30.0, "wall_s": 2.0}
 
 
-async def judged(watch: Watch, record: MissionRecord) -> MissionRecord:
-    """The record with its trouble, if the plan leads to one; it is kept already."""
-    seen = await _outlook(watch, record)
+async def judged(
+    watch: Watch, record: MissionRecord, closed: Closed | None = None
+) -> MissionRecord:
+    """The record with its trouble, if the plan leads to one; it is kept already.
+
+    Only a drone that is late may meet what is `closed`: its plan keeps clear of it.
+    """
+    seen = await _outlook(watch, record, closed)
     if seen is None or seen.trouble is None:
         return record
     return await troubled(watch, record, seen.trouble)
@@ -66,7 +72,9 @@ def _explained(trouble: Trouble, event: DroneEvent) -> Trouble:
     return Trouble(code="SHORT_CHARGE", detail=f"{detail}: {trouble.detail}")
 
 
-async def _outlook(watch: Watch, record: MissionRecord) -> Outlook | None:
+async def _outlook(
+    watch: Watch, record: MissionRecord, closed: Closed | None = None
+) -> Outlook | None:
     """What to expect; None where another plan is looked for already, or nothing is to go on."""
     has_other_cares = record.trouble or record.stuck or record.proposal or record.mission.is_held
     if waits_for_pad(record, watch.links[record.drone_id]):
@@ -81,7 +89,7 @@ async def _outlook(watch: Watch, record: MissionRecord) -> Outlook | None:
     situation = await Situation.of(watch, record)
     # What a drone has done of late may not have been heard yet: it may be further than we know.
     known_until = watch.clock.now() - fleet_margin(watch.clock, **ON_ITS_WAY)
-    return outlook(situation, now_ms=moment_to_ms(known_until))
+    return outlook(situation, now_ms=moment_to_ms(known_until), closed=closed)
 
 
 def _is_as_booked(record: MissionRecord, state: DroneState | None, *, now: datetime) -> bool:

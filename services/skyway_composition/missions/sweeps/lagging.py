@@ -1,16 +1,23 @@
-"""Missions that are late without saying so: their plans are looked at before pads are lost."""
+"""Missions that are late: their plans are looked at before pads are lost.
+
+Some do not say so. And when a plan was made, or struck by a closure, it kept clear of what closes
+later; a drone that comes later than it may, does not.
+"""
 
 from dataclasses import dataclass
 
-from skyway.ids import DroneId
+from skyway.ids import DroneId, NetworkId
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_composition.missions.outlook.judging import ON_ITS_WAY, judged
+from skyway_composition.missions.rest.closed_ahead import ClosedAhead
 from skyway_composition.missions.sweeps.store import perhaps_late
 from skyway_composition.missions.watch import Watch
+from skyway_composition.networks.prepared import PreparedNetworks
+from skyway_composition.planning.world import World
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,6 +25,7 @@ class Lagging:
     """Sweeps missions of which a step is overdue; `stuck` is woken when one needs another plan."""
 
     db: Database
+    networks: PreparedNetworks
     clock: FleetClock
     mint: Mint
     stuck: Wake
@@ -27,14 +35,21 @@ class Lagging:
         async with self.db.read() as connection:
             # What has just ended may still be on its way to us.
             ended_at = self.clock.now() - fleet_margin(self.clock, **ON_ITS_WAY)
-            drone_ids = await perhaps_late(connection, ended_ms=moment_to_ms(ended_at))
-        for drone_id in drone_ids:
-            await self._judge(drone_id)
+            late = await perhaps_late(connection, ended_ms=moment_to_ms(ended_at))
+        for network_id, drone_ids in late.items():
+            closed = await self._closed(network_id)
+            for drone_id in drone_ids:
+                await self._judge(drone_id, closed)
         return False
 
-    async def _judge(self, drone_id: DroneId) -> None:
+    async def _closed(self, network_id: NetworkId) -> ClosedAhead:
+        now_ms = moment_to_ms(self.clock.now())
+        skyway = await self.networks.current(network_id)
+        return ClosedAhead.of(await World.of(skyway, self.db, after_ms=now_ms), now_ms=now_ms)
+
+    async def _judge(self, drone_id: DroneId, closed: ClosedAhead) -> None:
         async with self.db.write() as tx:
             watch = await Watch.over([drone_id], tx=tx, clock=self.clock, mint=self.mint)
             record = watch.missions.get(drone_id)
-            if record is not None and (await judged(watch, record)).needs_plan:
+            if record is not None and (await judged(watch, record, closed)).needs_plan:
                 tx.after_commit(self.stuck.set)

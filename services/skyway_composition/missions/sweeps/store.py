@@ -1,11 +1,12 @@
 """All SQL that finds missions to look at, each second anew: statements are made once."""
 
+from collections import defaultdict
 from typing import Final
 
 from sqlalchemy import and_, bindparam, or_, select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
-from skyway.ids import DroneId
+from skyway.ids import DroneId, NetworkId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.sql.claims import NOW_MS, Claiming, claim_values
 from skyway.runtime.sql.database import Database
@@ -22,7 +23,7 @@ _OVERDUE: Final = (
     .order_by(missions.c.drone_id)
 )
 _LATE: Final = (
-    select(missions.c.drone_id)
+    select(missions.c.drone_id, missions.c.network_id)
     .where(
         is_under_way,
         missions.c.next_end_ms < bindparam("ended_ms"),
@@ -54,10 +55,14 @@ async def perhaps_overdue(
     return list(found.scalars())
 
 
-async def perhaps_late(connection: AsyncConnection, *, ended_ms: int) -> list[DroneId]:
+async def perhaps_late(
+    connection: AsyncConnection, *, ended_ms: int
+) -> dict[NetworkId, list[DroneId]]:
     """Drones of which a step should have ended before a moment, and no trouble is known."""
-    found = await connection.execute(_LATE, {"ended_ms": ended_ms})
-    return list(found.scalars())
+    late: dict[NetworkId, list[DroneId]] = defaultdict(list)
+    for row in await connection.execute(_LATE, {"ended_ms": ended_ms}):
+        late[row.network_id].append(row.drone_id)
+    return late
 
 
 async def claim_stuck(db: Database, clock: FleetClock, claimant: str) -> list[DroneId]:
