@@ -59,7 +59,7 @@ def select(query: CandidateQuery, fleet: Fleet, *, wall_now_ms: int) -> Candidat
     candidates = [columns.drones[row] for row in chosen.tolist()]
     compared = {drone.provider_id for drone in candidates}
     found = _found_by_provider(columns, obstacles)
-    passing = found[:, _PASSING].any(axis=1)
+    passing: Flags = np.any(found[:, _PASSING], axis=1)
     for provider_id in fleet.providers.keys() - reasons.keys() - compared:
         place = columns.providers.get(provider_id)
         if place is not None and found[place, 0]:

@@ -14,8 +14,9 @@ from skyway.runtime.metrics import count
 from skyway.runtime.mqtt.client import Received
 from skyway.runtime.mqtt.inbox import BATCH_SIZE
 from skyway.runtime.sql.database import Database
-from skyway_provider_registry.presence import store
 from skyway_provider_registry.presence.newest import newest
+from skyway_provider_registry.presence.sightings.store import Heard, record
+from skyway_provider_registry.presence.store import owners
 
 #: What drones say of themselves, in the order of their ids {p}, {d}.
 PRESENCE_TOPICS: Final[tuple[Topic[Any], ...]] = (CONNECTION, STATE, TELEMETRY)
@@ -85,13 +86,13 @@ class Recorder:
             )
         sightings = newest((DroneId(item.ids[1]), item.message) for item in own)
         if sightings:
-            heard = store.Heard(fleet_at=self.clock.now(), wall_at=self.clock.wall_now())
+            heard = Heard(fleet_at=self.clock.now(), wall_at=self.clock.wall_now())
             async with self.db.write() as tx:
-                await store.record(tx, sightings, heard)
+                await record(tx, sightings, heard)
         return [(DroneId(item.ids[1]), item.message) for item in own if item.topic is TELEMETRY]
 
     async def _find_owners(self, drone_ids: set[DroneId]) -> None:
         new = drone_ids - self.owners.keys()
         if new:
             async with self.db.read() as connection:
-                self.owners.update(await store.owners(connection, new))
+                self.owners.update(await owners(connection, new))

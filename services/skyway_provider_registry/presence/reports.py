@@ -12,7 +12,7 @@ from skyway.contracts.mission import MissionReport
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.pace import Pace
 from skyway.runtime.sql.database import Database
-from skyway_provider_registry.presence import store
+from skyway_provider_registry.presence.mission_hints.store import record_reports
 
 
 @dataclass(slots=True)
@@ -47,5 +47,5 @@ class ReportKeeper:
         if self._next is batch:
             self._next = _Batch()
         async with self._db.write() as tx:
-            await store.record_reports(tx, batch.reports, wall_at=self._clock.wall_now())
+            await record_reports(tx, batch.reports, wall_at=self._clock.wall_now())
         batch.is_kept = True

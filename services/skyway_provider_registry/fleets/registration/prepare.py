@@ -18,8 +18,8 @@ from skyway_provider_registry.enrolment.tokens.token import TOKEN_LIFE, new_toke
 from skyway_provider_registry.fleets import store
 from skyway_provider_registry.fleets.drone import NewDrone, RegisteredDrone
 from skyway_provider_registry.fleets.fleet_drone import FleetDrone
-from skyway_provider_registry.presence import store as presence
 from skyway_provider_registry.presence.known import NEVER_SEEN
+from skyway_provider_registry.presence.sightings import store as sightings
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +80,6 @@ async def keep(tx: Tx, prepared: PreparedDrones) -> None:
     """Keep drones, their accounts, tokens and room for what they will tell: all or none."""
     change = await next_change(tx)
     await store.add(tx, prepared.drones)
-    await presence.begin(tx, prepared.password_hashes, change=change)
+    await sightings.begin(tx, prepared.password_hashes, change=change)
     await accounts.add_drones(tx, prepared.password_hashes)
     await tokens.add_new(tx, prepared.token_hashes, expires_at=prepared.tokens_expire_at)

@@ -1,0 +1,1 @@
+"""What drones say of themselves, kept if it is news."""
