@@ -9,8 +9,9 @@ from skyway.cli.compose import compose_command
 from skyway.cli.delivery import request_command, track_command
 from skyway.cli.demo import demo_command
 from skyway.cli.doctor import doctor_command
-from skyway.cli.drone import drone_command, fleet_command
+from skyway.cli.drone import drone_command
 from skyway.cli.experiment import experiment_command
+from skyway.cli.fleet import fleet_command
 from skyway.cli.network import network_app
 from skyway.cli.secrets_command import secrets_command
 from skyway.cli.top import top_command
