@@ -29,7 +29,7 @@ def test_deliveries_complete_though_stations_close_pads_fail_and_zones_appear(sy
     }
 
     closed = _when(system, deliveries["closed"], "FLY")
-    lost = _last_recharge(closed)
+    lost = _next_recharge(closed)
     system.operate("POST", f"/v1/stations/{lost}/closures", {"reason": "roof works"})
     zoned = _when(system, deliveries["zoned"], "FLY")
     system.operate("POST", "/v1/zones", _zone_around("zoned-s4", ladders(*names)))
@@ -83,16 +83,15 @@ def _under_way(mission: dict[str, Any]) -> dict[str, Any] | None:
     return next((step for step in steps if step["step_id"] == state["step_id"]), None)
 
 
-def _last_recharge(mission: dict[str, Any]) -> str:
-    """Where the drone charges last before it delivers: the furthest ahead, to be told in time."""
-    steps = [each["step"] for each in mission["steps"]]
-    kinds = [step["kind"] for step in steps]
+def _next_recharge(mission: dict[str, Any]) -> str:
+    """Where the drone charges next: two rungs away from the start, 17 s of wall time."""
+    at = mission["drone_state"]["step_id"]
     stations: list[str] = [
-        step["station_id"]
-        for step in steps[: kinds.index("DELIVER")]
-        if step["kind"] == "RECHARGE" and step["step_id"] > mission["drone_state"]["step_id"]
+        each["step"]["station_id"]
+        for each in mission["steps"]
+        if each["step"]["kind"] == "RECHARGE" and each["step"]["step_id"] > at
     ]
-    return stations[-1]
+    return stations[0]
 
 
 def _zone_around(station_id: str, network: dict[str, Any]) -> dict[str, Any]:
