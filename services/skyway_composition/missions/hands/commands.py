@@ -1,14 +1,11 @@
-"""Commands: an operator's hands on the wheel of one mission."""
+"""Carrying commands out: an operator's hands on the wheel of one mission."""
 
 from dataclasses import dataclass, replace
-from typing import Annotated, Final, Literal, Self
-
-from pydantic import Field, model_validator
+from typing import Final
 
 from skyway.contracts.drone_health import ActiveFailsafe
 from skyway.errors import InvalidInput
-from skyway.ids import InstructionId, MissionId, StationId
-from skyway.json_model import JsonModel
+from skyway.ids import InstructionId, MissionId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict
 from skyway.runtime.loops import Wake
@@ -21,6 +18,7 @@ from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.custody.chain import on_board
 from skyway_composition.missions.custody.store import held_packages
 from skyway_composition.missions.escape import escape_of
+from skyway_composition.missions.hands.command import Command, CommandAnswer
 from skyway_composition.missions.hands.recall import is_being_loaded
 from skyway_composition.missions.hands.stop_packages import bring_back, stop_packages
 from skyway_composition.missions.hands.under_hand import mission_under_hand
@@ -32,43 +30,8 @@ from skyway_composition.networks.stations.store import (
     network_of,
 )
 
-CommandName = Literal["HOLD", "RESUME", "DIVERT", "RETURN_HOME", "CANCEL"]
-
 #: Told of what an operator has cancelled, not the customer.
 _CANCELLED_BY_OPERATOR: Final = "CANCELLED_BY_OPERATOR"
-
-
-class Command(JsonModel):
-    """What a mission's drone is to do; `station_id` says where a DIVERT lands.
-
-    A DIVERT or RETURN_HOME may override what the drone does by itself, and the faults behind it for
-    the rest of the mission; landing at once because no landing can be reached is never overridden.
-    """
-
-    command: CommandName
-    station_id: StationId | None = None
-    reason: Annotated[str, Field(min_length=1, max_length=500)]
-    overrides_failsafe: bool = False
-
-    @model_validator(mode="after")
-    def _says_where(self) -> Self:
-        if (self.command == "DIVERT") != (self.station_id is not None):
-            raise ValueError("station_id belongs to DIVERT, and to nothing else")
-        if self.overrides_failsafe and self.command not in ("DIVERT", "RETURN_HOME"):
-            raise ValueError("overrides_failsafe belongs to DIVERT and RETURN_HOME")
-        return self
-
-
-class CommandAnswer(JsonModel):
-    """What was understood; without `instruction_id` the drone hears of it with its next plan.
-
-    That waits until a failsafe that leads the drone elsewhere is over: `waits_for`.
-    """
-
-    mission_id: MissionId
-    command: CommandName
-    instruction_id: InstructionId | None = None
-    waits_for: ActiveFailsafe | None = None
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,1 @@
+"""Closures of many places at once: zones, and ground stops."""

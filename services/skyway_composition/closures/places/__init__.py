@@ -1,0 +1,1 @@
+"""Closures of one place of a network: a station, a pad of it, a segment."""
