@@ -3,7 +3,8 @@
 import sys
 
 from skyway.runtime.service_process import ServiceProcess
-from skyway_composition.app import PACKAGE, SERVICE, build_app
+from skyway_composition.app import PACKAGE, build_app
+from skyway_composition.parts import SERVICE
 from skyway_composition.settings import CompositionSettings
 from skyway_composition.verify import violations
 

@@ -1,0 +1,84 @@
+"""What composition is made of; nothing of it is opened here."""
+
+from dataclasses import dataclass
+from typing import Final
+
+from skyway.runtime.clock import FleetClock, load_clock
+from skyway.runtime.http.identity import ServiceGate
+from skyway.runtime.loops import Wake
+from skyway.runtime.minting import Mint, mint
+from skyway.runtime.sql.database import Database
+from skyway_composition.closures.closing import Closings
+from skyway_composition.missions.affected.impact import MissionImpact
+from skyway_composition.missions.book import Bookings
+from skyway_composition.networks.prepared import PreparedNetworks
+from skyway_composition.planning.quotes import Quotes
+from skyway_composition.planning.solver_pool import SolverPool
+from skyway_composition.settings import CompositionSettings
+from skyway_composition.tables import outbox
+
+SERVICE: Final = "composition"
+
+#: How far the event loop itself searches for a booking's plan: a millisecond or two as a rule, 20
+#: at most among odd requests at 1,000 stations. Inquiries ask for many plans in a row, so never.
+_LABELS_AT_ONCE: Final = 2_048
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """What the rooms are made of; `Wake`s tell one room's loop what another has done."""
+
+    db: Database
+    gate: ServiceGate
+    clock: FleetClock
+    mint: Mint
+    networks: PreparedNetworks
+    solver: SolverPool
+    #: Plans that are only asked for; no booking waits behind them.
+    inquiries: SolverPool
+    published: Wake
+    stuck: Wake
+
+    @property
+    def bookings(self) -> Bookings:
+        """Books missions."""
+        return Bookings(self.db, self.networks, self.solver, self.clock, self.mint)
+
+    @property
+    def quotes(self) -> Quotes:
+        """Answers what could be offered."""
+        return Quotes(self.db, self.networks, self.inquiries, self.clock, self.bookings.busy_among)
+
+    @property
+    def impact(self) -> MissionImpact:
+        """Strikes the missions that fly by what is closed or taken away."""
+        return MissionImpact(self.clock, self.mint, self.stuck)
+
+    @property
+    def closings(self) -> Closings:
+        """Makes and lifts closures."""
+        return Closings(self.db, self.networks, self.impact, self.clock, self.mint)
+
+
+def parts_of(settings: CompositionSettings) -> Parts:
+    """The parts that these settings ask for."""
+    db = Database(settings.database_url, outbox=outbox)
+    return Parts(
+        db=db,
+        gate=ServiceGate(settings.secrets_dir, allowed=("gateway", "registry")),
+        clock=load_clock(settings.clock_file),
+        mint=mint,
+        networks=PreparedNetworks(db),
+        solver=_pool(settings, labels_at_once=_LABELS_AT_ONCE),
+        inquiries=_pool(settings, labels_at_once=0),
+        published=Wake(),
+        stuck=Wake(),
+    )
+
+
+def _pool(settings: CompositionSettings, *, labels_at_once: int) -> SolverPool:
+    return SolverPool(
+        threads=settings.solver_threads,
+        time_limit_s=settings.solver_time_limit_s,
+        labels_at_once=labels_at_once,
+    )

@@ -1,0 +1,71 @@
+"""The loops that run while composition answers."""
+
+from collections.abc import Mapping
+from typing import Final
+
+from skyway.contracts.mission_reports import MANY_MISSION_REPORTS, MISSION_REPORTS
+from skyway.runtime.http.client import ServiceClient
+from skyway.runtime.loops import Loops, Wake, repeat
+from skyway.runtime.mqtt.client import MqttClient
+from skyway.runtime.outbox.mqtt_sender import MqttSender
+from skyway.runtime.outbox.report_sender import ReportSender
+from skyway_composition.missions.affected.stops_watch import StopsWatch
+from skyway_composition.missions.follow import Follower
+from skyway_composition.missions.hands.loading_watch import LoadingWatch
+from skyway_composition.missions.recompose import Recomposer
+from skyway_composition.missions.recomposing.occupied_pads import OccupiedPads
+from skyway_composition.missions.sweeps.lagging import Lagging
+from skyway_composition.missions.sweeps.overdue import Overdue
+from skyway_composition.networks.announce import NetworkVersions
+from skyway_composition.pads.taken.station_states import StationStates
+from skyway_composition.parts import Parts
+
+#: Seconds of wall time between two looks of a loop that nothing has woken.
+_LOOK_EVERY_S: Final = 1.0
+
+
+class Work:
+    """What composition does besides answering: it sends, follows, re-composes, sweeps, tells."""
+
+    def __init__(
+        self, parts: Parts, *, mqtt: MqttClient, clients: Mapping[str, ServiceClient], replica: str
+    ) -> None:
+        db, clock, mint = parts.db, parts.clock, parts.mint
+        self._parts = parts
+        self._instructions = MqttSender(db, mqtt, clock)
+        self._reports = ReportSender(
+            db, clients, clock, together={MISSION_REPORTS: MANY_MISSION_REPORTS}
+        )
+        self._follower = Follower(db, mqtt, clock=clock, mint=mint, stuck=parts.stuck)
+        self._overdue = Overdue(db, clock, mint)
+        self._lagging = Lagging(db, parts.networks, clock, mint, parts.stuck)
+        self._recomposer = Recomposer(
+            db, parts.networks, parts.solver, clock, mint, replica, OccupiedPads(parts.closings)
+        )
+        self._loading_watch = LoadingWatch(db, parts.networks, clock, mint)
+        self._stops_watch = StopsWatch(db, parts.closings, clock)
+        self._station_states = StationStates(db, mqtt, clock, mint)
+        self._network_versions = NetworkVersions(db, mqtt, clock, mint)
+
+    async def greet(self) -> None:
+        """After every connect: tell what the broker has forgotten, ask for what we missed."""
+        self._station_states.forget()
+        self._network_versions.forget()
+        self._parts.published.set()
+        await self._follower.ask_live_drones()
+
+    def start(self, loops: Loops) -> None:
+        """Do all of it until the loops end."""
+        loops.start("instructions", self._instructions.run())
+        loops.start("reports", self._reports.run())
+        loops.start("follow", self._follower.run())
+        for name, step, wake in (
+            ("recompose", self._recomposer.step, self._parts.stuck),
+            ("overdue", self._overdue.step, Wake()),
+            ("lagging", self._lagging.step, Wake()),
+            ("loading", self._loading_watch.step, Wake()),
+            ("ground stops", self._stops_watch.step, Wake()),
+            ("station states", self._station_states.step, Wake()),
+            ("network versions", self._network_versions.step, self._parts.published),
+        ):
+            loops.start(name, repeat(name, step, every_s=_LOOK_EVERY_S, wake=wake))
