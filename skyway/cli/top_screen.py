@@ -7,6 +7,7 @@ from typing import Final
 from rich.columns import Columns
 from rich.console import Console, Group, RenderableType
 from rich.live import Live
+from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
@@ -81,7 +82,7 @@ class TopScreen:
             "",
             Columns([*tables, _talk_table(picture)], padding=(0, 3)),
             "",
-            _alarm_table(picture.alarms),
+            _alarm_list(picture.alarms),
         )
 
 
@@ -110,16 +111,16 @@ def _talk_table(picture: Picture) -> Table:
     return table
 
 
-def _alarm_table(alarms: tuple[Alarm, ...]) -> RenderableType:
+def _alarm_list(alarms: tuple[Alarm, ...]) -> RenderableType:
+    """Two lines for each: ids are long, and what happened has to be read on a narrow screen too."""
     if not alarms:
         return Text("no open alarms", style="dim")
-    table = Table(box=None, header_style="bold", padding=(0, 1))
-    for heading in ("newest alarms", "level", "code", "about", "detail"):
-        table.add_column(heading, no_wrap=heading != "detail")
+    lines: list[RenderableType] = [Text(" newest alarms", style="bold")]
     for alarm in alarms:
-        level = Text(alarm.level, style=_LEVELS.get(alarm.level, ""))
-        table.add_row(_clock(alarm.at), level, alarm.code, alarm.about, alarm.detail)
-    return table
+        level = (alarm.level, _LEVELS.get(alarm.level, ""))
+        words = Text.assemble(_clock(alarm.at), "  ", level, f"  {alarm.code}  {alarm.about}")
+        lines += [Padding(words, (0, 1)), Padding(alarm.detail, (0, 1, 0, 11))]
+    return Group(*lines)
 
 
 def _clock(moment: str) -> str:

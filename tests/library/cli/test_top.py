@@ -18,10 +18,10 @@ ALARM = {
     "at": "2026-03-01T12:34:56Z",
     "level": "CRITICAL",
     "code": "FORCED_LANDING",
-    "drone_id": "drn_7",
+    "drone_id": "drn_01m7zr11rd0wr1te7yaxwwrjm3",
     "mission_id": "msn_7",
     "station_id": None,
-    "detail": "it is down in a field",
+    "detail": "it is down in a field, 140 m from the nearest road",
 }
 
 METRICS = """\
@@ -93,9 +93,19 @@ def test_all_that_is_asked_for_is_on_the_screen(printed: Callable[[], str]) -> N
 
     for words in ("1,040", "AVAILABLE", "1,039", "GROUNDED", "ACTIVE", "COMPLETED", "17"):
         assert words in screen
-    for words in ("0.25 s", "1.50 s", "CRITICAL", "FORCED_LANDING", "drn_7", "12:34:56"):
+    for words in ("0.25 s", "1.50 s", "CRITICAL", "FORCED_LANDING", "drn_01m7zr11rd", "12:34:56"):
         assert words in screen
     assert "waiting to leave, mqtt" in screen
+
+
+def test_an_alarm_is_read_on_a_narrow_screen(reader: TopReader) -> None:
+    console = Console(width=80, force_terminal=False)
+
+    with console.capture() as captured:
+        console.print(TopScreen(console).shown(reader.read()))
+
+    assert "CRITICAL  FORCED_LANDING  drn_01m7zr11rd0wr1te7yaxwwrjm3" in captured.get()
+    assert "it is down in a field, 140 m from the nearest road" in captured.get()
 
 
 def test_recompositions_are_what_customers_were_told_of(reader: TopReader) -> None:
