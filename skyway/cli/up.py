@@ -67,9 +67,13 @@ def asked_to_stop() -> Iterator[asyncio.Event]:
 
 
 def announce(console: Console, system: System) -> None:
-    """Say where the system answers and how to greet it."""
+    """Say where the system answers and how to greet it.
+
+    Its lines are not broken: they hold addresses and paths that people copy.
+    """
     console.print(
         f"Skyway is up: [bold]{system.urls['gateway']}[/] (its pages: /docs), "
         f"broker {system.mqtt_url}\n"
-        f"Keys: source {system.folder.keys_file}    Logs: {system.folder.logs}    Stop: Ctrl-C"
+        f"Keys: source {system.folder.keys_file}    Logs: {system.folder.logs}    Stop: Ctrl-C",
+        soft_wrap=True,
     )

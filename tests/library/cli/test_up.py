@@ -8,10 +8,14 @@ from contextlib import asynccontextmanager
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 from typer.testing import CliRunner
 
 from skyway.cli import up
+from skyway.cli.data_folder import DataFolder
 from skyway.cli.main import app
+from skyway.cli.supervisor import Supervisor
+from skyway.cli.system import System
 
 
 @pytest.mark.parametrize("asking", [signal.SIGINT, signal.SIGTERM])
@@ -36,3 +40,14 @@ def test_a_system_that_is_not_up_yet_is_ended_too(
 
     assert happened == ["ended"]
     assert "has stopped" in done.output
+
+
+def test_paths_are_printed_in_one_piece_for_those_who_copy_them(tmp_path: Path) -> None:
+    folder = DataFolder(tmp_path / ("long-" * 20))
+    console = Console(width=80, force_terminal=False)
+    system = System(folder, Supervisor(), {"gateway": "http://127.0.0.1:8000"}, "mqtt://x:1883")
+
+    with console.capture() as captured:
+        up.announce(console, system)
+
+    assert f"source {folder.keys_file} " in captured.get()
