@@ -3,6 +3,7 @@
 from fastapi import APIRouter, Depends
 
 from skyway.runtime.http.json_bodies import refuse_unstorable_json
+from skyway.runtime.http.late_route import LateRoute
 
 
 class ServiceRouter(APIRouter):
@@ -20,4 +21,5 @@ class ServiceRouter(APIRouter):
             prefix=prefix,
             dependencies=[Depends(refuse_unstorable_json)],
             include_in_schema=include_in_schema,
+            route_class=LateRoute,
         )
