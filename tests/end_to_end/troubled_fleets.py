@@ -6,13 +6,9 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from drone_journal import logbook_of
 from ladders import QUICK_CHARGE
-from skyway_drone_agent.journal.journal import FileJournal
 from skyway_drone_agent.journal.logbook import Logbook
-
-from skyway.geo import Position
-
-_NOTHING_WRITTEN = Logbook(station_id=None, position=Position(0.0, 0.0), soc=1.0)
 
 _TERMS = {"name": "Trouble Air", "tariff": {"currency": "USD", "base": 100, "per_km": 10}}
 
@@ -60,8 +56,7 @@ class TroubledFleets:
 
     def logbook(self, name: str) -> Logbook:
         """What the drone has written down, whether or not the cloud has heard of it."""
-        journal = FileJournal(self._system.folder.journals / f"{self.drone_id(name)}.jsonl")
-        return journal.read(at_first=_NOTHING_WRITTEN)
+        return logbook_of(self._system, self.drone_id(name))
 
     def take_offs(self, name: str) -> list[datetime]:
         """When the drone took off, as far as the cloud has heard; fleet time."""
