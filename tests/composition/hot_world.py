@@ -18,9 +18,7 @@ from skyway_composition.missions.custody.chain import delivered
 from skyway_composition.missions.custody.store import held_packages
 from skyway_composition.missions.follow import Follower
 from skyway_composition.missions.hands.cancel import Cancellations
-from skyway_composition.missions.hands.command import (
-    Command,
-)
+from skyway_composition.missions.hands.command import Command
 from skyway_composition.missions.hands.commands import Commands
 from skyway_composition.missions.hands.loading import Loadings
 from skyway_composition.missions.hands.loading_watch import LoadingWatch

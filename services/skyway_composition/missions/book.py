@@ -27,11 +27,7 @@ from skyway_composition.missions.booking.engage import engage
 from skyway_composition.missions.booking.outcome import all_taken, pickup_unknown, without_offer
 from skyway_composition.missions.booking.store import busy_among, missions_of, outlook
 from skyway_composition.missions.booking.taking import Outdated, take
-from skyway_composition.missions.deliveries.store import (
-    add_delivery,
-    close_delivery,
-    lock_delivery,
-)
+from skyway_composition.missions.deliveries.store import add_delivery, close_delivery, lock_delivery
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.planning.limits import Limits
 from skyway_composition.planning.offer import Offer

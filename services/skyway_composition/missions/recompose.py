@@ -7,54 +7,33 @@ that sends the revision, and whatever has changed meanwhile leads to another loo
 """
 
 import asyncio
-import logging
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Final
 
 from skyway.ids import DroneId
 from skyway.runtime.clock import FleetClock, fleet_margin
-from skyway.runtime.errors import Taken
 from skyway.runtime.minting import Mint
-from skyway.runtime.sql.database import Database, Tx
+from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
-from skyway_composition.links.instructions.store import (
-    last_revision,
-)
-from skyway_composition.missions import store
+from skyway_composition.links.instructions.store import last_revision
 from skyway_composition.missions.outlook.situation import Situation
 from skyway_composition.missions.recomposing.case import Case, may_be_planned, trouble_of
-from skyway_composition.missions.recomposing.giving_up import (
-    give_up,
-    hold_for_stop,
-    raise_no_landing,
-    refusal_code,
-    stop_diverting,
-    stop_trying,
-)
+from skyway_composition.missions.recomposing.giving_up import refusal_code
 from skyway_composition.missions.recomposing.occupied_pads import OccupiedPads
-from skyway_composition.missions.record import MissionRecord, Trouble
-from skyway_composition.missions.rest.anchor import Anchor, anchor_of_stuck, find_anchor
+from skyway_composition.missions.recomposing.outcomes import MOST_REVISIONS, Outcomes
+from skyway_composition.missions.record import MissionRecord
+from skyway_composition.missions.rest.anchor import Anchor
 from skyway_composition.missions.rest.closed_ahead import ClosedAhead
+from skyway_composition.missions.rest.find_anchor import anchor_of_stuck, find_anchor
 from skyway_composition.missions.rest.planner import Rest, RestPlanner
-from skyway_composition.missions.revisions.new_steps import revision_of
-from skyway_composition.missions.revisions.proposal import propose
-from skyway_composition.missions.revisions.replacement import replace_plan
 from skyway_composition.missions.sweeps.store import claim_stuck
 from skyway_composition.missions.watch import Watch
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.planning.margins import with_margin
 from skyway_composition.planning.round_trip import NoTrip
 from skyway_composition.planning.solver_pool import SolverPool
-from skyway_composition.planning.world import World, still_holds
-
-log = logging.getLogger(__name__)
-
-#: A mission that needs more revisions than this is going nowhere. Our own choice.
-_MOST_REVISIONS: Final = 40
-
-#: Wall time until a plan is looked for again when there was none.
-_RETRY_MS: Final = 2_000
+from skyway_composition.planning.world import World
 
 #: Until the drone has a revision that is sent now: fleet seconds, wall seconds. Our own choice.
 _HEARD_WITHIN_S: Final = (5.0, 2.0)
@@ -92,10 +71,10 @@ class Recomposer:
         situation, sent_revisions = seen
         record, trouble = situation.record, trouble_of(situation.record)
         if trouble is None or not may_be_planned(situation, trouble):
-            await self._retry_later(record)
+            await self._outcomes.retry_later(record)
             return
-        if sent_revisions >= _MOST_REVISIONS:
-            await self._stop_trying(record, trouble)
+        if sent_revisions >= MOST_REVISIONS:
+            await self._outcomes.stop_trying(record, trouble)
             return
         world = await self._world(record)
         closed = ClosedAhead.of(world, now_ms=self._now_ms())
@@ -104,18 +83,18 @@ class Recomposer:
     async def _plan(self, case: Case) -> None:
         anchor = self._anchor(case, closed=case.closed)
         if anchor is None:
-            await self._retry_later(case.record)
+            await self._outcomes.retry_later(case.record)
             return
         stop = case.ground_stop(anchor)
         if stop is not None:
-            await self._hold(case.record, stop)
+            await self._outcomes.hold(case.record, stop)
             return
         planner = RestPlanner(self.solver, case.world, case.situation, case.closed)
         anchor, rest = await self._rest(case, planner, landing=anchor)
         if isinstance(rest, Rest):
-            await self._take_or_retry(case, anchor, rest)
+            await self._outcomes.take_or_retry(case, anchor, rest)
         elif rest.is_temporary:
-            await self._retry_later(case.record)
+            await self._outcomes.retry_later(case.record)
         else:
             await self._do_without(case, anchor, planner, rest)
 
@@ -148,23 +127,23 @@ class Recomposer:
             # Nothing that is open is in reach: the landing it flies to, closed or not.
             landing = self._anchor(case, closed=ClosedAhead(case.world.skyway.network))
             if landing is None:
-                await self._retry_later(case.record)
+                await self._outcomes.retry_later(case.record)
                 return
             rest = planner.leave_here(landing, code=reason.code)
-            await self._take_or_retry(case, landing, rest)
+            await self._outcomes.take_or_retry(case, landing, rest)
         elif case.trouble.land_at is not None:
-            await self._stop_diverting(case, reason)
+            await self._outcomes.stop_diverting(case, reason)
         elif case.record.stuck is None and (anchor.carried or anchor.has_loaded):
             rest = planner.leave_here(anchor, code=reason.code)
-            await self._take_or_retry(case, anchor, rest)
+            await self._outcomes.take_or_retry(case, anchor, rest)
         else:
             code = refusal_code(case.situation, case.trouble, code=reason.code)
-            await self._give_up(case.record, code=code, detail=reason.detail)
+            await self._outcomes.give_up(case.record, code=code, detail=reason.detail)
 
     async def _look_at(self, drone_id: DroneId) -> tuple[Situation, int] | None:
         """The situation of its mission, and how many revisions of it were sent."""
         async with self.db.write() as tx:
-            watch = await self._watch(drone_id, tx)
+            watch = await Watch.over([drone_id], tx=tx, clock=self.clock, mint=self.mint)
             record = watch.missions.get(drone_id)
             if record is None:
                 return None
@@ -198,91 +177,9 @@ class Recomposer:
             before_step=before_step,
         )
 
-    async def _take_or_retry(self, case: Case, anchor: Anchor, rest: Rest) -> None:
-        try:
-            async with self.db.write() as tx:
-                await self._take(tx, case, anchor, rest)
-        except Taken as taken:
-            mission_id = case.record.mission_id
-            log.info("pad taken", extra={"mission_id": mission_id, "by": taken.constraint})
-            await self._retry_later(case.record)
-
-    async def _take(self, tx: Tx, case: Case, anchor: Anchor, rest: Rest) -> None:
-        """Send this rest of the mission, unless things have changed."""
-        # I11: read inside the transaction, and cannot change before it ends.
-        holds = await still_holds(tx, case.world)
-        watch = await self._watch(case.record.drone_id, tx)
-        record = watch.missions.get(case.record.drone_id)
-        is_late = rest.trip.start_ms < self._now_ms()
-        # After the links, as everybody locks them.
-        await store.retry_stuck(tx, case.record.mission_id, at_wall_ms=0)
-        if record is None or not holds or is_late or not case.still_is(watch, record):
-            return
-        revision = revision_of(
-            record,
-            rest,
-            anchor=anchor,
-            trouble=case.trouble,
-            number=case.sent_revisions + 1,
-            energy_margin=case.situation.energy_margin(case.world.skyway.settings),
-            skyway=case.world.skyway,
-            link=watch.links[record.drone_id],
-        )
-        if case.closed.closes_landing(anchor.station_id, anchor.at_ms) and rest.given_up:
-            await raise_no_landing(watch, record, anchor)
-        if record.stuck is None:
-            await propose(watch, record, revision, anchor=anchor, trouble=case.trouble)
-        else:
-            await replace_plan(watch, record, revision, trouble=case.trouble)
-
-    async def _retry_later(self, record: MissionRecord) -> None:
-        async with self.db.write() as tx:
-            await store.retry_stuck(tx, record.mission_id, at_wall_ms=self._retry_wall_ms)
-
-    async def _hold(self, record: MissionRecord, stop: str) -> None:
-        async with self.db.write() as tx:
-            watch = await self._watch(record.drone_id, tx)
-            known = watch.missions.get(record.drone_id)
-            if known is not None and known.mission_id == record.mission_id:
-                await hold_for_stop(watch, known, stop=stop)
-        await self._retry_later(record)
-
-    async def _stop_trying(self, record: MissionRecord, trouble: Trouble) -> None:
-        if record.stuck is not None:
-            detail = f"{_MOST_REVISIONS} revisions led nowhere; the last: {trouble.detail}"
-            await self._give_up(record, code=trouble.code, detail=detail)
-            return
-        async with self.db.write() as tx:
-            watch = await self._watch(record.drone_id, tx)
-            known = watch.missions.get(record.drone_id)
-            if known is not None and known.mission_id == record.mission_id:
-                await stop_trying(watch, known, trouble)
-
-    async def _stop_diverting(self, case: Case, reason: NoTrip) -> None:
-        async with self.db.write() as tx:
-            watch = await self._watch(case.record.drone_id, tx)
-            known = watch.missions.get(case.record.drone_id)
-            if known is not None and case.still_is(watch, known):
-                await stop_diverting(watch, known, reason=f"{reason.code}: {reason.detail}")
-
-    async def _give_up(self, planned: MissionRecord, *, code: str, detail: str) -> None:
-        async with self.db.write() as tx:
-            watch = await self._watch(planned.drone_id, tx)
-            record = watch.missions.get(planned.drone_id)
-            if record is None or record.mission_id != planned.mission_id:
-                return
-            if record.stuck is None and watch.links[record.drone_id].is_gone:
-                # It may begin without having heard: it is asked again, or silent for too long.
-                await store.retry_stuck(tx, record.mission_id, at_wall_ms=self._retry_wall_ms)
-                return
-            await give_up(watch, record, code=code, detail=detail)
-
-    async def _watch(self, drone_id: DroneId, tx: Tx) -> Watch:
-        return await Watch.over([drone_id], tx=tx, clock=self.clock, mint=self.mint)
-
     @property
-    def _retry_wall_ms(self) -> int:
-        return moment_to_ms(self.clock.wall_now()) + _RETRY_MS
+    def _outcomes(self) -> Outcomes:
+        return Outcomes(self.db, self.clock, self.mint)
 
     def _now_ms(self) -> int:
         return moment_to_ms(self.clock.now())

@@ -7,13 +7,7 @@ from pydantic import Field
 
 from skyway.contracts.drone_report import Connection, DroneEvent, DroneState
 from skyway.contracts.flight_step import FlightStep
-from skyway.contracts.mission import (
-    Booking,
-    BookMissions,
-    ClosedDelivery,
-    Mission,
-    MissionState,
-)
+from skyway.contracts.mission import Booking, BookMissions, ClosedDelivery, Mission, MissionState
 from skyway.contracts.track import Track
 from skyway.ids import DeliveryId, DroneId, MissionId, ProviderId
 from skyway.json_model import JsonModel

@@ -5,9 +5,7 @@ from typing import Final
 
 from skyway.contracts.drone_report import DroneState
 from skyway.ids import DroneId, MissionId
-from skyway_composition.links.instructions.store import (
-    last_cancel,
-)
+from skyway_composition.links.instructions.store import last_cancel
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions import store
 from skyway_composition.missions.custody.chain import on_board

@@ -14,10 +14,7 @@ from skyway.runtime.http.app import internal_body
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway_composition.missions.hands.cancel import Cancellations
-from skyway_composition.missions.hands.command import (
-    Command,
-    CommandAnswer,
-)
+from skyway_composition.missions.hands.command import Command, CommandAnswer
 from skyway_composition.missions.hands.commands import Commands
 from skyway_composition.missions.hands.loading import LoadingAnswer, Loadings
 

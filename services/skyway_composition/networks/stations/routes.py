@@ -22,10 +22,7 @@ from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.networks.stations.all_stations import all_stations
 from skyway_composition.networks.stations.box import Box
 from skyway_composition.networks.stations.station_check import check_stations
-from skyway_composition.networks.stations.store import (
-    StationRow,
-    stations_after,
-)
+from skyway_composition.networks.stations.store import StationRow, stations_after
 
 
 class StationInfo(JsonModel):

@@ -14,11 +14,7 @@ from skyway_composition.closures.store import outages
 from skyway_composition.pads.store import booked_at
 from skyway_composition.pads.taken.outage import outages_by_pad
 from skyway_composition.pads.taken.pad_use import PadUse
-from skyway_composition.pads.taken.store import (
-    pads_everywhere,
-    pads_of_all,
-    used_stations,
-)
+from skyway_composition.pads.taken.store import pads_everywhere, pads_of_all, used_stations
 
 
 @dataclass(slots=True)

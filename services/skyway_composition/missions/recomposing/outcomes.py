@@ -1,0 +1,145 @@
+"""What comes of a look for a plan: a revision on its way, another look later, or an end.
+
+Each is kept in a transaction that looks again: meanwhile the mission may have changed.
+"""
+
+import logging
+from dataclasses import dataclass
+from typing import Final
+
+from skyway.ids import DroneId
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.errors import Taken
+from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Database, Tx
+from skyway.units import moment_to_ms
+from skyway_composition.missions import store
+from skyway_composition.missions.recomposing.case import Case
+from skyway_composition.missions.recomposing.giving_up import (
+    give_up,
+    hold_for_stop,
+    raise_no_landing,
+    stop_diverting,
+    stop_trying,
+)
+from skyway_composition.missions.record import MissionRecord, Trouble
+from skyway_composition.missions.rest.anchor import Anchor
+from skyway_composition.missions.rest.planner import Rest
+from skyway_composition.missions.revisions.new_steps import revision_of
+from skyway_composition.missions.revisions.proposal import propose
+from skyway_composition.missions.revisions.replacement import replace_plan
+from skyway_composition.missions.watch import Watch
+from skyway_composition.planning.round_trip import NoTrip
+from skyway_composition.planning.world import still_holds
+
+log = logging.getLogger(__name__)
+
+#: A mission that needs more revisions than this is going nowhere. Our own choice.
+MOST_REVISIONS: Final = 40
+
+#: Wall time until a plan is looked for again when there was none. Our own choice.
+_RETRY_MS: Final = 2_000
+
+
+@dataclass(frozen=True, slots=True)
+class Outcomes:
+    """Keeps what came of planning for missions."""
+
+    db: Database
+    clock: FleetClock
+    mint: Mint
+
+    async def take_or_retry(self, case: Case, anchor: Anchor, rest: Rest) -> None:
+        """Send this rest of the mission; where a pad is taken by now, look again later."""
+        try:
+            async with self.db.write() as tx:
+                await self._take(tx, case, anchor, rest)
+        except Taken as taken:
+            mission_id = case.record.mission_id
+            log.info("pad taken", extra={"mission_id": mission_id, "by": taken.constraint})
+            await self.retry_later(case.record)
+
+    async def _take(self, tx: Tx, case: Case, anchor: Anchor, rest: Rest) -> None:
+        """Send this rest of the mission, unless things have changed."""
+        # I11: read inside the transaction, and cannot change before it ends.
+        holds = await still_holds(tx, case.world)
+        watch = await self._watch(case.record.drone_id, tx)
+        record = watch.missions.get(case.record.drone_id)
+        is_late = rest.trip.start_ms < self._now_ms()
+        # After the links, as everybody locks them.
+        await store.retry_stuck(tx, case.record.mission_id, at_wall_ms=0)
+        if record is None or not holds or is_late or not case.still_is(watch, record):
+            return
+        revision = revision_of(
+            record,
+            rest,
+            anchor=anchor,
+            trouble=case.trouble,
+            number=case.sent_revisions + 1,
+            energy_margin=case.situation.energy_margin(case.world.skyway.settings),
+            skyway=case.world.skyway,
+            link=watch.links[record.drone_id],
+        )
+        if case.closed.closes_landing(anchor.station_id, anchor.at_ms) and rest.given_up:
+            await raise_no_landing(watch, record, anchor)
+        if record.stuck is None:
+            await propose(watch, record, revision, anchor=anchor, trouble=case.trouble)
+        else:
+            await replace_plan(watch, record, revision, trouble=case.trouble)
+
+    async def retry_later(self, record: MissionRecord) -> None:
+        """Look for a plan again a little later."""
+        async with self.db.write() as tx:
+            await store.retry_stuck(tx, record.mission_id, at_wall_ms=self._retry_wall_ms)
+
+    async def hold(self, record: MissionRecord, stop: str) -> None:
+        """Keep the drone on the ground while a ground stop lasts, and look again later."""
+        async with self.db.write() as tx:
+            watch = await self._watch(record.drone_id, tx)
+            known = watch.missions.get(record.drone_id)
+            if known is not None and known.mission_id == record.mission_id:
+                await hold_for_stop(watch, known, stop=stop)
+        await self.retry_later(record)
+
+    async def stop_trying(self, record: MissionRecord, trouble: Trouble) -> None:
+        """Make no more plans: who stands gives up, who flies, flies on by the old one."""
+        if record.stuck is not None:
+            detail = f"{MOST_REVISIONS} revisions led nowhere; the last: {trouble.detail}"
+            await self.give_up(record, code=trouble.code, detail=detail)
+            return
+        async with self.db.write() as tx:
+            watch = await self._watch(record.drone_id, tx)
+            known = watch.missions.get(record.drone_id)
+            if known is not None and known.mission_id == record.mission_id:
+                await stop_trying(watch, known, trouble)
+
+    async def stop_diverting(self, case: Case, reason: NoTrip) -> None:
+        """Leave the drone held, since it cannot go where an operator wants it."""
+        async with self.db.write() as tx:
+            watch = await self._watch(case.record.drone_id, tx)
+            known = watch.missions.get(case.record.drone_id)
+            if known is not None and case.still_is(watch, known):
+                await stop_diverting(watch, known, reason=f"{reason.code}: {reason.detail}")
+
+    async def give_up(self, planned: MissionRecord, *, code: str, detail: str) -> None:
+        """End a mission that was planned for in vain, if it still is the one that was looked at."""
+        async with self.db.write() as tx:
+            watch = await self._watch(planned.drone_id, tx)
+            record = watch.missions.get(planned.drone_id)
+            if record is None or record.mission_id != planned.mission_id:
+                return
+            if record.stuck is None and watch.links[record.drone_id].is_gone:
+                # It may begin without having heard: it is asked again, or silent for too long.
+                await store.retry_stuck(tx, record.mission_id, at_wall_ms=self._retry_wall_ms)
+                return
+            await give_up(watch, record, code=code, detail=detail)
+
+    async def _watch(self, drone_id: DroneId, tx: Tx) -> Watch:
+        return await Watch.over([drone_id], tx=tx, clock=self.clock, mint=self.mint)
+
+    @property
+    def _retry_wall_ms(self) -> int:
+        return moment_to_ms(self.clock.wall_now()) + _RETRY_MS
+
+    def _now_ms(self) -> int:
+        return moment_to_ms(self.clock.now())
