@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from fastapi import Depends, Header, Query, Request, Response
+from fastapi import Depends, Query, Request, Response
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 
 from skyway.contracts.drone_key import DRONE_KEY_PREFIX
@@ -10,6 +10,7 @@ from skyway.ids import KeyId, SubjectId
 from skyway.runtime.errors import Unauthenticated
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import Page, PageQuery, page_of
+from skyway.runtime.http.repeatable import IdempotencyKey, response_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway_gateway.access import store
@@ -62,15 +63,14 @@ def key_routes(*, db: Database, gate: KeyGate, keys: Keys) -> ServiceRouter:
         request: Request,
         caller: Annotated[Caller, Depends(gate)],
         wanted: NewKey,
-        idempotency_key: Annotated[str | None, Header()] = None,
+        idempotency_key: IdempotencyKey = None,
     ) -> Response:
         """Issue an API key; its secrets are shown only in this answer."""
         caller.must_be("operator")
         answer = await keys.issue(
             caller, wanted, idempotency_key=idempotency_key, body=await request.body()
         )
-        headers = dict(answer.headers)
-        return Response(answer.body, answer.status, headers, media_type="application/json")
+        return response_of(answer)
 
     @router.get("/v1/keys")
     async def list_keys(

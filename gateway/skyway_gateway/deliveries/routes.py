@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Annotated
 
-from fastapi import Body, Depends, Header, Request, Response
+from fastapi import Body, Depends, Request, Response
 from pydantic import Discriminator, Tag
 
 from skyway.contracts.mission import MissionReport
@@ -16,6 +16,7 @@ from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId
 from skyway.runtime.http.app import internal_body
 from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.repeatable import IdempotencyKey, response_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.deliveries.accept import Acceptance, OfferChoice
@@ -47,7 +48,7 @@ def delivery_routes(
         request: Request,
         caller: Annotated[Caller, Depends(gate)],
         wanted: Annotated[RequestOrOffer, Body()],
-        idempotency_key: Annotated[str | None, Header()] = None,
+        idempotency_key: IdempotencyKey = None,
     ) -> Response:
         """Request a delivery, or take an offer; it is booked and flown without further calls."""
         # An operator has stranded packages collected.
@@ -55,8 +56,7 @@ def delivery_routes(
         answer = await acceptance.accept(
             caller, wanted, idempotency_key=idempotency_key, body=await request.body()
         )
-        headers = dict(answer.headers)
-        return Response(answer.body, answer.status, headers, media_type="application/json")
+        return response_of(answer)
 
     @router.post("/v1/deliveries/{delivery_id}/cancel")
     async def cancel_delivery(

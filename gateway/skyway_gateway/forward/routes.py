@@ -5,7 +5,7 @@ from collections.abc import Awaitable, Callable, Mapping
 from http import HTTPStatus
 from typing import Annotated, Any
 
-from fastapi import Depends, Header, Request, Response
+from fastapi import Depends, Request, Response
 from fastapi.responses import StreamingResponse
 
 from skyway.ids import SubjectId
@@ -14,6 +14,7 @@ from skyway.runtime.errors import NotFound
 from skyway.runtime.http.abandonment import while_wanted
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.identity import Caller
+from skyway.runtime.http.repeatable import IdempotencyKey, response_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.idempotency.answer import Answer
 from skyway.runtime.idempotency.once import once
@@ -80,7 +81,7 @@ def provider_routes(
     async def register_provider(
         request: Request,
         caller: Annotated[Caller, Depends(gate)],
-        idempotency_key: Annotated[str | None, Header()] = None,
+        idempotency_key: IdempotencyKey = None,
     ) -> Response:
         """Register a provider; the answer also holds `key_id` and `key`, shown only here."""
         caller.must_be("operator")
@@ -106,8 +107,7 @@ def provider_routes(
             act=add_key,
             clock=clock,
         )
-        headers = dict(answer.headers)
-        return Response(answer.body, answer.status, headers, media_type="application/json")
+        return response_of(answer)
 
     return router
 

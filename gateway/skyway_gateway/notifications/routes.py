@@ -2,12 +2,13 @@
 
 from typing import Annotated
 
-from fastapi import Depends, Header, Query, Request, Response
+from fastapi import Depends, Query, Request, Response
 
 from skyway.ids import SubjectId, WebhookId
 from skyway.runtime.clock import AnchoredClock, FleetClock
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import Page, PageQuery, page_of
+from skyway.runtime.http.repeatable import IdempotencyKey, response_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.idempotency.answer import Answer
 from skyway.runtime.idempotency.once import once
@@ -60,7 +61,7 @@ def webhook_routes(
         request: Request,
         caller: Annotated[Caller, Depends(gate)],
         wanted: NewWebhook,
-        idempotency_key: Annotated[str | None, Header()] = None,
+        idempotency_key: IdempotencyKey = None,
     ) -> Response:
         """Be told of deliveries' events; the signing secret is shown only in this answer."""
         caller.must_be("customer")
@@ -90,8 +91,7 @@ def webhook_routes(
             act=keep,
             clock=clock,
         )
-        headers = dict(answer.headers)
-        return Response(answer.body, answer.status, headers, media_type="application/json")
+        return response_of(answer)
 
     @router.get("/v1/webhooks")
     async def list_webhooks(

@@ -2,11 +2,12 @@
 
 from typing import Annotated
 
-from fastapi import Depends, Header, Request, Response
+from fastapi import Depends, Request, Response
 
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import QuoteId
 from skyway.runtime.http.identity import Caller
+from skyway.runtime.http.repeatable import IdempotencyKey, response_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway_gateway.access.routes import KeyGate
@@ -24,15 +25,14 @@ def quote_routes(*, db: Database, gate: KeyGate, maker: QuoteMaker) -> ServiceRo
         request: Request,
         caller: Annotated[Caller, Depends(gate)],
         wanted: DeliveryRequest,
-        idempotency_key: Annotated[str | None, Header()] = None,
+        idempotency_key: IdempotencyKey = None,
     ) -> Response:
         """Ask for offers, the best first; they reserve nothing, and one of them can be taken."""
         caller.must_be("customer", "operator")
         answer = await maker.make(
             caller, wanted, idempotency_key=idempotency_key, body=await request.body()
         )
-        headers = dict(answer.headers)
-        return Response(answer.body, answer.status, headers, media_type="application/json")
+        return response_of(answer)
 
     @router.get("/v1/quotes/{quote_id}")
     async def get_quote(quote_id: QuoteId, caller: Annotated[Caller, Depends(gate)]) -> Quote:

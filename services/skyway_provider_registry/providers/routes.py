@@ -2,13 +2,14 @@
 
 from typing import Annotated
 
-from fastapi import Depends, Header, Query, Request, Response
+from fastapi import Depends, Query, Request, Response
 
 from skyway.ids import ProviderId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import AccessDenied
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.paging import Page, PageQuery, page_of
+from skyway.runtime.http.repeatable import IdempotencyKey, response_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.idempotency.answer import Answer
 from skyway.runtime.idempotency.once import once
@@ -35,7 +36,7 @@ def provider_routes(
         request: Request,
         caller: Annotated[Caller, Depends(gate)],
         wanted: NewProvider,
-        idempotency_key: Annotated[str | None, Header()] = None,
+        idempotency_key: IdempotencyKey = None,
     ) -> Response:
         """Register a provider; operators only."""
         caller.must_be("operator")
@@ -64,7 +65,7 @@ def provider_routes(
             act=keep,
             clock=clock,
         )
-        return _response(answer)
+        return response_of(answer)
 
     @router.get("/v1/providers")
     async def list_providers(
@@ -106,15 +107,6 @@ def provider_routes(
             return await store.of_caller(tx.connection, caller, provider_id=provider_id)
 
     return router
-
-
-def _response(answer: Answer) -> Response:
-    return Response(
-        answer.body,
-        status_code=answer.status,
-        headers=dict(answer.headers),
-        media_type="application/json",
-    )
 
 
 def _itself(provider: Provider) -> Provider:

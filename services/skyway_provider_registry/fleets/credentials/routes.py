@@ -3,12 +3,13 @@
 from collections.abc import Awaitable, Callable
 from typing import Annotated
 
-from fastapi import Depends, Header, Request, Response
+from fastapi import Depends, Request, Response
 
 from skyway.ids import DroneId, ProviderId
 from skyway.json_model import JsonModel
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.repeatable import IdempotencyKey, response_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.idempotency.answer import Answer
 from skyway.runtime.idempotency.once import once
@@ -32,8 +33,6 @@ from skyway_provider_registry.fleets.credentials.issue import (
 )
 
 _DRONE = "/v1/providers/{provider_id}/drones/{drone_id}"
-
-IdempotencyKey = Annotated[str | None, Header()]
 
 
 def credential_routes(
@@ -65,9 +64,10 @@ def credential_routes(
             act=shown,
             clock=clock,
         )
+        response = response_of(answer)
         # Nobody between us and the drone may keep what is shown once.
-        headers = {**answer.headers, "Cache-Control": "no-store"}
-        return Response(answer.body, answer.status, headers, "application/json")
+        response.headers["Cache-Control"] = "no-store"
+        return response
 
     @router.post("/v1/enrolments", status_code=201, response_model=Enrolment)
     async def enrol_drone(

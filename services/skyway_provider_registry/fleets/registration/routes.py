@@ -4,13 +4,14 @@ import asyncio
 import json
 from typing import Annotated, Final
 
-from fastapi import Depends, Header, Request, Response
+from fastapi import Depends, Request, Response
 from fastapi.exceptions import RequestValidationError
 from pydantic import Discriminator, Field, Tag
 
 from skyway.ids import ProviderId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.repeatable import IdempotencyKey, response_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.idempotency.answer import Answer
 from skyway.runtime.idempotency.once import once
@@ -87,7 +88,7 @@ def registration_routes(
         request: Request,
         caller: Annotated[Caller, Depends(gate)],
         wanted: NewDrones,
-        idempotency_key: Annotated[str | None, Header()] = None,
+        idempotency_key: IdempotencyKey = None,
     ) -> Response:
         """Register drones, all or none; `enrolment_token` and `mqtt` are shown this once."""
         caller.must_be("operator", "provider")
@@ -111,7 +112,7 @@ def registration_routes(
             clock=clock,
         )
         await password_file.refresh()
-        return Response(given.body, given.status, given.headers, "application/json")
+        return response_of(given)
 
     return router
 
