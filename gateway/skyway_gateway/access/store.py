@@ -3,9 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any, Final
+from typing import Final
 
-from sqlalchemy import ColumnElement, Row, and_, bindparam, exists, insert, select, update
+from sqlalchemy import ColumnElement, and_, bindparam, exists, insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import KeyId, SubjectId
@@ -13,6 +13,7 @@ from skyway.runtime.errors import NotFound
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import PageQuery
 from skyway.runtime.sql.database import Tx
+from skyway.runtime.sql.found import AnyRow
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_gateway.access.key import ApiKey, KeyRole
 from skyway_gateway.tables import api_keys
@@ -147,7 +148,7 @@ def _has_open_account() -> ColumnElement[bool]:
     )
 
 
-def _key(row: Row[*tuple[Any, ...]]) -> ApiKey:  # columns of every type
+def _key(row: AnyRow) -> ApiKey:
     return ApiKey(
         key_id=row.key_id,
         role=row.role,

@@ -2,14 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
-from sqlalchemy import Row, func, insert, select
+from sqlalchemy import func, insert, select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import SubjectId
 from skyway.runtime.http.paging import PageQuery
 from skyway.runtime.sql.database import Tx
+from skyway.runtime.sql.found import AnyRow
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_gateway.access.key import KeyRole
 from skyway_gateway.audit.entry import AuditEntry
@@ -54,7 +54,7 @@ async def page(
     return [_entry(row) for row in await connection.execute(statement)]
 
 
-def _entry(row: Row[*tuple[Any, ...]]) -> AuditEntry:  # columns of every type
+def _entry(row: AnyRow) -> AuditEntry:
     return AuditEntry(
         entry_id=row.entry_id,
         at=ms_to_moment(row.at_ms),

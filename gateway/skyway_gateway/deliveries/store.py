@@ -1,15 +1,14 @@
 """The SQL by which deliveries are found with all their parts, and marked without being saved.
 
 How they are saved is in `saving`, their queue in `queueing`, what customers read in `reading`.
-Any, for rows: their columns are of every type.
 """
 
 from collections import defaultdict
 from collections.abc import Sequence
 from datetime import datetime
-from typing import Any, Final
+from typing import Final
 
-from sqlalchemy import Row, and_, bindparam, exists, select, update
+from sqlalchemy import and_, bindparam, exists, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.candidate import ProviderReason
@@ -17,6 +16,7 @@ from skyway.ids import DeliveryId, MissionId
 from skyway.runtime.errors import NotFound
 from skyway.runtime.sql.among import among
 from skyway.runtime.sql.database import Tx
+from skyway.runtime.sql.found import AnyRow
 from skyway.units import moment_to_ms
 from skyway_gateway.deliveries.delivery import Delivery, FlownMission, PackageStatus
 from skyway_gateway.deliveries.known import Known
@@ -66,9 +66,7 @@ async def last_report(tx: Tx, mission_id: MissionId) -> int | None:
     return found
 
 
-async def with_parts(
-    connection: AsyncConnection, found: Sequence[Row[*tuple[Any, ...]]]
-) -> Sequence[Delivery]:
+async def with_parts(connection: AsyncConnection, found: Sequence[AnyRow]) -> Sequence[Delivery]:
     """The deliveries of these rows, with their packages and missions, in the same order."""
     ids = [row.delivery_id for row in found]
     if not ids:

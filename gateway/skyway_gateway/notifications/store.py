@@ -3,9 +3,8 @@
 import json
 from collections.abc import Sequence
 from datetime import datetime
-from typing import Any
 
-from sqlalchemy import Row, and_, delete, insert, select, update
+from sqlalchemy import and_, delete, insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.delivery_event import DeliveryEventType
@@ -15,6 +14,7 @@ from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import PageQuery
 from skyway.runtime.sql.claims import FREE
 from skyway.runtime.sql.database import Tx
+from skyway.runtime.sql.found import AnyRow
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_gateway.access.ownership.store import owned
 from skyway_gateway.notifications.webhook import Endpoint, Webhook
@@ -114,7 +114,7 @@ async def _give_up_pending(tx: Tx, webhook_id: WebhookId) -> None:
 
 async def _webhook_row(
     connection: AsyncConnection, caller: Caller, webhook_id: WebhookId
-) -> Row[*tuple[Any, ...]]:  # columns of every type
+) -> AnyRow:
     statement = select(webhooks).where(
         webhooks.c.webhook_id == webhook_id, owned(caller, webhooks.c.customer_id)
     )
@@ -128,7 +128,7 @@ def _types_text(types: tuple[DeliveryEventType, ...] | None) -> str | None:
     return None if types is None else json.dumps(list(types))
 
 
-def _webhook(row: Row[*tuple[Any, ...]]) -> Webhook:  # columns of every type
+def _webhook(row: AnyRow) -> Webhook:
     return Webhook(
         webhook_id=row.webhook_id,
         url=row.url,

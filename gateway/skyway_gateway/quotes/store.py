@@ -1,10 +1,10 @@
 """All SQL of quotes."""
 
 from datetime import datetime
-from typing import Any, Final
+from typing import Final
 
 from pydantic import TypeAdapter
-from sqlalchemy import Row, and_, delete, insert, select, update
+from sqlalchemy import and_, delete, insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.candidate import ProviderReason
@@ -13,6 +13,7 @@ from skyway.ids import DeliveryId, OfferId, QuoteId, SubjectId
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.sql.database import Tx
+from skyway.runtime.sql.found import AnyRow
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_gateway.access.ownership.store import owned
 from skyway_gateway.quotes.quote import Offer, Quote
@@ -68,7 +69,7 @@ async def forget(tx: Tx, *, expired_before: datetime) -> None:
     await tx.execute(delete(quotes).where(is_old))
 
 
-def _quote(row: Row[*tuple[Any, ...]]) -> Quote:  # columns of every type
+def _quote(row: AnyRow) -> Quote:
     return Quote(
         quote_id=row.quote_id,
         request=DeliveryRequest.read(row.request),

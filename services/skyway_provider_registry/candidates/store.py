@@ -1,14 +1,15 @@
 """All SQL of the fleet view: who is there, and what has changed since it was read last."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from typing import Final
 
-from sqlalchemy import BigInteger, Row, and_, bindparam, exists, literal_column, or_, select
+from sqlalchemy import BigInteger, and_, bindparam, exists, literal_column, or_, select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.drone.model import DroneModel
 from skyway.geo import Position
 from skyway.ids import DroneModelId, ProviderId
+from skyway.runtime.sql.found import AnyRow
 from skyway_provider_registry.candidates.reasons import KnownDrone, KnownProvider
 from skyway_provider_registry.changes.store import ONLY_ROW, ChangeMarks
 from skyway_provider_registry.presence.known import SILENCE
@@ -62,7 +63,7 @@ CHANGES: Final = (
     .where(changes.c.only == ONLY_ROW)
 )
 
-Rows = Sequence[Row[*tuple[Any, ...]]]  # columns of every type
+Rows = Sequence[AnyRow]
 
 
 async def known_providers(connection: AsyncConnection) -> dict[ProviderId, KnownProvider]:
@@ -93,9 +94,7 @@ async def changed_drones(connection: AsyncConnection, *, since: int) -> tuple[Ch
     return marks, [row for row in rows if row.drone_id is not None]
 
 
-def known_drone(
-    row: Row[*tuple[Any, ...]], models: Mapping[DroneModelId, DroneModel]
-) -> KnownDrone:
+def known_drone(row: AnyRow, models: Mapping[DroneModelId, DroneModel]) -> KnownDrone:
     """The drone of a row; one that has not told of itself stands nowhere and is away for ever."""
     has_told = row.activity is not None
     is_there = has_told and row.connection_status == "ONLINE" and not row.is_in_maintenance

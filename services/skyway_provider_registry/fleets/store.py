@@ -13,11 +13,12 @@ from skyway.runtime.errors import Conflict, NotFound, Taken
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import PageQuery
 from skyway.runtime.sql.database import Tx
+from skyway.runtime.sql.found import AnyRow
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_provider_registry.changes.store import mark_removal
 from skyway_provider_registry.fleets.drone_models import store as drone_models
 from skyway_provider_registry.fleets.fleet_drone import FleetDrone
-from skyway_provider_registry.presence.store import KNOWN, AnyRow, presence_of, touch
+from skyway_provider_registry.presence.store import KNOWN, presence_of, touch
 from skyway_provider_registry.providers.store import owned
 from skyway_provider_registry.tables import drones
 

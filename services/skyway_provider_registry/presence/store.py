@@ -2,14 +2,15 @@
 
 from collections.abc import Iterable
 from datetime import datetime
-from typing import Any, Final
+from typing import Final
 
-from sqlalchemy import BigInteger, Row, Text, bindparam, func, select, update
+from sqlalchemy import BigInteger, Text, bindparam, func, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.geo import Position
 from skyway.ids import DroneId, MissionId, ProviderId
 from skyway.runtime.sql.database import Tx
+from skyway.runtime.sql.found import AnyRow
 from skyway.units import ms_to_moment
 from skyway_provider_registry.changes.store import next_change
 from skyway_provider_registry.presence.known import LastSample, LastState, Presence
@@ -17,9 +18,6 @@ from skyway_provider_registry.tables import drones, mission_hints, presence
 
 #: Drone ids in one IN list: SQLite takes 32,766 parameters, plans want fewer.
 _CHUNK: Final = 500
-
-#: A row of any query; its columns are of every type.
-AnyRow = Row[*tuple[Any, ...]]
 
 _live: Final = (
     select(mission_hints.c.drone_id, func.max(mission_hints.c.mission_id).label("mission_id"))

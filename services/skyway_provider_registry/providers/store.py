@@ -1,9 +1,8 @@
 """All SQL of the providers; every query is narrowed to what its caller may see."""
 
 from collections.abc import Sequence
-from typing import Any
 
-from sqlalchemy import ColumnElement, Row, false, select, true, update
+from sqlalchemy import ColumnElement, false, select, true, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.delivery.offer import Tariff
@@ -12,6 +11,7 @@ from skyway.runtime.errors import NotFound
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import PageQuery
 from skyway.runtime.sql.database import Tx
+from skyway.runtime.sql.found import AnyRow
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_provider_registry.changes.store import mark_providers
 from skyway_provider_registry.providers.provider import Provider, ProviderChange
@@ -125,7 +125,7 @@ async def _page(
     return [_provider(row) for row in await connection.execute(statement)]
 
 
-def _provider(row: Row[*tuple[Any, ...]]) -> Provider:  # columns of every type
+def _provider(row: AnyRow) -> Provider:
     return Provider(
         provider_id=row.provider_id,
         name=row.name,

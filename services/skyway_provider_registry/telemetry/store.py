@@ -9,7 +9,6 @@ from sqlalchemy import (
     BigInteger,
     ColumnElement,
     Integer,
-    Row,
     Select,
     Table,
     Text,
@@ -24,12 +23,10 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import DroneId
 from skyway.runtime.sql.database import Tx
+from skyway.runtime.sql.found import AnyRow
 from skyway.units import moment_to_ms
 from skyway_provider_registry.tables import telemetry_minutes, telemetry_samples
 from skyway_provider_registry.telemetry.heard_sample import HeardSample
-
-#: A row of any query; its columns are of every type.
-AnyRow = Row[*tuple[Any, ...]]
 
 MINUTE_MS: Final = 60_000
 

@@ -8,15 +8,15 @@ that can write or of those that cannot. `write_alone` is for a write of one stat
 
 from collections.abc import AsyncIterator, Sequence
 from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager
-from typing import Any, Self
+from typing import Self
 
 from sqlalchemy import Executable, Table, text
-from sqlalchemy.engine import Row
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.loops import Wake
 from skyway.runtime.sql.engines import Dialect, read_url
+from skyway.runtime.sql.found import AnyRow
 from skyway.runtime.sql.storage import PostgresqlStorage, SqliteStorage, Storage
 from skyway.runtime.sql.transaction import Tx
 from skyway.runtime.sql.written import Values
@@ -86,7 +86,7 @@ class Database:
 
     async def write_alone(
         self, statement: Executable, parameters: Values | Sequence[Values]
-    ) -> Sequence[Row[*tuple[Any, ...]]]:
+    ) -> Sequence[AnyRow]:
         """Run one statement that is a transaction of its own; the rows that it returns.
 
         PostgreSQL then needs neither BEGIN nor COMMIT, two round trips of three.

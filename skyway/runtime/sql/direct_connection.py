@@ -19,7 +19,7 @@ from asyncpg import (
     PostgresError,
     Record,
 )
-from sqlalchemy import Executable, Row
+from sqlalchemy import Executable
 from sqlalchemy.engine import CursorResult
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.ext.asyncio import AsyncEngine
@@ -31,7 +31,6 @@ from skyway.runtime.sql.prepared import Prepared
 from skyway.runtime.sql.written import Values, Written, WrittenStatements
 
 AnswerT = TypeVar("AnswerT")
-AnyRow = Row[*tuple[Any, ...]]
 
 #: What the driver raises of its own; what SQLAlchemy wraps, too.
 _DRIVER_ERRORS: Final = (PostgresError, InterfaceError, InternalClientError)

@@ -8,6 +8,9 @@ from sqlalchemy.exc import MultipleResultsFound, NoResultFound
 
 ItemT = TypeVar("ItemT")
 
+#: A row of any query: Any, since its columns are of every type.
+AnyRow = Row[*tuple[Any, ...]]
+
 
 class Found(Generic[ItemT]):
     """Everything that was found, in order."""
@@ -41,7 +44,7 @@ class Found(Generic[ItemT]):
         return self._items[0]
 
 
-class FoundRows(Found[Row[*tuple[Any, ...]]]):
+class FoundRows(Found[AnyRow]):
     """The rows that a statement found or returned. Any: columns are of every type.
 
     Parameters
@@ -52,9 +55,7 @@ class FoundRows(Found[Row[*tuple[Any, ...]]]):
         Whether the statement is one that finds or returns rows.
     """
 
-    def __init__(
-        self, rows: Sequence[Row[*tuple[Any, ...]]], *, status: str | None, returns_rows: bool
-    ) -> None:
+    def __init__(self, rows: Sequence[AnyRow], *, status: str | None, returns_rows: bool) -> None:
         super().__init__(rows)
         self._status = status
         self.returns_rows = returns_rows

@@ -1,10 +1,7 @@
-"""Between a delivery and its own row.
-
-Any, for a row: its columns have the types of their table.
-"""
+"""Between a delivery and its own row."""
 
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Final
 
 from pydantic import TypeAdapter
 
@@ -12,6 +9,7 @@ from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.mission import OfferLimits
 from skyway.delivery.request import DeliveryRequest
 from skyway.geo import Position
+from skyway.runtime.sql.found import AnyRow
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_gateway.deliveries import told
 from skyway_gateway.deliveries.delivery import (
@@ -72,7 +70,7 @@ def changing(known: Known) -> Values:
 
 
 def delivery_of(
-    row: Any, packed: Sequence[PackageStatus], flown: Sequence[FlownMission]
+    row: AnyRow, packed: Sequence[PackageStatus], flown: Sequence[FlownMission]
 ) -> Delivery:
     """The delivery in a row, with its parts."""
     return Delivery(
@@ -97,12 +95,12 @@ def delivery_of(
     )
 
 
-def known_of(row: Any, delivery: Delivery) -> Known:
+def known_of(row: AnyRow, delivery: Delivery) -> Known:
     """The delivery in a row, with its place in time."""
     return Known(delivery, row.version, row.last_sequence)
 
 
-def queued_of(row: Any, known: Known) -> Queued:
+def queued_of(row: AnyRow, known: Known) -> Queued:
     """The queued delivery in a row."""
     return Queued(
         known=known,

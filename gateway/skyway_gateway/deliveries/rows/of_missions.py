@@ -1,11 +1,7 @@
-"""Between the missions that fly a delivery and their rows.
-
-Any, for a row: its columns have the types of their table.
-"""
-
-from typing import Any
+"""Between the missions that fly a delivery and their rows."""
 
 from skyway.contracts.mission import MissionReport
+from skyway.runtime.sql.found import AnyRow
 from skyway.units import moment_to_ms
 from skyway_gateway.deliveries.delivery import FlownMission
 from skyway_gateway.deliveries.rows.values import Values
@@ -40,7 +36,7 @@ def mission_changes(before: FlownMission, after: FlownMission) -> Values:
     return _changing(after)
 
 
-def mission_of(row: Any) -> FlownMission:
+def mission_of(row: AnyRow) -> FlownMission:
     """The mission in a row."""
     return FlownMission.read(row.body).model_copy(update={"state": row.state})
 

@@ -1,15 +1,13 @@
-"""Between a delivery's packages and their rows, and the first links of their custody.
-
-Any, for a row: its columns have the types of their table.
-"""
+"""Between a delivery's packages and their rows, and the first links of their custody."""
 
 from datetime import datetime
-from typing import Any, Final
+from typing import Final
 
 from pydantic import TypeAdapter
 
 from skyway.delivery.request import Place
 from skyway.geo import Position
+from skyway.runtime.sql.found import AnyRow
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_gateway.deliveries.delivery import Custodian, Delivery, PackageStatus
 from skyway_gateway.deliveries.proof import Proof
@@ -63,7 +61,7 @@ def first_custody_row(delivery: Delivery, package: PackageStatus) -> Values:
     }
 
 
-def package_of(row: Any) -> PackageStatus:
+def package_of(row: AnyRow) -> PackageStatus:
     """The package in a row."""
     return PackageStatus(
         package_id=row.package_id,

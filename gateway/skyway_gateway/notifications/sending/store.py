@@ -2,9 +2,9 @@
 
 from collections.abc import Sequence
 from datetime import datetime
-from typing import Any, Final
+from typing import Final
 
-from sqlalchemy import ColumnElement, Row, and_, exists, insert, select, update
+from sqlalchemy import ColumnElement, and_, exists, insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import EventId, WebhookId
@@ -12,6 +12,7 @@ from skyway.runtime.clock import FleetClock
 from skyway.runtime.http.paging import PageQuery
 from skyway.runtime.sql.claims import FREE, claim
 from skyway.runtime.sql.database import Database, Tx
+from skyway.runtime.sql.found import AnyRow
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_gateway.notifications.webhook import Endpoint, Notification, WebhookAttempt
 from skyway_gateway.tables import events, notifications, webhook_attempts, webhooks
@@ -127,8 +128,8 @@ def _is_due(at: datetime) -> ColumnElement[bool]:
     )
 
 
-def _notification(row: Row[*tuple[Any, ...]], event: Row[*tuple[Any, ...]]) -> Notification:
-    """Any: columns of every type."""
+def _notification(row: AnyRow, event: AnyRow) -> Notification:
+    """What is told to a webhook, of its row and its event's."""
     return Notification(
         event_id=row.event_id,
         event_type=event.type,
@@ -138,7 +139,7 @@ def _notification(row: Row[*tuple[Any, ...]], event: Row[*tuple[Any, ...]]) -> N
     )
 
 
-def _attempt(row: Row[*tuple[Any, ...]]) -> WebhookAttempt:  # columns of every type
+def _attempt(row: AnyRow) -> WebhookAttempt:
     next_try_ms = row.next_try_wall_ms
     return WebhookAttempt(
         attempt_id=row.attempt_id,

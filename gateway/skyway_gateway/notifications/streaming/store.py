@@ -1,18 +1,18 @@
 """The SQL by which a delivery's events are read in their order."""
 
 from collections.abc import Sequence
-from typing import Any
 
-from sqlalchemy import Row, select
+from sqlalchemy import select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import DeliveryId
+from skyway.runtime.sql.found import AnyRow
 from skyway_gateway.tables import events
 
 
 async def events_after(
     connection: AsyncConnection, delivery_id: DeliveryId, *, after: int
-) -> Sequence[Row[*tuple[Any, ...]]]:  # columns of every type
+) -> Sequence[AnyRow]:
     """The events after a sequence: sequence, type, body."""
     statement = (
         select(events.c.sequence, events.c.type, events.c.body)
@@ -22,9 +22,7 @@ async def events_after(
     return (await connection.execute(statement)).all()
 
 
-async def last_event(
-    connection: AsyncConnection, delivery_id: DeliveryId
-) -> Row[*tuple[Any, ...]] | None:  # columns of every type
+async def last_event(connection: AsyncConnection, delivery_id: DeliveryId) -> AnyRow | None:
     """The newest event: sequence, type."""
     statement = (
         select(events.c.sequence, events.c.type)

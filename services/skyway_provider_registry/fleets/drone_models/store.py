@@ -1,9 +1,8 @@
 """The drone models there are: the library's named ones always, and the table's."""
 
 from collections.abc import Mapping
-from typing import Any
 
-from sqlalchemy import Row, select
+from sqlalchemy import select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.drone.model import DroneModel
@@ -11,6 +10,7 @@ from skyway.drone.models import DRONE_MODELS
 from skyway.ids import DroneModelId
 from skyway.runtime.errors import Conflict
 from skyway.runtime.sql.database import Tx
+from skyway.runtime.sql.found import AnyRow
 from skyway_provider_registry.tables import drone_models, drones
 
 Models = Mapping[DroneModelId, DroneModel]
@@ -54,5 +54,5 @@ async def put(tx: Tx, model: DroneModel) -> bool:
 
 async def _has_drones(tx: Tx, model_id: DroneModelId) -> bool:
     statement = select(drones.c.drone_id).where(drones.c.model_id == model_id).limit(1)
-    row: Row[*tuple[Any, ...]] | None = (await tx.execute(statement)).one_or_none()
+    row: AnyRow | None = (await tx.execute(statement)).one_or_none()
     return row is not None

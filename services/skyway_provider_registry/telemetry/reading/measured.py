@@ -7,8 +7,8 @@ from pydantic import Field
 from skyway.contracts.message import FleetMoment, Soc
 from skyway.geo import Position
 from skyway.json_model import JsonModel
+from skyway.runtime.sql.found import AnyRow
 from skyway.units import ms_to_moment
-from skyway_provider_registry.telemetry.store import AnyRow
 
 
 class Spread(JsonModel):
