@@ -15,7 +15,8 @@ from skyway.contracts.topic import Address, M, Topic
 from skyway.runtime.errors import MqttUnavailable
 from skyway.runtime.mqtt.address import BrokerAddress
 from skyway.runtime.mqtt.inbox import Inbox, Received, Subscription
-from skyway.runtime.mqtt.link import Login, MqttLink, RawMessage
+from skyway.runtime.mqtt.link import MqttLink
+from skyway.runtime.mqtt.paho_client import Login, RawMessage
 
 __all__ = ["MqttClient", "Received"]
 

@@ -3,17 +3,17 @@
 import asyncio
 import ssl
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from paho.mqtt.client import Client, MQTTMessage
-from paho.mqtt.enums import CallbackAPIVersion, MQTTErrorCode
+from paho.mqtt.enums import MQTTErrorCode
 from paho.mqtt.reasoncodes import ReasonCode
 
 from skyway.runtime.errors import MqttUnavailable
 from skyway.runtime.mqtt.address import BrokerAddress
 from skyway.runtime.mqtt.buffered_socket import BufferedSocket
 from skyway.runtime.mqtt.keepalive import next_look_s
+from skyway.runtime.mqtt.paho_client import Login, PahoClient, RawMessage, new_paho_client
 
 if TYPE_CHECKING:
     from paho.mqtt.client import SocketLike
@@ -22,35 +22,6 @@ if TYPE_CHECKING:
 _GREETING = 0
 
 Arrival = Callable[[str, bytes, bool], None]
-
-
-@dataclass(frozen=True, slots=True)
-class RawMessage:
-    """A topic name and a payload as they go over the wire."""
-
-    name: str
-    payload: bytes
-    mqtt_qos: int
-    retained: bool
-
-
-@dataclass(frozen=True, slots=True)
-class Login:
-    """How a client introduces itself."""
-
-    client_id: str
-    user_name: str
-    password: str = field(repr=False)
-    keepalive_s: int
-
-
-class _PahoClient(Client):
-    """A paho client on a socket that asyncio has already connected (paho's own connect blocks)."""
-
-    opened: BufferedSocket
-
-    def _create_socket(self) -> BufferedSocket:
-        return self.opened
 
 
 class MqttLink:
@@ -72,12 +43,8 @@ class MqttLink:
         self._keepalive_s = login.keepalive_s
         self._paho = self._make_paho(login, will)
 
-    def _make_paho(self, login: Login, will: RawMessage | None) -> _PahoClient:
-        paho = _PahoClient(CallbackAPIVersion.VERSION2, login.client_id, reconnect_on_failure=False)
-        paho.username_pw_set(login.user_name, login.password)
-        paho.max_inflight_messages = 0
-        if will is not None:
-            paho.will_set(will.name, will.payload, will.mqtt_qos, will.retained)
+    def _make_paho(self, login: Login, will: RawMessage | None) -> PahoClient:
+        paho = new_paho_client(login, will)
         paho.on_connect = lambda _c, _u, _f, reason, _p: self._greeted(reason)
         paho.on_disconnect = lambda _c, _u, _f, reason, _p: self._has_lost(str(reason))
         paho.on_subscribe = lambda _c, _u, mid, _r, _p: self._acknowledged(mid)

@@ -22,8 +22,9 @@ from skyway.runtime.errors import MqttUnavailable
 from skyway.runtime.mqtt.address import BrokerAddress
 from skyway.runtime.mqtt.broker_passwords import hash_password, write_password_file
 from skyway.runtime.mqtt.client import MqttClient
-from skyway.runtime.mqtt.link import Login, MqttLink
+from skyway.runtime.mqtt.link import MqttLink
 from skyway.runtime.mqtt.mosquitto import TlsFiles, mosquitto_conf
+from skyway.runtime.mqtt.paho_client import Login
 
 pytestmark = pytest.mark.integration
 

@@ -12,7 +12,8 @@ from skyway.contracts.topics import CLOCK, CONNECTION, INSTRUCTIONS
 from skyway.contracts.world import ClockAnchor
 from skyway.runtime.errors import MqttUnavailable
 from skyway.runtime.mqtt.address import BrokerAddress
-from skyway.runtime.mqtt.link import Login, MqttLink, RawMessage
+from skyway.runtime.mqtt.link import MqttLink
+from skyway.runtime.mqtt.paho_client import Login, RawMessage
 
 NOW = datetime(2026, 1, 1, tzinfo=UTC)
 ANCHOR = ClockAnchor(message_id="m", sent_at=NOW, fleet_at=NOW, wall_at=NOW, rate=1.0)

@@ -7,7 +7,8 @@ import pytest
 from skyway.contracts.topics import ACKS, CLOCK, DELIVERY_EVENTS, INSTRUCTIONS
 from skyway.runtime.errors import MqttUnavailable
 from skyway.runtime.mqtt.address import BrokerAddress
-from skyway.runtime.mqtt.link import Login, MqttLink
+from skyway.runtime.mqtt.link import MqttLink
+from skyway.runtime.mqtt.paho_client import Login
 
 
 async def test_a_drone_reads_only_its_own_instructions(broker, connect, make, take, all_connected):
