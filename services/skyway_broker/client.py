@@ -4,7 +4,6 @@ import asyncio
 import logging
 from typing import Protocol
 
-from amqtt.adapters import StreamReaderAdapter, StreamWriterAdapter
 from amqtt.errors import MQTTError
 from amqtt.mqtt import packet_class
 from amqtt.mqtt.connack import CONNECTION_ACCEPTED, NOT_AUTHORIZED, ConnackPacket
@@ -20,6 +19,8 @@ from amqtt.mqtt.unsuback import UnsubackPacket
 from amqtt.mqtt.unsubscribe import UnsubscribePacket
 from amqtt.session import Session
 
+from skyway_broker.streams import ClientReader, ClientWriter
+
 log = logging.getLogger(__name__)
 
 #: Largest packet that is read; a mission of a thousand steps has about 300 KiB.
@@ -33,40 +34,6 @@ NOT_A_FILTER = 0x80
 
 #: A silence of this many keepalives ends a connection [MQTT-3.1.2-24].
 _PATIENCE = 1.5
-
-
-class ClientReader(StreamReaderAdapter):  # type: ignore[misc] # amqtt has no types
-    """amqtt's reader, which never reads "all there is" on a length that a client made up."""
-
-    async def read(self, n: int = -1) -> bytes:
-        """Exactly `n` bytes."""
-        if n < 0:
-            raise MQTTError("a length in a packet is wrong")
-        data: bytes = await super().read(n)
-        return data
-
-
-class ClientWriter(StreamWriterAdapter):  # type: ignore[misc] # amqtt has no types
-    """amqtt's writer, which also tells how much waits, and hangs up without waiting."""
-
-    def __init__(self, writer: asyncio.StreamWriter) -> None:
-        super().__init__(writer)
-        self._transport = writer.transport
-
-    @property
-    def waiting_bytes(self) -> int:
-        """Bytes written that the client has not taken yet."""
-        return self._transport.get_write_buffer_size()
-
-    async def close(self) -> None:
-        """Hang up once everything is written, without waiting for it."""
-        self.is_closed = True
-        self._transport.close()
-
-    def abort(self) -> None:
-        """Hang up now."""
-        self.is_closed = True
-        self._transport.abort()
 
 
 class Traffic(Protocol):

@@ -23,9 +23,10 @@ from amqtt.mqtt.publish import PublishPacket
 from amqtt.session import Session
 
 from skyway.contracts.broker_rules import BrokerRules
-from skyway_broker.client import Client, ClientReader, ClientWriter, refuse
+from skyway_broker.client import Client, refuse
 from skyway_broker.gate import Gate, place_of
 from skyway_broker.retained import Retained
+from skyway_broker.streams import ClientReader, ClientWriter
 from skyway_broker.subscriptions import Subscriptions, is_filter
 
 log = logging.getLogger(__name__)
