@@ -23,7 +23,7 @@ from skyway_drone_agent.journal.flight_recorder import FlightRecorder
 from skyway_drone_agent.journal.journal import Journal
 from skyway_drone_agent.journal.waiting import NewsOrMoment
 from skyway_drone_agent.link.presence import Presence
-from skyway_drone_agent.link.uplink import Link
+from skyway_drone_agent.link.uplink import Link, Uplink
 from skyway_drone_agent.vehicles.vehicle import Vehicle
 
 #: Wall seconds that a farewell may take.
@@ -129,14 +129,23 @@ class DroneAgent:
 
     async def _fly(self, instructions: AsyncIterator[list[Received[Any]]], loops: Loops) -> Never:
         """Everything that needs fleet time."""
+        drone_id = self._drone.drone_id
+        uplink = Uplink(
+            self._link,
+            self._clock,
+            provider_id=self._drone.provider_id,
+            drone_id=drone_id,
+            session=self._recorder.logbook.session,
+            mint=self._mint,
+        )
         cockpit = self._cockpit = Cockpit.of(
-            self._drone,
             self._recorder,
-            vehicle=self._vehicle,
+            self._vehicle,
             clock=self._clock,
             link=self._link,
+            uplink=uplink,
+            drone_id=drone_id,
             book=self._book or NO_BOOK,
-            mint=self._mint,
         )
         if self._link.is_connected:
             await self._say_online()

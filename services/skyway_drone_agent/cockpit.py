@@ -5,11 +5,10 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any, Protocol, Self
 
+from skyway.ids import DroneId
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.minting import Mint
 from skyway_drone_agent.analysis.landings import LandingBook
 from skyway_drone_agent.analysis.lookout import Lookout
-from skyway_drone_agent.enrolled_drone import EnrolledDrone
 from skyway_drone_agent.failsafes.cloud_watch import CloudWatch
 from skyway_drone_agent.failsafes.guard import Guard
 from skyway_drone_agent.flying.mission import Gates
@@ -48,34 +47,26 @@ class Cockpit:
     @classmethod
     def of(
         cls,
-        drone: EnrolledDrone,
         recorder: FlightRecorder,
-        *,
         vehicle: Vehicle,
+        *,
         clock: FleetClock,
         link: Link,
+        uplink: Uplink,
+        drone_id: DroneId,
         book: LandingBook,
-        mint: Mint,
     ) -> Self:
         """The cockpit of a drone for the recorder's session; fleet time is known."""
-        uplink = Uplink(
-            link,
-            clock,
-            provider_id=drone.provider_id,
-            drone_id=drone.drone_id,
-            session=recorder.logbook.session,
-            mint=mint,
-        )
         acks, events = AckQueue(uplink, recorder, clock), EventSender(uplink, recorder)
+        writer = EventWriter(recorder, uplink)
         watch = LinkWatch(link, clock, on_change=recorder.tell_watchers)
         cloud = CloudWatch(link, clock, on_change=recorder.tell_watchers)
-        heartbeat = Heartbeat(drone.drone_id, watch, clock)
+        heartbeat = Heartbeat(drone_id, watch, clock)
         lookout = Lookout(recorder, vehicle, clock, book=book)
         state = StateSender(
             uplink, recorder, lookout, clock, acks=acks, events=events, heartbeat=heartbeat
         )
         telemetry = TelemetrySender(uplink, recorder, lookout, clock)
-        writer = EventWriter(recorder, uplink)
         guard = Guard(
             recorder,
             vehicle,
@@ -86,24 +77,20 @@ class Cockpit:
             cloud=cloud,
             heartbeat=heartbeat,
         )
-
-        def consumption_factor() -> float:
-            return lookout.newest().consumption_factor
-
         inbox = Inbox(
             recorder,
             clock,
             vehicle=vehicle,
             answers=acks,
             events=events,
-            consumption_factor=consumption_factor,
+            consumption_factor=lookout.consumption_factor,
         )
         pilot = Pilot(
             recorder,
             vehicle,
             clock,
             gates=lambda: _gates(recorder, watch, cloud, guard=guard),
-            consumption_factor=consumption_factor,
+            consumption_factor=lookout.consumption_factor,
             events=writer,
         )
         parts = (acks, events, watch, state, telemetry, guard)

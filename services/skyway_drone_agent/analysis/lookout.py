@@ -55,6 +55,10 @@ class Lookout:
         fresh = fleet_margin(self._clock, fleet_s=_FRESH_FLEET_S, wall_s=_FRESH_WALL_S)
         return self._not_older_than(_SLACK * fresh)
 
+    def consumption_factor(self) -> float:
+        """How many times the planned energy flights take, by the newest assessment."""
+        return self.newest().consumption_factor
+
     def _not_older_than(self, age: timedelta) -> Assessment:
         logbook, now = self._recorder.logbook, self._clock.now()
         newest, doing = self._newest, _doing_of(logbook)
