@@ -1,4 +1,4 @@
-"""The runtime's branch of the tree of errors; `problems.py` says what each becomes over HTTP.
+"""The runtime's branch of the tree of errors; `http/problems.py` says what each becomes over HTTP.
 
 SkywayError
 ├── Unauthenticated         nobody we know
