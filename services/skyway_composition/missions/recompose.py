@@ -52,11 +52,15 @@ class Recomposer:
     occupied: OccupiedPads
 
     async def step(self) -> bool:
-        """Plan for a few missions that need it; True when there may be more."""
+        """Plan for a few missions that need it; True when there may be more.
+
+        Each on its own: one that fails is tried again when its claim is over.
+        """
         drone_ids = await claim_stuck(self.db, self.clock, self.claimant)
-        async with asyncio.TaskGroup() as group:
-            for drone_id in drone_ids:
-                group.create_task(self.recompose(drone_id))
+        ends = await asyncio.gather(*map(self.recompose, drone_ids), return_exceptions=True)
+        failures = [each for each in ends if isinstance(each, Exception)]
+        if failures:
+            raise ExceptionGroup("not re-composed", failures)
         return bool(drone_ids)
 
     async def recompose(self, drone_id: DroneId) -> None:

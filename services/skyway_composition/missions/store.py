@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from typing import Final
 
-from sqlalchemy import bindparam, select, update
+from sqlalchemy import bindparam, case, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.mission import Mission
@@ -131,6 +131,16 @@ async def retry_stuck(tx: Tx, mission_id: MissionId, *, at_wall_ms: int) -> None
         update(missions)
         .where(missions.c.mission_id == mission_id)
         .values(retry_wall_ms=at_wall_ms, **FREE)
+    )
+
+
+async def put_off(tx: Tx, mission_id: MissionId, *, until_wall_ms: int) -> None:
+    """Give up the claim of a mission; look again then, or at once if that is wanted by now."""
+    wanted_ms = case((missions.c.retry_wall_ms == 0, 0), else_=until_wall_ms)
+    await tx.execute(
+        update(missions)
+        .where(missions.c.mission_id == mission_id)
+        .values(retry_wall_ms=wanted_ms, **FREE)
     )
 
 

@@ -3,8 +3,9 @@
 A claimant that dies loses its claims when they run out; whoever finishes frees them.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, Final, Self
 
 from sqlalchemy import (
@@ -28,6 +29,8 @@ from skyway.units import moment_to_ms
 #: The values that free a claim.
 FREE: Final = {"claimed_by": None, "claimed_until_ms": 0}
 
+_NOTHING_ELSE: Final[Mapping[str, ColumnElement[Any]]] = MappingProxyType({})
+
 #: The moment of a claim within its statement, wall time in milliseconds.
 NOW_MS: Final = bindparam("now_ms", type_=BigInteger)
 
@@ -49,11 +52,16 @@ class Claiming:
 
     @classmethod
     def of(
-        cls, table: Table, *, where: ColumnElement[bool], order_by: Sequence[Column[Any]]
+        cls,
+        table: Table,
+        *,
+        where: ColumnElement[bool],
+        order_by: Sequence[Column[Any]],
+        also: Mapping[str, ColumnElement[Any]] = _NOTHING_ELSE,
     ) -> Self:
         """Rows that meet a condition, in this order; the condition may be about `NOW_MS`.
 
-        Any: sort columns have the types of their table.
+        `also` is set in each that is taken. Any: columns have the types of their table.
         """
         key = [*table.primary_key]
         due = (
@@ -67,6 +75,7 @@ class Claiming:
         )
         taken = table.update().where(tuple_(*key).in_(select(*due.c)))
         new = {
+            **also,
             "claimed_by": bindparam("claimant", type_=Text),
             "claimed_until_ms": bindparam("until_ms", type_=BigInteger),
         }

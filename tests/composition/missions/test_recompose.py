@@ -1,12 +1,19 @@
 """Re-composition: a drone that stands and waits is given another way."""
 
+from dataclasses import replace
+from datetime import timedelta
 from typing import Any
 
 import pytest
+from skyway_composition.missions.store import plan_at_once, put_off
+from skyway_composition.missions.sweeps.store import claim_stuck
+from sqlalchemy import text
 
 from skyway.contracts.flight_step import DeliverStep, PickUpStep
 from skyway.drone.models import DRONE_MODELS
 from skyway.ids import DroneModelId
+from skyway.runtime.errors import ServiceUnavailable
+from skyway.units import moment_to_ms
 
 KEEPS_A_TENTH = DRONE_MODELS[DroneModelId("paper-scenario")].model_copy(update={"reserve_soc": 0.1})
 
@@ -20,10 +27,11 @@ async def flown_until(
     failing: int,
     station_id: str,
     soc: float = 0.9,
+    code: str = "PAD_LOST",
 ) -> Any:
     """The mission's instruction, after all steps before `failing` ended and that one failed."""
-    await composition.book(*candidates)
-    (instruction,) = await composition.sent()
+    await composition.book(*candidates, delivery_id=f"dlv_of_{drone.drone_id}")
+    (instruction,) = await composition.sent(drone.drone_id)
     events = drone.flown(instruction)[: failing - 1]
     drone.event_seq = failing - 1
     failure = drone.event(
@@ -33,7 +41,7 @@ async def flown_until(
         step_id=failing,
         station_id=station_id,
         soc=soc,
-        code="PAD_LOST",
+        code=code,
         detail="came too late for the pad",
     )
     await composition.take(drone.ack(instruction), *events, failure)
@@ -237,3 +245,69 @@ async def test_a_drone_that_came_below_its_reserve_charges_where_it_stands_and_g
     assert (charge.kind, charge.station_id) == ("RECHARGE", "b")
     assert [step.package_ids for step in onward if isinstance(step, DeliverStep)] == [("p1",)]
     assert await composition.broken() == []
+
+
+class FailsAt:
+    """`OccupiedPads` that fail as a database does that is away for a moment."""
+
+    async def close(self, _record: Any) -> None:
+        raise ServiceUnavailable("the database", "it is away")
+
+
+async def test_a_mission_that_cannot_be_planned_for_keeps_no_other_from_it(
+    composition: Any, drone: Any, make: Any
+) -> None:
+    other = type(drone)(composition, drone_id="drn_2")
+    await flown_until(composition, drone, failing=3, station_id="b", code="PAD_OCCUPIED")
+    await flown_until(composition, other, make.candidate(2), failing=3, station_id="b")
+    failing = replace(composition.recomposer, occupied=FailsAt())
+
+    with pytest.raises(ExceptionGroup, match="not re-composed"):
+        await failing.step()
+
+    assert [each.mission_revision for each in await composition.sent("drn_2")] == [2]
+    # Whoever comes after it finds the claim over soon.
+    composition.clock.advance(timedelta(seconds=6))
+    await composition.recomposer.step()
+    assert [each.mission_revision for each in await composition.sent("drn_1")] == [2]
+
+
+async def test_a_plan_that_is_wanted_at_once_meanwhile_is_not_put_off(
+    composition: Any, drone: Any
+) -> None:
+    first = await flown_until(composition, drone, failing=3, station_id="b")
+    db, clock = composition.db, composition.clock
+    found = []
+    for is_wanted in (False, True):
+        await claim_stuck(db, clock, "test")
+        later_ms = moment_to_ms(clock.wall_now()) + 2_000
+        async with db.write() as tx:
+            if is_wanted:
+                await plan_at_once(tx, first.mission_id)
+            await put_off(tx, first.mission_id, until_wall_ms=later_ms)
+        found.append(await claim_stuck(db, clock, "test"))
+        clock.advance(timedelta(seconds=10))
+
+    assert found == [[], ["drn_1"]]
+
+
+async def test_a_drone_that_takes_no_revision_is_told_of_once(composition: Any, drone: Any) -> None:
+    await composition.book()
+    (first,) = await composition.sent()
+    pick_up, flight = first.steps[:2]
+    composition.clock.advance(pick_up.planned_end_at - composition.clock.now())
+    wish = drone.event("ALARM", mission_id=first.mission_id, code="PLAN_WANTED")
+    await composition.take(drone.ack(first), *drone.ended(first, [pick_up]))
+    await composition.take(wish)
+    async with composition.db.write() as tx:
+        await tx.execute(text("UPDATE instructions SET mission_revision = 40"))
+
+    for _ in range(3):
+        await composition.recomposer.step()
+        composition.clock.advance(flight.planned_end_at - flight.planned_start_at)
+        await composition.lagging.step()
+
+    codes = [row.code for row in await composition.rows("SELECT code FROM alarms")]
+    assert codes.count("REVISIONS_REFUSED") == 1
+    kinds = [report.kind for report in await composition.reports()]
+    assert kinds.count("REPLANNING") == 1

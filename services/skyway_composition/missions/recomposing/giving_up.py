@@ -58,7 +58,10 @@ async def raise_no_landing(watch: Watch, record: MissionRecord, anchor: Anchor) 
 
 
 async def stop_trying(watch: Watch, record: MissionRecord, trouble: Trouble) -> None:
-    """Let a drone that refuses every revision fly on by its plan, and tell operators."""
+    """Let a drone that refuses every revision fly on by its plan, and tell operators.
+
+    The trouble stays: without it the same would be found, and told, every second.
+    """
     await raise_alarm(
         watch,
         record,
@@ -66,7 +69,6 @@ async def stop_trying(watch: Watch, record: MissionRecord, trouble: Trouble) -> 
         code="REVISIONS_REFUSED",
         detail=f"no revision was taken; the drone flies on in spite of {trouble.code}",
     )
-    await watch.keep(replace(record, trouble=None))
 
 
 async def stop_diverting(watch: Watch, record: MissionRecord, *, reason: str) -> None:

@@ -40,6 +40,9 @@ MOST_REVISIONS: Final = 40
 #: Wall time until a plan is looked for again when there was none. Our own choice.
 _RETRY_MS: Final = 2_000
 
+#: No plan is looked for until somebody wants one at once.
+_NEVER_MS: Final = 2**53
+
 
 @dataclass(frozen=True, slots=True)
 class Outcomes:
@@ -90,7 +93,7 @@ class Outcomes:
     async def retry_later(self, record: MissionRecord) -> None:
         """Look for a plan again a little later."""
         async with self.db.write() as tx:
-            await store.retry_stuck(tx, record.mission_id, at_wall_ms=self._retry_wall_ms)
+            await store.put_off(tx, record.mission_id, until_wall_ms=self._retry_wall_ms)
 
     async def hold(self, record: MissionRecord, stop: str) -> None:
         """Keep the drone on the ground while a ground stop lasts, and look again later."""
@@ -112,6 +115,7 @@ class Outcomes:
             known = watch.missions.get(record.drone_id)
             if known is not None and known.mission_id == record.mission_id:
                 await stop_trying(watch, known, trouble)
+                await store.put_off(tx, record.mission_id, until_wall_ms=_NEVER_MS)
 
     async def stop_diverting(self, case: Case, reason: NoTrip) -> None:
         """Leave the drone held, since it cannot go where an operator wants it."""
@@ -120,6 +124,7 @@ class Outcomes:
             known = watch.missions.get(case.record.drone_id)
             if known is not None and case.still_is(watch, known):
                 await stop_diverting(watch, known, reason=f"{reason.code}: {reason.detail}")
+            await store.put_off(tx, case.record.mission_id, until_wall_ms=self._retry_wall_ms)
 
     async def give_up(self, planned: MissionRecord, *, code: str, detail: str) -> None:
         """End a mission that was planned for in vain, if it still is the one that was looked at."""
@@ -130,7 +135,7 @@ class Outcomes:
                 return
             if record.stuck is None and watch.links[record.drone_id].is_gone:
                 # It may begin without having heard: it is asked again, or silent for too long.
-                await store.retry_stuck(tx, record.mission_id, at_wall_ms=self._retry_wall_ms)
+                await store.put_off(tx, record.mission_id, until_wall_ms=self._retry_wall_ms)
                 return
             await give_up(watch, record, code=code, detail=detail)
 

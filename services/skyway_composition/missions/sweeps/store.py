@@ -12,6 +12,10 @@ from skyway.runtime.sql.claims import NOW_MS, Claiming, claim_values
 from skyway.runtime.sql.database import Database
 from skyway_composition.tables import is_live, is_under_way, missions
 
+#: Seconds of wall time after which others may plan for a mission, too: most plans are found in a
+#: tenth of one, and of two revisions only the first is sent.
+_CLAIMED_FOR_S: Final = 5.0
+
 _OVERDUE: Final = (
     select(missions.c.drone_id)
     .where(
@@ -43,6 +47,8 @@ _STUCK: Final = Claiming.of(
         missions.c.retry_wall_ms <= NOW_MS,
     ),
     order_by=[missions.c.retry_wall_ms],
+    # Whoever wants a plan at once from now on sets this to 0, and is not put off by this look.
+    also={"retry_wall_ms": NOW_MS},
 )
 
 
@@ -67,6 +73,6 @@ async def perhaps_late(
 
 async def claim_stuck(db: Database, clock: FleetClock, claimant: str) -> list[DroneId]:
     """A few drones whose plans do not hold any more, now ours to plan for."""
-    values = claim_values(limit=8, claimant=claimant, lease_s=30.0, clock=clock)
+    values = claim_values(limit=8, claimant=claimant, lease_s=_CLAIMED_FOR_S, clock=clock)
     rows = _STUCK.in_order(await db.write_alone(_STUCK.statement, values))
     return [row.drone_id for row in rows]

@@ -257,3 +257,7 @@ async def test_a_drone_that_cannot_get_there_stays_held_and_keeps_its_packages(
     assert (await composition.sent())[-1].kind == "HOLD"
     alarms = (await composition("operator:op", "GET", "/v1/alarms")).json()["items"]
     assert [alarm["code"] for alarm in alarms] == ["DIVERSION_IMPOSSIBLE"]
+
+    # What people say then is planned at once.
+    await give(composition, instruction.mission_id, "RESUME")
+    assert (await planned_anew(composition)).mission_revision == 2

@@ -97,9 +97,7 @@ async def test_what_was_closed_when_it_was_planned_to_land_there_is_no_news(
     composition: Any, drone: Any, make: Any
 ) -> None:
     """With half of that battery the drone reaches nothing else."""
-    instruction, flight = await take_off_for_b(
-        composition, drone, make, battery_j=FOR_TWO_FLIGHTS_J / 2
-    )
+    _, flight = await take_off_for_b(composition, drone, make, battery_j=FOR_TWO_FLIGHTS_J / 2)
     await close(composition, composition.clock.now())
     await composition.recomposer.step()
     (revision,) = await composition.sent()
