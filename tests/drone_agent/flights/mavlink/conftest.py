@@ -71,6 +71,8 @@ class Peer:
         #: Answers other than ACCEPTED, by command; and the item that is refused.
         self.answers: dict[int, int] = {}
         self.refused_item: int | None = None
+        #: Commands that are obeyed without a word.
+        self.unanswered: set[int] = set()
         #: No item is flown to its end while this is set.
         self.hovers = False
         self.lands_at: Position | None = None
@@ -151,7 +153,8 @@ class Peer:
             answer = mavlink.MAV_RESULT_DENIED  # as ArduPilot does
         if answer == mavlink.MAV_RESULT_ACCEPTED:
             self.do(message)
-        self.send("COMMAND_ACK", message.command, answer)
+        if message.command not in self.unanswered:
+            self.send("COMMAND_ACK", message.command, answer)
 
     def do(self, message: Any) -> None:
         match message.command:
