@@ -3,7 +3,8 @@
 import sys
 
 from skyway.runtime.service_process import ServiceProcess
-from skyway_provider_registry.app import PACKAGE, SERVICE, build_app
+from skyway_provider_registry.app import PACKAGE, build_app
+from skyway_provider_registry.parts import SERVICE
 from skyway_provider_registry.settings import RegistrySettings
 from skyway_provider_registry.verify import violations
 

@@ -1,9 +1,8 @@
-"""The one place where the registry is put together."""
+"""The registry as an app: its routes, what it opens and closes, the loops that run meanwhile."""
 
 import secrets
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
-from dataclasses import dataclass
 from datetime import timedelta
 from functools import partial
 from pathlib import Path
@@ -11,8 +10,6 @@ from typing import Final
 
 from fastapi import FastAPI
 
-from skyway.runtime.certificates import CertificateAuthority
-from skyway.runtime.clock import FleetClock, load_clock
 from skyway.runtime.http.app import (
     Lifespan,
     Readiness,
@@ -21,30 +18,25 @@ from skyway.runtime.http.app import (
     nothing_to_open,
     nothing_to_wait_for,
 )
-from skyway.runtime.http.client import ServiceClient
-from skyway.runtime.http.identity import ServiceGate, ServiceIdentity, read_secret
+from skyway.runtime.http.identity import read_secret
 from skyway.runtime.idempotency.memory import sweep
 from skyway.runtime.loops import Loops, repeat
-from skyway.runtime.minting import Mint, mint
 from skyway.runtime.mqtt.client import MqttClient
 from skyway.runtime.pace import Pace
-from skyway.runtime.sql.database import Database
 from skyway.runtime.sql.migrations import migrate
 from skyway_provider_registry.candidates.fleet_view import FleetView
 from skyway_provider_registry.candidates.routes import candidate_routes
 from skyway_provider_registry.enrolment.drone_keys.routes import drone_key_routes
-from skyway_provider_registry.enrolment.password_file import PasswordFile
 from skyway_provider_registry.enrolment.routes import enrolment_routes
-from skyway_provider_registry.fleets.credentials.issue import Issuer
 from skyway_provider_registry.fleets.credentials.routes import credential_routes
 from skyway_provider_registry.fleets.drone_models.routes import drone_model_routes
-from skyway_provider_registry.fleets.home_stations import CompositionStations, StationLookup
 from skyway_provider_registry.fleets.registration.routes import (
     REGISTRATION_LIMIT_BYTES,
     registration_routes,
 )
 from skyway_provider_registry.fleets.routes import fleet_routes
 from skyway_provider_registry.fleets.statistics.routes import fleet_statistics_routes
+from skyway_provider_registry.parts import SERVICE, Parts, composition_client, parts_in_life
 from skyway_provider_registry.presence.follow import PRESENCE_TOPICS, PresenceFollower
 from skyway_provider_registry.presence.reports import ReportKeeper
 from skyway_provider_registry.presence.routes import presence_routes
@@ -54,7 +46,6 @@ from skyway_provider_registry.telemetry.recorder import TelemetryRecorder
 from skyway_provider_registry.telemetry.routes import telemetry_routes
 from skyway_provider_registry.telemetry.thinning.rounds import Keeping, Thinning
 
-SERVICE: Final = "registry"
 PACKAGE: Final = "skyway_provider_registry"
 
 #: Seconds of wall time between two looks whether the password file is written and was read.
@@ -69,19 +60,6 @@ _LOOK_EVERY_S: Final = 0.1
 #: Seconds of wall time between two transactions of telemetry, and between two rounds of thinning.
 _TELEMETRY_EVERY_S: Final = 1.0
 _THINNING_EVERY_S: Final = 600.0
-
-
-@dataclass(frozen=True, slots=True)
-class Parts:
-    """What the rooms' routes are made of."""
-
-    db: Database
-    gate: ServiceGate
-    clock: FleetClock
-    mint: Mint
-    stations: StationLookup
-    password_file: PasswordFile
-    issuer: Issuer
 
 
 def registry_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> FastAPI:
@@ -127,8 +105,8 @@ def registry_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> F
 
 def build_app(settings: RegistrySettings) -> FastAPI:
     """The registry as it runs; everything is opened by the app's lifespan."""
-    composition = _composition(settings)
-    parts = _parts(settings, composition)
+    composition = composition_client(settings)
+    parts = parts_in_life(settings, composition)
     mqtt = MqttClient(
         settings.mqtt_url,
         client_id=f"{SERVICE}-{secrets.token_hex(8)}",
@@ -183,35 +161,8 @@ def openapi_app() -> FastAPI:
         broker_password_file=nowhere,
     )
 
-    parts = _parts(settings, _composition(settings))
+    parts = parts_in_life(settings, composition_client(settings))
     return registry_app(parts, lifespan=nothing_to_open, readiness=nothing_to_wait_for)
-
-
-def _composition(settings: RegistrySettings) -> ServiceClient:
-    identity = ServiceIdentity(SERVICE, settings.secrets_dir)
-    return ServiceClient("composition", settings.composition_url, identity)
-
-
-def _parts(settings: RegistrySettings, composition: ServiceClient) -> Parts:
-    db = Database(settings.database_url)
-    return Parts(
-        db=db,
-        gate=ServiceGate(settings.secrets_dir, allowed=("gateway", "composition")),
-        clock=load_clock(settings.clock_file),
-        mint=mint,
-        stations=CompositionStations(composition),
-        password_file=PasswordFile(
-            settings.broker_password_file,
-            db=db,
-            secrets_dir=settings.secrets_dir,
-            broker_pid_file=settings.broker_pid_file,
-        ),
-        issuer=Issuer(
-            None
-            if settings.drone_ca_dir is None
-            else CertificateAuthority.load(settings.drone_ca_dir)
-        ),
-    )
 
 
 def _remember_telemetry(loops: Loops, recorder: TelemetryRecorder, thinning: Thinning) -> None:

@@ -9,9 +9,10 @@ from typing import Any
 import httpx
 import pytest
 from fastapi import FastAPI
-from skyway_provider_registry.app import Parts, registry_app
+from skyway_provider_registry.app import registry_app
 from skyway_provider_registry.enrolment.password_file import PasswordFile
 from skyway_provider_registry.fleets.credentials.issue import Issuer
+from skyway_provider_registry.parts import Parts
 
 from skyway.contracts.station_check import StationCheck
 from skyway.geo import Position

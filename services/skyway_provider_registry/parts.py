@@ -1,0 +1,59 @@
+"""What the registry is made of; nothing of it is opened here."""
+
+from dataclasses import dataclass
+from typing import Final
+
+from skyway.runtime.certificates import CertificateAuthority
+from skyway.runtime.clock import FleetClock, load_clock
+from skyway.runtime.http.client import ServiceClient
+from skyway.runtime.http.identity import ServiceGate, ServiceIdentity
+from skyway.runtime.minting import Mint, mint
+from skyway.runtime.sql.database import Database
+from skyway_provider_registry.enrolment.password_file import PasswordFile
+from skyway_provider_registry.fleets.credentials.issue import Issuer
+from skyway_provider_registry.fleets.home_stations import CompositionStations, StationLookup
+from skyway_provider_registry.settings import RegistrySettings
+
+SERVICE: Final = "registry"
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """What the rooms' routes are made of."""
+
+    db: Database
+    gate: ServiceGate
+    clock: FleetClock
+    mint: Mint
+    stations: StationLookup
+    password_file: PasswordFile
+    issuer: Issuer
+
+
+def composition_client(settings: RegistrySettings) -> ServiceClient:
+    """Whom the registry asks about stations."""
+    identity = ServiceIdentity(SERVICE, settings.secrets_dir)
+    return ServiceClient("composition", settings.composition_url, identity)
+
+
+def parts_in_life(settings: RegistrySettings, composition: ServiceClient) -> Parts:
+    """The parts as they run: with the files of these settings, and the system's clock."""
+    db = Database(settings.database_url)
+    return Parts(
+        db=db,
+        gate=ServiceGate(settings.secrets_dir, allowed=("gateway", "composition")),
+        clock=load_clock(settings.clock_file),
+        mint=mint,
+        stations=CompositionStations(composition),
+        password_file=PasswordFile(
+            settings.broker_password_file,
+            db=db,
+            secrets_dir=settings.secrets_dir,
+            broker_pid_file=settings.broker_pid_file,
+        ),
+        issuer=Issuer(
+            None
+            if settings.drone_ca_dir is None
+            else CertificateAuthority.load(settings.drone_ca_dir)
+        ),
+    )
