@@ -44,7 +44,6 @@ _PASSED_BACK: Final = (
     "content-length",
     "content-type",
     "etag",
-    "idempotency-replayed",
     "last-modified",
     "location",
     "retry-after",
