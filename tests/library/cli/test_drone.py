@@ -1,4 +1,4 @@
-"""`skyway fleet` becomes an agent, which is told what is to go otherwise than planned."""
+"""`skyway fleet` and `skyway drone` become agents, told what is to go otherwise than planned."""
 
 import json
 import os
