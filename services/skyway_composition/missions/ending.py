@@ -24,11 +24,10 @@ async def refuse(watch: Watch, record: MissionRecord, *, code: str, detail: str 
     record = replace(moved(record, "REFUSED"), stuck=None, trouble=None, proposal=None)
     await free(watch.tx, record.mission_id)
     record = report(
-        watch.tx,
+        watch,
         record,
         "REFUSED",
         at=watch.clock.now(),
-        mint=watch.mint,
         code=code,
         detail=detail,
     )
@@ -135,11 +134,10 @@ async def _end(
     await free(watch.tx, record.mission_id)
     events = await ended_events(watch.tx.connection, record.mission_id)
     record = report(
-        watch.tx,
+        watch,
         record,
         "ENDED",
         at=at,
-        mint=watch.mint,
         code=code,
         detail=detail,
         station_id=station_id,

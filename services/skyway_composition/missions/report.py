@@ -6,28 +6,26 @@ from typing import Any, Final
 
 from skyway.contracts.mission import MissionReport
 from skyway.contracts.mission_reports import MISSION_REPORTS
-from skyway.runtime.minting import Mint
-from skyway.runtime.sql.database import Tx
 from skyway_composition.missions.record import MissionRecord
+from skyway_composition.missions.watch import Watch
 
 #: What makes a drone busy or free: all that the registry wants to know.
 _OF_THE_DRONE: Final = ("ACCEPTED", "REFUSED", "ENDED")
 
 
 def report(
-    tx: Tx,
+    watch: Watch,
     record: MissionRecord,
     kind: str,
     *,
     at: datetime,
-    mint: Mint,
     **fields: Any,  # the members of MissionReport that this kind carries, checked by the model
 ) -> MissionRecord:
     """The record after one more thing was told of its mission; the caller saves it."""
     mission = record.mission
     told = MissionReport.model_validate(
         {
-            "report_id": mint("rpt"),
+            "report_id": watch.mint("rpt"),
             "delivery_id": mission.delivery_id,
             "attempt": mission.attempt,
             "trip": mission.trip,
@@ -41,7 +39,7 @@ def report(
             **fields,
         }
     )
-    tx.report("gateway", MISSION_REPORTS, told, stream=mission.mission_id)
+    watch.tx.report("gateway", MISSION_REPORTS, told, stream=mission.mission_id)
     if kind in _OF_THE_DRONE:
-        tx.report("registry", MISSION_REPORTS, told, stream=mission.mission_id)
+        watch.tx.report("registry", MISSION_REPORTS, told, stream=mission.mission_id)
     return replace(record, report_seq=told.seq)

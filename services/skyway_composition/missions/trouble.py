@@ -31,11 +31,10 @@ def _told(watch: Watch, record: MissionRecord, trouble: Trouble) -> MissionRecor
     """The record with this trouble, told if it is the first."""
     if record.trouble is None and record.stuck is None:
         record = report(
-            watch.tx,
+            watch,
             record,
             "REPLANNING",
             at=watch.clock.now(),
-            mint=watch.mint,
             code=trouble.code,
             detail=trouble.detail,
         )

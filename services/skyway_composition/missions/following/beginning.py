@@ -13,7 +13,7 @@ def accepted(watch: Watch, record: MissionRecord) -> MissionRecord:
     if record.mission.state != "BOOKED":
         return record
     record = moved(record, "ACCEPTED")
-    return report(watch.tx, record, "ACCEPTED", at=watch.clock.now(), mint=watch.mint)
+    return report(watch, record, "ACCEPTED", at=watch.clock.now())
 
 
 def begun(watch: Watch, record: MissionRecord, *, at: datetime) -> MissionRecord:
@@ -22,4 +22,4 @@ def begun(watch: Watch, record: MissionRecord, *, at: datetime) -> MissionRecord
     if record.mission.state != "ACCEPTED":
         return record
     record = moved(record, "ACTIVE")
-    return report(watch.tx, record, "LOADING", at=at, mint=watch.mint)
+    return report(watch, record, "LOADING", at=at)

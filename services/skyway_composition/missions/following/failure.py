@@ -14,7 +14,7 @@ from skyway_composition.missions.recomposing.occupied_pads import occupied_pad
 from skyway_composition.missions.record import MissionRecord, Stuck
 from skyway_composition.missions.report import report
 from skyway_composition.missions.rest.aiming import absent_aim, aimed
-from skyway_composition.missions.revisions.proposal import with_aims
+from skyway_composition.missions.revisions.telling import with_aims
 from skyway_composition.missions.steps.store import end_step
 from skyway_composition.missions.watch import Watch
 
@@ -92,11 +92,10 @@ async def _keep_stuck(watch: Watch, record: MissionRecord, stuck: Stuck) -> None
     """Keep why the drone waits, and say that another plan is looked for unless that was said."""
     if record.stuck is None and record.trouble is None:
         record = report(
-            watch.tx,
+            watch,
             record,
             "REPLANNING",
             at=watch.clock.now(),
-            mint=watch.mint,
             code=stuck.code,
             detail=stuck.detail,
             station_id=stuck.station_id,

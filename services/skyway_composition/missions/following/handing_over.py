@@ -67,11 +67,10 @@ def _told(
     flown: dict[str, float] | None = None,
 ) -> MissionRecord:
     return report(
-        watch.tx,
+        watch,
         record,
         kind,
         at=event.ended_at,
-        mint=watch.mint,
         station_id=event.station_id,
         soc=event.soc,
         package_ids=package_ids,

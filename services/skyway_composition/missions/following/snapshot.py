@@ -123,11 +123,10 @@ async def _told_activity(watch: Watch, record: MissionRecord, state: DroneState)
     if not on_board(record.own(held)):
         return record
     return report(
-        watch.tx,
+        watch,
         replace(record, told=doing),
         "ACTIVITY",
         at=state.at,
-        mint=watch.mint,
         activity=state.activity,
         station_id=state.station_id,
         soc=state.soc,

@@ -12,7 +12,7 @@ from skyway_composition.missions.following.handing_over import take_on_board
 from skyway_composition.missions.mission_alarm import raise_alarm
 from skyway_composition.missions.record import MissionRecord
 from skyway_composition.missions.rest.aiming import aimed, back_to_pickup
-from skyway_composition.missions.revisions.proposal import with_aims
+from skyway_composition.missions.revisions.telling import with_aims
 from skyway_composition.missions.watch import Watch
 
 #: The code of a STEP_FAILED whose hand-over may or may not have happened.

@@ -13,6 +13,8 @@ from skyway_composition.missions.hands import store
 from skyway_composition.missions.hands.recall import can_be_kept_off, has_never_left
 from skyway_composition.missions.record import Aim, MissionRecord, Trouble
 from skyway_composition.missions.report import report
+from skyway_composition.missions.rest.aiming import aimed
+from skyway_composition.missions.revisions.telling import with_aims
 from skyway_composition.missions.steps.store import steps_of
 from skyway_composition.missions.trouble import troubled
 from skyway_composition.missions.watch import Watch
@@ -70,22 +72,13 @@ async def bring_back(
 ) -> MissionRecord:
     """Have the drone hand these back at the pickup instead of delivering them."""
     known = {aim.package_id for aim in record.aims if aim.kind == "RETURN"}
-    turned = tuple(each for each in package_ids if each not in known)
     pickup = record.request.pickup.station_id
-    kept = tuple(aim for aim in record.aims if aim.package_id not in turned)
-    added = tuple(Aim(package_id=each, station_id=pickup, kind="RETURN") for each in turned)
-    record = replace(record, aims=(*kept, *added))
-    if turned:
-        record = report(
-            watch.tx,
-            record,
-            "RETURNING",
-            at=watch.clock.now(),
-            mint=watch.mint,
-            package_ids=turned,
-            code=code,
-            detail=detail,
-        )
+    turned = [
+        Aim(package_id=each, station_id=pickup, kind="RETURN")
+        for each in package_ids
+        if each not in known
+    ]
+    record = with_aims(watch, record, aimed(record.aims, turned), code=code, detail=detail)
     return await troubled(watch, record, Trouble(code=code, detail=detail))
 
 
@@ -99,11 +92,10 @@ async def _release(
 ) -> None:
     """Leave these at the pickup; a mission with nothing left to carry is over."""
     record = report(
-        watch.tx,
+        watch,
         record,
         "RELEASED",
         at=watch.clock.now(),
-        mint=watch.mint,
         package_ids=tuple(package_ids),
         code=code,
         detail=reason,

@@ -50,11 +50,10 @@ async def judged_after_step(
     if seen.late_by < TOLD_LATENESS:
         return record
     record = report(
-        watch.tx,
+        watch,
         record,
         "ACTIVITY",
         at=event.ended_at,
-        mint=watch.mint,
         station_id=event.station_id,
         soc=event.soc,
         etas=seen.etas,

@@ -8,7 +8,7 @@ from skyway.contracts.drone_health import ActiveFailsafe
 from skyway.contracts.flight_step import FlightStep, PickUpStep
 from skyway.ids import PackageId
 from skyway_composition.links.link import DroneLink
-from skyway_composition.missions.custody.chain import Held, delivered, on_board
+from skyway_composition.missions.custody.chain import Held, on_board
 from skyway_composition.missions.custody.store import held_packages
 from skyway_composition.missions.escape import escape_of
 from skyway_composition.missions.record import MissionRecord
@@ -56,11 +56,6 @@ class Situation:
     def carried(self) -> frozenset[PackageId]:
         """What is on board as far as is known."""
         return on_board(self.held)
-
-    @property
-    def delivered(self) -> frozenset[PackageId]:
-        """What recipients have."""
-        return delivered(self.held)
 
     @property
     def has_loaded(self) -> bool:

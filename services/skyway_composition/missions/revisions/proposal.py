@@ -20,10 +20,9 @@ from skyway_composition.links.instructions.store import kind_of_revision
 from skyway_composition.missions import store
 from skyway_composition.missions.give_back import give_back
 from skyway_composition.missions.record import CALLED_HOME, Aim, MissionRecord, Proposal, Trouble
-from skyway_composition.missions.report import report
-from skyway_composition.missions.rest.aiming import turned_back
 from skyway_composition.missions.rest.anchor import Anchor
 from skyway_composition.missions.revisions.joining import join
+from skyway_composition.missions.revisions.telling import told_replanned, with_aims
 from skyway_composition.missions.revisions.unmet import unmet_returns
 from skyway_composition.missions.steps.store import replace_steps
 from skyway_composition.missions.trouble import troubled
@@ -68,26 +67,6 @@ async def propose(
     await give_back(watch, record)
 
 
-def with_aims(
-    watch: Watch, record: MissionRecord, aims: tuple[Aim, ...], *, code: str, detail: str
-) -> MissionRecord:
-    """The record with these aims, once it is told what goes back to the pickup now."""
-    turned = turned_back(record.aims, aims)
-    record = replace(record, aims=aims)
-    if not turned:
-        return record
-    return report(
-        watch.tx,
-        record,
-        "RETURNING",
-        at=watch.clock.now(),
-        mint=watch.mint,
-        package_ids=turned,
-        code=code,
-        detail=detail,
-    )
-
-
 async def settle_if_flown(
     watch: Watch, record: MissionRecord, revision: int | None
 ) -> MissionRecord:
@@ -127,17 +106,7 @@ async def settle(
         trouble=_left_of(record.trouble, proposal),
     )
     await give_back(watch, record)
-    record = report(
-        watch.tx,
-        record,
-        "REPLANNED",
-        at=watch.clock.now(),
-        mint=watch.mint,
-        code=proposal.code,
-        detail=proposal.detail,
-        etas=mission.packages,
-        mission=mission,
-    )
+    record = told_replanned(watch, record, code=proposal.code, detail=proposal.detail)
     await watch.keep(record)
     await store.plan_at_once(watch.tx, record.mission_id)
     unmet = unmet_returns(record, proposal.steps)

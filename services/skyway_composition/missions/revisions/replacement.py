@@ -5,8 +5,8 @@ from dataclasses import replace
 from skyway_composition.missions.dispatch import dispatch
 from skyway_composition.missions.give_back import give_back
 from skyway_composition.missions.record import MissionRecord, Trouble
-from skyway_composition.missions.report import report
-from skyway_composition.missions.revisions.proposal import Revision, with_aims
+from skyway_composition.missions.revisions.proposal import Revision
+from skyway_composition.missions.revisions.telling import told_replanned, with_aims
 from skyway_composition.missions.steps.store import replace_planned
 from skyway_composition.missions.watch import Watch
 
@@ -34,15 +34,5 @@ async def replace_plan(
         steps=revision.steps,
         expires_at=watch.courier.expiry(),
     )
-    record = report(
-        watch.tx,
-        record,
-        "REPLANNED",
-        at=watch.clock.now(),
-        mint=watch.mint,
-        code=trouble.code,
-        detail=trouble.detail,
-        etas=mission.packages,
-        mission=mission,
-    )
+    record = told_replanned(watch, record, code=trouble.code, detail=trouble.detail)
     await watch.keep(record)
