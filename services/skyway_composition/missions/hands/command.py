@@ -26,9 +26,9 @@ class Command(JsonModel):
     @model_validator(mode="after")
     def _says_where(self) -> Self:
         if (self.command == "DIVERT") != (self.station_id is not None):
-            raise ValueError("station_id belongs to DIVERT, and to nothing else")
+            raise ValueError("DIVERT names a station_id, and no other command does")
         if self.overrides_failsafe and self.command not in ("DIVERT", "RETURN_HOME"):
-            raise ValueError("overrides_failsafe belongs to DIVERT and RETURN_HOME")
+            raise ValueError("only DIVERT and RETURN_HOME may have overrides_failsafe")
         return self
 
 
