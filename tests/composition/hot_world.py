@@ -32,7 +32,7 @@ from skyway_composition.missions.sweeps.overdue import Overdue
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.tables import metadata, outbox, pad_reservations
-from skyway_composition.verify import violations
+from skyway_composition.verify.violations import violations
 from skyway_drone_agent.simulated.disturbances import UNDISTURBED
 from sqlalchemy import delete, select
 
