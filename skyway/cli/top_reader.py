@@ -10,6 +10,7 @@ import httpx
 from skyway.cli.top_picture import Alarm, Picture, Said
 from skyway.errors import SkywayError
 
+#: Wall seconds for an answer, and how many alarms are shown.
 _TIMEOUT_S: Final = 10.0
 _ALARMS: Final = 8
 

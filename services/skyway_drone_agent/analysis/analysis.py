@@ -29,7 +29,7 @@ from skyway_drone_agent.vehicles.vehicle import StepRun
 #: The pack of all models, until a model names its own.
 _PACK: Final = BatteryPack()
 
-_CALM: Final = (0.0, 0.0)
+_CALM_MPS: Final = (0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,7 +124,7 @@ class Analysis:
             soc_error=charge.error,
             state_of_health=self._health.state_of_health,
             still_air_factor=self._energy.factor(reading.at),
-            wind_mps=wind_mps or _CALM,
+            wind_mps=wind_mps or _CALM_MPS,
         )
         return self._assess(reading, logbook, leg, reach=reach, wind_mps=wind_mps)
 

@@ -27,7 +27,7 @@ _DEVIATIONS, _MOST_OF_RESERVE = 2.0, 0.5
 #: Rounding, as a share of the battery.
 _ROUNDING: Final = 1e-9
 
-_CALM: Final = (0.0, 0.0)
+_CALM_MPS: Final = (0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +112,7 @@ class Reach:
         for landing in _nearest(landings, position):
             length_m = distance_m(position, landing.position)
             flight_j = length_m * metre_j
-            if self.wind_mps != _CALM:
+            if self.wind_mps != _CALM_MPS:
                 flight_j *= self._slower(speed, bearing_rad(position, landing.position))
             soc = self.soc_after(flight_j + stop_j)
             if soc >= -_ROUNDING:
@@ -133,7 +133,7 @@ class Reach:
         return planned * self.still_air_factor / self.state_of_health
 
     def _slower(self, speed: float, bearing: float) -> float:
-        if self.wind_mps == _CALM:
+        if self.wind_mps == _CALM_MPS:
             return 1.0
         return speed / ground_speed_mps(speed, bearing, self.wind_mps)
 

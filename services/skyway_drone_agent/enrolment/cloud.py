@@ -12,7 +12,7 @@ from urllib.parse import urlsplit
 from skyway.errors import InvalidInput, SkywayError
 
 _TIMEOUT_S: Final = 10.0
-_LARGEST_ANSWER: Final = 1 << 20
+_LARGEST_ANSWER_BYTES: Final = 1 << 20
 _SERVER_ERROR: Final = 500
 
 
@@ -89,7 +89,7 @@ class Cloud:
         )
         try:
             with self._opener.open(request, timeout=_TIMEOUT_S) as answer:
-                return json.loads(answer.read(_LARGEST_ANSWER))
+                return json.loads(answer.read(_LARGEST_ANSWER_BYTES))
         except urllib.error.HTTPError as error:
             with error:  # it is the answer too, and holds the connection
                 raise _refusal(error) from error
@@ -99,7 +99,7 @@ class Cloud:
 
 def _refusal(error: urllib.error.HTTPError) -> SkywayError:
     try:
-        problem = json.loads(error.read(_LARGEST_ANSWER))
+        problem = json.loads(error.read(_LARGEST_ANSWER_BYTES))
         code, detail = str(problem.get("code", "")), str(problem.get("detail", error.reason))
     except (OSError, http.client.HTTPException, ValueError, AttributeError):
         code, detail = "", str(error.reason)

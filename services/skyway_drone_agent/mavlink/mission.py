@@ -22,7 +22,8 @@ _UPLOADS: Final = 3
 #: MAV_CMD_DO_CHANGE_SPEED: the speed over ground, and no change of the throttle.
 _GROUND_SPEED, _SAME_THROTTLE = 1.0, -1.0
 
-_SCALE: Final = 1e7  # degrees in MISSION_ITEM_INT
+#: Places in MISSION_ITEM_INT are whole numbers: so many make a degree.
+_PER_DEGREE: Final = 1e7
 
 
 class MissionRefused(SkywayError):
@@ -160,7 +161,7 @@ def _send_item(
         item.param2,
         item.param3,
         0.0,
-        round(place.latitude_deg * _SCALE),
-        round(place.longitude_deg * _SCALE),
+        round(place.latitude_deg * _PER_DEGREE),
+        round(place.longitude_deg * _PER_DEGREE),
         item.altitude_m,
     )

@@ -27,6 +27,7 @@ _DRONE: Final = np.dtype(
         ("is_low", np.bool_),
     ]
 )
+#: Rows that there is room for at first; doubled whenever it is full.
 _FIRST_CAPACITY: Final = 256
 _NOWHERE: Final = -1
 

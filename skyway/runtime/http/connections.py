@@ -16,6 +16,7 @@ from httpx_aiohttp import AiohttpTransport
 
 from skyway.runtime.errors import ServiceUnavailable
 
+#: Wall seconds that a new connection may take, and how many there are at once.
 CONNECT_S: Final = 2.0
 _MOST_CONNECTIONS: Final = 100
 #: Servers close what was silent for 5 s; a request must not meet that.

@@ -1,6 +1,6 @@
 """What a drone is given to log in and to call with, and what gives it that."""
 
-from typing import Annotated
+from typing import Annotated, Final
 
 from pydantic import AwareDatetime, Field
 
@@ -11,7 +11,8 @@ from skyway.ids import DroneId, ProviderId, StationId
 from skyway.json_model import JsonModel
 from skyway_provider_registry.fleets.drone import MqttAccount
 
-_LONGEST_TOKEN = 200
+#: Characters.
+_LONGEST_TOKEN: Final = 200
 
 
 class EnrolmentRequest(JsonModel):
