@@ -1,7 +1,7 @@
 """Missions: booked in one transaction, sent to a drone, followed to their end.
 
-Three loops of a mission's life, each with a package of its parts: `book` (`booking`) makes missions
-of the best offer, `follow` (`following`) takes what their drones say, `recompose` (`recomposing`)
+Three things make its life, each with a package of its parts: `book` (`booking`) makes missions of
+the best offer, `follow` (`following`) takes what their drones say, `recompose` (`recomposing`)
 finds new plans for those whose plan does not hold. Others change them, too: people (`hands`), what
 happens in the world (`affected`), and time (`sweeps`).
 

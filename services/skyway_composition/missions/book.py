@@ -25,7 +25,7 @@ from skyway.units import moment_to_ms
 from skyway_composition.missions import store
 from skyway_composition.missions.booking.engage import engage
 from skyway_composition.missions.booking.outcome import all_taken, pickup_unknown, without_offer
-from skyway_composition.missions.booking.store import busy_among, missions_of, outlook
+from skyway_composition.missions.booking.store import busy_among, first_look, missions_of
 from skyway_composition.missions.booking.taking import Outdated, take
 from skyway_composition.missions.deliveries.store import add_delivery, close_delivery, lock_delivery
 from skyway_composition.networks.prepared import PreparedNetworks
@@ -76,7 +76,7 @@ class Bookings:
         reasons: tuple[ProviderReason, ...] = ()
         for round_number in range(_MOST_ROUNDS):
             async with self.db.read() as connection:
-                seen = await outlook(
+                seen = await first_look(
                     connection,
                     delivery_id,
                     attempt=wanted.attempt,

@@ -62,7 +62,7 @@ def _answer(
 
 
 _busy: Final = _BUSY.subquery("busy")
-_OUTLOOK: Final = union_all(
+_FIRST_LOOK: Final = union_all(
     _answer("KNOWN", deliveries.c.delivery_id).where(
         deliveries.c.delivery_id == bindparam("delivery_id")
     ),
@@ -93,7 +93,7 @@ _TAKE: Final = select(
 
 
 @dataclass(frozen=True, slots=True)
-class Outlook:
+class FirstLook:
     """What a booking knows when it begins to plan, all as it was at one moment.
 
     A delivery that is not known was neither booked nor closed; `around` is the network of the
@@ -106,14 +106,14 @@ class Outlook:
     around: Present | None
 
 
-async def outlook(
+async def first_look(
     connection: AsyncConnection,
     delivery_id: DeliveryId,
     *,
     attempt: int,
     drone_ids: Collection[DroneId],
     pickup: StationId,
-) -> Outlook:
+) -> FirstLook:
     """What there is to know for this attempt to book some of these drones."""
     asked = {
         "delivery_id": delivery_id,
@@ -122,10 +122,10 @@ async def outlook(
         "pickup": pickup,
     }
     told: dict[str, list[tuple[Any, ...]]] = defaultdict(list)
-    for question, *answer in await connection.execute(_OUTLOOK, asked):
+    for question, *answer in await connection.execute(_FIRST_LOOK, asked):
         told[question].append(tuple(answer))
     in_order = sorted(told["BOOKED"], key=lambda each: each[1])
-    return Outlook(
+    return FirstLook(
         is_known=bool(told["KNOWN"]),
         booked=tuple(Mission.read(body) for body, *_ in in_order),
         busy=frozenset(drone_id for drone_id, *_ in told["BUSY"]),
