@@ -89,8 +89,12 @@ class Recomposer:
         if anchor is None:
             await self._outcomes.retry_later(case.record)
             return
-        stop = case.ground_stop(anchor)
-        if stop is not None:
+        if case.waits_for_word:
+            if not anchor.is_divert:
+                await self._outcomes.retry_later(case.record)
+                return
+            case = case.landing_at(anchor.station_id)
+        elif (stop := case.ground_stop(anchor)) is not None:
             await self._outcomes.hold(case.record, stop)
             return
         planner = RestPlanner(self.solver, case.world, case.situation, case.closed)

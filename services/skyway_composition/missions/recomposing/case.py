@@ -1,7 +1,8 @@
 """One mission to plan for: what is known of it, why it needs another plan, and in which world."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from skyway.ids import StationId
 from skyway_composition.missions.outlook.situation import Situation
 from skyway_composition.missions.record import MissionRecord, Trouble
 from skyway_composition.missions.rest.anchor import Anchor
@@ -27,6 +28,16 @@ class Case:
     def record(self) -> MissionRecord:
         """The mission as it was looked at."""
         return self.situation.record
+
+    @property
+    def waits_for_word(self) -> bool:
+        """Whether the drone is held, and nobody has said where."""
+        return self.record.mission.is_held and self.trouble.land_at is None
+
+    def landing_at(self, station_id: StationId) -> "Case":
+        """The same of a drone that is to land there, and wait."""
+        trouble = self.trouble.model_copy(update={"land_at": station_id})
+        return replace(self, trouble=trouble)
 
     def ground_stop(self, anchor: Anchor) -> str | None:
         """Why the drone may not take off at the anchor; None when it may, or flies on there."""
@@ -55,15 +66,22 @@ def trouble_of(record: MissionRecord) -> Trouble | None:
 def may_be_planned(situation: Situation, trouble: Trouble) -> bool:
     """Whether a plan can be made now.
 
-    Not for a drone that is held, has not answered yet, or is led elsewhere by a failsafe: it would
-    refuse new steps until that is over, unless they override it.
+    Not for a drone that has not answered yet, or is led elsewhere by a failsafe: it would refuse
+    new steps until that is over, unless they override it. One that is held flies on to its next
+    landing, which may be closed, and begins nothing there.
     """
     record = situation.record
     if record.mission.state == "BOOKED" or record.proposal is not None:
         return False
     if situation.escape is not None and not trouble.overrides_failsafe:
         return False
-    return not record.mission.is_held or trouble.land_at is not None
+    if not record.mission.is_held or trouble.land_at is not None:
+        return True
+    state = situation.link.state
+    return state is not None and (state.mission_id, state.activity) == (
+        record.mission_id,
+        "FLYING",
+    )
 
 
 def _wish(record: MissionRecord) -> tuple[object, ...]:

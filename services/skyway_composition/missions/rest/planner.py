@@ -94,6 +94,10 @@ class RestPlanner:
             is_in_the_air=False,
         )
         onward = await self._plan_standing(landed, trouble)
+        if not isinstance(onward, Rest) and trouble.land_at is not None:
+            # It cannot get where people want it: then it waits for their word here.
+            waiting = trouble.model_copy(update={"land_at": landing.station_id})
+            onward = await self._plan_standing(landed, waiting)
         if isinstance(onward, Rest):
             trip = by_way_of(landing, onward.trip, start_ms=anchor.at_ms)
             return replace(onward, trip=trip)

@@ -5,9 +5,9 @@ from dataclasses import replace
 from datetime import timedelta
 from typing import Final
 
-from skyway.contracts.flight_step import FlightStep, WaitStep
+from skyway.contracts.flight_step import FlightStep, FlyStep, WaitStep
 from skyway.delivery.plan import PickUp
-from skyway.ids import PackageId, StationId
+from skyway.ids import PackageId
 from skyway.units import ms_to_moment
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.record import MissionRecord, Trouble
@@ -45,7 +45,7 @@ def revision_of(
         first_step=anchor.first_step,
     )
     if trouble.land_at is not None:
-        steps = (*steps, _wait_for_word(trouble.land_at, steps, anchor=anchor))
+        steps = (*steps, _wait_for_word(steps, anchor=anchor))
     elif not steps:
         # Home and charged: the drone still has to hear that nothing is left, to end it.
         start_ms = rest.trip.start_ms
@@ -63,10 +63,12 @@ def revision_of(
     return Revision(mission, steps, rest.aims)
 
 
-def _wait_for_word(
-    station_id: StationId, steps: tuple[FlightStep, ...], *, anchor: Anchor
-) -> WaitStep:
+def _wait_for_word(steps: tuple[FlightStep, ...], *, anchor: Anchor) -> WaitStep:
     """A wait that an operator's word ends: a hold would keep the drone from getting there."""
+    station_id = anchor.station_id
+    if steps:
+        last = steps[-1]
+        station_id = last.to_id if isinstance(last, FlyStep) else last.station_id
     start_at = steps[-1].planned_end_at if steps else ms_to_moment(anchor.at_ms)
     return WaitStep(
         step_id=anchor.first_step + len(steps),
