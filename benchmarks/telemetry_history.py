@@ -14,8 +14,8 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any, Final
 
-from skyway_provider_registry.presence import store as presence
 from skyway_provider_registry.presence.follow import PresenceFollower
+from skyway_provider_registry.presence.sightings import store as sightings
 from skyway_provider_registry.tables import drones, providers
 from skyway_provider_registry.telemetry.recorder import TelemetryRecorder
 from skyway_provider_registry.telemetry.thinning.rounds import Keeping, Thinning
@@ -127,7 +127,7 @@ async def registered(db: Database, clock: ManualClock) -> Registry:
         await tx.execute(providers.insert(), provider)
         rows = [{"drone_id": each, "provider_id": "p", **home, **rest} for each in ids]
         await tx.execute(drones.insert(), rows)
-        await presence.begin(tx, ids, change=0)
+        await sightings.begin(tx, ids, change=0)
     return Registry(db, clock, ids)
 
 

@@ -83,7 +83,7 @@ async def feed(
         folder.make()
         with storage_pair("production", folder) as servers:
             ports = Ports(gateway=0, broker=0)
-            async with running_system(folder, rate=1.0, ports=ports) as system:
+            async with running_system(folder, rate=1.0, ports=ports, say=print) as system:
                 city = City.of(stations=_STATIONS, seed=seed)
                 began_s = time.monotonic()
                 async with GatewayApi(system.urls["gateway"]) as api:

@@ -48,7 +48,7 @@ async def run(burst: Burst) -> Outcome:
         options = () if burst.profile is None else SERVER_OPTIONS
         with storage_pair(burst.storage, folder, postgresql_options=options) as servers:
             async with running_system(
-                folder, rate=burst.clock_rate, ports=Ports(gateway=0, broker=0)
+                folder, rate=burst.clock_rate, ports=Ports(gateway=0, broker=0), say=print
             ) as system:
                 city = City.of(stations=burst.stations, seed=burst.seed)
                 key = read_keys(folder)["SKYWAY_OPERATOR_KEY"]
