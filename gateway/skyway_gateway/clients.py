@@ -15,9 +15,9 @@ from skyway.contracts.mission import (
 )
 from skyway.contracts.quote import QuoteAnswer, QuoteQuery
 from skyway.contracts.shortlist import Candidates
-from skyway.contracts.station_check import NetworkStations, StationCheck, StationCheckQuery
+from skyway.contracts.station_check import StationCheck, StationCheckQuery
 from skyway.contracts.track import Track
-from skyway.ids import DeliveryId, DroneId, NetworkId, SubjectId
+from skyway.ids import DeliveryId, DroneId, SubjectId
 from skyway.json_model import WireModel
 from skyway.runtime.http.client import ServiceClient
 
@@ -45,10 +45,6 @@ class Composition(Protocol):
 
     async def check_stations(self, query: StationCheckQuery) -> StationCheck:
         """Whether stations exist, where they are, and whether a path leads to them."""
-        ...
-
-    async def all_stations(self, network_id: NetworkId) -> NetworkStations:
-        """All stations of a network's current version, unless they are very many."""
         ...
 
     async def quote(self, query: QuoteQuery) -> QuoteAnswer:
@@ -123,11 +119,6 @@ class RestComposition:
         return await self._client.call(
             "POST", "/internal/station-checks", body=query, answer=StationCheck
         )
-
-    async def all_stations(self, network_id: NetworkId) -> NetworkStations:
-        """All stations of a network's current version, unless they are very many."""
-        path = f"/internal/networks/{network_id}/stations"
-        return await self._client.call("GET", path, answer=NetworkStations)
 
     async def quote(self, query: QuoteQuery) -> QuoteAnswer:
         """What each provider could offer now, the best first; nothing is reserved."""

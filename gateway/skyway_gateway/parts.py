@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
+from skyway.announced_networks.learning import NetworkLearner, asking
 from skyway.runtime.clock import AnchoredClock, FleetClock, load_clock
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.identity import ServiceGate, ServiceIdentity
@@ -29,7 +30,6 @@ from skyway_gateway.notifications.sending.sender import WebhookSender
 from skyway_gateway.notifications.streaming.news import News
 from skyway_gateway.notifications.targets import Targets
 from skyway_gateway.quotes.checks import Checks
-from skyway_gateway.quotes.known_networks import KnownNetworks
 from skyway_gateway.quotes.make import QuoteMaker
 from skyway_gateway.quotes.payload_limits import PayloadLimits
 from skyway_gateway.settings import GatewaySettings
@@ -48,7 +48,7 @@ class Parts:
     clients: Mapping[str, ServiceClient]
     registry: Registry
     composition: Composition
-    networks: KnownNetworks
+    networks: NetworkLearner
     known_keys: KnownKeys
     gate: KeyGate
     services: ServiceGate
@@ -110,7 +110,7 @@ class Parts:
     def checks(self) -> Checks:
         """Checks delivery requests against the world."""
         limits = PayloadLimits(self.registry, self.clock)
-        return Checks(limits, self.networks, self.composition, self.clock)
+        return Checks(limits, self.networks.known, self.composition, self.clock)
 
 
 def build_parts(
@@ -135,7 +135,7 @@ def build_parts(
         clients=clients,
         registry=registry,
         composition=composition,
-        networks=KnownNetworks(composition),
+        networks=NetworkLearner(asking(clients["composition"])),
         known_keys=known_keys,
         gate=KeyGate(known_keys, DroneKeys(registry)),
         services=ServiceGate(settings.secrets_dir, allowed=("composition",)),

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from datetime import timedelta
 from typing import Final
 
+from skyway.announced_networks.known_networks import KnownNetworks
 from skyway.contracts.station_check import StationCheck, StationCheckQuery
 from skyway.delivery.request import DeliveryRequest, ProviderChoice
 from skyway.errors import InvalidInput
@@ -15,7 +16,6 @@ from skyway.geo import Position
 from skyway.ids import StationId
 from skyway.runtime.clock import FleetClock
 from skyway_gateway.clients import Composition
-from skyway_gateway.quotes.known_networks import KnownNetworks
 from skyway_gateway.quotes.payload_limits import PayloadLimits
 
 #: Nobody plans further ahead; a year that is a typing mistake is found at once.
