@@ -66,13 +66,14 @@ def registry_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> F
     """All rooms' routes on these parts, which the lifespan opens."""
     db, gate, clock = parts.db, parts.gate, parts.clock
     stations, password_file = parts.stations, parts.password_file
+    view = FleetView(db, parts.networks.known, Pace(_LOOK_EVERY_S))
     return create_app(
         service=SERVICE,
         title="Skyway provider registry",
         description="Who could fly: providers, drone models, fleets, presence, candidates.",
         # A path is looked for in their order: first what every delivery asks for.
         routers=[
-            candidate_routes(view=FleetView(db, Pace(_LOOK_EVERY_S)), gate=gate, clock=clock),
+            candidate_routes(view=view, gate=gate, clock=clock),
             presence_routes(keeper=ReportKeeper(db, clock, Pace(_REPORTS_EVERY_S)), gate=gate),
             provider_routes(db=db, gate=gate, clock=clock, mint=parts.mint),
             drone_model_routes(db=db, gate=gate),
@@ -134,6 +135,7 @@ def build_app(settings: RegistrySettings) -> FastAPI:
                 listener=recorder.take,
             )
             loops.start("presence", repeat("presence", follower.step, every_s=1.0))
+            loops.start("networks", parts.networks.run(mqtt))
             _remember_telemetry(loops, recorder, Thinning(parts.db, parts.clock, keeping))
             loops.start(
                 "password file",

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Final
 
+from skyway.announced_networks.learning import NetworkLearner, asking
 from skyway.runtime.certificates import CertificateAuthority
 from skyway.runtime.clock import FleetClock, load_clock
 from skyway.runtime.http.client import ServiceClient
@@ -26,12 +27,13 @@ class Parts:
     clock: FleetClock
     mint: Mint
     stations: StationLookup
+    networks: NetworkLearner
     password_file: PasswordFile
     issuer: Issuer
 
 
 def composition_client(settings: RegistrySettings) -> ServiceClient:
-    """Whom the registry asks about stations."""
+    """Whom the registry asks about stations and networks."""
     identity = ServiceIdentity(SERVICE, settings.secrets_dir)
     return ServiceClient("composition", settings.composition_url, identity)
 
@@ -45,6 +47,7 @@ def parts_in_life(settings: RegistrySettings, composition: ServiceClient) -> Par
         clock=load_clock(settings.clock_file),
         mint=mint,
         stations=CompositionStations(composition),
+        networks=NetworkLearner(asking(composition)),
         password_file=PasswordFile(
             settings.broker_password_file,
             db=db,

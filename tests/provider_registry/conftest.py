@@ -14,7 +14,8 @@ from skyway_provider_registry.enrolment.password_file import PasswordFile
 from skyway_provider_registry.fleets.credentials.issue import Issuer
 from skyway_provider_registry.parts import Parts
 
-from skyway.contracts.station_check import StationCheck
+from skyway.announced_networks.learning import NetworkLearner
+from skyway.contracts.station_check import NetworkStations, StationCheck
 from skyway.geo import Position
 from skyway.ids import NetworkId, StationId
 from skyway.runtime.clock import ManualClock
@@ -27,11 +28,16 @@ STATIONS = {
     StationId("san-marcos"): Position(-97.94139, 29.88327),
     StationId("mcqueeney"): Position(-98.03334, 29.59217),
 }
+#: Beside these, another network around the same place.
+NETWORKS = {
+    NetworkId("texas"): tuple(STATIONS),
+    NetworkId("city"): (StationId("c-s1"), StationId("c-s2")),
+}
 
 
 @dataclass
 class KnownStations:
-    """`StationLookup` that knows two stations, or is away."""
+    """Composition that knows two stations, or is away; and two networks."""
 
     is_away: bool = False
     asked: list[tuple[StationId, ...]] = field(default_factory=list)
@@ -46,6 +52,16 @@ class KnownStations:
             network_ids=dict.fromkeys(known, NetworkId("texas")),
             positions=known,
             unknown=tuple(one for one in asked if one not in STATIONS),
+        )
+
+    async def all_stations(self, network_id: NetworkId) -> NetworkStations:
+        station_ids = NETWORKS[network_id]
+        return NetworkStations(
+            network_id=network_id,
+            version=1,
+            station_ids=station_ids,
+            positions=(STATIONS[StationId("san-marcos")],) * len(station_ids),
+            parts=(0,) * len(station_ids),
         )
 
 
@@ -114,6 +130,11 @@ def stations() -> KnownStations:
 
 
 @pytest.fixture
+def networks(stations: KnownStations) -> NetworkLearner:
+    return NetworkLearner(stations.all_stations)
+
+
+@pytest.fixture
 def password_file(db: Database, secrets_dir: Path, tmp_path: Path) -> PasswordFile:
     return PasswordFile(
         tmp_path / "passwords", db=db, secrets_dir=secrets_dir, broker_pid_file=None
@@ -126,6 +147,7 @@ async def api(
     clock: ManualClock,
     secrets_dir: Path,
     stations: KnownStations,
+    networks: NetworkLearner,
     password_file: PasswordFile,
 ) -> AsyncIterator[Api]:
     parts = Parts(
@@ -134,6 +156,7 @@ async def api(
         clock=clock,
         mint=CountingMint(),
         stations=stations,
+        networks=networks,
         password_file=password_file,
         issuer=Issuer(None),
     )

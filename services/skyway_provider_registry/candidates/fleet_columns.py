@@ -7,9 +7,10 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from skyway.announced_networks.known_networks import KnownNetworks
 from skyway.drone.model import DroneModel
 from skyway.geo import unit_vector
-from skyway.ids import DroneId, ProviderId, StationId
+from skyway.ids import DroneId, NetworkId, ProviderId, StationId
 from skyway_provider_registry.candidates.reasons import KnownDrone, KnownProvider
 
 #: One drone; `x`, `y`, `z` are its direction from the Earth's centre.
@@ -17,6 +18,7 @@ _DRONE: Final = np.dtype(
     [
         ("provider", np.int32),
         ("station", np.int32),
+        ("network", np.int32),
         ("payload_kg", np.float64),
         ("soc", np.float64),
         ("x", np.float64),
@@ -33,17 +35,21 @@ _NOWHERE: Final = -1
 
 Columns = npt.NDArray[np.void]
 Rows = npt.NDArray[np.intp]
+Flags = npt.NDArray[np.bool_]
 
 
 @dataclass(slots=True)
 class FleetColumns:
     """The drones by row, and the strongest model of each provider, equals by id."""
 
+    networks: KnownNetworks
     drones: list[KnownDrone] = field(default_factory=list)
     strongest: dict[ProviderId, DroneModel] = field(default_factory=dict)
     _rows: dict[DroneId, int] = field(default_factory=dict)
     _providers: dict[ProviderId, int] = field(default_factory=dict)
     _stations: dict[StationId, int] = field(default_factory=dict)
+    _networks: dict[NetworkId, int] = field(default_factory=dict)
+    _networks_seen: int = -1  # their revision when the column `network` was last written
     _table: Columns = field(default_factory=lambda: np.zeros(_FIRST_CAPACITY, _DRONE))
     _order: Rows | None = None
 
@@ -77,6 +83,16 @@ class FleetColumns:
         """What the column `station` holds for drones there; -2 when no drone ever stood there."""
         return self._stations.get(station_id, _NOWHERE - 1)
 
+    def elsewhere(self, station_id: StationId) -> Flags:
+        """The drones that are known to stand in another network than that of this station."""
+        if self._networks_seen != self.networks.revision:
+            self._find_networks()
+        network, here = self.column("network"), self._network_of(station_id)
+        if here == _NOWHERE:
+            return np.zeros(len(network), np.bool_)
+        others: Flags = (network != here) & (network != _NOWHERE)
+        return others
+
     @property
     def providers(self) -> Mapping[ProviderId, int]:
         """What the column `provider` holds, by provider."""
@@ -98,6 +114,20 @@ class FleetColumns:
             (known, model), key=lambda one: (-one.max_payload_kg, one.model_id)
         )
 
+    def _find_networks(self) -> None:
+        """Write the column `network` anew: what is known of networks has changed."""
+        # Its last place is that of drones that stand nowhere.
+        by_station = [*map(self._network_of, self._stations), _NOWHERE]
+        self.column("network")[:] = np.array(by_station)[self.column("station")]
+        self._networks_seen = self.networks.revision
+
+    def _network_of(self, station_id: StationId | None) -> int:
+        """What the column `network` holds for drones at this station."""
+        network_id = None if station_id is None else self.networks.network_of(station_id)
+        if network_id is None:
+            return _NOWHERE
+        return self._networks.setdefault(network_id, len(self._networks))
+
     def _row_of(self, drone: KnownDrone) -> tuple[object, ...]:
         station = drone.station_id
         return (
@@ -105,6 +135,7 @@ class FleetColumns:
             _NOWHERE
             if station is None
             else self._stations.setdefault(station, len(self._stations)),
+            self._network_of(station),
             drone.model.max_payload_kg,
             drone.soc,
             *unit_vector(drone.position),

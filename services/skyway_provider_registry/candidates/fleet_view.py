@@ -9,6 +9,7 @@ import asyncio
 from collections.abc import Mapping
 from typing import Final
 
+from skyway.announced_networks.known_networks import KnownNetworks
 from skyway.drone.model import DroneModel
 from skyway.ids import DroneModelId
 from skyway.runtime.pace import Pace
@@ -25,12 +26,12 @@ _NOTHING_SEEN: Final = -1
 class FleetView:
     """What selection looks at; `look` before every use."""
 
-    def __init__(self, db: Database, pace: Pace) -> None:
+    def __init__(self, db: Database, networks: KnownNetworks, pace: Pace) -> None:
         self._db = db
         self._pace = pace
         self._seen: ChangeMarks | None = None
         self._models: Mapping[DroneModelId, DroneModel] = {}
-        self._fleet = Fleet({}, FleetColumns())
+        self._fleet = Fleet({}, FleetColumns(networks))
         self._looking = asyncio.Lock()
         # Looks are counted when they begin, and again when they have succeeded.
         self._begun = self._finished = 0
@@ -57,7 +58,7 @@ class FleetView:
             if seen is None or now.providers > seen.providers:
                 known = await store.known_providers(connection)
             if seen is not None and now.removals > seen.removals:
-                columns, rows = FleetColumns(), await store.every_drone(connection)
+                columns, rows = FleetColumns(columns.networks), await store.every_drone(connection)
             if any(row.drone_id not in columns for row in rows):
                 self._models = await drone_models.every(connection)
         columns.put(store.known_drone(row, self._models) for row in rows)

@@ -12,12 +12,10 @@ from skyway.contracts.candidate import (
     CandidateQuery,
 )
 from skyway.geo import unit_vector
-from skyway_provider_registry.candidates.fleet_columns import FleetColumns, Rows
+from skyway_provider_registry.candidates.fleet_columns import Flags, FleetColumns, Rows
 
 #: So many of the nearest drones hold enough of most providers.
 _WORTH_RANKING: Final = 4 * MAX_CANDIDATES
-
-Flags = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,6 +1,6 @@
 """Why a provider has no candidate: of all that stands in its drones' way, the most telling."""
 
-from collections.abc import Collection
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Final
@@ -15,7 +15,7 @@ from skyway.contracts.shortlist import ProviderTerms
 from skyway.delivery.offer import Tariff
 from skyway.drone.model import DroneModel
 from skyway.geo import Position
-from skyway.ids import DroneId, ProviderId, StationId
+from skyway.ids import DroneId, NetworkId, ProviderId, StationId
 
 
 @dataclass(frozen=True)
@@ -91,10 +91,14 @@ def reason_of(
     query: CandidateQuery,
     provider_id: ProviderId,
     *,
-    found: Collection[ProviderReasonCode],
+    found: Mapping[ProviderReasonCode, KnownDrone],
+    network_id: NetworkId | None,
     strongest: DroneModel | None,
 ) -> ProviderReason:
-    """Why an admitted provider has no candidate: what was `found` in the way of its drones."""
+    """Why an admitted provider has no candidate: what was `found` in the way of its drones.
+
+    For each obstacle there is one of those drones; `network_id` is the pickup's, if it is known.
+    """
     if strongest is None:
         return ProviderReason(
             provider_id=provider_id,
@@ -110,6 +114,24 @@ def reason_of(
                 detail=obstacle.detail,
                 is_temporary=obstacle.is_temporary,
             )
+    if (drone := found.get("DESTINATION_UNREACHABLE")) is not None:
+        return _unreachable(drone, network_id)
+    return _overweight(query, provider_id, strongest)
+
+
+def _unreachable(drone: KnownDrone, network_id: NetworkId | None) -> ProviderReason:
+    """In composition's words: it says so of drones whose networks are not known here."""
+    return ProviderReason(
+        provider_id=drone.provider_id,
+        code="DESTINATION_UNREACHABLE",
+        detail=f"station {drone.station_id!r} is not in network {network_id!r}",
+        is_temporary=False,
+    )
+
+
+def _overweight(
+    query: CandidateQuery, provider_id: ProviderId, strongest: DroneModel
+) -> ProviderReason:
     mass_kg = heaviest_kg(query)
     return ProviderReason(
         provider_id=provider_id,

@@ -14,8 +14,8 @@ from skyway.contracts.candidate import (
 )
 from skyway.contracts.shortlist import Candidates, Shortlist
 from skyway.ids import ProviderId
-from skyway_provider_registry.candidates.fleet_columns import Fleet, FleetColumns
-from skyway_provider_registry.candidates.ranking import Flags, Ranked, in_turn
+from skyway_provider_registry.candidates.fleet_columns import Flags, Fleet, FleetColumns, Rows
+from skyway_provider_registry.candidates.ranking import Ranked, in_turn
 from skyway_provider_registry.candidates.reasons import (
     KnownDrone,
     KnownProvider,
@@ -31,11 +31,16 @@ _MASS_TOLERANCE: Final = 1e-9
 #: What keeps a drone from being a candidate, the first that holds; 0 stands for nothing.
 _OBSTACLES: Final[tuple[ProviderReasonCode, ...]] = (
     "OVERWEIGHT",
+    # Before what ends by itself: once it is free or charged, it is in its network still.
+    "DESTINATION_UNREACHABLE",
     "REFUSED",
     "OFFLINE",
     "BUSY",
     "LOW_CHARGE",
 )
+
+#: Where a row is looked for and there is none.
+_NONE: Final = -1
 
 #: The places of what ends by itself among these, counted from 1.
 _PASSING: Final = [1 + _OBSTACLES.index(code) for code in ("BUSY", "LOW_CHARGE")]
@@ -52,17 +57,18 @@ def select(query: CandidateQuery, fleet: Fleet, *, wall_now_ms: int) -> Candidat
     admitted = np.zeros(len(columns.providers), np.bool_)
     for provider_id, index in columns.providers.items():
         admitted[index] = provider_id in fleet.providers and provider_id not in reasons
-    lifting = _lifting(query, columns)
-    obstacles = _obstacles(query, columns, lifting.drones, wall_now_ms=wall_now_ms)
+    elsewhere = columns.elsewhere(query.pickup_station_id)
+    lifting = _lifting(query, columns, elsewhere)
+    obstacles = _obstacles(query, columns, lifting.drones, elsewhere, wall_now_ms=wall_now_ms)
     able = np.flatnonzero((obstacles == 0) & admitted[columns.column("provider")])
     chosen = in_turn(Ranked.of(query, columns, able, lifting.split), len(columns.providers))
     candidates = [columns.drones[row] for row in chosen.tolist()]
     compared = {drone.provider_id for drone in candidates}
     found = _found_by_provider(columns, obstacles)
-    passing: Flags = np.any(found[:, _PASSING], axis=1)
+    passing: Flags = np.any(found[:, _PASSING] != _NONE, axis=1)
     for provider_id in fleet.providers.keys() - reasons.keys() - compared:
         place = columns.providers.get(provider_id)
-        if place is not None and found[place, 0]:
+        if place is not None and found[place, 0] != _NONE:
             reasons[provider_id] = not_compared(provider_id)
         else:
             reasons[provider_id] = _reason(query, columns, found, provider_id)
@@ -82,24 +88,33 @@ class _Lifting:
     split: Flags
 
 
-def _lifting(query: CandidateQuery, columns: FleetColumns) -> _Lifting:
-    """A provider of whose drones none lifts everything is asked for its strong enough ones."""
+def _lifting(query: CandidateQuery, columns: FleetColumns, elsewhere: Flags) -> _Lifting:
+    """A provider of whose drones none lifts everything is asked for its strong enough ones.
+
+    However strong those are that stand `elsewhere`, they lift nothing here.
+    """
     provider = columns.column("provider")
     limit_kg = columns.column("payload_kg") * (1 + _MASS_TOLERANCE)
     lifts_all = limit_kg >= query.payload_kg
     split = np.ones(len(columns.providers), np.bool_)
-    split[provider[lifts_all]] = False
+    split[provider[lifts_all & ~elsewhere]] = False
     return _Lifting(lifts_all | (split[provider] & (limit_kg >= heaviest_kg(query))), split)
 
 
 def _obstacles(
-    query: CandidateQuery, columns: FleetColumns, lifts: Flags, *, wall_now_ms: int
+    query: CandidateQuery,
+    columns: FleetColumns,
+    lifts: Flags,
+    elsewhere: Flags,
+    *,
+    wall_now_ms: int,
 ) -> npt.NDArray[np.intp]:
     """By row, 0 or the place in `_OBSTACLES`, counted from 1, of what stands in the way."""
     has_refused = np.zeros(len(lifts), np.bool_)
     has_refused[columns.rows_of(query.excluded_drone_ids)] = True
     in_the_way = (
         ~lifts,
+        elsewhere,
         has_refused,
         columns.column("online_until_ms") < wall_now_ms,
         columns.column("is_busy"),
@@ -111,20 +126,30 @@ def _obstacles(
     return first
 
 
-def _found_by_provider(columns: FleetColumns, obstacles: npt.NDArray[np.intp]) -> Flags:
-    """``(providers, 1 + obstacles)``: what stands in the way of any drone of each provider."""
-    found = np.zeros((len(columns.providers), 1 + len(_OBSTACLES)), np.bool_)
-    found[columns.column("provider"), obstacles] = True
+def _found_by_provider(columns: FleetColumns, obstacles: npt.NDArray[np.intp]) -> Rows:
+    """``(providers, 1 + obstacles)``: a drone of each provider in whose way each obstacle is."""
+    found = np.full((len(columns.providers), 1 + len(_OBSTACLES)), _NONE, np.intp)
+    found[columns.column("provider"), obstacles] = np.arange(len(obstacles))
     return found
 
 
 def _reason(
-    query: CandidateQuery, columns: FleetColumns, found: Flags, provider_id: ProviderId
+    query: CandidateQuery, columns: FleetColumns, found: Rows, provider_id: ProviderId
 ) -> ProviderReason:
     index = columns.providers.get(provider_id)
-    seen = () if index is None else found[index, 1:].tolist()
-    codes = [code for code, is_found in zip(_OBSTACLES, seen, strict=False) if is_found]
-    return reason_of(query, provider_id, found=codes, strongest=columns.strongest.get(provider_id))
+    rows = () if index is None else found[index, 1:].tolist()
+    examples = {
+        code: columns.drones[row]
+        for code, row in zip(_OBSTACLES, rows, strict=False)
+        if row != _NONE
+    }
+    return reason_of(
+        query,
+        provider_id,
+        found=examples,
+        network_id=columns.networks.network_of(query.pickup_station_id),
+        strongest=columns.strongest.get(provider_id),
+    )
 
 
 def _shortlist(

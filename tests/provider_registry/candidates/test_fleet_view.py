@@ -10,6 +10,7 @@ from skyway_provider_registry.candidates.fleet_view import FleetView
 from skyway_provider_registry.candidates.reasons import KnownDrone
 from skyway_provider_registry.presence.follow import Recorder
 
+from skyway.announced_networks.known_networks import KnownNetworks
 from skyway.contracts.drone_report import Connection, DroneState
 from skyway.contracts.topics import CONNECTION, STATE
 from skyway.drone.models import PAPER_SCENARIO
@@ -26,7 +27,7 @@ AT = datetime(2026, 3, 1, 12, tzinfo=UTC)
 @pytest.fixture
 def view(db: Database) -> FleetView:
     """The view of another replica than the one that is called."""
-    return FleetView(db, Pace())
+    return FleetView(db, KnownNetworks(), Pace())
 
 
 def batch_of(drone: dict[str, Any], *, seq: int = 1, mission: str | None = None) -> list[Any]:

@@ -8,6 +8,7 @@ from skyway_provider_registry.candidates.fleet_columns import Fleet, FleetColumn
 from skyway_provider_registry.candidates.reasons import KnownDrone, KnownProvider
 from skyway_provider_registry.candidates.select import select
 
+from skyway.announced_networks.known_networks import KnownNetworks
 from skyway.contracts.candidate import (
     MAX_CANDIDATES,
     MAX_CANDIDATES_PER_PROVIDER,
@@ -83,7 +84,7 @@ def ranked_one_by_one(drones: list[KnownDrone]) -> list[DroneId]:
 @pytest.mark.parametrize("seed", range(20))
 def test_large_fleets_have_the_candidates_that_ranking_every_drone_finds(seed: int) -> None:
     drones = make_fleet(random.Random(seed))
-    columns = FleetColumns()
+    columns = FleetColumns(KnownNetworks())
     columns.put(drones)
     providers = {drone.provider_id for drone in drones}
     known = {name: KnownProvider(name, Tariff(), is_active=True) for name in providers}

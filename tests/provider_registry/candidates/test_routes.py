@@ -7,12 +7,14 @@ from typing import Any
 import pytest
 from skyway_provider_registry.presence.follow import Recorder
 
+from skyway.announced_networks.learning import NetworkLearner
 from skyway.contracts.drone_report import Connection, DroneState
 from skyway.contracts.shortlist import Candidates, Shortlist
 from skyway.contracts.topics import CONNECTION, STATE
+from skyway.contracts.world import NetworkVersion
 from skyway.drone.model import DroneModel
 from skyway.geo import Position
-from skyway.ids import MissionId, StationId
+from skyway.ids import MissionId, NetworkId, StationId
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.mqtt.client import Received
 from skyway.runtime.sql.database import Database
@@ -26,6 +28,7 @@ QUERY: dict[str, object] = {
 }
 
 Ready = Callable[..., Awaitable[dict[str, Any]]]
+Announce = Callable[[str], Awaitable[None]]
 
 
 @pytest.fixture
@@ -125,6 +128,54 @@ async def test_a_drone_that_refused_is_left_out(api: Any, ready: Ready) -> None:
     found = await ask(api, excluded_drone_ids=[drone["drone_id"]])
 
     assert [reason.code for reason in found.infeasible] == ["REFUSED"]
+
+
+@pytest.fixture
+def announce(networks: NetworkLearner) -> Announce:
+    """Has the registry hear of a network and learn its stations."""
+
+    async def hear(network_id: str) -> None:
+        message = NetworkVersion(
+            message_id="m",
+            sent_at=AT,
+            network_id=NetworkId(network_id),
+            version=1,
+            sha256="0" * 64,
+            href="/",
+        )
+        networks.announce(message)
+        await networks.learn()
+
+    return hear
+
+
+async def test_drones_of_another_network_leave_their_places_to_those_of_the_pickups(
+    api: Any, ready: Ready, announce: Announce
+) -> None:
+    provider_id = await api.provider()
+    foreign = [await ready(provider_id, station_id="c-s1") for _ in range(6)]
+    own = await ready(provider_id, station_id="mcqueeney")
+    before = await ask(api)
+
+    await announce("texas")
+    await announce("city")
+    after = await ask(api)
+
+    assert set(before.shortlist.drone_ids) == {drone["drone_id"] for drone in foreign[:5]}
+    assert after.shortlist.drone_ids == (own["drone_id"],)
+
+
+async def test_a_provider_in_another_network_alone_is_told_so(
+    api: Any, ready: Ready, announce: Announce
+) -> None:
+    await ready(await api.provider(), station_id="c-s1")
+    await announce("texas")
+    await announce("city")
+
+    (reason,) = (await ask(api)).infeasible
+
+    assert (reason.code, reason.is_temporary) == ("DESTINATION_UNREACHABLE", False)
+    assert reason.detail == "station 'c-s1' is not in network 'texas'"
 
 
 async def test_a_suspended_provider_has_none(api: Any, ready: Ready) -> None:

@@ -7,6 +7,7 @@ from skyway_provider_registry.candidates.fleet_columns import Fleet, FleetColumn
 from skyway_provider_registry.candidates.reasons import KnownDrone, KnownProvider
 from skyway_provider_registry.candidates.select import select as select_from
 
+from skyway.announced_networks.known_networks import KnownNetworks
 from skyway.contracts.candidate import CandidateQuery
 from skyway.contracts.shortlist import Candidates
 from skyway.delivery.offer import Tariff
@@ -23,7 +24,7 @@ def select(
     query: CandidateQuery, *, providers: Sequence[KnownProvider], drones: Sequence[KnownDrone]
 ) -> Candidates:
     """The choice among these, now."""
-    columns = FleetColumns()
+    columns = FleetColumns(KnownNetworks())
     columns.put(drones)
     fleet = Fleet({provider.provider_id: provider for provider in providers}, columns)
     return select_from(query, fleet, wall_now_ms=NOW_MS)
@@ -303,7 +304,7 @@ def test_too_heavy_a_package_is_told_by_itself() -> None:
 
 
 def test_what_is_known_now_replaces_what_was_known() -> None:
-    columns = FleetColumns()
+    columns = FleetColumns(KnownNetworks())
     columns.put([make_drone(f"d{n}", is_busy=True) for n in range(1_000)])
     columns.put([make_drone("d7", soc=0.4)])
     fleet = Fleet({ProviderId("p"): make_provider("p")}, columns)

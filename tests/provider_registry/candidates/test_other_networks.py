@@ -1,0 +1,214 @@
+"""Drones that are known to stand in another network than the pickup's are in nobody's way."""
+
+from collections.abc import Sequence
+
+import pytest
+from skyway_provider_registry.candidates.fleet_columns import Fleet, FleetColumns
+from skyway_provider_registry.candidates.reasons import KnownDrone, KnownProvider
+from skyway_provider_registry.candidates.select import select as select_from
+
+from skyway.announced_networks.known_networks import KnownNetworks
+from skyway.contracts.candidate import CandidateQuery
+from skyway.contracts.shortlist import Candidates
+from skyway.contracts.station_check import NetworkStations
+from skyway.delivery.offer import Tariff
+from skyway.delivery.request import ProviderChoice
+from skyway.drone.models import DJI_MATRICE_300_RTK, PAPER_SCENARIO
+from skyway.geo import Position
+from skyway.ids import DroneId, NetworkId, ProviderId, StationId
+
+#: All stations are at one place.
+PLACE = Position(-97.94, 29.88)
+NOW_MS = 1_000
+#: Charged below the reserve of its model.
+LOW: dict[str, object] = {"soc": 0.05, "model": DJI_MATRICE_300_RTK}
+
+
+def make_network(network_id: str, *stations: str, version: int = 1) -> NetworkStations:
+    return NetworkStations(
+        network_id=NetworkId(network_id),
+        version=version,
+        station_ids=tuple(StationId(each) for each in stations),
+        positions=(PLACE,) * len(stations),
+        parts=(0,) * len(stations),
+    )
+
+
+@pytest.fixture
+def networks() -> KnownNetworks:
+    """Two networks, `a` and `c`, of two stations each."""
+    known = KnownNetworks()
+    known.keep(make_network("a", "a-s1", "a-s2"))
+    known.keep(make_network("c", "c-s1", "c-s2"))
+    return known
+
+
+def make_drone(
+    name: str, station: str | None, *, away_deg: float = 0.0, **members: object
+) -> KnownDrone:
+    known: dict[str, object] = {
+        "drone_id": DroneId(name),
+        "provider_id": ProviderId("p"),
+        "model": PAPER_SCENARIO,
+        "home_station_id": StationId("home"),
+        "online_until_ms": NOW_MS,
+        "station_id": station,
+        "position": Position(PLACE.longitude_deg + away_deg, PLACE.latitude_deg),
+        "soc": 0.9,
+        "is_busy": False,
+        **members,
+    }
+    return KnownDrone(**known)  # type: ignore[arg-type]
+
+
+def make_columns(networks: KnownNetworks, *drones: KnownDrone) -> FleetColumns:
+    columns = FleetColumns(networks)
+    columns.put(drones)
+    return columns
+
+
+def select(columns: FleetColumns, *, pickup: str = "a-s1", **members: object) -> Candidates:
+    query = CandidateQuery.model_validate(
+        {
+            "pickup_station_id": pickup,
+            "pickup_position": PLACE,
+            "payload_kg": 2.0,
+            "providers": ProviderChoice(),
+            **members,
+        }
+    )
+    name = ProviderId("p")
+    providers = {name: KnownProvider(provider_id=name, tariff=Tariff(), is_active=True)}
+    return select_from(query, Fleet(providers, columns), wall_now_ms=NOW_MS)
+
+
+def chosen(found: Candidates) -> Sequence[str]:
+    return found.shortlist.drone_ids
+
+
+def told(found: Candidates) -> list[tuple[str, bool]]:
+    return [(reason.code, reason.is_temporary) for reason in found.infeasible]
+
+
+def test_any_number_of_nearer_and_fuller_ones_take_no_place(networks: KnownNetworks) -> None:
+    foreign = [make_drone(f"c{number}", "c-s1", soc=1.0) for number in range(500)]
+    own = [make_drone(f"a{number}", "a-s2", away_deg=0.5) for number in range(3)]
+
+    found = select(make_columns(networks, *foreign, *own))
+
+    assert chosen(found) == ("a0", "a1", "a2")
+    assert found.infeasible == ()
+
+
+def test_a_provider_with_no_others_is_told_of_one_of_their_stations(
+    networks: KnownNetworks,
+) -> None:
+    found = select(make_columns(networks, make_drone("c0", "c-s1"), make_drone("c1", "c-s1")))
+
+    (reason,) = found.infeasible
+    assert (reason.provider_id, reason.code) == ("p", "DESTINATION_UNREACHABLE")
+    assert reason.detail == "station 'c-s1' is not in network 'a'"
+    assert not reason.is_temporary
+
+
+def test_a_drone_at_a_station_that_is_not_known_is_compared(networks: KnownNetworks) -> None:
+    assert chosen(select(make_columns(networks, make_drone("d", "new")))) == ("d",)
+
+
+def test_all_are_compared_for_a_pickup_that_is_not_known(networks: KnownNetworks) -> None:
+    columns = make_columns(networks, make_drone("a0", "a-s1"), make_drone("c0", "c-s1"))
+
+    assert chosen(select(columns, pickup="new")) == ("a0", "c0")
+
+
+def test_what_is_learned_counts_for_drones_that_have_stood_there_before() -> None:
+    networks = KnownNetworks()
+    columns = make_columns(networks, make_drone("a0", "a-s1"), make_drone("c0", "c-s1"))
+    before = chosen(select(columns))
+
+    networks.keep(make_network("a", "a-s1"))
+    networks.keep(make_network("c", "c-s1"))
+
+    assert (before, chosen(select(columns))) == (("a0", "c0"), ("a0",))
+
+
+def test_what_is_forgotten_stands_in_nobodys_way(networks: KnownNetworks) -> None:
+    columns = make_columns(networks, make_drone("c0", "c-s1"))
+    before = chosen(select(columns))
+
+    networks.drop(NetworkId("c"))
+
+    assert (before, chosen(select(columns))) == ((), ("c0",))
+
+
+def test_a_station_may_change_its_network(networks: KnownNetworks) -> None:
+    columns = make_columns(networks, make_drone("d", "c-s1"))
+    before = chosen(select(columns))
+
+    networks.keep(make_network("c", "c-s2", version=2))
+    networks.keep(make_network("a", "a-s1", "c-s1", version=2))
+
+    assert (before, chosen(select(columns))) == ((), ("d",))
+
+
+def test_a_drone_that_has_moved_is_where_it_stands_now(networks: KnownNetworks) -> None:
+    columns = make_columns(networks, make_drone("d", "c-s1"))
+    before = chosen(select(columns))
+
+    columns.put([make_drone("d", "a-s2")])
+
+    assert (before, chosen(select(columns))) == ((), ("d",))
+
+
+@pytest.mark.parametrize(
+    ("station", "state"),
+    [
+        ("a-s2", {"is_busy": True}),
+        ("a-s2", LOW),
+        ("a-s2", {"online_until_ms": 0}),
+        # It flies, and nobody says in which network.
+        (None, {}),
+    ],
+)
+def test_another_drone_of_the_provider_is_worth_asking_later(
+    networks: KnownNetworks, station: str | None, state: dict[str, object]
+) -> None:
+    other = make_drone("d", station, **state)
+    columns = make_columns(networks, make_drone("c0", "c-s1"), other)
+
+    (reason,) = select(columns).infeasible
+
+    assert reason.is_temporary
+
+
+@pytest.mark.parametrize("state", [{"is_busy": True}, LOW, {"online_until_ms": 0}])
+def test_one_of_another_network_never_comes_later(
+    networks: KnownNetworks, state: dict[str, object]
+) -> None:
+    foreign = make_drone("c0", "c-s1", **state)
+
+    alone = select(make_columns(networks, foreign))
+    beside = select(make_columns(networks, foreign, make_drone("a0", "a-s1")))
+
+    assert told(alone) == [("DESTINATION_UNREACHABLE", False)]
+    assert (chosen(beside), beside.more_later) == (("a0",), ())
+
+
+def test_strong_ones_of_another_network_do_not_keep_weak_ones_from_splitting(
+    networks: KnownNetworks,
+) -> None:
+    weak = make_drone("a0", "a-s1", model=DJI_MATRICE_300_RTK)
+    columns = make_columns(networks, make_drone("c0", "c-s1"), weak)
+
+    assert chosen(select(columns, payload_kg=5.0, heaviest_kg=2.0)) == ("a0",)
+
+
+def test_only_what_could_lift_it_is_told_to_stand_elsewhere(networks: KnownNetworks) -> None:
+    weak = make_drone("c0", "c-s1", model=DJI_MATRICE_300_RTK)
+    own = make_drone("a0", "a-s1", model=DJI_MATRICE_300_RTK)
+
+    too_heavy = select(make_columns(networks, weak, own), payload_kg=5.0)
+    elsewhere = select(make_columns(networks, make_drone("c1", "c-s1"), own), payload_kg=5.0)
+
+    assert told(too_heavy) == [("OVERWEIGHT", False)]
+    assert told(elsewhere) == [("DESTINATION_UNREACHABLE", False)]
