@@ -45,6 +45,18 @@ def test_offers_are_compared_and_the_one_that_is_taken_is_flown(system: Any) -> 
     assert package["load_before_kg"] - package["load_after_kg"] == pytest.approx(0.5)
 
 
+def test_drones_of_another_network_at_the_same_place_take_nobodys_place(system: Any) -> None:
+    system.publish_corridor("here")
+    system.publish_corridor("there")
+    provider = system.start_fleet(["there-s1"] * 5 + ["here-s2"])
+    pinned = {"providers": {"pinned": provider["provider_id"]}}
+
+    # Until the networks have been announced and learned, the nearest are compared in vain.
+    offers = system.eventually(lambda: _quote(system, pinned, network="here")["offers"], "an offer")
+
+    assert [offer["provider_id"] for offer in offers] == [provider["provider_id"]]
+
+
 def test_a_request_too_heavy_for_one_drone_is_flown_in_two_trips(system: Any) -> None:
     system.publish_corridor("heavy")
     system.start_fleet(["heavy-s1"] * 2, model_id="paper-matrice-300")
@@ -93,11 +105,11 @@ def test_many_requests_at_once_into_few_pads_all_end_and_none_is_double_booked(
     assert verified.returncode == 0, verified.stdout + verified.stderr
 
 
-def _quote(system: Any, qos: dict[str, Any]) -> dict[str, Any]:
+def _quote(system: Any, qos: dict[str, Any], *, network: str = "offers") -> dict[str, Any]:
     body = {
-        "pickup": {"station_id": "offers-s1"},
+        "pickup": {"station_id": f"{network}-s1"},
         "packages": [
-            {"package_id": "p1", "mass_kg": 0.5, "destination": {"station_id": "offers-s3"}}
+            {"package_id": "p1", "mass_kg": 0.5, "destination": {"station_id": f"{network}-s3"}}
         ],
         "qos": qos,
     }

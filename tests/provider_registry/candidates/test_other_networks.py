@@ -152,12 +152,12 @@ def test_a_station_may_change_its_network(networks: KnownNetworks) -> None:
 
 
 def test_a_drone_that_has_moved_is_where_it_stands_now(networks: KnownNetworks) -> None:
-    columns = make_columns(networks, make_drone("d", "c-s1"))
+    columns = make_columns(networks, make_drone("d", "c-s1"), make_drone("e", "a-s1"))
     before = chosen(select(columns))
 
-    columns.put([make_drone("d", "a-s2")])
+    columns.put([make_drone("d", "a-s2"), make_drone("e", "c-s2")])
 
-    assert (before, chosen(select(columns))) == ((), ("d",))
+    assert (before, chosen(select(columns))) == (("e",), ("d",))
 
 
 @pytest.mark.parametrize(

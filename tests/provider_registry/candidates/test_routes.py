@@ -161,8 +161,13 @@ async def test_drones_of_another_network_leave_their_places_to_those_of_the_pick
     await announce("city")
     after = await ask(api)
 
+    path = f"/v1/providers/{provider_id}/drones/{foreign[0]['drone_id']}"
+    await api("operator:op", "DELETE", path)
+    with_one_less = await ask(api)
+
     assert set(before.shortlist.drone_ids) == {drone["drone_id"] for drone in foreign[:5]}
     assert after.shortlist.drone_ids == (own["drone_id"],)
+    assert with_one_less.shortlist.drone_ids == (own["drone_id"],)
 
 
 async def test_a_provider_in_another_network_alone_is_told_so(
