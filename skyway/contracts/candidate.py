@@ -52,7 +52,8 @@ class Candidate(WireModel):
     loading: Loading = "AUTOMATIC"
 
 
-#: NO_DRONES .. LOW_CHARGE come from the registry, the others from the planner and from booking.
+#: NO_DRONES .. LOW_CHARGE come from the registry, the others from the planner and from booking;
+#: DESTINATION_UNREACHABLE from both: of drones that are known to stand in another network.
 ProviderReasonCode = Literal[
     "NOT_ADMITTED",
     "NOT_COMPARED",
