@@ -275,6 +275,18 @@ async def test_a_drone_that_flies_by_a_proposal_has_taken_it(
     assert await composition.broken() == []
 
 
+async def test_a_state_alone_tells_that_a_proposal_was_taken(composition: Any, drone: Any) -> None:
+    first, proposal = await proposed(composition, drone)
+    on_pad = at_its_pad(drone, proposal, activity="WAITING", released_through=2)
+
+    await composition.take(*drone.ended(first, [first.steps[1]]), on_pad)
+
+    (row,) = await composition.rows("SELECT proposal FROM missions")
+    assert row.proposal is None
+    assert [each.kind for each in await composition.reports()].count("REPLANNED") == 1
+    assert await composition.broken() == []
+
+
 async def test_a_newer_trouble_is_planned_for_after_the_answer(
     composition: Any, drone: Any
 ) -> None:
