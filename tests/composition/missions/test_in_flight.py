@@ -235,11 +235,25 @@ async def test_a_drone_that_used_too_much_gets_another_plan(
     assert (report.kind, report.code) == ("REPLANNING", "MORE_ENERGY")
 
 
-async def charge_short(composition: Any, drone: Any, *, make: Any, lacking_soc: float) -> None:
-    """The drone's first recharge ends with this much less than planned."""
+async def charge_short(
+    composition: Any, drone: Any, *, make: Any, lacking_soc: float, faults: tuple[str, ...] = ()
+) -> None:
+    """The drone's first recharge, which began with these faults, ends with so much less charge."""
     first = await take_off(composition, drone, "c", make=make)
     flight, recharge = first.steps[1:3]
     await composition.take(*drone.ended(first, [flight]))
+    charging = drone.state(
+        mission_id=first.mission_id,
+        mission_revision=1,
+        activity="RECHARGING",
+        step_id=3,
+        released_through=3,
+        station_id="b",
+        package_ids=("p1",),
+        faults=faults,
+        soc=0.3,
+    )
+    await composition.take(charging)
     composition.clock.advance(recharge.planned_end_at - composition.clock.now())
     (short,) = drone.ended(first, [recharge], soc=0.3)
     soc = recharge.until_soc - lacking_soc
@@ -247,10 +261,11 @@ async def charge_short(composition: Any, drone: Any, *, make: Any, lacking_soc: 
     await composition.take(type(short)(short.topic, short.ids, message, retained=False))
 
 
+@pytest.mark.parametrize("faults", [(), ("PAD_OCCUPIED",)])
 async def test_a_short_charge_leads_to_another_plan(
-    composition: Any, drone: Any, make: Any
+    composition: Any, drone: Any, make: Any, faults: tuple[str, ...]
 ) -> None:
-    await charge_short(composition, drone, make=make, lacking_soc=0.2)
+    await charge_short(composition, drone, make=make, lacking_soc=0.2, faults=faults)
 
     report = (await composition.reports())[-1]
     assert (report.kind, report.code) == ("REPLANNING", "SHORT_CHARGE")
