@@ -11,7 +11,6 @@ from typing import Any
 
 import httpx
 import pytest
-from drone_voice import DroneVoice
 from fastapi import FastAPI
 from skyway_composition.app import composition_app
 from skyway_composition.missions.follow import Follower
@@ -41,6 +40,7 @@ from skyway.runtime.loops import Wake
 from skyway.runtime.minting import CountingMint
 from skyway.runtime.mqtt.client import Received
 from skyway.runtime.sql.database import Database
+from tests.composition.drone_voice import DroneVoice
 
 #: With the paper's drone a flight of 20 km has to be followed by a recharge.
 SCENARIO_MODEL = DRONE_MODELS[DroneModelId("paper-scenario")]

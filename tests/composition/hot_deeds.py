@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
-from flown_drone import FlownDrone
+from tests.composition.flown_drone import FlownDrone
 
 
 def ended_missions(drones: Sequence[FlownDrone]) -> set[str]:

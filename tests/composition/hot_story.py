@@ -7,8 +7,6 @@ from datetime import timedelta
 from random import Random
 from typing import Any, Final
 
-from flown_drone import FlownDrone
-from hot_world import HotWorld
 from hypothesis import note
 from skyway_composition.closures.closure import Area, Closure
 from skyway_drone_agent.simulated.disturbances import Disturbances
@@ -16,6 +14,8 @@ from skyway_drone_agent.simulated.disturbances import Disturbances
 from skyway.contracts.mission import MissionReport
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import StationId
+from tests.composition.flown_drone import FlownDrone
+from tests.composition.hot_world import HotWorld
 
 #: A zone through which the segment from a to b leads, and no station lies in it.
 _ZONE: Final = [[0.04, -0.01], [0.06, -0.01], [0.06, 0.01], [0.04, 0.01], [0.04, -0.01]]

@@ -6,9 +6,6 @@ from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from typing import Any, Self
 
-from flown_drone import DeafSubscriber, FlownDrone
-from hot_deeds import ended_missions, handed_over, shared_pads
-from hot_network import MODEL, NETWORK_ID, PLACES, add_network
 from skyway_composition.closures.closing import Closings
 from skyway_composition.closures.closure import Closure, ClosureKind
 from skyway_composition.missions.affected.impact import MissionImpact
@@ -56,6 +53,9 @@ from skyway.runtime.minting import CountingMint
 from skyway.runtime.mqtt.client import Received
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
+from tests.composition.flown_drone import DeafSubscriber, FlownDrone
+from tests.composition.hot_deeds import ended_missions, handed_over, shared_pads
+from tests.composition.hot_network import MODEL, NETWORK_ID, PLACES, add_network
 
 #: Fleet seconds per second of wall time.
 _RATE = 60.0

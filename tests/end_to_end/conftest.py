@@ -11,9 +11,9 @@ from collections.abc import Iterator
 
 import asyncpg
 import pytest
-from local_system import LocalSystem
 
 from skyway.cli.data_folder import DataFolder
+from tests.end_to_end.local_system import LocalSystem
 
 #: Databases with their brokers.
 PAIRS = {"embedded": (), "postgresql-mosquitto": (pytest.mark.integration,)}

@@ -12,11 +12,11 @@ from pathlib import Path
 from typing import Any
 
 import httpx
-from corridor import corridor
-from eventually import PATIENCE_S, eventually
 
 from skyway.cli.data_folder import DataFolder
 from skyway.cli.keys import read_keys
+from tests.end_to_end.corridor import corridor
+from tests.end_to_end.eventually import PATIENCE_S, eventually
 
 SKYWAY = (sys.executable, "-m", "skyway.cli")
 

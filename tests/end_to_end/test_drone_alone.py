@@ -6,11 +6,11 @@ from collections.abc import Collection, Iterable
 from typing import Any
 
 import pytest
-from drone_journal import events_of, logbook_of
-from ladders import QUICK_CHARGE, ladders
-from lone_drone import register, run, until
 
 from skyway.contracts.drone_report import DroneEvent
+from tests.end_to_end.drone_journal import events_of, logbook_of
+from tests.end_to_end.ladders import QUICK_CHARGE, ladders
+from tests.end_to_end.lone_drone import register, run, until
 
 pytestmark = [pytest.mark.end_to_end, pytest.mark.fleet_rate(60.0)]
 

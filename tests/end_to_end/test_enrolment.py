@@ -7,9 +7,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from lone_drone import path_of, register, run, until
 from skyway_drone_agent.link.heartbeat import EVERY_S
 from skyway_provider_registry.presence.known import SILENCE
+
+from tests.end_to_end.lone_drone import path_of, register, run, until
 
 pytestmark = pytest.mark.end_to_end
 

@@ -8,13 +8,13 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
-from broker_way import BrokerWay
-from ladders import ladders
 from skyway_drone_agent.journal.logbook import Logbook
-from troubled_fleets import TroubledFleets
 
 from skyway.contracts.flight_step import FlyStep
 from skyway.runtime.clock import load_clock
+from tests.end_to_end.broker_way import BrokerWay
+from tests.end_to_end.ladders import ladders
+from tests.end_to_end.troubled_fleets import TroubledFleets
 
 pytestmark = [pytest.mark.end_to_end, pytest.mark.fleet_rate(60.0)]
 

@@ -3,7 +3,8 @@
 from typing import Any
 
 import pytest
-from ladders import QUICK_CHARGE, ladders
+
+from tests.end_to_end.ladders import QUICK_CHARGE, ladders
 
 pytestmark = [pytest.mark.end_to_end, pytest.mark.fleet_rate(60.0)]
 

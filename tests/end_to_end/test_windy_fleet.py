@@ -3,7 +3,8 @@
 from typing import Any
 
 import pytest
-from ladders import QUICK_CHARGE, ladders
+
+from tests.end_to_end.ladders import QUICK_CHARGE, ladders
 
 # What the wind does to drones and plans is the same on every database and broker.
 pytestmark = [

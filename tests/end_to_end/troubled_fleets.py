@@ -6,9 +6,10 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from drone_journal import logbook_of
-from ladders import QUICK_CHARGE
 from skyway_drone_agent.journal.logbook import Logbook
+
+from tests.end_to_end.drone_journal import logbook_of
+from tests.end_to_end.ladders import QUICK_CHARGE
 
 _TERMS = {"name": "Trouble Air", "tariff": {"currency": "USD", "base": 100, "per_km": 10}}
 

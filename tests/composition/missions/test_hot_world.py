@@ -2,9 +2,10 @@
 
 import asyncio
 
-from hot_story import DEEDS, Story
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
+from tests.composition.hot_story import DEEDS, Story
 
 _SEEDS = st.integers(0, 10_000)
 _DEEDS = st.lists(st.tuples(st.sampled_from(DEEDS), _SEEDS), min_size=25, max_size=45)

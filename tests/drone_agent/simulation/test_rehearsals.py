@@ -3,10 +3,11 @@
 from collections import Counter
 
 import pytest
-from rehearsal.disk import Crash
-from rehearsal.story import Ending, Story, tell
-from rehearsal.sweep import SCENARIOS, stories_of
-from rehearsal.whims import KINDS, Whim
+
+from tests.drone_agent.simulation.rehearsal.disk import Crash
+from tests.drone_agent.simulation.rehearsal.story import Ending, Story, tell
+from tests.drone_agent.simulation.rehearsal.sweep import SCENARIOS, stories_of
+from tests.drone_agent.simulation.rehearsal.whims import KINDS, Whim
 
 #: What befalls a story when nothing is to befall it by chance.
 NOTHING: tuple[Whim, ...] = ()

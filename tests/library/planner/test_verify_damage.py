@@ -5,12 +5,12 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from damages import harmless, of_claims, of_fields, of_order, of_physics
-from damages.good_plan import Damage, fitted
-from damages.good_plans import good_plans
 
 from skyway.planner.pad_book import OPEN_MS, PadBook
 from skyway.planner.verify import verify
+from tests.library.planner.damages import harmless, of_claims, of_fields, of_order, of_physics
+from tests.library.planner.damages.good_plan import Damage, fitted
+from tests.library.planner.damages.good_plans import good_plans
 
 DAMAGES = (*of_fields.DAMAGES, *of_order.DAMAGES, *of_physics.DAMAGES, *of_claims.DAMAGES)
 

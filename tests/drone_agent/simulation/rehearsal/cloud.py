@@ -4,11 +4,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-from rehearsal.findings import Findings
-from rehearsal.link import Air
-from rehearsal.mailbox import Mailbox
-from rehearsal.places import HOME
-from rehearsal.plan import NoWay, Parcel, Plan, Standing, standing_after
 from skyway.contracts.drone_report import Ack, DroneEvent, DroneState
 from skyway.contracts.flight_step import (
     FlightStep,
@@ -21,6 +16,17 @@ from skyway.contracts.flight_step import (
 from skyway.contracts.instruction import AnyInstruction
 from skyway.contracts.topic import Topic
 from skyway.contracts.topics import ACKS, EVENTS, STATE
+from tests.drone_agent.simulation.rehearsal.findings import Findings
+from tests.drone_agent.simulation.rehearsal.link import Air
+from tests.drone_agent.simulation.rehearsal.mailbox import Mailbox
+from tests.drone_agent.simulation.rehearsal.places import HOME
+from tests.drone_agent.simulation.rehearsal.plan import (
+    NoWay,
+    Parcel,
+    Plan,
+    Standing,
+    standing_after,
+)
 
 #: After so many plans in a row that came to nothing the mission is given up.
 _MOST_PLANS = 14

@@ -8,12 +8,12 @@ from random import Random
 from types import TracebackType
 from typing import Any, Self
 
-from rehearsal.virtual_time import VirtualClock
-from rehearsal.witness import Witness
 from skyway.contracts.topic import Address, Topic
 from skyway.contracts.topics import CLOCK
 from skyway.runtime.errors import MqttUnavailable
 from skyway.runtime.mqtt.client import Received, Will
+from tests.drone_agent.simulation.rehearsal.virtual_time import VirtualClock
+from tests.drone_agent.simulation.rehearsal.witness import Witness
 
 #: Where a drone's messages go.
 Listener = Callable[[Topic[Any], Any], None]

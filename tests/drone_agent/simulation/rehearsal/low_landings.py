@@ -3,8 +3,8 @@
 from collections.abc import Iterable, Iterator, Sequence
 from datetime import datetime
 
-from rehearsal.places import MODEL
 from skyway.contracts.drone_report import DroneEvent
+from tests.drone_agent.simulation.rehearsal.places import MODEL
 
 #: What the drone says of its own accord when its battery is low.
 BATTERY_FAULTS = ("BATTERY_LOW", "BATTERY_SHORT", "BATTERY_EMPTY")

@@ -7,10 +7,10 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from rehearsal.findings import Findings
-from rehearsal.link import Air
 from skyway.contracts.drone_report import Ack
 from skyway.contracts.instruction import AnyInstruction, Instruction
+from tests.drone_agent.simulation.rehearsal.findings import Findings
+from tests.drone_agent.simulation.rehearsal.link import Air
 
 _INSTRUCTION: TypeAdapter[AnyInstruction] = TypeAdapter(Instruction)
 

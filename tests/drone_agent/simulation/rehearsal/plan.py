@@ -4,7 +4,6 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
 
-from rehearsal.places import HOME, MODEL, POSITIONS, length_m, route
 from skyway.contracts.flight_step import (
     DeliverStep,
     FlightStep,
@@ -18,6 +17,7 @@ from skyway.contracts.flight_step import (
 from skyway.drone.charging import recharge_time_s
 from skyway.drone.flight import flight_energy_j, flight_time_s
 from skyway.ids import PackageId, StationId
+from tests.drone_agent.simulation.rehearsal.places import HOME, MODEL, POSITIONS, length_m, route
 
 #: Charge that plans keep above the reserve.
 _SPARE_SOC = 0.02

@@ -14,19 +14,19 @@ from skyway_drone_agent.simulated.disturbances import Disturbances
 from skyway_drone_agent.simulated.link_loss import has_outages, outages
 from skyway_drone_agent.simulated.scenario import changed, read_scenario
 
-from rehearsal.cloud import FakeCloud
-from rehearsal.disk import Crash, Disk, MortalJournal, PowerCut
-from rehearsal.findings import Findings
-from rehearsal.link import Air, DroneLink, Habits
-from rehearsal.low_landings import unsaid
-from rehearsal.places import DRONE
-from rehearsal.plan import Parcel
-from rehearsal.virtual_time import NobodyWaits, VirtualClock, run_in
-from rehearsal.whims import Whim, whims_of
-from rehearsal.witness import Witness
-from rehearsal.yard import WatchedVehicle, Yard
 from skyway.contracts.drone_report import DroneEvent
 from skyway.runtime.minting import CountingMint
+from tests.drone_agent.simulation.rehearsal.cloud import FakeCloud
+from tests.drone_agent.simulation.rehearsal.disk import Crash, Disk, MortalJournal, PowerCut
+from tests.drone_agent.simulation.rehearsal.findings import Findings
+from tests.drone_agent.simulation.rehearsal.link import Air, DroneLink, Habits
+from tests.drone_agent.simulation.rehearsal.low_landings import unsaid
+from tests.drone_agent.simulation.rehearsal.places import DRONE
+from tests.drone_agent.simulation.rehearsal.plan import Parcel
+from tests.drone_agent.simulation.rehearsal.virtual_time import NobodyWaits, VirtualClock, run_in
+from tests.drone_agent.simulation.rehearsal.whims import Whim, whims_of
+from tests.drone_agent.simulation.rehearsal.witness import Witness
+from tests.drone_agent.simulation.rehearsal.yard import WatchedVehicle, Yard
 
 #: No story goes on for longer than this (fleet time); whims come in the first hour.
 _OVER_WITHIN_S: Final = 12 * 3600.0

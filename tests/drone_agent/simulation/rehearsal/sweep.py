@@ -18,8 +18,8 @@ from concurrent.futures import ProcessPoolExecutor
 from random import Random
 from typing import get_args
 
-from rehearsal.disk import Crash, Moment
-from rehearsal.story import Ending, Story, tell
+from tests.drone_agent.simulation.rehearsal.disk import Crash, Moment
+from tests.drone_agent.simulation.rehearsal.story import Ending, Story, tell
 
 #: Scenarios in which failsafes have something to do, and one in which they have not.
 SCENARIOS = ("calm", "windy", "stormy", "faulty")

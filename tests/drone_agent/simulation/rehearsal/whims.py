@@ -5,7 +5,7 @@ from random import Random
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from rehearsal.story import Stage
+    from tests.drone_agent.simulation.rehearsal.story import Stage
 
 #: What may befall a story, the frequent ones more than once.
 KINDS = (

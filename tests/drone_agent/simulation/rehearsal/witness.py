@@ -2,10 +2,10 @@
 
 from typing import Any
 
-from rehearsal.disk import Disk
-from rehearsal.findings import Findings
 from skyway.contracts.drone_report import Ack, Connection, DroneEvent, DroneState
 from skyway.contracts.topic import Topic
+from tests.drone_agent.simulation.rehearsal.disk import Disk
+from tests.drone_agent.simulation.rehearsal.findings import Findings
 
 #: Instructions of which the drone still knows its answer.
 _REMEMBERED = 64

@@ -14,12 +14,6 @@ from skyway_drone_agent.simulated.physics import Physics
 from skyway_drone_agent.simulated.vehicle import SimulatedVehicle
 from skyway_drone_agent.vehicles.vehicle import Outcome, StepRun
 
-from rehearsal.disk import Disk
-from rehearsal.findings import Findings
-from rehearsal.low_landings import BATTERY_FAULTS
-from rehearsal.places import DRONE, MODEL
-from rehearsal.plan import leg_j
-from rehearsal.virtual_time import VirtualClock
 from skyway.contracts.flight_step import (
     DeliverStep,
     FlightStep,
@@ -29,6 +23,12 @@ from skyway.contracts.flight_step import (
     ReturnStep,
 )
 from skyway.geo import distance_m
+from tests.drone_agent.simulation.rehearsal.disk import Disk
+from tests.drone_agent.simulation.rehearsal.findings import Findings
+from tests.drone_agent.simulation.rehearsal.low_landings import BATTERY_FAULTS
+from tests.drone_agent.simulation.rehearsal.places import DRONE, MODEL
+from tests.drone_agent.simulation.rehearsal.plan import leg_j
+from tests.drone_agent.simulation.rehearsal.virtual_time import VirtualClock
 
 #: Rounding of a charge.
 _SOC_ROUNDING = 1e-6

@@ -5,11 +5,11 @@ import random
 from functools import cache
 from typing import Any
 
-from damages.good_plan import GoodPlan
 from skyway.drone.model import ChargePoint, DroneModel
 from skyway.ids import DroneModelId
 from skyway.planner import compose
 from skyway.planner.problem import Problem
+from tests.library.planner.damages.good_plan import GoodPlan
 
 #: Flies about 10 km; slower and thirstier when loaded; landings cost; never quite full.
 MODEL = DroneModel(

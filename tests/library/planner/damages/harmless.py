@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
-from damages.good_plan import GoodPlan, changed, meets
 from skyway.delivery.plan import Deliver, PickUp, Plan, Recharge
+from tests.library.planner.damages.good_plan import GoodPlan, changed, meets
 
 
 def each_pad_one_that_is_free(good: GoodPlan) -> Iterator[Plan]:

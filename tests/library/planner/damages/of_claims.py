@@ -3,8 +3,8 @@
 import math
 from collections.abc import Iterator
 
-from damages.good_plan import GoodPlan
 from skyway.delivery.plan import Infeasibility, Plan
+from tests.library.planner.damages.good_plan import GoodPlan
 
 
 def each_sum_wrong(good: GoodPlan) -> Iterator[Plan]:

@@ -3,9 +3,9 @@
 import math
 from collections.abc import Iterator
 
-from damages.good_plan import GoodPlan, changed, meets
 from skyway.delivery.plan import Deliver, PickUp, Plan, Recharge
 from skyway.ids import PackageId, StationId
+from tests.library.planner.damages.good_plan import GoodPlan, changed, meets
 
 #: Far above every tolerance, far below everything that a plan is about.
 SHIFTS = {

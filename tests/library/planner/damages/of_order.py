@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
-from damages.good_plan import GoodPlan, changed, fitted, is_empty
 from skyway.delivery.plan import Deliver, Fly, PickUp, Plan, Recharge, Wait
+from tests.library.planner.damages.good_plan import GoodPlan, changed, fitted, is_empty
 
 
 def each_step_dropped(good: GoodPlan) -> Iterator[Plan]:

@@ -2,9 +2,9 @@
 
 from collections.abc import Iterator
 
-from damages.good_plan import GoodPlan, changed, fitted
-from damages.good_plans import MODEL
 from skyway.delivery.plan import Fly, Plan, Recharge, Step, Wait
+from tests.library.planner.damages.good_plan import GoodPlan, changed, fitted
+from tests.library.planner.damages.good_plans import MODEL
 
 
 def every_flight_faster(good: GoodPlan) -> Iterator[Plan]:

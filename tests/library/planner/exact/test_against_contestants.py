@@ -1,10 +1,10 @@
 """Exact plans beside what the paper's contestants find on the same problems."""
 
 import pytest
-from oracles.instances import make_problem
-from oracles.judge import disagreements_with_contestants
 
 from skyway.planner import compose
+from tests.library.planner.oracles.instances import make_problem
+from tests.library.planner.oracles.judge import disagreements_with_contestants
 
 
 @pytest.mark.parametrize("first", range(5025, 5100, 25))

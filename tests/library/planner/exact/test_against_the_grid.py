@@ -3,12 +3,16 @@
 from collections.abc import Callable
 
 import pytest
-from oracles.grid import bracket
-from oracles.instances import make_busy_problem, make_problem, make_stormy_problem
-from oracles.judge import disagreements, disagreements_with_reason
 
 from skyway.planner import compose
 from skyway.planner.problem import Problem
+from tests.library.planner.oracles.grid import bracket
+from tests.library.planner.oracles.instances import (
+    make_busy_problem,
+    make_problem,
+    make_stormy_problem,
+)
+from tests.library.planner.oracles.judge import disagreements, disagreements_with_reason
 
 _BLOCK = 50
 

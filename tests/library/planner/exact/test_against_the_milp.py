@@ -1,10 +1,10 @@
 """Exact plans before the mixed-integer model (HiGHS), on networks of up to 10 stations."""
 
 import pytest
-from oracles.instances import make_open_problem
-from oracles.judge import disagreements_with_milp
 
 from skyway.planner import compose
+from tests.library.planner.oracles.instances import make_open_problem
+from tests.library.planner.oracles.judge import disagreements_with_milp
 
 #: Seeds that HiGHS settles within a second, with several recharges, windows and both policies.
 _SEEDS = range(25)

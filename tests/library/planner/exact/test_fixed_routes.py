@@ -5,13 +5,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from oracles.fixed_routes import as_problem, delivery_time_s, order_of
 
 from skyway.planner.airspace import Airspace
 from skyway.planner.exact import exact_with
 from skyway.planner.exact_task import Method
 from skyway.planner.situation import Situation
 from skyway.planner.stop import Effort, never
+from tests.library.planner.oracles.fixed_routes import as_problem, delivery_time_s, order_of
 
 _INSTANCE: dict[str, Any] = json.loads((Path(__file__).parent / "fixed_routes.json").read_text())
 

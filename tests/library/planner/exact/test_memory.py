@@ -4,7 +4,6 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
-from oracles.instances import make_busy_problem, make_problem
 
 from skyway.planner.airspace import Airspace
 from skyway.planner.exact_memory import Room, enlarged, new_memory
@@ -17,6 +16,7 @@ from skyway.planner.kernels.places import place_of
 from skyway.planner.problem import Problem
 from skyway.planner.situation import Situation
 from skyway.planner.stop import Effort, never
+from tests.library.planner.oracles.instances import make_busy_problem, make_problem
 
 _TINY = Room(places=2, arcs=4, windows=2, states=2, labels=2)
 _MANY = 1 << 40

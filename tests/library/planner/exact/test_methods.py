@@ -9,8 +9,6 @@ from itertools import permutations
 from pathlib import Path
 
 import pytest
-from oracles.grid import bracket
-from oracles.instances import make_problem
 
 from skyway.planner import compose
 from skyway.planner.airspace import Airspace
@@ -20,6 +18,8 @@ from skyway.planner.findings import Strategy
 from skyway.planner.problem import Problem
 from skyway.planner.situation import Situation
 from skyway.planner.stop import Effort, never
+from tests.library.planner.oracles.grid import bracket
+from tests.library.planner.oracles.instances import make_problem
 
 _SEEDS = range(7000, 7025)
 

@@ -4,10 +4,10 @@ from random import Random
 from typing import Any
 
 import pytest
-from oracles.instances import as_json, make_problem
 
 from skyway.planner import compose
 from skyway.planner.problem import Problem
+from tests.library.planner.oracles.instances import as_json, make_problem
 
 
 @pytest.mark.parametrize("first", [100, 200])

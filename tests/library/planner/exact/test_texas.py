@@ -3,14 +3,14 @@
 from pathlib import Path
 
 import pytest
-from oracles.grid import bracket
-from oracles.judge import disagreements
-from oracles.texas import as_text, texas_problem
 
 from skyway.drone.models import DRONE_MODELS
 from skyway.ids import DroneModelId
 from skyway.network.network import Network
 from skyway.planner import compose
+from tests.library.planner.oracles.grid import bracket
+from tests.library.planner.oracles.judge import disagreements
+from tests.library.planner.oracles.texas import as_text, texas_problem
 
 _FOLDER = Path(__file__).parent / "texas"
 

@@ -11,10 +11,10 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from oracles.instances import as_json
 
 from skyway.planner import compose
 from skyway.planner.problem import Problem
+from tests.library.planner.oracles.instances import as_json
 
 Fields = dict[str, Any]
 #: The changed problem, and what it is measured against; None where the change may hurt.

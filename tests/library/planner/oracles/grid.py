@@ -17,9 +17,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from oracles.facts import Facts, Interval, is_overweight, read_facts
-from oracles.grid_kernel import sweep
 from skyway.planner.problem import Problem
+from tests.library.planner.oracles.facts import Facts, Interval, is_overweight, read_facts
+from tests.library.planner.oracles.grid_kernel import sweep
 
 #: Seconds after the last reservation or closure within which it looks for a plan, unless told.
 _AFTER_LAST_EVENT_S = 7000.0

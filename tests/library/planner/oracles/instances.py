@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from random import Random
 from typing import Any
 
-from oracles.worlds import START_AT, UNIT_M, moment, place_segments, world
 from skyway.planner.problem import Problem
+from tests.library.planner.oracles.worlds import START_AT, UNIT_M, moment, place_segments, world
 
 #: Metres per second empty and full, with loads of whole kilograms of 4; see `worlds.UNIT_M`.
 _SPEEDS = ((24.0, 8.0), (24.0, 8.0), (20.0, 20.0), (8.0, 24.0), (24.0, 24.0))

@@ -2,14 +2,14 @@
 
 import math
 
-from oracles.facts import is_overweight
-from oracles.grid import Bracket, bracket
-from oracles.milp import least_delivery_s
 from skyway.delivery.plan import Fly, Plan
 from skyway.planner.compose import compose
 from skyway.planner.problem import Problem
 from skyway.planner.verify import verify
 from skyway.units import TIME_TOLERANCE_S
+from tests.library.planner.oracles.facts import is_overweight
+from tests.library.planner.oracles.grid import Bracket, bracket
+from tests.library.planner.oracles.milp import least_delivery_s
 
 #: Seconds; calendars are whole milliseconds, and charges may differ by the planner's tolerance.
 _SLACK_S = 0.01

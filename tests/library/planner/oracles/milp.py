@@ -18,8 +18,8 @@ import numpy as np
 from scipy.optimize import Bounds, LinearConstraint, milp
 from scipy.sparse import csr_matrix
 
-from oracles.facts import Facts, Interval, is_overweight, read_facts
 from skyway.planner.problem import Problem
+from tests.library.planner.oracles.facts import Facts, Interval, is_overweight, read_facts
 
 Terms = Iterable[tuple[int, float]]
 

@@ -15,23 +15,23 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from oracles.grid import bracket
-from oracles.instances import (
+from skyway.delivery.plan import Plan
+from skyway.planner.compose import compose
+from skyway.planner.problem import Problem
+from skyway.planner.verify import PlanRejected
+from tests.library.planner.oracles.grid import bracket
+from tests.library.planner.oracles.instances import (
     make_busy_problem,
     make_open_problem,
     make_problem,
     make_stormy_problem,
 )
-from oracles.judge import (
+from tests.library.planner.oracles.judge import (
     disagreements,
     disagreements_with_contestants,
     disagreements_with_milp,
     disagreements_with_reason,
 )
-from skyway.delivery.plan import Plan
-from skyway.planner.compose import compose
-from skyway.planner.problem import Problem
-from skyway.planner.verify import PlanRejected
 
 _MAKERS = {
     "mixed": make_problem,
