@@ -5,7 +5,7 @@ from typing import Annotated, NamedTuple
 
 from pydantic import Field
 
-#: Mean radius of the Earth (IUGG), metres; planner.md fixes it for the haversine distance.
+#: Mean radius of the Earth (IUGG), metres; used by the haversine distance.
 EARTH_RADIUS_M = 6_371_008.8
 
 

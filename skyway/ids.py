@@ -4,7 +4,7 @@ from typing import Annotated, NewType
 
 from pydantic import StringConstraints
 
-#: What every identifier looks like on every wire (contracts.md).
+#: What every identifier looks like on every wire (docs/reference/rest.md).
 _Identifier = Annotated[
     str, StringConstraints(min_length=1, max_length=64, pattern=r"^[A-Za-z0-9_-]+$")
 ]

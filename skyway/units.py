@@ -2,10 +2,10 @@
 
 from datetime import UTC, datetime, timedelta
 
-#: Two charges closer than this share of a full battery are equal (planner.md, tolerance).
+#: Charges closer than this share of a full battery are equal (docs/reference/planner-problem.md).
 CHARGE_TOLERANCE = 1e-9
 
-#: Two moments closer than this many seconds are equal (planner.md, tolerance).
+#: Two moments closer than this many seconds are equal (docs/reference/planner-problem.md).
 TIME_TOLERANCE_S = 1e-6
 
 #: Two loads closer than this many kilograms are equal: they are sums of the same masses.

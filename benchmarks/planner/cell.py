@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
-#: Metres from the source within which a local request's destinations lie (planner.md, section 2).
+#: Metres from the source within which a local request's destinations lie.
 LOCAL_REACH_M = 45_000.0
 
 Policy = Literal["partial", "full"]

@@ -1,4 +1,4 @@
-"""planner.md's two tables: whole-network requests and local ones, by stations and packages."""
+"""Two tables: whole-network requests and local ones, by stations and packages."""
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass

@@ -16,7 +16,7 @@ from skyway.cli.system import running_system
 from skyway.cli.up import DataOption, announce, asked_to_stop
 from skyway.errors import SkywayError
 
-#: The delivery shall take about this long on the wall (decisions.md, Time).
+#: The delivery shall take about this long on the wall (docs/reference/time.md).
 _WALL_S = 35.0
 
 

@@ -16,7 +16,7 @@ from typing import Self
 from skyway.cli.niceness import give_way
 from skyway.errors import SkywayError
 
-#: This many deaths of one child within this many seconds stop everything (decisions.md).
+#: So many deaths of one child in so many seconds stop everything (docs/reference/operations.md).
 _DEATHS_TO_GIVE_UP = 4
 _DEATHS_WITHIN_S = 30.0
 

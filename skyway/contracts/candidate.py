@@ -15,7 +15,7 @@ from skyway.geo import Position
 from skyway.ids import DroneId, ProviderId, StationId
 from skyway.json_model import WireModel
 
-#: At most this many candidates of one provider, and of all (decisions.md, Booking).
+#: At most this many candidates of one provider, and of all (docs/reference/booking.md).
 MAX_CANDIDATES_PER_PROVIDER = 5
 MAX_CANDIDATES = 60
 

@@ -87,7 +87,7 @@ class PackageDelivery(JsonModel):
 
 
 class Infeasibility(JsonModel):
-    """Why no plan exists; the codes are those of planner.md."""
+    """Why no plan exists; one code and a sentence with the numbers."""
 
     code: Literal[
         "OVERWEIGHT", "DESTINATION_UNREACHABLE", "OUT_OF_RANGE", "NO_PAD_IN_TIME", "TOO_LATE"
@@ -96,7 +96,7 @@ class Infeasibility(JsonModel):
 
 
 class Plan(JsonModel):
-    """A composition's result, in the form of planner.md.
+    """The result of a composition.
 
     Steps follow one another without gap or overlap from time 0. Without a plan (`status` is
     infeasible or unknown) times and energies are None and `steps` is empty.

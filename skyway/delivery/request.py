@@ -9,7 +9,7 @@ from skyway.ids import PackageId, ProviderId, StationId
 from skyway.json_model import JsonModel
 
 #: The most packages and the most distinct destinations of one request; more destinations than one
-#: trip can take (planner.md: 12) are split over several.
+#: trip can take (the planner takes 12) are split over several.
 MAX_PACKAGES = 100
 MAX_DESTINATIONS = 48
 MAX_TRIP_DESTINATIONS = 12
@@ -110,7 +110,7 @@ class QoS(JsonModel):
 
 
 class DeliveryRequest(JsonModel):
-    """What a customer POSTs (contracts.md)."""
+    """What a customer asks for: packages, their destinations and the QoS."""
 
     pickup: Place
     # At least one is checked below: pydantic would count only those that are themselves valid.

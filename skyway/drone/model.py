@@ -18,7 +18,7 @@ class ChargePoint(NamedTuple):
 
 
 class DroneModel(JsonModel):
-    """A type of drone, in the form of planner.md.
+    """A type of drone.
 
     Speed falls linearly from `speed_empty_mps` to `speed_full_mps` with the load; power rises as
     the total mass to the power 1.5. `charge_curve` is straight between its points, strictly rising

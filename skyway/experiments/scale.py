@@ -24,7 +24,7 @@ from skyway.planner.pad_book import PadBook
 from skyway.planner.problem import DroneAtStart, Problem
 from skyway.planner.stop import stopwatch
 
-#: Destinations lie within so many metres of the source (planner.md's local requests).
+#: Destinations lie within so many metres of the source (a local request).
 REACH_M = 45_000.0
 #: Pads are taken within so many metres of the source; no plan of such a request goes further.
 _TAKEN_REACH_M = 120_000.0

@@ -1,4 +1,4 @@
-"""Skyway networks as GeoJSON, in and out, in the form of planner.md.
+"""Skyway networks as GeoJSON, in and out, in the form of docs/reference/planner-problem.md.
 
 A station is a Point, a segment a LineString of two positions, a zone a Polygon; `properties.kind`
 says which. What Skyway does not know in `properties` is kept and written back; foreign members

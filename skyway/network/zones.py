@@ -1,8 +1,7 @@
 """Which lines meet a zone, and which positions lie in it.
 
-Everything happens in the plane of longitude and latitude, as planner.md says: lines are straight
-there, and a zone is its closed outer ring without its open holes. A zone across the antimeridian
-has to be cut into two.
+All of this happens in the plane of longitude and latitude: lines are straight there, and a zone is
+its closed outer ring without its open holes. A zone across the antimeridian has to be cut into two.
 """
 
 from collections.abc import Iterator

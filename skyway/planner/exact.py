@@ -1,8 +1,8 @@
 """The proven best plan: label setting over stations and delivered sets, guided by lower bounds.
 
-The method of planner.md, section 2. How long to stay on a pad is decided only when a flight needs
-the charge, so any amount can be charged and nothing is rounded to a grid; `kernels` holds the
-search, compiled, `exact_search` its memory, `exact_itinerary` turns what it found into steps.
+docs/reference/planner-method.md explains the method. How long to stay on a pad is decided only when
+a flight needs the charge, so any amount can be charged and nothing is rounded to a grid. `kernels`
+holds the compiled search, `exact_search` its memory; `exact_itinerary` turns the result into steps.
 """
 
 from collections.abc import Sequence

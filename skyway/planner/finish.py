@@ -13,7 +13,7 @@ from skyway.network.network import Network
 def energy_to_pad_j(network: Network, model: DroneModel, start: StationId) -> float:
     """Energy of the empty flight to the nearest station with a pad, taken or not; inf if none.
 
-    Zones, closures and the landing itself do not count (planner.md, Finish).
+    Zones, closures and the landing itself do not count (docs/reference/planner-problem.md).
     """
     # With one speed and one power the way of least energy is the shortest.
     tie_breaker = count()

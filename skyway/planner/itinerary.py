@@ -1,7 +1,7 @@
 """The itinerary of a route: when a drone flies, waits, recharges and hands over.
 
-The rule of the paper, as planner.md settles it: the drone recharges where the next segment, and
-then a pad, is not in reach, to the policy's amount; elsewhere it flies over without landing.
+The paper's rule (docs/reference/planner-problem.md): the drone recharges where the next segment,
+and then a pad, is not in reach, to the policy's amount; elsewhere it flies over without landing.
 A station where it would have to wait for a pad is left out if recharging earlier is faster.
 """
 

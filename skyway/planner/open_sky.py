@@ -1,6 +1,6 @@
 """What a verified flight may not meet: closures and zones; and whether a pad is within reach.
 
-Written for `verify` alone, from planner.md: it looks at one flight at a time.
+Written for `verify` alone, from docs/reference/planner-problem.md; looks at one flight at a time.
 """
 
 import math

@@ -1,7 +1,7 @@
 """What the planner is asked: a network, a drone, its packages, and what stands in the way.
 
 This is the one form of a problem: the body of `POST /v1/compositions`, the input of
-`skyway compose` and the argument of `compose`. planner.md, section 3, describes it;
+`skyway compose` and the argument of `compose`. docs/reference/planner-problem.md describes it;
 `problem_document` reads one with a complaint about all that is wrong.
 """
 

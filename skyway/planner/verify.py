@@ -1,7 +1,7 @@
 """Checks a plan against its problem, step by step, sharing no code with the search.
 
-Only the drone's physics and the geometry of zones are shared; the rules are read from planner.md
-anew. Every plan passes here before it leaves the planner.
+Only the drone's physics and the geometry of zones are shared. The rules are implemented again from
+docs/reference/planner-problem.md. Every plan passes here before it leaves the planner.
 """
 
 import math

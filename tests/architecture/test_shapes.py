@@ -1,4 +1,4 @@
-"""What style.md asks of files, checked for all of them."""
+"""What CONTRIBUTING.md asks of files, checked for all of them."""
 
 import re
 import subprocess

@@ -12,7 +12,7 @@ from skyway.json_model import JsonModel
 KeyRole = Literal["customer", "provider", "operator"]
 
 _PREFIX: Final = "sk_"
-#: 256 bits: nobody guesses them, so that a fast hash is enough (reliability.md, Learned).
+#: 256 bits: nobody guesses them, so that a fast hash is enough.
 _SECRET_BYTES: Final = 32
 
 

@@ -6,7 +6,7 @@ from typing import Final
 from skyway.delivery.request import DeliveryRequest
 from skyway.runtime.clock import FleetClock, fleet_margin
 
-#: How long "busy" keeps a request without a deadline, in fleet and in wall seconds (decisions.md).
+#: How long a request without a deadline waits, fleet and wall seconds (docs/reference/time.md).
 _BUSY_FLEET_S: Final = 3600.0
 _BUSY_WALL_S: Final = 60.0
 

@@ -9,7 +9,7 @@ from skyway.contracts.mission import Booking, OfferLimits
 from skyway.contracts.shortlist import Candidates
 from skyway_gateway.deliveries.delivery import Delivery, Refusal
 
-#: So often may drones refuse a delivery before it is given up (decisions.md, Booking).
+#: So often may drones refuse a delivery before it is given up (docs/reference/booking.md).
 MOST_REFUSALS: Final = 5
 
 #: What holds for every drone of a provider, or for none.

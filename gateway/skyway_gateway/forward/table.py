@@ -12,7 +12,7 @@ _FLEETS_OR_DRONE: Final[tuple[CallerRole, ...]] = (*_FLEETS, "drone")
 _DRONE: Final[tuple[CallerRole, ...]] = ("drone",)
 _OPERATOR: Final[tuple[CallerRole, ...]] = ("operator",)
 
-#: Bytes and wall seconds for what is large or heavy (decisions.md, Processes).
+#: Bytes and wall seconds for what is large or heavy (docs/reference/rest.md).
 _NETWORK_BYTES: Final = 256 * 1024 * 1024
 _FLEET_BYTES: Final = 8 * 1024 * 1024
 _HEAVY_S: Final = 180.0

@@ -11,7 +11,7 @@ from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId, OfferId, QuoteId
 from skyway.json_model import JsonModel
 
-#: How long an offer may be taken, seconds of wall time (decisions.md, Time).
+#: How long an offer may be taken, seconds of wall time (docs/reference/time.md).
 OFFER_LIFE_S: Final = 120.0
 
 

@@ -39,7 +39,7 @@ from skyway_composition.planning.world import World
 
 log = logging.getLogger(__name__)
 
-#: Rounds until the customer is told that all is taken (decisions.md, Booking).
+#: Rounds until the customer is told that all is taken (docs/reference/booking.md).
 _MOST_ROUNDS: Final = 5
 
 #: A drone's row in a database rule that refused it: the pads may still be free for another drone.

@@ -25,7 +25,7 @@ from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.networks.publish import etag, publish, read_content
 from skyway_composition.networks.store import VersionRow
 
-#: The most bytes of a network (decisions.md).
+#: The most bytes of a network (docs/reference/rest.md).
 NETWORK_LIMIT_BYTES: Final = 256 * 1024 * 1024
 #: The last version that the database can number.
 MAX_VERSION: Final = 2**31 - 1

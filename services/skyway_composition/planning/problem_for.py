@@ -15,7 +15,7 @@ from skyway_composition.pads.booked_pad import BookedPad
 from skyway_composition.planning.margins import with_margin
 from skyway_composition.planning.world import World
 
-#: The package that stands for an empty drone on its way (decisions.md, Booking).
+#: The package that stands for an empty drone on its way (docs/reference/booking.md).
 _NOTHING = PackageId("home")
 
 

@@ -17,7 +17,7 @@ from skyway_composition.planning.known_network import KnownNetworks, NetworkRefe
 from skyway_composition.planning.quotes import Quotes
 from skyway_composition.planning.solver_pool import SolverPool
 
-#: The most bytes of a problem with its network (decisions.md).
+#: The most bytes of a problem with its network (docs/reference/rest.md).
 COMPOSITION_LIMIT_BYTES: Final = 256 * 1024 * 1024
 
 _PROBLEM_BODY: Final[dict[str, Any]] = {  # a part of the OpenAPI document
@@ -27,7 +27,7 @@ _PROBLEM_BODY: Final[dict[str, Any]] = {  # a part of the OpenAPI document
             "application/json": {
                 "schema": {
                     "type": "object",
-                    "description": "a problem of planner.md; `network` is GeoJSON, or "
+                    "description": "a planner problem; `network` is GeoJSON, or "
                     "{network_id, version} of a published one",
                     "required": ["network", "drone", "source", "packages"],
                 }

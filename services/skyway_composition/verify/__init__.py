@@ -1,1 +1,1 @@
-"""Whether the invariants of composition's database hold (reliability.md I1 to I4, I6, I7, I12)."""
+"""Check I1 to I4, I6, I7 and I12 in composition's database (docs/reference/invariants.md)."""

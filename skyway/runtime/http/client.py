@@ -152,7 +152,7 @@ class ServiceClient:
     ) -> Response:
         """The service's own answer to a whole request; both bodies are streamed, never held.
 
-        The query is passed on, and of the headers those that contracts.md names.
+        The query is passed on, and of the headers those in the list below.
 
         Raises
         ------

@@ -20,7 +20,7 @@ from skyway.runtime.tracing import tracing
 
 log = logging.getLogger(__name__)
 
-#: The most bytes of a request body (decisions.md); single routes take more.
+#: The most bytes of a request body (docs/reference/rest.md); single routes take more.
 BODY_LIMIT_BYTES: Final = 256 * 1024
 
 #: A refused body is read up to here: a client that is cut off while it sends sees no answer.

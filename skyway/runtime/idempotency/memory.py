@@ -14,7 +14,7 @@ from skyway.runtime.idempotency.table import idempotency_table
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import hours_to_s, moment_to_ms
 
-#: How long a key is remembered, milliseconds of wall time (contracts.md).
+#: How long a key is remembered, milliseconds of wall time (docs/reference/rest.md).
 _KEPT_MS: Final = int(hours_to_s(24) * 1000)
 
 #: The same table for the statements here: its name and columns are the same in every service.

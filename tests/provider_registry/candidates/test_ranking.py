@@ -61,7 +61,7 @@ def make_drone(chance: random.Random, name: str, provider: str) -> KnownDrone:
 
 
 def ranked_one_by_one(drones: list[KnownDrone]) -> list[DroneId]:
-    """The candidates as decisions.md describes them."""
+    """The candidates as docs/reference/booking.md describes them."""
 
     def rank(drone: KnownDrone) -> tuple[object, ...]:
         away = drone.position.longitude_deg - PICKUP.longitude_deg

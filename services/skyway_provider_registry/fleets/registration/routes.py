@@ -30,7 +30,7 @@ from skyway_provider_registry.fleets.registration.faults import Fault, faults_of
 from skyway_provider_registry.fleets.registration.prepare import PreparedDrones, keep, prepare
 from skyway_provider_registry.providers import store as providers
 
-#: Bytes of a list of drones (decisions.md); a drone takes about 200.
+#: Bytes of a list of drones (docs/reference/rest.md); a drone takes about 200.
 REGISTRATION_LIMIT_BYTES: Final = 8 * 1024 * 1024
 
 

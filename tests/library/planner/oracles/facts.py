@@ -1,4 +1,6 @@
-"""A problem as plain numbers, read from planner.md anew; shares no code with the planner.
+"""A problem as plain numbers; shares no code with the planner.
+
+The rules are those of docs/reference/planner-problem.md.
 
 States count what has happened to the packages: state `before` (the last one) while they are not on
 board, else the bit set of destinations already served. Rows of stations and segments are the

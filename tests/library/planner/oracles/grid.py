@@ -1,4 +1,6 @@
-"""A dynamic programme over a grid of times: the optimum between two bounds, by planner.md's text.
+"""A dynamic programme over a grid of times: the optimum between two bounds, by the planner's rules.
+
+The rules are those of docs/reference/planner-problem.md.
 
 For every tick, station, set of packages delivered, and in the air or on the ground, it keeps the
 most charge with which a drone can be there: more charge never hurts. A drone in the air goes on at
@@ -24,7 +26,7 @@ from tests.library.planner.oracles.grid_kernel import sweep
 #: Seconds after the last reservation or closure within which it looks for a plan, unless told.
 _AFTER_LAST_EVENT_S = 7000.0
 
-#: Charges this close are equal; half of what planner.md allows, so that a plan found is a plan.
+#: Charges this close are equal; half of the planner's tolerance, so that a plan found is a plan.
 _LATE_TOLERANCE, _EARLY_TOLERANCE = 0.5e-9, 2e-9
 
 #: Segments that a drone flies over stations without landing, at most, before clocks that were

@@ -1,4 +1,4 @@
-"""Tiny random problems that mix every feature of planner.md, by seed.
+"""Tiny random problems that mix every feature of docs/reference/planner-problem.md, by seed.
 
 Three in four are smooth: every flight, stop, window and closure lasts a multiple of 10 s, whatever
 the load, so that the grid programme loses nothing but the share of a tick by which a recharge ends
