@@ -89,7 +89,11 @@ def broken_links(page: Path) -> Iterator[str]:
             continue
         name, _, anchor = target.partition("#")
         linked = (ROOT / page.parent / name).resolve() if name else ROOT / page
-        if not linked.is_relative_to(ROOT) or not linked.exists() or (anchor and anchor not in anchors_of(linked.relative_to(ROOT))):
+        if (
+            not linked.is_relative_to(ROOT)
+            or not linked.exists()
+            or (anchor and anchor not in anchors_of(linked.relative_to(ROOT)))
+        ):
             yield target
 
 
