@@ -14,11 +14,11 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Any, Final
 
+from skyway_provider_registry.presence import sighting_store as sightings
 from skyway_provider_registry.presence.follow import PresenceFollower
-from skyway_provider_registry.presence.sightings import store as sightings
 from skyway_provider_registry.tables import drones, providers
 from skyway_provider_registry.telemetry.recorder import TelemetryRecorder
-from skyway_provider_registry.telemetry.thinning.rounds import Keeping, Thinning
+from skyway_provider_registry.telemetry.thinning import Keeping, Thinning
 from sqlalchemy import text
 
 from skyway.contracts.drone_report import Telemetry

@@ -26,25 +26,24 @@ from skyway.runtime.pace import Pace
 from skyway.runtime.sql.migrations import migrate
 from skyway_provider_registry.candidates.fleet_view import FleetView
 from skyway_provider_registry.candidates.routes import candidate_routes
-from skyway_provider_registry.enrolment.drone_keys.routes import drone_key_routes
-from skyway_provider_registry.enrolment.routes import enrolment_routes
+from skyway_provider_registry.enrolment.routes import drone_key_routes, enrolment_routes
 from skyway_provider_registry.fleets.credentials.routes import credential_routes
-from skyway_provider_registry.fleets.drone_models.routes import drone_model_routes
-from skyway_provider_registry.fleets.registration.routes import (
+from skyway_provider_registry.fleets.drone_model_routes import drone_model_routes
+from skyway_provider_registry.fleets.registration_routes import (
     REGISTRATION_LIMIT_BYTES,
     registration_routes,
 )
 from skyway_provider_registry.fleets.routes import fleet_routes
-from skyway_provider_registry.fleets.statistics.routes import fleet_statistics_routes
+from skyway_provider_registry.fleets.statistics_routes import fleet_statistics_routes
 from skyway_provider_registry.parts import SERVICE, Parts, composition_client, parts_in_life
 from skyway_provider_registry.presence.follow import PRESENCE_TOPICS, PresenceFollower
-from skyway_provider_registry.presence.reports import ReportKeeper
+from skyway_provider_registry.presence.mission_reports import ReportKeeper
 from skyway_provider_registry.presence.routes import presence_routes
 from skyway_provider_registry.providers.routes import provider_routes
 from skyway_provider_registry.settings import RegistrySettings
 from skyway_provider_registry.telemetry.recorder import TelemetryRecorder
 from skyway_provider_registry.telemetry.routes import telemetry_routes
-from skyway_provider_registry.telemetry.thinning.rounds import Keeping, Thinning
+from skyway_provider_registry.telemetry.thinning import Keeping, Thinning
 
 PACKAGE: Final = "skyway_provider_registry"
 

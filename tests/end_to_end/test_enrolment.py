@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from skyway_drone_agent.link.heartbeat import EVERY_S
-from skyway_provider_registry.presence.known import SILENCE
+from skyway_provider_registry.presence.drone_presence import SILENCE
 
 from tests.end_to_end.lone_drone import path_of, register, run, until
 

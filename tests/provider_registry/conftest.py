@@ -1,10 +1,11 @@
 """A whole registry on a new database, called as the gateway calls it."""
 
-from collections.abc import AsyncIterator, Iterable
+from collections.abc import AsyncIterator, Callable, Iterable
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
+from datetime import datetime, timedelta
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import httpx
 import pytest
@@ -15,6 +16,7 @@ from skyway_provider_registry.fleets.credentials.issue import Issuer
 from skyway_provider_registry.parts import Parts
 
 from skyway.announced_networks.learning import NetworkLearner
+from skyway.contracts.drone_report import Connection, DroneState, Telemetry
 from skyway.contracts.station_check import NetworkStations, StationCheck
 from skyway.geo import Position
 from skyway.ids import NetworkId, StationId
@@ -175,3 +177,64 @@ async def api(
         headers={"Authorization": "Bearer secret of service_gateway"},
     ) as client:
         yield Api(client)
+
+
+@pytest.fixture
+def online(clock: ManualClock) -> Callable[..., Connection]:
+    def make(
+        session: int,
+        connection_number: int,
+        status: Literal["ONLINE", "OFFLINE", "LOST"] = "ONLINE",
+    ) -> Connection:
+        return Connection(
+            message_id="m",
+            sent_at=clock.now(),
+            session=session,
+            connection_number=connection_number,
+            status=status,
+        )
+
+    return make
+
+
+@pytest.fixture
+def state(clock: ManualClock) -> Callable[..., DroneState]:
+    def make(session: int, seq: int, **members: Any) -> DroneState:
+        return DroneState.model_validate(
+            {
+                "message_id": "m",
+                "sent_at": clock.now(),
+                "session": session,
+                "seq": seq,
+                "at": clock.now(),
+                "activity": "IDLE",
+                "stream": 0,
+                "last_instruction_seq": 0,
+                "last_event_seq": 0,
+                "station_id": "san-marcos",
+                "position": Position(-97.9, 29.9),
+                "soc": 0.9,
+                **members,
+            }
+        )
+
+    return make
+
+
+@pytest.fixture
+def sample(clock: ManualClock) -> Callable[..., Telemetry]:
+    def make(session: int, seq: int, *, later_s: float = 0.0, soc: float = 0.5) -> Telemetry:
+        at: datetime = clock.now() + timedelta(seconds=later_s)
+        return Telemetry(
+            message_id="m",
+            sent_at=at,
+            session=session,
+            seq=seq,
+            at=at,
+            position=Position(-98.0, 29.5),
+            soc=soc,
+            power_w=600.0,
+            speed_mps=23.0,
+        )
+
+    return make

@@ -16,8 +16,8 @@ from skyway.runtime.pace import Pace
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry.candidates import store
 from skyway_provider_registry.candidates.fleet_columns import Fleet, FleetColumns
-from skyway_provider_registry.changes.store import ChangeMarks
-from skyway_provider_registry.fleets.drone_models import store as drone_models
+from skyway_provider_registry.change_store import ChangeMarks
+from skyway_provider_registry.fleets import drone_model_store as drone_models
 
 #: Before the first change.
 _NOTHING_SEEN: Final = -1

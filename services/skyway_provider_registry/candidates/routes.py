@@ -16,8 +16,7 @@ from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.units import moment_to_ms
 from skyway_provider_registry.candidates.fleet_view import FleetView
-from skyway_provider_registry.candidates.payload_limit import payload_limit
-from skyway_provider_registry.candidates.select import select
+from skyway_provider_registry.candidates.selection import payload_limit, select
 
 
 def candidate_routes(*, view: FleetView, gate: ServiceGate, clock: FleetClock) -> ServiceRouter:

@@ -11,8 +11,8 @@ from skyway.geo import Position
 from skyway.ids import DroneModelId, ProviderId
 from skyway.runtime.sql.found import AnyRow
 from skyway_provider_registry.candidates.reasons import KnownDrone, KnownProvider
-from skyway_provider_registry.changes.store import ONLY_ROW, ChangeMarks
-from skyway_provider_registry.presence.known import SILENCE
+from skyway_provider_registry.change_store import ONLY_ROW, ChangeMarks
+from skyway_provider_registry.presence.drone_presence import SILENCE
 from skyway_provider_registry.providers import store as providers
 from skyway_provider_registry.tables import changes, drones, mission_hints, presence
 

@@ -5,6 +5,7 @@ from typing import Annotated
 from fastapi import Depends, Response
 from pydantic import Field
 
+from skyway.contracts.drone_key import DroneKeyAnswer, DroneKeyQuery
 from skyway.errors import InvalidInput
 from skyway.ids import SubjectId
 from skyway.json_model import WireModel
@@ -13,7 +14,7 @@ from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.mqtt.broker_passwords import hash_password
 from skyway.runtime.sql.database import Database
-from skyway_provider_registry.enrolment import store
+from skyway_provider_registry.enrolment import account_store, drone_key_store
 from skyway_provider_registry.enrolment.password_file import DEPLOYMENT_USERS, PasswordFile
 
 #: What ids of drones begin with: a customer of that name could speak as a drone.
@@ -42,7 +43,9 @@ def enrolment_routes(
         caller.must_be("service")
         _refuse_reserved(user_name)
         async with db.write() as tx:
-            await store.put_customer(tx, user_name, password_hash=hash_password(wanted.password))
+            await account_store.put_customer(
+                tx, user_name, password_hash=hash_password(wanted.password)
+            )
         await password_file.refresh()
         return Response(status_code=204)
 
@@ -54,7 +57,7 @@ def enrolment_routes(
         caller.must_be("service")
         _refuse_reserved(user_name)
         async with db.write() as tx:
-            await store.remove_customer(tx, user_name)
+            await account_store.remove_customer(tx, user_name)
         await password_file.refresh()
         return Response(status_code=204)
 
@@ -64,3 +67,29 @@ def enrolment_routes(
 def _refuse_reserved(user_name: SubjectId) -> None:
     if user_name in DEPLOYMENT_USERS or user_name.startswith(_DRONE_PREFIX):
         raise InvalidInput("user_name", f"{user_name!r} is reserved for Skyway's own processes")
+
+
+def drone_key_routes(
+    *, db: Database, gate: ServiceGate, password_file: PasswordFile
+) -> ServiceRouter:
+    """POST /internal/drone-keys."""
+    router = ServiceRouter(tags=("internal",))
+
+    @router.post("/internal/drone-keys")
+    async def find_drone_key(
+        caller: Annotated[Caller, Depends(gate)],
+        query: Annotated[DroneKeyQuery, Depends(internal_body(DroneKeyQuery))],
+    ) -> DroneKeyAnswer:
+        """Whose key this is; the first use of a rotated one ends the one before."""
+        caller.must_be("service")
+        async with db.read() as connection:
+            found = await drone_key_store.shown(connection, query.key_hash)
+        if found is None:
+            return DroneKeyAnswer(drone_id=None)
+        if found.is_next:
+            async with db.write() as tx:
+                await drone_key_store.bring_into_force(tx, query.key_hash)
+            await password_file.refresh()
+        return DroneKeyAnswer(drone_id=found.drone_id)
+
+    return router

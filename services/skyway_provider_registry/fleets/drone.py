@@ -11,7 +11,7 @@ from skyway.geo import Position
 from skyway.ids import DroneId, DroneModelId, MissionId, ProviderId, StationId
 from skyway.json_model import JsonModel
 from skyway_provider_registry.fleets.states import DroneStateName
-from skyway_provider_registry.presence.known import Activity
+from skyway_provider_registry.presence.drone_presence import Activity
 
 T = TypeVar("T")
 

@@ -9,8 +9,7 @@ from skyway.geo import Position
 from skyway.ids import DroneId, ProviderId, StationId
 from skyway_provider_registry.fleets.drone import Drone, MqttAccount, RegisteredDrone
 from skyway_provider_registry.fleets.states import DroneStateName, state_of
-from skyway_provider_registry.presence.condition import condition_of
-from skyway_provider_registry.presence.known import Presence
+from skyway_provider_registry.presence.drone_presence import Presence, condition_of
 
 
 @dataclass(frozen=True, slots=True)

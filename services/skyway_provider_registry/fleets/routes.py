@@ -12,7 +12,7 @@ from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
-from skyway_provider_registry.enrolment import store as accounts
+from skyway_provider_registry.enrolment import account_store as accounts
 from skyway_provider_registry.enrolment.password_file import PasswordFile
 from skyway_provider_registry.fleets import store
 from skyway_provider_registry.fleets.drone import Drone, DroneChange

@@ -3,7 +3,7 @@
 from datetime import datetime
 from typing import Literal
 
-from skyway_provider_registry.presence.known import Presence
+from skyway_provider_registry.presence.drone_presence import Presence
 
 DroneStateName = Literal[
     "REGISTERED",

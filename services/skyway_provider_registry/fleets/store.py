@@ -15,8 +15,8 @@ from skyway.runtime.http.paging import PageQuery
 from skyway.runtime.sql.database import Tx
 from skyway.runtime.sql.found import AnyRow
 from skyway.units import moment_to_ms, ms_to_moment
-from skyway_provider_registry.changes.store import mark_removal
-from skyway_provider_registry.fleets.drone_models import store as drone_models
+from skyway_provider_registry.change_store import mark_removal
+from skyway_provider_registry.fleets import drone_model_store as drone_models
 from skyway_provider_registry.fleets.fleet_drone import FleetDrone
 from skyway_provider_registry.presence.store import KNOWN, presence_of, touch
 from skyway_provider_registry.providers.store import owned

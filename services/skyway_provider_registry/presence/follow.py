@@ -15,7 +15,7 @@ from skyway.runtime.mqtt.client import Received
 from skyway.runtime.mqtt.inbox import BATCH_SIZE
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry.presence.newest import newest
-from skyway_provider_registry.presence.sightings.store import Heard, record
+from skyway_provider_registry.presence.sighting_store import Heard, record
 from skyway_provider_registry.presence.store import owners
 
 #: What drones say of themselves, in the order of their ids {p}, {d}.

@@ -13,7 +13,7 @@ from skyway.contracts.mission_reports import (
 from skyway.runtime.http.app import internal_body
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.service_router import ServiceRouter
-from skyway_provider_registry.presence.reports import ReportKeeper
+from skyway_provider_registry.presence.mission_reports import ReportKeeper
 
 
 def presence_routes(*, keeper: ReportKeeper, gate: ServiceGate) -> ServiceRouter:

@@ -12,8 +12,8 @@ from skyway.ids import DroneId, MissionId, ProviderId
 from skyway.runtime.sql.database import Tx
 from skyway.runtime.sql.found import AnyRow
 from skyway.units import ms_to_moment
-from skyway_provider_registry.changes.store import next_change
-from skyway_provider_registry.presence.known import LastSample, LastState, Presence
+from skyway_provider_registry.change_store import next_change
+from skyway_provider_registry.presence.drone_presence import LastSample, LastState, Presence
 from skyway_provider_registry.tables import drones, mission_hints, presence
 
 #: Drone ids in one IN list: SQLite takes 32,766 parameters, plans want fewer.

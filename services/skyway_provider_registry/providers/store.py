@@ -13,7 +13,7 @@ from skyway.runtime.http.paging import PageQuery
 from skyway.runtime.sql.database import Tx
 from skyway.runtime.sql.found import AnyRow
 from skyway.units import moment_to_ms, ms_to_moment
-from skyway_provider_registry.changes.store import mark_providers
+from skyway_provider_registry.change_store import mark_providers
 from skyway_provider_registry.providers.provider import Provider, ProviderChange
 from skyway_provider_registry.tables import providers
 

@@ -16,7 +16,7 @@ from skyway.runtime.metrics import count
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_provider_registry.telemetry import store
-from skyway_provider_registry.telemetry.heard_sample import HeardSample
+from skyway_provider_registry.telemetry.store import HeardSample
 
 #: Samples in one transaction.
 BATCH: Final = 500

@@ -11,10 +11,8 @@ from skyway.runtime.http.paging import Page
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry.fleets import store as fleets
-from skyway_provider_registry.telemetry.reading.geojson import GEOJSON, feature_collection
-from skyway_provider_registry.telemetry.reading.measured import Measured
-from skyway_provider_registry.telemetry.reading.pages import page_of_telemetry
-from skyway_provider_registry.telemetry.reading.query import TelemetryQuery
+from skyway_provider_registry.telemetry.measured import GEOJSON, Measured, feature_collection
+from skyway_provider_registry.telemetry.query import TelemetryQuery, page_of_telemetry
 
 #: A part of the OpenAPI document.
 _ANSWERS: Final[dict[int | str, dict[str, Any]]] = {

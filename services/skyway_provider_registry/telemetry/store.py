@@ -21,12 +21,12 @@ from sqlalchemy import (
 from sqlalchemy.dialects import postgresql
 from sqlalchemy.ext.asyncio import AsyncConnection
 
+from skyway.contracts.drone_report import Telemetry
 from skyway.ids import DroneId
 from skyway.runtime.sql.database import Tx
 from skyway.runtime.sql.found import AnyRow
 from skyway.units import moment_to_ms
 from skyway_provider_registry.tables import telemetry_minutes, telemetry_samples
-from skyway_provider_registry.telemetry.heard_sample import HeardSample
 
 MINUTE_MS: Final = 60_000
 
@@ -38,6 +38,15 @@ ABOUT: Final = bindparam("about", type_=Text)
 _FROM: Final = bindparam("from_ms", type_=BigInteger)
 UNTIL: Final = bindparam("until_ms", type_=BigInteger)
 _MOST: Final = bindparam("most", type_=Integer)
+
+
+@dataclass(frozen=True, slots=True)
+class HeardSample:
+    """A drone's sample, and the wall ms at which it was heard."""
+
+    drone_id: DroneId
+    sample: Telemetry
+    wall_ms: int
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import pytest
 from skyway_provider_registry.candidates.fleet_columns import Fleet, FleetColumns
 from skyway_provider_registry.candidates.reasons import KnownDrone, KnownProvider
-from skyway_provider_registry.candidates.select import select as select_from
+from skyway_provider_registry.candidates.selection import select as select_from
 
 from skyway.announced_networks.known_networks import KnownNetworks
 from skyway.contracts.candidate import CandidateQuery

@@ -6,7 +6,7 @@ from collections import defaultdict
 import pytest
 from skyway_provider_registry.candidates.fleet_columns import Fleet, FleetColumns
 from skyway_provider_registry.candidates.reasons import KnownDrone, KnownProvider
-from skyway_provider_registry.candidates.select import select
+from skyway_provider_registry.candidates.selection import select
 
 from skyway.announced_networks.known_networks import KnownNetworks
 from skyway.contracts.candidate import (

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from skyway_provider_registry.enrolment import store
+from skyway_provider_registry.enrolment import account_store
 from skyway_provider_registry.enrolment.password_file import PasswordFile
 
 from skyway.ids import SubjectId
@@ -39,7 +39,7 @@ def broker() -> Iterator["subprocess.Popen[str]"]:
 
 async def put_customer(db: Database, name: str) -> None:
     async with db.write() as tx:
-        await store.put_customer(
+        await account_store.put_customer(
             tx, SubjectId(name), password_hash=hash_password(f"password of {name}")
         )
 

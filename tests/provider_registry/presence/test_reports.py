@@ -6,7 +6,7 @@ from contextlib import asynccontextmanager
 from typing import Any
 
 import pytest
-from skyway_provider_registry.presence.reports import ReportKeeper
+from skyway_provider_registry.presence.mission_reports import ReportKeeper
 from skyway_provider_registry.tables import mission_hints
 from sqlalchemy import select
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from skyway_provider_registry.telemetry import store
-from skyway_provider_registry.telemetry.heard_sample import HeardSample
+from skyway_provider_registry.telemetry.store import HeardSample
 
 from skyway.contracts.drone_report import Telemetry
 from skyway.geo import Position

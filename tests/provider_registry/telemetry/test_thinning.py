@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 from skyway_provider_registry.tables import telemetry_minutes, telemetry_samples
-from skyway_provider_registry.telemetry.thinning.rounds import Keeping, Thinning
-from skyway_provider_registry.telemetry.thinning.store import PIECE
+from skyway_provider_registry.telemetry.thinning import Keeping, Thinning
+from skyway_provider_registry.telemetry.thinning_store import PIECE
 from sqlalchemy import func, select
 
 from skyway.runtime.clock import ManualClock

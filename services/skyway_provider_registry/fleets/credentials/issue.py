@@ -7,12 +7,17 @@ from skyway.runtime.certificates import CertificateAuthority
 from skyway.runtime.errors import AccessDenied
 from skyway.runtime.mqtt.broker_passwords import hash_password
 from skyway.runtime.sql.database import Tx
-from skyway_provider_registry.enrolment import store as accounts
-from skyway_provider_registry.enrolment.drone_keys import store as drone_keys
-from skyway_provider_registry.enrolment.drone_keys.key import key_hash, new_key
-from skyway_provider_registry.enrolment.passwords import new_password
-from skyway_provider_registry.enrolment.tokens import store as tokens
-from skyway_provider_registry.enrolment.tokens.token import TOKEN_LIFE, new_token, token_hash
+from skyway_provider_registry.enrolment import account_store as accounts
+from skyway_provider_registry.enrolment import drone_key_store as drone_keys
+from skyway_provider_registry.enrolment import token_store as tokens
+from skyway_provider_registry.enrolment.drone_secrets import (
+    TOKEN_LIFE,
+    key_hash,
+    new_key,
+    new_password,
+    new_token,
+    token_hash,
+)
 from skyway_provider_registry.fleets import store
 from skyway_provider_registry.fleets.credentials.credentials import (
     ClientCertificate,

@@ -14,9 +14,9 @@ from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.idempotency.answer import Answer
 from skyway.runtime.idempotency.once import once
 from skyway.runtime.sql.database import Database, Tx
+from skyway_provider_registry.enrolment import token_store as tokens
+from skyway_provider_registry.enrolment.drone_secrets import token_hash
 from skyway_provider_registry.enrolment.password_file import PasswordFile
-from skyway_provider_registry.enrolment.tokens import store as tokens
-from skyway_provider_registry.enrolment.tokens.token import token_hash
 from skyway_provider_registry.fleets import store
 from skyway_provider_registry.fleets.credentials.credentials import (
     Credentials,

@@ -10,9 +10,9 @@ from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
-from skyway_provider_registry.fleets.statistics import store
-from skyway_provider_registry.fleets.statistics.totals import FleetStatistics, totals
-from skyway_provider_registry.presence.known import SILENCE
+from skyway_provider_registry.fleets import statistics_store
+from skyway_provider_registry.fleets.statistics import FleetStatistics, totals
+from skyway_provider_registry.presence.drone_presence import SILENCE
 
 
 def fleet_statistics_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> ServiceRouter:
@@ -26,7 +26,7 @@ def fleet_statistics_routes(*, db: Database, gate: ServiceGate, clock: FleetCloc
         whose = ProviderId(caller.subject_id) if caller.role == "provider" else None
         since_ms = moment_to_ms(clock.wall_now() - SILENCE)
         async with db.read() as connection:
-            rows = await store.alike(connection, whose, heard_since_wall_ms=since_ms)
+            rows = await statistics_store.alike(connection, whose, heard_since_wall_ms=since_ms)
         return totals(rows, at=clock.now(), rate=clock.rate)
 
     return router

@@ -10,8 +10,8 @@ from sqlalchemy import BigInteger, Text, Update, bindparam, tuple_
 from skyway.ids import DroneId
 from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms
-from skyway_provider_registry.changes.store import next_change
-from skyway_provider_registry.presence.condition import condition_text
+from skyway_provider_registry.change_store import next_change
+from skyway_provider_registry.presence.drone_presence import condition_text
 from skyway_provider_registry.presence.newest import PresenceMessage, Sighting, order_of
 from skyway_provider_registry.tables import presence
 

@@ -18,16 +18,21 @@ from skyway.runtime.idempotency.once import once
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway_provider_registry.enrolment.password_file import PasswordFile
+from skyway_provider_registry.fleets import drone_model_store as drone_models
 from skyway_provider_registry.fleets.drone import (
     MAX_NEW_DRONES,
     NewDrone,
     RegisteredDrone,
     RegisteredDrones,
 )
-from skyway_provider_registry.fleets.drone_models import store as drone_models
 from skyway_provider_registry.fleets.home_stations import StationLookup
-from skyway_provider_registry.fleets.registration.faults import Fault, faults_of
-from skyway_provider_registry.fleets.registration.prepare import PreparedDrones, keep, prepare
+from skyway_provider_registry.fleets.registration import (
+    Fault,
+    PreparedDrones,
+    faults_of,
+    keep,
+    prepare,
+)
 from skyway_provider_registry.providers import store as providers
 
 #: Bytes of a list of drones (docs/reference/rest.md); a drone takes about 200.

@@ -1,25 +1,29 @@
 """Registering drones: their ids, accounts and answer are made first, and then kept in one write."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
 from skyway.contracts.station_check import StationCheck
 from skyway.drone.model import DroneModel
-from skyway.ids import DroneId, DroneModelId, ProviderId
+from skyway.ids import DroneId, DroneModelId, ProviderId, StationId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Tx
-from skyway_provider_registry.changes.store import next_change
-from skyway_provider_registry.enrolment import store as accounts
-from skyway_provider_registry.enrolment.passwords import new_passwords
-from skyway_provider_registry.enrolment.tokens import store as tokens
-from skyway_provider_registry.enrolment.tokens.token import TOKEN_LIFE, new_token, token_hash
+from skyway_provider_registry.change_store import next_change
+from skyway_provider_registry.enrolment import account_store as accounts
+from skyway_provider_registry.enrolment import token_store as tokens
+from skyway_provider_registry.enrolment.drone_secrets import (
+    TOKEN_LIFE,
+    new_passwords,
+    new_token,
+    token_hash,
+)
 from skyway_provider_registry.fleets import store
 from skyway_provider_registry.fleets.drone import NewDrone, RegisteredDrone
 from skyway_provider_registry.fleets.fleet_drone import FleetDrone
-from skyway_provider_registry.presence.known import NEVER_SEEN
-from skyway_provider_registry.presence.sightings import store as sightings
+from skyway_provider_registry.presence import sighting_store as sightings
+from skyway_provider_registry.presence.drone_presence import NEVER_SEEN
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,3 +87,49 @@ async def keep(tx: Tx, prepared: PreparedDrones) -> None:
     await sightings.begin(tx, prepared.password_hashes, change=change)
     await accounts.add_drones(tx, prepared.password_hashes)
     await tokens.add_new(tx, prepared.token_hashes, expires_at=prepared.tokens_expire_at)
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """A field of one of the drones, counted from 0, and what is wrong with it."""
+
+    index: int
+    field: str
+    detail: str
+
+
+def faults_of(
+    new_drones: Sequence[NewDrone],
+    *,
+    models: Collection[DroneModelId],
+    unknown_stations: Collection[StationId],
+) -> list[Fault]:
+    """All faults, in the order of the drones."""
+    return [
+        Fault(index, field, detail)
+        for index, drone in enumerate(new_drones)
+        for field, detail in _of_one(drone, models=models, unknown_stations=unknown_stations)
+    ] + list(_repeated_registrations(new_drones))
+
+
+def _of_one(
+    drone: NewDrone,
+    *,
+    models: Collection[DroneModelId],
+    unknown_stations: Collection[StationId],
+) -> Iterator[tuple[str, str]]:
+    if drone.model_id not in models:
+        yield "model_id", f"no drone model is called {drone.model_id!r}"
+    if drone.home_station_id in unknown_stations:
+        yield "home_station_id", f"no station is called {drone.home_station_id!r}"
+
+
+def _repeated_registrations(new_drones: Sequence[NewDrone]) -> Iterator[Fault]:
+    first: dict[str, int] = {}
+    for index, drone in enumerate(new_drones):
+        if drone.registration is None:
+            continue
+        known = first.setdefault(drone.registration, index)
+        if known != index:
+            detail = f"{drone.registration!r} is the registration of drone {known} in this list too"
+            yield Fault(index, "registration", detail)

@@ -4,7 +4,7 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 from skyway_provider_registry.fleets.states import state_of
-from skyway_provider_registry.presence.known import (
+from skyway_provider_registry.presence.drone_presence import (
     NEVER_SEEN,
     SILENCE,
     Activity,

@@ -1,12 +1,14 @@
 """What a drone measured, as it is shown: one sample, or a minute of them."""
 
-from typing import Annotated
+from typing import Annotated, Any, Final
 
 from pydantic import Field
 
-from skyway.contracts.message import FleetMoment, Soc
+from skyway.contracts.message import FleetMoment, Soc, utc_text
 from skyway.geo import Position
+from skyway.ids import DroneId
 from skyway.json_model import JsonModel
+from skyway.runtime.http.paging import Page
 from skyway.runtime.sql.found import AnyRow
 from skyway.units import ms_to_moment
 
@@ -72,3 +74,30 @@ def minute_of(row: AnyRow) -> Measured:
             max_speed_mps=row.max_speed_mps,
         ),
     )
+
+
+GEOJSON: Final = "application/geo+json"
+
+_BESIDE: Final = {"at", "position", "spread"}
+
+
+def feature_collection(drone_id: DroneId, page: Page[Measured]) -> dict[str, Any]:
+    """A page as GeoJSON (RFC 7946); `next_cursor` is a foreign member. Any: a JSON document."""
+    return {
+        "type": "FeatureCollection",
+        "features": [_feature(drone_id, item) for item in page.items],
+        "next_cursor": page.next_cursor,
+    }
+
+
+def _feature(drone_id: DroneId, item: Measured) -> dict[str, Any]:
+    """One point; what a minute spreads over stands beside its means, since tools read no objects.
+
+    Any: a JSON document.
+    """
+    properties = {"drone_id": drone_id, "at": utc_text(item.at)}
+    properties |= item.model_dump(exclude=_BESIDE, exclude_none=True)
+    if item.spread is not None:
+        properties |= item.spread.model_dump()
+    point = {"type": "Point", "coordinates": list(item.position)}
+    return {"type": "Feature", "geometry": point, "properties": properties}

@@ -10,7 +10,7 @@ from sqlalchemy.dialects import postgresql
 from skyway.contracts.mission import LIVE_MISSION_STATES, MissionReport
 from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms
-from skyway_provider_registry.changes.store import next_change
+from skyway_provider_registry.change_store import next_change
 from skyway_provider_registry.presence.store import TOUCH
 from skyway_provider_registry.tables import drones, mission_hints
 

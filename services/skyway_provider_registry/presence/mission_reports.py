@@ -12,7 +12,7 @@ from skyway.contracts.mission import MissionReport
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.pace import Pace
 from skyway.runtime.sql.database import Database
-from skyway_provider_registry.presence.mission_hints.store import record_reports
+from skyway_provider_registry.presence.mission_hint_store import record_reports
 
 
 @dataclass(slots=True)

@@ -12,7 +12,7 @@ from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
-from skyway_provider_registry.fleets.drone_models import store
+from skyway_provider_registry.fleets import drone_model_store
 
 
 def drone_model_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
@@ -26,7 +26,7 @@ def drone_model_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
         """All drone models, sorted by id."""
         after = query.after(str)
         async with db.read() as connection:
-            models = await store.every(connection)
+            models = await drone_model_store.every(connection)
         rest = [one for one in models.values() if after is None or one.model_id > str(after[0])]
         shown = rest[: query.limit + 1]
         return page_of(shown, query, item=lambda one: one, sort_key=lambda one: (one.model_id,))
@@ -37,7 +37,7 @@ def drone_model_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
     ) -> DroneModel:
         """A drone model."""
         async with db.read() as connection:
-            models = await store.every(connection)
+            models = await drone_model_store.every(connection)
         if model_id not in models:
             raise NotFound("drone model", model_id)
         return models[model_id]
@@ -57,7 +57,7 @@ def drone_model_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
         if wanted.model_id != model_id:
             raise InvalidInput("model_id", f"{wanted.model_id!r} is not the path's {model_id!r}")
         async with db.write() as tx:
-            is_new = await store.put(tx, wanted)
+            is_new = await drone_model_store.put(tx, wanted)
         response.status_code = 201 if is_new else 200
         return wanted
 

@@ -1,1 +1,0 @@
-"""Changes: numbers by which a reader finds what has changed since it looked last."""

@@ -1,1 +1,0 @@
-"""Enrolment tokens: each shown once, exchanged once, and good for thirty days."""

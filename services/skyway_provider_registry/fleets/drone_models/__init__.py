@@ -1,1 +1,0 @@
-"""Drone models: the library's named ones, and those that operators add."""

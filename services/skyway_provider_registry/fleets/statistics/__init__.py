@@ -1,1 +1,0 @@
-"""All drones together: how many are in which state, and how fresh what is known of them is."""

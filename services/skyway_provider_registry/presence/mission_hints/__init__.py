@@ -1,1 +1,0 @@
-"""What composition says of missions, and so of the drones that fly them."""

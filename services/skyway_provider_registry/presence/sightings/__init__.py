@@ -1,1 +1,0 @@
-"""What drones say of themselves, kept if it is news."""

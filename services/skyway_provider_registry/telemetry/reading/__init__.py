@@ -1,1 +1,0 @@
-"""What is kept of a drone's telemetry, by time: samples or minutes, JSON or GeoJSON."""
