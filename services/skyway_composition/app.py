@@ -22,27 +22,24 @@ from skyway.runtime.loops import Loops
 from skyway.runtime.mqtt.client import MqttClient
 from skyway.runtime.sql.migrations import migrate
 from skyway_composition.alarms.routes import alarm_routes
-from skyway_composition.closures.areas.routes import area_routes
-from skyway_composition.closures.places.routes import place_routes
+from skyway_composition.closures.routes import area_routes, place_routes
 from skyway_composition.missions.hands.cancel import Cancellations
 from skyway_composition.missions.hands.commands import Commands
 from skyway_composition.missions.hands.loading import Loadings
 from skyway_composition.missions.hands.routes import hand_routes
 from skyway_composition.missions.routes import mission_routes
-from skyway_composition.networks.airspace.routes import airspace_routes
-from skyway_composition.networks.routes import NETWORK_LIMIT_BYTES, network_routes
-from skyway_composition.networks.stations.routes import station_check_routes, station_routes
+from skyway_composition.networks.routes import NETWORK_LIMIT_BYTES, airspace_routes, network_routes
+from skyway_composition.networks.station_routes import station_check_routes, station_routes
 from skyway_composition.pads.routes import pad_routes
 from skyway_composition.parts import SERVICE, Parts, parts_of
-from skyway_composition.planning.known_network import KnownNetworks
+from skyway_composition.planning.problem_reader import ProblemReader
 from skyway_composition.planning.routes import (
     COMPOSITION_LIMIT_BYTES,
     composition_routes,
     quote_routes,
 )
 from skyway_composition.settings import CompositionSettings
-from skyway_composition.statistics.now.routes import mission_statistics_routes
-from skyway_composition.statistics.routes import statistics_routes
+from skyway_composition.statistics.routes import mission_statistics_routes, statistics_routes
 from skyway_composition.work import Work
 
 PACKAGE: Final = "skyway_composition"
@@ -51,7 +48,7 @@ PACKAGE: Final = "skyway_composition"
 def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> FastAPI:
     """All rooms' routes on these parts, which the lifespan opens."""
     db, gate, clock, networks = parts.db, parts.gate, parts.clock, parts.networks
-    known = KnownNetworks(db, networks, clock)
+    known = ProblemReader(db, networks, clock)
     hands = (db, clock, parts.mint, parts.stuck)
     return create_app(
         service=SERVICE,

@@ -8,7 +8,7 @@ from skyway.runtime.http.identity import ServiceGate
 from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint, mint
 from skyway.runtime.sql.database import Database
-from skyway_composition.closures.closing import Closings
+from skyway_composition.closures.close import Closings
 from skyway_composition.missions.affected.impact import MissionImpact
 from skyway_composition.missions.book import Bookings
 from skyway_composition.networks.prepared import PreparedNetworks

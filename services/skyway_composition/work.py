@@ -17,7 +17,7 @@ from skyway_composition.missions.recomposing.occupied_pads import OccupiedPads
 from skyway_composition.missions.sweeps.lagging import Lagging
 from skyway_composition.missions.sweeps.overdue import Overdue
 from skyway_composition.networks.announce import NetworkVersions
-from skyway_composition.pads.taken.station_states import StationStates
+from skyway_composition.pads.announce import StationStates
 from skyway_composition.parts import Parts
 
 #: Seconds of wall time between two looks of a loop that nothing has woken.

@@ -22,7 +22,7 @@ from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.parts import Parts
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.tables import outbox
-from skyway_composition.verify.violations import violations
+from skyway_composition.verify import violations
 from sqlalchemy import select, text
 
 from skyway.contracts.candidate import Candidate

@@ -3,7 +3,7 @@
 from typing import Any
 
 from skyway_composition.networks.publish import read_content
-from skyway_composition.networks.stations.store import replace_stations
+from skyway_composition.networks.station_store import replace_stations
 from skyway_composition.networks.store import VersionRow, add_version
 
 from skyway.drone.models import DRONE_MODELS

@@ -6,7 +6,7 @@ from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from typing import Any, Self
 
-from skyway_composition.closures.closing import Closings
+from skyway_composition.closures.close import Closings
 from skyway_composition.closures.closure import Closure, ClosureKind
 from skyway_composition.missions.affected.impact import MissionImpact
 from skyway_composition.missions.affected.stops_watch import StopsWatch
@@ -29,7 +29,7 @@ from skyway_composition.missions.sweeps.overdue import Overdue
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.tables import metadata, outbox, pad_reservations
-from skyway_composition.verify.violations import violations
+from skyway_composition.verify import violations
 from skyway_drone_agent.simulated.disturbances import UNDISTURBED
 from sqlalchemy import delete, select
 

@@ -5,13 +5,15 @@ from dataclasses import dataclass
 from functools import cached_property
 
 from skyway.contracts.candidate import Candidate
-from skyway.ids import StationId
+from skyway.ids import NetworkId, StationId
 from skyway.network.network import Network
 from skyway.network.zones import contains
 from skyway.planner.airspace import Airspace, SegmentEnds, ZoneReach
 from skyway.planner.pad_book import OPEN_MS
 from skyway.planner.problem_parts import SegmentClosure, StationClosure
+from skyway.runtime.sql.database import Database
 from skyway.units import ms_to_moment
+from skyway_composition.closures import store
 from skyway_composition.closures.closure import Closure
 
 
@@ -113,3 +115,31 @@ class Conditions:
         ]
         reaches = Airspace.over(self.network, zones).reaches
         return {reach.zone.zone_id: reach for reach in reaches}
+
+
+class CachedConditions:
+    """The conditions that were read last; which are current is asked each time."""
+
+    def __init__(self, network_id: NetworkId, network: Network) -> None:
+        self._network_id = network_id
+        self._number = -1
+        self._conditions = Conditions(network, ())
+
+    async def read(self, db: Database, *, after_ms: int) -> tuple[int, Conditions]:
+        """The number of the present conditions, and those of them that last beyond a moment."""
+        async with db.read() as connection:
+            number = await store.conditions_number(connection, self._network_id)
+        return number, await self.numbered(number, db, after_ms=after_ms)
+
+    async def numbered(self, number: int, db: Database, *, after_ms: int) -> Conditions:
+        """The conditions of a number that has just been read.
+
+        What has changed since looks changed to whoever compares the numbers, and is.
+        """
+        if number == self._number:
+            return self._conditions
+        async with db.read() as connection:
+            closures = await store.in_force(connection, self._network_id, after_ms=after_ms)
+        conditions = Conditions(self._conditions.network, closures)
+        self._number, self._conditions = number, conditions
+        return conditions

@@ -15,7 +15,7 @@ from skyway.runtime.outbox.confirming import confirm
 from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.links import store
-from skyway_composition.links.instructions.store import (
+from skyway_composition.links.instruction_store import (
     SentInstruction,
     add_instruction,
     add_last_instruction,

@@ -29,12 +29,11 @@ from skyway_composition.missions.booking.store import busy_among, first_look, mi
 from skyway_composition.missions.booking.taking import Outdated, take
 from skyway_composition.missions.deliveries.store import add_delivery, close_delivery, lock_delivery
 from skyway_composition.networks.prepared import PreparedNetworks
-from skyway_composition.planning.limits import Limits
-from skyway_composition.planning.offer import Offer
-from skyway_composition.planning.offers import plan_offers
+from skyway_composition.planning.find_trip import TripFinder
+from skyway_composition.planning.offer import Limits, Offer
+from skyway_composition.planning.plan_offers import plan_offers
 from skyway_composition.planning.solver_pool import SolverPool
-from skyway_composition.planning.start import start_ms
-from skyway_composition.planning.trip_finder import TripFinder
+from skyway_composition.planning.trip import start_ms
 from skyway_composition.planning.world import World
 
 log = logging.getLogger(__name__)

@@ -12,7 +12,7 @@ from skyway.ids import DroneId, MissionId
 from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms
 from skyway_composition.links.courier import Courier, Draft
-from skyway_composition.links.instructions.store import open_instructions
+from skyway_composition.links.instruction_store import open_instructions
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.record import MissionRecord
 from skyway_composition.missions.steps.store import steps_of

@@ -27,7 +27,7 @@ from skyway.runtime.minting import Mint
 from skyway.runtime.mqtt.client import Received
 from skyway.runtime.mqtt.inbox import BATCH_SIZE
 from skyway.runtime.sql.database import Database
-from skyway_composition.links.last_heard import LastHeard
+from skyway_composition.links.cached_links import CachedLinks
 from skyway_composition.links.link import DroneLink
 from skyway_composition.links.store import lock_link
 from skyway_composition.missions import store
@@ -64,7 +64,7 @@ class Follower:
         self._clock = clock
         self._mint = mint
         self._stuck = stuck
-        self._last_heard = LastHeard(clock)
+        self._last_heard = CachedLinks(clock)
         self._batches = mqtt.batches(ACKS, EVENTS, STATE, CONNECTION)
         self._batch: list[Received[Any]] = []
         self._tries = 0

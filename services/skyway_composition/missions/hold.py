@@ -6,7 +6,7 @@ from functools import partial
 from skyway.contracts.instruction import HoldInstruction, ResumeInstruction
 from skyway.ids import InstructionId
 from skyway_composition.links.courier import Draft
-from skyway_composition.links.instructions.store import SentInstruction, open_instructions
+from skyway_composition.links.instruction_store import SentInstruction, open_instructions
 from skyway_composition.missions.mission_alarm import raise_alarm
 from skyway_composition.missions.record import MissionRecord
 from skyway_composition.missions.watch import Watch

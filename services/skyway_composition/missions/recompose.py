@@ -16,7 +16,7 @@ from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
-from skyway_composition.links.instructions.store import last_revision
+from skyway_composition.links.instruction_store import last_revision
 from skyway_composition.missions.outlook.situation import Situation
 from skyway_composition.missions.recomposing.case import Case, may_be_planned, trouble_of
 from skyway_composition.missions.recomposing.giving_up import refusal_code
@@ -30,8 +30,8 @@ from skyway_composition.missions.rest.planner import Rest, RestPlanner
 from skyway_composition.missions.sweeps.store import claim_stuck
 from skyway_composition.missions.watch import Watch
 from skyway_composition.networks.prepared import PreparedNetworks
-from skyway_composition.planning.margins import with_margin
-from skyway_composition.planning.round_trip import NoTrip
+from skyway_composition.planning.find_trip import NoTrip
+from skyway_composition.planning.problem_for import with_margin
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.world import World
 

@@ -20,7 +20,7 @@ from skyway_composition.missions.record import MissionRecord
 from skyway_composition.missions.steps.step_record import StepRecord
 from skyway_composition.missions.steps.store import steps_of
 from skyway_composition.missions.store import MissionFilter
-from skyway_composition.networks.stations.store import stations_named
+from skyway_composition.networks.station_store import stations_named
 
 #: More missions than a delivery can have: its attempts times its trips.
 _MOST_MISSIONS = 1_000

@@ -19,10 +19,10 @@ from skyway.planner.airspace import Airspace
 from skyway.planner.hierarchy import Hierarchy
 from skyway.runtime.errors import NotFound
 from skyway.runtime.sql.database import Database
-from skyway_composition.closures.known_conditions import KnownConditions
+from skyway_composition.closures.conditions import CachedConditions
 from skyway_composition.networks import store
-from skyway_composition.networks.current import current_row
 from skyway_composition.networks.settings import NetworkSettings, settings_of
+from skyway_composition.networks.store import VersionRow
 
 log = logging.getLogger(__name__)
 
@@ -50,7 +50,7 @@ class PreparedNetwork:
     airspace: Airspace
     hierarchy: Hierarchy | None
     straightness: float
-    conditions: KnownConditions
+    conditions: CachedConditions
 
 
 class PreparedNetworks:
@@ -122,7 +122,7 @@ def _prepare(network_id: NetworkId, version: int, content: bytes) -> PreparedNet
         airspace=Airspace.of(network),
         hierarchy=_hierarchy(network),
         straightness=_straightness(network),
-        conditions=KnownConditions(network_id, network),
+        conditions=CachedConditions(network_id, network),
     )
     log.info(
         "network prepared",
@@ -149,3 +149,18 @@ def _straightness(network: Network) -> float:
     apart = straight_m > 0.0
     shares: Floats = columns.length_m[apart] / straight_m[apart]
     return float(np.min(shares, initial=1.0))
+
+
+async def current_row(db: Database, network_id: NetworkId) -> VersionRow:
+    """The current version of a network, without its content.
+
+    Raises
+    ------
+    NotFound
+        There is no such network.
+    """
+    async with db.read() as connection:
+        current = await store.current_version(connection, network_id)
+    if current is None:
+        raise NotFound("network", network_id)
+    return current

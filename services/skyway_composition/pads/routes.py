@@ -15,8 +15,8 @@ from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.closures.store import outages
-from skyway_composition.pads.taken.outage import Outage, outages_by_pad
-from skyway_composition.pads.taken.store import Reservation, pads_of, reservations_of
+from skyway_composition.pads.occupancy import Outage, outages_by_pad
+from skyway_composition.pads.occupancy_store import Reservation, pads_of, reservations_of
 
 
 class PadNow(JsonModel):

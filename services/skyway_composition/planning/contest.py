@@ -11,7 +11,7 @@ from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.offer import BestValues, OfferValues
 from skyway.delivery.request import Weights
 from skyway.network.columns import Floats
-from skyway_composition.planning.least import Least
+from skyway_composition.planning.lower_bounds import Least
 
 #: Values that differ by this share or less differ by rounding only.
 _ROUNDING: Final = 1e-9

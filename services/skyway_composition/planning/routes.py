@@ -13,7 +13,7 @@ from skyway.runtime.http.app import internal_body, read_json
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway_composition.planning.compose_in import compose_in
-from skyway_composition.planning.known_network import KnownNetworks, NetworkReference
+from skyway_composition.planning.problem_reader import NetworkReference, ProblemReader
 from skyway_composition.planning.quotes import Quotes
 from skyway_composition.planning.solver_pool import SolverPool
 
@@ -54,7 +54,7 @@ def quote_routes(*, gate: ServiceGate, quotes: Quotes) -> ServiceRouter:
 
 
 def composition_routes(
-    *, gate: ServiceGate, known: KnownNetworks, solver: SolverPool
+    *, gate: ServiceGate, known: ProblemReader, solver: SolverPool
 ) -> ServiceRouter:
     """POST /v1/compositions."""
     router = ServiceRouter(tags=("compositions",))

@@ -6,7 +6,8 @@ from datetime import datetime, timedelta
 
 from skyway.delivery.plan import Fly, Plan, Recharge, Step
 from skyway.planner.pad_book import booked_from_ms, booked_until_ms
-from skyway.units import ms_to_moment
+from skyway.runtime.clock import FleetClock, fleet_margin
+from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.pads.booked_pad import BookedPad, merged
 
 
@@ -89,3 +90,14 @@ def soc_after(plan: Plan, soc: float) -> float:
         if isinstance(step, Fly | Recharge):
             soc = step.soc_end
     return soc
+
+
+def start_ms(clock: FleetClock, *, earliest_at: datetime | None, patience: int = 1) -> int:
+    """The millisecond at which a mission begins: late enough to plan it and reach the drone.
+
+    `patience` is how many times the usual margin that takes.
+    """
+    start_at = clock.now() + fleet_margin(clock, fleet_s=60, wall_s=2) * patience
+    if earliest_at is not None:
+        start_at = max(start_at, earliest_at)
+    return moment_to_ms(start_at) + 1

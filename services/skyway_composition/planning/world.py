@@ -8,7 +8,7 @@ from skyway.runtime.sql.database import Database, Tx
 from skyway_composition.closures.conditions import Conditions
 from skyway_composition.networks.prepared import PreparedNetwork, PreparedNetworks
 from skyway_composition.networks.store import Present, share_world
-from skyway_composition.pads.known_pads import KnownPads
+from skyway_composition.pads.pad_snapshot import PadSnapshot
 
 
 @dataclass(frozen=True, slots=True)
@@ -19,7 +19,7 @@ class World:
     """
 
     skyway: PreparedNetwork
-    pads: KnownPads
+    pads: PadSnapshot
     conditions: Conditions
     conditions_version: int
 
@@ -84,9 +84,9 @@ def _pads(
     after_ms: int,
     without_mission_id: MissionId | None = None,
     pad_gap_s: float | None = None,
-) -> KnownPads:
+) -> PadSnapshot:
     gap_s = skyway.settings.pad_gap_s if pad_gap_s is None else pad_gap_s
-    return KnownPads(
+    return PadSnapshot(
         db,
         skyway.network_id,
         skyway.network,

@@ -4,8 +4,10 @@ from typing import Annotated
 
 from fastapi import Depends, Query
 
+from skyway.contracts.message import FleetMoment
 from skyway.contracts.statistics import Span
 from skyway.ids import ProviderId
+from skyway.json_model import JsonModel
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.identity import Caller, ServiceGate
@@ -121,3 +123,30 @@ def _wanted(caller: Caller, query: UseQuery, clock: FleetClock) -> Wanted:
 def _elapsed_s(span: Span, clock: FleetClock) -> float:
     """How much of the span is over: what is still to come can have no use."""
     return max(0, min(span.end_ms, moment_to_ms(clock.now())) - span.start_ms) / 1000
+
+
+class MissionStatistics(JsonModel):
+    """Missions that are not over, by state; for operators, messages waiting to leave by channel."""
+
+    at: FleetMoment
+    by_state: dict[str, int]
+    unsent: dict[str, int]
+
+
+def mission_statistics_routes(
+    *, db: Database, gate: ServiceGate, clock: FleetClock
+) -> ServiceRouter:
+    """GET /v1/stats/missions."""
+    router = ServiceRouter(tags=("statistics",))
+
+    @router.get("/v1/stats/missions")
+    async def mission_statistics(caller: Annotated[Caller, Depends(gate)]) -> MissionStatistics:
+        """How many missions that are not over are in which state, and what waits to be sent."""
+        caller.must_be("provider", "operator")
+        whose = ProviderId(caller.subject_id) if caller.role == "provider" else None
+        async with db.read() as connection:
+            by_state = await store.live_missions(connection, whose)
+            unsent = await store.unsent(connection) if whose is None else {}
+        return MissionStatistics(at=clock.now(), by_state=dict(by_state), unsent=dict(unsent))
+
+    return router

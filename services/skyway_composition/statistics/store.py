@@ -1,6 +1,6 @@
 """All SQL of statistics: steps that have ended, cut to the span and added up by the database."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,7 +22,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.statistics import Span
 from skyway.ids import NetworkId, ProviderId
-from skyway_composition.tables import cut_steps, mission_steps, missions, stations
+from skyway_composition.tables import cut_steps, is_live, mission_steps, missions, outbox, stations
 
 _Row = Row[*tuple[Any, ...]]  # columns of every type
 _Query = Select[*tuple[Any, ...]]
@@ -175,3 +175,19 @@ def _sums(each: FromClause) -> list[ColumnElement[Any]]:  # numbers of either ki
         func.count().label("missions"),
         *(func.sum(each.c[name]).label(name) for name in names),
     ]
+
+
+async def live_missions(
+    connection: AsyncConnection, provider_id: ProviderId | None
+) -> Mapping[str, int]:
+    """How many missions that are not over are in which state."""
+    query = select(missions.c.state, func.count()).where(is_live).group_by(missions.c.state)
+    if provider_id is not None:
+        query = query.where(missions.c.provider_id == provider_id)
+    return dict((await connection.execute(query)).all())
+
+
+async def unsent(connection: AsyncConnection) -> Mapping[str, int]:
+    """How many messages wait in the outbox, by channel."""
+    query = select(outbox.c.channel, func.count()).group_by(outbox.c.channel)
+    return dict((await connection.execute(query)).all())

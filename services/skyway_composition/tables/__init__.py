@@ -2,14 +2,26 @@
 
 from skyway.runtime.outbox.table import outbox_table
 from skyway_composition.tables.alarms import alarms
-from skyway_composition.tables.closures import closures
 from skyway_composition.tables.links import drone_links, instructions
 from skyway_composition.tables.metadata import metadata
-from skyway_composition.tables.missions import deliveries, is_live, is_under_way, missions
-from skyway_composition.tables.networks import network_versions, networks, stations
-from skyway_composition.tables.packages import cancellations, custody
-from skyway_composition.tables.pads import pad_reservations
-from skyway_composition.tables.steps import cut_steps, first_planned_end_ms, mission_steps
+from skyway_composition.tables.missions import (
+    cancellations,
+    custody,
+    cut_steps,
+    deliveries,
+    first_planned_end_ms,
+    is_live,
+    is_under_way,
+    mission_steps,
+    missions,
+)
+from skyway_composition.tables.networks import (
+    closures,
+    network_versions,
+    networks,
+    pad_reservations,
+    stations,
+)
 
 __all__ = [
     "alarms",

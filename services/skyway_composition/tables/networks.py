@@ -2,6 +2,7 @@
 
 from sqlalchemy import (
     BigInteger,
+    CheckConstraint,
     Column,
     Double,
     ForeignKey,
@@ -47,4 +48,45 @@ stations = Table(
     Column("longitude_deg", Double, nullable=False),
     Column("latitude_deg", Double, nullable=False),
     Index("stations_by_network", "network_id", "station_id"),
+)
+
+
+#: Exists exactly as long as its mission lives; [start_ms, end_ms) of one pad.
+pad_reservations = Table(
+    "pad_reservations",
+    metadata,
+    Column("station_id", Text, primary_key=True),
+    Column("pad", Integer, primary_key=True),
+    Column("start_ms", BigInteger, primary_key=True),
+    Column("end_ms", BigInteger, nullable=False),
+    Column("mission_id", Text, ForeignKey("missions.mission_id"), nullable=False),
+    CheckConstraint("start_ms < end_ms", name="pad_reservation_lasts"),
+    Index("pad_reservations_by_mission", "mission_id"),
+)
+
+
+#: What happens in the world, from `from_ms` until it ends or is lifted: rows are never deleted.
+closures = Table(
+    "closures",
+    metadata,
+    Column("closure_id", Text, primary_key=True),
+    Column("kind", Text, nullable=False),
+    Column("network_id", Text, ForeignKey("networks.network_id")),  # null: ground stop everywhere
+    Column("station_id", Text),
+    Column("pad", Integer),
+    Column("to_station_id", Text),
+    Column("area", Text),  # JSON of a GeoJSON polygon
+    Column("provider_id", Text),
+    Column("drone_model_id", Text),
+    Column("reason", Text),
+    Column("from_ms", BigInteger, nullable=False),
+    Column("until_ms", BigInteger),
+    Column("made_ms", BigInteger, nullable=False),
+    Column("lifted_ms", BigInteger),
+    CheckConstraint(
+        "kind IN ('STATION', 'PAD', 'SEGMENT', 'ZONE', 'GROUND_STOP')", name="closure_kind"
+    ),
+    CheckConstraint("until_ms IS NULL OR from_ms < until_ms", name="closure_lasts"),
+    Index("closures_in_force", "network_id", "lifted_ms", "until_ms"),
+    Index("closures_by_station", "station_id"),
 )

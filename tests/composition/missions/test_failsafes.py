@@ -5,7 +5,7 @@ from datetime import timedelta
 from typing import Any
 
 import pytest
-from skyway_composition.planning.margins import planned_more, used_more
+from skyway_composition.planning.problem_for import planned_more, used_more
 
 from skyway.contracts.drone_health import DroneHealth
 from skyway.contracts.flight_step import DeliverStep, PickUpStep, RechargeStep, ReturnStep

@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 from skyway_composition.planning.contest import Contest
-from skyway_composition.planning.least import Least
+from skyway_composition.planning.lower_bounds import Least
 
 from skyway.contracts.candidate import Candidate
 from skyway.contracts.shortlist import Shortlist

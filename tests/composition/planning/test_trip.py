@@ -1,5 +1,5 @@
 from skyway_composition.pads.booked_pad import BookedPad
-from skyway_composition.planning.round_trip import NOTHING_TO_DELIVER
+from skyway_composition.planning.find_trip import NOTHING_TO_DELIVER
 from skyway_composition.planning.trip import Trip, soc_after
 
 from skyway.delivery.plan import Deliver, Fly, PickUp, Plan, PlanStatus, Recharge

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
-from skyway_composition.closures.closing import Closings
+from skyway_composition.closures.close import Closings
 from skyway_composition.closures.closure import Closure
 from skyway_composition.closures.store import ground_stops
 from skyway_composition.missions.affected import store

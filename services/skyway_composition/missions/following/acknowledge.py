@@ -5,7 +5,7 @@ from typing import Final
 
 from skyway.contracts.drone_report import Ack, RefusalCode
 from skyway.units import moment_to_ms
-from skyway_composition.links.instructions.store import (
+from skyway_composition.links.instruction_store import (
     SentInstruction,
     answered,
     is_answered,

@@ -10,7 +10,7 @@ from skyway.contracts.drone_report import DroneEvent, DroneState
 from skyway.contracts.flight_step import ReturnStep
 from skyway.contracts.instruction import MissionInstruction
 from skyway.units import moment_to_ms
-from skyway_composition.links.instructions.store import last_revision, open_instructions
+from skyway_composition.links.instruction_store import last_revision, open_instructions
 from skyway_composition.missions import store
 from skyway_composition.missions.custody.chain import Custodian, Held
 from skyway_composition.missions.custody.store import add_custody, held_packages

@@ -5,7 +5,7 @@ from typing import Final
 
 from skyway.contracts.drone_report import DroneState
 from skyway.ids import DroneId, MissionId
-from skyway_composition.links.instructions.store import last_cancel
+from skyway_composition.links.instruction_store import last_cancel
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions import store
 from skyway_composition.missions.custody.chain import on_board
@@ -19,7 +19,7 @@ from skyway_composition.missions.record import MissionRecord
 from skyway_composition.missions.report import report
 from skyway_composition.missions.revisions.proposal import settle_if_flown
 from skyway_composition.missions.watch import Watch
-from skyway_composition.planning.margins import used_more
+from skyway_composition.planning.problem_for import used_more
 
 #: What a customer is shown; loading is told by reports of its own.
 _TOLD_ACTIVITIES: Final = ("FLYING", "WAITING", "RECHARGING", "DELIVERING")

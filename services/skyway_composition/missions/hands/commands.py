@@ -11,7 +11,7 @@ from skyway.runtime.errors import Conflict
 from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database
-from skyway_composition.links.instructions.store import kind_of_revision
+from skyway_composition.links.instruction_store import kind_of_revision
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.custody.chain import on_board
 from skyway_composition.missions.custody.store import held_packages
@@ -24,7 +24,7 @@ from skyway_composition.missions.hold import held, hold, resume
 from skyway_composition.missions.record import CALLED_HOME, DIVERTED, MissionRecord, Trouble
 from skyway_composition.missions.trouble import troubled
 from skyway_composition.missions.watch import Watch
-from skyway_composition.networks.stations.store import network_of
+from skyway_composition.networks.station_store import network_of
 
 #: Told of what an operator has cancelled, not the customer.
 _CANCELLED_BY_OPERATOR: Final = "CANCELLED_BY_OPERATOR"

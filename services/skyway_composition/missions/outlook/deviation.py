@@ -13,7 +13,7 @@ from skyway_composition.missions.outlook.prediction import Load, PredictedStep, 
 from skyway_composition.missions.outlook.situation import Situation
 from skyway_composition.missions.outlook.whereabouts import Whereabouts, whereabouts
 from skyway_composition.missions.record import MissionRecord, Trouble
-from skyway_composition.planning.margins import used_more, with_margin
+from skyway_composition.planning.problem_for import used_more, with_margin
 
 #: Less lateness than this is not worth telling a customer. Our own choice.
 TOLD_LATENESS: Final = timedelta(seconds=60)

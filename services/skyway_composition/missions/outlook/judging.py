@@ -19,7 +19,7 @@ from skyway_composition.missions.record import MissionRecord, Trouble
 from skyway_composition.missions.report import report
 from skyway_composition.missions.trouble import troubled
 from skyway_composition.missions.watch import Watch
-from skyway_composition.planning.margins import used_more
+from skyway_composition.planning.problem_for import used_more
 
 #: Longest time from what a drone does until it is heard here; `fleet_margin` of it. Our own choice.
 ON_ITS_WAY: Final = {"fleet_s": 30.0, "wall_s": 2.0}

@@ -16,7 +16,7 @@ from skyway_composition.missions.steps.step_record import StepRecord
 from skyway_composition.missions.steps.store import steps_of
 from skyway_composition.missions.watch import Watch
 from skyway_composition.networks.settings import NetworkSettings
-from skyway_composition.planning.margins import planned_more
+from skyway_composition.planning.problem_for import planned_more
 
 
 @dataclass(frozen=True, slots=True)

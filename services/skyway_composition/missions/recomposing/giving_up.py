@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 from skyway.contracts.flight_step import PickUpStep
-from skyway_composition.links.instructions.store import open_instructions
+from skyway_composition.links.instruction_store import open_instructions
 from skyway_composition.missions.ending import abort, cancel
 from skyway_composition.missions.hold import hold
 from skyway_composition.missions.mission_alarm import raise_alarm

@@ -8,7 +8,7 @@ from skyway.contracts.drone_report import DroneEvent
 from skyway.contracts.flight_step import FlightStep, RechargeStep
 from skyway.ids import ClosureId
 from skyway.units import moment_to_ms
-from skyway_composition.closures.closing import Closings
+from skyway_composition.closures.close import Closings
 from skyway_composition.closures.closure import Closure
 from skyway_composition.closures.store import outages
 from skyway_composition.missions.record import MissionRecord, OccupiedPad

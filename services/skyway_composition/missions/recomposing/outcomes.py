@@ -29,7 +29,7 @@ from skyway_composition.missions.revisions.new_steps import revision_of
 from skyway_composition.missions.revisions.proposal import propose
 from skyway_composition.missions.revisions.replacement import replace_plan
 from skyway_composition.missions.watch import Watch
-from skyway_composition.planning.round_trip import NoTrip
+from skyway_composition.planning.find_trip import NoTrip
 from skyway_composition.planning.world import still_holds
 
 log = logging.getLogger(__name__)

@@ -23,15 +23,15 @@ from skyway_composition.missions.rest.safe_landing import (
     takes_off_at_once,
 )
 from skyway_composition.planning.compose_in import compose_in
-from skyway_composition.planning.margins import with_margin
+from skyway_composition.planning.find_trip import NOTHING_TO_DELIVER, NoTrip, round_trip, way_home
 from skyway_composition.planning.problem_for import (
     Load,
     Standing,
     delivery_problem,
     landing_problem,
     onward_problem,
+    with_margin,
 )
-from skyway_composition.planning.round_trip import NOTHING_TO_DELIVER, NoTrip, round_trip, way_home
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.trip import Trip
 from skyway_composition.planning.world import World

@@ -4,7 +4,7 @@ from skyway.delivery.plan import Deliver, Fly, PickUp, Plan, PlanStatus, Step
 from skyway.ids import PackageId
 from skyway.planner.pad_book import booked_until_ms
 from skyway_composition.missions.rest.landing import Landing
-from skyway_composition.planning.round_trip import NOTHING_TO_DELIVER
+from skyway_composition.planning.find_trip import NOTHING_TO_DELIVER
 from skyway_composition.planning.trip import Trip
 
 

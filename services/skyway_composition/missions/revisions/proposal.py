@@ -16,7 +16,7 @@ from skyway.contracts.instruction import (
 )
 from skyway.contracts.mission import Mission
 from skyway_composition.links.courier import Draft
-from skyway_composition.links.instructions.store import kind_of_revision
+from skyway_composition.links.instruction_store import kind_of_revision
 from skyway_composition.missions import store
 from skyway_composition.missions.give_back import give_back
 from skyway_composition.missions.record import CALLED_HOME, Aim, MissionRecord, Proposal, Trouble

@@ -1,1 +1,0 @@
-"""Closures of many places at once: zones, and ground stops."""

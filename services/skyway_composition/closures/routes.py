@@ -1,0 +1,236 @@
+"""Closures of stations and segments and outages of pads, over REST."""
+
+from typing import Annotated
+
+from fastapi import Depends, Path, Query, Response
+
+from skyway.ids import ClosureId, StationId
+from skyway.network.network import MAX_PADS
+from skyway.runtime.errors import NotFound
+from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.paging import Page
+from skyway.runtime.http.service_router import ServiceRouter
+from skyway_composition.closures.close import Closings
+from skyway_composition.closures.handle import (
+    MADE,
+    closure_of,
+    lift,
+    made_or_shown,
+    page_of_kind,
+    status_of,
+)
+from skyway_composition.closures.orders import (
+    ClosureInfo,
+    ClosureMade,
+    ClosureOrder,
+    ClosureQuery,
+    DryRun,
+    GroundStopOrder,
+    ZoneOrder,
+)
+
+PadNumber = Annotated[int, Path(ge=0, lt=MAX_PADS)]
+
+
+def place_routes(*, gate: ServiceGate, closings: Closings) -> ServiceRouter:
+    """Closures of stations, outages of pads, closures of segments."""
+    router = ServiceRouter(tags=("closures",))
+    _add_stations(router, gate, closings)
+    _add_outages(router, gate, closings)
+    _add_segment_closures(router, gate, closings)
+    return router
+
+
+def _add_stations(router: ServiceRouter, gate: ServiceGate, closings: Closings) -> None:
+    path = "/v1/stations/{station_id}/closures"
+
+    @router.post(path, response_model=ClosureMade, responses=MADE)
+    async def close_station(
+        station_id: StationId,
+        caller: Annotated[Caller, Depends(gate)],
+        query: Annotated[DryRun, Query()],
+        response: Response,
+        order: ClosureOrder | None = None,
+    ) -> ClosureMade:
+        """Have nobody land at a station, and whoever would, go elsewhere."""
+        caller.must_be("operator")
+        at = await closings.around(station_id)
+        closure = closure_of("STATION", at.network_id, closings, order, station_id=station_id)
+        response.status_code = status_of(query)
+        return await made_or_shown(closings, closure, query)
+
+    @router.get(path)
+    async def list_station_closures(
+        station_id: StationId,
+        caller: Annotated[Caller, Depends(gate)],
+        query: Annotated[ClosureQuery, Query()],
+    ) -> Page[ClosureInfo]:
+        """The closures of a station that are not over."""
+        return await page_of_kind(closings, caller, query, "STATION", station_id=station_id)
+
+    @router.delete(f"{path}/{{closure_id}}", status_code=204)
+    async def reopen_station(
+        station_id: StationId, closure_id: ClosureId, caller: Annotated[Caller, Depends(gate)]
+    ) -> None:
+        """Lift a closure of a station."""
+        await lift(closings, caller, closure_id, "STATION", station_id=station_id)
+
+
+def _add_outages(router: ServiceRouter, gate: ServiceGate, closings: Closings) -> None:
+    path = "/v1/stations/{station_id}/pads/{pad}/outages"
+
+    @router.post(path, response_model=ClosureMade, responses=MADE)
+    async def put_pad_out_of_order(
+        station_id: StationId,
+        pad: PadNumber,
+        caller: Annotated[Caller, Depends(gate)],
+        query: Annotated[DryRun, Query()],
+        response: Response,
+        order: ClosureOrder | None = None,
+    ) -> ClosureMade:
+        """Have nobody charge on a pad, and whoever would, do so elsewhere."""
+        caller.must_be("operator")
+        at = await closings.around(station_id)
+        if pad >= at.network.stations[station_id].pads:
+            raise NotFound("pad", f"{station_id}/{pad}")
+        closure = closure_of("PAD", at.network_id, closings, order, station_id=station_id, pad=pad)
+        response.status_code = status_of(query)
+        return await made_or_shown(closings, closure, query)
+
+    @router.get(path)
+    async def list_outages(
+        station_id: StationId,
+        pad: PadNumber,
+        caller: Annotated[Caller, Depends(gate)],
+        query: Annotated[ClosureQuery, Query()],
+    ) -> Page[ClosureInfo]:
+        """The outages of a pad that are not over."""
+        return await page_of_kind(closings, caller, query, "PAD", station_id=station_id, pad=pad)
+
+    @router.delete(f"{path}/{{closure_id}}", status_code=204)
+    async def end_outage(
+        station_id: StationId,
+        pad: PadNumber,
+        closure_id: ClosureId,
+        caller: Annotated[Caller, Depends(gate)],
+    ) -> None:
+        """End an outage of a pad."""
+        await lift(closings, caller, closure_id, "PAD", station_id=station_id, pad=pad)
+
+
+def _add_segment_closures(router: ServiceRouter, gate: ServiceGate, closings: Closings) -> None:
+    path = "/v1/segments/{from_id}/{to_id}/closures"
+
+    @router.post(path, response_model=ClosureMade, responses=MADE)
+    async def close_segment(
+        from_id: StationId,
+        to_id: StationId,
+        caller: Annotated[Caller, Depends(gate)],
+        query: Annotated[DryRun, Query()],
+        response: Response,
+        order: ClosureOrder | None = None,
+    ) -> ClosureMade:
+        """Have nobody fly a segment in this direction."""
+        caller.must_be("operator")
+        at = await closings.around(from_id)
+        if all(segment.to_id != to_id for segment in at.network.segments_from(from_id)):
+            raise NotFound("segment", f"{from_id}/{to_id}")
+        closure = closure_of(
+            "SEGMENT", at.network_id, closings, order, station_id=from_id, to_station_id=to_id
+        )
+        response.status_code = status_of(query)
+        return await made_or_shown(closings, closure, query)
+
+    @router.get(path)
+    async def list_segment_closures(
+        from_id: StationId,
+        to_id: StationId,
+        caller: Annotated[Caller, Depends(gate)],
+        query: Annotated[ClosureQuery, Query()],
+    ) -> Page[ClosureInfo]:
+        """The closures of a segment that are not over."""
+        return await page_of_kind(
+            closings, caller, query, "SEGMENT", station_id=from_id, to_station_id=to_id
+        )
+
+    @router.delete(f"{path}/{{closure_id}}", status_code=204)
+    async def reopen_segment(
+        from_id: StationId,
+        to_id: StationId,
+        closure_id: ClosureId,
+        caller: Annotated[Caller, Depends(gate)],
+    ) -> None:
+        """Lift a closure of a segment."""
+        await lift(closings, caller, closure_id, "SEGMENT", station_id=from_id, to_station_id=to_id)
+
+
+def area_routes(*, gate: ServiceGate, closings: Closings) -> ServiceRouter:
+    """Zones, and ground stops in an area, in a network or everywhere."""
+    router = ServiceRouter(tags=("closures",))
+    _add_zones(router, gate, closings)
+    _add_ground_stops(router, gate, closings)
+    return router
+
+
+def _add_zones(router: ServiceRouter, gate: ServiceGate, closings: Closings) -> None:
+    @router.post("/v1/zones", response_model=ClosureMade, responses=MADE)
+    async def make_zone(
+        order: ZoneOrder,
+        caller: Annotated[Caller, Depends(gate)],
+        query: Annotated[DryRun, Query()],
+        response: Response,
+    ) -> ClosureMade:
+        """Have nobody fly through an area, nor land in it."""
+        caller.must_be("operator")
+        closure = closure_of("ZONE", order.network_id, closings, order, area=order.area)
+        response.status_code = status_of(query)
+        return await made_or_shown(closings, closure, query)
+
+    @router.get("/v1/zones")
+    async def list_zones_made(
+        caller: Annotated[Caller, Depends(gate)], query: Annotated[ClosureQuery, Query()]
+    ) -> Page[ClosureInfo]:
+        """The zones that were made beside those of the networks, and are not over."""
+        return await page_of_kind(closings, caller, query, "ZONE")
+
+    @router.delete("/v1/zones/{closure_id}", status_code=204)
+    async def lift_zone(closure_id: ClosureId, caller: Annotated[Caller, Depends(gate)]) -> None:
+        """Lift a zone."""
+        await lift(closings, caller, closure_id, "ZONE")
+
+
+def _add_ground_stops(router: ServiceRouter, gate: ServiceGate, closings: Closings) -> None:
+    @router.post("/v1/ground-stops", response_model=ClosureMade, responses=MADE)
+    async def stop_on_ground(
+        order: GroundStopOrder,
+        caller: Annotated[Caller, Depends(gate)],
+        query: Annotated[DryRun, Query()],
+        response: Response,
+    ) -> ClosureMade:
+        """Have nobody take off; who flies, lands as planned."""
+        caller.must_be("operator")
+        closure = closure_of(
+            "GROUND_STOP",
+            order.network_id,
+            closings,
+            ClosureOrder(until=order.until, reason=order.reason),
+            area=order.area,
+            provider_id=order.provider_id,
+            drone_model_id=order.drone_model_id,
+        )
+        response.status_code = status_of(query)
+        return await made_or_shown(closings, closure, query)
+
+    @router.get("/v1/ground-stops")
+    async def list_ground_stops(
+        caller: Annotated[Caller, Depends(gate)], query: Annotated[ClosureQuery, Query()]
+    ) -> Page[ClosureInfo]:
+        """The ground stops that are not over."""
+        return await page_of_kind(closings, caller, query, "GROUND_STOP")
+
+    @router.delete("/v1/ground-stops/{closure_id}", status_code=204)
+    async def lift_ground_stop(
+        closure_id: ClosureId, caller: Annotated[Caller, Depends(gate)]
+    ) -> None:
+        """Let drones take off again."""
+        await lift(closings, caller, closure_id, "GROUND_STOP")

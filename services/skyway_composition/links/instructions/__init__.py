@@ -1,1 +1,0 @@
-"""What was sent to drones, and what they answered."""

@@ -1,0 +1,110 @@
+"""Who holds the pads of a network's stations: read station by station, as plans come to ask."""
+
+import asyncio
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+
+from skyway.ids import MissionId, NetworkId, StationId
+from skyway.network.columns import Rows
+from skyway.network.network import Network
+from skyway.planner.pad_book import NO_RESERVATIONS, PadBook
+from skyway.runtime.sql.database import Database
+from skyway_composition.pads.store import PadHeld, booked_at, booked_everywhere
+
+#: Stations above which the whole network's reservations are read: naming each takes longer.
+_MOST_NAMED: Final = 5_000
+
+
+class PadSnapshot:
+    """The reservations of one network's stations that last beyond a moment.
+
+    Each station is read once; a booking's transaction finds out whether they still hold.
+
+    Parameters
+    ----------
+    after_ms
+        The moment, milliseconds since 1970.
+    without_mission_id
+        A mission whose own pads count as free.
+    outages
+        Pads that are out of order, and when; an end of `OPEN_MS` is none.
+    gap_ms
+        How long before a reservation its pad has to be free: the gap after it is booked with it.
+    """
+
+    def __init__(
+        self,
+        db: Database,
+        network_id: NetworkId,
+        network: Network,
+        *,
+        after_ms: int,
+        without_mission_id: MissionId | None = None,
+        outages: Sequence[PadHeld] = (),
+        gap_ms: int = 0,
+    ) -> None:
+        self._db = db
+        self._network_id = network_id
+        self._network = network
+        self._after_ms = after_ms
+        self._without_mission_id = without_mission_id
+        self._is_read = np.zeros(len(network.row_of), np.bool_)
+        self._outages = tuple(outages)
+        self._gap_ms = gap_ms
+        self._held: list[PadHeld] = []
+        # Who asks while another reads must not plan without what is being read.
+        self._reading = asyncio.Lock()
+        #: Of the stations read so far, milliseconds since 1970.
+        self.book: PadBook = self._book_of(()) if outages else NO_RESERVATIONS
+
+    def knows(self, station_id: StationId) -> bool:
+        """Whether this station has been read."""
+        return bool(self._is_read[self._network.row_of[station_id]])
+
+    async def read(self, rows: Rows) -> None:
+        """Read the stations of these rows, as far as they have not been read."""
+        async with self._reading:
+            missing = rows[~self._is_read[rows]]
+            if len(missing) > _MOST_NAMED:
+                await self._read_all()
+            elif len(missing):
+                await self._read_at(missing)
+
+    async def _read_all(self) -> None:
+        async with self._db.read() as connection:
+            self._held = await booked_everywhere(
+                connection,
+                self._network_id,
+                moment_ms=self._after_ms,
+                without_mission_id=self._without_mission_id,
+            )
+        self.book = self._book_of(self._held)
+        self._is_read[:] = True
+
+    async def _read_at(self, missing: Rows) -> None:
+        ids = self._network.columns.station_ids
+        async with self._db.read() as connection:
+            self._held += await booked_at(
+                connection,
+                [ids[row] for row in missing.tolist()],
+                moment_ms=self._after_ms,
+                without_mission_id=self._without_mission_id,
+            )
+        self.book = self._book_of(self._held)
+        self._is_read[missing] = True
+
+    def _book_of(self, held: Sequence[PadHeld]) -> PadBook:
+        row_of, pads = self._network.row_of, self._network.columns.pads
+        early = ((*each[:2], each[2] - self._gap_ms, each[3]) for each in held)
+        # A station or pad that this version does not have is nothing to plan around.
+        entries = [
+            (row, pad, start_ms, end_ms)
+            for station_id, pad, start_ms, end_ms in (*early, *self._outages)
+            if (row := row_of.get(station_id)) is not None and pad < pads[row]
+        ]
+        columns = np.array(entries, np.int64).reshape(-1, 4).T
+        return PadBook.of_arrays(
+            station=columns[0], pad=columns[1], start_ms=columns[2], end_ms=columns[3]
+        )

@@ -1,1 +1,0 @@
-"""How taken stations are: counted, and told to everybody."""

@@ -1,0 +1,216 @@
+"""What candidates' offers take at least, in time, price and energy: known without composing."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Final, NamedTuple, Self, TypeVar
+
+import numpy as np
+
+from skyway.contracts.shortlist import Shortlist
+from skyway.delivery.offer import Tariff
+from skyway.delivery.request import DeliveryRequest
+from skyway.drone.charging import fastest_s_per_soc
+from skyway.drone.model import DroneModel
+from skyway.drone.power import flight_power_w
+from skyway.ids import StationId
+from skyway.network.adjacency import Adjacency
+from skyway.network.columns import Floats
+from skyway.network.network import Network
+from skyway.planner.kernels.ways import lengths_from
+from skyway_composition.networks.prepared import PreparedNetwork
+from skyway_composition.networks.settings import NetworkSettings
+from skyway_composition.planning.problem_for import with_margin
+
+_Key = TypeVar("_Key")
+
+
+class _Paces(NamedTuple):
+    """What drones take at least: to the pickup by the metre, and after it in all; ``(n,)`` each.
+
+    `stops_s` are all stops of a drone that stands at the pickup; any other lands there, too.
+    """
+
+    approach_s_per_m: Floats
+    approach_j_per_m: Floats
+    tour_s: Floats
+    tour_j: Floats
+    recharging_s_per_j: Floats
+    stops_s: Floats
+    landing_s: Floats
+    reserve_soc: Floats
+    battery_j: Floats
+
+
+@dataclass(frozen=True, slots=True)
+class Least:
+    """Bounds of each candidate's values for one request: no plan goes below them; ``(n,)`` each.
+
+    Along the shortest ways, with no wait, charging as fast as the curve is anywhere; pads and
+    closures are not looked at. Time and energy are inf without a way, the price is then 0.
+    """
+
+    time_s: Floats
+    price: Floats
+    energy_j: Floats
+
+    @classmethod
+    def of(cls, skyway: PreparedNetwork, request: DeliveryRequest, shortlist: Shortlist) -> Self:
+        """The bounds for a request whose places are all in the network, as the candidates' are."""
+        network, pickup = skyway.network, request.pickup.station_id
+        stops = [each for each in request.destinations if each != pickup]
+        tour_m = least_tour_m(network, pickup, stops)
+        approach_m = least_m_to(network, pickup, shortlist.station_ids)
+        pace = _paces(shortlist, request, skyway.settings, tour_m=tour_m)
+
+        energy_j = approach_m * pace.approach_j_per_m + pace.tour_j
+        usable_j = np.maximum(0.0, np.array(shortlist.socs) - pace.reserve_soc) * pace.battery_j
+        recharging_s = np.maximum(0.0, energy_j - usable_j) * pace.recharging_s_per_j
+        time_s = approach_m * pace.approach_s_per_m + pace.tour_s + recharging_s + pace.stops_s
+        is_elsewhere = np.array([each != pickup for each in shortlist.station_ids])
+        time_s += np.where(is_elsewhere, pace.landing_s, 0.0)
+
+        has_way = np.isfinite(time_s)
+        price = _amounts(
+            shortlist,
+            distance_m=np.where(has_way, approach_m + tour_m, 0.0),
+            payload_kg=request.payload_kg,
+            recharging_s=np.where(has_way, recharging_s, 0.0),
+        )
+        return cls(time_s, np.where(has_way, price, 0.0), energy_j)
+
+
+def _paces(
+    shortlist: Shortlist, request: DeliveryRequest, settings: NetworkSettings, *, tour_m: float
+) -> _Paces:
+    """The paces of the candidates, margin included, on a tour of this length."""
+    by_model = {
+        model_id: _pace(
+            with_margin(model, settings.energy_margin), request, settings, tour_m=tour_m
+        )
+        for model_id, model in shortlist.model_of.items()
+    }
+    return _Paces(*_looked_up(by_model, shortlist.model_ids))
+
+
+def _pace(
+    model: DroneModel, request: DeliveryRequest, settings: NetworkSettings, *, tour_m: float
+) -> Sequence[float]:
+    """A model's row of `_Paces`."""
+    fastest_mps = max(model.speed_empty_mps, model.speed_full_mps)
+    # Each flight between deliveries carries at least this.
+    lightest_kg = min(package.mass_kg for package in request.packages)
+    destinations = request.destinations
+    stops = len(destinations)
+    landings = stops - (request.pickup.station_id in destinations)
+    return (
+        1 / model.speed_empty_mps,
+        flight_power_w(model, 0.0) / model.speed_empty_mps,
+        tour_m / fastest_mps,
+        tour_m * flight_power_w(model, lightest_kg) / fastest_mps,
+        fastest_s_per_soc(model) / model.battery_j,
+        settings.loading_s + stops * settings.dropoff_s + landings * model.stop_s,
+        model.stop_s,
+        model.reserve_soc,
+        model.battery_j,
+    )
+
+
+def _amounts(
+    shortlist: Shortlist, *, distance_m: Floats, payload_kg: float, recharging_s: Floats
+) -> Floats:
+    """What the candidates' tariffs ask: for each drone, by the same formula, `amount_of`."""
+    by_provider = {key: _rates(terms.tariff) for key, terms in shortlist.terms_of.items()}
+    base, per_km, per_kg, per_recharge_minute, minimum = _looked_up(
+        by_provider, shortlist.provider_ids
+    )
+    amounts: Floats = (
+        base
+        + per_km * distance_m / 1000
+        + per_kg * payload_kg
+        + per_recharge_minute * recharging_s / 60
+    )
+    at_least: Floats = np.maximum(minimum, np.rint(amounts))
+    return at_least
+
+
+def _rates(tariff: Tariff) -> Sequence[int]:
+    return (
+        tariff.base,
+        tariff.per_km,
+        tariff.per_kg,
+        tariff.per_recharge_minute,
+        tariff.minimum,
+    )
+
+
+def _looked_up(by_key: Mapping[_Key, Sequence[float]], keys: Sequence[_Key]) -> Floats:
+    """The rows that these keys have, as columns."""
+    number_of = {key: number for number, key in enumerate(by_key)}
+    numbers = [number_of[key] for key in keys]
+    columns: Floats = np.array([*by_key.values()], np.float64).T[:, numbers]
+    return columns
+
+
+#: Stations after which the search ends: what is farther is at least as far as the last of these.
+_MOST_SETTLED: Final = 2_000
+
+#: Destinations up to which all their orders are compared; of more only the farthest counts.
+_MOST_ORDERED: Final = 6
+
+
+def least_m_to(network: Network, end: StationId, starts: Sequence[StationId]) -> Floats:
+    """The length of the shortest way to `end` from each of these stations, metres, or less.
+
+    Closures are not looked at; inf where there is no way.
+    """
+    return _least_m(network, network.incoming, end, starts)
+
+
+def least_tour_m(network: Network, start: StationId, stops: Sequence[StationId]) -> float:
+    """The length of the shortest way from `start` through all of these, or less, metres."""
+    if not stops:
+        return 0.0
+    from_start = _row(network, start, stops)
+    if len(stops) > _MOST_ORDERED:
+        return max(from_start)
+    apart = [
+        [0.0] * len(stops) if len(stops) == 1 else _row(network, stop, stops) for stop in stops
+    ]
+    # By the stops visited and the last of them: the least so far (Held and Karp).
+    least = {(1 << last, last): least_m for last, least_m in enumerate(from_start)}
+    for visited in range(1, 1 << len(stops)):
+        for last in range(len(stops)):
+            so_far_m = least.get((visited, last))
+            if so_far_m is None:
+                continue
+            for following in range(len(stops)):
+                if visited >> following & 1:
+                    continue
+                key = (visited | 1 << following, following)
+                length_m = so_far_m + apart[last][following]
+                if length_m < least.get(key, math.inf):
+                    least[key] = length_m
+    everything = (1 << len(stops)) - 1
+    return min(least.get((everything, last), math.inf) for last in range(len(stops)))
+
+
+def _row(network: Network, start: StationId, ends: Sequence[StationId]) -> list[float]:
+    least_m: list[float] = _least_m(network, network.outgoing, start, ends).tolist()
+    return least_m
+
+
+def _least_m(
+    network: Network, adjacent: Adjacency, root: StationId, wanted: Sequence[StationId]
+) -> Floats:
+    """The shortest ways from the root along these segments."""
+    rows = np.array([network.row_of[each] for each in wanted], np.int64)
+    least_m: Floats = lengths_from(
+        adjacent.offsets,
+        adjacent.station,
+        adjacent.length_m,
+        network.row_of[root],
+        rows,
+        _MOST_SETTLED,
+    )
+    return least_m

@@ -1,0 +1,155 @@
+"""Offers: true plans, priced and ranked, and why the other providers make none."""
+
+import asyncio
+import math
+
+import numpy as np
+
+from skyway.contracts.shortlist import Shortlist
+from skyway.delivery.offer import rank_offers
+from skyway.delivery.request import DeliveryRequest
+from skyway.ids import DroneId
+from skyway_composition.planning.contest import Contest
+from skyway_composition.planning.find_trip import NoTrip, TripFinder
+from skyway_composition.planning.lower_bounds import Least
+from skyway_composition.planning.offer import Limits, Offer, Offers, Part
+from skyway_composition.planning.refusals import Refusals, fit_among
+from skyway_composition.planning.split import carrying_all, split_offers
+
+
+async def plan_offers(
+    finder: TripFinder,
+    request: DeliveryRequest,
+    *,
+    shortlist: Shortlist,
+    busy: frozenset[DroneId],
+    limits: Limits,
+) -> Offers:
+    """The offers of those who may win, best first; the first is what no pruning would change.
+
+    Who can carry everything at once does; only when nobody can is the request split over trips.
+    """
+    refusals = Refusals()
+    world = finder.world
+    fit = fit_among(refusals, world, request, shortlist=shortlist, busy=busy, at_ms=finder.start_ms)
+    if fit.is_empty:
+        return Offers((), refusals.of_providers(()))
+    able = carrying_all(fit, request, world.skyway.settings)
+    if able.is_empty:
+        offers = await split_offers(
+            finder, request, fit.candidates, limits=limits, refusals=refusals
+        )
+    else:
+        _refuse_overweight(refusals, fit, request)
+        offers = await _single_offers(finder, request, able, limits=limits, refusals=refusals)
+    ranked = rank_offers([offer.values for offer in offers], request.qos.ranking)
+    reasons = refusals.of_providers({offer.provider_id for offer in offers})
+    return Offers(tuple(offers[index] for index in ranked), reasons)
+
+
+async def best_of_each(
+    finder: TripFinder,
+    request: DeliveryRequest,
+    *,
+    shortlist: Shortlist,
+    busy: frozenset[DroneId],
+    limits: Limits,
+) -> Offers:
+    """The best offer of each provider, best first; providers are compared by true plans, too."""
+    found = await asyncio.gather(
+        *(
+            plan_offers(
+                finder,
+                request,
+                shortlist=shortlist.of_provider(provider_id),
+                busy=busy,
+                limits=limits,
+            )
+            for provider_id in sorted(set(shortlist.provider_ids))
+        )
+    )
+    best = [offers.ranked[0] for offers in found if offers.ranked]
+    ranked = rank_offers([offer.values for offer in best], request.qos.ranking)
+    reasons = tuple(reason for offers in found for reason in offers.reasons)
+    return Offers(tuple(best[index] for index in ranked), reasons)
+
+
+async def _single_offers(
+    finder: TripFinder,
+    request: DeliveryRequest,
+    shortlist: Shortlist,
+    *,
+    limits: Limits,
+    refusals: Refusals,
+) -> list[Offer]:
+    """Compose for the candidates that may still win, the most promising first."""
+    least = Least.of(finder.world.skyway, request, shortlist)
+    contest = Contest(shortlist, least, request.qos.ranking)
+    contest.leave_out(_breaking(shortlist, least, finder, limits=limits, refusals=refusals))
+    offers: list[Offer] = []
+    while twins := contest.take_next([offer.values for offer in offers]):
+        candidates = [shortlist.candidate(row) for row in twins]
+        trip = await finder.trip(candidates[0], request)
+        for candidate in candidates:
+            if isinstance(trip, NoTrip):
+                refusals.add_no_trip(candidate.provider_id, trip)
+                continue
+            part = Part.of(candidate, trip, request=request, network=finder.world.skyway.network)
+            offer = Offer((part,))
+            if refusals.is_affordable(offer, limits):
+                offers.append(offer)
+    return offers
+
+
+def _breaking(
+    shortlist: Shortlist, least: Least, finder: TripFinder, *, limits: Limits, refusals: Refusals
+) -> list[int]:
+    """The rows that cannot keep the limits, whatever is composed; why is kept."""
+    latest_s = math.inf
+    if limits.latest_ms is not None:
+        latest_s = (limits.latest_ms - finder.start_ms) / 1000
+    max_price = math.inf if limits.max_price is None else limits.max_price
+    # Not by a hair: bounds are sums of floats, in another order than plans are.
+    is_late = (latest_s + 1 < least.time_s) & (least.time_s < math.inf)
+    is_dear = least.price > max_price + 1
+    breaking: list[int] = np.flatnonzero(is_late | is_dear).tolist()
+    for row in breaking:
+        provider_id = shortlist.provider_ids[row]
+        if is_late[row]:
+            least_s = float(least.time_s[row])
+            refusals.add(
+                provider_id,
+                "TOO_LATE",
+                f"it takes {least_s:.0f} s at least, of which there are {latest_s:.0f}",
+                is_temporary=False,
+                least_s=least_s,
+                latest_s=latest_s,
+            )
+        else:
+            least_price = int(least.price[row])
+            refusals.add(
+                provider_id,
+                "TOO_EXPENSIVE",
+                f"it costs {least_price} at least, which exceeds the limit of {max_price}",
+                is_temporary=False,
+                least_price=least_price,
+                max_price=max_price,
+            )
+    return breaking
+
+
+def _refuse_overweight(refusals: Refusals, shortlist: Shortlist, request: DeliveryRequest) -> None:
+    """Keep which of these drones are too weak, each by itself."""
+    payload_kg = request.payload_kg
+    for provider_id, model_id in zip(shortlist.provider_ids, shortlist.model_ids, strict=True):
+        limit_kg = shortlist.model_of[model_id].max_payload_kg
+        if limit_kg < payload_kg:
+            refusals.add(
+                provider_id,
+                "OVERWEIGHT",
+                f"payload {payload_kg:g} kg exceeds the {limit_kg:g} kg limit of drone model "
+                f"{model_id}",
+                is_temporary=False,
+                mass_kg=payload_kg,
+                limit_kg=limit_kg,
+            )

@@ -1,0 +1,166 @@
+"""Requests that no single trip carries: split over several drones of one provider."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from itertools import groupby
+
+from skyway.contracts.candidate import Candidate
+from skyway.contracts.shortlist import Shortlist
+from skyway.delivery.request import DeliveryRequest, Package
+from skyway.network.network import Network
+from skyway_composition.networks.settings import NetworkSettings
+from skyway_composition.pads.booked_pad import BookedPad
+from skyway_composition.planning.find_trip import NoTrip, TripFinder
+from skyway_composition.planning.offer import Limits, Offer, Part
+from skyway_composition.planning.refusals import Refusals
+
+
+def carrying_all(
+    shortlist: Shortlist, request: DeliveryRequest, settings: NetworkSettings
+) -> Shortlist:
+    """Those of whose drones one trip may take all packages of the request."""
+    if len(request.destinations) > settings.max_destinations_per_trip:
+        return shortlist.only([])
+    able = {
+        model_id
+        for model_id, model in shortlist.model_of.items()
+        if request.payload_kg <= model.max_payload_kg
+    }
+    return shortlist.only([row for row, of in enumerate(shortlist.model_ids) if of in able])
+
+
+async def split_offers(
+    finder: TripFinder,
+    request: DeliveryRequest,
+    candidates: Sequence[Candidate],
+    *,
+    limits: Limits,
+    refusals: Refusals,
+) -> list[Offer]:
+    """One offer of each provider that can carry everything over several trips.
+
+    When nobody can, and some may be left for later, the offers that carry the most.
+    """
+    offers: list[Offer] = []
+    for _, own in groupby(
+        sorted(candidates, key=lambda each: each.provider_id), lambda each: each.provider_id
+    ):
+        offer = await _split(finder, request, list(own), limits=limits, refusals=refusals)
+        if offer is not None and refusals.is_affordable(offer, limits):
+            offers.append(offer)
+    most = max((offer.packages for offer in offers), default=0)
+    return [offer for offer in offers if offer.packages == most]
+
+
+@dataclass(slots=True)
+class _Split:
+    """The trips found so far, and the packages that still lie at the pickup, in sweep order."""
+
+    left: list[Package]
+    parts: list[Part] = field(default_factory=list)
+    #: Why the last drone had no trip, and whose drone it was.
+    obstacle: tuple[Candidate, NoTrip] | None = None
+
+    @property
+    def held(self) -> tuple[BookedPad, ...]:
+        """The pads that the trips so far will hold."""
+        return tuple(sorted(pad for part in self.parts for pad in part.trip.booked_pads))
+
+
+async def _split(
+    finder: TripFinder,
+    request: DeliveryRequest,
+    candidates: Sequence[Candidate],
+    *,
+    limits: Limits,
+    refusals: Refusals,
+) -> Offer | None:
+    """The trips of one provider's drones, the strongest first; each takes the next of the sweep."""
+    skyway = finder.world.skyway
+    split = _Split(_swept(skyway.network, request))
+    # Sorting keeps the registry's order among equals: the nearest first.
+    for candidate in sorted(candidates, key=lambda each: -each.model.max_payload_kg):
+        taken = _next_load(
+            split.left, candidate, most_stops=skyway.settings.max_destinations_per_trip
+        )
+        if not taken:
+            continue
+        part_request = request.model_copy(update={"packages": tuple(taken)})
+        trip = await finder.trip(candidate, part_request, held=split.held)
+        if isinstance(trip, NoTrip):
+            split.obstacle = candidate, trip
+            continue
+        part = Part.of(candidate, trip, request=part_request, network=skyway.network)
+        split.parts.append(part)
+        gone = {each.package_id for each in taken}
+        split.left = [each for each in split.left if each.package_id not in gone]
+        if not split.left:
+            break
+    if split.parts and not (split.left and limits.is_whole):
+        return Offer(tuple(split.parts))
+    _refuse(refusals, split, candidates)
+    return None
+
+
+def _swept(network: Network, request: DeliveryRequest) -> list[Package]:
+    """The packages by the bearing of their destinations, beginning after the widest gap."""
+    centre = network.stations[request.pickup.station_id].position
+    narrowing = math.cos(math.radians(centre.latitude_deg))
+
+    def bearing(package: Package) -> tuple[float, str]:
+        place = network.stations[package.destination.station_id].position
+        east_deg = (place.longitude_deg - centre.longitude_deg) * narrowing
+        north_deg = place.latitude_deg - centre.latitude_deg
+        return math.atan2(east_deg, north_deg), package.destination.station_id
+
+    swept = sorted(request.packages, key=bearing)
+    angles = [bearing(package)[0] for package in swept]
+    gaps = [
+        (after - before) % math.tau
+        for before, after in zip(angles[-1:] + angles[:-1], angles, strict=True)
+    ]
+    first = gaps.index(max(gaps)) if len(swept) > 1 else 0
+    return swept[first:] + swept[:first]
+
+
+def _next_load(left: Sequence[Package], candidate: Candidate, *, most_stops: int) -> list[Package]:
+    """The packages of the sweep that this drone takes, passing over what is too much for it."""
+    taken: list[Package] = []
+    stops: set[str] = set()
+    for package in left:
+        load_kg = math.fsum([*(each.mass_kg for each in taken), package.mass_kg])
+        more_stops = stops | {package.destination.station_id}
+        if load_kg <= candidate.model.max_payload_kg and len(more_stops) <= most_stops:
+            taken.append(package)
+            stops = more_stops
+    return taken
+
+
+def _refuse(refusals: Refusals, split: _Split, candidates: Sequence[Candidate]) -> None:
+    """Say why a provider's drones cannot carry everything."""
+    strongest = max(candidates, key=lambda each: each.model.max_payload_kg)
+    heaviest_kg = max(package.mass_kg for package in split.left)
+    limit_kg = strongest.model.max_payload_kg
+    if heaviest_kg > limit_kg:
+        refusals.add(
+            strongest.provider_id,
+            "OVERWEIGHT",
+            f"a package of {heaviest_kg:g} kg exceeds the {limit_kg:g} kg limit of drone model "
+            f"{strongest.model.model_id}",
+            is_temporary=False,
+            mass_kg=heaviest_kg,
+            limit_kg=limit_kg,
+        )
+    elif split.obstacle is not None:
+        candidate, reason = split.obstacle
+        refusals.add_no_trip(candidate.provider_id, reason)
+    else:
+        refusals.add(
+            strongest.provider_id,
+            "NOT_ENOUGH_DRONES",
+            f"its {len(split.parts)} free drones leave {len(split.left)} packages behind",
+            is_temporary=True,
+            drones=len(split.parts),
+            packages_left=len(split.left),
+        )

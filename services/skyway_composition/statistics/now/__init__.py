@@ -1,1 +1,0 @@
-"""What is under way now: missions by state, and messages that have not left."""

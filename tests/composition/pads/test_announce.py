@@ -1,0 +1,129 @@
+"""What is told of stations: on change, and all of it again after a connect."""
+
+from dataclasses import dataclass, field
+from datetime import timedelta
+from typing import Any
+
+import pytest
+from skyway_composition.networks.announce import NetworkVersions
+from skyway_composition.pads.announce import StationStates
+
+pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
+
+
+@dataclass
+class Broker:
+    """Keeps what is published."""
+
+    is_connected: bool = True
+    published: list[tuple[str, Any]] = field(default_factory=list)
+
+    async def publish(self, address: Any, message: Any) -> None:
+        self.published.append((address.name, message))
+
+
+async def test_a_station_is_told_when_a_reservation_begins_and_ends(composition: Any) -> None:
+    parts, broker = composition.parts, Broker()
+    states = StationStates(parts.db, broker, parts.clock, parts.mint)
+    await composition.book()
+    (first, *_) = [row for row in await composition.reservations() if row.station_id == "b"]
+    now_ms = 1_772_366_400_000
+
+    await states.step()
+    parts.clock.advance(timedelta(milliseconds=first.start_ms - now_ms))
+    await states.step()
+    await states.step()
+    parts.clock.advance(timedelta(milliseconds=first.end_ms - first.start_ms))
+    await states.step()
+
+    told = [
+        (message.pads_taken, message.queue)
+        for name, message in broker.published
+        if name == "skyway/v1/stations/b/state"
+    ]
+    # On the way out and on the way home.
+    assert told == [(0, 2), (1, 1), (0, 1)]
+
+
+async def test_a_station_that_was_left_told_as_taken_is_told_as_free(composition: Any) -> None:
+    parts, broker = composition.parts, Broker()
+
+    await StationStates(parts.db, broker, parts.clock, parts.mint).step()
+
+    told = {name: message.pads_taken for name, message in broker.published}
+    assert told["skyway/v1/stations/b/state"] == 0
+
+
+async def test_after_a_connect_everything_is_told_again(composition: Any) -> None:
+    parts, broker = composition.parts, Broker()
+    states = StationStates(parts.db, broker, parts.clock, parts.mint)
+    versions = NetworkVersions(parts.db, broker, parts.clock, parts.mint)
+    await composition.book()
+    parts.clock.advance(timedelta(hours=1))
+
+    for _ in range(2):
+        for told in (states, versions):
+            told.forget()
+            await told.step()
+            await told.step()
+
+    names = [name for name, _ in broker.published]
+    assert names.count("skyway/v1/networks/row/version") == 2
+    assert len(names) == 2 * len(set(names))
+
+
+async def test_a_new_version_is_told(composition: Any, make: Any) -> None:
+    parts, broker = composition.parts, Broker()
+    versions = NetworkVersions(parts.db, broker, parts.clock, parts.mint)
+
+    await versions.step()
+    await composition.publish(make.network(loading_s=1))
+    await versions.step()
+
+    assert [message.version for _, message in broker.published] == [1, 2]
+
+
+async def test_without_a_broker_nothing_is_told(composition: Any) -> None:
+    parts, broker = composition.parts, Broker(is_connected=False)
+
+    await NetworkVersions(parts.db, broker, parts.clock, parts.mint).step()
+    await StationStates(parts.db, broker, parts.clock, parts.mint).step()
+
+    assert broker.published == []
+
+
+async def test_a_station_is_told_when_a_pad_fails_and_works_again(composition: Any) -> None:
+    parts, broker = composition.parts, Broker()
+    states = StationStates(parts.db, broker, parts.clock, parts.mint)
+    path, operator = "/v1/stations/b/pads/0/outages", "operator:op"
+
+    await states.step()
+    made = await composition(operator, "POST", path)
+    await states.step()
+    await composition(operator, "DELETE", f"{path}/{made.json()['closure_id']}")
+    await states.step()
+
+    told = [
+        (message.pads_taken, message.next_free_at)
+        for name, message in broker.published
+        if name == "skyway/v1/stations/b/state"
+    ]
+    assert told == [(0, None), (1, None), (0, None)]
+
+
+async def test_a_pad_that_fails_while_it_is_held_is_free_when_both_are_over(
+    composition: Any,
+) -> None:
+    parts, broker = composition.parts, Broker()
+    states = StationStates(parts.db, broker, parts.clock, parts.mint)
+    await composition.book()
+    (first, *_) = [row for row in await composition.reservations() if row.station_id == "b"]
+    parts.clock.advance(timedelta(milliseconds=first.start_ms - 1_772_366_400_000))
+    until = parts.clock.now() + timedelta(days=1)
+
+    path = f"/v1/stations/b/pads/{first.pad}/outages"
+    await composition("operator:op", "POST", path, {"until": until.isoformat()})
+    await states.step()
+
+    told = [message for name, message in broker.published if name == "skyway/v1/stations/b/state"]
+    assert (told[-1].pads_taken, told[-1].next_free_at) == (1, until)

@@ -1,0 +1,67 @@
+"""What planning knows of pads: others' gap before them, and what is out of order."""
+
+import asyncio
+from typing import Any
+
+import numpy as np
+import pytest
+from skyway_composition.pads.pad_snapshot import PadSnapshot
+
+from skyway.planner.pad_book import OPEN_MS
+
+pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
+
+
+async def known(composition: Any, **members: Any) -> PadSnapshot:
+    skyway = await composition.parts.networks.current("row")
+    pads = PadSnapshot(composition.db, skyway.network_id, skyway.network, after_ms=0, **members)
+    await pads.read(np.arange(5, dtype=np.int32))
+    return pads
+
+
+async def test_others_reservations_begin_a_gap_early(composition: Any) -> None:
+    await composition.book()
+
+    exact = await known(composition)
+    with_gap = await known(composition, gap_ms=120_000)
+
+    assert len(exact.book.start_ms) > 0
+    assert (with_gap.book.start_ms == exact.book.start_ms - 120_000).all()
+    assert (with_gap.book.end_ms == exact.book.end_ms).all()
+
+
+async def test_outages_are_known_before_anything_is_read(composition: Any) -> None:
+    skyway = await composition.parts.networks.current("row")
+
+    pads = PadSnapshot(
+        composition.db,
+        skyway.network_id,
+        skyway.network,
+        after_ms=0,
+        outages=[("b", 1, 10, OPEN_MS), ("b", 2, 10, 20), ("z", 0, 10, 20)],
+    )
+
+    # Pad 2 and station z do not exist in this version.
+    assert pads.book.station.tolist() == [1]
+    assert (pads.book.pad.tolist(), pads.book.start_ms.tolist()) == ([1], [10])
+
+
+async def test_an_outage_stays_known_once_stations_are_read(composition: Any) -> None:
+    pads = await known(composition, outages=[("b", 1, 10, 20)])
+
+    assert pads.book.end_ms.tolist() == [20]
+
+
+async def test_who_asks_while_another_reads_knows_as_much(composition: Any) -> None:
+    """The providers of a quote are planned for at the same time, in one world."""
+    await composition.book()
+    skyway = await composition.parts.networks.current("row")
+    pads = PadSnapshot(composition.db, skyway.network_id, skyway.network, after_ms=0)
+
+    async def known_after_reading() -> int:
+        await pads.read(np.arange(5, dtype=np.int32))
+        return len(pads.book.start_ms)
+
+    first, second = await asyncio.gather(known_after_reading(), known_after_reading())
+
+    assert (first > 0, second) == (True, first)

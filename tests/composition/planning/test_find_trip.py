@@ -1,0 +1,63 @@
+"""The way home after the last delivery, and where a drone goes that cannot fly home."""
+
+from typing import Any
+
+import pytest
+from skyway_composition.planning.find_trip import NoTrip, TripFinder
+from skyway_composition.planning.offer import Limits
+from skyway_composition.planning.trip import Trip
+from skyway_composition.planning.world import World
+
+from skyway.drone.models import DRONE_MODELS
+from skyway.ids import DroneModelId
+from skyway.units import moment_to_ms
+
+pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
+
+#: Flies there and back without a recharge.
+FAR_FLYER = DRONE_MODELS[DroneModelId("dji-matrice-300-rtk")]
+
+
+async def trip_of(composition: Any, request: Any, candidate: Any) -> Trip | NoTrip:
+    skyway = await composition.parts.networks.current("row")
+    world = await World.of(skyway, composition.db, after_ms=0)
+    start_ms = moment_to_ms(composition.clock.now())
+    limits = Limits.of(request.qos)
+    finder = TripFinder(composition.parts.solver, world, start_ms, limits.latest_ms)
+    return await finder.trip(candidate, request)
+
+
+async def test_the_drone_flies_home(composition: Any, make: Any) -> None:
+    trip = await trip_of(composition, make.request("c"), make.candidate())
+
+    assert isinstance(trip, Trip)
+    assert trip.home_plan.deliveries[0].station_id == "a"
+
+
+async def test_a_drone_whose_home_is_out_of_reach_stays_where_it_can_charge(
+    composition: Any, make: Any
+) -> None:
+    network = make.network(stations="abcdef")
+    # Nobody flies to f: its only segment leads away from it.
+    network["features"][-1]["properties"] |= {"from": "f", "to": "e", "one_way": True}
+    network["features"][-1]["geometry"]["coordinates"].reverse()
+    await composition.publish(network)
+
+    trip = await trip_of(composition, make.request("c"), make.candidate(home_station_id="f"))
+
+    assert isinstance(trip, Trip)
+    assert trip.home_plan.deliveries[0].station_id == "c"
+    assert trip.home_recharge is not None
+    assert trip.home_recharge.station_id == "c"
+
+
+async def test_a_drone_that_cannot_stay_flies_to_the_nearest_pad(
+    composition: Any, make: Any
+) -> None:
+    await composition.publish(make.network(pads={"b": 0}))
+
+    candidate = make.candidate(model=FAR_FLYER, home_station_id="gone")
+    trip = await trip_of(composition, make.request("b"), candidate)
+
+    assert isinstance(trip, Trip)
+    assert trip.home_plan.deliveries[0].station_id in ("a", "c")

@@ -1,0 +1,156 @@
+"""Offers: composed as seldom as possible, ranked as asked."""
+
+from typing import Any
+
+import pytest
+from skyway_composition.planning.find_trip import TripFinder
+from skyway_composition.planning.lower_bounds import Least
+from skyway_composition.planning.offer import Limits
+from skyway_composition.planning.plan_offers import plan_offers
+from skyway_composition.planning.solver_pool import SolverPool
+from skyway_composition.planning.world import World
+
+from skyway.contracts.shortlist import Shortlist
+from skyway.delivery.offer import amount_of
+from skyway.delivery.plan import Plan
+from skyway.ids import DroneId, StationId
+from skyway.planner.problem import Problem
+from skyway.units import moment_to_ms
+
+pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
+
+
+class CountingSolver(SolverPool):
+    """Remembers what it was asked, but for the ways home."""
+
+    def __init__(self) -> None:
+        super().__init__(threads=1, time_limit_s=5.0)
+        self.asked: list[StationId] = []
+
+    async def compose(self, problem: Problem, **options: Any) -> Plan:
+        if problem.finish == "recharge":
+            self.asked.append(problem.start_station_id)
+        return await super().compose(problem, **options)
+
+
+async def offers_of(composition: Any, request: Any, *candidates: Any, busy: Any = ()) -> Any:
+    """The offers, and the stations from which was composed."""
+    skyway = await composition.parts.networks.current("row")
+    world = await World.of(skyway, composition.parts.db, after_ms=0)
+    start_ms = moment_to_ms(composition.clock.now())
+    limits = Limits.of(request.qos)
+    async with CountingSolver() as solver:
+        offers = await plan_offers(
+            TripFinder(solver, world, start_ms, limits.latest_ms),
+            request,
+            shortlist=Shortlist.of(candidates),
+            busy=frozenset(busy),
+            limits=limits,
+        )
+    return offers, solver.asked
+
+
+async def test_drones_that_are_alike_are_composed_once(composition: Any, make: Any) -> None:
+    drones = [make.candidate(number) for number in range(5)]
+
+    offers, asked = await offers_of(composition, make.request("b"), *drones)
+
+    assert (len(offers.ranked), asked) == (5, ["a"])
+
+
+async def test_a_drone_too_far_to_win_is_not_composed_when_only_time_counts(
+    composition: Any, make: Any
+) -> None:
+    near, far = make.candidate(1), make.candidate(2, station_id="e")
+
+    offers, asked = await offers_of(composition, make.request("b"), far, near)
+
+    assert [offer.values.drone_id for offer in offers.ranked] == ["drn_1"]
+    assert asked == ["a"]
+
+
+async def test_a_drone_that_may_be_cheaper_is_composed_when_the_price_counts(
+    composition: Any, make: Any
+) -> None:
+    near = make.candidate(1)
+    cheap = make.candidate(2, station_id="b", provider_id="prv_2", tariff={"base": 1})
+    dear = make.candidate(3, station_id="e", provider_id="prv_3", tariff={"base": 5_000})
+    request = make.request("b", qos={"weights": {"time": 1, "price": 1}})
+
+    _, asked = await offers_of(composition, request, dear, cheap, near)
+
+    assert sorted(asked) == ["a", "b"]
+
+
+@pytest.mark.parametrize("soc", [1.0, 0.4])
+@pytest.mark.parametrize("station_id", list("abcde"))
+async def test_no_offer_has_less_than_the_least_values(
+    composition: Any, make: Any, station_id: str, soc: float
+) -> None:
+    skyway = await composition.parts.networks.current("row")
+    candidate = make.candidate(station_id=station_id, soc=soc)
+    for request in (make.request("b"), make.request("c", "e"), make.request("e", "a", "c")):
+        offers, _ = await offers_of(composition, request, candidate)
+
+        least = Least.of(skyway, request, Shortlist.of([candidate]))
+        values = offers.ranked[0].values
+        assert least.time_s[0] <= values.time_s + 1e-6
+        assert least.price[0] <= values.price
+        assert least.energy_j[0] <= values.energy_j * (1 + 1e-9)
+
+
+async def test_the_least_price_is_what_each_tariff_asks_for_the_least_way(
+    composition: Any, make: Any
+) -> None:
+    skyway = await composition.parts.networks.current("row")
+    tariffs = [
+        {"per_km": 1_000_000},
+        {"per_recharge_minute": 60_000_000},
+        {"base": 1, "per_km": 100, "per_kg": 37, "per_recharge_minute": 3},
+        {"base": 5, "per_km": 33, "minimum": 90_000},
+    ]
+    candidates = [
+        make.candidate(number, provider_id=f"prv_{number}", tariff=tariff)
+        for number, tariff in enumerate(tariffs)
+    ]
+    request = make.request("e")
+
+    least = Least.of(skyway, request, Shortlist.of(candidates))
+
+    length, charging, *others = least.price.tolist()
+    assert length > 0 < charging
+    assert others == [
+        amount_of(
+            each.tariff,
+            distance_m=length / 1_000,
+            payload_kg=request.payload_kg,
+            recharging_s=charging / 1_000_000,
+        )
+        for each in candidates[2:]
+    ]
+
+
+async def test_a_segment_shorter_than_the_great_circle_lowers_the_least_time(
+    composition: Any, make: Any
+) -> None:
+    network = make.network()
+    straight = await composition.parts.networks.current("row")
+    network["features"][-1]["properties"]["length_m"] = 10_000
+    await composition.publish(network)
+
+    short = await composition.parts.networks.current("row")
+
+    assert straight.straightness == pytest.approx(1.0, abs=1e-6)
+    assert short.straightness == pytest.approx(0.5, abs=1e-3)
+
+
+async def test_a_provider_with_an_offer_gives_no_reason(composition: Any, make: Any) -> None:
+    busy = make.candidate(1)
+    free = make.candidate(2)
+    other = make.candidate(3, provider_id="prv_2")
+
+    offers, _ = await offers_of(
+        composition, make.request("b"), busy, free, other, busy=[DroneId("drn_1"), DroneId("drn_3")]
+    )
+
+    assert [(each.provider_id, each.code) for each in offers.reasons] == [("prv_2", "BUSY")]
