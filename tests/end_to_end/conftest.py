@@ -1,4 +1,7 @@
-"""Running systems, on the embedded pair of database and broker and on PostgreSQL with Mosquitto."""
+"""Running systems: on SQLite with the embedded broker, or on PostgreSQL with Mosquitto.
+
+A story is told on one pair of database and broker. The tests of stores and of brokers run on both.
+"""
 
 import asyncio
 import contextlib
@@ -34,18 +37,17 @@ def free_port() -> int:
 
 
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
-    """Have a test see a system on each pair of database and broker, or on the one it names."""
+    """Give a story a system on the pair of database and broker that matters for the story."""
     if "running_system" not in metafunc.fixturenames:
         return
-    marked = metafunc.definition.get_closest_marker("fleet_rate")
-    rate = marked.args[0] if marked else LocalSystem.rate
-    only = metafunc.definition.get_closest_marker("only_on")
-    systems = [
-        pytest.param((pair, rate), id=f"{pair}-{rate:g}", marks=marks)
-        for pair, marks in PAIRS.items()
-        if only is None or pair in only.args
-    ]
-    metafunc.parametrize("running_system", systems, indirect=True, scope="package")
+    pair = metafunc.definition.get_closest_marker("storage_pair")
+    if pair is None:
+        pytest.fail(f"{metafunc.definition.nodeid} does not name its storage_pair")
+    [name] = pair.args
+    rate = metafunc.definition.get_closest_marker("fleet_rate")
+    fleet_rate = rate.args[0] if rate else LocalSystem.rate
+    system = pytest.param((name, fleet_rate), id=f"{name}-{fleet_rate:g}", marks=PAIRS[name])
+    metafunc.parametrize("running_system", [system], indirect=True, scope="package")
 
 
 @pytest.fixture(scope="package")

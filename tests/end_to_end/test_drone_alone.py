@@ -12,7 +12,11 @@ from tests.end_to_end.drone_journal import events_of, logbook_of
 from tests.end_to_end.ladders import QUICK_CHARGE, ladders
 from tests.end_to_end.lone_drone import register, run, until
 
-pytestmark = [pytest.mark.end_to_end, pytest.mark.fleet_rate(60.0)]
+pytestmark = [
+    pytest.mark.end_to_end,
+    pytest.mark.fleet_rate(60.0),
+    pytest.mark.storage_pair("embedded"),
+]
 
 #: Hand-overs take long enough to be killed in.
 _SETTINGS = {"currency": "USD", "loading_s": 30, "dropoff_s": 240}

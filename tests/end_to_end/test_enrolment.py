@@ -12,7 +12,7 @@ from skyway_provider_registry.presence.drone_presence import SILENCE
 
 from tests.end_to_end.lone_drone import path_of, register, run, until
 
-pytestmark = pytest.mark.end_to_end
+pytestmark = [pytest.mark.end_to_end, pytest.mark.storage_pair("postgresql-mosquitto")]
 
 #: Wall seconds that it takes at least until a drone is missed that is silent from now on. Whatever
 #: is known sooner was told; how soon a broker cuts a drone off, its own tests see.

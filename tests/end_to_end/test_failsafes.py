@@ -16,7 +16,11 @@ from tests.end_to_end.broker_way import BrokerWay
 from tests.end_to_end.ladders import ladders
 from tests.end_to_end.troubled_fleets import TroubledFleets
 
-pytestmark = [pytest.mark.end_to_end, pytest.mark.fleet_rate(60.0)]
+pytestmark = [
+    pytest.mark.end_to_end,
+    pytest.mark.fleet_rate(60.0),
+    pytest.mark.storage_pair("embedded"),
+]
 
 #: So little margin that a fifth more thirst is trouble, and enough to begin charging late.
 _SETTINGS = {"currency": "USD", "loading_s": 30, "dropoff_s": 30, "energy_margin": 0.05}

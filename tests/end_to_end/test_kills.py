@@ -4,8 +4,7 @@ from typing import Any
 
 import pytest
 
-# Slow enough that a delivery outlasts all kills.
-pytestmark = [pytest.mark.end_to_end, pytest.mark.fleet_rate(300.0)]
+pytestmark = pytest.mark.end_to_end
 
 PROCESSES = (
     "skyway_gateway",
@@ -16,6 +15,9 @@ PROCESSES = (
 )
 
 
+# Slow enough that a delivery outlasts all kills.
+@pytest.mark.fleet_rate(300.0)
+@pytest.mark.storage_pair("embedded")
 def test_a_delivery_completes_while_every_process_is_killed_in_turn(system: Any) -> None:
     system.publish_corridor("killed")
     provider = system.start_fleet(["killed-s1"])
@@ -23,8 +25,6 @@ def test_a_delivery_completes_while_every_process_is_killed_in_turn(system: Any)
     system.until_state(delivery_id, "IN_PROGRESS")
 
     for package in PROCESSES:
-        if package == "skyway_broker" and "SKYWAY_MQTT_URL" in system.environment:
-            continue  # Mosquitto is not ours to kill: nobody would start it again
         killed = system.kill(package)
         if package == "skyway_drone_agent":
             system.run_fleet(provider["file"])
@@ -34,6 +34,7 @@ def test_a_delivery_completes_while_every_process_is_killed_in_turn(system: Any)
     assert delivery["state"] == "COMPLETED", delivery
 
 
+@pytest.mark.storage_pair("postgresql-mosquitto")
 def test_a_delivery_requested_before_a_kill_is_not_lost(system: Any) -> None:
     system.publish_corridor("kept")
     system.start_fleet(["kept-s1"])

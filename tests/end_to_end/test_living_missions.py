@@ -6,7 +6,11 @@ import pytest
 
 from tests.end_to_end.ladders import QUICK_CHARGE, ladders
 
-pytestmark = [pytest.mark.end_to_end, pytest.mark.fleet_rate(60.0)]
+pytestmark = [
+    pytest.mark.end_to_end,
+    pytest.mark.fleet_rate(60.0),
+    pytest.mark.storage_pair("postgresql-mosquitto"),
+]
 
 #: It stands on its pad for so long that the pad can fail meanwhile, on a slow machine too.
 _SEEN_CHARGING = QUICK_CHARGE | {

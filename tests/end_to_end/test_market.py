@@ -8,6 +8,7 @@ import pytest
 pytestmark = pytest.mark.end_to_end
 
 
+@pytest.mark.storage_pair("embedded")
 def test_offers_are_compared_and_the_one_that_is_taken_is_flown(system: Any) -> None:
     system.publish_corridor("offers")
     near = system.start_fleet(
@@ -45,6 +46,7 @@ def test_offers_are_compared_and_the_one_that_is_taken_is_flown(system: Any) -> 
     assert package["load_before_kg"] - package["load_after_kg"] == pytest.approx(0.5)
 
 
+@pytest.mark.storage_pair("postgresql-mosquitto")
 def test_drones_of_another_network_at_the_same_place_take_nobodys_place(system: Any) -> None:
     system.publish_corridor("here")
     system.publish_corridor("there")
@@ -57,6 +59,7 @@ def test_drones_of_another_network_at_the_same_place_take_nobodys_place(system: 
     assert [offer["provider_id"] for offer in offers] == [provider["provider_id"]]
 
 
+@pytest.mark.storage_pair("embedded")
 def test_a_request_too_heavy_for_one_drone_is_flown_in_two_trips(system: Any) -> None:
     system.publish_corridor("heavy")
     system.start_fleet(["heavy-s1"] * 2, model_id="paper-matrice-300")
@@ -77,8 +80,8 @@ def test_a_request_too_heavy_for_one_drone_is_flown_in_two_trips(system: Any) ->
     assert {package["state"] for package in delivery["packages"]} == {"DELIVERED"}
 
 
-# Here it is that many write at once; the embedded pair has one writer.
-@pytest.mark.only_on("postgresql-mosquitto")
+# PostgreSQL lets many write at the same time; the embedded database has one writer.
+@pytest.mark.storage_pair("postgresql-mosquitto")
 def test_many_requests_at_once_into_few_pads_all_end_and_none_is_double_booked(
     system: Any,
 ) -> None:

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-pytestmark = pytest.mark.end_to_end
+pytestmark = [pytest.mark.end_to_end, pytest.mark.storage_pair("embedded")]
 
 README = (Path(__file__).parents[2] / "README.md").read_text()
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-pytestmark = pytest.mark.end_to_end
+pytestmark = [pytest.mark.end_to_end, pytest.mark.storage_pair("embedded")]
 
 
 def test_nobody_else_can_read_what_a_system_keeps(system: Any) -> None:

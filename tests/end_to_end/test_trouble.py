@@ -7,6 +7,7 @@ import pytest
 pytestmark = pytest.mark.end_to_end
 
 
+@pytest.mark.storage_pair("embedded")
 def test_a_drone_that_is_away_is_passed_over_for_one_that_is_there(system: Any) -> None:
     system.publish_corridor("away")
     away = system.start_fleet(["away-s1"], name="Away Air")
@@ -21,6 +22,7 @@ def test_a_drone_that_is_away_is_passed_over_for_one_that_is_there(system: Any) 
     assert away["provider_id"] != there["provider_id"]
 
 
+@pytest.mark.storage_pair("postgresql-mosquitto")
 def test_a_second_customer_sees_nothing_of_the_first(system: Any) -> None:
     system.publish_corridor("private")
     system.start_fleet(["private-s1"])

@@ -6,11 +6,10 @@ import pytest
 
 from tests.end_to_end.ladders import QUICK_CHARGE, ladders
 
-# What the wind does to drones and plans is the same on every database and broker.
 pytestmark = [
     pytest.mark.end_to_end,
     pytest.mark.fleet_rate(60.0),
-    pytest.mark.only_on("embedded"),
+    pytest.mark.storage_pair("embedded"),
 ]
 
 _RESERVE_SOC = 0.15
