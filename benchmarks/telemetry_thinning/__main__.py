@@ -14,9 +14,8 @@ from typing import Final
 
 from skyway_drone_agent.analysis.analysis import Analysis, Assessment
 from skyway_drone_agent.link.uplink import Envelope
-from skyway_drone_agent.reports.telemetry import telemetry_of
-from skyway_drone_agent.reports.telemetry_thinning import TelemetryThinning
-from skyway_drone_agent.simulated.scenario import changed, read_scenario
+from skyway_drone_agent.reports.telemetry import TelemetryThinning, telemetry_of
+from skyway_drone_agent.simulated.disturbances import changed, read_scenario
 
 from benchmarks.telemetry_thinning.flown import START, Flown
 from benchmarks.telemetry_thinning.round_trip import round_trip

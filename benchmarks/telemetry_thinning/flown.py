@@ -5,17 +5,14 @@ from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Final
 
-from skyway_drone_agent.journal.applying import logbook_after
-from skyway_drone_agent.journal.current_mission import CurrentMission
-from skyway_drone_agent.journal.logbook import Logbook
+from skyway_drone_agent.journal.current_mission import CurrentMission, end_of
+from skyway_drone_agent.journal.logbook import Logbook, run_under_way
+from skyway_drone_agent.journal.record_effects import logbook_after
 from skyway_drone_agent.journal.records import Answer, EventRecorded, StepBegun
-from skyway_drone_agent.journal.step_places import end_of
-from skyway_drone_agent.journal.under_way import run_under_way
 from skyway_drone_agent.simulated.disturbances import Disturbances
 from skyway_drone_agent.simulated.physics import Physics
 from skyway_drone_agent.simulated.sensors import reading_of
-from skyway_drone_agent.vehicles.reading import Reading
-from skyway_drone_agent.vehicles.vehicle import Outcome, StepRun
+from skyway_drone_agent.vehicle import Outcome, Reading, StepRun
 
 from skyway.contracts.drone_report import DroneEvent
 from skyway.contracts.flight_step import FlightStep, FlyStep

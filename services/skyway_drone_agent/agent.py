@@ -24,7 +24,7 @@ from skyway_drone_agent.journal.journal import Journal
 from skyway_drone_agent.journal.waiting import NewsOrMoment
 from skyway_drone_agent.link.presence import Presence
 from skyway_drone_agent.link.uplink import Link, Uplink
-from skyway_drone_agent.vehicles.vehicle import Vehicle
+from skyway_drone_agent.vehicle import Vehicle
 
 #: Wall seconds that a farewell may take.
 _FAREWELL_S = 1.0

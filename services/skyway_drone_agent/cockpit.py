@@ -9,7 +9,6 @@ from skyway.ids import DroneId
 from skyway.runtime.clock import FleetClock
 from skyway_drone_agent.analysis.landings import LandingBook
 from skyway_drone_agent.analysis.lookout import Lookout
-from skyway_drone_agent.failsafes.cloud_watch import CloudWatch
 from skyway_drone_agent.failsafes.guard import Guard
 from skyway_drone_agent.flying.mission import Gates
 from skyway_drone_agent.flying.pilot import Pilot
@@ -18,11 +17,11 @@ from skyway_drone_agent.instructions.inbox import Inbox
 from skyway_drone_agent.journal.flight_recorder import FlightRecorder
 from skyway_drone_agent.link.event_writer import EventWriter
 from skyway_drone_agent.link.heartbeat import Heartbeat
-from skyway_drone_agent.link.link_watch import LinkWatch
+from skyway_drone_agent.link.link_monitor import CloudWatch, LinkWatch
 from skyway_drone_agent.link.uplink import Link, Uplink
-from skyway_drone_agent.reports.reporter import EventSender, StateSender
+from skyway_drone_agent.reports.report import EventSender, StateSender
 from skyway_drone_agent.reports.telemetry import TelemetrySender
-from skyway_drone_agent.vehicles.vehicle import Vehicle
+from skyway_drone_agent.vehicle import Vehicle
 
 
 class Part(Protocol):

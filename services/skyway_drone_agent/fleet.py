@@ -14,17 +14,17 @@ from skyway.runtime.mqtt.client import MqttClient, Will
 from skyway_drone_agent.agent import DroneAgent, MakeLink
 from skyway_drone_agent.clock_keeper import KeptClock
 from skyway_drone_agent.enrolled_drone import EnrolledDrone
-from skyway_drone_agent.enrolment.client_tls import client_tls
 from skyway_drone_agent.enrolment.cloud import CloudAccess
+from skyway_drone_agent.enrolment.credentials import client_tls
 from skyway_drone_agent.journal.journal_folder import JournalFolder
 from skyway_drone_agent.landing_book.book import LandingBook
-from skyway_drone_agent.landing_book.extract_file import ExtractFile
+from skyway_drone_agent.landing_book.station_cache_file import ExtractFile
 from skyway_drone_agent.landing_book.station_reader import StationReader
 from skyway_drone_agent.mavlink.settings import MavlinkSettings
 from skyway_drone_agent.simulated.disturbances import UNDISTURBED, Disturbances
 from skyway_drone_agent.simulated.link_loss import LinkWithOutages, has_outages
 from skyway_drone_agent.simulated.vehicle import SimulatedVehicle
-from skyway_drone_agent.vehicles.vehicle import Vehicle
+from skyway_drone_agent.vehicle import Vehicle
 
 log = logging.getLogger(__name__)
 

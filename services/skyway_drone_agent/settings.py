@@ -13,8 +13,13 @@ from skyway.ids import DroneId
 from skyway.runtime.errors import InvalidSettings
 from skyway_drone_agent.journal.records import Placed
 from skyway_drone_agent.mavlink.settings import MavlinkSettings, PayloadRelease
-from skyway_drone_agent.simulated.disturbances import UNDISTURBED, Disturbances
-from skyway_drone_agent.simulated.scenario import changed, read_scenario, scenario_names
+from skyway_drone_agent.simulated.disturbances import (
+    UNDISTURBED,
+    Disturbances,
+    changed,
+    read_scenario,
+    scenario_names,
+)
 
 #: Keys of a scenario that have an option each, which comes before what the file says.
 _OPTIONS: Final = ("seed", "flight_time_factor", "flight_energy_factor", "charge_time_factor")

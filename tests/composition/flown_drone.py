@@ -11,14 +11,13 @@ from typing import Any, Self
 
 from skyway_drone_agent.agent import DroneAgent
 from skyway_drone_agent.enrolled_drone import BrokerLogin, EnrolledDrone
-from skyway_drone_agent.journal.applying import logbook_after
-from skyway_drone_agent.journal.logbook import Logbook
+from skyway_drone_agent.journal.logbook import Logbook, run_under_way
+from skyway_drone_agent.journal.record_effects import logbook_after
 from skyway_drone_agent.journal.records import EventRecorded, Placed, Record
-from skyway_drone_agent.journal.under_way import run_under_way
 from skyway_drone_agent.simulated.disturbances import UNDISTURBED
 from skyway_drone_agent.simulated.physics import Physics
 from skyway_drone_agent.simulated.vehicle import SimulatedVehicle
-from skyway_drone_agent.vehicles.vehicle import StepRun
+from skyway_drone_agent.vehicle import StepRun
 
 from skyway.contracts.drone_report import DroneEvent
 from skyway.contracts.flight_step import (

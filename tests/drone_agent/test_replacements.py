@@ -8,7 +8,7 @@ from skyway_drone_agent.flying.mission import Cut, Gates, next_act
 from skyway_drone_agent.journal.current_mission import CurrentMission
 from skyway_drone_agent.journal.records import EventRecorded
 from skyway_drone_agent.simulated.vehicle import SimulatedVehicle
-from skyway_drone_agent.vehicles.vehicle import Outcome
+from skyway_drone_agent.vehicle import Outcome
 
 from skyway.contracts.drone_report import DroneEvent, RefusalCode
 

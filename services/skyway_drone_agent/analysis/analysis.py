@@ -8,23 +8,16 @@ from typing import Final
 from skyway.contracts.flight_step import FlyStep
 from skyway.drone.model import DroneModel
 from skyway.geo import Position
-from skyway_drone_agent.analysis.battery_estimate import BatteryEstimate
+from skyway_drone_agent.analysis.battery_charge import BatteryEstimate, first_charge
 from skyway_drone_agent.analysis.battery_health import BatteryHealth
-from skyway_drone_agent.analysis.energy_to_land import EnergyToLand
-from skyway_drone_agent.analysis.energy_watch import EnergyWatch
-from skyway_drone_agent.analysis.first_charge import first_charge
-from skyway_drone_agent.analysis.known_legs import KnownLegs
+from skyway_drone_agent.analysis.energy_use import EnergyWatch
 from skyway_drone_agent.analysis.landings import NO_BOOK, KnownLandings, LandingBook
-from skyway_drone_agent.analysis.leg import Leg
-from skyway_drone_agent.analysis.off_course import off_course_m
-from skyway_drone_agent.analysis.reach import LandingInReach, NextLanding, Reach
-from skyway_drone_agent.analysis.wind_estimate import WindEstimate
-from skyway_drone_agent.analysis.wind_triangle import Velocity
-from skyway_drone_agent.journal.logbook import Logbook
-from skyway_drone_agent.journal.under_way import run_under_way
-from skyway_drone_agent.vehicles.battery_pack import BatteryPack
-from skyway_drone_agent.vehicles.reading import Reading
-from skyway_drone_agent.vehicles.vehicle import StepRun
+from skyway_drone_agent.analysis.leg import KnownLegs, Leg, off_course_m
+from skyway_drone_agent.analysis.reach import EnergyToLand, LandingInReach, NextLanding, Reach
+from skyway_drone_agent.analysis.wind import Velocity, WindEstimate
+from skyway_drone_agent.battery_pack import BatteryPack
+from skyway_drone_agent.journal.logbook import Logbook, run_under_way
+from skyway_drone_agent.vehicle import Reading, StepRun
 
 #: The pack of all models, until a model names its own.
 _PACK: Final = BatteryPack()

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Final
 
-from skyway_drone_agent.vehicles.battery_pack import BatteryPack
-from skyway_drone_agent.vehicles.reading import Reading
+from skyway_drone_agent.battery_pack import BatteryPack
+from skyway_drone_agent.vehicle import Reading
 
 #: A current below which the battery rests.
 _REST_A: Final = 1.0

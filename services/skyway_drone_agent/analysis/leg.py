@@ -1,4 +1,4 @@
-"""A flight as the drone model says it: its length, course, speed and energy."""
+"""A flight by the drone model: its length, course, speed and energy."""
 
 import math
 from dataclasses import dataclass
@@ -14,9 +14,10 @@ from skyway.contracts.flight_step import (
 )
 from skyway.drone.flight import flight_energy_j, speed_mps
 from skyway.drone.model import DroneModel
-from skyway.geo import Position, bearing_rad, distance_m
+from skyway.geo import EARTH_RADIUS_M, Position, bearing_rad, distance_m
 from skyway_drone_agent.journal.current_mission import CurrentMission
-from skyway_drone_agent.vehicles.reading import Reading
+from skyway_drone_agent.journal.logbook import Logbook
+from skyway_drone_agent.vehicle import Reading
 
 #: A drone that moves over ground at less than this share of its speed lands, if it is this near
 #: to where it should: farther off it has the wind against it.
@@ -80,3 +81,64 @@ def legs_ahead(
             case RechargeStep() if legs:
                 break
     return tuple(legs)
+
+
+def off_course_m(leg: Leg, position: Position) -> float:
+    """Distance from the great circle between the leg's ends, and from the ends beyond them."""
+    start, end = leg.step.from_position, leg.step.to_position
+    from_start = distance_m(start, position) / EARTH_RADIUS_M
+    aside_rad = bearing_rad(start, position) - leg.bearing_rad
+    if from_start == 0.0 or math.cos(aside_rad) < 0.0:
+        return from_start * EARTH_RADIUS_M
+    across = math.asin(math.sin(from_start) * math.sin(aside_rad))
+    along = math.acos(min(1.0, math.cos(from_start) / math.cos(across)))
+    if along * EARTH_RADIUS_M > leg.span_m:
+        return distance_m(end, position)
+    return abs(across) * EARTH_RADIUS_M
+
+
+class KnownLegs:
+    """Remembers the leg under way and those ahead until the logbook says otherwise."""
+
+    __slots__ = ("_ahead", "_leg", "_load_kg", "_model", "_seen")
+
+    def __init__(self, model: DroneModel) -> None:
+        self._model = model
+        self._leg: Leg | None = None
+        self._load_kg = 0.0
+        self._ahead: tuple[Leg, ...] = ()
+        self._seen: tuple[object, object] = (None, None)
+
+    def leg(self, step: FlyStep, *, load_kg: float) -> Leg:
+        """The leg under way; the same object as long as it is the same step."""
+        leg = self._leg
+        if leg is None or leg.step is not step or self._load_kg != load_kg:
+            leg = self._leg = leg_of(step, model=self._model, load_kg=load_kg)
+            self._load_kg = load_kg
+        return leg
+
+    def ahead(self, logbook: Logbook) -> tuple[Leg, ...]:
+        """The next flights up to a recharge among them."""
+        mission = logbook.mission
+        seen = (mission.steps if mission else None, logbook.packages)
+        if seen[0] is not self._seen[0] or seen[1] is not self._seen[1]:
+            self._seen = seen
+            self._ahead = (
+                legs_ahead(mission, packages=logbook.packages, model=self._model) if mission else ()
+            )
+        return self._ahead
+
+    def released(self, logbook: Logbook, leg: Leg | None) -> tuple[Leg, ...]:
+        """The leg under way, or the next one over a station, and all up to the next landing."""
+        mission = logbook.mission
+        if leg is None and (mission is None or logbook.station_id is not None):
+            return ()
+        flights: list[Leg] = []
+        for flight in self.ahead(logbook):
+            if leg is not None and not flights and flight.step is not leg.step:
+                # Away from the plan: it ends where this flight ends.
+                break
+            flights.append(flight)
+            if flight.step.lands:
+                break
+        return tuple(flights) if flights else (leg,) if leg else ()

@@ -7,9 +7,8 @@ from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway_drone_agent.analysis.analysis import Analysis, Assessment
 from skyway_drone_agent.analysis.landings import NO_BOOK, LandingBook
 from skyway_drone_agent.journal.flight_recorder import FlightRecorder
-from skyway_drone_agent.journal.logbook import Logbook
-from skyway_drone_agent.journal.under_way import doing_now
-from skyway_drone_agent.vehicles.vehicle import Vehicle
+from skyway_drone_agent.journal.logbook import Logbook, doing_now
+from skyway_drone_agent.vehicle import Vehicle
 
 #: Seconds of fleet time, or of wall time if longer, in which nothing changes that a look shows.
 _MOMENT_FLEET_S, _MOMENT_WALL_S = 0.2, 0.05

@@ -1,4 +1,7 @@
-"""Reach: how far the charge takes the drone, in this wind and as it has used energy so far."""
+"""Reach: how far the charge takes the drone.
+
+The wind and the consumption so far count.
+"""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -12,7 +15,8 @@ from skyway.geo import Position, bearing_rad, distance_m
 from skyway.ids import StationId
 from skyway_drone_agent.analysis.landings import Landing
 from skyway_drone_agent.analysis.leg import Leg
-from skyway_drone_agent.analysis.wind_triangle import Velocity, ground_speed_mps
+from skyway_drone_agent.analysis.wind import Velocity, ground_speed_mps
+from skyway_drone_agent.vehicle import Reading
 
 #: So many landings are judged, the nearest.
 _JUDGED: Final = 8
@@ -148,3 +152,26 @@ def _nearest(landings: Iterable[Landing], here: Position) -> list[Landing]:
         return east * east + north * north
 
     return sorted(landings, key=flat)[:_JUDGED]
+
+
+class EnergyToLand:
+    """Judges anew while the drone is on its way; a landing uses up what was judged last."""
+
+    __slots__ = ("_judged",)
+
+    def __init__(self) -> None:
+        self._judged: tuple[Leg, float, float] | None = None
+
+    def need_j(
+        self, reading: Reading, leg: Leg | None, flights: tuple[Leg, ...], *, reach: Reach
+    ) -> float:
+        """Energy for the leg under way, if any, and the flights after it."""
+        if leg is None:
+            return reach.need_j(flights)
+        judged = self._judged
+        if judged is not None and judged[0] is leg and not leg.is_on_the_way(reading):
+            used_j = (reading.consumed_j - judged[2]) / reach.state_of_health
+            return max(0.0, judged[1] - used_j)
+        need_j = reach.need_j(flights, share_left=leg.share_left(reading.position))
+        self._judged = (leg, need_j, reading.consumed_j)
+        return need_j

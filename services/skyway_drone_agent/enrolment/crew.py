@@ -7,8 +7,7 @@ from typing import Final, Protocol
 
 from skyway_drone_agent.enrolled_drone import EnrolledDrone
 from skyway_drone_agent.enrolment.cloud import CloudAccess, CloudRefused, CloudUnreachable
-from skyway_drone_agent.enrolment.credentials import KeptCredentials
-from skyway_drone_agent.enrolment.credentials_folder import CredentialsFolder
+from skyway_drone_agent.enrolment.credentials import CredentialsFolder, KeptCredentials
 from skyway_drone_agent.enrolment.rotate import begin, settle
 
 log = logging.getLogger(__name__)

@@ -6,8 +6,7 @@ import secrets
 from skyway.errors import SkywayError
 from skyway.ids import DroneId
 from skyway_drone_agent.enrolment.cloud import Cloud
-from skyway_drone_agent.enrolment.credentials import Enrolment, KeptCredentials
-from skyway_drone_agent.enrolment.credentials_folder import CredentialsFolder
+from skyway_drone_agent.enrolment.credentials import CredentialsFolder, Enrolment, KeptCredentials
 
 
 class NotEnrolled(SkywayError):

@@ -8,8 +8,7 @@ or was never given out, and then the present ones have never stopped.
 from http import HTTPStatus
 
 from skyway_drone_agent.enrolment.cloud import Cloud, CloudRefused
-from skyway_drone_agent.enrolment.credentials import Credentials, KeptCredentials
-from skyway_drone_agent.enrolment.credentials_folder import CredentialsFolder
+from skyway_drone_agent.enrolment.credentials import Credentials, CredentialsFolder, KeptCredentials
 
 
 def begin(kept: KeptCredentials, folder: CredentialsFolder) -> KeptCredentials:

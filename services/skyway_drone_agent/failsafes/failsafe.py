@@ -1,16 +1,18 @@
 """The failsafes: what a drone does by itself, for every situation and every fault.
 
-The faults stand in the order of danger. Of several, the severest failsafe acts; of equal ones that
-of the fault further up. `docs/failsafes.md` shows this table to people.
+The faults stand in the order of danger. Of several failsafes the severest acts. Of equally severe
+failsafes the one with the more dangerous fault acts. `docs/failsafes.md` shows this table.
 """
 
 from collections.abc import Iterable
 from enum import IntEnum
 from typing import Final
 
-from skyway.contracts.drone_health import Failsafe, Fault
-from skyway_drone_agent.journal.logbook import Logbook
-from skyway_drone_agent.journal.under_way import run_under_way
+from skyway.contracts.drone_health import ActiveFailsafe, Failsafe, Fault
+from skyway.contracts.flight_step import FlyStep
+from skyway.ids import StationId
+from skyway_drone_agent.journal.current_mission import end_of
+from skyway_drone_agent.journal.logbook import Logbook, run_under_way
 
 
 class Situation(IntEnum):
@@ -105,3 +107,28 @@ def situation_of(logbook: Logbook) -> Situation:
     if run is not None:
         return _SITUATION_OF_STEP[run.step.kind]
     return Situation.FLYING if logbook.is_airborne else Situation.STANDING
+
+
+def active_failsafe(logbook: Logbook) -> ActiveFailsafe | None:
+    """The failsafe that acts, and where it leads; None while the drone does as it was told."""
+    mission = logbook.mission
+    if mission is None:
+        return None
+    if mission.escape is not None:
+        fault, failsafe = mission.escape.fault, mission.escape.failsafe
+    else:
+        faults = [fault for fault in logbook.faults if fault not in mission.ignored_faults]
+        acting = severest(situation_of(logbook), faults)
+        if acting is None or not is_severer(acting[1], Failsafe.WARN):
+            return None
+        fault, failsafe = acting
+    station_id = None if failsafe is Failsafe.LAND_NOW else _next_stand(logbook)
+    return ActiveFailsafe(fault=fault, failsafe=failsafe, station_id=station_id)
+
+
+def _next_stand(logbook: Logbook) -> StationId | None:
+    """Where the drone stands, or lands next."""
+    if logbook.station_id is not None or logbook.mission is None:
+        return logbook.station_id
+    flights = (step for step in logbook.mission.steps if isinstance(step, FlyStep) and step.lands)
+    return next((end_of(step) for step in flights), None)

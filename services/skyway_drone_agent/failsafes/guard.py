@@ -12,7 +12,6 @@ from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway_drone_agent.analysis.analysis import Assessment
 from skyway_drone_agent.analysis.lookout import Lookout
 from skyway_drone_agent.failsafes.alarms import in_words, level_of, numbers_behind
-from skyway_drone_agent.failsafes.cloud_watch import CloudWatch
 from skyway_drone_agent.failsafes.failsafe import (
     Situation,
     failsafe_for,
@@ -23,13 +22,13 @@ from skyway_drone_agent.failsafes.failsafe import (
 from skyway_drone_agent.failsafes.faults import FaultWatch, Signs
 from skyway_drone_agent.failsafes.rescue import Rescue
 from skyway_drone_agent.journal.flight_recorder import FlightRecorder
+from skyway_drone_agent.journal.logbook import run_under_way
 from skyway_drone_agent.journal.records import FaultEnded, HealthLearned
-from skyway_drone_agent.journal.under_way import run_under_way
 from skyway_drone_agent.journal.waiting import NewsOrMoment
 from skyway_drone_agent.link.event_writer import EventWriter
 from skyway_drone_agent.link.heartbeat import Heartbeat
-from skyway_drone_agent.link.link_watch import LinkWatch
-from skyway_drone_agent.vehicles.vehicle import Vehicle
+from skyway_drone_agent.link.link_monitor import CloudWatch, LinkWatch
+from skyway_drone_agent.vehicle import Vehicle
 
 #: Between two looks in the air: seconds of fleet time, or of wall time if longer.
 _FLYING_EVERY_S, _EVERY_WALL_S = 1.0, 0.25

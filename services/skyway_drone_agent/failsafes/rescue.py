@@ -12,10 +12,10 @@ from skyway_drone_agent.failsafes.failsafe import is_severer
 from skyway_drone_agent.journal.current_mission import CurrentMission
 from skyway_drone_agent.journal.escape import Place, descent, flight_to
 from skyway_drone_agent.journal.flight_recorder import FlightRecorder
+from skyway_drone_agent.journal.logbook import run_under_way
 from skyway_drone_agent.journal.records import FailsafeBegun
-from skyway_drone_agent.journal.under_way import run_under_way
 from skyway_drone_agent.link.event_writer import EventWriter
-from skyway_drone_agent.vehicles.vehicle import StepRun, Vehicle
+from skyway_drone_agent.vehicle import StepRun, Vehicle
 
 #: How long a drone stands beside its pad before it asks for another plan (fleet time).
 PAD_PATIENCE: Final = timedelta(seconds=120)

@@ -13,14 +13,14 @@ from skyway.contracts.flight_step import (
 )
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway_drone_agent.flying.mission import Begin, Cut, End, Fail, Gates, Land, Stand, next_act
-from skyway_drone_agent.flying.step_ends import end_of_step
+from skyway_drone_agent.flying.step_end import end_of_step
 from skyway_drone_agent.journal.flight_recorder import FlightRecorder
 from skyway_drone_agent.journal.journal import JournalUnwritable
+from skyway_drone_agent.journal.logbook import run_under_way
 from skyway_drone_agent.journal.records import StepBegun
-from skyway_drone_agent.journal.under_way import run_under_way
 from skyway_drone_agent.journal.waiting import NewsOrMoment, wait_for_end_or_news
 from skyway_drone_agent.link.event_writer import EventWriter
-from skyway_drone_agent.vehicles.vehicle import Outcome, StepRun, Vehicle
+from skyway_drone_agent.vehicle import Outcome, StepRun, Vehicle
 
 #: Seconds of fleet time, or of wall time if longer, before a journal that could not be written is
 #: tried again.

@@ -14,15 +14,14 @@ from skyway.contracts.topics import INSTRUCTIONS
 from skyway.ids import InstructionId
 from skyway.json_model import WireModel
 from skyway.runtime.clock import FleetClock
-from skyway_drone_agent.instructions.overriding import overridden_by
-from skyway_drone_agent.instructions.refusal import Refusal
-from skyway_drone_agent.instructions.refusals import refusal_of
-from skyway_drone_agent.journal.applying import logbook_after
+from skyway_drone_agent.instructions.override import overridden_by
+from skyway_drone_agent.instructions.refusal import Refusal, refusal_of
 from skyway_drone_agent.journal.flight_recorder import FlightRecorder
 from skyway_drone_agent.journal.journal import JournalUnwritable
 from skyway_drone_agent.journal.logbook import Logbook
+from skyway_drone_agent.journal.record_effects import logbook_after
 from skyway_drone_agent.journal.records import Answer, InstructionAnswered
-from skyway_drone_agent.vehicles.vehicle import Vehicle
+from skyway_drone_agent.vehicle import Vehicle
 
 log = logging.getLogger(__name__)
 

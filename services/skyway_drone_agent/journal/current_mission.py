@@ -1,9 +1,9 @@
-"""The accepted mission as a drone knows it: what is left to do, and what is under way."""
+"""The accepted mission: the steps that are left, and the step under way."""
 
 from skyway.contracts.drone_health import Failsafe, Fault
 from skyway.contracts.flight_step import FlightStep, FlyStep, PickUpStep
 from skyway.contracts.message import FleetMoment
-from skyway.ids import DeliveryId, MissionId
+from skyway.ids import DeliveryId, MissionId, StationId
 from skyway.json_model import WireModel
 from skyway_drone_agent.journal.records import Answer
 
@@ -90,3 +90,13 @@ class CurrentMission(WireModel):
         return CutStep(
             step=self.steps[0], began_at=self.began_at, cut_at=at, revision=self.revision
         )
+
+
+def start_of(step: FlightStep) -> StationId:
+    """The station at which the drone must be for this step."""
+    return step.from_id if isinstance(step, FlyStep) else step.station_id
+
+
+def end_of(step: FlightStep) -> StationId:
+    """The station at, or over, which the drone is after this step."""
+    return step.to_id if isinstance(step, FlyStep) else step.station_id

@@ -7,9 +7,9 @@ from functools import reduce
 
 from skyway.contracts.drone_report import DroneEvent
 from skyway.ids import DroneId
-from skyway_drone_agent.journal.applying import logbook_after
 from skyway_drone_agent.journal.journal import Journal, JournalUnwritable
 from skyway_drone_agent.journal.logbook import Logbook
+from skyway_drone_agent.journal.record_effects import logbook_after
 from skyway_drone_agent.journal.records import Record
 
 log = logging.getLogger(__name__)

@@ -9,8 +9,8 @@ from typing import Protocol
 from pydantic import TypeAdapter, ValidationError
 
 from skyway.errors import SkywayError
-from skyway_drone_agent.journal.applying import logbook_after
 from skyway_drone_agent.journal.logbook import Logbook
+from skyway_drone_agent.journal.record_effects import logbook_after
 from skyway_drone_agent.journal.records import Record, RecordLine
 
 _LINE: TypeAdapter[Record] = TypeAdapter(RecordLine)
@@ -129,3 +129,26 @@ class FileJournal:
         while text:
             text = text[os.write(file, text) :]
         self._sync(file)
+
+
+class MemoryJournal:
+    """Keeps records as long as the object lives."""
+
+    def __init__(self) -> None:
+        self.records: list[Record] = []
+        self._kept: Logbook | None = None
+
+    def read(self, *, at_first: Logbook) -> Logbook:
+        """The sum of what is kept."""
+        logbook = self._kept or at_first
+        for record in self.records:
+            logbook = logbook_after(logbook, record)
+        return logbook
+
+    def append(self, records: Sequence[Record]) -> None:
+        """Keep the records behind the others."""
+        self.records.extend(records)
+
+    def compact(self, logbook: Logbook) -> None:
+        """Keep this logbook instead of the records."""
+        self._kept, self.records = logbook, []

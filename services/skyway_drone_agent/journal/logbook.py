@@ -1,18 +1,22 @@
-"""What a drone knows of itself: the sum of its journal's records."""
+"""The logbook: the sum of the journal's records, and what the drone does now by it."""
 
+from dataclasses import replace
+from datetime import datetime
+from itertools import pairwise
 from typing import Final, Self
 
 from pydantic import Field
 
 from skyway.contracts.drone_health import Fault
 from skyway.contracts.drone_report import DroneEvent
-from skyway.contracts.flight_step import PackageOnBoard
+from skyway.contracts.flight_step import FlightStep, FlyStep, PackageOnBoard
 from skyway.contracts.message import Soc
 from skyway.geo import Position
 from skyway.ids import MissionId, StationId
 from skyway.json_model import WireModel
-from skyway_drone_agent.journal.current_mission import CurrentMission
+from skyway_drone_agent.journal.current_mission import CurrentMission, CutStep
 from skyway_drone_agent.journal.records import Answer
+from skyway_drone_agent.vehicle import Standing, StepRun
 
 #: So many missions that are over are remembered, to refuse late revisions of them.
 _ENDED_MISSIONS_KEPT: Final = 16
@@ -65,3 +69,49 @@ class Logbook(WireModel):
         return self.model_copy(
             update={"mission": None, "ended_mission_ids": ended, "packages": packages}
         )
+
+
+def doing_now(logbook: Logbook) -> StepRun | Standing:
+    """What the drone does, or where it stands."""
+    run = run_under_way(logbook)
+    return run or Standing(logbook.position, logbook.soc, logbook.load_kg)
+
+
+def run_under_way(logbook: Logbook) -> StepRun | None:
+    """The step that has begun and not ended, after a restart too."""
+    mission = logbook.mission
+    if mission is None or mission.began_at is None:
+        return None
+    run = _run(
+        logbook, mission.steps[0], started_at=mission.began_at, changed_at=mission.changed_at
+    )
+    onward = _onward(mission.steps)
+    return replace(run, onward=onward) if onward else run
+
+
+def run_to_cut(logbook: Logbook, cut: CutStep) -> StepRun:
+    """The step that an instruction has cut, and whose end is not written yet."""
+    return _run(logbook, cut.step, started_at=cut.began_at, changed_at=None)
+
+
+def _onward(steps: tuple[FlightStep, ...]) -> tuple[FlyStep, ...]:
+    """The flights behind the first step, up to the one that lands."""
+    onward: list[FlyStep] = []
+    for step, after in pairwise(steps):
+        if not isinstance(step, FlyStep) or step.lands or not isinstance(after, FlyStep):
+            break
+        onward.append(after)
+    return tuple(onward)
+
+
+def _run(
+    logbook: Logbook, step: FlightStep, *, started_at: datetime, changed_at: datetime | None
+) -> StepRun:
+    return StepRun(
+        step=step,
+        started_at=started_at,
+        soc=logbook.soc,
+        load_kg=logbook.load_kg,
+        position=logbook.position,
+        changed_at=changed_at,
+    )

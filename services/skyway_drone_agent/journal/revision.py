@@ -1,4 +1,4 @@
-"""Revisions: what a mission is once the drone has accepted new steps for it."""
+"""What a mission is after the drone has accepted new steps, or a cancel."""
 
 from datetime import datetime
 from typing import Final
@@ -116,3 +116,32 @@ def _loaded(step: FlightStep, packages: tuple[PackageOnBoard, ...]) -> FlightSte
     if not isinstance(step, PickUpStep) or not step.awaits_confirmation:
         return step
     return step.model_copy(update={"packages": packages, "awaits_confirmation": False})
+
+
+def can_be_called_off(mission: CurrentMission, *, is_airborne: bool, is_loaded: bool) -> bool:
+    """Whether nothing is on board nor being loaded, or the mission has failed and waits."""
+    if mission.has_failed or mission.released_through < mission.first_step:
+        return True
+    step = mission.step_under_way
+    return not is_loaded and (is_airborne or step is None or _can_end_at_once(step))
+
+
+def called_off(
+    mission: CurrentMission, *, at: datetime, is_airborne: bool
+) -> CurrentMission | None:
+    """What is left of the mission: the way to the next landing, a step to cut; None at once."""
+    if is_airborne:
+        released = tuple(step for step in mission.steps if step.step_id <= mission.released_through)
+        return mission.model_copy(update={"steps": released, "is_called_off": True})
+    cut = mission.cut_of_step_under_way(at)
+    if cut is None:
+        return None
+    return mission.model_copy(
+        update={"steps": (), "began_at": None, "cut": cut, "is_called_off": True}
+    )
+
+
+def _can_end_at_once(step: FlightStep) -> bool:
+    if isinstance(step, PickUpStep):
+        return step.awaits_confirmation
+    return isinstance(step, WaitStep | RechargeStep)

@@ -15,9 +15,9 @@ from skyway.contracts.flight_step import FlyStep
 from skyway.contracts.world import NetworkVersion
 from skyway.ids import NetworkId
 from skyway_drone_agent.enrolment.cloud import CloudRefused, CloudUnreachable
-from skyway_drone_agent.landing_book.extract_file import ExtractFile
+from skyway_drone_agent.landing_book.station_cache import Surroundings
+from skyway_drone_agent.landing_book.station_cache_file import ExtractFile
 from skyway_drone_agent.landing_book.station_reader import StationReader
-from skyway_drone_agent.landing_book.surroundings import Surroundings
 from skyway_drone_agent.landing_book.tiles import TileBox
 
 log = logging.getLogger(__name__)

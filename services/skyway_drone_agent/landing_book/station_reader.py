@@ -12,7 +12,7 @@ from skyway.ids import NetworkId, StationId
 from skyway.json_model import WireModel
 from skyway_drone_agent.analysis.landings import Landing
 from skyway_drone_agent.enrolment.cloud import Cloud, CloudAccess, CloudRefused, CloudUnreachable
-from skyway_drone_agent.landing_book.extract import MOST_STATIONS, KnownStation
+from skyway_drone_agent.landing_book.station_cache import MOST_STATIONS, KnownStation
 from skyway_drone_agent.landing_book.tiles import TileBox
 
 #: The most that the cloud puts on a page.

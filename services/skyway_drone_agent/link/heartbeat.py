@@ -6,7 +6,7 @@ from zlib import crc32
 
 from skyway.ids import DroneId
 from skyway.runtime.clock import FleetClock, fleet_margin
-from skyway_drone_agent.link.link_watch import LinkWatch
+from skyway_drone_agent.link.link_monitor import LinkWatch
 
 #: Wall seconds between two beats.
 EVERY_S: Final = 30.0

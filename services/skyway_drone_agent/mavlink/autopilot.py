@@ -9,9 +9,9 @@ from typing import Any, Final
 
 from skyway.drone.model import DroneModel
 from skyway.geo import Position, distance_m
+from skyway_drone_agent.battery_pack import BatteryPack
 from skyway_drone_agent.mavlink.link import MavlinkMessage
-from skyway_drone_agent.vehicles.battery_pack import BatteryPack
-from skyway_drone_agent.vehicles.reading import Reading
+from skyway_drone_agent.vehicle import Reading
 
 #: Wall seconds after which a position counts as lost.
 _FRESH_S: Final = 5.0

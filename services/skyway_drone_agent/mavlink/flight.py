@@ -6,8 +6,7 @@ from typing import Final
 
 from skyway.contracts.flight_step import FlyStep
 from skyway_drone_agent.mavlink.autopilot import Autopilot
-from skyway_drone_agent.mavlink.commands import command
-from skyway_drone_agent.mavlink.link import MavlinkLink
+from skyway_drone_agent.mavlink.link import MavlinkLink, command
 from skyway_drone_agent.mavlink.mission import FlightPlan, MissionRefused, flight_plan, upload
 
 #: ArduCopter's number of the mode in which it may be armed for a mission.

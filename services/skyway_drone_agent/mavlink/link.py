@@ -1,7 +1,8 @@
-"""A MAVLink connection in the event loop; pymavlink is imported only when one is opened.
+"""A MAVLink connection in the event loop, and the commands that are sent over it.
 
-pymavlink reads and writes without waiting once a connection stands, so its file descriptor is
-watched by the loop; only the opening, which may wait, runs in a thread.
+pymavlink is imported only when a connection is opened. After that pymavlink reads and writes
+without waiting, so the event loop watches its file descriptor. Only the opening may wait, so it
+runs in a thread.
 """
 
 import asyncio
@@ -148,3 +149,50 @@ def _opened(address: str) -> tuple[Any, Any]:  # pymavlink has no types
     if getattr(connection, "fd", None) is None:
         raise NoMavlink(f"{address} is no address of a vehicle")
     return connection, mavutil.mavlink
+
+
+#: Wall seconds before a command that was not answered is sent again, and how often it is sent.
+_TIMEOUT_S: Final = 1.5
+_TIMES: Final = 5
+
+#: Wall seconds that an answer may take once the autopilot says that it is at work.
+_AT_WORK_S: Final = 30.0
+
+
+async def command(link: MavlinkLink, command_id: int, *params: float) -> int | None:
+    """The autopilot's MAV_RESULT for a command that may be sent again; None without an answer."""
+    for confirmation in range(_TIMES):
+        result = await _sent(
+            link, command_id, params, confirmation=confirmation, timeout_s=_TIMEOUT_S
+        )
+        if result is not None:
+            return result
+    return None
+
+
+async def command_once(
+    link: MavlinkLink, command_id: int, *params: float, timeout_s: float
+) -> int | None:
+    """The MAV_RESULT of a command that must not be done twice; None: nobody knows."""
+    return await _sent(link, command_id, params, confirmation=0, timeout_s=timeout_s)
+
+
+async def _sent(
+    link: MavlinkLink,
+    command_id: int,
+    params: tuple[float, ...],
+    *,
+    confirmation: int,
+    timeout_s: float,
+) -> int | None:
+    target = await link.target_known()
+    seven = (*params, *[0.0] * 7)[:7]
+    with link.hearing("COMMAND_ACK") as heard:
+        link.mav.command_long_send(*target, command_id, confirmation, *seven)
+        while (answer := await heard.next(timeout_s)) is not None:
+            if answer.command != command_id:
+                continue
+            if answer.result != link.dialect.MAV_RESULT_IN_PROGRESS:
+                return int(answer.result)
+            timeout_s = _AT_WORK_S
+    return None

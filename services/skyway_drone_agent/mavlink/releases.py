@@ -5,10 +5,9 @@ from datetime import datetime
 from typing import Final
 
 from skyway.runtime.clock import FleetClock, sleep_wall
-from skyway_drone_agent.mavlink.commands import command_once
-from skyway_drone_agent.mavlink.link import MavlinkLink
+from skyway_drone_agent.mavlink.link import MavlinkLink, command_once
 from skyway_drone_agent.mavlink.settings import MavlinkSettings
-from skyway_drone_agent.vehicles.vehicle import StepRun
+from skyway_drone_agent.vehicle import StepRun
 
 #: Wall seconds between two tries while the autopilot cannot let go yet.
 _AGAIN_S: Final = 2.0

@@ -20,14 +20,12 @@ from skyway.drone.flight import speed_mps
 from skyway.drone.model import DroneModel
 from skyway.runtime.clock import FleetClock, sleep_wall
 from skyway_drone_agent.mavlink.autopilot import Autopilot
-from skyway_drone_agent.mavlink.commands import command, command_once
 from skyway_drone_agent.mavlink.flight import MavlinkFlight, begin_flight
-from skyway_drone_agent.mavlink.link import MavlinkLink, mavlink_link
+from skyway_drone_agent.mavlink.link import MavlinkLink, command, command_once, mavlink_link
 from skyway_drone_agent.mavlink.mission import MissionRefused
 from skyway_drone_agent.mavlink.releases import Releases
 from skyway_drone_agent.mavlink.settings import MavlinkSettings
-from skyway_drone_agent.vehicles.reading import Reading
-from skyway_drone_agent.vehicles.vehicle import Elsewhere, Outcome, Sample, Standing, StepRun
+from skyway_drone_agent.vehicle import Elsewhere, Outcome, Reading, Sample, Standing, StepRun
 
 log = logging.getLogger(__name__)
 

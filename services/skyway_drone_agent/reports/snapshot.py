@@ -5,12 +5,10 @@ from typing import Literal
 from skyway.contracts.drone_health import DroneHealth, Wind
 from skyway.contracts.drone_report import DroneState
 from skyway_drone_agent.analysis.analysis import Assessment
-from skyway_drone_agent.failsafes.active_failsafe import active_failsafe
-from skyway_drone_agent.failsafes.failsafe import in_order_of_danger
-from skyway_drone_agent.journal.logbook import Logbook
-from skyway_drone_agent.journal.under_way import run_under_way
+from skyway_drone_agent.failsafes.failsafe import active_failsafe, in_order_of_danger
+from skyway_drone_agent.journal.logbook import Logbook, run_under_way
 from skyway_drone_agent.link.uplink import Envelope
-from skyway_drone_agent.vehicles.vehicle import StepRun
+from skyway_drone_agent.vehicle import StepRun
 
 _Activity = Literal["IDLE", "LOADING", "FLYING", "WAITING", "RECHARGING", "DELIVERING", "DOWN"]
 

@@ -9,13 +9,12 @@ from typing import Final
 from skyway.contracts.flight_step import FlyStep, RechargeStep
 from skyway.geo import EARTH_RADIUS_M, Position, bearing_rad
 from skyway.ids import DroneId
+from skyway_drone_agent.battery_pack import BatteryPack
 from skyway_drone_agent.simulated.chance import normals
 from skyway_drone_agent.simulated.disturbances import Disturbances
 from skyway_drone_agent.simulated.physics import Physics
 from skyway_drone_agent.simulated.wind_field import wind_field
-from skyway_drone_agent.vehicles.battery_pack import BatteryPack
-from skyway_drone_agent.vehicles.reading import Reading
-from skyway_drone_agent.vehicles.vehicle import Sample, Standing, StepRun
+from skyway_drone_agent.vehicle import Reading, Sample, Standing, StepRun
 
 _PACK: Final = BatteryPack()
 

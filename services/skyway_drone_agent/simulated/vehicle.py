@@ -11,8 +11,7 @@ from skyway.runtime.clock import FleetClock
 from skyway_drone_agent.simulated.disturbances import UNDISTURBED, Disturbances
 from skyway_drone_agent.simulated.physics import Physics
 from skyway_drone_agent.simulated.sensors import reading_of
-from skyway_drone_agent.vehicles.reading import Reading
-from skyway_drone_agent.vehicles.vehicle import Outcome, Sample, Standing, StepRun
+from skyway_drone_agent.vehicle import Outcome, Reading, Sample, Standing, StepRun
 
 #: A drone that needs no luck of its own.
 _NOBODY: Final = DroneId("")

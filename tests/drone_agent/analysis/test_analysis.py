@@ -10,8 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from skyway_drone_agent.analysis.analysis import Analysis
-from skyway_drone_agent.simulated.disturbances import UNDISTURBED, Disturbances
-from skyway_drone_agent.simulated.scenario import changed, read_scenario
+from skyway_drone_agent.simulated.disturbances import (
+    UNDISTURBED,
+    Disturbances,
+    changed,
+    read_scenario,
+)
 
 from benchmarks.telemetry_thinning.flown import START, Flown, Moment
 from benchmarks.telemetry_thinning.round_trip import round_trip

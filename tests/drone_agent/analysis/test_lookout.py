@@ -6,9 +6,9 @@ from typing import Any
 import pytest
 from skyway_drone_agent.analysis.lookout import Lookout
 from skyway_drone_agent.journal.flight_recorder import FlightRecorder
-from skyway_drone_agent.journal.memory_journal import MemoryJournal
+from skyway_drone_agent.journal.journal import MemoryJournal
 from skyway_drone_agent.simulated.vehicle import SimulatedVehicle
-from skyway_drone_agent.vehicles.reading import Reading
+from skyway_drone_agent.vehicle import Reading
 
 
 class CountedVehicle(SimulatedVehicle):

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from skyway_drone_agent.enrolment.cloud import Cloud, CloudRefused, CloudUnreachable
-from skyway_drone_agent.enrolment.credentials_folder import CredentialsFolder, DamagedCredentials
+from skyway_drone_agent.enrolment.credentials import CredentialsFolder, DamagedCredentials
 from skyway_drone_agent.enrolment.enrol import NotEnrolled, enrol, enrolled
 
 from skyway.errors import InvalidInput

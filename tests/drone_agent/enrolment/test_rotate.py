@@ -6,8 +6,7 @@ from typing import Any
 
 import pytest
 from skyway_drone_agent.enrolment.cloud import CloudRefused, CloudUnreachable
-from skyway_drone_agent.enrolment.credentials import KeptCredentials
-from skyway_drone_agent.enrolment.credentials_folder import CredentialsFolder
+from skyway_drone_agent.enrolment.credentials import CredentialsFolder, KeptCredentials
 from skyway_drone_agent.enrolment.crew import EnrolledCrew
 from skyway_drone_agent.enrolment.enrol import enrol
 from skyway_drone_agent.enrolment.rotate import begin, settle

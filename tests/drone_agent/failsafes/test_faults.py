@@ -9,7 +9,7 @@ from skyway_drone_agent.analysis.analysis import Analysis
 from skyway_drone_agent.analysis.reach import LandingInReach, NextLanding
 from skyway_drone_agent.failsafes.failsafe import Situation
 from skyway_drone_agent.failsafes.faults import SYMPTOMS, FaultWatch, Signs, empty_soc
-from skyway_drone_agent.journal.under_way import doing_now
+from skyway_drone_agent.journal.logbook import doing_now
 from skyway_drone_agent.simulated.vehicle import SimulatedVehicle
 
 from skyway.contracts.drone_health import Fault

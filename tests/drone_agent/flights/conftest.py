@@ -13,9 +13,8 @@ from typing import Any, Self
 import pytest
 from skyway_drone_agent.agent import DroneAgent, HeardBook
 from skyway_drone_agent.enrolled_drone import EnrolledDrone
-from skyway_drone_agent.journal.journal import Journal, JournalUnwritable
+from skyway_drone_agent.journal.journal import Journal, JournalUnwritable, MemoryJournal
 from skyway_drone_agent.journal.logbook import Logbook
-from skyway_drone_agent.journal.memory_journal import MemoryJournal
 from skyway_drone_agent.journal.records import Record
 from skyway_drone_agent.simulated.disturbances import UNDISTURBED
 from skyway_drone_agent.simulated.vehicle import SimulatedVehicle

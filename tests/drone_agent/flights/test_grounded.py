@@ -7,8 +7,7 @@ from typing import Any
 import pytest
 from skyway_drone_agent.simulated.disturbances import Disturbances, Drift
 from skyway_drone_agent.simulated.vehicle import SimulatedVehicle
-from skyway_drone_agent.vehicles.reading import Reading
-from skyway_drone_agent.vehicles.vehicle import Standing, StepRun
+from skyway_drone_agent.vehicle import Reading, Standing, StepRun
 
 #: What the sensors show beside the truth.
 SHOWN: dict[str, Any] = {}

@@ -6,8 +6,7 @@ from typing import Any
 
 import pytest
 from skyway_drone_agent.simulated.vehicle import SimulatedVehicle
-from skyway_drone_agent.vehicles.reading import Reading
-from skyway_drone_agent.vehicles.vehicle import Standing
+from skyway_drone_agent.vehicle import Reading, Standing
 
 MINUTE = timedelta(minutes=1)
 

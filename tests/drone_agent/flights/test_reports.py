@@ -5,7 +5,7 @@ from itertools import pairwise
 from typing import Any
 
 from skyway_drone_agent.link.heartbeat import Heartbeat
-from skyway_drone_agent.link.link_watch import LinkWatch
+from skyway_drone_agent.link.link_monitor import LinkWatch
 
 from skyway.contracts.topics import ACKS, EVENTS, STATE, TELEMETRY
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 from skyway_drone_agent.simulated.vehicle import SimulatedVehicle
-from skyway_drone_agent.vehicles.vehicle import Outcome, StepRun
+from skyway_drone_agent.vehicle import Outcome, StepRun
 
 HAND_OVERS: list[str] = []
 

@@ -6,8 +6,8 @@ from typing import Any
 import pytest
 from skyway_drone_agent.analysis.landings import Landing, NoBook
 from skyway_drone_agent.landing_book.book import LandingBook
-from skyway_drone_agent.landing_book.extract import KnownStation
-from skyway_drone_agent.landing_book.extract_file import ExtractFile
+from skyway_drone_agent.landing_book.station_cache import KnownStation
+from skyway_drone_agent.landing_book.station_cache_file import ExtractFile
 from skyway_drone_agent.landing_book.station_reader import StationReader
 from skyway_drone_agent.landing_book.tiles import tile_of
 from skyway_drone_agent.simulated.disturbances import Disturbances

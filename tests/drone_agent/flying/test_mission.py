@@ -9,7 +9,7 @@ from skyway_drone_agent.journal.current_mission import CurrentMission
 from skyway_drone_agent.journal.logbook import Logbook
 from skyway_drone_agent.journal.records import Answer
 from skyway_drone_agent.simulated.vehicle import SimulatedVehicle
-from skyway_drone_agent.vehicles.vehicle import StepRun
+from skyway_drone_agent.vehicle import StepRun
 
 from skyway.runtime.clock import ManualClock
 

@@ -13,9 +13,9 @@ from skyway_drone_agent.journal.journal import (
     FileJournal,
     Journal,
     JournalUnwritable,
+    MemoryJournal,
 )
 from skyway_drone_agent.journal.logbook import Logbook
-from skyway_drone_agent.journal.memory_journal import MemoryJournal
 from skyway_drone_agent.journal.records import Answer, EventRecorded, InstructionAnswered
 
 from skyway.contracts.drone_report import DroneEvent

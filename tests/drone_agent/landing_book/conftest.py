@@ -14,7 +14,7 @@ from urllib.parse import parse_qs, urlsplit
 import pytest
 from skyway_drone_agent.enrolment.cloud import CloudAccess
 from skyway_drone_agent.landing_book.book import LandingBook
-from skyway_drone_agent.landing_book.extract_file import ExtractFile
+from skyway_drone_agent.landing_book.station_cache_file import ExtractFile
 from skyway_drone_agent.landing_book.station_reader import StationReader
 
 from skyway.contracts.flight_step import FlyStep

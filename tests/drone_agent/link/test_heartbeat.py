@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 from skyway_drone_agent.link.heartbeat import Heartbeat
-from skyway_drone_agent.link.link_watch import LinkWatch
+from skyway_drone_agent.link.link_monitor import LinkWatch
 
 from skyway.ids import DroneId
 from skyway.runtime.clock import ManualClock

@@ -12,11 +12,11 @@ from skyway_drone_agent.simulated.disturbances import (
     MotorFailure,
     Sensors,
     Wind,
+    read_scenario,
 )
 from skyway_drone_agent.simulated.physics import Physics
-from skyway_drone_agent.simulated.scenario import read_scenario
 from skyway_drone_agent.simulated.sensors import reading_of
-from skyway_drone_agent.vehicles.vehicle import StepRun
+from skyway_drone_agent.vehicle import StepRun
 
 from skyway.geo import distance_m
 from skyway.ids import DroneId

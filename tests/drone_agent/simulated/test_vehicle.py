@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from skyway_drone_agent.simulated.physics import Physics
 from skyway_drone_agent.simulated.vehicle import SimulatedVehicle
-from skyway_drone_agent.vehicles.vehicle import StepRun
+from skyway_drone_agent.vehicle import StepRun
 
 from skyway.geo import Position
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 from skyway_drone_agent.enrolled_drone import ClientCertificate
-from skyway_drone_agent.enrolment.client_tls import client_tls
+from skyway_drone_agent.enrolment.credentials import client_tls
 
 from skyway.contracts.broker_rules import BrokerRules
 from skyway.runtime.certificates import CertificateAuthority

@@ -10,9 +10,9 @@ from datetime import UTC, datetime
 from typing import Any
 
 import pytest
+from skyway_drone_agent.battery_pack import BatteryPack
 from skyway_drone_agent.mavlink.settings import MavlinkSettings, PayloadRelease
 from skyway_drone_agent.mavlink.vehicle import mavlink_vehicle
-from skyway_drone_agent.vehicles.battery_pack import BatteryPack
 
 from skyway.contracts.world import ClockAnchor
 from skyway.geo import Position, point_between

@@ -5,7 +5,7 @@ from datetime import timedelta
 from typing import Any
 
 import pytest
-from skyway_drone_agent.vehicles.vehicle import Standing, StepRun
+from skyway_drone_agent.vehicle import Standing, StepRun
 
 from skyway.geo import Position
 

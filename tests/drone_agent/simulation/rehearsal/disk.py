@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Literal
 
-from skyway_drone_agent.journal.applying import logbook_after
 from skyway_drone_agent.journal.journal import FileJournal
 from skyway_drone_agent.journal.logbook import Logbook
+from skyway_drone_agent.journal.record_effects import logbook_after
 from skyway_drone_agent.journal.records import EventRecorded, Record
 
 

@@ -10,9 +10,8 @@ from random import Random
 from typing import Final
 
 from skyway_drone_agent.agent import DroneAgent
-from skyway_drone_agent.simulated.disturbances import Disturbances
+from skyway_drone_agent.simulated.disturbances import Disturbances, changed, read_scenario
 from skyway_drone_agent.simulated.link_loss import has_outages, outages
-from skyway_drone_agent.simulated.scenario import changed, read_scenario
 
 from skyway.contracts.drone_report import DroneEvent
 from skyway.runtime.minting import CountingMint

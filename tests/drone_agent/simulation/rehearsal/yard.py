@@ -7,12 +7,12 @@ hand-over, a package from nowhere or a battery that fills by itself shows, whate
 from collections.abc import Iterable
 from datetime import datetime, timedelta
 
+from skyway_drone_agent.journal.logbook import run_under_way
 from skyway_drone_agent.journal.records import EventRecorded, FailsafeBegun, FaultEnded
-from skyway_drone_agent.journal.under_way import run_under_way
 from skyway_drone_agent.simulated.disturbances import Disturbances
 from skyway_drone_agent.simulated.physics import Physics
 from skyway_drone_agent.simulated.vehicle import SimulatedVehicle
-from skyway_drone_agent.vehicles.vehicle import Outcome, StepRun
+from skyway_drone_agent.vehicle import Outcome, StepRun
 
 from skyway.contracts.flight_step import (
     DeliverStep,

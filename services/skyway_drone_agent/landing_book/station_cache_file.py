@@ -11,7 +11,7 @@ from skyway.geo import Position
 from skyway.ids import NetworkId, StationId
 from skyway.json_model import WireModel
 from skyway_drone_agent.analysis.landings import Landing
-from skyway_drone_agent.landing_book.extract import Extract, KnownStation
+from skyway_drone_agent.landing_book.station_cache import Extract, KnownStation
 from skyway_drone_agent.landing_book.tiles import Tile
 
 log = logging.getLogger(__name__)

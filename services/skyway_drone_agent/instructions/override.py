@@ -2,20 +2,12 @@
 
 from datetime import datetime
 
-from skyway.contracts.drone_health import Failsafe
-from skyway.contracts.drone_report import RefusalCode
 from skyway.contracts.instruction import AnyInstruction, DivertInstruction, ReturnHomeInstruction
-from skyway_drone_agent.failsafes.failsafe import NEVER_OVERRIDDEN, Situation, severest
-from skyway_drone_agent.instructions.refusal import Refusal
+from skyway_drone_agent.failsafes.failsafe import NEVER_OVERRIDDEN
 from skyway_drone_agent.journal.escape import flight_resumed
-from skyway_drone_agent.journal.logbook import Logbook
+from skyway_drone_agent.journal.logbook import Logbook, run_under_way
 from skyway_drone_agent.journal.records import FailsafeOverridden
-from skyway_drone_agent.journal.revision import Revision
-from skyway_drone_agent.journal.under_way import run_under_way
-from skyway_drone_agent.vehicles.vehicle import Vehicle
-
-#: Failsafes that keep a drone on the ground.
-_GROUNDED = (Failsafe.STAY, Failsafe.LAND_AT_NEXT)
+from skyway_drone_agent.vehicle import Vehicle
 
 
 def overridden_by(
@@ -44,18 +36,3 @@ def overridden_by(
         soc=sample.soc,
         used_j=(run.soc - sample.soc) * vehicle.model.battery_j,
     )
-
-
-def failsafe_against(revision: Revision, logbook: Logbook) -> Refusal | None:
-    """Why new steps are not for a drone whose failsafe acts; None when they may be."""
-    mission = logbook.mission
-    if mission is not None and mission.escape is not None:
-        escape = mission.escape
-        detail = f"{escape.failsafe.value} for {escape.fault.value} is under way"
-        return Refusal(RefusalCode.FAILSAFE_ACTIVE, detail, {"fault": escape.fault.value})
-    acting = severest(Situation.STANDING, logbook.faults) if mission is None else None
-    if acting is None or acting[1] not in _GROUNDED:
-        return None
-    fault, failsafe = acting
-    detail = f"{failsafe.value} for {fault.value}: the drone does not take off"
-    return Refusal(RefusalCode.FAILSAFE_ACTIVE, detail, {"fault": fault.value})

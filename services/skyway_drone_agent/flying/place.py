@@ -6,8 +6,8 @@ from skyway.errors import SkywayError
 from skyway.ids import DroneId
 from skyway.runtime.errors import InvalidSettings
 from skyway_drone_agent.enrolled_drone import EnrolledDrone
-from skyway_drone_agent.journal.applying import logbook_after
 from skyway_drone_agent.journal.journal_folder import JournalFolder
+from skyway_drone_agent.journal.record_effects import logbook_after
 from skyway_drone_agent.journal.records import Placed
 
 

@@ -7,9 +7,9 @@ from datetime import UTC, datetime, timedelta
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from skyway_drone_agent.analysis.battery_estimate import BatteryEstimate
-from skyway_drone_agent.vehicles.battery_pack import BatteryPack
-from skyway_drone_agent.vehicles.reading import Reading
+from skyway_drone_agent.analysis.battery_charge import BatteryEstimate
+from skyway_drone_agent.battery_pack import BatteryPack
+from skyway_drone_agent.vehicle import Reading
 
 from skyway.geo import Position
 

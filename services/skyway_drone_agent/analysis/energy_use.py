@@ -6,8 +6,8 @@ from typing import Final
 
 from skyway.ids import MissionId
 from skyway_drone_agent.analysis.leg import Leg
-from skyway_drone_agent.analysis.wind_triangle import Velocity, ground_speed_mps
-from skyway_drone_agent.vehicles.reading import Reading
+from skyway_drone_agent.analysis.wind import Velocity, ground_speed_mps
+from skyway_drone_agent.vehicle import Reading
 
 #: Seconds of flight over which the two are compared.
 _SMOOTHED_OVER_S: Final = 180.0

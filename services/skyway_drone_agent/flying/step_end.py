@@ -1,15 +1,43 @@
-"""What the event of a step's end says."""
+"""What the event of a step's end says, with the evidence of a hand-over."""
 
+from datetime import datetime
 from typing import Any
 
 from skyway.contracts.drone_health import Failsafe
-from skyway.contracts.flight_step import FlightStep, FlyStep
+from skyway.contracts.flight_step import DeliverStep, FlightStep, FlyStep, PickUpStep, ReturnStep
+from skyway.contracts.message import utc_text
+from skyway.ids import PackageId
 from skyway_drone_agent.failsafes.alarms import in_words
-from skyway_drone_agent.flying.proof import handed_over, proof_of
-from skyway_drone_agent.journal.current_mission import Escape
+from skyway_drone_agent.journal.current_mission import Escape, end_of
 from skyway_drone_agent.journal.logbook import Logbook
-from skyway_drone_agent.journal.step_places import end_of
-from skyway_drone_agent.vehicles.vehicle import Outcome, StepRun
+from skyway_drone_agent.vehicle import Outcome, StepRun
+
+
+def handed_over(step: FlightStep) -> tuple[PackageId, ...]:
+    """The packages that change hands in this step."""
+    if isinstance(step, PickUpStep):
+        return tuple(package.package_id for package in step.packages)
+    if isinstance(step, DeliverStep | ReturnStep):
+        return step.package_ids
+    return ()
+
+
+def proof_of(step: FlightStep, logbook: Logbook, *, at: datetime) -> dict[str, object]:
+    """Place, moment and weights of a hand-over, as an event's `data`."""
+    if isinstance(step, PickUpStep):
+        packages, sign = step.packages, 1
+    else:
+        handed = handed_over(step)
+        packages, sign = tuple(one for one in logbook.packages if one.package_id in handed), -1
+    mass_kg = {package.package_id: package.mass_kg for package in packages}
+    return {
+        "place": {"station_id": end_of(step), "position": list(logbook.position)},
+        "at": utc_text(at),
+        "mass_kg": mass_kg,
+        "load_before_kg": logbook.load_kg,
+        "load_after_kg": max(0.0, logbook.load_kg + sign * sum(mass_kg.values())),
+    }
+
 
 #: The members of an event that tell a step's end; Any, for each has a type of its own.
 EndFields = dict[str, Any]

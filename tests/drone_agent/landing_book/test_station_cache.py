@@ -4,7 +4,7 @@ import random
 from typing import Any
 
 from skyway_drone_agent.analysis.landings import Landing
-from skyway_drone_agent.landing_book.extract import Extract, KnownStation
+from skyway_drone_agent.landing_book.station_cache import Extract, KnownStation
 from skyway_drone_agent.landing_book.tiles import Tile, TileBox, tile_of
 
 from skyway.geo import Position, distance_m

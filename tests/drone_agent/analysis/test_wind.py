@@ -7,9 +7,8 @@ from datetime import UTC, datetime, timedelta
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from skyway_drone_agent.analysis.wind_estimate import WindEstimate
-from skyway_drone_agent.analysis.wind_triangle import ground_speed_mps
-from skyway_drone_agent.vehicles.reading import Reading
+from skyway_drone_agent.analysis.wind import WindEstimate, ground_speed_mps
+from skyway_drone_agent.vehicle import Reading
 
 from skyway.geo import Position
 

@@ -4,9 +4,9 @@ from datetime import timedelta
 from typing import Any
 
 import pytest
-from skyway_drone_agent.analysis.energy_watch import EnergyWatch
+from skyway_drone_agent.analysis.energy_use import EnergyWatch
 from skyway_drone_agent.analysis.leg import Leg, leg_of
-from skyway_drone_agent.vehicles.reading import Reading
+from skyway_drone_agent.vehicle import Reading
 
 from skyway.geo import point_between
 from skyway.ids import MissionId

@@ -5,8 +5,7 @@ from pathlib import Path
 
 import pytest
 from pydantic import BaseModel
-from skyway_drone_agent.simulated.disturbances import Disturbances
-from skyway_drone_agent.simulated.scenario import read_scenario, scenario_names
+from skyway_drone_agent.simulated.disturbances import Disturbances, read_scenario, scenario_names
 
 from skyway.errors import InvalidInput
 
