@@ -12,8 +12,8 @@ from skyway.ids import KeyId, SubjectId
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import PageQuery
+from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Tx
-from skyway.runtime.sql.found import AnyRow
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_gateway.access.key import ApiKey, KeyRole
 from skyway_gateway.tables import api_keys

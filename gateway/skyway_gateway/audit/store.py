@@ -8,8 +8,8 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import SubjectId
 from skyway.runtime.http.paging import PageQuery
+from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Tx
-from skyway.runtime.sql.found import AnyRow
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_gateway.access.key import KeyRole
 from skyway_gateway.audit.entry import AuditEntry

@@ -15,8 +15,8 @@ from skyway.contracts.candidate import ProviderReason
 from skyway.ids import DeliveryId, MissionId
 from skyway.runtime.errors import NotFound
 from skyway.runtime.sql.among import among
+from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Tx
-from skyway.runtime.sql.found import AnyRow
 from skyway.units import moment_to_ms
 from skyway_gateway.deliveries.delivery import Delivery, FlownMission, PackageStatus
 from skyway_gateway.deliveries.known import Known

@@ -13,8 +13,8 @@ from skyway.runtime.errors import NotFound
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import PageQuery
 from skyway.runtime.sql.claims import FREE
+from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Tx
-from skyway.runtime.sql.found import AnyRow
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_gateway.access.ownership.store import owned
 from skyway_gateway.notifications.webhook import Endpoint, Webhook

@@ -12,8 +12,8 @@ from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId, OfferId, QuoteId, SubjectId
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.identity import Caller
+from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Tx
-from skyway.runtime.sql.found import AnyRow
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_gateway.access.ownership.store import owned
 from skyway_gateway.quotes.quote import Offer, Quote

@@ -9,7 +9,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 from skyway.drone.model import DroneModel
 from skyway.geo import Position
 from skyway.ids import DroneModelId, ProviderId
-from skyway.runtime.sql.found import AnyRow
+from skyway.runtime.sql.connection import AnyRow
 from skyway_provider_registry.candidates.reasons import KnownDrone, KnownProvider
 from skyway_provider_registry.change_store import ONLY_ROW, ChangeMarks
 from skyway_provider_registry.presence.drone_presence import SILENCE

@@ -9,8 +9,8 @@ from skyway.drone.model import DroneModel
 from skyway.drone.models import DRONE_MODELS
 from skyway.ids import DroneModelId
 from skyway.runtime.errors import Conflict
+from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Tx
-from skyway.runtime.sql.found import AnyRow
 from skyway_provider_registry.tables import drone_models, drones
 
 Models = Mapping[DroneModelId, DroneModel]

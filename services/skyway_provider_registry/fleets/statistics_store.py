@@ -6,7 +6,7 @@ from sqlalchemy import and_, case, func, literal, or_, select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import ProviderId
-from skyway.runtime.sql.found import AnyRow
+from skyway.runtime.sql.connection import AnyRow
 from skyway_provider_registry.presence.store import KNOWN
 from skyway_provider_registry.tables import drones
 

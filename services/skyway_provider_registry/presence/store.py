@@ -9,8 +9,8 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.geo import Position
 from skyway.ids import DroneId, MissionId, ProviderId
+from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Tx
-from skyway.runtime.sql.found import AnyRow
 from skyway.units import ms_to_moment
 from skyway_provider_registry.change_store import next_change
 from skyway_provider_registry.presence.drone_presence import LastSample, LastState, Presence

@@ -10,8 +10,8 @@ from skyway.ids import ProviderId
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import PageQuery
+from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Tx
-from skyway.runtime.sql.found import AnyRow
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_provider_registry.change_store import mark_providers
 from skyway_provider_registry.providers.provider import Provider, ProviderChange

@@ -9,7 +9,7 @@ from skyway.geo import Position
 from skyway.ids import DroneId
 from skyway.json_model import JsonModel
 from skyway.runtime.http.paging import Page
-from skyway.runtime.sql.found import AnyRow
+from skyway.runtime.sql.connection import AnyRow
 from skyway.units import ms_to_moment
 
 

@@ -23,8 +23,8 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.drone_report import Telemetry
 from skyway.ids import DroneId
+from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Tx
-from skyway.runtime.sql.found import AnyRow
 from skyway.units import moment_to_ms
 from skyway_provider_registry.tables import telemetry_minutes, telemetry_samples
 

@@ -2,8 +2,8 @@
 
 `read` lends a connection that cannot write, `survey` one for questions that take long. `write`
 lends a transaction, and leaving its block is the only commit there is. SQLite has one writer whose
-commits are grouped (`sqlite_writer`); PostgreSQL has a connection per block (`lending`), of those
-that can write or of those that cannot. `write_alone` is for a write of one statement.
+commits are grouped (`sqlite_writer`); on PostgreSQL each block has a connection from a pool.
+`write_alone` is for a write of one statement.
 """
 
 from collections.abc import AsyncIterator, Sequence
@@ -15,11 +15,10 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.loops import Wake
+from skyway.runtime.sql.connection import AnyRow, Values
 from skyway.runtime.sql.engines import Dialect, read_url
-from skyway.runtime.sql.found import AnyRow
 from skyway.runtime.sql.storage import PostgresqlStorage, SqliteStorage, Storage
 from skyway.runtime.sql.transaction import Tx
-from skyway.runtime.sql.written import Values
 
 __all__ = ["Database", "Tx"]
 
@@ -96,12 +95,8 @@ class Database:
         ServiceUnavailable
             As of `write`; the statement may have been run.
         """
-        if self.dialect == "sqlite":
-            async with self.write() as tx:
-                done = await tx.execute(statement, parameters)
-        else:
-            async with self._open().write_alone() as connection:
-                done = await connection.execute(statement, parameters)
+        async with self._open().write() as connection:
+            done = await connection.execute_last(statement, parameters)
         return done.all() if done.returns_rows else ()
 
     def wake_when_sent(self, wake: Wake, *, channel: str) -> None:

@@ -2,18 +2,19 @@
 
 import asyncio
 from collections.abc import Mapping
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, cast
 
 import aiosqlite
+import asyncpg
 from sqlalchemy import event, make_url
-from sqlalchemy.engine import URL, Connection, ExceptionContext
+from sqlalchemy.engine import URL, AdaptedConnection, Connection, ExceptionContext
 from sqlalchemy.engine.interfaces import DBAPIConnection, IsolationLevel
-from sqlalchemy.exc import ArgumentError
+from sqlalchemy.exc import ArgumentError, DisconnectionError
 from sqlalchemy.ext.asyncio import AsyncEngine, create_async_engine
-from sqlalchemy.pool import AsyncAdaptedQueuePool, NullPool
+from sqlalchemy.pool import AsyncAdaptedQueuePool
 
 from skyway.errors import InvalidInput
-from skyway.runtime.errors import UnsafeDatabase
+from skyway.runtime.errors import ServiceUnavailable, UnsafeDatabase
 from skyway.runtime.sql.sqlite_driver import connect
 
 Dialect = Literal["sqlite", "postgresql"]
@@ -23,6 +24,12 @@ _BUSY_TIMEOUT_S: Final = 10
 
 #: Statements that a connection to PostgreSQL keeps prepared: more than a service has.
 _STATEMENTS: Final = 500
+
+#: Connections that one process keeps to write, and as many to read.
+_CONNECTIONS: Final = 8
+
+#: How long a block waits for a free connection, seconds.
+_POOL_TIMEOUT_S: Final = 30.0
 
 #: What a connection to SQLite must say of itself: 2 is FULL, every commit is synced.
 _SAFE: Final = {"journal_mode": "wal", "synchronous": 2, "foreign_keys": 1}
@@ -89,49 +96,76 @@ def sqlite_survey_engine(url: URL) -> AsyncEngine:
 
 
 def postgresql_engine(url: URL) -> AsyncEngine:
-    """An engine whose transactions SQLAlchemy begins and ends."""
+    """An engine whose transactions are READ COMMITTED."""
     return _postgresql_engine(url, isolation_level="READ COMMITTED", settings={})
 
 
-def postgresql_writer_engine(url: URL) -> AsyncEngine:
-    """An engine that never begins a transaction by itself."""
-    return _postgresql_engine(url, isolation_level="AUTOCOMMIT", settings={})
-
-
 def postgresql_reader_engine(url: URL) -> AsyncEngine:
-    """An engine that cannot write, and on which each statement is on its own.
+    """An engine that cannot write, and where each statement is its own transaction.
 
-    READ COMMITTED has each statement see a moment of its own anyway, so BEGIN and ROLLBACK around
-    them would be two round trips for nothing.
+    READ COMMITTED lets each statement see the data of its own moment anyway, so BEGIN and ROLLBACK
+    around the statements would be two round trips for nothing.
     """
     settings = {"default_transaction_read_only": "on"}
     return _postgresql_engine(url, isolation_level="AUTOCOMMIT", settings=settings)
 
 
+class CommitCheckingConnection(asyncpg.Connection):  # type: ignore[misc]  # asyncpg has no types
+    """A connection to PostgreSQL that notices when a COMMIT did not commit.
+
+    After a failed statement PostgreSQL answers COMMIT with ROLLBACK and reports no error.
+    """
+
+    async def execute(self, query: str, *args: Any, timeout: float | None = None) -> str:
+        """Run statements and return the server's status. Any: values have every type."""
+        status: str = await super().execute(query, *args, timeout=timeout)
+        if status == "ROLLBACK" and query.startswith("COMMIT"):
+            raise ServiceUnavailable("database", "not committed after an error in a statement")
+        return status
+
+
 def _postgresql_engine(
     url: URL, *, isolation_level: IsolationLevel, settings: Mapping[str, str]
 ) -> AsyncEngine:
-    """An engine that keeps no connections: who has one keeps it (`lending`)."""
-    return create_async_engine(
+    engine = create_async_engine(
         url.set(drivername="postgresql+asyncpg"),
         isolation_level=isolation_level,
-        hide_parameters=True,  # in the text of errors: there are addresses among them
+        hide_parameters=True,  # in the text of errors: some parameters are addresses
         skip_autocommit_rollback=True,
-        poolclass=NullPool,
+        poolclass=AsyncAdaptedQueuePool,
+        pool_size=_CONNECTIONS,
+        max_overflow=0,
+        pool_timeout=_POOL_TIMEOUT_S,
+        # The connection used last has the most statements prepared.
+        pool_use_lifo=True,
         connect_args={
+            "connection_class": CommitCheckingConnection,
             "timeout": 10,
             "command_timeout": 60,
             "prepared_statement_cache_size": _STATEMENTS,
             "server_settings": {
                 "jit": "off",
-                # What services ask for lies in memory: a row by its index costs like any other, and
-                # whole tables are not read to spare a few disk seeks that there are none of.
+                # The data lies in memory, where random reads cost as much as sequential ones. The
+                # default makes the server read whole tables to avoid disk seeks.
                 "random_page_cost": "1.1",
                 "default_transaction_isolation": "read committed",
                 **settings,
             },
         },
     )
+    event.listen(engine.sync_engine, "checkout", _refuse_unusable)
+    return engine
+
+
+def _refuse_unusable(connection: DBAPIConnection, _record: Any, _proxy: Any) -> None:
+    """Make the pool replace a connection that is closed or still in a transaction.
+
+    The driver notices immediately when the server closes a connection. Asking the server would be
+    one more round trip for each block. Any: the pool's own objects, which are not used.
+    """
+    driver = cast("AdaptedConnection", connection).driver_connection
+    if driver.is_closed() or driver.is_in_transaction():
+        raise DisconnectionError("the connection cannot be used again")
 
 
 def _begin_deferred(connection: Connection) -> None:

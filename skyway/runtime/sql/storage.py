@@ -1,26 +1,29 @@
-"""Where a service's data lies: one writing and many reading connections of a file, or a server."""
+"""Where a service's data is stored: a SQLite file with one writer, or a PostgreSQL server."""
 
 import asyncio
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Sequence
 from contextlib import AbstractAsyncContextManager, AsyncExitStack, asynccontextmanager
-from typing import Protocol, Self
+from typing import Any, Protocol, Self, TypeVar
 
-from sqlalchemy.engine import URL
+from sqlalchemy import Executable
+from sqlalchemy.engine import URL, CursorResult
 from sqlalchemy.exc import DBAPIError
-from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
+from sqlalchemy.exc import TimeoutError as NoFreeConnection
+from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.runtime.errors import ServiceUnavailable
-from skyway.runtime.sql.block_connection import BlockConnection
+from skyway.runtime.sql.connection import (
+    BlockConnection,
+    Values,
+    lost_connection_is_unavailable,
+)
 from skyway.runtime.sql.engines import (
+    postgresql_engine,
     postgresql_reader_engine,
-    postgresql_writer_engine,
     sqlite_reader_engine,
     sqlite_survey_engine,
 )
-from skyway.runtime.sql.lending import Lending
-from skyway.runtime.sql.lost_connection import loss_told
 from skyway.runtime.sql.sqlite_writer import SqliteWriter
-from skyway.runtime.sql.written import WrittenStatements
 
 
 class Storage(Protocol):
@@ -31,15 +34,11 @@ class Storage(Protocol):
         ...
 
     def survey(self) -> AbstractAsyncContextManager[AsyncConnection]:
-        """A connection to read much from, all of it one moment's data."""
+        """A connection for long reads that must all see the data of one moment."""
         ...
 
     def write(self) -> AbstractAsyncContextManager[BlockConnection]:
         """A connection in a transaction, which is committed when the block is left."""
-        ...
-
-    def write_alone(self) -> AbstractAsyncContextManager[BlockConnection]:
-        """A connection for one statement, which is a transaction of its own."""
         ...
 
 
@@ -53,7 +52,7 @@ class SqliteStorage:
         self._opened = AsyncExitStack()
 
     async def __aenter__(self) -> Self:
-        # The writer opens first: it turns the file into one that many can read.
+        # The writer opens first: it switches the file to the write-ahead log that allows readers.
         await self._opened.enter_async_context(self._writer)
         self._opened.push_async_callback(self._surveys.dispose)
         self._opened.push_async_callback(self._readers.dispose)
@@ -63,70 +62,99 @@ class SqliteStorage:
         await self._opened.aclose()
 
     def read(self) -> AbstractAsyncContextManager[AsyncConnection]:
-        """A connection to read from: one moment's data, however long it is held."""
-        return _connect(self._readers)
+        """A connection to read from. All reads of a block see the data of one moment."""
+        return _connect(AsyncConnection(self._readers))
 
     def survey(self) -> AbstractAsyncContextManager[AsyncConnection]:
-        """The same; others go on while a statement runs."""
-        return _connect(self._surveys)
+        """The same. The event loop goes on while a statement runs."""
+        return _connect(AsyncConnection(self._surveys))
 
     @asynccontextmanager
     async def write(self) -> AsyncIterator[BlockConnection]:
-        """The writing connection, in a turn of one's own."""
+        """The writing connection, when it is this block's turn."""
         async with self._writer.block() as connection:
             yield BlockConnection(connection.engine, connection.sync_connection)
 
-    write_alone = write
-
 
 class PostgresqlStorage:
-    """A server."""
+    """A server. Readers and writers have connection pools of their own."""
 
     def __init__(self, url: URL) -> None:
-        statements = WrittenStatements()
-        self._readers = Lending(postgresql_reader_engine(url), statements)
-        self._writers = Lending(postgresql_writer_engine(url), statements)
-        self._opened = AsyncExitStack()
+        self._readers = postgresql_reader_engine(url)
+        self._writers = postgresql_engine(url)
+        self._is_open = False
 
     async def __aenter__(self) -> Self:
-        await self._opened.enter_async_context(self._readers)
-        await self._opened.enter_async_context(self._writers)
+        self._is_open = True
         return self
 
     async def __aexit__(self, *_: object) -> None:
-        await self._opened.aclose()
+        self._is_open = False
+        await self._writers.dispose()
+        await self._readers.dispose()
 
     def read(self) -> AbstractAsyncContextManager[AsyncConnection]:
-        """A connection to read from: each statement sees the data of its own moment."""
-        return self._readers.lend()
+        """A connection to read from. Each statement sees the data of its own moment."""
+        return _connect(AsyncConnection(self._readers))
 
     @asynccontextmanager
     async def survey(self) -> AsyncIterator[AsyncConnection]:
-        """A connection to read from, all of it one moment's data."""
-        async with self._readers.lend() as connection, connection.one_moment():
+        """A connection to read from. All statements see the data of one moment."""
+        async with _connect(AsyncConnection(self._readers)) as connection:
+            await connection.execution_options(isolation_level="REPEATABLE READ")
             yield connection
 
     @asynccontextmanager
     async def write(self) -> AsyncIterator[BlockConnection]:
-        """A connection in a transaction of its own."""
-        async with self._writers.lend() as connection, connection.transaction():
-            yield connection
+        """A connection in a transaction of its own, which begins with the first statement."""
+        block = _PostgresqlBlock(self._writers)
+        async with _connect(block):
+            yield block
+            await block.commit_block()
 
-    def write_alone(self) -> AbstractAsyncContextManager[BlockConnection]:
-        """A connection whose statements need neither BEGIN nor COMMIT."""
-        return self._writers.lend()
+
+class _PostgresqlBlock(BlockConnection):
+    """The connection of a write block on PostgreSQL."""
+
+    async def execute_last(
+        self, statement: Executable, parameters: Values | Sequence[Values]
+    ) -> CursorResult[*tuple[Any, ...]]:
+        """Run the last statement of the block.
+
+        Without earlier statements it is a transaction by itself: BEGIN and COMMIT would be two
+        round trips to the server for nothing.
+        """
+        if not self.in_transaction():
+            await self.execution_options(isolation_level="AUTOCOMMIT")
+        return await self.execute(statement, parameters)
+
+    async def commit_block(self) -> None:
+        """Commit everything that the block has written."""
+        transaction = self.get_transaction()
+        if transaction is not None:
+            await transaction.commit()
+
+
+ConnectionT = TypeVar("ConnectionT", bound=AsyncConnection)
 
 
 @asynccontextmanager
-async def _connect(engine: AsyncEngine) -> AsyncIterator[AsyncConnection]:
-    """A connection of the engine's pool; a file that is gone is told in our own words."""
-    connection = engine.connect()
+async def _connect(connection: ConnectionT) -> AsyncIterator[ConnectionT]:
+    """Take the connection from the pool of its engine. An error rolls its transaction back.
+
+    Raises
+    ------
+    ServiceUnavailable
+        There is no connection, or it was lost within the block.
+    """
     try:
         await connection.start()
+    except NoFreeConnection as error:
+        raise ServiceUnavailable("database", "all connections are in use") from error
     except (OSError, DBAPIError) as error:
         raise ServiceUnavailable("database", f"no connection: {error}") from error
     try:
-        with loss_told():
+        with lost_connection_is_unavailable():
             yield connection
     finally:
         # A cancelled block must still give its connection back.

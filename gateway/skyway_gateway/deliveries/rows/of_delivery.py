@@ -9,7 +9,7 @@ from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.mission import OfferLimits
 from skyway.delivery.request import DeliveryRequest
 from skyway.geo import Position
-from skyway.runtime.sql.found import AnyRow
+from skyway.runtime.sql.connection import AnyRow
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_gateway.deliveries import told
 from skyway_gateway.deliveries.delivery import (

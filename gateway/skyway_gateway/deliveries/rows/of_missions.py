@@ -1,7 +1,7 @@
 """Between the missions that fly a delivery and their rows."""
 
 from skyway.contracts.mission import MissionReport
-from skyway.runtime.sql.found import AnyRow
+from skyway.runtime.sql.connection import AnyRow
 from skyway.units import moment_to_ms
 from skyway_gateway.deliveries.delivery import FlownMission
 from skyway_gateway.deliveries.rows.values import Values

@@ -7,7 +7,7 @@ from pydantic import TypeAdapter
 
 from skyway.delivery.request import Place
 from skyway.geo import Position
-from skyway.runtime.sql.found import AnyRow
+from skyway.runtime.sql.connection import AnyRow
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_gateway.deliveries.delivery import Custodian, Delivery, PackageStatus
 from skyway_gateway.deliveries.proof import Proof

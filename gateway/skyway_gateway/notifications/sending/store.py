@@ -11,8 +11,8 @@ from skyway.ids import EventId, WebhookId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.http.paging import PageQuery
 from skyway.runtime.sql.claims import FREE, claim
+from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Database, Tx
-from skyway.runtime.sql.found import AnyRow
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_gateway.notifications.webhook import Endpoint, Notification, WebhookAttempt
 from skyway_gateway.tables import events, notifications, webhook_attempts, webhooks

@@ -6,7 +6,7 @@ from sqlalchemy import select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import DeliveryId
-from skyway.runtime.sql.found import AnyRow
+from skyway.runtime.sql.connection import AnyRow
 from skyway_gateway.tables import events
 
 

@@ -17,7 +17,6 @@ from sqlalchemy import (
     Table,
     Text,
     bindparam,
-    event,
     func,
     insert,
     select,
@@ -208,22 +207,6 @@ async def test_a_survey_sees_one_moment_each_time(db: Database) -> None:
             async with db.write() as tx:
                 await tx.execute(ADD, {**PINE, "name": f"new-{turn}"})
             assert (await connection.execute(EVERY)).all() == before
-
-
-@ON_POSTGRESQL
-async def test_a_statement_that_is_run_again_does_without_sqlalchemy(db: Database) -> None:
-    ran: list[str] = []
-    async with db.read() as connection:
-        engine = connection.sync_engine
-
-        @event.listens_for(engine, "before_cursor_execute")
-        def note(_connection: Any, _cursor: Any, statement: str, *_: Any) -> None:
-            ran.append(statement)
-
-        for _ in range(TIMES):
-            await connection.execute(THIS, {"this": "oak"})
-
-    assert 0 < len(ran) < TIMES - 1
 
 
 @ON_POSTGRESQL

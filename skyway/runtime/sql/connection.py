@@ -1,0 +1,53 @@
+"""The connection that a read or write block uses, and the types of what goes over it."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+from sqlalchemy import Executable, Row
+from sqlalchemy.engine import CursorResult
+from sqlalchemy.exc import DBAPIError
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from skyway.runtime.errors import ServiceUnavailable
+
+#: A row of any query. Any: its columns have every type.
+AnyRow = Row[*tuple[Any, ...]]
+
+#: Values by the name of a parameter or a column. Any: a column takes values of every type.
+Values = Mapping[str, Any]
+
+
+class BlockConnection(AsyncConnection):
+    """The connection of a write block. The block cannot end its transaction."""
+
+    async def commit(self) -> None:
+        """Refuse: one half of a block must never be stored without the other."""
+        raise RuntimeError("only leaving a write block commits")
+
+    async def rollback(self) -> None:
+        """Refuse: on SQLite this would undo the other blocks of the same COMMIT."""
+        raise RuntimeError("only an error rolls a write block back")
+
+    async def execute_last(
+        self, statement: Executable, parameters: Values | Sequence[Values]
+    ) -> CursorResult[*tuple[Any, ...]]:
+        """Run the last statement of a write block. Any: columns have every type."""
+        return await self.execute(statement, parameters)
+
+
+@contextmanager
+def lost_connection_is_unavailable() -> Iterator[None]:
+    """Let a block use a connection.
+
+    Raises
+    ------
+    ServiceUnavailable
+        The connection was lost within the block.
+    """
+    try:
+        yield
+    except DBAPIError as error:
+        if not error.connection_invalidated:
+            raise
+        raise ServiceUnavailable("database", "the connection was lost") from error
