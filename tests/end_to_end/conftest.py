@@ -1,6 +1,6 @@
 """Running systems: on SQLite with the embedded broker, or on PostgreSQL with Mosquitto.
 
-A story is told on one pair of database and broker. The tests of stores and of brokers run on both.
+A story runs on one pair of database and broker. The tests of stores and of brokers run on both.
 """
 
 import asyncio
@@ -23,14 +23,14 @@ PAIRS = {"embedded": (), "postgresql-mosquitto": (pytest.mark.integration,)}
 DATABASES = ("skyway_registry", "skyway_composition", "skyway_gateway")
 
 
-#: Linux gives ports from here on to whoever asks for any, and to every connection.
-_FIRST_GIVEN = 32_768
+#: From this port on, Linux hands ports to connections and to sockets that ask for any port.
+_FIRST_EPHEMERAL_PORT = 32_768
 
 
 def free_port() -> int:
-    """A port that is free, and given to nobody until the broker takes it seconds later."""
+    """A free port that Linux gives to no other process before the broker listens on it."""
     while True:
-        port = secrets.randbelow(_FIRST_GIVEN // 2) + _FIRST_GIVEN // 2
+        port = secrets.randbelow(_FIRST_EPHEMERAL_PORT // 2) + _FIRST_EPHEMERAL_PORT // 2
         with socket.socket() as probe, contextlib.suppress(OSError):
             probe.bind(("127.0.0.1", port))
             return port
@@ -54,9 +54,9 @@ def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
 def running_system(
     request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
 ) -> Iterator[LocalSystem]:
-    """A running system, for all tests that follow one another on this pair and at this rate.
+    """A running system, shared by all tests on this storage pair and at this fleet rate.
 
-    When they are through, everything that they have done to it is verified.
+    After the last of these tests, `skyway verify` checks the databases.
     """
     pair, rate = request.param
     folder = DataFolder(tmp_path_factory.mktemp("system") / "data")
@@ -65,6 +65,7 @@ def running_system(
         name: value for name, value in os.environ.items() if not name.startswith("SKYWAY_")
     }
     broker: subprocess.Popen[bytes] | None = None
+    mosquitto: str | None = None
     if pair != "embedded":
         mosquitto = shutil.which("mosquitto", path=f"{os.environ['PATH']}:/usr/sbin")
         if mosquitto is None:
@@ -77,7 +78,7 @@ def running_system(
         }
     local = LocalSystem(folder, environment, rate=rate)
     try:
-        if pair != "embedded":
+        if mosquitto is not None:
             made = local.command("secrets", "--tls-name", "127.0.0.1")
             assert made.returncode == 0, made.stderr
             configuration = str(folder.broker / "mosquitto.conf")
@@ -89,7 +90,7 @@ def running_system(
     finally:
         local.stop()
         if broker is not None:
-            # It keeps nothing that it would have to write.
+            # Mosquitto stores nothing, so it has nothing to write before it ends.
             broker.kill()
             broker.wait()
             asyncio.run(_drop_databases(environment["SKYWAY_DATABASE_URL"]))
@@ -97,7 +98,7 @@ def running_system(
 
 @pytest.fixture
 def system(running_system: LocalSystem) -> Iterator[LocalSystem]:
-    """A running system; others have used it, and left their networks and what they know of it."""
+    """A running system. Earlier tests have left networks and drones in it."""
     yield running_system
     running_system.stop_fleets()
 

@@ -1,4 +1,4 @@
-"""What a drone has written down, whether or not the cloud has heard of it."""
+"""The journal of a drone, read from its file. The cloud may not know all of it yet."""
 
 import json
 from pathlib import Path
@@ -10,18 +10,18 @@ from skyway_drone_agent.journal.logbook import Logbook
 from skyway.contracts.drone_report import DroneEvent
 from skyway.geo import Position
 
-_NOTHING_WRITTEN = Logbook(station_id=None, position=Position(0.0, 0.0), soc=1.0)
+_EMPTY_LOGBOOK = Logbook(station_id=None, position=Position(0.0, 0.0), soc=1.0)
 
 
 def logbook_of(system: Any, drone_id: str) -> Logbook:
-    """The sum of the drone's journal."""
-    return FileJournal(_path(system, drone_id)).read(at_first=_NOTHING_WRITTEN)
+    """The drone's present logbook, from its journal."""
+    return FileJournal(_path(system, drone_id)).read(at_first=_EMPTY_LOGBOOK)
 
 
 def events_of(system: Any, drone_id: str) -> dict[str, DroneEvent]:
-    """The events that the journal holds now, by their message ids.
+    """The events that the journal holds now, by message id.
 
-    Those that the cloud has confirmed are left out when an agent starts.
+    An agent that starts drops the events that the cloud has confirmed.
     """
     *whole_lines, _torn = _path(system, drone_id).read_bytes().split(b"\n")
     logbook, *records = (json.loads(line) for line in whole_lines)

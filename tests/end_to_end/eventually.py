@@ -1,19 +1,19 @@
-"""Waiting for what other processes do, which only asking can tell."""
+"""Wait until another process has done something, by asking again and again."""
 
 import time
 from collections.abc import Callable
 from typing import Any
 
-#: Wall seconds after which nobody believes any more that it will come, however slow the machine.
+#: Longest wait, in seconds of wall time; generous, because CI machines can be slow.
 PATIENCE_S = 300.0
 
 
 def eventually(
-    condition: Callable[[], Any], what: str, *, told: Callable[[], object] | None = None
+    condition: Callable[[], Any], what: str, *, instead: Callable[[], object] | None = None
 ) -> Any:
     """The first true value of a condition on other processes.
 
-    `told` is what is there instead, for people who wonder why it never came true.
+    `instead` returns the present situation, for the message of a test that fails.
     """
     deadline = time.monotonic() + PATIENCE_S
     while time.monotonic() < deadline:
@@ -21,5 +21,5 @@ def eventually(
         if found:
             return found
         time.sleep(0.05)
-    instead = "" if told is None else f", but {told()}"
-    raise AssertionError(f"{what}: not within {PATIENCE_S:g} s{instead}")
+    situation = "" if instead is None else f", but {instead()}"
+    raise AssertionError(f"{what}: not within {PATIENCE_S:g} s{situation}")

@@ -1,4 +1,4 @@
-"""A whole Skyway as a user starts it, in a folder of its own, and the calls of its users."""
+"""A whole Skyway as a user starts it, in its own folder, and the calls of its users."""
 
 import json
 import os
@@ -15,7 +15,7 @@ import httpx
 
 from skyway.cli.data_folder import DataFolder
 from skyway.cli.keys import read_keys
-from tests.end_to_end.corridor import corridor
+from tests.end_to_end.corridor_network import corridor
 from tests.end_to_end.eventually import PATIENCE_S, eventually
 
 SKYWAY = (sys.executable, "-m", "skyway.cli")
@@ -23,13 +23,13 @@ SKYWAY = (sys.executable, "-m", "skyway.cli")
 #: Deliveries in these states stay in them.
 TERMINAL = ("COMPLETED", "PARTIALLY_COMPLETED", "CANCELLED", "FAILED", "REJECTED")
 
-#: Trusts nobody: else each call reads all the world's certificates, to ask over plain HTTP.
+#: An empty trust store. Calls go over plain HTTP; without it, each would load all certificates.
 _NO_CERTIFICATES = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
 
 
 @dataclass
 class LocalSystem:
-    """`skyway up` on a folder of its own, with fleets, and the calls of its users."""
+    """`skyway up` in its own folder, with fleets, and the calls of its users."""
 
     folder: DataFolder
     environment: dict[str, str]
@@ -51,7 +51,7 @@ class LocalSystem:
             env=self.environment,
         )
         log.close()
-        eventually(self._is_up, "skyway up", told=(self.folder.path / "up.log").read_text)
+        eventually(self._is_up, "skyway up", instead=(self.folder.path / "up.log").read_text)
 
     def _is_up(self) -> bool:
         text = (self.folder.path / "up.log").read_text()
@@ -86,7 +86,7 @@ class LocalSystem:
         )
 
     def publish_corridor(self, name: str) -> None:
-        """A network of this test's own: its four stations are called name-s1 to name-s4."""
+        """Publish a network for one test. Its stations are name-s1 to name-s4."""
         self.operate("PUT", f"/v1/networks/{name}", corridor(name))
 
     def operate(self, method: str, path: str, body: Any = None) -> Any:
@@ -112,7 +112,7 @@ class LocalSystem:
         options: tuple[str, ...] = (),
         **provider: Any,
     ) -> dict[str, Any]:
-        """Register a provider with a drone at each home, and run their agent."""
+        """Register a provider with a drone at each home, and run the agent of these drones."""
         terms = {"name": "Test Air", "tariff": {"currency": "USD", "base": 100, "per_km": 10}}
         registered = self.operate("POST", "/v1/providers", terms | provider)
         drones = [{"model_id": model_id, "home_station_id": home} for home in homes]
@@ -125,13 +125,15 @@ class LocalSystem:
         return {**registered, "drones": answer["items"], "file": file}
 
     def until_available(self, provider_id: str, *, drones: int) -> None:
-        """Return once so many drones of a provider, all that it has, can be sent somewhere."""
+        """Return when the provider has this many drones and all are AVAILABLE."""
 
         def states() -> list[str]:
-            known = self.operate("GET", f"/v1/providers/{provider_id}/drones")["items"]
-            return [drone["state"] for drone in known]
+            drones_now = self.operate("GET", f"/v1/providers/{provider_id}/drones")["items"]
+            return [drone["state"] for drone in drones_now]
 
-        eventually(lambda: states() == ["AVAILABLE"] * drones, "all drones available", told=states)
+        eventually(
+            lambda: states() == ["AVAILABLE"] * drones, "all drones available", instead=states
+        )
 
     def run_fleet(self, file: Path, *options: str) -> subprocess.Popen[bytes]:
         log = (self.folder.path / "fleet.log").open("ab")
@@ -167,30 +169,30 @@ class LocalSystem:
         return answer
 
     def until_state(self, delivery_id: str, *states: str) -> dict[str, Any]:
-        """The delivery once it is in one of these states, unless it has ended otherwise."""
+        """The delivery when it is in one of these states. Fails when it ends in another state."""
         found: dict[str, Any] = eventually(
             lambda: (now := self.delivery(delivery_id))["state"] in (*states, *TERMINAL) and now,
             f"delivery in {states}",
-            told=lambda: self.delivery(delivery_id),
+            instead=lambda: self.delivery(delivery_id),
         )
         assert found["state"] in states, found
         return found
 
     def until_ended(self, delivery_id: str) -> dict[str, Any]:
-        """The delivery once it has ended, in whatever state."""
+        """The delivery when it is in a terminal state."""
         return self.until_state(delivery_id, *TERMINAL)
 
     def kill(self, package: str) -> int:
-        """kill -9 the process that runs this package; its id, once it is gone."""
+        """Kill the process that runs this package with SIGKILL; returns its id when it is gone."""
         killed = self.pid_of(package)
         os.kill(killed, signal.SIGKILL)
         for fleet in self.fleets:
-            fleet.poll()  # reaps the agent, if it was one
+            fleet.poll()  # reaps the process if an agent was killed
         eventually(lambda: package not in _arguments(killed), f"{package} gone")
         return killed
 
     def pid_of(self, package: str) -> int:
-        """The process that runs this package, below `skyway up` or below a fleet."""
+        """The process that runs this package: a child of `skyway up` or of a fleet."""
         roots = [process.pid for process in (self.up, *self.fleets) if process is not None]
         found: int = eventually(
             lambda: next(

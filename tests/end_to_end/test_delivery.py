@@ -1,4 +1,4 @@
-"""One real delivery from request to hand-over, through every process, on both pairs."""
+"""One real delivery from request to hand-over, through every process."""
 
 import json
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
@@ -11,7 +11,7 @@ import pytest
 pytestmark = [pytest.mark.end_to_end, pytest.mark.storage_pair("postgresql-mosquitto")]
 
 
-def test_a_delivery_is_flown_and_its_customer_told_everywhere(system: Any) -> None:
+def test_a_delivery_is_flown_and_its_customer_is_notified_by_sse_and_webhook(system: Any) -> None:
     received: list[tuple[dict[str, str], bytes]] = []
 
     class Receiver(BaseHTTPRequestHandler):
@@ -24,8 +24,8 @@ def test_a_delivery_is_flown_and_its_customer_told_everywhere(system: Any) -> No
         def log_message(self, *_: object) -> None:
             pass
 
-    system.publish_corridor("told")
-    provider = system.start_fleet(["told-s1", "told-s2"])
+    system.publish_corridor("notified")
+    provider = system.start_fleet(["notified-s1", "notified-s2"])
     key = system.keys["SKYWAY_CUSTOMER_KEY"]
     server = ThreadingHTTPServer(("127.0.0.1", 0), Receiver)
     thread = Thread(target=server.serve_forever)
@@ -33,10 +33,10 @@ def test_a_delivery_is_flown_and_its_customer_told_everywhere(system: Any) -> No
     try:
         url = f"http://127.0.0.1:{server.server_port}/hook"
         webhook = system.call("POST", "/v1/webhooks", key=key, body={"url": url}).json()
-        delivery_id = system.request_delivery(["told-s3", "told-s4"], pickup="told-s1")
+        delivery_id = system.request_delivery(["notified-s3", "notified-s4"], pickup="notified-s1")
         streamed = _events_of(system, delivery_id, key)
         delivery = system.until_state(delivery_id, "COMPLETED")
-        # One after another, so that the last ones are told after the stream has ended.
+        # Webhooks are sent one after another, so the last ones arrive after the stream has ended.
         _until_notified(system, webhook["webhook_id"], key, streamed)
         system.call("DELETE", f"/v1/webhooks/{webhook['webhook_id']}", key=key)
     finally:
@@ -51,14 +51,14 @@ def test_a_delivery_is_flown_and_its_customer_told_everywhere(system: Any) -> No
     assert types.count("package.delivered") == 2
     assert {package["state"] for package in delivery["packages"]} == {"DELIVERED"}
     assert delivery["missions"][0]["provider_id"] == provider["provider_id"]
-    told = [json.loads(body) for _, body in received]
-    assert {event["event_id"] for event in told if event["delivery_id"] == delivery_id} == {
+    posted = [json.loads(body) for _, body in received]
+    assert {event["event_id"] for event in posted if event["delivery_id"] == delivery_id} == {
         event["event_id"] for event in streamed
     }
 
 
 def _events_of(system: Any, delivery_id: str, key: str) -> list[dict[str, Any]]:
-    """The events of a delivery by SSE, to its last one."""
+    """All events of a delivery, read by SSE until the stream ends."""
     url = f"{system.keys['SKYWAY_GATEWAY_URL']}/v1/deliveries/{delivery_id}/events"
     headers = {"Authorization": f"Bearer {key}"}
     with httpx.stream("GET", url, headers=headers, timeout=90) as stream:
@@ -70,12 +70,12 @@ def _events_of(system: Any, delivery_id: str, key: str) -> list[dict[str, Any]]:
 
 
 def _until_notified(system: Any, webhook_id: str, key: str, events: list[dict[str, Any]]) -> None:
-    """Return once the webhook's attempts show that it has taken each of these events."""
+    """Return when the webhook's attempts show that each of these events was delivered."""
     path = f"/v1/webhooks/{webhook_id}/attempts?limit=200"
 
     def missing() -> set[str]:
         attempts = system.call("GET", path, key=key).json()["items"]
-        taken = {each["event_id"] for each in attempts if each["outcome"] == "DELIVERED"}
-        return {event["event_id"] for event in events} - taken
+        delivered = {each["event_id"] for each in attempts if each["outcome"] == "DELIVERED"}
+        return {event["event_id"] for event in events} - delivered
 
-    system.eventually(lambda: not missing(), "all events by webhook", told=missing)
+    system.eventually(lambda: not missing(), "all events by webhook", instead=missing)

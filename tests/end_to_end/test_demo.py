@@ -1,4 +1,4 @@
-"""`skyway demo` is what a newcomer runs first."""
+"""`skyway demo`: the first command that a new user runs."""
 
 import os
 import subprocess
@@ -31,13 +31,13 @@ def test_the_demo_delivers_three_packages_and_leaves_nothing_running(tmp_path: P
 
 
 def _processes_using(folder: Path) -> list[str]:
-    """Command lines and environments that name this folder: its children, were any left."""
+    """Processes whose command line or environment names this folder."""
     found = []
     for process in Path("/proc").glob("[0-9]*"):
         try:
-            told = (process / "environ").read_bytes() + (process / "cmdline").read_bytes()
+            text = (process / "environ").read_bytes() + (process / "cmdline").read_bytes()
         except OSError:
             continue
-        if str(folder).encode() in told:
+        if str(folder).encode() in text:
             found.append(process.name)
     return found

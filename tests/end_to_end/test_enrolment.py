@@ -1,4 +1,4 @@
-"""A drone's credentials through every process: got by a token, rotated, revoked, got again."""
+"""A drone's credentials through every process: enrolled, rotated, revoked, enrolled again."""
 
 import json
 import signal
@@ -10,24 +10,24 @@ import pytest
 from skyway_drone_agent.link.heartbeat import EVERY_S
 from skyway_provider_registry.presence.drone_presence import SILENCE
 
-from tests.end_to_end.lone_drone import path_of, register, run, until
+from tests.end_to_end.drone_by_hand import path_of, register, run, until
 
 pytestmark = [pytest.mark.end_to_end, pytest.mark.storage_pair("postgresql-mosquitto")]
 
-#: Wall seconds that it takes at least until a drone is missed that is silent from now on. Whatever
-#: is known sooner was told; how soon a broker cuts a drone off, its own tests see.
+#: Seconds of wall time before the cloud notices a silent drone by its silence, at least. When the
+#: cloud knows earlier, the broker has reported it. The brokers' own tests measure how soon.
 _NOTICED_BY_SILENCE_S = SILENCE.total_seconds() - EVERY_S
 
 
 @pytest.fixture
 def drone(system: Any) -> dict[str, Any]:
-    """A drone that is registered, and has never been heard of."""
+    """A drone that is registered and has never connected."""
     system.publish_corridor("enrol")
     return register(system, "enrol-s1")
 
 
 def revoke(system: Any, drone: dict[str, Any]) -> float:
-    """End the drone's credentials; wall seconds until it is cut off and the cloud knows."""
+    """Revoke the drone's credentials; wall seconds until it is cut off and the cloud knows."""
     log = system.folder.path / "drone.log"
     before = log.stat().st_size
     since = time.monotonic()
@@ -40,11 +40,11 @@ def revoke(system: Any, drone: dict[str, Any]) -> float:
     return time.monotonic() - since
 
 
-def kept_by(system: Any, drone: dict[str, Any]) -> dict[str, Any]:
-    """What the agent has on disk."""
+def stored_by(system: Any, drone: dict[str, Any]) -> dict[str, Any]:
+    """The credentials that the agent has on disk."""
     [path] = Path(system.folder.journals).glob(f"{drone['drone_id']}.credentials.json")
-    kept: dict[str, Any] = json.loads(path.read_text())["drone"]
-    return kept
+    stored: dict[str, Any] = json.loads(path.read_text())["drone"]
+    return stored
 
 
 def test_a_drone_enrols_rotates_is_revoked_and_enrols_again(
@@ -52,7 +52,7 @@ def test_a_drone_enrols_rotates_is_revoked_and_enrols_again(
 ) -> None:
     first = run(system, token=drone["enrolment_token"])
     until(system, drone, "AVAILABLE")
-    enrolled = kept_by(system, drone)
+    enrolled = stored_by(system, drone)
     own = system.call("GET", path_of(drone), key=enrolled["key"])
     foreign = system.call("GET", "/v1/deliveries", key=enrolled["key"])
     used = system.call(
@@ -64,7 +64,7 @@ def test_a_drone_enrols_rotates_is_revoked_and_enrols_again(
 
     second = run(system, "--rotate")
     until(system, drone, "AVAILABLE")
-    rotated = kept_by(system, drone)
+    rotated = stored_by(system, drone)
     old = system.call("GET", path_of(drone), key=enrolled["key"])
     gone_s = revoke(system, drone)
     revoked = system.call("GET", path_of(drone), key=rotated["key"])
@@ -78,11 +78,11 @@ def test_a_drone_enrols_rotates_is_revoked_and_enrols_again(
     assert (used.status_code, used.json()["code"]) == (409, "TOKEN_USED")
     assert (old.status_code, revoked.status_code) == (401, 401)
     assert gone_s < _NOTICED_BY_SILENCE_S
-    again = kept_by(system, drone)
+    again = stored_by(system, drone)
     keys = {one["key"] for one in (enrolled, rotated, again)}
     passwords = {one["mqtt"]["password"] for one in (enrolled, rotated, again, drone)}
     assert (len(keys), len(passwords)) == (3, 4)
     secrets = keys | passwords | {drone["enrolment_token"], made["enrolment_token"]}
     folder = system.folder.path
-    told = [path for pattern in ("logs/*", "*.db*", "*.log") for path in folder.glob(pattern)]
-    assert [p.name for p in told for one in secrets if one.encode() in p.read_bytes()] == []
+    logs = [path for pattern in ("logs/*", "*.db*", "*.log") for path in folder.glob(pattern)]
+    assert [p.name for p in logs for one in secrets if one.encode() in p.read_bytes()] == []

@@ -1,4 +1,4 @@
-"""Drones in every kind of trouble, side by side: each failsafe acts, and every delivery ends."""
+"""Drones in every kind of trouble: each failsafe acts, and every delivery ends."""
 
 import contextlib
 import resource
@@ -12,8 +12,8 @@ from skyway_drone_agent.journal.logbook import Logbook
 
 from skyway.contracts.flight_step import FlyStep
 from skyway.runtime.clock import load_clock
-from tests.end_to_end.broker_way import BrokerWay
-from tests.end_to_end.ladders import ladders
+from tests.end_to_end.broker_proxy import BrokerProxy
+from tests.end_to_end.ladder_network import ladders
 from tests.end_to_end.troubled_fleets import TroubledFleets
 
 pytestmark = [
@@ -22,15 +22,15 @@ pytestmark = [
     pytest.mark.storage_pair("embedded"),
 ]
 
-#: So little margin that a fifth more thirst is trouble, and enough to begin charging late.
+#: A margin so small that a fifth more energy use is trouble, but large enough to charge late.
 _SETTINGS = {"currency": "USD", "loading_s": 30, "dropoff_s": 30, "energy_margin": 0.05}
 
-#: What each drone keeps of its battery, of which two rungs take 0.79 with a package.
+#: The reserve of each drone, as state of charge. Two rungs with a package use 0.79.
 _RESERVES = {"low": 0.12, "short": 0.17} | dict.fromkeys(
     ("motor", "gps", "drift", "link", "pad", "empty", "disk", "hot", "worn", "late"), 0.05
 )
 
-#: Where the packages of each ladder go.
+#: The destinations of the packages on each ladder.
 _TRIPS = {
     "motor": ["s3"],
     "gps": ["s3"],
@@ -45,8 +45,8 @@ _TRIPS = {
     "late": ["s2"],
 }
 
-#: Alarms, why steps failed, and the delivery's end.
-_SEEN = {
+#: The alarms, the codes of failed steps, and the final state of the delivery.
+_EXPECTED = {
     "motor": ({"MOTOR_FAILURE", "FORCED_LANDING"}, {"MOTOR_FAILURE"}, "FAILED"),
     "gps": ({"GPS_LOST", "FORCED_LANDING"}, {"GPS_LOST"}, "FAILED"),
     "drift": ({"GEOFENCE"}, {"GEOFENCE"}, "COMPLETED"),
@@ -84,11 +84,11 @@ from_at = 2020-01-01T00:00:00Z
 until_at = 2120-01-01T00:00:00Z
 """
 
-#: A drone that was ready for so long (fleet time; 5 s of wall time) and has not taken off is kept
-#: from that: nothing that it does by itself takes as long.
+#: A drone that is ready for this long (fleet time; 5 s of wall time) without taking off is being
+#: kept on the ground: a drone that may take off needs less time.
 _KEPT_FOR = timedelta(seconds=300)
 
-_THIRSTY = "flight_energy_factor = 1.18"
+_HIGH_ENERGY_USE = "flight_energy_factor = 1.18"
 
 _WORN = """
 [battery]
@@ -103,10 +103,10 @@ cell_spread_v = 0.15
 def test_every_failsafe_acts_and_every_delivery_ends(system: Any) -> None:
     system.operate("PUT", "/v1/networks/failsafes", ladders(*_RESERVES) | {"settings": _SETTINGS})
     fleets = TroubledFleets(system, _RESERVES)
-    with contextlib.ExitStack() as ways:
-        late, lost, short = (ways.enter_context(way_to_broker(system)) for _ in range(3))
+    with contextlib.ExitStack() as proxies:
+        late, lost, short = (proxies.enter_context(broker_proxy(system)) for _ in range(3))
         start(fleets, late=late, lost=lost, short=short)
-        # Else the cloud has it land, as soon as it says that its battery will be low.
+        # Otherwise the cloud lets the drone land as soon as it reports a battery that will be low.
         deliveries = {"short": requested(system, "short")}
         until_accepted(system, fleets, "short")
         short.hold("instructions")
@@ -116,23 +116,23 @@ def test_every_failsafe_acts_and_every_delivery_ends(system: Any) -> None:
         until_airborne(system, fleets, "link", deliveries["link"])
         lost.cut()
         until_alarmed(system, fleets, "short", {"BATTERY_SHORT"})
-        short.let_go()
+        short.release()
         fill_disk_in_flight(system, fleets, deliveries["disk"])
-        # Last, with nothing else to wait for: a state that its drone sends between the expiry and
-        # the acks says that it does not fly, and composition may give the mission up on its own.
+        # This comes last. A state that the drone sends between the expiry and the acks says that it
+        # does not fly, and then composition may give the mission up by itself.
         late.hold("acks")
         deliveries["late"] = requested(system, "late")
         until_expired(system, fleets, "late")
-        late.let_go()
+        late.release()
         ready_at = until_kept_on_the_ground(system, fleets, "link")
         found_at = load_clock(system.folder.clock_file).now()
         lost.restore()
         ended = {name: system.until_ended(each) for name, each in deliveries.items()}
 
-        expected = {name: state for name, (_, _, state) in _SEEN.items()}
+        expected = {name: state for name, (_, _, state) in _EXPECTED.items()}
         assert {name: delivery["state"] for name, delivery in ended.items()} == expected, ended
         assert next_take_off(system, fleets, "link", after=ready_at) >= found_at
-        for name, (alarms, failures, _) in _SEEN.items():
+        for name, (alarms, failures, _) in _EXPECTED.items():
             until_alarmed(system, fleets, name, alarms)
             assert failures <= fleets.failures(name), name
         until_alarmed(system, fleets, "hot", {"BATTERY_HOT"})
@@ -140,19 +140,21 @@ def test_every_failsafe_acts_and_every_delivery_ends(system: Any) -> None:
 
 
 def requested(system: Any, name: str) -> str:
-    """The delivery that is requested of the drone of this name."""
+    """The id of a new delivery for the drone with this name."""
     stops = [f"{name}-{stop}" for stop in _TRIPS[name]]
     delivery_id: str = system.request_delivery(stops, pickup=f"{name}-s1")
     return delivery_id
 
 
-def start(fleets: TroubledFleets, *, late: BrokerWay, lost: BrokerWay, short: BrokerWay) -> None:
-    """The agents; what is the same for all drones of an agent needs agents of its own."""
+def start(
+    fleets: TroubledFleets, *, late: BrokerProxy, lost: BrokerProxy, short: BrokerProxy
+) -> None:
+    """Start the agents. A scenario that holds for a whole agent needs its own agent."""
     named = ("motor", "gps", "drift", "pad")
     ids = {name: fleets.drone_id(name) for name in named}
     fleets.run(*named, scenario=_BY_NAME.format(**ids))
-    fleets.run("low", scenario=_THIRSTY)
-    fleets.run("short", scenario=_THIRSTY, mqtt_url=short.url)
+    fleets.run("low", scenario=_HIGH_ENERGY_USE)
+    fleets.run("short", scenario=_HIGH_ENERGY_USE, mqtt_url=short.url)
     fleets.run("empty", scenario="flight_energy_factor = 100.0")
     fleets.run("hot", scenario="[battery]\ntemperature_c = 62")
     fleets.run("worn", scenario=_WORN)
@@ -163,30 +165,30 @@ def start(fleets: TroubledFleets, *, late: BrokerWay, lost: BrokerWay, short: Br
 
 
 @contextlib.contextmanager
-def way_to_broker(system: Any) -> Iterator[BrokerWay]:
+def broker_proxy(system: Any) -> Iterator[BrokerProxy]:
     broker = urlsplit(system.environment.get("SKYWAY_MQTT_URL", system.keys["SKYWAY_MQTT_URL"]))
     assert broker.hostname is not None
     assert broker.port is not None
-    with BrokerWay((broker.hostname, broker.port)) as way:
-        yield way
+    with BrokerProxy((broker.hostname, broker.port)) as proxy:
+        yield proxy
 
 
 def until_accepted(system: Any, fleets: TroubledFleets, name: str) -> None:
-    """Return once the drone has written down that it has a mission."""
+    """Return when the drone's journal holds a mission."""
     system.eventually(lambda: fleets.logbook(name).mission, f"{name} on a mission")
 
 
 def until_airborne(system: Any, fleets: TroubledFleets, name: str, delivery_id: str) -> None:
-    """Return once the drone has written down that it takes off."""
+    """Return when the drone's journal says that it is airborne."""
     system.eventually(
         lambda: fleets.logbook(name).mission and fleets.logbook(name).is_airborne,
         f"{name} in the air",
-        told=lambda: system.delivery(delivery_id),
+        instead=lambda: system.delivery(delivery_id),
     )
 
 
 def fill_disk_in_flight(system: Any, fleets: TroubledFleets, delivery_id: str) -> None:
-    """From a flight until after its landing no file of that agent can grow."""
+    """Let no file of that agent grow, from a flight until after the landing."""
     until_airborne(system, fleets, "disk", delivery_id)
     pid = fleets.processes["disk"].pid
     before = resource.prlimit(pid, resource.RLIMIT_FSIZE, (0, resource.RLIM_INFINITY))
@@ -195,23 +197,27 @@ def fill_disk_in_flight(system: Any, fleets: TroubledFleets, delivery_id: str) -
         state = fleets.state("disk")
         return state["station_id"] is not None and state["faults"] == ["DISK_FULL"]
 
-    system.eventually(has_landed, "the landing with a full disk", told=lambda: fleets.state("disk"))
+    system.eventually(
+        has_landed, "the landing with a full disk", instead=lambda: fleets.state("disk")
+    )
     resource.prlimit(pid, resource.RLIMIT_FSIZE, before)
 
 
 def until_expired(system: Any, fleets: TroubledFleets, name: str) -> None:
-    """Return once the mission that the drone has accepted may not be begun any more."""
+    """Return when the mission that the drone has accepted has expired."""
     clock = load_clock(system.folder.clock_file)
 
     def has_expired() -> bool:
         mission = fleets.logbook(name).mission
         return mission is not None and clock.now() > mission.expires_at
 
-    system.eventually(has_expired, f"{name}'s mission expired", told=lambda: fleets.logbook(name))
+    system.eventually(
+        has_expired, f"{name}'s mission expired", instead=lambda: fleets.logbook(name)
+    )
 
 
 def until_kept_on_the_ground(system: Any, fleets: TroubledFleets, name: str) -> datetime:
-    """The fleet moment since which the drone could have taken off, once it is kept from that."""
+    """The fleet moment since which the drone is ready, when it is being kept on the ground."""
     clock = load_clock(system.folder.clock_file)
 
     def kept_since() -> datetime | None:
@@ -219,12 +225,12 @@ def until_kept_on_the_ground(system: Any, fleets: TroubledFleets, name: str) -> 
         return ready_at if ready_at and clock.now() - ready_at > _KEPT_FOR else None
 
     what = f"{name} kept on the ground"
-    found: datetime = system.eventually(kept_since, what, told=lambda: fleets.logbook(name))
+    found: datetime = system.eventually(kept_since, what, instead=lambda: fleets.logbook(name))
     return found
 
 
 def ready_to_take_off(logbook: Logbook) -> datetime | None:
-    """Since when nothing in the drone's mission says that it should not take off."""
+    """The moment since which the drone's mission allows the next take-off; None if it does not."""
     mission = logbook.mission
     if mission is None or not mission.steps or mission.has_failed or mission.is_held:
         return None
@@ -235,19 +241,19 @@ def ready_to_take_off(logbook: Logbook) -> datetime | None:
 
 
 def next_take_off(system: Any, fleets: TroubledFleets, name: str, *, after: datetime) -> datetime:
-    """The first take-off after a moment, for home if not before."""
+    """The first take-off after a moment; the flight home counts too."""
     found: datetime = system.eventually(
         lambda: next((at for at in fleets.take_offs(name) if at > after), None),
         f"{name} taking off after {after}",
-        told=lambda: fleets.missions(name),
+        instead=lambda: fleets.missions(name),
     )
     return found
 
 
 def until_alarmed(system: Any, fleets: TroubledFleets, name: str, codes: set[str]) -> None:
-    """Return once there is an alarm of each of these codes about the drone."""
+    """Return when the drone has an alarm with each of these codes."""
     system.eventually(
         lambda: codes <= fleets.alarms(name),
         f"{codes} of {name}",
-        told=lambda: (fleets.alarms(name), fleets.missions(name)),
+        instead=lambda: (fleets.alarms(name), fleets.missions(name)),
     )

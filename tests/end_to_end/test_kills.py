@@ -1,4 +1,4 @@
-"""Every process is killed in turn while a delivery is under way, and it still completes."""
+"""Every process is killed in turn during a delivery, and the delivery still completes."""
 
 from typing import Any
 

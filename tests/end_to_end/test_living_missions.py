@@ -1,10 +1,10 @@
-"""The world changes while drones fly: plans are made anew, and deliveries complete."""
+"""The world changes while drones fly: missions are replanned and deliveries complete."""
 
 from typing import Any
 
 import pytest
 
-from tests.end_to_end.ladders import QUICK_CHARGE, ladders
+from tests.end_to_end.ladder_network import QUICK_CHARGE, ladders
 
 pytestmark = [
     pytest.mark.end_to_end,
@@ -12,9 +12,9 @@ pytestmark = [
     pytest.mark.storage_pair("postgresql-mosquitto"),
 ]
 
-#: It stands on its pad for so long that the pad can fail meanwhile, on a slow machine too.
-_SEEN_CHARGING = QUICK_CHARGE | {
-    "model_id": "seen-charging",
+#: Charges for so long that its pad can fail meanwhile, on a slow machine too.
+_SLOW_CHARGE = QUICK_CHARGE | {
+    "model_id": "slow-charge",
     "charge_curve": [[0.0, 0.0], [3600.0, 1.0]],
 }
 
@@ -23,9 +23,9 @@ def test_deliveries_complete_though_stations_close_pads_fail_and_zones_appear(sy
     names = ("closed", "failed", "zoned", "slow")
     system.operate("PUT", "/v1/networks/living", ladders(*names))
     system.operate("PUT", "/v1/drone-models/quick-charge", QUICK_CHARGE)
-    system.operate("PUT", "/v1/drone-models/seen-charging", _SEEN_CHARGING)
+    system.operate("PUT", "/v1/drone-models/slow-charge", _SLOW_CHARGE)
     system.start_fleet(["closed-s1", "zoned-s1"], model_id="quick-charge")
-    system.start_fleet(["failed-s1"], model_id="seen-charging")
+    system.start_fleet(["failed-s1"], model_id="slow-charge")
     system.start_fleet(
         ["slow-s1"], model_id="quick-charge", options=("--flight-time-factor", "1.4")
     )
@@ -40,6 +40,7 @@ def test_deliveries_complete_though_stations_close_pads_fail_and_zones_appear(sy
     system.operate("POST", "/v1/zones", _zone_around("zoned-s4", ladders(*names)))
     failed = _when(system, deliveries["failed"], "RECHARGE")
     pad = _under_way(failed)
+    assert pad is not None
     system.operate(
         "POST", f"/v1/stations/{pad['station_id']}/pads/{pad['pad']}/outages", {"reason": "short"}
     )
@@ -62,7 +63,7 @@ def test_deliveries_complete_though_stations_close_pads_fail_and_zones_appear(sy
 
 
 def _when(system: Any, delivery_id: str, kind: str) -> dict[str, Any]:
-    """The delivery's mission once its drone, packages on board, is at a step of this kind."""
+    """The delivery's mission, when its drone has the packages and is at a step of this kind."""
 
     def seen() -> dict[str, Any] | None:
         delivery = system.delivery(delivery_id)
@@ -89,7 +90,7 @@ def _under_way(mission: dict[str, Any]) -> dict[str, Any] | None:
 
 
 def _next_recharge(mission: dict[str, Any]) -> str:
-    """Where the drone charges next: two rungs away from the start, 17 s of wall time."""
+    """The station of the drone's next recharge: two rungs from the start, 17 s of wall time."""
     at = mission["drone_state"]["step_id"]
     stations: list[str] = [
         each["step"]["station_id"]

@@ -1,4 +1,4 @@
-"""Offers, a split delivery, cancelling, proof: what customers do in a market of providers."""
+"""Customers in a market of providers: offers, a split delivery, cancelling, proof."""
 
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
@@ -9,7 +9,7 @@ pytestmark = pytest.mark.end_to_end
 
 
 @pytest.mark.storage_pair("embedded")
-def test_offers_are_compared_and_the_one_that_is_taken_is_flown(system: Any) -> None:
+def test_the_accepted_offer_is_flown(system: Any) -> None:
     system.publish_corridor("offers")
     near = system.start_fleet(
         ["offers-s1"], name="Near Air", tariff={"currency": "USD", "base": 5_000, "per_km": 50}
@@ -25,10 +25,10 @@ def test_offers_are_compared_and_the_one_that_is_taken_is_flown(system: Any) -> 
     cheapest = _quote(system, {"objective": "cheapest"})
     pinned = _quote(system, {"providers": {"pinned": none["provider_id"]}})
     key = system.keys["SKYWAY_CUSTOMER_KEY"]
-    taking = {"quote_id": cheapest["quote_id"], "offer_id": cheapest["offers"][0]["offer_id"]}
-    taken = system.call("POST", "/v1/deliveries", key=key, body=taking)
-    again = system.call("POST", "/v1/deliveries", key=key, body=taking)
-    delivery = system.until_ended(taken.json()["delivery_id"])
+    acceptance = {"quote_id": cheapest["quote_id"], "offer_id": cheapest["offers"][0]["offer_id"]}
+    accepted = system.call("POST", "/v1/deliveries", key=key, body=acceptance)
+    again = system.call("POST", "/v1/deliveries", key=key, body=acceptance)
+    delivery = system.until_ended(accepted.json()["delivery_id"])
     proof = system.call("GET", f"/v1/deliveries/{delivery['delivery_id']}/proof", key=key).json()
 
     assert fastest["offers"][0]["provider_id"] == near["provider_id"]
@@ -47,13 +47,13 @@ def test_offers_are_compared_and_the_one_that_is_taken_is_flown(system: Any) -> 
 
 
 @pytest.mark.storage_pair("postgresql-mosquitto")
-def test_drones_of_another_network_at_the_same_place_take_nobodys_place(system: Any) -> None:
+def test_drones_of_another_network_at_the_same_place_are_no_candidates(system: Any) -> None:
     system.publish_corridor("here")
     system.publish_corridor("there")
     provider = system.start_fleet(["there-s1"] * 5 + ["here-s2"])
     pinned = {"providers": {"pinned": provider["provider_id"]}}
 
-    # Until the networks have been announced and learned, the nearest are compared in vain.
+    # The registry needs a moment to learn which drones belong to which network.
     offers = system.eventually(lambda: _quote(system, pinned, network="here")["offers"], "an offer")
 
     assert [offer["provider_id"] for offer in offers] == [provider["provider_id"]]
@@ -82,7 +82,7 @@ def test_a_request_too_heavy_for_one_drone_is_flown_in_two_trips(system: Any) ->
 
 # PostgreSQL lets many write at the same time; the embedded database has one writer.
 @pytest.mark.storage_pair("postgresql-mosquitto")
-def test_many_requests_at_once_into_few_pads_all_end_and_none_is_double_booked(
+def test_many_simultaneous_requests_for_few_pads_all_end_without_double_booking(
     system: Any,
 ) -> None:
     system.publish_corridor("crowd")
@@ -101,7 +101,7 @@ def test_many_requests_at_once_into_few_pads_all_end_and_none_is_double_booked(
         system.call("POST", f"/v1/deliveries/{delivery_id}/cancel", key=key, body={})
     ended = [system.until_ended(delivery_id) for delivery_id in ids]
 
-    # Nobody fails: drones are healthy, and what was cancelled comes back or stays.
+    # No delivery fails: all drones are healthy, and cancelled packages come back or stay.
     assert [delivery["packages"] for delivery in ended if delivery["state"] == "FAILED"] == []
     assert any(delivery["state"] == "COMPLETED" for delivery in ended)
     verified = system.command("verify")

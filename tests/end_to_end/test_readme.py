@@ -1,4 +1,4 @@
-"""The README's lines work when pasted."""
+"""The commands in the README work when a user pastes them."""
 
 import json
 import re
@@ -15,7 +15,7 @@ pytestmark = [pytest.mark.end_to_end, pytest.mark.storage_pair("embedded")]
 README = (Path(__file__).parents[2] / "README.md").read_text()
 
 
-def test_the_readme_s_lines_take_a_delivery_to_its_end(system: Any) -> None:
+def test_the_commands_in_the_readme_complete_a_delivery(system: Any) -> None:
     (pasted,) = re.findall(r"```bash\n(.*?)```", README, re.DOTALL)
     folder = system.folder.path.parent
     (folder / ".skyway").symlink_to(system.folder.path)

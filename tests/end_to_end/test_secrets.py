@@ -1,4 +1,4 @@
-"""What a system keeps is its user's alone."""
+"""Nobody but its user can read the files of a system, and no log holds a secret."""
 
 import contextlib
 from pathlib import Path
@@ -9,22 +9,22 @@ import pytest
 pytestmark = [pytest.mark.end_to_end, pytest.mark.storage_pair("embedded")]
 
 
-def test_nobody_else_can_read_what_a_system_keeps(system: Any) -> None:
+def test_no_other_user_can_read_the_files_of_a_system(system: Any) -> None:
     system.folder.path.chmod(0o755)
     system.publish_corridor("modes")
     system.start_fleet(["modes-s1"])
 
-    by_the_test_itself = ("up.log", "fleet.log", "drone.log", "prv_")
+    written_by_the_test = ("up.log", "fleet.log", "drone.log", "prv_")
     modes = {
         name: mode
         for name, mode in modes_in(system.folder.path).items()
-        if not name.startswith(by_the_test_itself)
+        if not name.startswith(written_by_the_test)
     }
     assert modes.keys() >= {"keys.env", "logs", "secrets"}
     assert [name for name, mode in modes.items() if mode & 0o077] == []
 
 
-def test_no_secret_is_told_in_a_log_or_kept_in_a_database(system: Any) -> None:
+def test_no_secret_is_in_a_log_or_in_a_database(system: Any) -> None:
     system.publish_corridor("secrets")
     key = {"role": "customer", "subject_id": "alice"}
     issued = system.operate("POST", "/v1/keys", key)
@@ -34,15 +34,15 @@ def test_no_secret_is_told_in_a_log_or_kept_in_a_database(system: Any) -> None:
     secrets |= {issued["key"], issued["mqtt"]["password"], registered["key"]}
     secrets |= {drone["mqtt"]["password"] for drone in registered["drones"]}
 
-    told = [path for pattern in ("logs/*", "*.db*", "*.log") for path in folder.glob(pattern)]
-    found = [path.name for path in told for one in secrets if one.encode() in path.read_bytes()]
+    files = [path for pattern in ("logs/*", "*.db*", "*.log") for path in folder.glob(pattern)]
+    found = [path.name for path in files for one in secrets if one.encode() in path.read_bytes()]
 
-    assert told
+    assert files
     assert found == []
 
 
 def modes_in(folder: Path) -> dict[str, int]:
-    """The modes of what lies in a folder; drafts are gone as soon as they are written."""
+    """The modes of the files in a folder. Temporary files can vanish meanwhile."""
     modes = {}
     for path in folder.iterdir():
         with contextlib.suppress(FileNotFoundError):

@@ -1,4 +1,4 @@
-"""Trouble that a customer must hear of: each delivery ends in exactly one terminal state."""
+"""A drone that is offline, and a customer who asks for another customer's delivery."""
 
 from typing import Any
 
@@ -8,7 +8,7 @@ pytestmark = pytest.mark.end_to_end
 
 
 @pytest.mark.storage_pair("embedded")
-def test_a_drone_that_is_away_is_passed_over_for_one_that_is_there(system: Any) -> None:
+def test_an_offline_drone_is_passed_over_for_one_that_is_online(system: Any) -> None:
     system.publish_corridor("away")
     away = system.start_fleet(["away-s1"], name="Away Air")
     system.fleets[-1].kill()
@@ -23,7 +23,7 @@ def test_a_drone_that_is_away_is_passed_over_for_one_that_is_there(system: Any) 
 
 
 @pytest.mark.storage_pair("postgresql-mosquitto")
-def test_a_second_customer_sees_nothing_of_the_first(system: Any) -> None:
+def test_a_customer_cannot_see_the_delivery_of_another(system: Any) -> None:
     system.publish_corridor("private")
     system.start_fleet(["private-s1"])
     delivery_id = system.request_delivery(["private-s2"], pickup="private-s1")

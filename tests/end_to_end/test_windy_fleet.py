@@ -1,10 +1,10 @@
-"""A fleet on a windy day: plans are made again, and nobody flies below its reserve unawares."""
+"""A fleet on a windy day: missions are replanned, and a drone below its reserve raises an alarm."""
 
 from typing import Any
 
 import pytest
 
-from tests.end_to_end.ladders import QUICK_CHARGE, ladders
+from tests.end_to_end.ladder_network import QUICK_CHARGE, ladders
 
 pytestmark = [
     pytest.mark.end_to_end,
@@ -14,17 +14,17 @@ pytestmark = [
 
 _RESERVE_SOC = 0.15
 
-#: What telemetry's charge may be wrong by: sensors err on this day.
+#: How far the charge in telemetry may be wrong: sensors err on this day.
 _ESTIMATE_ERROR = 0.015
 
-#: It takes half as much again to fly east, and two rungs are planned on one charge: the second
-#: one would end far below the reserve, whatever else happens.
+#: Flying east takes half as much energy again. Two rungs are planned on one charge, so the second
+#: would end far below the reserve.
 _HEAD_WIND = "[wind]\nmean_mps = 8.0\nfrom_deg = 90\n"
 
 _BATTERY = {"BATTERY_LOW", "BATTERY_SHORT", "BATTERY_EMPTY"}
 
 
-def test_a_windy_day_makes_other_plans_and_no_drone_falls_below_its_reserve_unawares(
+def test_in_strong_wind_missions_are_replanned_and_low_batteries_raise_alarms(
     system: Any,
 ) -> None:
     names = ("gale", "gust", "calm")
@@ -57,34 +57,34 @@ def test_a_windy_day_makes_other_plans_and_no_drone_falls_below_its_reserve_unaw
         assert delivery["state"] == "COMPLETED" or "DRONE" not in custodians, delivery
     least = {each["mission"]["drone_id"]: least_soc(system, each["mission"]) for each in missions}
     low = {drone_id for drone_id, soc in least.items() if soc < _RESERVE_SOC - _ESTIMATE_ERROR}
-    # Asked for last: some still fly home, and are warned before they are low. Alarms go another
-    # way than telemetry, and may come later.
+    # Some drones still fly home, and warn before they are low. Alarms take another path than
+    # telemetry and may come later.
     providers = {each["mission"]["provider_id"] for each in missions}
     system.eventually(
-        lambda: low <= warned_drones(system, providers), "a warning of each", told=lambda: least
+        lambda: low <= warned_drones(system, providers), "a warning of each", instead=lambda: least
     )
 
 
 def start_windy_fleet(system: Any, *, homes: list[str]) -> None:
-    """`skyway fleet` with a drone at each home, once all of them can be sent somewhere."""
+    """Run `skyway fleet` with a drone at each home until all drones are AVAILABLE."""
     terms = {"name": "Windy Air", "tariff": {"currency": "USD", "base": 100, "per_km": 10}}
     provider_id = system.operate("POST", "/v1/providers", terms)["provider_id"]
     command = ("--drones", str(len(homes)), "--model", "careful", "--provider-id", provider_id)
-    at_home = [option for home in homes for option in ("--home", home)]
+    home_options = [option for home in homes for option in ("--home", home)]
     day = ("--scenario", "windy", "--seed", "7")
-    system.run_fleet(system.folder.path / "windy.json", *command, *at_home, *day)
+    system.run_fleet(system.folder.path / "windy.json", *command, *home_options, *day)
     system.until_available(provider_id, drones=len(homes))
 
 
 def warned_drones(system: Any, providers: set[str]) -> set[str]:
-    """Drones of these providers whose failsafes for a low battery have acted."""
+    """The drones of these providers that have raised an alarm about a low battery."""
     paths = [f"/v1/alarms?provider_id={provider_id}&limit=200" for provider_id in providers]
     alarms = [alarm for path in paths for alarm in system.operate("GET", path)["items"]]
     return {alarm["drone_id"] for alarm in alarms if alarm["code"] in _BATTERY}
 
 
 def least_soc(system: Any, drone: dict[str, str]) -> float:
-    """The least charge that the drone's telemetry shows."""
+    """The lowest state of charge in the drone's telemetry."""
     path = f"/v1/providers/{drone['provider_id']}/drones/{drone['drone_id']}/telemetry"
     rows = system.operate("GET", f"{path}?resolution=raw&limit=2000")["items"]
     assert rows

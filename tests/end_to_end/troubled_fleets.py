@@ -1,4 +1,4 @@
-"""Drones in for trouble, each on a ladder of its own, and what becomes of them."""
+"""Drones that will meet trouble, each on its own ladder, and what happened to them."""
 
 import json
 import subprocess
@@ -9,13 +9,13 @@ from typing import Any
 from skyway_drone_agent.journal.logbook import Logbook
 
 from tests.end_to_end.drone_journal import logbook_of
-from tests.end_to_end.ladders import QUICK_CHARGE
+from tests.end_to_end.ladder_network import QUICK_CHARGE
 
 _TERMS = {"name": "Trouble Air", "tariff": {"currency": "USD", "base": 100, "per_km": 10}}
 
 
 class TroubledFleets:
-    """One provider, whose drones are called as their ladders; agents host one or several."""
+    """One provider whose drones are named after their ladders; an agent hosts one or several."""
 
     def __init__(self, system: Any, reserves: dict[str, float]) -> None:
         self._system = system
@@ -39,7 +39,7 @@ class TroubledFleets:
         return drone_id
 
     def run(self, *names: str, scenario: str, mqtt_url: str | None = None) -> None:
-        """Run the agent of these drones, on a day like this."""
+        """Run an agent with these drones, in this scenario."""
         folder: Path = self._system.folder.path
         day, file = folder / f"{names[0]}.toml", folder / f"{names[0]}.json"
         day.write_text(scenario)
@@ -52,15 +52,15 @@ class TroubledFleets:
         self.processes |= dict.fromkeys(names, process)
 
     def until_available(self) -> None:
-        """Return once all of them can be sent somewhere."""
+        """Return when all drones are AVAILABLE."""
         self._system.until_available(self._provider_id, drones=len(self._drones))
 
     def logbook(self, name: str) -> Logbook:
-        """What the drone has written down, whether or not the cloud has heard of it."""
+        """The drone's logbook from its journal; the cloud may not know all of it yet."""
         return logbook_of(self._system, self.drone_id(name))
 
     def take_offs(self, name: str) -> list[datetime]:
-        """When the drone took off, as far as the cloud has heard; fleet time."""
+        """The take-offs of the drone that the cloud knows of; fleet time."""
         return sorted(
             datetime.fromisoformat(step["event"]["started_at"])
             for mission in self.missions(name)
@@ -71,18 +71,18 @@ class TroubledFleets:
     def missions(self, name: str) -> list[dict[str, Any]]:
         """The drone's missions, the first one first."""
         path = f"/v1/missions?drone_id={self.drone_id(name)}"
-        known = self._system.operate("GET", path)["items"]
-        ids = sorted(mission["mission_id"] for mission in known)
+        listed = self._system.operate("GET", path)["items"]
+        ids = sorted(mission["mission_id"] for mission in listed)
         return [self._system.operate("GET", f"/v1/missions/{mission_id}") for mission_id in ids]
 
     def state(self, name: str) -> dict[str, Any]:
-        """What the drone last said of itself in its newest mission."""
+        """The last state of the drone in its newest mission."""
         missions = self.missions(name)
         state: dict[str, Any] | None = missions[-1]["drone_state"] if missions else None
         return state or {"activity": None, "station_id": None, "faults": []}
 
     def failures(self, name: str) -> set[str]:
-        """Why steps of the drone's missions failed."""
+        """The codes of the failed steps of the drone's missions."""
         return {
             step["event"]["code"]
             for mission in self.missions(name)

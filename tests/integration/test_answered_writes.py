@@ -1,4 +1,4 @@
-"""What was answered is there after kill -9, with the messages that it sends."""
+"""A write that was answered survives kill -9, with its outgoing messages."""
 
 import asyncio
 import subprocess
@@ -8,7 +8,7 @@ from sqlalchemy import text
 
 from skyway.runtime.sql.database import Database
 
-#: Writes for ever, eight blocks at a time, and names each on standard output once it is answered.
+#: Writes without end, eight blocks in parallel, and prints the number of each answered write.
 WRITER = """
 import asyncio, itertools, sys
 from sqlalchemy import Column, Integer, MetaData, Table
@@ -16,7 +16,7 @@ from skyway.json_model import JsonModel
 from skyway.runtime.sql.database import Database
 from skyway.runtime.outbox.table import outbox_table
 
-class Told(JsonModel):
+class Note(JsonModel):
     number: int
 
 METADATA = MetaData()
@@ -26,7 +26,7 @@ OUTBOX = outbox_table(METADATA)
 async def accept(db, number):
     async with db.write() as tx:
         await tx.execute(DELIVERIES.insert(), {"number": number})
-        tx.report("gateway", "/told", Told(number=number), stream=str(number))
+        tx.report("gateway", "/note", Note(number=number), stream=str(number))
     print(number, flush=True)
 
 async def main():

@@ -1,4 +1,4 @@
-"""Both brokers behind one face, clients of them, and a cable that can be cut."""
+"""Both brokers behind one interface, their clients, and a proxy that can cut connections."""
 
 import asyncio
 import contextlib
@@ -70,7 +70,7 @@ class Mosquitto:
         self._folder = folder
         self._program = program
         self._passwords = folder / "passwords"
-        self._known: dict[str, str] = {}
+        self._hashes: dict[str, str] = {}
         self._process: asyncio.subprocess.Process | None = None
         acl = folder / "acl"
         acl.write_text(BrokerRules().mosquitto_acl())
@@ -100,15 +100,15 @@ class Mosquitto:
             self._process = None
 
     async def set_accounts(self, names: tuple[str, ...]) -> None:
-        # A hash of its own for a known name would be a new password, which puts its holder out.
-        self._known = {name: self._known.get(name) or hash_password(name) for name in names}
-        write_password_file(self._passwords, self._known)
+        # A new hash of an existing account is a new password, which disconnects its client.
+        self._hashes = {name: self._hashes.get(name) or hash_password(name) for name in names}
+        write_password_file(self._passwords, self._hashes)
         if self._process is not None:
             self._process.send_signal(signal.SIGHUP)
 
 
-class Cable:
-    """A connection to a broker that can be cut, or go silent without anybody hanging up."""
+class BrokerProxy:
+    """A proxy to a broker that can break connections, or go silent without closing them."""
 
     def __init__(self, port: int) -> None:
         self._to = port
@@ -118,8 +118,8 @@ class Cable:
         self._is_silent = False
         self.port = 0
 
-    async def __aenter__(self) -> "Cable":
-        self._server = await asyncio.start_server(self._plugged, "127.0.0.1", 0)
+    async def __aenter__(self) -> "BrokerProxy":
+        self._server = await asyncio.start_server(self._forward_connection, "127.0.0.1", 0)
         self.port = self._server.sockets[0].getsockname()[1]
         return self
 
@@ -138,7 +138,9 @@ class Cable:
     def go_silent(self) -> None:
         self._is_silent = True
 
-    async def _plugged(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    async def _forward_connection(
+        self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+    ) -> None:
         far_reader, far_writer = await asyncio.open_connection("127.0.0.1", self._to)
         self._writers += [writer, far_writer]
         self._pumps += [
@@ -151,7 +153,7 @@ class Cable:
             while data := await reader.read(65536):
                 if not self._is_silent:
                     writer.write(data)
-        # Whoever is behind a silent cable hears of nothing, not even of the end.
+        # A silent proxy forwards nothing, not even the end of a connection.
         if not self._is_silent:
             writer.transport.abort()
 
@@ -168,7 +170,7 @@ def make_connection(number: int, status: str = "ONLINE") -> Connection:
         sent_at=NOW,
         session=1,
         connection_number=number,
-        status=status,  # type: ignore[arg-type]
+        status=status,
     )
 
 
@@ -217,16 +219,16 @@ def make_station_state(pads_taken: int) -> StationState:
     return StationState(message_id="m", sent_at=NOW, station_id="s", pads=2, pads_taken=pads_taken)
 
 
-async def take_exactly(
-    batches: AsyncIterator[list[Received[Any]]], wanted: int
+async def receive_exactly(
+    batches: AsyncIterator[list[Received[Any]]], count: int
 ) -> list[Received[Any]]:
     """The next messages, in order; fails when there are more or fewer."""
-    taken: list[Received[Any]] = []
+    received: list[Received[Any]] = []
     async with asyncio.timeout(10):
-        while len(taken) < wanted:
-            taken += await anext(batches)
-    assert len(taken) == wanted
-    return taken
+        while len(received) < count:
+            received += await anext(batches)
+    assert len(received) == count
+    return received
 
 
 async def wait_all_connected(*clients: Any) -> None:
@@ -255,8 +257,8 @@ def make() -> SimpleNamespace:
 
 
 @pytest.fixture
-def take() -> Callable[..., Awaitable[list[Received[Any]]]]:
-    return take_exactly
+def receive() -> Callable[..., Awaitable[list[Received[Any]]]]:
+    return receive_exactly
 
 
 @pytest.fixture
@@ -311,10 +313,10 @@ async def connect() -> AsyncIterator[Connect]:
 
 
 @pytest.fixture
-async def cable() -> AsyncIterator[Callable[[int], Awaitable[Cable]]]:
+async def broker_proxy() -> AsyncIterator[Callable[[int], Awaitable[BrokerProxy]]]:
     async with contextlib.AsyncExitStack() as stack:
 
-        async def plug(port: int) -> Cable:
-            return await stack.enter_async_context(Cable(port))
+        async def open_proxy(port: int) -> BrokerProxy:
+            return await stack.enter_async_context(BrokerProxy(port))
 
-        yield plug
+        yield open_proxy

@@ -48,7 +48,7 @@ def process(tmp_path: Path) -> Iterator[Process]:
         process.running.kill()
 
 
-async def test_it_serves_on_the_socket_of_its_parent(process, connect):
+async def test_the_broker_serves_on_the_socket_of_its_parent(process, connect):
     drone = await connect(process.port, "drone-1")
 
     await drone.wait_connected()
@@ -56,7 +56,7 @@ async def test_it_serves_on_the_socket_of_its_parent(process, connect):
     assert process.running.poll() is None
 
 
-async def test_it_leaves_when_its_parent_is_gone(process, connect):
+async def test_the_broker_exits_when_its_parent_is_gone(process, connect):
     drone = await connect(process.port, "drone-1")
     await drone.wait_connected()
 
@@ -65,7 +65,7 @@ async def test_it_leaves_when_its_parent_is_gone(process, connect):
     assert process.running.wait(timeout=10) == 0
 
 
-async def test_it_leaves_when_told_to(process, connect):
+async def test_the_broker_exits_on_sigterm(process, connect):
     drone = await connect(process.port, "drone-1")
     await drone.wait_connected()
 
@@ -87,7 +87,7 @@ async def test_it_leaves_when_told_to(process, connect):
         ),
     ],
 )
-def test_a_wrong_environment_is_told_by_the_name_of_the_variable(variables, named):
+def test_a_wrong_environment_variable_is_named_in_the_error(variables, named):
     environment = {key: value for key, value in os.environ.items() if "SKYWAY" not in key}
 
     left = subprocess.run(

@@ -1,4 +1,4 @@
-"""Mosquitto's listener for drones over TLS: a certificate and the password, never one alone."""
+"""Mosquitto's TLS listener for drones needs both a certificate and the password."""
 
 import asyncio
 import contextlib
@@ -39,7 +39,7 @@ def free_port() -> int:
 
 @dataclass
 class TlsBroker:
-    """Mosquitto with the authority of a deployment."""
+    """Mosquitto with the certificate authority of one deployment."""
 
     folder: Path
     authority: CertificateAuthority
@@ -141,7 +141,9 @@ async def test_a_certificate_and_the_password_let_a_drone_in(tls_broker: TlsBrok
     assert await tls_broker.is_let_in(tls, name="drone-1", password="drone-1")
 
 
-async def test_one_of_them_alone_does_not(tls_broker: TlsBroker, tmp_path: Path) -> None:
+async def test_a_certificate_alone_or_a_password_alone_is_refused(
+    tls_broker: TlsBroker, tmp_path: Path
+) -> None:
     shows_nothing = ssl.create_default_context(cadata=tls_broker.authority.certificate_pem)
     other = CertificateAuthority.make(tmp_path / "another deployment")
     from_elsewhere = tls_broker.shown_by("drone-1", signed_by=other)

@@ -1,4 +1,4 @@
-"""The holes of amqtt's own broker, each closed, and what no client may do to the others."""
+"""Each security hole of amqtt's own broker is closed, and no client can disturb the others."""
 
 import asyncio
 from datetime import UTC, datetime, timedelta
@@ -33,7 +33,7 @@ def make_instruction(seq: int) -> ReportInstruction:
 
 
 class Listening:
-    """A bare connection that keeps the names of all topics on which it was sent something."""
+    """A plain connection that records the topic of every message it receives."""
 
     def __init__(self, user_name: str, *, will: RawMessage | None = None) -> None:
         self.names: list[str] = []
@@ -62,7 +62,7 @@ async def connected(client: Any) -> Any:
     return client
 
 
-async def test_a_connecting_client_is_sent_nothing_that_it_did_not_ask_for(embedded, connect):
+async def test_a_connecting_client_receives_only_topics_that_it_subscribed_to(embedded, connect):
     registry = await connect(embedded.port, "registry")
     registry.batches(CONNECTION)
     drone = await connected(await connect(embedded.port, "drone-1"))
@@ -95,20 +95,20 @@ async def test_retained_messages_are_sent_within_the_clients_rights(embedded, co
     other.link.close()
 
 
-async def test_a_last_will_goes_no_further_than_its_writers_rights(embedded, connect, cable):
+async def test_a_last_will_needs_the_write_right_of_its_client(embedded, connect, broker_proxy):
     registry = await connect(embedded.port, "registry")
     arrived = registry.batches(CONNECTION)
     witness = await connect(embedded.port, "drone-2")
     await connected(registry)
     await connected(witness)
-    wire = await cable(embedded.port)
+    proxy = await broker_proxy(embedded.port)
     payload = ONLINE.model_dump_json().encode()
     forged = RawMessage(CONNECTION("p", "drone-2").name, payload, 1, True)
     drone = Listening("drone-1", will=forged)
-    await drone.open(wire.port)
+    await drone.open(proxy.port)
 
-    wire.cut()
-    # drone-1 has its place again only after the broker is done with its former connection.
+    proxy.cut()
+    # drone-1 can connect again only after the broker has closed its old connection.
     again = await connected(await connect(embedded.port, "drone-1"))
     await again.publish(CONNECTION("p", "drone-1"), ONLINE)
 
@@ -120,7 +120,7 @@ async def test_a_last_will_goes_no_further_than_its_writers_rights(embedded, con
     drone.link.close()
 
 
-async def test_clients_that_come_and_go_in_a_storm_disturb_nobody(embedded, connect):
+async def test_many_clients_that_connect_and_leave_disturb_nobody(embedded, connect):
     composition = await connected(await connect(embedded.port, "composition"))
     drone = Listening("drone-1")
     await drone.open(embedded.port)
@@ -157,7 +157,7 @@ async def test_clients_that_come_and_go_in_a_storm_disturb_nobody(embedded, conn
         bytes(range(256)),
     ],
 )
-async def test_nonsense_ends_its_own_connection_alone(embedded, connect, nonsense):
+async def test_malformed_bytes_end_only_their_own_connection(embedded, connect, nonsense):
     drone = await connected(await connect(embedded.port, "drone-1"))
 
     reader, writer = await asyncio.open_connection("127.0.0.1", embedded.port)
@@ -179,7 +179,7 @@ async def test_a_packet_above_the_limit_ends_its_connection(embedded, connect):
         )
 
 
-async def test_an_account_counts_from_the_moment_it_is_written(embedded, connect):
+async def test_a_change_of_accounts_takes_effect_immediately(embedded, connect):
     await connected(await connect(embedded.port, "drone-1"))
     fresh, removed = Listening("drone-3"), Listening("drone-1")
 

@@ -18,23 +18,23 @@ NOON = datetime(2026, 3, 1, 12, tzinfo=UTC)
 LOSSY = Disturbances(link=LinkLoss(share=1.0, every_s=600, for_s=30))
 
 
-class KnownClock(ManualClock):
-    """A clock that need not be told by the cloud."""
+class SetClock(ManualClock):
+    """A clock that does not wait for the cloud's time."""
 
     def keep(self, anchor: ClockAnchor) -> None:
-        raise AssertionError(f"nobody tells the time here: {anchor}")
+        raise AssertionError(f"unexpected clock anchor: {anchor}")
 
     async def wait_known(self) -> None:
         return
 
 
-async def test_in_an_outage_the_will_is_sent_and_nothing_passes_until_it_is_over(
-    broker, connect, make, take, all_connected, until
+async def test_during_an_outage_the_last_will_is_sent_and_no_message_passes(
+    broker, connect, make, receive, all_connected, until
 ):
-    clock = KnownClock(NOON)
+    clock = SetClock(NOON)
     outage = next(outages(NOON, disturbed=LOSSY, drone_id=DRONE))
     composition = await connect(broker.service_port, "composition")
-    told = composition.batches(CONNECTION)
+    connections = composition.batches(CONNECTION)
     await all_connected(composition)
     client = MqttClient(
         f"mqtt://127.0.0.1:{broker.port}",
@@ -49,7 +49,7 @@ async def test_in_an_outage_the_will_is_sent_and_nothing_passes_until_it_is_over
 
         clock.advance(outage.from_at - clock.now())
         await link.wait_lost()
-        [lost] = await take(told, 1)
+        [lost] = await receive(connections, 1)
         with pytest.raises(MqttUnavailable):
             await link.publish(ACKS("p", DRONE), make.ack(1))
         assert not link.is_connected
@@ -59,6 +59,6 @@ async def test_in_an_outage_the_will_is_sent_and_nothing_passes_until_it_is_over
         clock.advance(timedelta(seconds=1))
         await link.wait_connected()
         await composition.publish(INSTRUCTIONS("p", DRONE), make.instruction(1))
-        await take(arrived, 1)
+        await receive(arrived, 1)
 
     assert lost.message.status == "LOST"

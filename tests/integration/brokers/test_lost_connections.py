@@ -1,4 +1,4 @@
-"""Connections that end, on either side: alike on both brokers."""
+"""Connections that end on either side behave the same on both brokers."""
 
 from typing import Any
 
@@ -9,21 +9,21 @@ from skyway.contracts.topics import ACKS, CONNECTION, INSTRUCTIONS
 from skyway.runtime.errors import MqttUnavailable
 
 
-async def test_a_drones_next_connection_replaces_its_former_one(
-    broker, connect, cable, make, take, all_connected
+async def test_a_new_connection_of_a_drone_replaces_its_old_one(
+    broker, connect, broker_proxy, make, receive, all_connected
 ):
     composition = await connect(broker.service_port, "composition")
-    told = composition.batches(CONNECTION)
+    connections = composition.batches(CONNECTION)
     await all_connected(composition)
-    wire = await cable(broker.port)
+    proxy = await broker_proxy(broker.port)
     await all_connected(
         await connect(
-            wire.port,
+            proxy.port,
             "drone-1",
             will=lambda: (CONNECTION("p", "drone-1"), make.connection(1, "LOST")),
         )
     )
-    wire.go_silent()
+    proxy.go_silent()
 
     drone = await connect(broker.port, "drone-1")
     arrived = drone.batches(INSTRUCTIONS("p", "drone-1"))
@@ -31,14 +31,14 @@ async def test_a_drones_next_connection_replaces_its_former_one(
     await drone.publish(CONNECTION("p", "drone-1"), make.connection(2))
     await composition.publish(INSTRUCTIONS("p", "drone-1"), make.instruction(1))
 
-    await take(arrived, 1)
-    received = [one.message for one in await take(told, 2)]
+    await receive(arrived, 1)
+    received = [one.message for one in await receive(connections, 2)]
     assert [one.connection_number for one in received] == [1, 2]
     assert [one.status for one in received] == ["LOST", "ONLINE"]
 
 
-async def test_retained_topics_are_republished_after_the_broker_forgot_them(
-    broker, connect, make, take, all_connected, until
+async def test_retained_topics_are_republished_after_the_broker_lost_them(
+    broker, connect, make, receive, all_connected, until
 ):
     async def republish() -> None:
         await drone.publish(CONNECTION("p", "drone-1"), make.connection(1))
@@ -47,7 +47,7 @@ async def test_retained_topics_are_republished_after_the_broker_forgot_them(
     arrived = composition.batches(CONNECTION)
     await all_connected(composition)
     drone = await connect(broker.port, "drone-1", on_connected=republish)
-    await take(arrived, 1)
+    await receive(arrived, 1)
 
     await broker.stop()
     await drone.wait_lost()
@@ -56,12 +56,12 @@ async def test_retained_topics_are_republished_after_the_broker_forgot_them(
     await all_connected(composition, drone)
     later = await connect(broker.service_port, "registry")
 
-    [received] = await take(later.batches(CONNECTION), 1)
+    [received] = await receive(later.batches(CONNECTION), 1)
     assert received.ids == ("p", "drone-1")
 
 
-async def test_a_lost_drone_is_told_with_its_present_connection_number(
-    broker, connect, cable, make, take, all_connected, until
+async def test_the_last_will_carries_the_present_connection_number(
+    broker, connect, broker_proxy, make, receive, all_connected, until
 ):
     wills: list[Connection] = []
 
@@ -72,22 +72,24 @@ async def test_a_lost_drone_is_told_with_its_present_connection_number(
     composition = await connect(broker.service_port, "composition")
     arrived = composition.batches(CONNECTION)
     await all_connected(composition)
-    wire = await cable(broker.port)
-    drone = await connect(wire.port, "drone-1", will=make_will)
+    proxy = await broker_proxy(broker.port)
+    drone = await connect(proxy.port, "drone-1", will=make_will)
     await all_connected(drone)
 
-    wire.cut()
-    [first] = await take(arrived, 1)
+    proxy.cut()
+    [first] = await receive(arrived, 1)
     await until(lambda: len(wills) == 2)
     await all_connected(drone)
-    wire.cut()
-    [second] = await take(arrived, 1)
+    proxy.cut()
+    [second] = await receive(arrived, 1)
 
     assert (first.message.status, first.message.connection_number) == ("LOST", 1)
     assert (second.message.status, second.message.connection_number) == ("LOST", 2)
 
 
-async def test_a_drone_that_says_goodbye_is_not_lost(broker, connect, make, take, all_connected):
+async def test_a_drone_that_disconnects_in_order_is_not_reported_lost(
+    broker, connect, make, receive, all_connected
+):
     composition = await connect(broker.service_port, "composition")
     arrived = composition.batches(CONNECTION)
     await all_connected(composition)
@@ -103,32 +105,32 @@ async def test_a_drone_that_says_goodbye_is_not_lost(broker, connect, make, take
     await all_connected(other)
     await other.publish(CONNECTION("p", "drone-2"), make.connection(1))
 
-    [received] = await take(arrived, 1)
+    [received] = await receive(arrived, 1)
     assert received.ids == ("p", "drone-2")
 
 
 async def test_a_silent_client_is_lost_after_one_and_a_half_keepalives(
-    broker, connect, cable, make, take, all_connected
+    broker, connect, broker_proxy, make, receive, all_connected
 ):
     composition = await connect(broker.service_port, "composition")
     arrived = composition.batches(CONNECTION)
     await all_connected(composition)
-    wire = await cable(broker.port)
+    proxy = await broker_proxy(broker.port)
     drone = await connect(
-        wire.port,
+        proxy.port,
         "drone-1",
         will=lambda: (CONNECTION("p", "drone-1"), make.connection(1, "LOST")),
         keepalive_s=1,
     )
     await all_connected(drone)
 
-    wire.go_silent()
+    proxy.go_silent()
 
-    [received] = await take(arrived, 1)
+    [received] = await receive(arrived, 1)
     assert received.message.status == "LOST"
 
 
-async def test_publish_says_so_when_the_broker_is_down(broker, connect, make, all_connected):
+async def test_publish_raises_when_the_broker_is_down(broker, connect, make, all_connected):
     drone = await connect(broker.port, "drone-1")
     await all_connected(drone)
     await drone.publish(ACKS("p", "drone-1"), make.ack(1))
@@ -139,20 +141,20 @@ async def test_publish_says_so_when_the_broker_is_down(broker, connect, make, al
         await drone.publish(ACKS("p", "drone-1"), make.ack(2))
 
 
-async def test_publish_does_not_wait_for_ever_for_a_silent_broker(
-    broker, connect, cable, make, all_connected
+async def test_publish_times_out_when_the_broker_is_silent(
+    broker, connect, broker_proxy, make, all_connected
 ):
-    wire = await cable(broker.port)
-    drone = await connect(wire.port, "drone-1")
+    proxy = await broker_proxy(broker.port)
+    drone = await connect(proxy.port, "drone-1")
     await all_connected(drone)
-    wire.go_silent()
+    proxy.go_silent()
 
     with pytest.raises(MqttUnavailable, match="no PUBACK"):
         await drone.publish(ACKS("p", "drone-1"), make.ack(1), timeout_s=0.05)
 
 
 async def test_subscriptions_are_renewed_when_the_broker_comes_back(
-    broker, connect, make, take, all_connected, until
+    broker, connect, make, receive, all_connected, until
 ):
     composition = await connect(broker.service_port, "composition")
     drone = await connect(broker.port, "drone-1")
@@ -165,5 +167,5 @@ async def test_subscriptions_are_renewed_when_the_broker_comes_back(
     await all_connected(composition, drone)
     await drone.publish(ACKS("p", "drone-1"), make.ack(7))
 
-    [received] = await take(arrived, 1)
+    [received] = await receive(arrived, 1)
     assert received.message.seq == 7

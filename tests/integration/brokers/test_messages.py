@@ -1,12 +1,12 @@
-"""How messages arrive: alike on both brokers."""
+"""Messages arrive in the same way on both brokers."""
 
 import asyncio
 
 from skyway.contracts.topics import ACKS, CLOCK, STATION_STATE
 
 
-async def test_a_reader_that_comes_later_is_sent_what_is_retained(
-    broker, connect, make, take, all_connected
+async def test_a_later_reader_receives_the_retained_message(
+    broker, connect, make, receive, all_connected
 ):
     gateway = await connect(broker.service_port, "gateway")
     await all_connected(gateway)
@@ -14,14 +14,14 @@ async def test_a_reader_that_comes_later_is_sent_what_is_retained(
     await gateway.publish(CLOCK(), make.anchor(2.0))
 
     drone = await connect(broker.port, "drone-1")
-    [received] = await take(drone.batches(CLOCK), 1)
+    [received] = await receive(drone.batches(CLOCK), 1)
 
     assert received.retained
     assert received.message.rate == 2.0
 
 
-async def test_a_reader_knows_what_was_said_just_now_from_what_was_kept(
-    broker, connect, make, take, all_connected
+async def test_a_reader_can_tell_a_live_message_from_a_retained_one(
+    broker, connect, make, receive, all_connected
 ):
     gateway = await connect(broker.service_port, "gateway")
     await all_connected(gateway)
@@ -31,12 +31,12 @@ async def test_a_reader_knows_what_was_said_just_now_from_what_was_kept(
 
     await gateway.publish(CLOCK(), make.anchor(1.0))
 
-    [received] = await take(arrived, 1)
+    [received] = await receive(arrived, 1)
     assert not received.retained
 
 
-async def test_a_subscription_of_a_connected_client_takes_effect_at_once(
-    broker, connect, make, take, all_connected
+async def test_a_subscription_of_a_connected_client_takes_effect_immediately(
+    broker, connect, make, receive, all_connected
 ):
     composition = await connect(broker.service_port, "composition")
     drone = await connect(broker.port, "drone-1")
@@ -46,11 +46,11 @@ async def test_a_subscription_of_a_connected_client_takes_effect_at_once(
     await all_connected(composition)
     await drone.publish(ACKS("p", "drone-1"), make.ack(1))
 
-    await take(arrived, 1)
+    await receive(arrived, 1)
 
 
 async def test_messages_arrive_in_the_order_they_were_sent(
-    broker, connect, make, take, all_connected
+    broker, connect, make, receive, all_connected
 ):
     composition = await connect(broker.service_port, "composition")
     drone = await connect(broker.port, "drone-1")
@@ -61,12 +61,12 @@ async def test_messages_arrive_in_the_order_they_were_sent(
         *(drone.publish(ACKS("p", "drone-1"), make.ack(seq)) for seq in range(2_000))
     )
 
-    received = await take(arrived, 2_000)
+    received = await receive(arrived, 2_000)
     assert [one.message.seq for one in received] == list(range(2_000))
 
 
-async def test_what_is_no_message_is_dropped_and_the_next_one_read(
-    broker, connect, make, take, all_connected
+async def test_an_unreadable_message_is_dropped_and_the_next_one_is_read(
+    broker, connect, make, receive, all_connected
 ):
     composition = await connect(broker.service_port, "composition")
     drone = await connect(broker.port, "drone-1")
@@ -78,11 +78,11 @@ async def test_what_is_no_message_is_dropped_and_the_next_one_read(
     await drone.publish_raw(name, b"\xff", mqtt_qos=1, retained=False)
     await drone.publish(ACKS("p", "drone-1"), make.ack(1))
 
-    await take(arrived, 1)
+    await receive(arrived, 1)
 
 
-async def test_a_stations_state_is_not_taken_for_a_drones(
-    broker, connect, make, take, all_connected
+async def test_the_state_of_a_station_is_not_mistaken_for_the_state_of_a_drone(
+    broker, connect, make, receive, all_connected
 ):
     composition = await connect(broker.service_port, "composition")
     drone = await connect(broker.port, "drone-1")
@@ -91,5 +91,5 @@ async def test_a_stations_state_is_not_taken_for_a_drones(
 
     await composition.publish(STATION_STATE("s"), make.station_state(pads_taken=1))
 
-    [received] = await take(arrived, 1)
+    [received] = await receive(arrived, 1)
     assert received.message.pads_taken == 1

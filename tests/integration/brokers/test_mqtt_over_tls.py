@@ -1,4 +1,4 @@
-"""`mqtts://`: the same client behind a terminator that holds a certificate of our own root."""
+"""`mqtts://`: the client speaks TLS to a proxy with a certificate of our own root."""
 
 import asyncio
 import shutil
@@ -32,7 +32,7 @@ def certificate(tmp_path: Path) -> tuple[Path, Path]:
 
 @pytest.fixture
 async def encrypted_port(embedded, certificate) -> AsyncIterator[int]:
-    """A port on which TLS is spoken with the embedded broker."""
+    """A TLS port in front of the embedded broker."""
     context = ssl.create_default_context(ssl.Purpose.CLIENT_AUTH)
     context.load_cert_chain(*certificate)
     conversations: set[asyncio.Task[None]] = set()
@@ -42,12 +42,14 @@ async def encrypted_port(embedded, certificate) -> AsyncIterator[int]:
             writer.write(data)
         writer.close()
 
-    async def plugged(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    async def forward_connection(
+        reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+    ) -> None:
         far_reader, far_writer = await asyncio.open_connection("127.0.0.1", embedded.port)
         for pair in ((reader, far_writer), (far_reader, writer)):
             conversations.add(asyncio.create_task(pump(*pair)))
 
-    server = await asyncio.start_server(plugged, "127.0.0.1", 0, ssl=context)
+    server = await asyncio.start_server(forward_connection, "127.0.0.1", 0, ssl=context)
     async with server:
         yield server.sockets[0].getsockname()[1]
         server.close()
@@ -58,10 +60,12 @@ async def encrypted_port(embedded, certificate) -> AsyncIterator[int]:
 
 async def test_messages_travel_over_tls(encrypted_port, certificate, monkeypatch):
     monkeypatch.setenv("SSL_CERT_FILE", str(certificate[0]))
-    names = {"client_id": "gateway", "user_name": "gateway", "password": "gateway"}
-    gateway = MqttClient(f"mqtts://127.0.0.1:{encrypted_port}", **names)
-    names = {"client_id": "drone-1", "user_name": "drone-1", "password": "drone-1"}
-    drone = MqttClient(f"mqtts://127.0.0.1:{encrypted_port}", **names)
+    gateway, drone = (
+        MqttClient(
+            f"mqtts://127.0.0.1:{encrypted_port}", client_id=name, user_name=name, password=name
+        )
+        for name in ("gateway", "drone-1")
+    )
     arrived = drone.batches(CLOCK)
 
     async with gateway, drone, asyncio.timeout(10):

@@ -1,4 +1,4 @@
-"""Who may connect, read and write: alike on both brokers."""
+"""Who may connect, read and write is the same on both brokers."""
 
 from contextlib import suppress
 
@@ -11,7 +11,9 @@ from skyway.runtime.mqtt.link import MqttLink
 from skyway.runtime.mqtt.paho_client import Login
 
 
-async def test_a_drone_reads_only_its_own_instructions(broker, connect, make, take, all_connected):
+async def test_a_drone_reads_only_its_own_instructions(
+    broker, connect, make, receive, all_connected
+):
     composition = await connect(broker.service_port, "composition")
     drone = await connect(broker.port, "drone-1")
     arrived = drone.batches(INSTRUCTIONS)
@@ -20,12 +22,12 @@ async def test_a_drone_reads_only_its_own_instructions(broker, connect, make, ta
     await composition.publish(INSTRUCTIONS("p", "drone-2"), make.instruction(1))
     await composition.publish(INSTRUCTIONS("p", "drone-1"), make.instruction(2))
 
-    [received] = await take(arrived, 1)
+    [received] = await receive(arrived, 1)
     assert received.ids == ("p", "drone-1")
     assert received.message.seq == 2
 
 
-async def test_a_drone_writes_only_its_own_topics(broker, connect, make, take, all_connected):
+async def test_a_drone_writes_only_its_own_topics(broker, connect, make, receive, all_connected):
     composition = await connect(broker.service_port, "composition")
     drone = await connect(broker.port, "drone-1")
     other = await connect(broker.port, "drone-2")
@@ -37,12 +39,12 @@ async def test_a_drone_writes_only_its_own_topics(broker, connect, make, take, a
         await drone.publish(ACKS("p", "drone-2"), make.ack(1))
     await other.publish(ACKS("p", "drone-2"), make.ack(2))
 
-    [received] = await take(arrived, 1)
+    [received] = await receive(arrived, 1)
     assert received.message.seq == 2
 
 
 async def test_a_customer_reads_only_its_own_delivery_events(
-    broker, connect, make, take, all_connected
+    broker, connect, make, receive, all_connected
 ):
     gateway = await connect(broker.service_port, "gateway")
     customer = await connect(broker.port, "customer-1")
@@ -52,12 +54,12 @@ async def test_a_customer_reads_only_its_own_delivery_events(
     await gateway.publish(DELIVERY_EVENTS("customer-2", "d2"), make.event("d2"))
     await gateway.publish(DELIVERY_EVENTS("customer-1", "d1"), make.event("d1"))
 
-    [received] = await take(arrived, 1)
+    [received] = await receive(arrived, 1)
     assert received.message.delivery_id == "d1"
 
 
 async def test_the_operator_reads_everything_and_writes_nothing(
-    broker, connect, make, take, all_connected
+    broker, connect, make, receive, all_connected
 ):
     operator = await connect(broker.service_port, "operator")
     composition = await connect(broker.service_port, "composition")
@@ -72,12 +74,12 @@ async def test_the_operator_reads_everything_and_writes_nothing(
     await gateway.publish(DELIVERY_EVENTS("customer-1", "d1"), make.event("d1"))
     await gateway.publish(CLOCK(), make.anchor(1.0))
 
-    topics = [received.topic for received in await take(arrived, 4)]
+    topics = [received.topic for received in await receive(arrived, 4)]
     assert topics == [INSTRUCTIONS, ACKS, DELIVERY_EVENTS, CLOCK]
     with suppress(MqttUnavailable):
         await operator.publish(INSTRUCTIONS("p", "drone-1"), make.instruction(2))
     await composition.publish(INSTRUCTIONS("p", "drone-1"), make.instruction(3))
-    assert [received.message.seq for received in await take(forged, 2)] == [1, 3]
+    assert [received.message.seq for received in await receive(forged, 2)] == [1, 3]
 
 
 @pytest.mark.parametrize("password", ["wrong", ""])
@@ -105,7 +107,7 @@ async def test_nobody_is_anonymous(broker, connect, all_connected):
 
 @pytest.mark.parametrize("password", ["drone-2", "wrong"])
 async def test_a_drone_under_anothers_client_id_does_not_disturb_it(
-    broker, connect, password, make, take, all_connected
+    broker, connect, password, make, receive, all_connected
 ):
     greetings: list[str] = []
 
@@ -125,13 +127,15 @@ async def test_a_drone_under_anothers_client_id_does_not_disturb_it(
         await thief.subscribe({"#": 1})
     await composition.publish(INSTRUCTIONS("p", "drone-1"), make.instruction(1))
 
-    await take(arrived, 1)
+    await receive(arrived, 1)
     assert victim.is_connected
     assert greetings == ["connected"]
     thief.close()
 
 
-async def test_replicas_of_a_service_share_its_account(broker, connect, make, take, all_connected):
+async def test_replicas_of_a_service_share_its_account(
+    broker, connect, make, receive, all_connected
+):
     first = await connect(broker.service_port, "composition", client_id="composition-1")
     second = await connect(broker.service_port, "composition", client_id="composition-2")
     drone = await connect(broker.port, "drone-1")
@@ -140,12 +144,12 @@ async def test_replicas_of_a_service_share_its_account(broker, connect, make, ta
 
     await drone.publish(ACKS("p", "drone-1"), make.ack(1))
 
-    await take(at_first, 1)
-    await take(at_second, 1)
+    await receive(at_first, 1)
+    await receive(at_second, 1)
 
 
 async def test_a_new_account_connects_and_a_removed_one_is_cut_off(
-    broker, connect, make, take, all_connected
+    broker, connect, make, receive, all_connected
 ):
     greetings: list[str] = []
 
@@ -162,7 +166,7 @@ async def test_a_new_account_connects_and_a_removed_one_is_cut_off(
 
     await all_connected(fresh)
     await fresh.publish(ACKS("p", "drone-3"), make.ack(3))
-    [received] = await take(arrived, 1)
+    [received] = await receive(arrived, 1)
     assert received.ids == ("p", "drone-3")
     with pytest.raises(MqttUnavailable):
         await removed.publish(ACKS("p", "drone-1"), make.ack(1))

@@ -1,4 +1,4 @@
-"""A drone that enrols by a token and is run by hand with `skyway drone`."""
+"""A drone that enrols with a token and runs by hand, with `skyway drone`."""
 
 import subprocess
 import sys
@@ -10,7 +10,7 @@ _TERMS = {"name": "Test Air", "tariff": {"currency": "USD", "base": 100, "per_km
 
 
 def register(system: Any, home: str, *, model_id: str = "paper-scenario") -> dict[str, Any]:
-    """A drone that has never been heard of, with its token."""
+    """A new drone that has never connected, with its enrolment token."""
     provider_id = system.operate("POST", "/v1/providers", _TERMS)["provider_id"]
     body = {"model_id": model_id, "home_station_id": home}
     made: dict[str, Any] = system.operate("POST", f"/v1/providers/{provider_id}/drones", body)
@@ -23,16 +23,16 @@ def path_of(drone: dict[str, Any]) -> str:
 
 def run(system: Any, *options: str, token: str | None = None) -> subprocess.Popen[bytes]:
     """`skyway drone` in the background."""
-    told = {} if token is None else {"SKYWAY_ENROLMENT_TOKEN": token}
+    variables = {} if token is None else {"SKYWAY_ENROLMENT_TOKEN": token}
     if "SKYWAY_MQTT_TLS_URL" in system.environment:
-        # As in production: with the certificate that the drone gets by enrolling.
-        told["SKYWAY_MQTT_URL"] = system.environment["SKYWAY_MQTT_TLS_URL"]
+        # As in production: the drone shows the certificate that it got when it enrolled.
+        variables["SKYWAY_MQTT_URL"] = system.environment["SKYWAY_MQTT_TLS_URL"]
     with (system.folder.path / "drone.log").open("ab") as log:
         process = subprocess.Popen(
             [*SKYWAY, "drone", *options, "--data", str(system.folder.path)],
             stdout=log,
             stderr=log,
-            env=system.environment | told,
+            env=system.environment | variables,
         )
     system.fleets.append(process)
     return process
@@ -43,5 +43,5 @@ def until(system: Any, drone: dict[str, Any], state: str) -> None:
     system.eventually(
         lambda: system.operate("GET", path_of(drone))["state"] == state,
         f"{drone['drone_id']} {state}",
-        told=lambda: system.operate("GET", path_of(drone)),
+        instead=lambda: system.operate("GET", path_of(drone)),
     )

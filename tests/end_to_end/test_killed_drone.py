@@ -1,4 +1,4 @@
-"""`skyway drone` by hand, killed again and again: the delivery completes, nothing is done twice."""
+"""A drone is killed again and again; its delivery completes and nothing is done twice."""
 
 import json
 from collections import Counter
@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 from skyway.contracts.drone_report import DroneEvent
+from tests.end_to_end.drone_by_hand import register, run, until
 from tests.end_to_end.drone_journal import events_of, logbook_of
-from tests.end_to_end.ladders import QUICK_CHARGE, ladders
-from tests.end_to_end.lone_drone import register, run, until
+from tests.end_to_end.ladder_network import QUICK_CHARGE, ladders
 
 pytestmark = [
     pytest.mark.end_to_end,
@@ -18,7 +18,7 @@ pytestmark = [
     pytest.mark.storage_pair("embedded"),
 ]
 
-#: Hand-overs take long enough to be killed in.
+#: Hand-overs take long enough to kill the drone during one.
 _SETTINGS = {"currency": "USD", "loading_s": 30, "dropoff_s": 240}
 
 
@@ -46,19 +46,19 @@ def test_a_drone_killed_in_flight_at_a_hand_over_and_on_a_pad_does_each_thing_on
     ends = [event for event in written.values() if event.event in ("STEP_ENDED", "STEP_FAILED")]
     done = [event for event in ends if event.event == "STEP_ENDED" and event.code != "CUT"]
     assert delivery["state"] == "COMPLETED", delivery
-    # Late as it is, its pad may be lost, or it be told to charge for longer: another revision
-    # then puts a step in the place of the one that was not done.
-    assert _most(event.step_id for event in done) == 1, ends
-    assert _most((event.mission_revision, event.step_id) for event in ends) == 1, ends
+    # A late drone can lose its pad or be sent a longer charge. Then another revision replaces the
+    # step that was not done.
+    assert _highest_count(event.step_id for event in done) == 1, ends
+    assert _highest_count((event.mission_revision, event.step_id) for event in ends) == 1, ends
     assert _handed_over(system, delivery_id) == {"p1": 1, "p2": 1}
     assert {package["custodian"]["kind"] for package in delivery["packages"]} == {"RECIPIENT"}
     assert len(delivery["missions"]) == 1
 
 
 def _until_at(system: Any, drone_id: str, kinds: Collection[str]) -> str:
-    """The kind of the step that the drone is at, once it is one of these.
+    """The kind of the drone's present step, when it is one of these kinds.
 
-    By its own journal: a hand-over may be over when the cloud has heard of it, and asked.
+    Read from the drone's journal, because a hand-over can be over before the cloud knows of it.
     """
 
     def at() -> str | None:
@@ -67,27 +67,27 @@ def _until_at(system: Any, drone_id: str, kinds: Collection[str]) -> str:
         return step.kind if step and step.kind in kinds else None
 
     found: str = system.eventually(
-        at, f"at one of {kinds}", told=lambda: logbook_of(system, drone_id).mission
+        at, f"at one of {kinds}", instead=lambda: logbook_of(system, drone_id).mission
     )
     return found
 
 
-def _most(things: Iterable[object]) -> int:
-    """How often the one comes that comes most often."""
+def _highest_count(things: Iterable[object]) -> int:
+    """How often the most frequent thing occurs."""
     return max(Counter(things).values(), default=0)
 
 
 def _handed_over(system: Any, delivery_id: str) -> dict[str, int]:
-    """How often the customer was told that each package is delivered."""
+    """How many `package.delivered` events the customer got for each package."""
     key = system.keys["SKYWAY_CUSTOMER_KEY"]
     text = system.call("GET", f"/v1/deliveries/{delivery_id}/events", key=key).text
-    told = [
+    events = [
         json.loads(line.removeprefix("data: "))
         for line in text.splitlines()
         if line.startswith("data: ")
     ]
     return dict(
         Counter(
-            event["data"]["package_id"] for event in told if event["type"] == "package.delivered"
+            event["data"]["package_id"] for event in events if event["type"] == "package.delivered"
         )
     )

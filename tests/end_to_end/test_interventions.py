@@ -1,10 +1,10 @@
-"""People lay hands on flying missions: hold, divert, confirm what is loaded, cancel."""
+"""People intervene in missions: hold, divert, confirm the loading, cancel."""
 
 from typing import Any
 
 import pytest
 
-from tests.end_to_end.ladders import QUICK_CHARGE, ladders
+from tests.end_to_end.ladder_network import QUICK_CHARGE, ladders
 
 pytestmark = [
     pytest.mark.end_to_end,
@@ -15,8 +15,8 @@ pytestmark = [
 NAMES = ("held", "sent", "kept", "back")
 
 
-def test_drones_do_what_operators_loaders_and_customers_want(system: Any) -> None:
-    system.operate("PUT", "/v1/networks/hands", ladders(*NAMES))
+def test_drones_obey_operators_loaders_and_customers(system: Any) -> None:
+    system.operate("PUT", "/v1/networks/interventions", ladders(*NAMES))
     system.operate("PUT", "/v1/drone-models/quick-charge", QUICK_CHARGE)
     system.start_fleet(["held-s1", "sent-s1", "back-s1"], model_id="quick-charge")
     system.start_fleet(["kept-s1"], model_id="quick-charge", loading="CONFIRMED")
@@ -25,7 +25,7 @@ def test_drones_do_what_operators_loaders_and_customers_want(system: Any) -> Non
     }
 
     _load(system, deliveries["kept"])
-    # Each as soon as it is seen in the air: a minute passes within a second.
+    # Each command is sent as soon as the drone is in the air: a fleet minute passes in a second.
     held = _flying(system, deliveries["held"])
     _command(system, held, "HOLD")
     sent = _flying(system, deliveries["sent"])
@@ -49,7 +49,7 @@ def _mission_of(system: Any, delivery_id: str) -> Any:
 
 
 def _flying(system: Any, delivery_id: str) -> str:
-    """The delivery's mission once its drone is in the air with what it carries."""
+    """The delivery's mission, when its drone is in the air with the packages."""
 
     def seen() -> str | None:
         shown = _mission_of(system, delivery_id)
@@ -62,7 +62,7 @@ def _flying(system: Any, delivery_id: str) -> str:
 
 
 def _load(system: Any, delivery_id: str) -> None:
-    """Confirm what was agreed once the drone waits for it."""
+    """Confirm the agreed packages when the drone waits for its loading."""
 
     def seen() -> Any:
         shown = _mission_of(system, delivery_id)

@@ -1,10 +1,10 @@
-"""A network of four stations in a line, too long for one charge."""
+"""A network of four stations in a line. One charge does not last from end to end."""
 
 from typing import Any
 
 
 def corridor(name: str) -> dict[str, Any]:
-    """Stations name-s1 to name-s4, 11.6 km apart; the drones must recharge on the way."""
+    """Stations name-s1 to name-s4, 11.6 km apart. Drones must recharge on the way."""
     ids = {number: f"{name}-s{number}" for number in range(1, 5)}
     places = {number: [-98.0 + 0.12 * number, 29.5] for number in ids}
     stations = [

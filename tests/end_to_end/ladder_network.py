@@ -1,4 +1,4 @@
-"""A network of ladders: two rails of stations side by side, so that there is always another way."""
+"""A network of ladders: two parallel rails of stations, so that there is always a second route."""
 
 from typing import Any
 
@@ -15,7 +15,7 @@ _LENGTH = 5
 
 
 def ladders(*names: str) -> dict[str, Any]:
-    """Ladders called by these names: ladder a has the rails a-s1 to a-s5 and a-t1 to a-t5."""
+    """A ladder for each name. Ladder `a` has the rails a-s1 to a-s5 and a-t1 to a-t5."""
     features: list[dict[str, Any]] = []
     for number, name in enumerate(names):
         places = {

@@ -1,4 +1,4 @@
-"""A drone's way to the broker, which can be cut, and on which messages can be kept back."""
+"""A proxy between a drone and the broker that can cut connections and hold messages back."""
 
 import contextlib
 import socket
@@ -10,8 +10,8 @@ from typing import Self
 _PUBLISH = 3
 
 
-class BrokerWay:
-    """Listens on a port of its own and passes everything on, both ways."""
+class BrokerProxy:
+    """Listens on its own port and forwards everything in both directions."""
 
     def __init__(self, broker: tuple[str, int]) -> None:
         self._broker = broker
@@ -29,12 +29,12 @@ class BrokerWay:
         return f"mqtt://127.0.0.1:{self._listener.getsockname()[1]}"
 
     def hold(self, kind: str) -> None:
-        """Keep messages of this kind back from now on, "acks" or "instructions", and no others."""
+        """Hold back messages of one kind from now on: "acks" or "instructions"."""
         with self._lock:
             self._holds = f"/{kind}".encode()
 
-    def let_go(self) -> None:
-        """Pass on what was held, and all that follows."""
+    def release(self) -> None:
+        """Forward the held messages and all later ones."""
         with self._lock:
             self._holds = None
             for receiver, packet in self._held:
@@ -43,7 +43,7 @@ class BrokerWay:
             self._held.clear()
 
     def cut(self) -> None:
-        """End all connections without a goodbye, and let none come about."""
+        """Break all connections without a DISCONNECT and refuse new ones."""
         with self._lock:
             self._is_cut = True
             for end in self._ends:
@@ -51,7 +51,7 @@ class BrokerWay:
             self._ends.clear()
 
     def restore(self) -> None:
-        """Let drones connect again."""
+        """Accept connections again."""
         with self._lock:
             self._is_cut = False
 
@@ -85,15 +85,15 @@ class BrokerWay:
     def _join(self, drone: socket.socket) -> None:
         broker = socket.create_connection(self._broker)
         self._ends += [drone, broker]
-        ways = [
-            threading.Thread(target=self._pass_on, args=(drone, broker)),
-            threading.Thread(target=self._pass_on, args=(broker, drone)),
+        threads = [
+            threading.Thread(target=self._forward, args=(drone, broker)),
+            threading.Thread(target=self._forward, args=(broker, drone)),
         ]
-        self._threads += ways
-        for way in ways:
-            way.start()
+        self._threads += threads
+        for thread in threads:
+            thread.start()
 
-    def _pass_on(self, sender: socket.socket, receiver: socket.socket) -> None:
+    def _forward(self, sender: socket.socket, receiver: socket.socket) -> None:
         with contextlib.suppress(OSError):
             for packet in _packets(sender):
                 with self._lock:
@@ -105,7 +105,7 @@ class BrokerWay:
 
 
 def _packets(end: socket.socket) -> Iterator[bytes]:
-    """MQTT packets as they come: a byte of type, a length of up to four bytes, so many bytes."""
+    """MQTT packets in order: a type byte, a length of one to four bytes, then that many bytes."""
     with end.makefile("rb") as stream:
         while head := stream.read(1):
             length, shift, more = 0, 0, True
