@@ -30,15 +30,17 @@ from skyway.runtime.sql.migrations import migrate
 from skyway_gateway.access.routes import key_routes
 from skyway_gateway.audit.routes import audit_routes
 from skyway_gateway.audit.trail import AuditTrail
-from skyway_gateway.deliveries.earnings.routes import earnings_routes
-from skyway_gateway.deliveries.queueing.store import free_claims
+from skyway_gateway.deliveries.accepting.routes import delivery_routes
+from skyway_gateway.deliveries.booking.queue_store import free_claims
+from skyway_gateway.deliveries.cancelling.routes import cancelling_routes
+from skyway_gateway.deliveries.reading.earnings_routes import earnings_routes
 from skyway_gateway.deliveries.reading.routes import reading_routes
-from skyway_gateway.deliveries.routes import delivery_routes, report_routes
+from skyway_gateway.deliveries.reporting.routes import report_routes
 from skyway_gateway.forward.routes import forward_routes, provider_routes
 from skyway_gateway.forward.table import larger_bodies
 from skyway_gateway.notifications.fleet_time import CLOCK_EVERY_S, publish_clock
 from skyway_gateway.notifications.routes import clock_routes, webhook_routes
-from skyway_gateway.notifications.streaming.stream import EventStream
+from skyway_gateway.notifications.stream_events import EventStream
 from skyway_gateway.parts import SERVICE, Parts, parts_in_life
 from skyway_gateway.quotes import store as quote_store
 from skyway_gateway.quotes.routes import quote_routes
@@ -66,7 +68,8 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
         "ask of the other services.",
         # A request is compared with every route before its own: the busiest come first.
         routers=[
-            delivery_routes(gate=gate, acceptance=parts.acceptance, canceller=parts.canceller),
+            delivery_routes(gate=gate, acceptance=parts.acceptance),
+            cancelling_routes(gate=gate, canceller=parts.canceller),
             report_routes(gate=parts.services, follower=parts.follower),
             quote_routes(db=db, gate=gate, maker=parts.quote_maker),
             reading_routes(

@@ -11,27 +11,26 @@ from skyway.runtime.http.identity import ServiceGate, ServiceIdentity
 from skyway.runtime.loops import Wake
 from skyway.runtime.minting import mint
 from skyway.runtime.sql.database import Database
-from skyway_gateway.access.drone_keys import DroneKeys
-from skyway_gateway.access.keys import Keys
-from skyway_gateway.access.known_keys import KnownKeys
+from skyway_gateway.access.issue_keys import Keys
+from skyway_gateway.access.recognise_keys import DroneKeys, KnownKeys
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.clients import Composition, Registry, RestComposition, RestRegistry
-from skyway_gateway.deliveries.accept import Acceptance
-from skyway_gateway.deliveries.book import Booker
-from skyway_gateway.deliveries.booking_loop import BookingLoop
-from skyway_gateway.deliveries.cancel import Canceller
-from skyway_gateway.deliveries.follow import Follower
-from skyway_gateway.deliveries.known import KnownDeliveries
-from skyway_gateway.deliveries.overdue import OverdueWatch
-from skyway_gateway.deliveries.writing import DeliveryWriter
-from skyway_gateway.notifications.events import Events
-from skyway_gateway.notifications.sending.post import WebhookPost
-from skyway_gateway.notifications.sending.sender import WebhookSender
-from skyway_gateway.notifications.streaming.news import News
-from skyway_gateway.notifications.targets import Targets
-from skyway_gateway.quotes.checks import Checks
-from skyway_gateway.quotes.make import QuoteMaker
-from skyway_gateway.quotes.payload_limits import PayloadLimits
+from skyway_gateway.deliveries.accepting.accept import Acceptance
+from skyway_gateway.deliveries.booking.book import Booker
+from skyway_gateway.deliveries.booking.run_bookings import BookingLoop
+from skyway_gateway.deliveries.cancelling.cancel import Canceller
+from skyway_gateway.deliveries.records.stored_delivery import KnownDeliveries
+from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
+from skyway_gateway.deliveries.reporting.apply_reports import Follower
+from skyway_gateway.deliveries.reporting.notify_overdue import OverdueWatch
+from skyway_gateway.notifications.record_events import Events
+from skyway_gateway.notifications.stream_events import News
+from skyway_gateway.notifications.webhooks.post_webhook import WebhookPost
+from skyway_gateway.notifications.webhooks.send_webhooks import WebhookSender
+from skyway_gateway.notifications.webhooks.targets import Targets
+from skyway_gateway.quotes.cached_payload_limits import PayloadLimits
+from skyway_gateway.quotes.check_request import Checks
+from skyway_gateway.quotes.make_quote import QuoteMaker
 from skyway_gateway.settings import GatewaySettings
 from skyway_gateway.tables import outbox
 
@@ -67,7 +66,7 @@ class Parts:
             self.db,
             self.registry,
             self.composition,
-            self.canceller,
+            self.canceller.finish,
             self.writer,
             self.clock,
             mint,

@@ -7,7 +7,7 @@ from sqlalchemy import ColumnElement, Select, String, and_, cast, exists, func, 
 
 from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.runtime.sql.database import Database
-from skyway_gateway.notifications.streaming.stream import LAST_EVENTS
+from skyway_gateway.notifications.stream_events import LAST_EVENTS
 from skyway_gateway.tables import (
     custody,
     deliveries,

@@ -6,7 +6,6 @@ from collections.abc import Awaitable, Callable
 from dataclasses import dataclass, field
 
 import httpx
-from gateway_fake_composition import STATIONS, FakeComposition, make_mission, make_terms
 
 from skyway.contracts.candidate import (
     Candidate,
@@ -27,6 +26,7 @@ from skyway.delivery.offer import Tariff
 from skyway.drone.models import PAPER_SCENARIO
 from skyway.json_model import JsonModel
 from skyway.runtime.errors import ServiceUnavailable
+from tests.gateway.fake_composition import STATIONS, FakeComposition, make_mission, make_terms
 
 __all__ = [
     "STATIONS",

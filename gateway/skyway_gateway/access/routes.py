@@ -14,10 +14,9 @@ from skyway.runtime.http.repeatable import IdempotencyKey, response_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway_gateway.access import store
-from skyway_gateway.access.drone_keys import DroneKeys
+from skyway_gateway.access.issue_keys import Keys
 from skyway_gateway.access.key import ApiKey, IssuedKey, KeyRole, NewKey
-from skyway_gateway.access.keys import Keys
-from skyway_gateway.access.known_keys import KnownKeys
+from skyway_gateway.access.recognise_keys import DroneKeys, KnownKeys
 from skyway_gateway.access.store import KeyFilter
 
 _bearer = HTTPBearer(auto_error=False, description="an API key: sk_..., or a drone's: dk_...")

@@ -1,1 +1,7 @@
-"""What customers asked for: accepted, booked, and followed to the last package."""
+"""Deliveries, from the request to the last package.
+
+`lifecycle` decides: a delivery and what happened go in, the changed delivery and its events come
+out. `records` stores deliveries. On these stand the rooms that act: `booking` plans packages that
+wait, `cancelling` stops what can still be stopped, `reporting` applies mission reports, `reading`
+answers queries. `accepting` takes requests and hands them to `booking`.
+"""

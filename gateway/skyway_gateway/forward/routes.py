@@ -19,7 +19,7 @@ from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.idempotency.answer import Answer
 from skyway.runtime.idempotency.once import once
 from skyway.runtime.sql.database import Database, Tx
-from skyway_gateway.access.keys import Keys
+from skyway_gateway.access.issue_keys import Keys
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.forward.call import Forwarded
 from skyway_gateway.forward.table import FORWARDED

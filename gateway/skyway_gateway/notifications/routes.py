@@ -15,15 +15,15 @@ from skyway.runtime.idempotency.once import once
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.access.routes import KeyGate
-from skyway_gateway.notifications import store
 from skyway_gateway.notifications.fleet_time import FleetTime, fleet_time
-from skyway_gateway.notifications.replay.again import replay
-from skyway_gateway.notifications.replay.wanted import Replay, ReplayRequest
-from skyway_gateway.notifications.sending.sender import WebhookSender
-from skyway_gateway.notifications.sending.store import attempts_page
-from skyway_gateway.notifications.signature import new_webhook_secret
-from skyway_gateway.notifications.targets import Targets
-from skyway_gateway.notifications.webhook import (
+from skyway_gateway.notifications.webhooks import webhook_store
+from skyway_gateway.notifications.webhooks.replay_events import replay
+from skyway_gateway.notifications.webhooks.replay_request import Replay, ReplayRequest
+from skyway_gateway.notifications.webhooks.send_webhooks import WebhookSender
+from skyway_gateway.notifications.webhooks.sending_store import attempts_page
+from skyway_gateway.notifications.webhooks.signature import new_webhook_secret
+from skyway_gateway.notifications.webhooks.targets import Targets
+from skyway_gateway.notifications.webhooks.webhook import (
     IssuedWebhook,
     NewWebhook,
     Webhook,
@@ -78,7 +78,7 @@ def webhook_routes(
 
         async def keep(tx: Tx) -> Answer:
             owner = SubjectId(caller.subject_id)
-            await store.add_webhook(tx, webhook, customer_id=owner, secret=webhook.secret)
+            await webhook_store.add_webhook(tx, webhook, customer_id=owner, secret=webhook.secret)
             location = {"Location": f"/v1/webhooks/{webhook.webhook_id}"}
             return Answer(201, webhook.model_dump_json().encode(), location)
 
@@ -100,7 +100,7 @@ def webhook_routes(
         """The caller's webhooks, without their secrets."""
         caller.must_be("customer", "operator")
         async with db.read() as connection:
-            found = await store.webhooks_page(connection, caller, query)
+            found = await webhook_store.webhooks_page(connection, caller, query)
         return page_of(found, query, item=lambda it: it, sort_key=lambda it: (it.webhook_id,))
 
     @router.get("/v1/webhooks/{webhook_id}")
@@ -110,7 +110,7 @@ def webhook_routes(
         """A webhook, without its secret."""
         caller.must_be("customer", "operator")
         async with db.read() as connection:
-            return await store.webhook_of(connection, caller, webhook_id)
+            return await webhook_store.webhook_of(connection, caller, webhook_id)
 
     @router.patch("/v1/webhooks/{webhook_id}")
     async def change_webhook(
@@ -123,9 +123,9 @@ def webhook_routes(
         if wanted.url is not None:
             await targets.check(wanted.url)
         async with db.write() as tx:
-            webhook = await store.webhook_of(tx.connection, caller, webhook_id)
+            webhook = await webhook_store.webhook_of(tx.connection, caller, webhook_id)
             changed = webhook.model_copy(update=_changes(wanted))
-            await store.change_webhook(tx, changed, at=clock.wall_now())
+            await webhook_store.change_webhook(tx, changed, at=clock.wall_now())
         return changed
 
     @router.delete("/v1/webhooks/{webhook_id}", status_code=204)
@@ -135,8 +135,8 @@ def webhook_routes(
         """Be told no more; its attempts are forgotten."""
         caller.must_be("customer")
         async with db.write() as tx:
-            await store.webhook_of(tx.connection, caller, webhook_id)
-            await store.delete_webhook(tx, webhook_id)
+            await webhook_store.webhook_of(tx.connection, caller, webhook_id)
+            await webhook_store.delete_webhook(tx, webhook_id)
         return Response(status_code=204)
 
     @router.post("/v1/webhooks/{webhook_id}/test")
@@ -146,7 +146,7 @@ def webhook_routes(
         """Send a `webhook.test` event now, once, and say how it went."""
         caller.must_be("customer")
         async with db.read() as connection:
-            endpoint = await store.endpoint_of(connection, caller, webhook_id)
+            endpoint = await webhook_store.endpoint_of(connection, caller, webhook_id)
         return await sender.send_trial(endpoint)
 
     @router.post("/v1/webhooks/{webhook_id}/replay", status_code=202)
@@ -166,7 +166,7 @@ def webhook_routes(
         """Each try to notify it, the newest first."""
         caller.must_be("customer", "operator")
         async with db.read() as connection:
-            await store.webhook_of(connection, caller, webhook_id)
+            await webhook_store.webhook_of(connection, caller, webhook_id)
             found = await attempts_page(connection, webhook_id, query)
         return page_of(found, query, item=lambda it: it, sort_key=lambda it: (it.attempt_id,))
 

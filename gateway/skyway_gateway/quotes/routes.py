@@ -12,7 +12,7 @@ from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.quotes import store
-from skyway_gateway.quotes.make import QuoteMaker
+from skyway_gateway.quotes.make_quote import QuoteMaker
 from skyway_gateway.quotes.quote import Quote
 
 

@@ -12,7 +12,11 @@ from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.statistics import store
-from skyway_gateway.statistics.deliveries import DeliveryQuery, DeliveryStatistics, statistics
+from skyway_gateway.statistics.delivery_statistics import (
+    DeliveryQuery,
+    DeliveryStatistics,
+    statistics,
+)
 from skyway_gateway.statistics.store import Wanted
 
 

@@ -21,7 +21,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.statistics import Span
 from skyway.ids import ProviderId
-from skyway_gateway.statistics.deliveries import Sums
+from skyway_gateway.statistics.delivery_statistics import Sums
 from skyway_gateway.tables import deliveries, missions, packages
 
 #: Handed over no later than this after the promise is on time, milliseconds of fleet time.

@@ -4,7 +4,6 @@ from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
-from gateway_peers import make_mission, make_reason
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import (
@@ -15,18 +14,19 @@ from hypothesis.stateful import (
     rule,
     run_state_machine_as_test,
 )
-from skyway_gateway.deliveries.accept import new_delivery
-from skyway_gateway.deliveries.booking import after_booking, after_giving_up
-from skyway_gateway.deliveries.cancelling import after_cancellation
-from skyway_gateway.deliveries.delivery import Delivery, PackageStatus
-from skyway_gateway.deliveries.lateness import when_overdue
-from skyway_gateway.deliveries.progress import Progress
-from skyway_gateway.deliveries.reports import after_report
-from skyway_gateway.deliveries.states import may_follow
-from skyway_gateway.notifications.streaming.stream import LAST_EVENTS
+from skyway_gateway.deliveries.accepting.new_delivery import new_delivery
+from skyway_gateway.deliveries.lifecycle.booking_effects import after_booking, after_giving_up
+from skyway_gateway.deliveries.lifecycle.cancellation_effects import after_cancellation
+from skyway_gateway.deliveries.lifecycle.delivery import Delivery, PackageStatus
+from skyway_gateway.deliveries.lifecycle.lateness import when_overdue
+from skyway_gateway.deliveries.lifecycle.progress import Progress
+from skyway_gateway.deliveries.lifecycle.report_effects import after_report
+from skyway_gateway.deliveries.lifecycle.states import may_follow
+from skyway_gateway.notifications.stream_events import LAST_EVENTS
 
 from skyway.contracts.mission import Cancellation, Mission, MissionReport
 from skyway.delivery.request import DeliveryRequest
+from tests.gateway.peers import make_mission, make_reason
 
 START = datetime(2026, 3, 1, 12, tzinfo=UTC)
 PICKUP = "san-marcos"

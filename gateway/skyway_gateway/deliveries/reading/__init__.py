@@ -1,1 +1,1 @@
-"""What customers, operators and providers see of deliveries."""
+"""What customers, operators and providers read: deliveries, plans, proofs, tracks and earnings."""

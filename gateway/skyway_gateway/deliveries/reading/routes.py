@@ -15,18 +15,19 @@ from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.clients import Composition
-from skyway_gateway.deliveries.delivery import (
+from skyway_gateway.deliveries.lifecycle.delivery import (
     Delivery,
     DeliveryPlan,
     DeliveryProof,
     PackageProof,
     ProviderDelivery,
 )
-from skyway_gateway.deliveries.reading import store
-from skyway_gateway.deliveries.reading.store import DeliveryFilter
-from skyway_gateway.deliveries.states import DeliveryState
-from skyway_gateway.deliveries.tracking import FeatureCollection, feature_collection
-from skyway_gateway.notifications.streaming.stream import EventStream
+from skyway_gateway.deliveries.lifecycle.states import DeliveryState
+from skyway_gateway.deliveries.reading import read_store
+from skyway_gateway.deliveries.reading.read_store import DeliveryFilter
+from skyway_gateway.deliveries.reading.tracking import FeatureCollection, feature_collection
+from skyway_gateway.deliveries.records import delivery_store
+from skyway_gateway.notifications.stream_events import EventStream
 
 _SSE_HEADERS = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
 
@@ -65,7 +66,7 @@ def _add_lists(router: ServiceRouter, db: Database, gate: KeyGate) -> None:
         caller.must_be("customer", "operator")
         wanted = DeliveryFilter(query.state, query.reference)
         async with db.read() as connection:
-            found = await store.page_of(connection, caller, query, wanted)
+            found = await read_store.page_of(connection, caller, query, wanted)
         return page_of(found, query, item=lambda it: it, sort_key=lambda it: (it.delivery_id,))
 
     @router.get("/v1/providers/{provider_id}/deliveries")
@@ -79,7 +80,7 @@ def _add_lists(router: ServiceRouter, db: Database, gate: KeyGate) -> None:
         if caller.role == "provider" and caller.subject_id != provider_id:
             raise NotFound("provider", provider_id)
         async with db.read() as connection:
-            found = await store.page_of_provider(connection, provider_id, query)
+            found = await read_store.page_of_provider(connection, provider_id, query)
         return page_of(
             found, query, item=_for_provider, sort_key=lambda delivery: (delivery.delivery_id,)
         )
@@ -95,7 +96,7 @@ def _add_details(
         """A delivery with its packages and missions."""
         caller.must_be("customer", "operator")
         async with db.read() as connection:
-            return await store.one_of(connection, caller, delivery_id)
+            return await delivery_store.one_of(connection, caller, delivery_id)
 
     @router.get("/v1/deliveries/{delivery_id}/plan")
     async def get_plan(
@@ -104,7 +105,7 @@ def _add_details(
         """How it is flown; no missions while it is not planned."""
         caller.must_be("customer", "operator")
         async with db.read() as connection:
-            delivery = await store.one_of(connection, caller, delivery_id)
+            delivery = await delivery_store.one_of(connection, caller, delivery_id)
         return DeliveryPlan(
             delivery_id=delivery_id, state=delivery.state, missions=delivery.missions
         )
@@ -116,7 +117,7 @@ def _add_details(
         """What proves the hand-over of each package: place, time and weights."""
         caller.must_be("customer", "operator")
         async with db.read() as connection:
-            delivery = await store.one_of(connection, caller, delivery_id)
+            delivery = await delivery_store.one_of(connection, caller, delivery_id)
         return _proof_of(delivery)
 
     @router.get("/v1/deliveries/{delivery_id}/track", response_class=GeoJsonResponse)
@@ -126,7 +127,7 @@ def _add_details(
         """GeoJSON: what was flown, what will be, where the drones are and the stations they use."""
         caller.must_be("customer", "operator")
         async with db.read() as connection:
-            delivery = await store.one_of(connection, caller, delivery_id)
+            delivery = await delivery_store.one_of(connection, caller, delivery_id)
         # Composition does not know a delivery for which nothing was booked yet.
         track = await composition.track(delivery_id) if delivery.missions else Track(missions=())
         return feature_collection(delivery, track)
@@ -149,7 +150,7 @@ def _add_events(router: ServiceRouter, db: Database, gate: KeyGate, stream: Even
         """Server-sent events: what happened, and what happens, up to the delivery's end."""
         caller.must_be("customer", "operator")
         async with db.read() as connection:
-            await store.one_of(connection, caller, delivery_id)
+            await delivery_store.one_of(connection, caller, delivery_id)
         after = last_event_id or 0
         if await stream.is_over(delivery_id, after=after):
             # What tells an EventSource not to connect again.

@@ -1,0 +1,173 @@
+"""Issuing and withdrawing API keys, and the broker accounts that go with them."""
+
+import secrets
+from pathlib import Path
+from typing import Final, Protocol
+
+from skyway.errors import InvalidInput
+from skyway.ids import KeyId, SubjectId
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.http.identity import Caller, read_secret
+from skyway.runtime.idempotency.answer import Answer
+from skyway.runtime.idempotency.once import once
+from skyway.runtime.loops import Wake
+from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Database, Tx
+from skyway_gateway.access import store
+from skyway_gateway.access.key import (
+    ApiKey,
+    BrokerLogin,
+    IssuedKey,
+    KeyRole,
+    NewKey,
+    new_secret,
+    secret_hash,
+)
+from skyway_gateway.access.recognise_keys import KnownKeys
+
+#: Accounts of Skyway's own processes, and what drones' accounts begin with.
+_RESERVED_NAMES: Final = frozenset({"operator", "gateway", "registry", "composition"})
+_DRONE_PREFIX: Final = "drn_"
+
+#: The keys that a deployment starts with: file in the secrets' folder, role, subject.
+_FIRST_KEYS: Final[tuple[tuple[str, KeyRole, str], ...]] = (
+    ("operator_key", "operator", "operator"),
+    ("customer_key", "customer", "newcomer"),
+)
+
+
+class BrokerAccounts(Protocol):
+    """Where broker accounts of customers are opened and closed: the registry."""
+
+    async def open_account(self, user_name: SubjectId, *, password: str) -> None:
+        """Open an account, or give it another password."""
+        ...
+
+    async def close_account(self, user_name: SubjectId) -> None:
+        """Close an account; one that is not there is closed already."""
+        ...
+
+
+class Keys:
+    """The API keys of this deployment."""
+
+    def __init__(
+        self,
+        db: Database,
+        *,
+        known: KnownKeys,
+        accounts: BrokerAccounts,
+        secrets_dir: Path,
+        clock: FleetClock,
+        mint: Mint,
+    ) -> None:
+        self._db = db
+        self._known = known
+        self._accounts = accounts
+        self._secrets_dir = secrets_dir
+        self._clock = clock
+        self._mint = mint
+        #: Set when `close_orphaned_accounts` has something to do.
+        self.wake = Wake()
+
+    async def make_first_keys(self) -> None:
+        """Make sure of the keys whose secrets lie in the secrets' folder.
+
+        One that an operator deleted stays deleted; another secret in the file is another key.
+        """
+        async with self._db.write() as tx:
+            for name, role, subject_id in _FIRST_KEYS:
+                if (self._secrets_dir / name).exists():
+                    secret = read_secret(self._secrets_dir, name)
+                    key = self._key(role, SubjectId(subject_id))
+                    await store.add_if_new(tx, key, key_hash=secret_hash(secret))
+
+    async def issue(
+        self, caller: Caller, wanted: NewKey, *, idempotency_key: str | None, body: bytes
+    ) -> Answer:
+        """A new key, and for a customer its broker account; the answer shows the secrets once.
+
+        Raises
+        ------
+        InvalidInput
+            The customer's name would be the account of one of Skyway's own processes, or a drone.
+        ServiceUnavailable
+            The registry could not open the account: the same call again opens it.
+        """
+        if wanted.role == "customer" and _is_reserved(wanted.subject_id):
+            detail = f"{wanted.subject_id!r} is reserved for Skyway's own processes"
+            raise InvalidInput("subject_id", detail)
+
+        async def keep(tx: Tx) -> Answer:
+            issued = await self.add(tx, wanted.role, wanted.subject_id)
+            location = {"Location": f"/v1/keys/{issued.key_id}"}
+            return Answer(201, issued.model_dump_json().encode(), location)
+
+        answer = await once(
+            self._db,
+            caller=str(caller),
+            route="POST /v1/keys",
+            key=idempotency_key,
+            body=body,
+            act=keep,
+            clock=self._clock,
+        )
+        await self._open_account(IssuedKey.read(answer.body))
+        return answer
+
+    async def add(self, tx: Tx, role: KeyRole, subject_id: SubjectId) -> IssuedKey:
+        """A new key, kept in this transaction."""
+        key, secret = self._key(role, subject_id), new_secret()
+        await store.add(tx, key, key_hash=secret_hash(secret), is_account_open=role != "customer")
+        return IssuedKey(**dict(key), key=secret, mqtt=self._login(role, subject_id))
+
+    async def delete(self, key_id: KeyId) -> None:
+        """Stop a key at once; a customer without keys loses the broker account too."""
+        async with self._db.write() as tx:
+            await store.delete(tx, key_id, at=self._clock.wall_now())
+            tx.after_commit(self._known.forget)
+        self.wake.set()
+
+    async def close_orphaned_accounts(self) -> bool:
+        """Step of a loop: close the broker accounts of customers without a key."""
+        async with self._db.read() as connection:
+            orphaned = await store.orphaned_accounts(connection)
+        for subject_id in orphaned:
+            await self._accounts.close_account(subject_id)
+            async with self._db.write() as tx:
+                await store.account_is_closed(tx, subject_id)
+        return False
+
+    async def _open_account(self, issued: IssuedKey) -> None:
+        """Have the registry open the account, unless this key's password was told before.
+
+        A replayed answer must not bring back a password that a later key has replaced.
+        """
+        async with self._db.read() as connection:
+            is_open = await store.is_account_open(connection, issued.key_id)
+        if is_open or issued.mqtt is None:
+            return
+        await self._accounts.open_account(issued.subject_id, password=issued.mqtt.password)
+        async with self._db.write() as tx:
+            await store.account_is_open(tx, issued.key_id)
+
+    def _login(self, role: KeyRole, subject_id: SubjectId) -> BrokerLogin | None:
+        if role == "operator":
+            # All operators read with one account, whose password the deployment made.
+            password = read_secret(self._secrets_dir, "mqtt_operator")
+            return BrokerLogin(user_name="operator", password=password)
+        if role == "customer":
+            return BrokerLogin(user_name=subject_id, password=secrets.token_urlsafe(24))
+        return None
+
+    def _key(self, role: KeyRole, subject_id: SubjectId) -> ApiKey:
+        return ApiKey(
+            key_id=KeyId(self._mint("key")),
+            role=role,
+            subject_id=subject_id,
+            created_at=self._clock.wall_now(),
+        )
+
+
+def _is_reserved(name: str) -> bool:
+    return name in _RESERVED_NAMES or name.startswith(_DRONE_PREFIX)

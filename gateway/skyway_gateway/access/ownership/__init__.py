@@ -1,1 +1,0 @@
-"""Whose things are, and who may see them."""

@@ -1,0 +1,1 @@
+"""Accepting delivery requests and offers: checked, written once, handed to booking."""

@@ -1,0 +1,50 @@
+"""Requesting deliveries over REST."""
+
+from collections.abc import Mapping
+from typing import Annotated
+
+from fastapi import Body, Depends, Request, Response
+from pydantic import Discriminator, Tag
+
+from skyway.delivery.request import DeliveryRequest
+from skyway.runtime.http.identity import Caller
+from skyway.runtime.http.repeatable import IdempotencyKey, response_of
+from skyway.runtime.http.service_router import ServiceRouter
+from skyway_gateway.access.routes import KeyGate
+from skyway_gateway.deliveries.accepting.accept import Acceptance
+from skyway_gateway.deliveries.accepting.new_delivery import OfferChoice
+from skyway_gateway.deliveries.lifecycle.delivery import Delivery
+
+
+def _form(body: object) -> str:
+    """Which of the two forms a body has, so that complaints are about that one alone."""
+    names = body if isinstance(body, Mapping) else ()
+    return "an offer" if {"quote_id", "offer_id"} & set(names) else "a request"
+
+
+RequestOrOffer = Annotated[
+    Annotated[DeliveryRequest, Tag("a request")] | Annotated[OfferChoice, Tag("an offer")],
+    Discriminator(_form),
+]
+
+
+def delivery_routes(*, gate: KeyGate, acceptance: Acceptance) -> ServiceRouter:
+    """POST /v1/deliveries."""
+    router = ServiceRouter(tags=("deliveries",))
+
+    @router.post("/v1/deliveries", status_code=202, response_model=Delivery)
+    async def request_delivery(
+        request: Request,
+        caller: Annotated[Caller, Depends(gate)],
+        wanted: Annotated[RequestOrOffer, Body()],
+        idempotency_key: IdempotencyKey = None,
+    ) -> Response:
+        """Request a delivery, or take an offer; it is booked and flown without further calls."""
+        # An operator has stranded packages collected.
+        caller.must_be("customer", "operator")
+        answer = await acceptance.accept(
+            caller, wanted, idempotency_key=idempotency_key, body=await request.body()
+        )
+        return response_of(answer)
+
+    return router

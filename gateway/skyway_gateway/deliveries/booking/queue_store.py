@@ -1,0 +1,98 @@
+"""The SQL of the queue of deliveries with packages that wait."""
+
+from collections.abc import Collection, Sequence
+from datetime import datetime
+from typing import Final
+
+from sqlalchemy import BigInteger, Text, and_, bindparam, update
+
+from skyway.contracts.candidate import ProviderReason
+from skyway.ids import DeliveryId
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.sql.among import among
+from skyway.runtime.sql.claims import FREE, NOW_MS, Claiming, claim_values
+from skyway.runtime.sql.database import Database, Tx
+from skyway.units import moment_to_ms
+from skyway_gateway.deliveries.records.delivery_rows import (
+    Values,
+    known_of,
+    queued_of,
+    reasons_text,
+)
+from skyway_gateway.deliveries.records.delivery_store import NEXT_VERSION, with_parts
+from skyway_gateway.deliveries.records.stored_delivery import KnownDeliveries, Queued
+from skyway_gateway.tables import deliveries
+
+#: How long a claim holds unless it is renewed, seconds of wall time: so long nobody books what a
+#: killed process was to book. Two that book the same are answered the same, so a claim that runs
+#: out too early costs a question, not a second drone.
+_LEASE_S: Final = 3.0
+
+# Statements of every delivery are made once: to make one takes as long as to run it.
+
+_CLAIMING: Final = Claiming.of(
+    deliveries,
+    where=and_(deliveries.c.is_queued, deliveries.c.next_try_wall_ms <= NOW_MS),
+    order_by=[deliveries.c.next_try_wall_ms, deliveries.c.delivery_id],
+)
+_HOLDING: Final = (
+    update(deliveries)
+    .where(
+        among(deliveries.c.delivery_id, "held"),
+        deliveries.c.claimed_by == bindparam("claimant", type_=Text),
+    )
+    .values(claimed_until_ms=bindparam("until_ms", type_=BigInteger))
+)
+
+
+def held_by(claimant: str, clock: FleetClock) -> Values:
+    """The columns of a row that is claimed as it is added, for as long as by `claim_queued`."""
+    return {"claimed_by": claimant, "claimed_until_ms": _lease_end_ms(clock)}
+
+
+async def claim_queued(
+    db: Database, *, limit: int, claimant: str, clock: FleetClock, known: KnownDeliveries
+) -> Sequence[Queued]:
+    """Deliveries whose booking is due, the longest waiting first, now held by us."""
+    values = claim_values(limit=limit, claimant=claimant, lease_s=_LEASE_S, clock=clock)
+    due = _CLAIMING.in_order(await db.write_alone(_CLAIMING.statement, values))
+    found = known.among((row.delivery_id, row.version) for row in due)
+    unknown = [row for row in due if row.delivery_id not in found]
+    if unknown:
+        # Parts that change meanwhile are of a later version: nothing is written from these.
+        async with db.read() as connection:
+            for row, delivery in zip(unknown, await with_parts(connection, unknown), strict=True):
+                found[delivery.delivery_id] = known_of(row, delivery)
+    return [queued_of(row, found[row.delivery_id]) for row in due]
+
+
+async def hold(
+    db: Database, held: Collection[DeliveryId], *, claimant: str, clock: FleetClock
+) -> None:
+    """Renew the claims of those of these deliveries that are still the claimant's."""
+    values = {"held": [*held], "claimant": claimant, "until_ms": _lease_end_ms(clock)}
+    await db.write_alone(_HOLDING, values)
+
+
+async def free_claims(tx: Tx) -> None:
+    """Let go of all that somebody held: on SQLite whoever claimed before us is dead."""
+    await tx.execute(update(deliveries).where(deliveries.c.is_queued).values(FREE))
+
+
+async def try_later(
+    tx: Tx,
+    delivery_id: DeliveryId,
+    *,
+    next_try_at: datetime,
+    reasons: Sequence[ProviderReason] | None,
+) -> None:
+    """Leave a delivery in the queue until a moment of wall time; None keeps the known reasons."""
+    values: dict[str, object] = {"next_try_wall_ms": moment_to_ms(next_try_at), **FREE}
+    if reasons is not None:
+        values |= {"reasons": reasons_text(reasons), **NEXT_VERSION}
+    this = and_(deliveries.c.delivery_id == delivery_id, deliveries.c.is_queued)
+    await tx.execute(update(deliveries).where(this).values(values))
+
+
+def _lease_end_ms(clock: FleetClock) -> int:
+    return moment_to_ms(clock.wall_now()) + int(_LEASE_S * 1000)

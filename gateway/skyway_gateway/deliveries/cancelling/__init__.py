@@ -1,0 +1,1 @@
+"""Cancelling deliveries or packages: all that can still be stopped is stopped."""

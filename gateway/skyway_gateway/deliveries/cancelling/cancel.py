@@ -1,0 +1,135 @@
+"""Cancelling a delivery, or some of its packages, at any state: what still can be stopped is.
+
+A delivery that waits for its first booking is closed in composition first (the tombstone), so that
+a booking under way cannot come after the word CANCELLED. The reason to cancel is noted before
+that: should this process die in between, the loop of `book` finds it and ends what was begun.
+"""
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+
+from skyway.contracts.mission import Cancellation, CancelMissions
+from skyway.ids import DeliveryId, PackageId
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.http.identity import Caller
+from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Database
+from skyway_gateway.clients import Composition
+from skyway_gateway.deliveries.cancelling.cancel_request import (
+    CancelRequest,
+    requested_packages,
+    too_late,
+)
+from skyway_gateway.deliveries.lifecycle.cancellation_effects import (
+    after_cancellation,
+    can_be_cancelled,
+    is_cancelled,
+)
+from skyway_gateway.deliveries.lifecycle.delivery import Delivery
+from skyway_gateway.deliveries.records import delivery_store
+from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
+
+
+@dataclass(frozen=True, slots=True)
+class Canceller:
+    """Cancels deliveries."""
+
+    db: Database
+    composition: Composition
+    writer: DeliveryWriter
+    clock: FleetClock
+    mint: Mint
+
+    async def cancel(
+        self, caller: Caller, delivery_id: DeliveryId, wanted: CancelRequest
+    ) -> Delivery:
+        """The delivery once all that could be stopped is; cancelling again changes nothing.
+
+        Raises
+        ------
+        NotFound
+            There is no such delivery, or it is not the caller's.
+        InvalidInput
+            It has no such package.
+        Conflict
+            TOO_LATE: nothing of what is wanted can be stopped any more.
+        ServiceUnavailable
+            Composition cannot be asked now.
+        """
+        async with self.db.read() as connection:
+            delivery = await delivery_store.one_of(connection, caller, delivery_id)
+        packages = requested_packages(delivery, wanted)
+        if not any(map(can_be_cancelled, packages)):
+            if all(map(is_cancelled, packages)):
+                return delivery
+            raise too_late(packages)
+        reason = wanted.reason or f"cancelled by {caller.role} {caller.subject_id}"
+        if wanted.package_ids is None:
+            async with self.db.write() as tx:
+                await delivery_store.note_cancelling(tx, delivery_id, reason=reason)
+        await self._stop(delivery, [one.package_id for one in packages], reason=reason)
+        async with self.db.read() as connection:
+            delivery = await delivery_store.one_of(connection, caller, delivery_id)
+        packages = requested_packages(delivery, wanted)
+        if not any(map(is_cancelled, packages)):
+            raise too_late(packages)
+        return delivery
+
+    async def finish(self, delivery: Delivery) -> None:
+        """End a cancellation of everything that was begun: the delivery is not booked any more."""
+        package_ids = [package.package_id for package in delivery.packages]
+        await self._stop(delivery, package_ids, reason=delivery.cancel_reason or "cancelled")
+
+    async def _stop(
+        self, delivery: Delivery, package_ids: Sequence[PackageId], *, reason: str
+    ) -> None:
+        """Have composition stop these packages, and only then write that they are."""
+        if delivery.live_missions or _goes_on_without(delivery, package_ids):
+            done = await self._call_off(delivery, _carried(delivery, package_ids), reason=reason)
+        else:
+            done = await self._close(delivery, package_ids, reason=reason)
+        await self.writer.write(
+            delivery.delivery_id,
+            change=lambda now: after_cancellation(
+                now, package_ids, done, reason=reason, at=self.clock.now()
+            ),
+        )
+
+    async def _close(
+        self, delivery: Delivery, package_ids: Sequence[PackageId], *, reason: str
+    ) -> Cancellation:
+        """Have nothing booked any more, nor what was booked while we did not look."""
+        closed = await self.composition.close(delivery.delivery_id)
+        if closed.is_closed:
+            return Cancellation()
+        done = await self._call_off(delivery, package_ids, reason=reason)
+        await self.composition.close(delivery.delivery_id)
+        return done
+
+    async def _call_off(
+        self, delivery: Delivery, package_ids: Sequence[PackageId], *, reason: str
+    ) -> Cancellation:
+        if not package_ids:
+            return Cancellation()
+        asked = CancelMissions(
+            cancellation_id=self.mint("cxl"), package_ids=tuple(package_ids), reason=reason
+        )
+        return await self.composition.cancel(delivery.delivery_id, asked)
+
+
+def _goes_on_without(delivery: Delivery, package_ids: Collection[PackageId]) -> bool:
+    """Whether other packages are still to be delivered."""
+    return not all(
+        package.is_settled or package.package_id in package_ids for package in delivery.packages
+    )
+
+
+def _carried(delivery: Delivery, package_ids: Collection[PackageId]) -> list[PackageId]:
+    """Those of the packages that missions carry; the booking of the others can still leave out."""
+    return [
+        package.package_id
+        for package in delivery.packages
+        if package.package_id in package_ids
+        and package.mission_id is not None
+        and not package.is_settled
+    ]

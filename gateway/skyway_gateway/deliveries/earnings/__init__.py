@@ -1,1 +1,0 @@
-"""What providers earn with the missions they complete."""

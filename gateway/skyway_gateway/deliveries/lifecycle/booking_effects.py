@@ -1,0 +1,101 @@
+"""What a booking does to a delivery, and what giving up on the packages that wait for one."""
+
+from collections.abc import Sequence
+from datetime import datetime
+from typing import Final
+
+from skyway.contracts.candidate import ProviderReason
+from skyway.contracts.delivery_event import DeliveryEventType
+from skyway.contracts.mission import Mission
+from skyway.ids import PackageId
+from skyway_gateway.deliveries.lifecycle import event_data
+from skyway_gateway.deliveries.lifecycle.delivery import (
+    Delivery,
+    Flags,
+    FlownMission,
+    PackageStatus,
+)
+from skyway_gateway.deliveries.lifecycle.progress import (
+    Progress,
+    changed,
+    settled,
+    with_cancelled,
+    with_flags,
+    with_packages,
+)
+from skyway_gateway.notifications.record_events import Happening
+
+#: Why a package was not carried although nobody cancelled it.
+NOT_PLANNED_CODE: Final = "NOT_PLANNED"
+
+
+def after_booking(delivery: Delivery, missions: Sequence[Mission], *, at: datetime) -> Progress:
+    """The delivery once missions carry packages that waited: what they promise is promised.
+
+    Packages that no mission carries are left for the next attempt.
+    """
+    # However far they have come by now: their reports, from the first on, will tell it in order.
+    booked = [_flown(mission) for mission in missions]
+    carried = {eta.package_id: (mission, eta) for mission in booked for eta in mission.packages}
+
+    def promise(package: PackageStatus) -> dict[str, object]:
+        mission, eta = carried[package.package_id]
+        return {
+            "mission_id": mission.mission_id,
+            "promised_at": eta.eta_at,
+            "eta_at": eta.eta_at,
+        }
+
+    planned = with_packages(
+        changed(delivery, missions=(*delivery.missions, *booked), reasons=(), updated_at=at),
+        promise,
+        where=lambda package: package.is_waiting and package.package_id in carried,
+    )
+    is_first = delivery.state == "REQUESTED"
+    planned = with_flags(
+        changed(
+            planned,
+            state="PLANNED" if is_first else delivery.state,
+            flags=Flags() if is_first else delivery.flags,
+            attempt=delivery.attempt + bool(planned.waiting),
+            price=event_data.price_of(planned.missions),
+            provider_id=planned.missions[0].provider_id,
+        )
+    )
+    data = event_data.planned(planned, booked, attempt=delivery.attempt)
+    return Progress(planned, (Happening(DeliveryEventType.PLANNED, at, data),))
+
+
+def unwanted(delivery: Delivery, missions: Sequence[Mission]) -> tuple[PackageId, ...]:
+    """The packages that these missions would carry though they were cancelled meanwhile."""
+    carried = {eta.package_id for mission in missions for eta in mission.packages}
+    return tuple(
+        package.package_id
+        for package in delivery.packages
+        if package.state == "CANCELLED" and package.package_id in carried
+    )
+
+
+def after_giving_up(
+    delivery: Delivery, reasons: Sequence[ProviderReason], *, detail: str, at: datetime
+) -> Progress:
+    """The delivery without the packages that waited: REJECTED when it has never been planned."""
+    left = with_cancelled(
+        changed(delivery, reasons=tuple(reasons), updated_at=at),
+        where=lambda package: package.is_waiting,
+        code=NOT_PLANNED_CODE,
+        detail=detail,
+        at=at,
+    )
+    if delivery.state == "REQUESTED":
+        rejected = changed(left.delivery, state="REJECTED", flags=Flags())
+        data = event_data.rejected(reasons, detail)
+        return Progress(rejected, (Happening(DeliveryEventType.REJECTED, at, data),))
+    left = Progress(with_flags(left.delivery), left.happenings)
+    return settled(left, at=at, code=NOT_PLANNED_CODE, detail=detail)
+
+
+def _flown(mission: Mission) -> FlownMission:
+    return FlownMission.model_validate(
+        {**dict(mission), "state": "BOOKED", "booked_start_at": mission.start_at}
+    )

@@ -1,0 +1,204 @@
+"""What each event says: the members of its `data`, and nothing else decides them."""
+
+from collections.abc import Sequence
+from datetime import datetime
+from typing import Any
+
+from skyway.contracts.candidate import ProviderReason
+from skyway.contracts.message import utc_text
+from skyway.contracts.mission import Mission, MissionReport
+from skyway.delivery.offer import Price
+from skyway.ids import PackageId
+from skyway_gateway.deliveries.lifecycle.delivery import Delivery, PackageStatus
+
+#: JSON members of an event; Any, since every type has others.
+Data = dict[str, Any]
+
+
+def requested(delivery: Delivery) -> Data:
+    """What was asked."""
+    return {
+        "reference": delivery.reference,
+        "request": delivery.request.model_dump(mode="json", exclude_none=True),
+    }
+
+
+def planned(delivery: Delivery, missions: Sequence[Mission], *, attempt: int) -> Data:
+    """Who flies it, for how much, and when each package is promised; which still wait."""
+    first, *_ = missions
+    return {
+        "attempt": attempt,
+        "provider_id": first.provider_id,
+        "drone_id": first.drone_id,
+        "mission_ids": [mission.mission_id for mission in missions],
+        "price": delivery.price and delivery.price.model_dump(mode="json"),
+        "pickup_at": utc_text(min(mission.start_at for mission in missions)),
+        "delivery_time_s": max(mission.plan.delivery_time_s or 0.0 for mission in missions),
+        "packages": [
+            {"package_id": eta.package_id, "eta_at": utc_text(eta.eta_at)}
+            for mission in missions
+            for eta in mission.packages
+        ],
+        "waiting_package_ids": [package.package_id for package in delivery.waiting],
+    }
+
+
+def rejected(reasons: Sequence[ProviderReason], detail: str) -> Data:
+    """Why nobody flies it."""
+    return {"detail": detail, "reasons": [reason.model_dump(mode="json") for reason in reasons]}
+
+
+def flown_by(mission: Mission) -> Data:
+    """Whose drone it is."""
+    return {
+        "mission_id": mission.mission_id,
+        "provider_id": mission.provider_id,
+        "drone_id": mission.drone_id,
+    }
+
+
+def loaded(package_ids: Sequence[PackageId], mission: Mission, report: MissionReport) -> Data:
+    """What the drone has on board."""
+    return {
+        **flown_by(mission),
+        "station_id": report.station_id,
+        "package_ids": list(package_ids),
+        "evidence": report.data,
+    }
+
+
+def replanned(delivery: Delivery, mission: Mission, report: MissionReport) -> Data:
+    """Why there is a new plan, and how much later than promised it delivers.
+
+    A package without ETA is left where the drone can land; `given_up` says why.
+    """
+    etas = {eta.package_id: eta.eta_at for eta in report.etas or mission.packages}
+    return {
+        **flown_by(mission),
+        "revision": mission.revision,
+        "code": report.code,
+        "detail": report.detail,
+        "given_up": mission.given_up,
+        "packages": [
+            {
+                "package_id": one.package_id,
+                "state": one.state,
+                "eta_at": _text(etas.get(one.package_id)),
+                "promised_at": _text(one.promised_at),
+                "later_s": _later_s(one.promised_at, etas.get(one.package_id)),
+            }
+            for one in delivery.packages
+            if one.mission_id == mission.mission_id and not one.is_settled
+        ],
+    }
+
+
+def _later_s(promised_at: datetime | None, eta_at: datetime | None) -> float | None:
+    if promised_at is None or eta_at is None:
+        return None
+    return (eta_at - promised_at).total_seconds()
+
+
+def package_delivered(package: PackageStatus, mission: Mission, report: MissionReport) -> Data:
+    """Where and when a package was handed over, and the drone's evidence of it."""
+    return {
+        **flown_by(mission),
+        "package_id": package.package_id,
+        "station_id": package.custodian.id,
+        "delivered_at": _text(package.delivered_at),
+        "evidence": report.data,
+    }
+
+
+def package_returned(package: PackageStatus, mission: Mission, report: MissionReport) -> Data:
+    """Where a package was handed back, why, and the drone's evidence of it."""
+    return {
+        **flown_by(mission),
+        "package_id": package.package_id,
+        "station_id": report.station_id,
+        "returned_at": utc_text(report.at),
+        "code": package.code,
+        "detail": package.detail,
+        "evidence": report.data,
+    }
+
+
+def package_stranded(package: PackageStatus, report: MissionReport) -> Data:
+    """Where a package is that will not be delivered, and why."""
+    return {
+        "package_id": package.package_id,
+        "station_id": report.station_id,
+        "position": package.position and list(package.position),
+        "custodian": package.custodian.model_dump(mode="json"),
+        "code": report.code,
+        "detail": report.detail,
+    }
+
+
+def package_cancelled(package: PackageStatus) -> Data:
+    """Which package stays at the pickup, and why."""
+    return {
+        "package_id": package.package_id,
+        "station_id": package.custodian.id,
+        "custodian": package.custodian.model_dump(mode="json"),
+        "code": package.code,
+        "detail": package.detail,
+    }
+
+
+def completed(delivery: Delivery) -> Data:
+    """The planned and the actual times, of the whole and of each package."""
+    start_at = min(mission.begins_at for mission in delivery.missions)
+    promised_at = max(
+        (one.promised_at for one in delivery.packages if one.promised_at), default=None
+    )
+    delivered_at = max(one.delivered_at for one in delivery.packages if one.delivered_at)
+    return {
+        "planned": _completion(start_at, promised_at),
+        "actual": _completion(start_at, delivered_at),
+        "packages": [
+            {
+                "package_id": one.package_id,
+                "promised_at": _text(one.promised_at),
+                "delivered_at": _text(one.delivered_at),
+            }
+            for one in delivery.packages
+        ],
+    }
+
+
+def ended(delivery: Delivery, code: str | None, detail: str | None) -> Data:
+    """How far it came, and why not to the end."""
+    return {
+        "code": code,
+        "detail": detail,
+        "packages": [
+            {
+                "package_id": one.package_id,
+                "state": one.state,
+                "custodian": one.custodian.model_dump(mode="json"),
+                "position": one.position and list(one.position),
+                "delivered_at": _text(one.delivered_at),
+                "code": one.code,
+                "detail": one.detail,
+            }
+            for one in delivery.packages
+        ],
+    }
+
+
+def price_of(missions: Sequence[Mission]) -> Price | None:
+    """The price of all missions together; one network has one currency."""
+    if not missions:
+        return None
+    amount = sum(mission.price.amount for mission in missions)
+    return Price(amount=amount, currency=missions[0].price.currency)
+
+
+def _completion(start_at: datetime, completed_at: datetime | None) -> Data:
+    taken_s = None if completed_at is None else (completed_at - start_at).total_seconds()
+    return {"completed_at": _text(completed_at), "delivery_time_s": taken_s}
+
+
+def _text(moment: datetime | None) -> str | None:
+    return None if moment is None else utc_text(moment)

@@ -1,0 +1,139 @@
+"""Packages that change hands: onto a drone, to a recipient, back to a station, or left behind."""
+
+from collections.abc import Callable
+from typing import Any
+
+from skyway.contracts.delivery_event import DeliveryEventType
+from skyway.contracts.mission import Mission, MissionReport
+from skyway_gateway.deliveries.lifecycle import event_data
+from skyway_gateway.deliveries.lifecycle.delivery import Custodian, Delivery, PackageStatus
+from skyway_gateway.deliveries.lifecycle.progress import Progress, changed, with_packages
+from skyway_gateway.deliveries.lifecycle.proof import Proof
+from skyway_gateway.notifications.record_events import Happening
+
+
+def loaded(delivery: Delivery, mission: Mission, report: MissionReport) -> Progress:
+    """The delivery with packages on board of a drone, under way since the first of them."""
+    drone = Custodian(kind="DRONE", id=mission.drone_id)
+
+    def is_loaded(package: PackageStatus) -> bool:
+        is_named = not report.package_ids or package.package_id in report.package_ids
+        return is_named and package.state == "CREATED" and package.mission_id == mission.mission_id
+
+    package_ids = tuple(one.package_id for one in delivery.packages if is_loaded(one))
+    if not package_ids:  # all of them were cancelled while the drone was loaded
+        return Progress(delivery)
+    data = event_data.loaded(package_ids, mission, report)
+    news = [Happening(DeliveryEventType.LOADED, report.at, data)]
+    if delivery.state != "IN_PROGRESS":
+        news.append(Happening(DeliveryEventType.STARTED, report.at, event_data.flown_by(mission)))
+
+    def load(package: PackageStatus) -> dict[str, object]:
+        # One that was cancelled too late to be kept off the drone comes back.
+        state = "LOADED" if package.code is None else "RETURNING"
+        return {"state": state, "custodian": drone}
+
+    after = with_packages(delivery, load, where=is_loaded)
+    activity = report.activity or delivery.activity
+    return Progress(changed(after, state="IN_PROGRESS", activity=activity), tuple(news))
+
+
+def delivered(delivery: Delivery, mission: Mission, report: MissionReport) -> Progress:
+    """The delivery with packages in their recipients' hands."""
+
+    def hand_over(package: PackageStatus) -> dict[str, object]:
+        station_id = report.station_id or package.destination.station_id
+        return {
+            "state": "DELIVERED",
+            "custodian": Custodian(kind="RECIPIENT", id=station_id),
+            "eta_at": None,
+            "delivered_at": report.at,
+            # What was once in the way is so no more.
+            "code": None,
+            "detail": None,
+            "proof": Proof.of(report, package.package_id),
+        }
+
+    return _told(
+        delivery,
+        with_packages(delivery, hand_over, where=_is_named(report)),
+        DeliveryEventType.PACKAGE_DELIVERED,
+        tell=lambda package: event_data.package_delivered(package, mission, report),
+        report=report,
+    )
+
+
+def returned(delivery: Delivery, mission: Mission, report: MissionReport) -> Progress:
+    """The delivery with packages back at a station, the pickup as a rule."""
+
+    def give_back(package: PackageStatus) -> dict[str, object]:
+        return {
+            "state": "RETURNED",
+            "custodian": _station_or_drone(package, report),
+            "eta_at": None,
+            "code": package.code or report.code,
+            "detail": package.detail or report.detail,
+            "proof": Proof.of(report, package.package_id),
+        }
+
+    return _told(
+        delivery,
+        with_packages(delivery, give_back, where=_is_named(report)),
+        DeliveryEventType.PACKAGE_RETURNED,
+        tell=lambda package: event_data.package_returned(package, mission, report),
+        report=report,
+    )
+
+
+def stranded(
+    delivery: Delivery, report: MissionReport, *, where: Callable[[PackageStatus], bool]
+) -> Progress:
+    """The delivery with packages left where their drone has given up."""
+
+    def leave(package: PackageStatus) -> dict[str, object]:
+        return {
+            "state": "STRANDED",
+            "custodian": _station_or_drone(package, report),
+            "position": report.position,
+            "eta_at": None,
+            "code": report.code,
+            "detail": report.detail,
+        }
+
+    return _told(
+        delivery,
+        with_packages(delivery, leave, where=lambda one: where(one) and not one.is_settled),
+        DeliveryEventType.PACKAGE_STRANDED,
+        tell=lambda package: event_data.package_stranded(package, report),
+        report=report,
+    )
+
+
+def _told(
+    before: Delivery,
+    after: Delivery,
+    kind: DeliveryEventType,
+    *,
+    tell: Callable[[PackageStatus], dict[str, Any]],  # members of an event's data
+    report: MissionReport,
+) -> Progress:
+    """One event for each package that has changed its state."""
+    return Progress(
+        after,
+        tuple(
+            Happening(kind, report.at, tell(now))
+            for then, now in zip(before.packages, after.packages, strict=True)
+            if then.state != now.state
+        ),
+    )
+
+
+def _is_named(report: MissionReport) -> Callable[[PackageStatus], bool]:
+    return lambda one: one.package_id in report.package_ids and not one.is_settled
+
+
+def _station_or_drone(package: PackageStatus, report: MissionReport) -> Custodian:
+    # Where a drone went down away from any station, it still holds what it carries.
+    if report.station_id is None:
+        return package.custodian
+    return Custodian(kind="STATION", id=report.station_id)

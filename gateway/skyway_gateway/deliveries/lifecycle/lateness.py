@@ -1,0 +1,84 @@
+"""New ETAs, and whether they are later than what the customer was promised."""
+
+from datetime import datetime, timedelta
+from typing import Final
+
+from skyway.contracts.delivery_event import DeliveryEventType
+from skyway.contracts.message import utc_text
+from skyway.contracts.mission import MissionReport
+from skyway_gateway.deliveries.lifecycle.delivery import Delivery, PackageStatus
+from skyway_gateway.deliveries.lifecycle.progress import changed, with_packages
+from skyway_gateway.notifications.record_events import Happening
+
+#: Later than promised by more than this, in fleet time, is told: whichever is larger.
+TOLERANCE_S: Final = 60.0
+#: The second limit, as a share of the time from the plan's start to the promised moment.
+_TOLERANCE_SHARE: Final = 0.02
+
+
+def with_etas(delivery: Delivery, report: MissionReport) -> tuple[Delivery, tuple[Happening, ...]]:
+    """The delivery with a report's ETAs, and what to tell when it has become late by them."""
+    etas, replanned = report.etas, None
+    if report.kind == "REPLANNED" and report.mission is not None:
+        etas, replanned = etas or report.mission.packages, report.mission.mission_id
+    new = {eta.package_id: eta.eta_at for eta in etas}
+    after = with_packages(
+        delivery,
+        # What a new plan leaves out does not arrive any more.
+        lambda one: {"eta_at": new.get(one.package_id)},
+        where=lambda one: (
+            (one.package_id in new or (replanned is not None and one.mission_id == replanned))
+            and not one.is_settled
+        ),
+    )
+    return _with_lateness(after, at=report.at)
+
+
+def when_overdue(delivery: Delivery, *, at: datetime) -> tuple[Delivery, tuple[Happening, ...]]:
+    """The same when nothing is heard any more: what should have come by now is late by now."""
+    after = with_packages(
+        delivery,
+        lambda _: {"eta_at": at},
+        where=lambda one: not one.is_settled and one.eta_at is not None and one.eta_at < at,
+    )
+    return _with_lateness(after, at=at)
+
+
+def _with_lateness(delivery: Delivery, *, at: datetime) -> tuple[Delivery, tuple[Happening, ...]]:
+    late = [package for package in delivery.packages if _is_late(package, delivery)]
+    flags = delivery.flags.model_copy(update={"delayed": bool(late)})
+    after = changed(delivery, flags=flags)
+    if not late or delivery.flags.delayed:
+        return after, ()
+    data = {"packages": [_lateness(package, delivery) for package in late]}
+    return after, (Happening(DeliveryEventType.DELAYED, at, data),)
+
+
+def _is_late(package: PackageStatus, delivery: Delivery) -> bool:
+    if package.is_settled or package.eta_at is None or package.promised_at is None:
+        return False
+    deadline_at = delivery.request.qos.deadline_at
+    if deadline_at is not None and package.eta_at > deadline_at:
+        return True
+    promised_s = (package.promised_at - _start_at(package, delivery)).total_seconds()
+    tolerance_s = max(TOLERANCE_S, _TOLERANCE_SHARE * promised_s)
+    return package.eta_at - package.promised_at > timedelta(seconds=tolerance_s)
+
+
+def _start_at(package: PackageStatus, delivery: Delivery) -> datetime:
+    for mission in delivery.missions:
+        if mission.mission_id == package.mission_id:
+            return mission.begins_at
+    return delivery.created_at
+
+
+def _lateness(package: PackageStatus, delivery: Delivery) -> dict[str, object]:
+    late = package.eta_at and package.promised_at and package.eta_at - package.promised_at
+    deadline_at = delivery.request.qos.deadline_at
+    return {
+        "package_id": package.package_id,
+        "promised_at": package.promised_at and utc_text(package.promised_at),
+        "eta_at": package.eta_at and utc_text(package.eta_at),
+        "late_s": late and late.total_seconds(),
+        "deadline_at": deadline_at and utc_text(deadline_at),
+    }

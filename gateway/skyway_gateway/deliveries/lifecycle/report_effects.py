@@ -1,0 +1,211 @@
+"""What a mission report does to a delivery, and what is told of it.
+
+Reports come once each and in each mission's order (`follow` sees to that); those of several
+missions mix.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Final
+
+from skyway.contracts.delivery_event import DeliveryEventType
+from skyway.contracts.mission import Mission, MissionReport
+from skyway_gateway.deliveries.lifecycle import event_data
+from skyway_gateway.deliveries.lifecycle.delivery import (
+    Delivery,
+    FlownMission,
+    PackageStatus,
+    Refusal,
+)
+from skyway_gateway.deliveries.lifecycle.hand_overs import delivered, loaded, returned, stranded
+from skyway_gateway.deliveries.lifecycle.lateness import with_etas
+from skyway_gateway.deliveries.lifecycle.progress import (
+    CANCELLED_CODE,
+    Progress,
+    changed,
+    settled,
+    with_cancelled,
+    with_flags,
+    with_packages,
+    with_returning,
+)
+from skyway_gateway.deliveries.lifecycle.states import ON_BOARD_STATES, DeliveryState
+from skyway_gateway.notifications.record_events import Happening
+
+
+def after_report(delivery: Delivery, report: MissionReport) -> Progress:
+    """The delivery after a report about one of its missions."""
+    known = [one for one in delivery.missions if one.mission_id == report.mission_id]
+    if not known:  # a mission of an earlier attempt: the delivery has gone on without it
+        return Progress(delivery)
+    mission = _mission_after(known[0], report)
+    delivery = changed(
+        delivery,
+        updated_at=max(delivery.updated_at, report.at),
+        missions=tuple(
+            mission if one.mission_id == mission.mission_id else one for one in delivery.missions
+        ),
+    )
+    if delivery.is_over:  # the drone's way home is no longer the customer's
+        return Progress(delivery)
+    progress = _BY_KIND[report.kind](delivery, mission, report)
+    progress = Progress(with_flags(progress.delivery), progress.happenings)
+    progress = settled(progress, at=report.at, code=report.code, detail=report.detail)
+    if progress.delivery.is_over:
+        return progress
+    delivery, late = with_etas(progress.delivery, report)
+    return Progress(delivery, progress.happenings + late)
+
+
+def _mission_after(known: FlownMission, report: MissionReport) -> FlownMission:
+    is_replanning = known.is_replanning
+    if report.kind in ("REPLANNING", "REPLANNED"):
+        is_replanning = report.kind == "REPLANNING"
+    return FlownMission.model_validate(
+        {
+            **dict(report.mission or known),
+            "state": report.mission_state,
+            "is_replanning": is_replanning,
+            "booked_start_at": known.begins_at,
+        }
+    )
+
+
+def _accepted(delivery: Delivery, mission: Mission, report: MissionReport) -> Progress:
+    if delivery.state != "PLANNED":
+        return Progress(delivery)
+    news = Happening(DeliveryEventType.DISPATCHED, report.at, event_data.flown_by(mission))
+    return Progress(changed(delivery, state="DISPATCHED"), (news,))
+
+
+def _loading(delivery: Delivery, _mission: Mission, _report: MissionReport) -> Progress:
+    has_begun = delivery.state in ("PLANNED", "DISPATCHED")
+    return Progress(changed(delivery, state="LOADING") if has_begun else delivery)
+
+
+def _activity(delivery: Delivery, mission: Mission, report: MissionReport) -> Progress:
+    if delivery.state != "IN_PROGRESS":
+        return Progress(delivery)
+    if report.activity == "FLYING":
+        delivery = with_packages(
+            delivery,
+            lambda _: {"state": "IN_TRANSIT"},
+            where=lambda one: one.state == "LOADED" and one.mission_id == mission.mission_id,
+        )
+    return Progress(changed(delivery, activity=report.activity or delivery.activity))
+
+
+def _as_it_is(delivery: Delivery, _mission: Mission, _report: MissionReport) -> Progress:
+    return Progress(delivery)
+
+
+def _replanned(delivery: Delivery, mission: Mission, report: MissionReport) -> Progress:
+    data = event_data.replanned(delivery, mission, report)
+    return Progress(delivery, (Happening(DeliveryEventType.REPLANNED, report.at, data),))
+
+
+def _returning(delivery: Delivery, _mission: Mission, report: MissionReport) -> Progress:
+    """Told by the new plan, and once it is back."""
+    after = with_returning(delivery, report.package_ids, code=report.code, detail=report.detail)
+    return Progress(after)
+
+
+def _released(delivery: Delivery, _mission: Mission, report: MissionReport) -> Progress:
+    return with_cancelled(
+        delivery,
+        where=lambda one: one.package_id in report.package_ids and one.state == "CREATED",
+        code=report.code or CANCELLED_CODE,
+        detail=report.detail,
+        at=report.at,
+    )
+
+
+def _ended(delivery: Delivery, mission: Mission, report: MissionReport) -> Progress:
+    """The mission is over; what it has not handed over stays where it is."""
+
+    def is_its_own(package: PackageStatus) -> bool:
+        return package.mission_id == mission.mission_id
+
+    left = stranded(
+        delivery,
+        report,
+        where=lambda one: (
+            is_its_own(one)
+            and (one.state in ON_BOARD_STATES or one.package_id in report.stranded_package_ids)
+        ),
+    )
+    cancelled = with_cancelled(
+        left.delivery,
+        where=lambda one: is_its_own(one) and one.state == "CREATED",
+        code=report.code,
+        detail=report.detail,
+        at=report.at,
+    )
+    return Progress(cancelled.delivery, left.happenings + cancelled.happenings)
+
+
+def _refused(delivery: Delivery, mission: FlownMission, report: MissionReport) -> Progress:
+    """The delivery without this mission; `book` asks anew, without this drone.
+
+    Packages that were to be brought back at once are not asked for again.
+    """
+    refusal = Refusal(
+        attempt=report.attempt,
+        provider_id=mission.provider_id,
+        drone_id=mission.drone_id,
+        code=report.code,
+        detail=report.detail,
+    )
+
+    def is_left(package: PackageStatus) -> bool:
+        return package.mission_id == mission.mission_id and package.state == "CREATED"
+
+    cancelled = with_cancelled(
+        delivery,
+        where=lambda one: is_left(one) and one.code is not None,
+        code=report.code,
+        detail=report.detail,
+        at=report.at,
+    )
+    without = with_packages(
+        cancelled.delivery,
+        lambda _: {"mission_id": None, "promised_at": None, "eta_at": None},
+        where=is_left,
+    )
+    # An attempt that is still to be booked takes these packages too: composition has not been
+    # asked for it, or has answered that it books nothing.
+    is_asked = any(one.attempt == delivery.attempt for one in delivery.missions)
+    return Progress(
+        changed(
+            without,
+            state=_state_without(without),
+            attempt=delivery.attempt + (is_asked and bool(without.waiting)),
+            refusals=(*delivery.refusals, refusal),
+        ),
+        cancelled.happenings,
+    )
+
+
+def _state_without(delivery: Delivery) -> DeliveryState:
+    """How far the delivery is by its other missions; what has begun is never undone."""
+    if delivery.state not in ("PLANNED", "DISPATCHED"):
+        return delivery.state
+    states = {mission.state for mission in delivery.live_missions}
+    if not states:
+        return "REQUESTED"
+    return "PLANNED" if states == {"BOOKED"} else delivery.state
+
+
+_BY_KIND: Final[Mapping[str, Callable[[Delivery, FlownMission, MissionReport], Progress]]] = {
+    "ACCEPTED": _accepted,
+    "REFUSED": _refused,
+    "LOADING": _loading,
+    "LOADED": loaded,
+    "ACTIVITY": _activity,
+    "DELIVERED": delivered,
+    "REPLANNING": _as_it_is,
+    "REPLANNED": _replanned,
+    "RETURNING": _returning,
+    "RETURNED": returned,
+    "RELEASED": _released,
+    "ENDED": _ended,
+}

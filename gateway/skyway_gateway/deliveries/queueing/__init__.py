@@ -1,1 +1,0 @@
-"""Deliveries with packages that wait: who books which of them, until when."""

@@ -1,0 +1,118 @@
+"""Where a delivery has been, is and will be, as GeoJSON (RFC 7946)."""
+
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from skyway.contracts.message import utc_text
+from skyway.contracts.track import Track, TrackedMission, TrackedStep
+from skyway.geo import Position
+from skyway.ids import StationId
+from skyway.json_model import JsonModel
+from skyway_gateway.deliveries.lifecycle.delivery import Delivery
+
+
+class PointGeometry(JsonModel):
+    """A place."""
+
+    type: Literal["Point"] = "Point"
+    coordinates: Position
+
+
+class LineGeometry(JsonModel):
+    """A way over at least two places."""
+
+    type: Literal["LineString"] = "LineString"
+    coordinates: Annotated[tuple[Position, ...], Field(min_length=2)]
+
+
+class Feature(JsonModel):
+    """A place or a way; `properties.kind` is FLOWN, PLANNED, DRONE or STATION."""
+
+    type: Literal["Feature"] = "Feature"
+    geometry: Annotated[PointGeometry | LineGeometry, Field(discriminator="type")]
+    properties: dict[str, Any]  # JSON, other members for each kind
+
+
+class FeatureCollection(JsonModel):
+    """The answer of /v1/deliveries/{delivery_id}/track."""
+
+    type: Literal["FeatureCollection"] = "FeatureCollection"
+    features: tuple[Feature, ...]
+
+
+def feature_collection(delivery: Delivery, track: Track) -> FeatureCollection:
+    """Each mission's ways and drone, and the stations where something happens, once each."""
+    features = [feature for mission in track.missions for feature in _of_mission(mission)]
+    return FeatureCollection(features=(*features, *_stations(delivery, track)))
+
+
+def _of_mission(mission: TrackedMission) -> Iterator[Feature]:
+    about = {
+        "mission_id": mission.mission_id,
+        "provider_id": mission.provider_id,
+        "drone_id": mission.drone_id,
+    }
+    flights = [step for step in mission.steps if step.kind == "FLY"]
+    flown = [step for step in flights if step.status == "ENDED"]
+    under_way = [step for step in flights if step.status == "UNDER_WAY"]
+    ahead = [step for step in flights if step.status == "PLANNED"]
+    here = [] if mission.position is None else [mission.position]
+
+    began = [step.from_position for step in under_way]
+    yield from _way("FLOWN", [*_places(flown), *began, *(here if under_way else [])], about)
+    goes_on = [step.to_position for step in under_way]
+    rest = [*(here if under_way else []), *goes_on, *_places(ahead)]
+    yield from _way("PLANNED", rest, {**about, **_times(under_way + ahead)})
+    if mission.position is not None:
+        at = mission.position_at and utc_text(mission.position_at)
+        properties = {"kind": "DRONE", **about, "soc": mission.soc, "at": at}
+        yield Feature(geometry=PointGeometry(coordinates=mission.position), properties=properties)
+
+
+def _places(flights: Sequence[TrackedStep]) -> list[Position]:
+    """The places along consecutive flights."""
+    return [place for step in flights for place in (step.from_position, step.to_position)]
+
+
+def _way(kind: str, places: Sequence[Position], about: dict[str, Any]) -> Iterator[Feature]:
+    """A way as one feature; none where the drone only stands."""
+    distinct = [*places[:1], *(after for before, after in pairwise(places) if after != before)]
+    if len(distinct) > 1:
+        geometry = LineGeometry(coordinates=tuple(distinct))
+        yield Feature(geometry=geometry, properties={"kind": kind, **about})
+
+
+def _times(steps: Sequence[TrackedStep]) -> dict[str, Any]:
+    if not steps:
+        return {}
+    return {"start_at": utc_text(steps[0].start_at), "end_at": utc_text(steps[-1].end_at)}
+
+
+def _stations(delivery: Delivery, track: Track) -> Iterator[Feature]:
+    """The stations of the missions' steps, with what is done there."""
+    steps: dict[StationId, list[TrackedStep]] = {}
+    for mission in track.missions:
+        for step in mission.steps:
+            steps.setdefault(step.station_id, []).append(step)
+    for station_id, stops in steps.items():
+        properties = {
+            "kind": "STATION",
+            "station_id": station_id,
+            "is_pickup": station_id == delivery.request.pickup.station_id,
+            "stops": [_stop(step) for step in stops if step.kind != "FLY"],
+        }
+        place = PointGeometry(coordinates=stops[0].to_position)
+        yield Feature(geometry=place, properties=properties)
+
+
+def _stop(step: TrackedStep) -> dict[str, Any]:
+    return {
+        "kind": step.kind,
+        "status": step.status,
+        "start_at": utc_text(step.start_at),
+        "end_at": utc_text(step.end_at),
+        "package_ids": list(step.package_ids),
+    }

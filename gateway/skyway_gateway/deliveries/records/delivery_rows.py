@@ -1,0 +1,229 @@
+"""Between a delivery with its parts and their rows: which column holds what."""
+
+from collections.abc import Sequence
+from datetime import datetime
+from typing import Final
+
+from pydantic import TypeAdapter
+
+from skyway.contracts.candidate import ProviderReason
+from skyway.contracts.mission import MissionReport, OfferLimits
+from skyway.delivery.request import DeliveryRequest, Place
+from skyway.geo import Position
+from skyway.runtime.sql.connection import AnyRow
+from skyway.units import moment_to_ms, ms_to_moment
+from skyway_gateway.deliveries.lifecycle import event_data
+from skyway_gateway.deliveries.lifecycle.delivery import (
+    Custodian,
+    Delivery,
+    Flags,
+    FlownMission,
+    PackageStatus,
+    Refusal,
+)
+from skyway_gateway.deliveries.lifecycle.proof import Proof
+from skyway_gateway.deliveries.records.stored_delivery import Known, Queued
+
+#: The values of a row by the names of their columns.
+Values = dict[str, object]
+
+_POSITION: Final = TypeAdapter(Position)
+_REASONS: Final = TypeAdapter(tuple[ProviderReason, ...])
+_REFUSALS: Final = TypeAdapter(tuple[Refusal, ...])
+
+
+def new_delivery(queued: Queued) -> Values:
+    """The row of a delivery that was just accepted."""
+    delivery = queued.delivery
+    return {
+        "delivery_id": delivery.delivery_id,
+        "customer_id": delivery.customer_id,
+        "reference": delivery.reference,
+        "request": delivery.request.model_dump_json(),
+        "pickup_position": _POSITION.dump_json(queued.pickup_position).decode(),
+        "created_ms": moment_to_ms(delivery.created_at),
+        "give_up_ms": moment_to_ms(queued.give_up_at),
+        "offer": delivery.offer and delivery.offer.model_dump_json(),
+        "traceparent": queued.traceparent,
+        "next_try_wall_ms": 0,
+        **changing(queued.known),
+    }
+
+
+def reasons_text(reasons: Sequence[ProviderReason]) -> str:
+    """Reasons as JSON."""
+    return _REASONS.dump_json(tuple(reasons)).decode()
+
+
+def changing(known: Known) -> Values:
+    """The columns of a delivery that change during its life."""
+    delivery = known.delivery
+    return {
+        "version": known.version,
+        "last_sequence": known.last_sequence,
+        "state": delivery.state,
+        "activity": delivery.activity,
+        "is_delayed": delivery.flags.delayed,
+        "is_replanning": delivery.flags.replanning,
+        "updated_ms": moment_to_ms(delivery.updated_at),
+        "attempt": delivery.attempt,
+        "refusals": _REFUSALS.dump_json(delivery.refusals).decode(),
+        "reasons": _REASONS.dump_json(delivery.reasons).decode(),
+        "is_queued": delivery.is_queued,
+    }
+
+
+def delivery_of(
+    row: AnyRow, packed: Sequence[PackageStatus], flown: Sequence[FlownMission]
+) -> Delivery:
+    """The delivery in a row, with its parts."""
+    return Delivery(
+        delivery_id=row.delivery_id,
+        customer_id=row.customer_id,
+        state=row.state,
+        activity=row.activity,
+        flags=Flags(delayed=row.is_delayed, replanning=row.is_replanning),
+        reference=row.reference,
+        request=DeliveryRequest.read(row.request),
+        created_at=ms_to_moment(row.created_ms),
+        updated_at=ms_to_moment(row.updated_ms),
+        attempt=row.attempt,
+        price=event_data.price_of(flown),
+        provider_id=flown[0].provider_id if flown else None,
+        missions=tuple(flown),
+        packages=tuple(packed),
+        refusals=_REFUSALS.validate_json(row.refusals),
+        reasons=_REASONS.validate_json(row.reasons),
+        offer=None if row.offer is None else OfferLimits.read(row.offer),
+        cancel_reason=row.cancel_reason,
+    )
+
+
+def known_of(row: AnyRow, delivery: Delivery) -> Known:
+    """The delivery in a row, with its place in time."""
+    return Known(delivery, row.version, row.last_sequence)
+
+
+def queued_of(row: AnyRow, known: Known) -> Queued:
+    """The queued delivery in a row."""
+    return Queued(
+        known=known,
+        pickup_position=_POSITION.validate_json(row.pickup_position),
+        give_up_at=ms_to_moment(row.give_up_ms),
+        traceparent=row.traceparent,
+    )
+
+
+def new_packages(delivery: Delivery) -> list[Values]:
+    """The rows of its packages."""
+    return [
+        {
+            "delivery_id": delivery.delivery_id,
+            "package_id": package.package_id,
+            "number": number,
+            "destination_station_id": package.destination.station_id,
+            "mass_kg": package.mass_kg,
+            "custody_seq": 1,
+            **package_values(package),
+        }
+        for number, package in enumerate(delivery.packages)
+    ]
+
+
+def package_values(package: PackageStatus) -> Values:
+    """The columns of a package that change during its life."""
+    return {
+        "state": package.state,
+        "custodian_kind": package.custodian.kind,
+        "custodian_id": package.custodian.id,
+        "promised_ms": _ms(package.promised_at),
+        "eta_ms": _ms(package.eta_at),
+        "delivered_ms": _ms(package.delivered_at),
+        "mission_id": package.mission_id,
+        "code": package.code,
+        "detail": package.detail,
+        "proof": package.proof and package.proof.model_dump_json(),
+        "position": package.position and _POSITION.dump_json(package.position).decode(),
+    }
+
+
+def first_custody_row(delivery: Delivery, package: PackageStatus) -> Values:
+    """The first link of a package's chain of custody."""
+    return {
+        "delivery_id": delivery.delivery_id,
+        "package_id": package.package_id,
+        "seq": 1,
+        "custodian_kind": package.custodian.kind,
+        "custodian_id": package.custodian.id,
+        "at_ms": moment_to_ms(delivery.updated_at),
+    }
+
+
+def package_of(row: AnyRow) -> PackageStatus:
+    """The package in a row."""
+    return PackageStatus(
+        package_id=row.package_id,
+        state=row.state,
+        destination=Place(station_id=row.destination_station_id),
+        mass_kg=row.mass_kg,
+        custodian=Custodian(kind=row.custodian_kind, id=row.custodian_id),
+        promised_at=_moment(row.promised_ms),
+        eta_at=_moment(row.eta_ms),
+        delivered_at=_moment(row.delivered_ms),
+        mission_id=row.mission_id,
+        code=row.code,
+        detail=row.detail,
+        proof=None if row.proof is None else Proof.read(row.proof),
+        position=None if row.position is None else _POSITION.validate_json(row.position),
+    )
+
+
+def _ms(moment: datetime | None) -> int | None:
+    return None if moment is None else moment_to_ms(moment)
+
+
+def _moment(moment_ms: int | None) -> datetime | None:
+    return None if moment_ms is None else ms_to_moment(moment_ms)
+
+
+def mission_row(mission: FlownMission) -> Values:
+    """The row of a mission of which nothing was reported yet."""
+    return {
+        "mission_id": mission.mission_id,
+        "delivery_id": mission.delivery_id,
+        "attempt": mission.attempt,
+        "trip": mission.trip,
+        "provider_id": mission.provider_id,
+        "drone_id": mission.drone_id,
+        "report_seq": 0,
+        "price_amount": mission.price.amount,
+        "currency": mission.price.currency,
+        "start_ms": moment_to_ms(mission.start_at),
+        **_mission_values(mission),
+    }
+
+
+def _mission_values(mission: FlownMission) -> Values:
+    """The columns of a mission that change during its life."""
+    return {"state": mission.state, "body": mission.model_dump_json()}
+
+
+def mission_changes(before: FlownMission, after: FlownMission) -> Values:
+    """The columns in which a mission differs: while its plan holds, its state alone."""
+    if after.model_copy(update={"state": before.state}) == before:
+        return {"state": after.state}
+    return _mission_values(after)
+
+
+def mission_of(row: AnyRow) -> FlownMission:
+    """The mission in a row."""
+    return FlownMission.read(row.body).model_copy(update={"state": row.state})
+
+
+def reported(report: MissionReport) -> Values:
+    """What a mission's row keeps of a report: its place, times up to a hand-over, its end."""
+    flown = report.data.get("flown", {}) if report.kind == "DELIVERED" else {}
+    names = ("flight_s", "waiting_s", "recharging_s")
+    ended = {"ended_ms": moment_to_ms(report.at)} if report.kind == "ENDED" else {}
+    times = {name: flown[name] for name in names if name in flown}
+    return {"report_seq": report.seq, **times, **ended}

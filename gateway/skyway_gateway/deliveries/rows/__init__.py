@@ -1,1 +1,0 @@
-"""Between a delivery and its rows: which column holds what."""

@@ -1,3 +1,0 @@
-"""What a row holds: its values by the names of their columns."""
-
-Values = dict[str, object]

@@ -1,1 +1,0 @@
-"""How a delivery is written: with all its parts, or not at all."""

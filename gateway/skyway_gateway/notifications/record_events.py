@@ -1,0 +1,92 @@
+"""The only writer of events: what is told, is told to every channel at once.
+
+The event, its webhook notifications and its MQTT message are rows of the transaction of the fact
+that they tell, so that there is never one without the others.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from datetime import datetime
+from typing import Any
+
+from skyway.contracts.delivery_event import DeliveryEvent, DeliveryEventType
+from skyway.contracts.topics import DELIVERY_EVENTS
+from skyway.ids import DeliveryId, EventId, SubjectId
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.loops import Wake
+from skyway.runtime.metrics import count
+from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Tx
+from skyway.runtime.tracing import current_traceparent
+from skyway_gateway.notifications.event_store import add_events
+from skyway_gateway.notifications.stream_events import News
+
+
+@dataclass(frozen=True, slots=True)
+class Happening:
+    """What the customer is to be told, before it has a place in the sequence."""
+
+    type: DeliveryEventType
+    occurred_at: datetime
+    #: The event's own members, each of JSON; Any, since every type has others.
+    data: dict[str, Any] = field(default_factory=dict)
+
+
+class Events:
+    """Writes events; `webhooks` is set when there is something to notify."""
+
+    def __init__(self, *, clock: FleetClock, mint: Mint, news: News, webhooks: Wake) -> None:
+        self._clock = clock
+        self._mint = mint
+        self._news = news
+        self._webhooks = webhooks
+
+    def tell(
+        self,
+        tx: Tx,
+        happenings: Sequence[Happening],
+        *,
+        after: int,
+        delivery_id: DeliveryId,
+        customer_id: SubjectId,
+    ) -> None:
+        """Tell the customer what happened, in this order, once the transaction is committed.
+
+        `after` is how many events the delivery had: its row counts them, and who writes that row
+        takes their place.
+        """
+        if not happenings:
+            return
+        events = [
+            self._event(happening, delivery_id, sequence)
+            for sequence, happening in enumerate(happenings, start=after + 1)
+        ]
+        add_events(
+            tx,
+            events,
+            customer_id=customer_id,
+            wall_at=self._clock.wall_now(),
+            when_notified=self._webhooks.set,
+        )
+        for event in events:
+            address = DELIVERY_EVENTS(customer_id, delivery_id)
+            tx.send(address, event, confirmed_by="broker", stream=delivery_id)
+        tx.after_commit(lambda: self._announce(delivery_id, events))
+
+    def _announce(self, delivery_id: DeliveryId, events: Sequence[DeliveryEvent]) -> None:
+        self._news.ring(delivery_id)
+        for event in events:
+            count("skyway_delivery_events", "events told to customers", type=event.type)
+
+    def _event(self, happening: Happening, delivery_id: DeliveryId, sequence: int) -> DeliveryEvent:
+        return DeliveryEvent(
+            message_id=self._mint("msg"),
+            sent_at=self._clock.now(),
+            traceparent=current_traceparent(),
+            event_id=EventId(self._mint("evt")),
+            type=happening.type,
+            delivery_id=delivery_id,
+            sequence=sequence,
+            occurred_at=happening.occurred_at,
+            data=happening.data,
+        )

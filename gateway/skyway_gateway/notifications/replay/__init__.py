@@ -1,1 +1,0 @@
-"""Events told again to a webhook that has missed them, under their own ids."""

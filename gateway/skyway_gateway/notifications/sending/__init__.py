@@ -1,1 +1,0 @@
-"""What is due at webhooks, sent until somebody has it."""

@@ -1,1 +1,0 @@
-"""A delivery's events for who listens: as they happen, over one HTTP answer."""

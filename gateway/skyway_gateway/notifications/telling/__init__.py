@@ -1,1 +1,0 @@
-"""What is kept of a delivery's new events: the events, and for whom they are due."""

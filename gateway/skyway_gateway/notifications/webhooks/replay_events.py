@@ -1,0 +1,65 @@
+"""Telling a webhook again what it has missed: queued here, sent by the sender as ever."""
+
+from skyway.errors import InvalidInput
+from skyway.ids import SubjectId, WebhookId
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.errors import Conflict, NotFound
+from skyway.runtime.http.identity import Caller
+from skyway.runtime.loops import Wake
+from skyway.runtime.metrics import count
+from skyway.runtime.sql.database import Database, Tx
+from skyway_gateway.notifications.webhooks import replay_store, webhook_store
+from skyway_gateway.notifications.webhooks.replay_request import MOST_EVENTS, Replay, ReplayRequest
+
+
+async def replay(
+    db: Database,
+    caller: Caller,
+    webhook_id: WebhookId,
+    wanted: ReplayRequest,
+    *,
+    clock: FleetClock,
+    wake: Wake,
+) -> Replay:
+    """Queue events again for the caller's own webhook.
+
+    Raises
+    ------
+    NotFound
+        The webhook, the delivery or one of the events is not the caller's.
+    Conflict
+        WEBHOOK_DISABLED: nothing is sent there until it is made active again.
+    InvalidInput
+        The span holds more events than one call may queue.
+    """
+    customer_id = SubjectId(caller.subject_id)
+    async with db.write() as tx:
+        webhook = await webhook_store.webhook_of(tx.connection, caller, webhook_id)
+        if webhook.state != "ACTIVE":
+            raise Conflict("WEBHOOK_DISABLED", f"webhook {webhook_id} is disabled")
+        await _refuse_foreign(tx, wanted, customer_id)
+        which = replay_store.wanted_events(
+            wanted, customer_id=customer_id, event_types=webhook.event_types
+        )
+        if await replay_store.count_wanted(tx.connection, which, at_most=MOST_EVENTS) > MOST_EVENTS:
+            detail = f"more than {MOST_EVENTS} events at once: shorten the span"
+            raise InvalidInput("from", detail)
+        queued = await replay_store.queue_again(tx, webhook_id, which, at=clock.wall_now())
+        tx.after_commit(wake.set)
+    count("skyway_webhook_replays", "notifications queued again", float(queued))
+    return Replay(queued=queued)
+
+
+async def _refuse_foreign(tx: Tx, wanted: ReplayRequest, customer_id: SubjectId) -> None:
+    """What is not the customer's looks like not there."""
+    if wanted.event_ids is not None:
+        known = await replay_store.known_events(
+            tx.connection, wanted.event_ids, customer_id=customer_id
+        )
+        for event_id in wanted.event_ids:
+            if event_id not in known:
+                raise NotFound("event", event_id)
+    if wanted.delivery_id is not None and not await replay_store.has_delivery(
+        tx.connection, wanted.delivery_id, customer_id=customer_id
+    ):
+        raise NotFound("delivery", wanted.delivery_id)

@@ -1,0 +1,108 @@
+"""All SQL of replays: events become due again at one webhook."""
+
+from collections.abc import Sequence
+from datetime import datetime
+from typing import Any
+
+from sqlalchemy import ColumnElement, Select, func, literal, select, true
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from skyway.contracts.delivery_event import DeliveryEventType
+from skyway.ids import DeliveryId, EventId, SubjectId, WebhookId
+from skyway.runtime.sql.claims import FREE
+from skyway.runtime.sql.database import Tx
+from skyway.units import moment_to_ms
+from skyway_gateway.notifications.webhooks.replay_request import ReplayRequest
+from skyway_gateway.tables import deliveries, events, notifications
+
+
+async def known_events(
+    connection: AsyncConnection, event_ids: Sequence[EventId], *, customer_id: SubjectId
+) -> frozenset[EventId]:
+    """Those of these events that are a customer's own."""
+    statement = (
+        select(events.c.event_id)
+        .join(deliveries, deliveries.c.delivery_id == events.c.delivery_id)
+        .where(events.c.event_id.in_(event_ids), deliveries.c.customer_id == customer_id)
+    )
+    return frozenset((await connection.execute(statement)).scalars())
+
+
+async def has_delivery(
+    connection: AsyncConnection, delivery_id: DeliveryId, *, customer_id: SubjectId
+) -> bool:
+    """Whether a delivery is a customer's own."""
+    statement = select(deliveries.c.delivery_id).where(
+        deliveries.c.delivery_id == delivery_id, deliveries.c.customer_id == customer_id
+    )
+    return (await connection.execute(statement)).first() is not None
+
+
+async def count_wanted(
+    connection: AsyncConnection, wanted: ColumnElement[bool], *, at_most: int
+) -> int:
+    """How many events are wanted, counted no further than one past the limit."""
+    found = _with_customer(select(literal(1))).where(wanted).limit(at_most + 1).subquery()
+    statement = select(func.count()).select_from(found)
+    return int((await connection.execute(statement)).scalar_one())
+
+
+def wanted_events(
+    wanted: ReplayRequest,
+    *,
+    customer_id: SubjectId,
+    event_types: Sequence[DeliveryEventType] | None,
+) -> ColumnElement[bool]:
+    """Whether an event is the customer's, and among those to be told again."""
+    owned = deliveries.c.customer_id == customer_id
+    if wanted.event_ids is not None:
+        return owned & events.c.event_id.in_(wanted.event_ids)
+    is_heard = true() if event_types is None else events.c.type.in_(event_types)
+    if wanted.delivery_id is not None:
+        return owned & is_heard & (events.c.delivery_id == wanted.delivery_id)
+    recorded = events.c.recorded_wall_ms
+    is_in_span = true() if wanted.from_at is None else recorded >= moment_to_ms(wanted.from_at)
+    if wanted.to_at is not None:
+        is_in_span &= recorded < moment_to_ms(wanted.to_at)
+    return owned & is_heard & is_in_span
+
+
+async def queue_again(
+    tx: Tx, webhook_id: WebhookId, wanted: ColumnElement[bool], *, at: datetime
+) -> int:
+    """Make the wanted events due at a webhook, from the first try on; how many.
+
+    An event that is still on its way there is left to it.
+    """
+    due = {
+        "state": "PENDING",
+        "attempts": 0,
+        "next_try_wall_ms": moment_to_ms(at),
+        "is_replay": True,
+        **FREE,
+    }
+    columns = ["webhook_id", "event_id", "delivery_id", "sequence", *due]
+    chosen = _with_customer(
+        select(
+            literal(webhook_id),
+            events.c.event_id,
+            events.c.delivery_id,
+            events.c.sequence,
+            *(literal(value, notifications.c[name].type) for name, value in due.items()),
+        )
+    ).where(wanted)
+    statement = tx.insert(notifications).from_select(columns, chosen)
+    again = statement.on_conflict_do_update(
+        index_elements=[notifications.c.webhook_id, notifications.c.event_id],
+        set_=due,
+        where=notifications.c.state != "PENDING",
+    )
+    return (await tx.execute(again)).rowcount
+
+
+def _with_customer(
+    selected: Select[*tuple[Any, ...]],  # columns of every type
+) -> Select[*tuple[Any, ...]]:
+    return selected.select_from(events).join(
+        deliveries, deliveries.c.delivery_id == events.c.delivery_id
+    )

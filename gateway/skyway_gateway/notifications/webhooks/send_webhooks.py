@@ -1,0 +1,179 @@
+"""Notifies webhooks: at least once, signed, in each delivery's order, or visibly given up.
+
+Each endpoint is served by a task of its own, so that one that hangs delays nobody else. A
+notification keeps its id through all tries; later ones of the same delivery wait for it.
+"""
+
+import asyncio
+import logging
+import random
+from dataclasses import dataclass, field
+from datetime import datetime, timedelta
+from typing import Final, Never
+
+from skyway.ids import EventId, WebhookId
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.loops import Wake, repeat
+from skyway.runtime.metrics import count
+from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Database
+from skyway_gateway.notifications.webhooks import sending_store
+from skyway_gateway.notifications.webhooks.post_webhook import Reply, WebhookPost
+from skyway_gateway.notifications.webhooks.retry_schedule import pause_s
+from skyway_gateway.notifications.webhooks.signature import signed_headers
+from skyway_gateway.notifications.webhooks.webhook import (
+    Endpoint,
+    Notification,
+    Outcome,
+    TrialEvent,
+    WebhookAttempt,
+)
+from skyway_gateway.notifications.webhooks.webhook_store import disable_webhook
+
+log = logging.getLogger(__name__)
+
+#: Notifications under way at once: at one endpoint, each of another delivery; and endpoints.
+_AT_ONE_ENDPOINT: Final = 4
+_ENDPOINTS: Final = 256
+
+#: Longest look away from the table, seconds: another replica may have written to it.
+_LONGEST_REST_S: Final = 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class _Sent:
+    """One try: when, for how long, and the reply."""
+
+    at: datetime
+    duration_ms: int
+    reply: Reply
+
+
+@dataclass(slots=True)
+class WebhookSender:
+    """The loop that notifies webhooks."""
+
+    db: Database
+    post: WebhookPost
+    wake: Wake
+    clock: FleetClock
+    mint: Mint
+    chance: random.Random = field(default_factory=random.SystemRandom)
+    _served: set[WebhookId] = field(default_factory=set)
+
+    async def run(self) -> Never:
+        """Notify for ever."""
+        if self.db.dialect == "sqlite":
+            async with self.db.write() as tx:
+                await sending_store.free_claims(tx)
+        async with asyncio.TaskGroup() as group:
+            await repeat(
+                "webhooks", lambda: self._step(group), every_s=_LONGEST_REST_S, wake=self.wake
+            )
+
+    async def _step(self, group: asyncio.TaskGroup) -> bool:
+        async with self.db.read() as connection:
+            due = await sending_store.due_endpoints(connection, at=self.clock.wall_now())
+        for endpoint in due:
+            if endpoint.webhook_id not in self._served and len(self._served) < _ENDPOINTS:
+                self._served.add(endpoint.webhook_id)
+                group.create_task(self._serve(endpoint))
+        return False
+
+    async def _serve(self, endpoint: Endpoint) -> None:
+        """The outermost frame of one endpoint's task: its failure must not end the others'."""
+        try:
+            await self.notify(endpoint)
+        except Exception:
+            count("skyway_webhook_failures", "rounds of an endpoint that broke")
+            log.exception("notifying failed", extra={"webhook_id": endpoint.webhook_id})
+        finally:
+            self._served.discard(endpoint.webhook_id)
+            self.wake.set()
+
+    async def notify(self, endpoint: Endpoint) -> int:
+        """Try what is due at one endpoint now; how many."""
+        due = await sending_store.claim_due(
+            self.db,
+            endpoint.webhook_id,
+            limit=_AT_ONE_ENDPOINT,
+            claimant=self.mint("snd"),
+            clock=self.clock,
+        )
+        async with asyncio.TaskGroup() as group:
+            for notification in due:
+                group.create_task(self._try(endpoint, notification))
+        return len(due)
+
+    async def send_trial(self, endpoint: Endpoint) -> WebhookAttempt:
+        """Send a test event once, whatever else is due, and keep how it went."""
+        event = TrialEvent(
+            event_id=EventId(self.mint("evt")),
+            webhook_id=endpoint.webhook_id,
+            occurred_at=self.clock.now(),
+        )
+        trial = Notification(
+            event_id=event.event_id,
+            event_type=event.type,
+            delivery_id=None,
+            attempts=0,
+            body=event.model_dump_json().encode(),
+        )
+        attempt = self._attempt(trial, await self._send(endpoint, trial), wait_s=None)
+        async with self.db.write() as tx:
+            await sending_store.add_attempt(tx, endpoint.webhook_id, attempt)
+        return attempt
+
+    async def _try(self, endpoint: Endpoint, notification: Notification) -> None:
+        sent = await self._send(endpoint, notification)
+        attempt = self._attempt(notification, sent, wait_s=self._wait_s(notification, sent.reply))
+        count("skyway_webhook_attempts", "tries to notify", outcome=attempt.outcome)
+        async with self.db.write() as tx:
+            # Deleted meanwhile, or another replica was faster: then there is nothing to note.
+            if not await sending_store.settle(
+                tx, endpoint.webhook_id, notification.event_id, attempt=attempt
+            ):
+                return
+            await sending_store.add_attempt(tx, endpoint.webhook_id, attempt)
+            if sent.reply.is_gone:
+                await disable_webhook(
+                    tx, endpoint.webhook_id, reason="it answered 410", at=self.clock.wall_now()
+                )
+
+    async def _send(self, endpoint: Endpoint, notification: Notification) -> _Sent:
+        at, loop = self.clock.wall_now(), asyncio.get_running_loop()
+        started_s = loop.time()
+        headers = signed_headers(
+            endpoint.secret, webhook_id=notification.event_id, at=at, body=notification.body
+        )
+        reply = await self.post.send(endpoint.url, headers=headers, body=notification.body)
+        return _Sent(at, round((loop.time() - started_s) * 1000), reply)
+
+    def _wait_s(self, notification: Notification, reply: Reply) -> float | None:
+        """Seconds from a try to the next one; None when there is none."""
+        if reply.is_success or reply.is_gone:
+            return None
+        return pause_s(notification.attempts + 1, self.chance)
+
+    def _attempt(
+        self, notification: Notification, sent: _Sent, *, wait_s: float | None
+    ) -> WebhookAttempt:
+        return WebhookAttempt(
+            attempt_id=self.mint("att"),
+            event_id=notification.event_id,
+            event_type=notification.event_type,
+            delivery_id=notification.delivery_id,
+            number=notification.attempts + 1,
+            at=sent.at,
+            duration_ms=sent.duration_ms,
+            outcome=_outcome(sent.reply, wait_s),
+            status=sent.reply.status,
+            detail=sent.reply.detail,
+            next_try_at=None if wait_s is None else sent.at + timedelta(seconds=wait_s),
+        )
+
+
+def _outcome(reply: Reply, wait_s: float | None) -> Outcome:
+    if reply.is_success:
+        return "DELIVERED"
+    return "GIVEN_UP" if wait_s is None else "FAILED"

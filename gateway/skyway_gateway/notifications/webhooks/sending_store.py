@@ -1,0 +1,156 @@
+"""The SQL of what is due at webhooks, and of each try to tell it."""
+
+from collections.abc import Sequence
+from datetime import datetime
+from typing import Final
+
+from sqlalchemy import ColumnElement, and_, exists, insert, select, update
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from skyway.ids import EventId, WebhookId
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.http.paging import PageQuery
+from skyway.runtime.sql.claims import FREE, claim
+from skyway.runtime.sql.connection import AnyRow
+from skyway.runtime.sql.database import Database, Tx
+from skyway.units import moment_to_ms, ms_to_moment
+from skyway_gateway.notifications.webhooks.webhook import Endpoint, Notification, WebhookAttempt
+from skyway_gateway.tables import events, notifications, webhook_attempts, webhooks
+
+#: Longer than a try may take, seconds of wall time.
+_LEASE_S: Final = 20.0
+
+
+async def due_endpoints(connection: AsyncConnection, *, at: datetime) -> Sequence[Endpoint]:
+    """The webhooks that have something to be told now."""
+    is_due = exists().where(
+        notifications.c.webhook_id == webhooks.c.webhook_id,
+        _is_due(at),
+        notifications.c.claimed_until_ms <= moment_to_ms(at),
+    )
+    statement = select(webhooks).where(webhooks.c.state == "ACTIVE", is_due)
+    return [
+        Endpoint(row.webhook_id, row.url, row.secret) for row in await connection.execute(statement)
+    ]
+
+
+async def claim_due(
+    db: Database,
+    webhook_id: WebhookId,
+    *,
+    limit: int,
+    claimant: str,
+    clock: FleetClock,
+) -> Sequence[Notification]:
+    """Notifications that are due at a webhook, each of another delivery, now held by us."""
+    rows = await claim(
+        db,
+        notifications,
+        where=and_(notifications.c.webhook_id == webhook_id, _is_due(clock.wall_now())),
+        order_by=[notifications.c.next_try_wall_ms, notifications.c.event_id],
+        limit=limit,
+        claimant=claimant,
+        lease_s=_LEASE_S,
+        clock=clock,
+    )
+    if not rows:
+        return []
+    by_id = select(events).where(events.c.event_id.in_([row.event_id for row in rows]))
+    async with db.read() as connection:
+        told = {event.event_id: event for event in await connection.execute(by_id)}
+    return [_notification(row, told[row.event_id]) for row in rows]
+
+
+async def free_claims(tx: Tx) -> None:
+    """Let go of all that somebody held: on SQLite whoever claimed before us is dead."""
+    await tx.execute(update(notifications).where(notifications.c.state == "PENDING").values(FREE))
+
+
+async def settle(
+    tx: Tx,
+    webhook_id: WebhookId,
+    event_id: EventId,
+    *,
+    attempt: WebhookAttempt,
+) -> bool:
+    """Note how a try went; False when the notification is no more."""
+    state = {"DELIVERED": "DELIVERED", "FAILED": "PENDING", "GIVEN_UP": "GIVEN_UP"}
+    values = {
+        "state": state[attempt.outcome],
+        "attempts": attempt.number,
+        "next_try_wall_ms": moment_to_ms(attempt.next_try_at or attempt.at),
+        **FREE,
+    }
+    this = and_(
+        notifications.c.webhook_id == webhook_id,
+        notifications.c.event_id == event_id,
+        notifications.c.state == "PENDING",
+    )
+    found = await tx.execute(update(notifications).where(this).values(values))
+    return found.rowcount == 1
+
+
+async def add_attempt(tx: Tx, webhook_id: WebhookId, attempt: WebhookAttempt) -> None:
+    """Keep how a try went, for the customer to see."""
+    row = {
+        **attempt.model_dump(exclude={"at", "next_try_at"}),
+        "webhook_id": webhook_id,
+        "at_wall_ms": moment_to_ms(attempt.at),
+        "next_try_wall_ms": attempt.next_try_at and moment_to_ms(attempt.next_try_at),
+    }
+    await tx.execute(insert(webhook_attempts).values(row))
+
+
+async def attempts_page(
+    connection: AsyncConnection, webhook_id: WebhookId, query: PageQuery
+) -> Sequence[WebhookAttempt]:
+    """Up to limit + 1 tries of a webhook, the newest first."""
+    statement = select(webhook_attempts).where(webhook_attempts.c.webhook_id == webhook_id)
+    if (after := query.after(str)) is not None:
+        statement = statement.where(webhook_attempts.c.attempt_id < after[0])
+    statement = statement.order_by(webhook_attempts.c.attempt_id.desc()).limit(query.limit + 1)
+    return [_attempt(row) for row in await connection.execute(statement)]
+
+
+def _is_due(at: datetime) -> ColumnElement[bool]:
+    """Whether it is time, and no earlier event of the delivery is still to be told there."""
+    earlier = notifications.alias("earlier")
+    has_earlier = exists().where(
+        earlier.c.webhook_id == notifications.c.webhook_id,
+        earlier.c.delivery_id == notifications.c.delivery_id,
+        earlier.c.sequence < notifications.c.sequence,
+        earlier.c.state == "PENDING",
+    )
+    return and_(
+        notifications.c.state == "PENDING",
+        notifications.c.next_try_wall_ms <= moment_to_ms(at),
+        ~has_earlier,
+    )
+
+
+def _notification(row: AnyRow, event: AnyRow) -> Notification:
+    """What is told to a webhook, of its row and its event's."""
+    return Notification(
+        event_id=row.event_id,
+        event_type=event.type,
+        delivery_id=row.delivery_id,
+        attempts=row.attempts,
+        body=event.body.encode(),
+    )
+
+
+def _attempt(row: AnyRow) -> WebhookAttempt:
+    next_try_ms = row.next_try_wall_ms
+    return WebhookAttempt(
+        attempt_id=row.attempt_id,
+        event_id=row.event_id,
+        event_type=row.event_type,
+        delivery_id=row.delivery_id,
+        number=row.number,
+        at=ms_to_moment(row.at_wall_ms),
+        duration_ms=row.duration_ms,
+        outcome=row.outcome,
+        status=row.status,
+        detail=row.detail,
+        next_try_at=None if next_try_ms is None else ms_to_moment(next_try_ms),
+    )

@@ -1,0 +1,126 @@
+"""Whether a delivery request is possible in the world as it is: times, stations, masses.
+
+Asked before a quote and before a delivery alike; what passes may still find no drone.
+"""
+
+import contextlib
+from dataclasses import dataclass
+from datetime import timedelta
+from typing import Final
+
+from skyway.announced_networks.known_networks import KnownNetworks
+from skyway.contracts.station_check import StationCheck, StationCheckQuery
+from skyway.delivery.request import DeliveryRequest, ProviderChoice
+from skyway.errors import InvalidInput
+from skyway.geo import Position
+from skyway.ids import StationId
+from skyway.runtime.clock import FleetClock
+from skyway_gateway.clients import Composition
+from skyway_gateway.quotes.cached_payload_limits import PayloadLimits
+
+#: Nobody plans further ahead; a year that is a typing mistake is found at once.
+_LONGEST_AHEAD: Final = timedelta(days=366)
+
+#: A mass that is above the limit by less is equal to it, kilograms.
+_MASS_TOLERANCE_KG: Final = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Checks:
+    """Checks requests against the clock, the network and the fleets."""
+
+    payload_limits: PayloadLimits
+    networks: KnownNetworks
+    composition: Composition
+    clock: FleetClock
+
+    async def check(self, request: DeliveryRequest) -> Position:
+        """Where the pickup is, once everything about the request is known to be possible.
+
+        Raises
+        ------
+        InvalidInput
+            A field breaks a limit of the world: an unknown station, too heavy, too late.
+        ServiceUnavailable
+            The world cannot be asked now.
+        """
+        self._check_times(request)
+        position = await self._check_stations(request)
+        await self._check_payload(request)
+        return position
+
+    def _check_times(self, request: DeliveryRequest) -> None:
+        now, deadline_at = self.clock.now(), request.qos.deadline_at
+        latest_at = now + _LONGEST_AHEAD
+        if deadline_at is not None and deadline_at <= now:
+            raise InvalidInput("qos.deadline_at", f"{deadline_at} is past: fleet time is {now}")
+        for field, moment in (
+            ("qos.deadline_at", deadline_at),
+            ("earliest_pickup_at", request.earliest_pickup_at),
+        ):
+            if moment is not None and moment > latest_at:
+                raise InvalidInput(field, f"{moment} is later than the limit of {latest_at}")
+        if deadline_at is not None and (request.earliest_pickup_at or now) >= deadline_at:
+            raise InvalidInput("earliest_pickup_at", f"must be before the deadline {deadline_at}")
+
+    async def _check_stations(self, request: DeliveryRequest) -> Position:
+        pickup, named = request.pickup.station_id, _stations_by_field(request)
+        position = self.networks.start_of_ways(pickup, to=named.values())
+        if position is not None:
+            return position
+        query = StationCheckQuery(
+            station_ids=tuple(dict.fromkeys((pickup, *named.values()))), reachable_from=pickup
+        )
+        found = await self.composition.check_stations(query)
+        if pickup in found.unknown:
+            raise InvalidInput("pickup.station_id", f"station {pickup!r} is unknown")
+        for field, station_id in named.items():
+            _check_station(field, station_id, found, pickup=pickup)
+        return found.positions[pickup]
+
+    async def _check_payload(self, request: DeliveryRequest) -> None:
+        """Each package by itself: together they may take several trips."""
+        choice = request.qos.providers
+        heaviest_kg = max(package.mass_kg for package in request.packages)
+        limit = await self.payload_limits.limit_for(heaviest_kg, choice)
+        for provider_id in limit.unknown_provider_ids:
+            field = f"qos.providers.{_place_of(provider_id, choice)}"
+            raise InvalidInput(field, f"provider {provider_id!r} is unknown")
+        if limit.max_payload_kg is None:
+            return  # no fleet yet: the request waits for one
+        what = f"the {limit.max_payload_kg:g} kg limit of drone model {limit.drone_model_id}"
+        for number, package in enumerate(request.packages):
+            if package.mass_kg > limit.max_payload_kg + _MASS_TOLERANCE_KG:
+                detail = f"{package.mass_kg:g} kg exceeds {what}"
+                raise InvalidInput(f"packages.{number}.mass_kg", detail)
+
+
+def _stations_by_field(request: DeliveryRequest) -> dict[str, StationId]:
+    """Where packages may end, by the field that says so."""
+    named: dict[str, StationId] = {}
+    for number, package in enumerate(request.packages):
+        named[f"packages.{number}.destination.station_id"] = package.destination.station_id
+        if package.alternative is not None:
+            named[f"packages.{number}.alternative.station_id"] = package.alternative.station_id
+    return named
+
+
+def _check_station(
+    field: str, station_id: StationId, found: StationCheck, *, pickup: StationId
+) -> None:
+    if station_id in found.unknown:
+        raise InvalidInput(field, f"station {station_id!r} is unknown")
+    if station_id in found.unreachable:
+        detail = f"no path of segments leads from {pickup!r} to {station_id!r}"
+        raise InvalidInput(field, detail)
+
+
+def _place_of(provider_id: str, choice: ProviderChoice) -> str:
+    """The field that names a provider."""
+    if choice.pinned == provider_id:
+        return "pinned"
+    for field in ("allowed", "denied"):
+        named = getattr(choice, field) or ()
+        with contextlib.suppress(ValueError):
+            return f"{field}.{named.index(provider_id)}"
+    return "allowed"

@@ -1,0 +1,28 @@
+"""Which state may follow which."""
+
+import itertools
+from typing import get_args
+
+from skyway_gateway.deliveries.lifecycle.states import TERMINAL_STATES, DeliveryState, may_follow
+
+STATES = get_args(DeliveryState)
+
+
+def test_terminal_states_are_final() -> None:
+    for before, after in itertools.product(TERMINAL_STATES, STATES):
+        assert may_follow(after, before) == (after == before)
+
+
+def test_rejected_comes_only_from_requested() -> None:
+    assert [one for one in STATES if may_follow("REJECTED", one)] == ["REQUESTED", "REJECTED"]
+
+
+def test_cancelled_and_failed_come_from_any_that_is_not_terminal() -> None:
+    for before in set(STATES) - TERMINAL_STATES:
+        assert may_follow("CANCELLED", before)
+        assert may_follow("FAILED", before)
+
+
+def test_only_a_drone_that_has_not_begun_leads_back_to_the_queue() -> None:
+    back = [one for one in STATES if may_follow("REQUESTED", one)]
+    assert back == ["REQUESTED", "PLANNED", "DISPATCHED"]

@@ -1,0 +1,207 @@
+"""Writing from what is remembered: whatever was written since is noticed, whoever wrote it."""
+
+import asyncio
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from skyway.runtime.errors import Conflict
+
+
+@pytest.fixture
+def replica(gateway_on_both: Any) -> Any:
+    """The same gateway in another process, on the same database: it remembers nothing of ours."""
+    from skyway_gateway.deliveries.records.stored_delivery import KnownDeliveries
+
+    parts = gateway_on_both.parts
+    writer = replace(parts.writer, known=KnownDeliveries())
+    return replace(gateway_on_both, parts=replace(parts, writer=writer))
+
+
+async def _follow(gateway: Any, delivery_id: str, kind: str, *, seq: int, **fields: object) -> None:
+    """Have this replica, and no other, follow a report."""
+    report = gateway.mission_report(delivery_id, kind, seq=seq, **fields)
+    await gateway.parts.follower.follow(report)
+
+
+async def test_what_was_just_written_is_not_read_again(gateway: Any, statements: Any) -> None:
+    with statements() as seen:
+        delivery_id = await gateway.accepted()
+        await gateway.book_next()
+        await _follow(gateway, delivery_id, "ACCEPTED", seq=1)
+    asked = [one for one in seen if one.startswith("SELECT")]
+    assert not [one for one in asked if "api_keys" not in one and "webhooks" not in one]
+    assert not [one for one in seen if one.startswith("UPDATE missions") and "body" in one]
+    delivery = await gateway.get(delivery_id)
+    assert delivery["state"] == "DISPATCHED"
+    assert delivery["missions"][0]["state"] == "ACCEPTED"
+
+
+async def test_what_another_replica_accepted_is_booked_here(
+    gateway_on_both: Any, replica: Any
+) -> None:
+    delivery_id = await gateway_on_both.accepted(packages=2)
+    assert await replica.book_next()
+    await _follow(gateway_on_both, delivery_id, "ACCEPTED", seq=1)
+    await _follow(replica, delivery_id, "LOADING", seq=2)
+    assert (await replica.get(delivery_id))["state"] == "LOADING"
+
+
+async def test_a_plan_takes_account_of_a_cancellation_since_the_claim(
+    gateway_on_both: Any, replica: Any
+) -> None:
+    """Cancelled here or by another replica: the package is not planned, and called off."""
+    for canceller in (gateway_on_both, replica):
+        delivery_id = await gateway_on_both.accepted(packages=2)
+        [queued] = await gateway_on_both.parts.booker.claim(limit=1)
+        answer = await _cancel(canceller, delivery_id, ["p1"])
+        assert answer.packages[0].state == "CANCELLED"
+
+        await gateway_on_both.parts.booker.book(queued)
+        delivery = await gateway_on_both.get(delivery_id)
+        assert delivery["state"] == "PLANNED"
+        assert [one["state"] for one in delivery["packages"]] == ["CANCELLED", "CREATED"]
+        assert [one["mission_id"] is None for one in delivery["packages"]] == [True, False]
+        assert await gateway_on_both.told(delivery_id) == [
+            "delivery.requested",
+            "package.cancelled",
+            "delivery.planned",
+        ]
+
+
+async def test_a_plan_of_an_older_attempt_is_not_written(
+    gateway_on_both: Any, replica: Any, candidate: Callable[..., Any]
+) -> None:
+    """Another replica has planned it meanwhile, and its drone has refused."""
+    gateway = gateway_on_both
+    gateway.registry.candidates_now = [candidate("drn_1"), candidate("drn_2")]
+    delivery_id = await gateway.accepted()
+    [queued] = await gateway.parts.booker.claim(limit=1)
+    await replica.parts.booker.book(queued)
+    await _follow(replica, delivery_id, "REFUSED", seq=1, code="EXPIRED")
+
+    await gateway.parts.booker.book(queued)
+    delivery = await gateway.get(delivery_id)
+    assert (delivery["state"], delivery["attempt"]) == ("REQUESTED", 2)
+    assert await gateway.told(delivery_id) == ["delivery.requested", "delivery.planned"]
+
+
+async def test_reports_to_two_replicas_are_applied_once_each(
+    gateway_on_both: Any, replica: Any
+) -> None:
+    gateway = gateway_on_both
+    delivery_id = await gateway.planned()
+    steps = [("ACCEPTED", {}), ("LOADING", {}), ("LOADED", {"package_ids": ["p1"]})]
+    for seq, (kind, fields) in enumerate(steps, start=1):
+        # Each remembers the delivery as it wrote it two reports ago.
+        for one in (gateway, replica) if seq % 2 else (replica, gateway):
+            await _follow(one, delivery_id, kind, seq=seq, **fields)
+    await asyncio.gather(
+        *(
+            _follow(one, delivery_id, "DELIVERED", seq=4, package_ids=["p1"])
+            for one in (gateway, replica)
+        )
+    )
+    assert (await gateway.get(delivery_id))["state"] == "COMPLETED"
+    assert await gateway.told(delivery_id) == [
+        "delivery.requested",
+        "delivery.planned",
+        "delivery.dispatched",
+        "delivery.loaded",
+        "delivery.started",
+        "package.delivered",
+        "delivery.completed",
+    ]
+
+
+async def _follow_all(gateway: Any, kind: str, reports: dict[str, int]) -> None:
+    """Have this replica follow reports that came in one request, by delivery their numbers."""
+    from skyway.contracts.mission_reports import TracedReport
+
+    traced = [
+        TracedReport(
+            traceparent=f"00-{number:032x}-{1:016x}-01",
+            report=gateway.mission_report(delivery_id, kind, seq=seq),
+        )
+        for number, (delivery_id, seq) in enumerate(reports.items(), start=1)
+    ]
+    await gateway.parts.follower.follow_all(traced)
+
+
+async def test_reports_in_one_request_are_applied_without_reading(
+    gateway: Any, statements: Any
+) -> None:
+    planned = [await gateway.planned() for _ in range(3)]
+    with statements() as seen:
+        await _follow_all(gateway, "ACCEPTED", dict.fromkeys(planned, 1))
+    assert not [one for one in seen if one.startswith("SELECT")]
+    for number, delivery_id in enumerate(planned, start=1):
+        assert (await gateway.get(delivery_id))["state"] == "DISPATCHED"
+        *_, dispatched = await gateway.events(delivery_id)
+        assert f"{number:032x}" in dispatched["traceparent"]
+
+
+async def test_reports_in_one_request_are_applied_although_one_delivery_was_written_elsewhere(
+    gateway_on_both: Any, replica: Any
+) -> None:
+    gateway = gateway_on_both
+    first, second, third = [await gateway.planned() for _ in range(3)]
+    await _follow(replica, second, "ACCEPTED", seq=1)
+    await _follow_all(gateway, "ACCEPTED", {first: 1, second: 1, third: 1})
+    await asyncio.gather(
+        _follow_all(gateway, "LOADING", {first: 2, second: 2, third: 2}),
+        _follow_all(replica, "LOADING", {third: 2, second: 2, first: 2}),
+    )
+    for delivery_id in (first, second, third):
+        assert (await gateway.get(delivery_id))["state"] == "LOADING"
+        assert (await gateway.told(delivery_id))[2:] == ["delivery.dispatched"]
+
+
+async def test_a_report_that_comes_too_early_refuses_those_after_it(gateway: Any) -> None:
+    first, second = [await gateway.planned() for _ in range(2)]
+    with pytest.raises(Conflict, match="NOT_YET"):
+        await _follow_all(gateway, "LOADING", {first: 1, second: 2})
+    assert (await gateway.get(first))["state"] == "LOADING"
+    assert (await gateway.get(second))["state"] == "PLANNED"
+
+
+async def test_a_report_sees_what_was_cancelled_elsewhere(
+    gateway_on_both: Any, replica: Any
+) -> None:
+    """The drone loads what is left: p1 stays at the pickup, although we remember it planned."""
+    gateway = gateway_on_both
+    delivery_id = await gateway.planned(packages=2)
+    await _follow(gateway, delivery_id, "ACCEPTED", seq=1)
+    await _cancel(replica, delivery_id, ["p1"])
+    await _follow(gateway, delivery_id, "LOADED", seq=2, package_ids=["p2"])
+    delivery = await gateway.get(delivery_id)
+    assert [one["state"] for one in delivery["packages"]] == ["CANCELLED", "LOADED"]
+
+
+async def _cancel(gateway: Any, delivery_id: str, package_ids: list[str]) -> Any:
+    from skyway_gateway.deliveries.cancelling.cancel_request import CancelRequest
+
+    from skyway.runtime.http.identity import Caller
+
+    wanted = CancelRequest(package_ids=tuple(package_ids))
+    caller = Caller(role="customer", subject_id="alice")
+    return await gateway.parts.canceller.cancel(caller, delivery_id, wanted)
+
+
+async def test_only_the_youngest_are_remembered(gateway: Any) -> None:
+    from skyway_gateway.deliveries.records.stored_delivery import Known, KnownDeliveries
+
+    await gateway.accepted()
+    [queued] = await gateway.parts.booker.claim(limit=1)
+    known = KnownDeliveries()
+    for number in range(501):
+        other = queued.delivery.model_copy(update={"delivery_id": f"dlv_{number}"})
+        known.note(Known(other, version=1, last_sequence=1))
+    assert known.take("dlv_0") is None
+    assert known.take("dlv_1") is not None
+    assert known.take("dlv_1") is None, "remembered although it was about to be written"
+    known.note(Known(queued.delivery, version=3, last_sequence=3))
+    known.note(Known(queued.delivery, version=2, last_sequence=2))
+    assert known.take(queued.delivery.delivery_id).version == 3

@@ -1,0 +1,311 @@
+"""Notifying webhooks: at least once, under one id, in sequence, or visibly given up."""
+
+import asyncio
+import contextlib
+import json
+from collections.abc import AsyncIterator, Callable
+from datetime import UTC, datetime, timedelta
+from typing import Any
+
+import pytest
+from standardwebhooks import Webhook
+
+Handler = Callable[[dict[str, str], bytes], Any]
+
+
+class Receiver:
+    """A customer's HTTP server on loopback; answers with the next of `answers`, then 204."""
+
+    def __init__(self) -> None:
+        self.answers: list[int | str] = []
+        self.received: list[tuple[dict[str, str], dict[str, Any]]] = []
+        self.bodies: list[bytes] = []
+        self.has_received = asyncio.Event()
+        self.port = 0
+        self.hangs = asyncio.Event()
+
+    @property
+    def url(self) -> str:
+        return f"http://127.0.0.1:{self.port}/in"
+
+    @property
+    def types(self) -> list[str]:
+        return [event["type"] for _, event in self.received]
+
+    async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        with contextlib.suppress(ConnectionError, asyncio.IncompleteReadError):
+            head = (await reader.readuntil(b"\r\n\r\n")).decode().split("\r\n")
+            lines = (line.partition(": ") for line in head[1:] if line)
+            headers = {name.lower(): value for name, _, value in lines}
+            body = await reader.readexactly(int(headers["content-length"]))
+            self.received.append((headers, json.loads(body)))
+            self.bodies.append(body)
+            self.has_received.set()
+            answer = self.answers.pop(0) if self.answers else 204
+            if answer == "hang":
+                await self.hangs.wait()
+            elif answer != "drop":
+                location = f"Location: {self.url}/elsewhere\r\n" if answer == 302 else ""
+                text = f"HTTP/1.1 {answer} X\r\n{location}Content-Length: 0\r\n\r\n"
+                writer.write(text.encode())
+                await writer.drain()
+        writer.close()
+
+
+@contextlib.asynccontextmanager
+async def receiving() -> AsyncIterator[Receiver]:
+    receiver = Receiver()
+    server = await asyncio.start_server(receiver.serve, "127.0.0.1", 0)
+    receiver.port = server.sockets[0].getsockname()[1]
+    async with server:
+        yield receiver
+        receiver.hangs.set()
+
+
+@pytest.fixture
+async def receiver() -> AsyncIterator[Receiver]:
+    async with receiving() as opened:
+        yield opened
+
+
+async def _webhook(gateway: Any, url: str, **fields: object) -> dict[str, Any]:
+    answer = await gateway.http.post(
+        "/v1/webhooks", json={"url": url, **fields}, headers=gateway.customer
+    )
+    assert answer.status_code == 201, answer.text
+    made: dict[str, Any] = answer.json()
+    return made
+
+
+async def _notify(gateway: Any) -> int:
+    """Send what is due now; how many."""
+    from skyway_gateway.notifications.webhooks.sending_store import due_endpoints
+
+    sent = 0
+    while True:
+        async with gateway.parts.db.read() as connection:
+            due = await due_endpoints(connection, at=gateway.clock.wall_now())
+        if not due:
+            return sent
+        for endpoint in due:
+            sent += await gateway.parts.sender.notify(endpoint)
+
+
+async def _attempts(gateway: Any, webhook: dict[str, Any]) -> list[dict[str, Any]]:
+    path = f"/v1/webhooks/{webhook['webhook_id']}/attempts?limit=200"
+    answer = await gateway.http.get(path, headers=gateway.customer)
+    found: list[dict[str, Any]] = answer.json()["items"]
+    return sorted(found, key=lambda one: (one["at"], one["number"]))
+
+
+async def test_each_event_arrives_signed_in_sequence_under_its_id(
+    gateway_on_both: Any, receiver: Receiver
+) -> None:
+    gateway = gateway_on_both
+    # Receivers check the age of a signature against their own clock.
+    gateway.clock.advance(datetime.now(UTC) - gateway.clock.wall_now())
+    webhook = await _webhook(gateway, receiver.url)
+    delivery_id = await gateway.planned()
+    assert await _notify(gateway) == 2
+    assert receiver.types == ["delivery.requested", "delivery.planned"]
+    told = await gateway.events(delivery_id)
+    for (headers, body), raw, event in zip(receiver.received, receiver.bodies, told, strict=True):
+        assert headers["webhook-id"] == event["event_id"]
+        assert body == event
+        Webhook(webhook["secret"]).verify(raw, headers)
+    assert [(one["outcome"], one["status"]) for one in await _attempts(gateway, webhook)] == [
+        ("DELIVERED", 204)
+    ] * 2
+
+
+async def test_a_failed_notification_comes_again_under_the_same_id(
+    gateway_on_both: Any, receiver: Receiver
+) -> None:
+    gateway = gateway_on_both
+    webhook = await _webhook(gateway, receiver.url)
+    receiver.answers = [500, "drop"]
+    await gateway.accepted()
+    assert await _notify(gateway) == 1
+    gateway.clock.advance(timedelta(seconds=3))
+    assert await _notify(gateway) == 0, "tried again too early"
+    gateway.clock.advance(timedelta(seconds=4))
+    assert await _notify(gateway) == 1
+    gateway.clock.advance(timedelta(seconds=37))
+    assert await _notify(gateway) == 1
+    assert len({headers["webhook-id"] for headers, _ in receiver.received}) == 1
+    attempts = await _attempts(gateway, webhook)
+    assert [(one["number"], one["outcome"], one["status"]) for one in attempts] == [
+        (1, "FAILED", 500),
+        (2, "FAILED", None),
+        (3, "DELIVERED", 204),
+    ]
+    assert attempts[0]["next_try_at"] is not None
+    assert attempts[2]["next_try_at"] is None
+
+
+async def test_later_events_of_a_delivery_wait_for_the_earlier_ones(
+    gateway: Any, receiver: Receiver
+) -> None:
+    await _webhook(gateway, receiver.url)
+    receiver.answers = [503]
+    await gateway.planned()
+    assert await _notify(gateway) == 1
+    assert receiver.types == ["delivery.requested"]
+    # Another delivery does not wait for this one.
+    await gateway.accepted()
+    assert await _notify(gateway) == 1
+    gateway.clock.advance(timedelta(seconds=7))
+    await _notify(gateway)
+    assert receiver.types[2:] == ["delivery.requested", "delivery.planned"]
+
+
+async def test_a_notification_is_given_up_after_the_schedule_and_says_so(
+    gateway: Any, receiver: Receiver
+) -> None:
+    webhook = await _webhook(gateway, receiver.url)
+    receiver.answers = [500] * 10
+    await gateway.planned()
+    for _ in range(10):
+        await _notify(gateway)
+        gateway.clock.advance(timedelta(hours=30))
+    attempts = [
+        one
+        for one in await _attempts(gateway, webhook)
+        if one["event_type"] == "delivery.requested"
+    ]
+    assert [one["outcome"] for one in attempts] == ["FAILED"] * 9 + ["GIVEN_UP"]
+    assert attempts[-1]["next_try_at"] is None
+    # The next event goes its own way.
+    await _notify(gateway)
+    assert receiver.types[-1] == "delivery.planned"
+
+
+async def test_a_receiver_that_is_gone_is_told_no_more(gateway: Any, receiver: Receiver) -> None:
+    webhook = await _webhook(gateway, receiver.url)
+    receiver.answers = [410]
+    await gateway.planned()
+    await _notify(gateway)
+    gateway.clock.advance(timedelta(days=3))
+    assert await _notify(gateway) == 0
+    path = f"/v1/webhooks/{webhook['webhook_id']}"
+    shown = (await gateway.http.get(path, headers=gateway.customer)).json()
+    assert (shown["state"], shown["disabled_reason"]) == ("DISABLED", "it answered 410")
+    [attempt] = await _attempts(gateway, webhook)
+    assert attempt["outcome"] == "GIVEN_UP"
+    again = await gateway.http.patch(path, json={"state": "ACTIVE"}, headers=gateway.customer)
+    assert again.json()["disabled_reason"] is None
+    await gateway.accepted()
+    assert await _notify(gateway) == 1
+
+
+async def test_a_redirect_is_not_followed(gateway: Any, receiver: Receiver) -> None:
+    webhook = await _webhook(gateway, receiver.url)
+    receiver.answers = [302]
+    await gateway.accepted()
+    await _notify(gateway)
+    assert len(receiver.received) == 1
+    [attempt] = await _attempts(gateway, webhook)
+    assert (attempt["outcome"], attempt["status"]) == ("FAILED", 302)
+
+
+async def test_a_name_that_leads_inside_later_is_not_called(
+    gateway: Any, receiver: Receiver
+) -> None:
+    webhook = await _webhook(gateway, receiver.url)
+    await gateway.execute("UPDATE webhooks SET url = 'http://10.0.0.1/in'")
+    await gateway.accepted()
+    await _notify(gateway)
+    [attempt] = await _attempts(gateway, webhook)
+    assert attempt["outcome"] == "FAILED"
+    assert "not a public address" in attempt["detail"]
+
+
+async def test_only_wanted_types_are_told(gateway: Any, receiver: Receiver) -> None:
+    await _webhook(gateway, receiver.url, event_types=["delivery.planned"])
+    await gateway.planned()
+    await _notify(gateway)
+    assert receiver.types == ["delivery.planned"]
+
+
+async def test_others_deliveries_are_not_told(gateway: Any, receiver: Receiver) -> None:
+    answer = await gateway.http.post(
+        "/v1/webhooks", json={"url": receiver.url}, headers=gateway.other
+    )
+    assert answer.status_code == 201
+    await gateway.planned()
+    assert await _notify(gateway) == 0
+
+
+async def test_two_replicas_send_a_notification_once(
+    gateway_on_both: Any, receiver: Receiver
+) -> None:
+    gateway = gateway_on_both
+    await _webhook(gateway, receiver.url)
+    await gateway.accepted()
+    await asyncio.gather(*(_notify(gateway) for _ in range(3)))
+    assert len(receiver.received) == 1
+
+
+async def test_what_a_dead_sender_held_is_sent_again(gateway: Any, receiver: Receiver) -> None:
+    await _webhook(gateway, receiver.url)
+    await gateway.accepted()
+    receiver.answers = ["hang"]
+    dying = asyncio.ensure_future(_notify(gateway))
+    await receiver.has_received.wait()
+    dying.cancel()
+    await asyncio.gather(dying, return_exceptions=True)
+    assert await _notify(gateway) == 0
+    gateway.clock.advance(timedelta(seconds=21))
+    assert await _notify(gateway) == 1
+    first, second = receiver.received
+    assert first[0]["webhook-id"] == second[0]["webhook-id"]
+
+
+async def test_an_endpoint_that_hangs_delays_nobody_else(gateway: Any, receiver: Receiver) -> None:
+    """With the loop running: a healthy receiver is told while another one hangs."""
+    async with receiving() as hanging:
+        hanging.answers = ["hang"] * 10
+        await _webhook(gateway, hanging.url)
+        await _webhook(gateway, receiver.url)
+        running = asyncio.ensure_future(gateway.parts.sender.run())
+        try:
+            async with asyncio.timeout(5):
+                await gateway.planned()
+                await hanging.has_received.wait()
+                while len(receiver.received) < 2:
+                    receiver.has_received.clear()
+                    await receiver.has_received.wait()
+            assert receiver.types == ["delivery.requested", "delivery.planned"]
+            assert hanging.types == ["delivery.requested"]
+        finally:
+            running.cancel()
+            await asyncio.gather(running, return_exceptions=True)
+
+
+async def test_a_customer_can_try_a_webhook(gateway: Any, receiver: Receiver) -> None:
+    webhook = await _webhook(gateway, receiver.url)
+    path = f"/v1/webhooks/{webhook['webhook_id']}/test"
+    answer = await gateway.http.post(path, headers=gateway.customer)
+    assert (answer.status_code, answer.json()["outcome"]) == (200, "DELIVERED")
+    assert receiver.types == ["webhook.test"]
+    receiver.answers = [500]
+    answer = await gateway.http.post(path, headers=gateway.customer)
+    assert (answer.json()["outcome"], answer.json()["status"]) == ("GIVEN_UP", 500)
+    assert len(await _attempts(gateway, webhook)) == 2
+    assert (await gateway.http.post(path, headers=gateway.other)).status_code == 404
+
+
+async def test_a_replay_arrives_under_the_same_ids_in_sequence(
+    gateway_on_both: Any, receiver: Receiver
+) -> None:
+    gateway = gateway_on_both
+    webhook = await _webhook(gateway, receiver.url)
+    delivery_id = await gateway.planned()
+    assert await _notify(gateway) == 2
+    path = f"/v1/webhooks/{webhook['webhook_id']}/replay"
+    await gateway.http.post(path, json={"delivery_id": delivery_id}, headers=gateway.customer)
+    assert await _notify(gateway) == 2
+    assert receiver.bodies[2:] == receiver.bodies[:2]
+    ids = [headers["webhook-id"] for headers, _ in receiver.received]
+    assert ids[2:] == ids[:2]
+    assert await _notify(gateway) == 0

@@ -1,0 +1,76 @@
+"""The registry's limit is asked once in a moment, but for a refusal."""
+
+from datetime import UTC, datetime, timedelta
+
+import pytest
+from skyway_gateway.quotes.cached_payload_limits import PayloadLimits
+
+from skyway.contracts.candidate import PayloadLimit, PayloadLimitQuery
+from skyway.contracts.shortlist import Candidates
+from skyway.delivery.request import ProviderChoice
+from skyway.ids import DroneModelId, ProviderId
+from skyway.runtime.clock import ManualClock
+
+ANYBODY = ProviderChoice()
+PINNED = ProviderChoice(pinned=ProviderId("prv_1"))
+
+
+class Registry:
+    """Counts what it is asked."""
+
+    def __init__(self, max_payload_kg: float | None) -> None:
+        self.max_payload_kg = max_payload_kg
+        self.unknown: tuple[ProviderId, ...] = ()
+        self.asked: list[ProviderChoice] = []
+
+    async def payload_limit(self, query: PayloadLimitQuery) -> PayloadLimit:
+        self.asked.append(query.providers)
+        return PayloadLimit(
+            max_payload_kg=self.max_payload_kg,
+            drone_model_id=DroneModelId("lifter"),
+            unknown_provider_ids=self.unknown,
+        )
+
+    async def candidates(self, query: object) -> Candidates:
+        raise AssertionError(query)
+
+
+@pytest.fixture
+def clock() -> ManualClock:
+    return ManualClock(datetime(2026, 3, 1, tzinfo=UTC))
+
+
+async def test_the_same_choice_is_asked_once_in_two_seconds(clock: ManualClock) -> None:
+    registry = Registry(5.0)
+    limits = PayloadLimits(registry, clock)
+
+    for _ in range(3):
+        assert (await limits.limit_for(1.0, ANYBODY)).max_payload_kg == 5.0
+    await limits.limit_for(1.0, PINNED)
+    assert registry.asked == [ANYBODY, PINNED]
+    clock.advance(timedelta(seconds=2))
+    await limits.limit_for(1.0, ANYBODY)
+
+    assert registry.asked == [ANYBODY, PINNED, ANYBODY]
+
+
+async def test_a_package_above_the_known_limit_is_asked_for(clock: ManualClock) -> None:
+    registry = Registry(5.0)
+    limits = PayloadLimits(registry, clock)
+    await limits.limit_for(1.0, ANYBODY)
+    registry.max_payload_kg = 9.0
+
+    assert (await limits.limit_for(6.0, ANYBODY)).max_payload_kg == 9.0
+
+
+@pytest.mark.parametrize("reason", ["unknown provider", "no fleet", "too heavy"])
+async def test_a_refusal_is_not_remembered(clock: ManualClock, reason: str) -> None:
+    registry = Registry(None if reason == "no fleet" else 5.0)
+    registry.unknown = (ProviderId("prv_1"),) if reason == "unknown provider" else ()
+    limits = PayloadLimits(registry, clock)
+    mass_kg = 6.0 if reason == "too heavy" else 1.0
+
+    await limits.limit_for(mass_kg, ANYBODY)
+    await limits.limit_for(mass_kg, ANYBODY)
+
+    assert len(registry.asked) == 2

@@ -1,0 +1,296 @@
+"""A whole gateway on a new database, with a registry and a composition that tests instruct."""
+
+import json
+from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack, asynccontextmanager
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from ipaddress import ip_network
+from pathlib import Path
+from typing import Any
+
+import httpx
+from fastapi import FastAPI
+from skyway_gateway.access.key import ApiKey, secret_hash
+from skyway_gateway.access.store import add as add_key
+from skyway_gateway.app import gateway_app, take_over
+from skyway_gateway.deliveries.records.delivery_rows import changing, package_values
+from skyway_gateway.deliveries.records.delivery_store import lock
+from skyway_gateway.deliveries.records.stored_delivery import Known
+from skyway_gateway.parts import Parts, build_parts
+from skyway_gateway.settings import GatewaySettings
+from skyway_gateway.tables import deliveries
+from skyway_gateway.verify import violations
+from sqlalchemy import select, text
+
+from skyway.contracts.mission import MissionReport
+from skyway.contracts.mission_reports import (
+    MANY_MISSION_REPORTS,
+    MissionReports,
+    TracedReport,
+)
+from skyway.runtime.clock import AnchoredClock, ManualClock
+from skyway.runtime.http.client import ServiceClient
+from skyway.runtime.http.identity import ServiceIdentity
+from tests.gateway.fake_composition import STATIONS, FakeComposition
+from tests.gateway.peers import FakeRegistry, Forwarded, Peers
+
+START = datetime(2026, 3, 1, 12, tzinfo=UTC)
+
+SECRETS = (
+    "service_gateway",
+    "service_composition",
+    "service_registry",
+    "mqtt_gateway",
+    "mqtt_operator",
+    "operator_key",
+    "customer_key",
+)
+
+
+@dataclass
+class Gateway:
+    """A gateway whose loops a test steps by hand."""
+
+    parts: Parts
+    http: httpx.AsyncClient
+    clock: ManualClock
+    registry: FakeRegistry
+    composition: FakeComposition
+    forwarded: list[Forwarded]
+    secrets_dir: Path
+    #: Set by a test that breaks an invariant on purpose.
+    is_damaged: bool = False
+
+    #: The headers of each caller.
+    customer: dict[str, str] = field(default_factory=dict)
+    other: dict[str, str] = field(default_factory=dict)
+    provider: dict[str, str] = field(default_factory=dict)
+    operator: dict[str, str] = field(default_factory=dict)
+    drone: dict[str, str] = field(default_factory=dict)
+
+    async def post(self, body: object, **headers: str) -> httpx.Response:
+        """POST /v1/deliveries as the customer."""
+        return await self.http.post(
+            "/v1/deliveries", json=body, headers={**self.customer, **headers}
+        )
+
+    async def accepted(self, *, packages: int = 1, **changes: object) -> str:
+        """The id of a delivery that was just accepted."""
+        answer = await self.post(make_request(packages=packages, **changes))
+        assert answer.status_code == 202, answer.text
+        return str(answer.json()["delivery_id"])
+
+    async def book_next(self) -> bool:
+        """Book the delivery that is due first; False when none is."""
+        due = await self.parts.booker.claim(limit=1)
+        for queued in due:
+            await self.parts.booker.book_or_retry(queued)
+        return bool(due)
+
+    async def planned(self, *, packages: int = 1) -> str:
+        """The id of a delivery that was just booked."""
+        delivery_id = await self.accepted(packages=packages)
+        while await self.book_next():
+            pass
+        assert (await self.get(delivery_id))["state"] == "PLANNED"
+        return delivery_id
+
+    async def get(self, delivery_id: str) -> dict[str, Any]:
+        """The delivery as its customer sees it."""
+        answer = await self.http.get(f"/v1/deliveries/{delivery_id}", headers=self.customer)
+        assert answer.status_code == 200, answer.text
+        found: dict[str, Any] = answer.json()
+        return found
+
+    async def report(
+        self,
+        delivery_id: str,
+        kind: str,
+        *,
+        seq: int,
+        attempt: int = 1,
+        trip: int = 1,
+        **fields: object,
+    ) -> httpx.Response:
+        """POST a mission report as composition does."""
+        report = self.mission_report(
+            delivery_id, kind, seq=seq, attempt=attempt, trip=trip, **fields
+        )
+        headers = ServiceIdentity("composition", self.secrets_dir).headers(None)
+        return await self.http.post(
+            "/internal/mission-reports",
+            content=report.model_dump_json(),
+            headers={**headers, "content-type": "application/json"},
+        )
+
+    async def tell_together(self, *reports: MissionReport) -> httpx.Response:
+        """POST several mission reports in one request."""
+        together = MissionReports(reports=tuple(TracedReport(report=each) for each in reports))
+        headers = ServiceIdentity("composition", self.secrets_dir).headers(None)
+        return await self.http.post(
+            MANY_MISSION_REPORTS,
+            content=together.model_dump_json(),
+            headers={**headers, "content-type": "application/json"},
+        )
+
+    def mission_report(
+        self,
+        delivery_id: str,
+        kind: str,
+        *,
+        seq: int,
+        attempt: int = 1,
+        trip: int = 1,
+        **fields: object,
+    ) -> MissionReport:
+        """What composition says of one of its missions."""
+        mission = self.composition.trips_of(delivery_id, attempt)[trip - 1]
+        states = {"ACCEPTED": "ACCEPTED", "REFUSED": "REFUSED", "ENDED": "COMPLETED"}
+        return MissionReport.model_validate(
+            {
+                "report_id": f"rpt_{attempt}_{trip}_{seq}",
+                "delivery_id": delivery_id,
+                "attempt": attempt,
+                "trip": trip,
+                "mission_id": mission.mission_id,
+                "provider_id": mission.provider_id,
+                "drone_id": mission.drone_id,
+                "seq": seq,
+                "kind": kind,
+                "at": self.clock.now(),
+                "mission_state": states.get(kind, "ACTIVE"),
+                **fields,
+            }
+        )
+
+    async def told(self, delivery_id: str) -> list[str]:
+        """The types of a delivery's events, whose sequence has no gap."""
+        return [event["type"] for event in await self.events(delivery_id)]
+
+    async def events(self, delivery_id: str) -> list[dict[str, Any]]:
+        """A delivery's events."""
+        statement = text("SELECT sequence, body FROM events WHERE delivery_id = :id ORDER BY 1")
+        async with self.parts.db.read() as connection:
+            rows = (await connection.execute(statement, {"id": delivery_id})).all()
+        assert [row.sequence for row in rows] == list(range(1, len(rows) + 1))
+        return [json.loads(row.body) for row in rows]
+
+    async def execute(self, statement: str, **values: object) -> None:
+        """Change the database behind the gateway's back."""
+        async with self.parts.db.write() as tx:
+            await tx.execute(text(statement), values)
+
+    async def misremembered(self) -> list[str]:
+        """Deliveries of which the gateway remembers something else than is written."""
+        remembered = self.parts.writer.known
+        async with self.parts.db.write() as tx:
+            written = {
+                delivery_id: await lock(tx, delivery_id)
+                for delivery_id in (await tx.execute(select(deliveries.c.delivery_id))).scalars()
+            }
+        return [
+            delivery_id
+            for delivery_id, now in written.items()
+            if (known := remembered.among([(delivery_id, now.version)]).get(delivery_id))
+            and _writable(known) != _writable(now)
+        ]
+
+    async def verified(self) -> list[str]:
+        """The rules that are broken."""
+        return [violation["rule"] for violation in await violations(self.parts.db)]
+
+
+def make_request(*, packages: int = 1, **changes: object) -> dict[str, Any]:
+    """A request for packages to stations in turn."""
+    stations = STATIONS[1:4]
+    return {
+        "pickup": {"station_id": "san-marcos"},
+        "packages": [
+            {
+                "package_id": f"p{number}",
+                "mass_kg": 0.5,
+                "destination": {"station_id": stations[(number - 1) % 3]},
+            }
+            for number in range(1, packages + 1)
+        ],
+        "qos": {"objective": "fastest"},
+        **changes,
+    }
+
+
+@asynccontextmanager
+async def opened_gateway(database_url: str, folder: Path) -> AsyncIterator[Gateway]:
+    """A gateway that is open, but whose loops do not run."""
+    secrets_dir = folder / "secrets"
+    secrets_dir.mkdir()
+    for name in SECRETS:
+        (secrets_dir / name).write_text(f"{name}-0123456789abcdef\n")
+    settings = GatewaySettings(
+        database_url=database_url,
+        mqtt_url="mqtt://127.0.0.1:1",
+        secrets_dir=secrets_dir,
+        webhook_allow_networks=(ip_network("127.0.0.0/8"),),
+    )
+    clock = ManualClock(START)
+    around = Peers(FakeRegistry(), FakeComposition(clock))
+    identity = ServiceIdentity("gateway", secrets_dir)
+    clients = {
+        name: ServiceClient(name, f"http://{name}", identity, transport=around.transport(name))
+        for name in ("registry", "composition")
+    }
+    anchor = AnchoredClock(fleet_at=START, wall_at=START, rate=1.0)
+    parts = build_parts(settings, clients=clients, anchor=anchor, clock=clock)
+    app = gateway_app(parts, lifespan=_no_lifespan, readiness=_no_parts)
+    async with AsyncExitStack() as opened:
+        await opened.enter_async_context(parts.db)
+        await take_over(parts)
+        for client in clients.values():
+            await opened.enter_async_context(client)
+        await opened.enter_async_context(parts.post)
+        http = httpx.AsyncClient(transport=httpx.ASGITransport(app), base_url="http://gateway")
+        await opened.enter_async_context(http)
+        gateway = Gateway(
+            parts, http, clock, around.registry, around.composition, around.seen, secrets_dir
+        )
+        await _make_callers(gateway)
+        yield gateway
+        if not gateway.is_damaged:
+            assert await gateway.verified() == []
+            assert await gateway.misremembered() == []
+
+
+def _writable(known: Known) -> object:
+    """All that could be written of a delivery: its moments are kept to the millisecond."""
+    delivery = known.delivery
+    return (
+        changing(known),
+        [package_values(package) for package in delivery.packages],
+        delivery.model_dump(exclude={"created_at", "updated_at", "packages"}),
+    )
+
+
+@asynccontextmanager
+async def _no_lifespan(_app: FastAPI) -> AsyncIterator[None]:
+    yield
+
+
+async def _no_parts() -> dict[str, bool]:
+    return {}
+
+
+async def _make_callers(gateway: Gateway) -> None:
+    callers = {
+        "customer": ("customer", "alice"),
+        "other": ("customer", "bob"),
+        "provider": ("provider", "prv_1"),
+        "operator": ("operator", "op"),
+    }
+    async with gateway.parts.db.write() as tx:
+        for name, (role, subject_id) in callers.items():
+            key = ApiKey(key_id=f"key_{name}", role=role, subject_id=subject_id, created_at=START)
+            secret = f"sk_{name}"
+            await add_key(tx, key, key_hash=secret_hash(secret), is_account_open=True)
+            setattr(gateway, name, {"Authorization": f"Bearer {secret}"})
+    gateway.registry.drone_keys[secret_hash("dk_drone")] = "drn_1"
+    gateway.drone = {"Authorization": "Bearer dk_drone"}
