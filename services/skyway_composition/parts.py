@@ -21,7 +21,7 @@ SERVICE: Final = "composition"
 
 #: How far the event loop itself searches for a booking's plan: a millisecond or two as a rule, 20
 #: at most among odd requests at 1,000 stations. Inquiries ask for many plans in a row, so never.
-_LABELS_AT_ONCE: Final = 2_048
+_INLINE_LABELS: Final = 2_048
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,16 +69,16 @@ def parts_of(settings: CompositionSettings) -> Parts:
         clock=load_clock(settings.clock_file),
         mint=mint,
         networks=PreparedNetworks(db),
-        solver=_pool(settings, labels_at_once=_LABELS_AT_ONCE),
-        inquiries=_pool(settings, labels_at_once=0),
+        solver=_pool(settings, inline_labels=_INLINE_LABELS),
+        inquiries=_pool(settings, inline_labels=0),
         published=Wake(),
         stuck=Wake(),
     )
 
 
-def _pool(settings: CompositionSettings, *, labels_at_once: int) -> SolverPool:
+def _pool(settings: CompositionSettings, *, inline_labels: int) -> SolverPool:
     return SolverPool(
         threads=settings.solver_threads,
         time_limit_s=settings.solver_time_limit_s,
-        labels_at_once=labels_at_once,
+        inline_labels=inline_labels,
     )

@@ -1,7 +1,7 @@
-"""An alarm: what happened, to whom, how bad it is, and who has looked at it."""
+"""An alarm: what happened, what it concerns, how serious it is, and who acknowledged it."""
 
 from datetime import datetime
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
@@ -13,20 +13,41 @@ AlarmState = Literal["OPEN", "ACKNOWLEDGED"]
 
 
 class Alarm(JsonModel):
-    """What operators see of an alarm; `acknowledged_by` is whoever was first to look at it."""
+    """A problem that an operator must look at."""
 
-    alarm_id: AlarmId
-    level: AlarmLevel
-    code: str
-    detail: str
-    at: datetime
-    state: AlarmState
-    provider_id: ProviderId | None
-    drone_id: DroneId | None
-    mission_id: MissionId | None
-    station_id: StationId | None
-    #: Numbers behind the code: need_j and have_j, mass_kg and limit_kg.
-    data: dict[str, Any] = Field(default_factory=dict)
-    acknowledged_at: datetime | None = None
-    acknowledged_by: str | None = None
-    note: str | None = None
+    alarm_id: Annotated[AlarmId, Field(description="Id of the alarm.")]
+    level: Annotated[
+        AlarmLevel, Field(description="How serious the problem is: WARNING, URGENT or CRITICAL.")
+    ]
+    code: Annotated[str, Field(description="Stable reason for programs.", examples=["BATTERY_LOW"])]
+    detail: Annotated[str, Field(description="The reason in words, with the values in question.")]
+    at: Annotated[datetime, Field(description="Moment of the problem, fleet time.")]
+    state: Annotated[
+        AlarmState, Field(description="OPEN until an operator acknowledges the alarm.")
+    ]
+    provider_id: Annotated[
+        ProviderId | None, Field(description="Provider that the problem concerns, if any.")
+    ]
+    drone_id: Annotated[
+        DroneId | None, Field(description="Drone that the problem concerns, if any.")
+    ]
+    mission_id: Annotated[
+        MissionId | None, Field(description="Mission that the problem concerns, if any.")
+    ]
+    station_id: Annotated[
+        StationId | None, Field(description="Station that the problem concerns, if any.")
+    ]
+    data: dict[str, Any] = Field(
+        default_factory=dict,
+        description="Numbers and names behind the code, such as need_j and have_j.",
+        examples=[{"need_j": 512_000.0, "have_j": 430_000.0}],
+    )
+    acknowledged_at: Annotated[
+        datetime | None, Field(description="Moment of the acknowledgement, fleet time.")
+    ] = None
+    acknowledged_by: Annotated[
+        str | None, Field(description="The operator who acknowledged the alarm first.")
+    ] = None
+    note: Annotated[str | None, Field(description="What this operator wrote about the alarm.")] = (
+        None
+    )

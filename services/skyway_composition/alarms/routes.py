@@ -1,4 +1,4 @@
-"""Alarms over REST: operators see all and acknowledge them, providers see their own."""
+"""Alarms over REST: operators see and acknowledge all alarms, providers see their own."""
 
 from typing import Annotated
 
@@ -23,15 +23,28 @@ from skyway_composition.alarms.store import AlarmFilter
 class AlarmQuery(PageQuery):
     """Which alarms a list shows."""
 
-    state: AlarmState | None = None
-    level: AlarmLevel | None = None
-    provider_id: ProviderId | None = None
+    state: Annotated[
+        AlarmState | None, Field(description="Only alarms in this state; all without it.")
+    ] = None
+    level: Annotated[
+        AlarmLevel | None, Field(description="Only alarms of this level; all without it.")
+    ] = None
+    provider_id: Annotated[
+        ProviderId | None, Field(description="Only alarms of this provider; all without it.")
+    ] = None
 
 
 class Acknowledgement(JsonModel):
-    """What whoever has looked at an alarm says of it."""
+    """An operator's remark on an alarm."""
 
-    note: Annotated[str | None, Field(max_length=1_000)] = None
+    note: Annotated[
+        str | None,
+        Field(
+            max_length=1_000,
+            description="A remark for other operators, at most 1,000 characters.",
+            examples=["called the provider, the drone is being recovered"],
+        ),
+    ] = None
 
 
 def alarm_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> ServiceRouter:

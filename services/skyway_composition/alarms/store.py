@@ -1,4 +1,4 @@
-"""All SQL of the alarms."""
+"""All SQL of alarms."""
 
 import json
 from collections.abc import Mapping
@@ -19,7 +19,7 @@ from skyway_composition.tables import alarms
 
 @dataclass(frozen=True, slots=True)
 class AlarmFilter:
-    """Which alarms a list shows; None: all."""
+    """Which alarms a list shows; None means no filter."""
 
     provider_id: str | None = None
     state: AlarmState | None = None
@@ -40,7 +40,7 @@ async def add(
     station_id: StationId | None = None,
     data: Mapping[str, Any] | None = None,  # numbers and names behind the code
 ) -> AlarmId:
-    """Raise an alarm; it is open until somebody acknowledges it."""
+    """Raise an alarm; it stays open until an operator acknowledges it."""
     alarm_id = AlarmId(mint("alm"))
     await tx.execute(
         insert(alarms).values(
@@ -62,7 +62,10 @@ async def add(
 async def acknowledge(
     tx: Tx, alarm_id: AlarmId, *, by: str, at_ms: int, note: str | None
 ) -> Alarm | None:
-    """The alarm, which is acknowledged from now on, if not already; None when there is none."""
+    """Acknowledge an alarm and return it; None when there is no such alarm.
+
+    An alarm that was acknowledged before keeps its first acknowledgement.
+    """
     this = alarms.c.alarm_id == alarm_id
     await tx.execute(
         update(alarms)
@@ -76,7 +79,7 @@ async def acknowledge(
 async def page(
     connection: AsyncConnection, shown: AlarmFilter, *, before: str | None, limit: int
 ) -> list[Alarm]:
-    """Alarms, the newest first, those before a given id."""
+    """Alarms whose id comes before a given one, the newest first."""
     query = select(alarms).order_by(alarms.c.alarm_id.desc()).limit(limit)
     if shown.provider_id is not None:
         query = query.where(alarms.c.provider_id == shown.provider_id)

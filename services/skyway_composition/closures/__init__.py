@@ -1,1 +1,6 @@
-"""What happens in the world: closures, outages, zones that appear, ground stops."""
+"""Closures: stations, pads, segments and areas that are closed, and ground stops.
+
+`closure` is one closure and what it reaches, `conditions` all closures of a network as planning
+needs them. `orders` are the bodies of REST, `handle` and `routes` serve them, `close` makes and
+lifts a closure with all its effects, `store` is the SQL.
+"""

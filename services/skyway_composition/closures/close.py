@@ -1,7 +1,7 @@
-"""Closing and reopening: the row, the network's conditions and its missions in one transaction.
+"""Close and reopen: the closure, the network's conditions and its missions in one transaction.
 
-Whoever books asks in its own transaction whether the conditions still are those that it planned
-with, so from the moment a closure is answered nothing is booked through it (I11).
+A booking checks in its own transaction that the conditions are the ones it planned with. So once a
+closure is made, no plan that breaks it can be booked (I11).
 """
 
 from dataclasses import dataclass, replace
@@ -16,17 +16,16 @@ from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_composition.closures import store
-from skyway_composition.closures.closure import Closure
+from skyway_composition.closures.closure import AffectedMission, Closure, Impact, Reach
 from skyway_composition.closures.conditions import Conditions
-from skyway_composition.closures.impact import AffectedMission, Impact, Reach
 
 
 class Tolerance(Protocol):
-    """The settings of a network, as far as closures read them."""
+    """The settings of a network that closures read."""
 
     @property
     def tolerated_lateness_s(self) -> float:
-        """How late a drone may be without another plan."""
+        """How late a drone may be without a new plan, seconds."""
         ...
 
 
@@ -35,17 +34,17 @@ class PublishedNetwork(Protocol):
 
     @property
     def network_id(self) -> NetworkId:
-        """Its id."""
+        """Id of the network."""
         ...
 
     @property
     def network(self) -> Network:
-        """Its stations and segments."""
+        """Stations and segments of the network."""
         ...
 
     @property
     def settings(self) -> Tolerance:
-        """Its settings."""
+        """Settings of the network."""
         ...
 
 
@@ -57,7 +56,7 @@ class CurrentNetworks(Protocol):
         ...
 
     async def around(self, station_id: StationId) -> PublishedNetwork | None:
-        """The current version of the network that has this station; None when none has."""
+        """The current version of the network that has this station; None for no network."""
         ...
 
 
@@ -73,7 +72,7 @@ class Closings:
 
     @property
     def now_ms(self) -> int:
-        """The present moment of fleet time."""
+        """Current fleet time, ms since 1970."""
         return moment_to_ms(self.clock.now())
 
     async def around(self, station_id: StationId) -> PublishedNetwork:
@@ -82,7 +81,7 @@ class Closings:
         Raises
         ------
         NotFound
-            None has.
+            No network has this station.
         """
         found = await self.networks.around(station_id)
         if found is None:
@@ -90,30 +89,30 @@ class Closings:
         return found
 
     async def preview(self, closure: Closure) -> tuple[AffectedMission, ...]:
-        """The missions that this would hit."""
+        """The missions that the closure would affect."""
         return await self.impact.preview(self.db, await self.reach(closure))
 
     async def make(self, closure: Closure) -> tuple[Closure, tuple[AffectedMission, ...]]:
-        """Close it, and the missions that this hits."""
+        """Make a closure; return it with the missions that it affects."""
         closure = replace(closure, closure_id=ClosureId(self.mint("clo")))
         reach = await self.reach(closure)
         async with self.db.write() as tx:
-            # First of all rows: whoever books in this network waits here, or is waited for.
+            # Locked before all other rows, so that this and a booking wait for each other here.
             await store.change_conditions(tx, closure.network_id)
             await store.add(tx, closure)
-            affected = await self.impact.strike(tx, reach)
+            affected = await self.impact.apply(tx, reach)
         return closure, affected
 
     async def lift(self, closure: Closure) -> None:
-        """Reopen what was closed; what is open already stays so."""
+        """Lift a closure; a closure that was lifted before stays lifted."""
         reach = await self.reach(closure)
         async with self.db.write() as tx:
             await store.change_conditions(tx, closure.network_id)
             if await store.lift(tx, closure.closure_id, now_ms=self.now_ms):
-                await self.impact.relieve(tx, reach)
+                await self.impact.retry(tx, reach)
 
     async def reach(self, closure: Closure) -> Reach:
-        """The closure with what of the world it reaches.
+        """The closure with the stations and segments that it closes.
 
         Raises
         ------
@@ -132,7 +131,7 @@ class Closings:
         return Reach(closure, frozenset(stations), frozenset(segments), late_ms)
 
     async def _under(self, stop: Closure) -> frozenset[StationId] | None:
-        """The stations in a ground stop's area; None when it has none."""
+        """The stations in a ground stop's area; None for a ground stop without an area."""
         zone = stop.zone
         if zone is None:
             return None

@@ -1,28 +1,43 @@
-"""Something of the world that is closed for a while: as it is kept, and as planning reads it."""
+"""A closure, the part of a network that it reaches, and the missions that it affects."""
 
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from datetime import datetime
+from typing import Annotated, Literal, Protocol
 
 from pydantic import AfterValidator, Field
 from pydantic_core import PydanticCustomError
 
 from skyway.geo import Position
-from skyway.ids import ClosureId, DroneModelId, NetworkId, ProviderId, StationId, ZoneId
+from skyway.ids import (
+    ClosureId,
+    DeliveryId,
+    DroneId,
+    DroneModelId,
+    MissionId,
+    NetworkId,
+    ProviderId,
+    StationId,
+    ZoneId,
+)
 from skyway.json_model import JsonModel
 from skyway.network.network import Zone
+from skyway.planner.airspace import SegmentEnds
+from skyway.runtime.sql.database import Database, Tx
 from skyway.units import ms_to_moment
 
-#: Nobody lands (STATION), charges (PAD), flies (SEGMENT, ZONE) or takes off (GROUND_STOP).
+#: No drone may land (STATION), charge (PAD), fly (SEGMENT, ZONE) or take off (GROUND_STOP).
 ClosureKind = Literal["STATION", "PAD", "SEGMENT", "ZONE", "GROUND_STOP"]
 
 
-#: Positions of one ring; whoever draws a finer border simplifies it. Our own choice.
+#: The most positions of one ring; a finer border must be simplified. Our own choice.
 _MOST_POSITIONS = 10_000
 
 
 def _closed(ring: tuple[Position, ...]) -> tuple[Position, ...]:
     if ring[0] != ring[-1]:
-        raise PydanticCustomError("open_ring", "the ring is not closed: its ends differ")
+        raise PydanticCustomError(
+            "open_ring", "the ring is not closed: its first and last positions differ"
+        )
     return ring
 
 
@@ -34,18 +49,28 @@ Ring = Annotated[
 
 
 class Area(JsonModel):
-    """A GeoJSON polygon: its closed rings, the outer one first, then its holes."""
+    """A GeoJSON polygon."""
 
-    type: Literal["Polygon"] = "Polygon"
-    coordinates: Annotated[tuple[Ring, ...], Field(min_length=1, max_length=100)]
+    type: Annotated[Literal["Polygon"], Field(description="The GeoJSON type.")] = "Polygon"
+    coordinates: Annotated[
+        tuple[Ring, ...],
+        Field(
+            min_length=1,
+            max_length=100,
+            description="Closed rings of [longitude, latitude] in degrees: the outer ring first, "
+            "then its holes.",
+            examples=[[[[16.36, 48.2], [16.38, 48.2], [16.38, 48.21], [16.36, 48.2]]]],
+        ),
+    ]
 
 
 @dataclass(frozen=True, slots=True)
 class Closure:
-    """What is closed in [from_ms, until_ms) of fleet time; without end until it is lifted.
+    """What is closed in [from_ms, until_ms) of fleet time; without `until_ms` until it is lifted.
 
-    A station, a pad of it, the segment from it to `to_station_id`, or the area of a zone. A ground
-    stop without network is everywhere; its area, provider and drone model narrow it down.
+    It closes a station, one pad of the station, the segment from the station to `to_station_id`,
+    or the area of a zone. A ground stop without a network holds everywhere; its area, provider
+    and drone model limit it further.
     """
 
     closure_id: ClosureId
@@ -64,16 +89,16 @@ class Closure:
     reason: str | None = None
 
     def lasts_beyond(self, moment_ms: int) -> bool:
-        """Whether some of its time lies after this moment."""
+        """Whether the closure ends after this moment, or never."""
         return self.until_ms is None or moment_ms < self.until_ms
 
     def is_in_force(self, at_ms: int) -> bool:
-        """Whether this moment lies in its time."""
+        """Whether the closure is in force at this moment."""
         return self.from_ms <= at_ms and self.lasts_beyond(at_ms)
 
     @property
     def zone(self) -> Zone | None:
-        """Its area as a zone with its times; None without area."""
+        """Its area as a zone with the same times; None without an area."""
         if self.area is None:
             return None
         return Zone(
@@ -82,3 +107,51 @@ class Closure:
             active_from=ms_to_moment(self.from_ms),
             active_until=None if self.until_ms is None else ms_to_moment(self.until_ms),
         )
+
+
+class AffectedMission(JsonModel):
+    """A mission that plans to land, charge, fly or take off where this is closed."""
+
+    mission_id: Annotated[MissionId, Field(description="Id of the mission.")]
+    drone_id: Annotated[DroneId, Field(description="Drone that flies the mission.")]
+    provider_id: Annotated[ProviderId, Field(description="Provider of the drone.")]
+    delivery_id: Annotated[DeliveryId, Field(description="Delivery that the mission carries.")]
+    station_id: Annotated[
+        StationId | None, Field(description="Station where the mission first meets the closure.")
+    ]
+    at: Annotated[
+        datetime, Field(description="When the mission first meets the closure, fleet time.")
+    ]
+    is_flying: Annotated[bool, Field(description="Whether the drone is in the air now.")]
+
+
+@dataclass(frozen=True, slots=True)
+class Reach:
+    """A closure with the stations and segments of the network that it closes.
+
+    No drone may land at `stations`. For a ground stop no drone may take off there, and None means
+    everywhere. A drone may be `late_ms` late without a new plan. `what` names in words what is
+    closed, for the case that a new version of the network has removed it.
+    """
+
+    closure: Closure
+    stations: frozenset[StationId] | None = frozenset()
+    segments: frozenset[SegmentEnds] = frozenset()
+    late_ms: int = 0
+    what: str | None = None
+
+
+class Impact(Protocol):
+    """What a closure does to the missions that are under way."""
+
+    async def preview(self, db: Database, reach: Reach) -> tuple[AffectedMission, ...]:
+        """The missions that the closure would affect, the earliest first."""
+        ...
+
+    async def apply(self, tx: Tx, reach: Reach) -> tuple[AffectedMission, ...]:
+        """Mark the missions that the closure affects for replanning, and return them."""
+        ...
+
+    async def retry(self, tx: Tx, reach: Reach) -> None:
+        """Plan again for missions that found no plan, since this closure was lifted."""
+        ...

@@ -1,4 +1,4 @@
-"""What is closed in a network, now and later, in the words of those who plan."""
+"""All closures of a network, now and later, in the form that planning needs."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from skyway_composition.closures import store
 from skyway_composition.closures.closure import Closure
 
 
-# Without slots: what zones reach is found when somebody asks for it, and kept.
+# Without slots, because what zones reach is computed on first use and cached.
 @dataclass(frozen=True, eq=False)
 class Conditions:
     """The closures of a network that are in force or will be."""
@@ -27,15 +27,15 @@ class Conditions:
 
     @cached_property
     def has_ground_stops(self) -> bool:
-        """Whether somebody may not take off somewhere, now or later."""
+        """Whether a ground stop is in force somewhere, now or later."""
         return any(each.kind == "GROUND_STOP" for each in self.closures)
 
     def problem_closures(self, start_ms: int) -> tuple[StationClosure | SegmentClosure, ...]:
-        """All that is closed after a plan's start, zones too, station by station and by segment."""
+        """Each station and segment that is closed after a plan's start, by zones too."""
         return tuple(self._problem_closures(start_ms))
 
     def pad_outages(self, after_ms: int) -> list[tuple[StationId, int, int, int]]:
-        """Station, pad, start and end, in ms, of each outage that lasts beyond a moment."""
+        """Station, pad, start and end, in ms, of each outage that ends after a moment."""
         return [
             (each.station_id, each.pad, each.from_ms, each.until_ms or OPEN_MS)
             for each in self.closures
@@ -43,22 +43,23 @@ class Conditions:
             if each.station_id is not None and each.pad is not None
         ]
 
-    def stops(
+    def ground_stop(
         self, candidate: Candidate, *, at_ms: int, station_ids: Iterable[StationId] = ()
     ) -> str | None:
-        """Why this drone may not take off where it stands, or at one of these stations.
+        """The ground stop, in words, that forbids this drone to take off.
 
-        None when no ground stop that concerns it is in force at that moment.
+        It may take off neither where it stands nor at one of these stations. None when no ground
+        stop that concerns the drone is in force at that moment.
         """
         places = {candidate.station_id, *station_ids}
         for stop in self.closures:
-            is_meant = (
+            concerns_drone = (
                 stop.kind == "GROUND_STOP"
                 and stop.is_in_force(at_ms)
                 and stop.provider_id in (None, candidate.provider_id)
                 and stop.drone_model_id in (None, candidate.model.model_id)
             )
-            if is_meant and any(self.is_under(stop, place) for place in places):
+            if concerns_drone and any(self.is_under(stop, place) for place in places):
                 until = (
                     "until it is lifted"
                     if stop.until_ms is None
@@ -69,13 +70,13 @@ class Conditions:
         return None
 
     def is_under(self, stop: Closure, station_id: StationId) -> bool:
-        """Whether a station lies in the area of a ground stop; without area all do."""
+        """Whether a station lies in the area of a ground stop; without an area all stations do."""
         zone = stop.zone
         station = self.network.stations.get(station_id)
         return zone is None or (station is not None and contains(zone, station.position))
 
     def reach(self, closure: Closure) -> tuple[tuple[StationId, ...], tuple[SegmentEnds, ...]]:
-        """The stations where nobody lands, and the segments that nobody flies, because of it."""
+        """The stations and the segments that a closure closes."""
         if closure.kind == "ZONE":
             reach = self._zone_reaches[closure.closure_id]
             return reach.stations, reach.segments
@@ -96,7 +97,7 @@ class Conditions:
             start_s = (closure.from_ms - start_ms) / 1000
             end_s = None if closure.until_ms is None else (closure.until_ms - start_ms) / 1000
             stations, segments = self.reach(closure)
-            # Constructed, not validated: a zone over a city closes thousands of segments.
+            # Built without validation: a zone over a city closes thousands of segments.
             for station_id in stations:
                 yield StationClosure.model_construct(
                     station_id=station_id, start_s=start_s, end_s=end_s
@@ -118,7 +119,7 @@ class Conditions:
 
 
 class CachedConditions:
-    """The conditions that were read last; which are current is asked each time."""
+    """Caches a network's conditions by their number; the current number is read each time."""
 
     def __init__(self, network_id: NetworkId, network: Network) -> None:
         self._network_id = network_id
@@ -126,15 +127,16 @@ class CachedConditions:
         self._conditions = Conditions(network, ())
 
     async def read(self, db: Database, *, after_ms: int) -> tuple[int, Conditions]:
-        """The number of the present conditions, and those of them that last beyond a moment."""
+        """The current number of the conditions, and the closures that end after a moment."""
         async with db.read() as connection:
             number = await store.conditions_number(connection, self._network_id)
         return number, await self.numbered(number, db, after_ms=after_ms)
 
     async def numbered(self, number: int, db: Database, *, after_ms: int) -> Conditions:
-        """The conditions of a number that has just been read.
+        """The conditions with a number that was just read from the database.
 
-        What has changed since looks changed to whoever compares the numbers, and is.
+        The conditions may have changed since the number was read. The booking transaction
+        notices this, because it compares the numbers.
         """
         if number == self._number:
             return self._conditions

@@ -1,4 +1,4 @@
-"""What is done at every closure's address: made or only shown, listed, lifted."""
+"""Handle requests about closures of every kind: make, preview, list and lift."""
 
 from typing import Any, Final
 
@@ -20,10 +20,10 @@ from skyway_composition.closures.orders import (
 )
 from skyway_composition.closures.store import ClosureFilter
 
-#: Until it is made, a closure has no id.
+#: A closure has no id before it is made.
 _NOT_MADE: Final = ClosureId("")
 
-#: How a POST is answered when something was made; 200 is a dry run.
+#: The answer to a POST that made a closure; a dry run is answered with 200.
 MADE: Final[dict[int | str, dict[str, Any]]] = {201: {"model": ClosureMade}}
 
 
@@ -34,7 +34,7 @@ def closure_of(
     order: ClosureOrder | None,
     **members: Any,  # the members of Closure that this kind has
 ) -> Closure:
-    """The closure that an order asks for, not made yet."""
+    """The closure that an order asks for; it is not made yet."""
     order = order or ClosureOrder()
     from_ms, until_ms = order.span_ms(closings.now_ms)
     return Closure(
@@ -50,12 +50,12 @@ def closure_of(
 
 
 def status_of(query: DryRun) -> int:
-    """The HTTP status of an answer: 201 when something is made, 200 for a dry run."""
+    """The HTTP status: 201 when a closure is made, 200 for a dry run."""
     return 200 if query.dry_run else 201
 
 
-async def made_or_shown(closings: Closings, closure: Closure, query: DryRun) -> ClosureMade:
-    """What a closure hits, and its id once it is made; a dry run makes nothing."""
+async def make_or_preview(closings: Closings, closure: Closure, query: DryRun) -> ClosureMade:
+    """Make the closure, or preview it for a dry run; the answer names the affected missions."""
     if query.dry_run:
         affected = await closings.preview(closure)
     else:
@@ -73,7 +73,7 @@ async def page_of_kind(
     pad: int | None = None,
     to_station_id: StationId | None = None,
 ) -> Page[ClosureInfo]:
-    """The closures of this kind and place, by id."""
+    """The closures of this kind and place, in order of their ids."""
     caller.must_be("customer", "provider", "operator", "service")
     if station_id is not None:
         await closings.around(station_id)
@@ -102,12 +102,12 @@ async def lift(
     pad: int | None = None,
     to_station_id: StationId | None = None,
 ) -> None:
-    """Lift a closure, if it is of this kind and place.
+    """Lift a closure of this kind and place.
 
     Raises
     ------
     NotFound
-        There is none such.
+        There is no such closure, or it has another kind or place.
     """
     caller.must_be("operator")
     async with closings.db.read() as connection:

@@ -1,4 +1,4 @@
-"""What an operator asks to be closed, and what is answered."""
+"""The REST bodies of closures: an operator's orders, and the answers."""
 
 from datetime import datetime
 from typing import Annotated, Any
@@ -10,26 +10,40 @@ from skyway.ids import ClosureId, DroneModelId, NetworkId, ProviderId, StationId
 from skyway.json_model import JsonModel
 from skyway.runtime.http.paging import PageQuery
 from skyway.units import moment_to_ms, ms_to_moment
-from skyway_composition.closures.closure import Area, Closure, ClosureKind
-from skyway_composition.closures.impact import AffectedMission
+from skyway_composition.closures.closure import AffectedMission, Area, Closure, ClosureKind
 
-Reason = Annotated[str, Field(min_length=1, max_length=500)]
+Reason = Annotated[
+    str,
+    Field(
+        min_length=1,
+        max_length=500,
+        description="Why it is closed, in words for people, at most 500 characters.",
+        examples=["roof is being repaired"],
+    ),
+]
+Until = Annotated[
+    AwareDatetime | None,
+    Field(description="End of the closure, fleet time; without it until an operator lifts it."),
+]
 
 
 class ClosureOrder(JsonModel):
-    """From when and until when, and why; without `from_at` from now, without `until` for good."""
+    """When something is closed, and why."""
 
-    from_at: AwareDatetime | None = None
-    until: AwareDatetime | None = None
+    from_at: Annotated[
+        AwareDatetime | None,
+        Field(description="Start of the closure, fleet time; without it the present moment."),
+    ] = None
+    until: Until = None
     reason: Reason | None = None
 
     def span_ms(self, now_ms: int) -> tuple[int, int | None]:
-        """Its start and end, in ms since 1970.
+        """Start and end of the closure, in ms since 1970.
 
         Raises
         ------
         InvalidInput
-            It ends before it starts, or has ended already.
+            The closure would end before it starts, or has ended already.
         """
         from_ms = now_ms if self.from_at is None else moment_to_ms(self.from_at)
         if self.until is None:
@@ -42,77 +56,106 @@ class ClosureOrder(JsonModel):
 
 
 class ZoneOrder(ClosureOrder):
-    """An area of a network that nobody flies through, nor lands in."""
+    """An area of a network where no drone may fly or land."""
 
-    network_id: NetworkId
-    area: Area
+    network_id: Annotated[NetworkId, Field(description="Network that the zone belongs to.")]
+    area: Annotated[Area, Field(description="The closed area.")]
 
 
 class GroundStopOrder(JsonModel):
-    """No take-off until this is over: of all drones, or of those of a provider or model.
+    """No drone may take off until the stop ends; every member but `reason` limits the stop."""
 
-    In one network or everywhere; in an area of it, or in all of it.
-    """
-
-    network_id: NetworkId | None = None
-    area: Area | None = None
-    provider_id: ProviderId | None = None
-    drone_model_id: DroneModelId | None = None
-    until: AwareDatetime | None = None
+    network_id: Annotated[
+        NetworkId | None, Field(description="Only in this network; without it everywhere.")
+    ] = None
+    area: Annotated[
+        Area | None, Field(description="Only at stations in this area; without it at all.")
+    ] = None
+    provider_id: Annotated[
+        ProviderId | None, Field(description="Only drones of this provider; without it all.")
+    ] = None
+    drone_model_id: Annotated[
+        DroneModelId | None, Field(description="Only drones of this model; without it all.")
+    ] = None
+    until: Until = None
     reason: Reason
 
 
 class DryRun(JsonModel):
-    """With `dry_run` nothing is made: the answer says whom it would hit."""
+    """Whether to make a closure or only to preview it."""
 
-    dry_run: bool = False
+    dry_run: Annotated[
+        bool,
+        Field(description="Make nothing; the answer names the missions that would be affected."),
+    ] = False
 
 
 class ClosureQuery(PageQuery):
-    """Which closures a list shows: those that are not over, or all that ever were."""
+    """Which closures a list shows."""
 
-    all: bool = False
+    all: Annotated[
+        bool, Field(description="Also list closures that have ended or were lifted.")
+    ] = False
 
 
 class _Closed(JsonModel):
-    """What is closed: a station, a pad of it, a segment, an area; of a ground stop also whom."""
-
-    kind: ClosureKind
-    network_id: NetworkId | None
-    station_id: StationId | None
-    pad: int | None
-    from_id: StationId | None
-    to_id: StationId | None
-    area: Area | None
-    provider_id: ProviderId | None
-    drone_model_id: DroneModelId | None
-    reason: str | None
-    from_at: datetime
-    until: datetime | None
-    made_at: datetime
-    lifted_at: datetime | None
+    kind: Annotated[ClosureKind, Field(description="What is closed.")]
+    network_id: Annotated[
+        NetworkId | None, Field(description="Network of the closure; null means every network.")
+    ]
+    station_id: Annotated[
+        StationId | None, Field(description="Closed station, or station of the closed pad.")
+    ]
+    pad: Annotated[int | None, Field(description="Number of the pad that is out of order, from 0.")]
+    from_id: Annotated[StationId | None, Field(description="Start of the closed segment.")]
+    to_id: Annotated[StationId | None, Field(description="End of the closed segment.")]
+    area: Annotated[Area | None, Field(description="Area of the zone or of the ground stop.")]
+    provider_id: Annotated[
+        ProviderId | None, Field(description="The only provider that a ground stop concerns.")
+    ]
+    drone_model_id: Annotated[
+        DroneModelId | None,
+        Field(description="The only drone model that a ground stop concerns."),
+    ]
+    reason: Annotated[str | None, Field(description="Why it is closed, in words for people.")]
+    from_at: Annotated[datetime, Field(description="Start of the closure, fleet time.")]
+    until: Annotated[
+        datetime | None,
+        Field(description="End of the closure, fleet time; null until an operator lifts it."),
+    ]
+    made_at: Annotated[
+        datetime, Field(description="When the operator made the closure, fleet time.")
+    ]
+    lifted_at: Annotated[
+        datetime | None, Field(description="When an operator lifted the closure, fleet time.")
+    ]
 
 
 class ClosureInfo(_Closed):
-    """What is closed, or was: a station, a pad of it, a segment, an area; and by a ground stop."""
+    """A closure, also one that has ended or was lifted."""
 
-    closure_id: ClosureId
+    closure_id: Annotated[ClosureId, Field(description="Id of the closure.")]
 
 
 class ClosureMade(_Closed):
-    """What was closed, or with `dry_run` would be, and whom that hits; tried out, it has no id."""
+    """A closure that was made, or a preview of one, with the missions that it affects."""
 
-    closure_id: ClosureId | None
-    affected_missions: tuple[AffectedMission, ...]
+    closure_id: Annotated[
+        ClosureId | None, Field(description="Id of the closure; null for a dry run.")
+    ]
+    affected_missions: Annotated[
+        tuple[AffectedMission, ...],
+        Field(description="Missions that need a new plan because of it, the earliest first."),
+    ]
 
 
 def shown(closure: Closure) -> ClosureInfo:
-    """A closure as it is listed."""
+    """A closure as lists show it."""
     return ClosureInfo(closure_id=closure.closure_id, **_members(closure))
 
 
 def made(closure: Closure, affected: tuple[AffectedMission, ...]) -> ClosureMade:
-    """A closure as it is answered to whoever made it, or tried it out."""
+    """A closure as the answer to an order shows it."""
     return ClosureMade(
         closure_id=closure.closure_id or None, affected_missions=affected, **_members(closure)
     )

@@ -1,4 +1,4 @@
-"""Closures of stations and segments and outages of pads, over REST."""
+"""Closures over REST: of stations, pads, segments and zones, and ground stops."""
 
 from typing import Annotated
 
@@ -15,7 +15,7 @@ from skyway_composition.closures.handle import (
     MADE,
     closure_of,
     lift,
-    made_or_shown,
+    make_or_preview,
     page_of_kind,
     status_of,
 )
@@ -57,7 +57,7 @@ def _add_stations(router: ServiceRouter, gate: ServiceGate, closings: Closings) 
         at = await closings.around(station_id)
         closure = closure_of("STATION", at.network_id, closings, order, station_id=station_id)
         response.status_code = status_of(query)
-        return await made_or_shown(closings, closure, query)
+        return await make_or_preview(closings, closure, query)
 
     @router.get(path)
     async def list_station_closures(
@@ -95,7 +95,7 @@ def _add_outages(router: ServiceRouter, gate: ServiceGate, closings: Closings) -
             raise NotFound("pad", f"{station_id}/{pad}")
         closure = closure_of("PAD", at.network_id, closings, order, station_id=station_id, pad=pad)
         response.status_code = status_of(query)
-        return await made_or_shown(closings, closure, query)
+        return await make_or_preview(closings, closure, query)
 
     @router.get(path)
     async def list_outages(
@@ -139,7 +139,7 @@ def _add_segment_closures(router: ServiceRouter, gate: ServiceGate, closings: Cl
             "SEGMENT", at.network_id, closings, order, station_id=from_id, to_station_id=to_id
         )
         response.status_code = status_of(query)
-        return await made_or_shown(closings, closure, query)
+        return await make_or_preview(closings, closure, query)
 
     @router.get(path)
     async def list_segment_closures(
@@ -184,7 +184,7 @@ def _add_zones(router: ServiceRouter, gate: ServiceGate, closings: Closings) -> 
         caller.must_be("operator")
         closure = closure_of("ZONE", order.network_id, closings, order, area=order.area)
         response.status_code = status_of(query)
-        return await made_or_shown(closings, closure, query)
+        return await make_or_preview(closings, closure, query)
 
     @router.get("/v1/zones")
     async def list_zones_made(
@@ -219,7 +219,7 @@ def _add_ground_stops(router: ServiceRouter, gate: ServiceGate, closings: Closin
             drone_model_id=order.drone_model_id,
         )
         response.status_code = status_of(query)
-        return await made_or_shown(closings, closure, query)
+        return await make_or_preview(closings, closure, query)
 
     @router.get("/v1/ground-stops")
     async def list_ground_stops(

@@ -1,4 +1,4 @@
-"""All SQL of the closures."""
+"""All SQL of closures."""
 
 from dataclasses import dataclass
 from typing import Any, Final
@@ -13,7 +13,7 @@ from skyway.runtime.sql.database import Tx
 from skyway_composition.closures.closure import Area, Closure, ClosureKind
 from skyway_composition.tables import closures, networks, stations
 
-# Statements that run every second: making them takes longer than running them does.
+# Built once, because these statements run every second and building takes longer than running.
 _IN_FORCE: Final = select(closures).where(
     closures.c.lifted_ms.is_(None),
     closures.c.from_ms <= bindparam("at_ms"),
@@ -29,7 +29,7 @@ _CLOSED_STATIONS: Final = _IN_FORCE.where(
 
 @dataclass(frozen=True, slots=True)
 class ClosureFilter:
-    """Which closures a list shows; `lasting_beyond_ms` None: those that are over, too."""
+    """Which closures a list shows; without `lasting_beyond_ms` also closures that have ended."""
 
     kind: ClosureKind
     lasting_beyond_ms: int | None
@@ -41,7 +41,7 @@ class ClosureFilter:
 async def in_force(
     connection: AsyncConnection, network_id: NetworkId, *, after_ms: int
 ) -> tuple[Closure, ...]:
-    """What is closed in a network at some time after this moment, ground stops everywhere too."""
+    """The closures of a network that end after this moment, with ground stops for all networks."""
     found = await connection.execute(
         select(closures)
         .where(
@@ -64,7 +64,7 @@ async def conditions_number(connection: AsyncConnection, network_id: NetworkId) 
 
 
 async def change_conditions(tx: Tx, network_id: NetworkId | None) -> None:
-    """Say that a network's conditions, or those of all, are others once this is committed.
+    """Count up the conditions of a network, or of all networks, as this transaction changes them.
 
     Raises
     ------
@@ -72,7 +72,7 @@ async def change_conditions(tx: Tx, network_id: NetworkId | None) -> None:
         There is no such network.
     """
     which = true() if network_id is None else networks.c.network_id == network_id
-    # Locked in one order by everybody; an UPDATE of many rows takes them as they come.
+    # Every transaction locks in this order; an UPDATE of many rows would lock in any order.
     locked = await tx.execute(
         select(networks.c.network_id).where(which).order_by(networks.c.network_id).with_for_update()
     )
@@ -122,7 +122,7 @@ async def get(connection: AsyncConnection, closure_id: ClosureId) -> Closure | N
 async def page(
     connection: AsyncConnection, shown: ClosureFilter, *, after: str, limit: int
 ) -> list[Closure]:
-    """Closures by their id, which is the order of their making."""
+    """Closures in order of their ids, which is the order in which they were made."""
     query = (
         select(closures)
         .where(closures.c.kind == shown.kind, closures.c.closure_id > after)
@@ -159,8 +159,8 @@ async def closed_stations(
     connection: AsyncConnection, network_id: NetworkId, *, at_ms: int
 ) -> frozenset[StationId]:
     """The stations of a network that are closed at a moment."""
-    wanted = {"network_id": network_id, "at_ms": at_ms}
-    found = await connection.execute(_CLOSED_STATIONS, wanted)
+    selection = {"network_id": network_id, "at_ms": at_ms}
+    found = await connection.execute(_CLOSED_STATIONS, selection)
     return frozenset(found.scalars())
 
 
@@ -176,7 +176,10 @@ async def stations_in(
     *,
     network_id: NetworkId | None,
 ) -> dict[StationId, Position]:
-    """Where the stations within a box stand, south-west corner first; of one network or of all."""
+    """Positions of the stations in a box of south-west and north-east corner, by station id.
+
+    Only of one network, or of all networks for None.
+    """
     south_west, north_east = box
     query = select(stations.c.station_id, stations.c.longitude_deg, stations.c.latitude_deg).where(
         stations.c.longitude_deg.between(south_west.longitude_deg, north_east.longitude_deg),

@@ -37,7 +37,7 @@ class CachedLinks:
         self._clock = clock
         self._known: dict[DroneId, _Heard] = {}
 
-    def is_said_again(self, drone_id: DroneId, said: Iterable[Received[Any]]) -> bool:
+    def repeats_known_facts(self, drone_id: DroneId, said: Iterable[Received[Any]]) -> bool:
         """Whether nothing follows from any of this, if the drone is on no mission.
 
         Any: each topic has messages of its own type.
@@ -73,10 +73,10 @@ class CachedLinks:
             return False
         match message:
             case Connection():
-                return not link.connects_newer(message)
+                return not link.is_newer_connection(message)
             case DroneState() if known.newest is not None:
                 is_old = (message.session, message.seq) <= known.newest
-                return is_old or (self._is_recent(link, message) and link.stands_on(message))
+                return is_old or (self._is_recent(link, message) and link.is_still_idle(message))
             case _:
                 return False
 

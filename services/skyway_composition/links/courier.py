@@ -22,7 +22,7 @@ from skyway_composition.links.instruction_store import (
     open_instructions,
     set_status,
 )
-from skyway_composition.links.link import DroneLink, Numbered
+from skyway_composition.links.link import DroneLink, InstructionPlace
 
 #: Makes the instruction once its envelope is known: `functools.partial` of a model.
 Draft = Callable[..., AnyInstruction]
@@ -61,13 +61,17 @@ class Courier:
         _hand_over(tx, place, instruction)
         return link, instruction.instruction_id
 
-    def post_last(self, tx: Tx, place: Numbered, draft: Draft, *, expires_at: datetime) -> None:
+    def post_last(
+        self, tx: Tx, place: InstructionPlace, draft: Draft, *, expires_at: datetime
+    ) -> None:
         """Send an instruction whose place is taken already, the last that the block sends there."""
         instruction = self._instruction(place, draft, expires_at)
         add_last_instruction(tx, place.drone_id, instruction)
         _hand_over(tx, place, instruction)
 
-    def _instruction(self, place: Numbered, draft: Draft, expires_at: datetime) -> AnyInstruction:
+    def _instruction(
+        self, place: InstructionPlace, draft: Draft, expires_at: datetime
+    ) -> AnyInstruction:
         instruction_id = InstructionId(self.mint("ins"))
         return draft(
             message_id=instruction_id,
@@ -97,6 +101,6 @@ class Courier:
         return withdrawn
 
 
-def _hand_over(tx: Tx, place: Numbered, instruction: AnyInstruction) -> None:
+def _hand_over(tx: Tx, place: InstructionPlace, instruction: AnyInstruction) -> None:
     address = INSTRUCTIONS(place.provider_id, place.drone_id)
     tx.send(address, instruction, confirmed_by="receiver", stream=place.drone_id)

@@ -12,7 +12,7 @@ _SAME_SOC: Final = 0.01
 
 
 @dataclass(frozen=True, slots=True)
-class Numbered:
+class InstructionPlace:
     """The place of an instruction: its `seq` in the drone's stream, and what it confirms."""
 
     drone_id: DroneId
@@ -48,19 +48,19 @@ class DroneLink:
         state = self.state
         return state is not None and (state.mission_id is not None or state.activity == "DOWN")
 
-    def with_next(self) -> tuple["DroneLink", Numbered]:
+    def with_next(self) -> tuple["DroneLink", InstructionPlace]:
         """The link once one more instruction goes to the drone, and that one's place."""
         link = replace(self, stream=max(1, self.stream), last_seq=self.last_seq + 1)
-        return link, Numbered(
+        return link, InstructionPlace(
             link.drone_id, link.provider_id, link.stream, link.last_seq, link.last_event_seq
         )
 
-    def hears_newer(self, state: DroneState) -> bool:
+    def is_newer_state(self, state: DroneState) -> bool:
         """Whether this state comes after the one that is known."""
         known = None if self.state is None else (self.state.session, self.state.seq)
         return is_newer((state.session, state.seq), known)
 
-    def stands_on(self, state: DroneState) -> bool:
+    def is_still_idle(self, state: DroneState) -> bool:
         """Whether a newer state says only that a drone without a mission still stands idle.
 
         It and we know the same stream and the same events, so nothing is to be told or asked for.
@@ -74,7 +74,7 @@ class DroneLink:
             and abs(state.soc - known.soc) < _SAME_SOC
         )
 
-    def connects_newer(self, connection: Connection) -> bool:
+    def is_newer_connection(self, connection: Connection) -> bool:
         """Whether this connection comes after the known one.
 
         ONLINE and LOST of one connection share their pair, because a last will is fixed before it
@@ -94,7 +94,7 @@ class DroneLink:
         session = max(session, self.acked_session)
         return replace(self, acked_stream=stream, acked_session=session)
 
-    def has_lost_its_order(self, state: DroneState) -> bool:
+    def needs_new_stream(self, state: DroneState) -> bool:
         """Whether a new stream must be opened: the drone or we have forgotten the present one.
 
         A drone that has shown our stream and, in a later session, an older one has lost its

@@ -10,7 +10,7 @@ from skyway.contracts.drone_report import Connection, DroneState
 from skyway.ids import DroneId, ProviderId
 from skyway.runtime.sql.among import among
 from skyway.runtime.sql.database import Tx
-from skyway_composition.links.link import DroneLink, Numbered
+from skyway_composition.links.link import DroneLink, InstructionPlace
 from skyway_composition.tables import drone_links
 
 #: Those among `drone_ids` that say so themselves.
@@ -55,14 +55,14 @@ async def lock_link(tx: Tx, drone_id: DroneId, provider_id: ProviderId) -> Drone
     return known[drone_id]
 
 
-async def take_next(tx: Tx, drone_id: DroneId, provider_id: ProviderId) -> Numbered:
+async def claim_next_place(tx: Tx, drone_id: DroneId, provider_id: ProviderId) -> InstructionPlace:
     """The place of the next instruction to this provider's drone, whose link is locked by that."""
     wanted = {"of_drone": drone_id, "of_provider": provider_id}
     taken = (await tx.execute(COUNT_NEXT, wanted)).one_or_none()
     if taken is None:
         await _begin(tx, drone_id, provider_id)
         taken = (await tx.execute(COUNT_NEXT, wanted)).one()
-    return Numbered(*taken)
+    return InstructionPlace(*taken)
 
 
 async def lock_links(tx: Tx, drone_ids: Collection[DroneId]) -> dict[DroneId, DroneLink]:

@@ -115,7 +115,7 @@ class Follower:
         said: dict[DroneId, list[Received[Any]]] = defaultdict(list)
         for received in batch:
             said[DroneId(received.ids[1])].append(received)
-        again = {each for each in said if self._last_heard.is_said_again(each, said[each])}
+        again = {each for each in said if self._last_heard.repeats_known_facts(each, said[each])}
         if not again:
             return batch
         async with self._db.read() as connection:
@@ -167,5 +167,5 @@ def _without_superseded(batch: Sequence[Received[Any]]) -> Iterator[Received[Any
 
 
 def _take_connection(watch: Watch, link: DroneLink, connection: Connection) -> None:
-    if link.connects_newer(connection):
+    if link.is_newer_connection(connection):
         watch.note_link(replace(link, connection=connection))

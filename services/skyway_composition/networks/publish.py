@@ -14,8 +14,7 @@ from skyway.planner.airspace import Airspace, SegmentEnds
 from skyway.runtime.errors import Conflict, NotFound, PreconditionFailed
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms
-from skyway_composition.closures.closure import Closure, ClosureKind
-from skyway_composition.closures.impact import Impact, Reach
+from skyway_composition.closures.closure import Closure, ClosureKind, Impact, Reach
 from skyway_composition.networks import store
 from skyway_composition.networks.prepared import PreparedNetwork, PreparedNetworks
 from skyway_composition.networks.settings import settings_of
@@ -96,7 +95,7 @@ async def publish(
                 continue  # somebody else has published meanwhile
             done = await _put(tx, network_id, current, content=content, now_ms=now_ms)
             for reach in lost:
-                await impact.strike(tx, reach)
+                await impact.apply(tx, reach)
     return done
 
 

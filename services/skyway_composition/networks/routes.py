@@ -19,7 +19,7 @@ from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.loops import Wake
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms, ms_to_moment
-from skyway_composition.closures.impact import Impact
+from skyway_composition.closures.closure import Impact
 from skyway_composition.networks import store
 from skyway_composition.networks.prepared import PreparedNetworks, current_row
 from skyway_composition.networks.publish import etag, publish, read_content

@@ -60,7 +60,7 @@ async def lock_version(tx: Tx, network_id: NetworkId) -> VersionRow | None:
     return None if row is None else _version_row(row)
 
 
-async def share_world(tx: Tx, network_id: NetworkId) -> tuple[int, int] | None:
+async def share_current(tx: Tx, network_id: NetworkId) -> tuple[int, int] | None:
     """The current version and the number of its conditions; others may read them too.
 
     Nobody publishes, closes or reopens anything in this network before the transaction ends.

@@ -59,7 +59,7 @@ class PadSnapshot:
         #: Of the stations read so far, milliseconds since 1970.
         self.book: PadBook = self._book_of(()) if outages else NO_RESERVATIONS
 
-    def knows(self, station_id: StationId) -> bool:
+    def has_read(self, station_id: StationId) -> bool:
         """Whether this station has been read."""
         return bool(self._is_read[self._network.row_of[station_id]])
 

@@ -46,7 +46,7 @@ async def compose_in(solver: SolverPool, world: World, problem: Problem) -> Plan
             hierarchy=world.skyway.hierarchy,
             booked=world.pads.book.seen_from(start_ms),
         )
-        unread = {each for each in _charged_at(plan) if not world.pads.knows(each)}
+        unread = {each for each in _charged_at(plan) if not world.pads.has_read(each)}
         if not unread:
             return plan
         places |= unread

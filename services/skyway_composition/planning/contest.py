@@ -39,7 +39,7 @@ class Contest:
         """Do not compose for these."""
         self._is_waiting[rows] = False
 
-    def take_next(self, found: Sequence[OfferValues]) -> list[int]:
+    def next_to_compose(self, found: Sequence[OfferValues]) -> list[int]:
         """The rows to compose next, which have one plan; none when the best found wins for sure."""
         first = self._next(found)
         if first is None:

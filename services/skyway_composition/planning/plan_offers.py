@@ -87,7 +87,7 @@ async def _single_offers(
     contest = Contest(shortlist, least, request.qos.ranking)
     contest.leave_out(_breaking(shortlist, least, finder, limits=limits, refusals=refusals))
     offers: list[Offer] = []
-    while twins := contest.take_next([offer.values for offer in offers]):
+    while twins := contest.next_to_compose([offer.values for offer in offers]):
         candidates = [shortlist.candidate(row) for row in twins]
         trip = await finder.trip(candidates[0], request)
         for candidate in candidates:

@@ -35,7 +35,7 @@ class Standing:
 
 
 @dataclass(frozen=True, slots=True)
-class Load:
+class PackageOnBoard:
     """A package on board and where it goes now: its destination, or somewhere else instead."""
 
     package: Package
@@ -71,7 +71,7 @@ def delivery_problem(
 
 
 def onward_problem(
-    world: World, drone: Standing, *, loads: Iterable[Load], start_ms: int
+    world: World, drone: Standing, *, loads: Iterable[PackageOnBoard], start_ms: int
 ) -> Problem:
     """Hand over what is on board, each package where it goes now.
 

@@ -149,7 +149,7 @@ def _away(world: World, candidate: Candidate, missing: Sequence[StationId]) -> N
 
 def _stopped(world: World, candidate: Candidate, pickup: StationId, *, at_ms: int) -> NoTrip | None:
     """Why it may not take off where it stands, or with its load."""
-    stop = world.conditions.stops(candidate, at_ms=at_ms, station_ids=(pickup,))
+    stop = world.conditions.ground_stop(candidate, at_ms=at_ms, station_ids=(pickup,))
     return None if stop is None else NoTrip("GROUND_STOP", stop, is_temporary=True)
 
 

@@ -41,15 +41,15 @@ class SolverPool:
 
     Parameters
     ----------
-    labels_at_once
+    inline_labels
         How many labels a search may make on the event loop, 16 taking some 10 us; most make fewer
         than 100. It begins anew in a thread when they are not enough. 0: all goes to the threads.
     """
 
-    def __init__(self, *, threads: int, time_limit_s: float, labels_at_once: int = 0) -> None:
+    def __init__(self, *, threads: int, time_limit_s: float, inline_labels: int = 0) -> None:
         self._threads = threads
         self._time_limit_s = time_limit_s
-        self._labels_at_once = labels_at_once
+        self._labels_at_once = inline_labels
         self._waiting = 0
         self._executor: ThreadPoolExecutor | None = None
         #: Whether the first plan will take no longer than the tenth.
@@ -99,7 +99,7 @@ class SolverPool:
             raise ServiceUnavailable("planning", f"{self._waiting} problems wait for a thread")
         # Before the planner is compiled any problem takes a minute.
         if self._labels_at_once and self.is_warm and _is_small(problem, airspace, hierarchy):
-            plan = self._composed_at_once(problem, airspace, booked, hierarchy)
+            plan = self._compose_inline(problem, airspace, booked, hierarchy)
             # Whoever asks for a hundred plans in a row leaves all others their turn in between.
             await asyncio.sleep(0)
             if plan is not None:
@@ -115,7 +115,7 @@ class SolverPool:
             self._waiting -= 1
             is_abandoned.set()
 
-    def _composed_at_once(
+    def _compose_inline(
         self,
         problem: Problem,
         airspace: Airspace | None,

@@ -7,7 +7,7 @@ from skyway.ids import MissionId, StationId
 from skyway.runtime.sql.database import Database, Tx
 from skyway_composition.closures.conditions import Conditions
 from skyway_composition.networks.prepared import PreparedNetwork, PreparedNetworks
-from skyway_composition.networks.store import Present, share_world
+from skyway_composition.networks.store import Present, share_current
 from skyway_composition.pads.pad_snapshot import PadSnapshot
 
 
@@ -102,5 +102,5 @@ async def still_holds(tx: Tx, world: World) -> bool:
 
     Reservations are not looked at. Whoever locks more asks this after the delivery, before drones.
     """
-    now = await share_world(tx, world.skyway.network_id)
+    now = await share_current(tx, world.skyway.network_id)
     return now == (world.skyway.version, world.conditions_version)

@@ -16,7 +16,7 @@ from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_composition.statistics import store
-from skyway_composition.statistics.store import Wanted
+from skyway_composition.statistics.store import Selection
 from skyway_composition.statistics.use import (
     DroneStatistics,
     DroneUse,
@@ -40,18 +40,18 @@ def statistics_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> 
         caller: Annotated[Caller, Depends(gate)], query: Annotated[PadUseQuery, Query()]
     ) -> PadStatistics:
         """How much of a span pads were taken, station by station; by a provider's own drones."""
-        wanted = _wanted(caller, query, clock)
+        selection = _selection(caller, query, clock)
         after = query.after(str)
         async with db.survey() as connection:
-            total = await store.pad_sums(connection, wanted, query.network_id)
+            total = await store.pad_sums(connection, selection, query.network_id)
             rows = await store.pads_page(
                 connection,
-                wanted,
+                selection,
                 query.network_id,
                 after=None if after is None else str(after[0]),
                 limit=query.limit + 1,
             )
-        elapsed_s = _elapsed_s(wanted.span, clock)
+        elapsed_s = _elapsed_s(selection.span, clock)
         page = page_of(
             rows,
             query,
@@ -64,9 +64,9 @@ def statistics_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> 
         )
         return PadStatistics(
             **dict(page),
-            from_at=wanted.span.from_at,
-            to_at=wanted.span.to_at,
-            provider_id=wanted.provider_id,
+            from_at=selection.span.from_at,
+            to_at=selection.span.to_at,
+            provider_id=selection.provider_id,
             total=PadTotals(**pad_totals(total, elapsed_s=elapsed_s)),
         )
 
@@ -75,17 +75,17 @@ def statistics_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> 
         caller: Annotated[Caller, Depends(gate)], query: Annotated[UseQuery, Query()]
     ) -> DroneStatistics:
         """What drones spent a span on; one that did not fly in it is not listed."""
-        wanted = _wanted(caller, query, clock)
+        selection = _selection(caller, query, clock)
         after = query.after(str)
         async with db.survey() as connection:
-            total = await store.drone_sums(connection, wanted)
+            total = await store.drone_sums(connection, selection)
             rows = await store.drones_page(
                 connection,
-                wanted,
+                selection,
                 after=None if after is None else str(after[0]),
                 limit=query.limit + 1,
             )
-        elapsed_s = _elapsed_s(wanted.span, clock)
+        elapsed_s = _elapsed_s(selection.span, clock)
         page = page_of(
             rows,
             query,
@@ -98,9 +98,9 @@ def statistics_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> 
         )
         return DroneStatistics(
             **dict(page),
-            from_at=wanted.span.from_at,
-            to_at=wanted.span.to_at,
-            provider_id=wanted.provider_id,
+            from_at=selection.span.from_at,
+            to_at=selection.span.to_at,
+            provider_id=selection.provider_id,
             total=FleetTotals(
                 drones=total.drones,
                 **drone_totals(total, drones=total.drones, elapsed_s=elapsed_s),
@@ -110,14 +110,14 @@ def statistics_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> 
     return router
 
 
-def _wanted(caller: Caller, query: UseQuery, clock: FleetClock) -> Wanted:
+def _selection(caller: Caller, query: UseQuery, clock: FleetClock) -> Selection:
     """Whose steps are shown: a provider's own, or whosever an operator asks for."""
     caller.must_be("provider", "operator")
     if caller.role == "operator":
-        return Wanted(query.span(clock.now()), query.provider_id)
+        return Selection(query.span(clock.now()), query.provider_id)
     if query.provider_id not in (None, caller.subject_id):
         raise NotFound("provider", str(query.provider_id))
-    return Wanted(query.span(clock.now()), ProviderId(caller.subject_id))
+    return Selection(query.span(clock.now()), ProviderId(caller.subject_id))
 
 
 def _elapsed_s(span: Span, clock: FleetClock) -> float:

@@ -29,7 +29,7 @@ _Query = Select[*tuple[Any, ...]]
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class Selection:
     """Whose steps in which span."""
 
     span: Span
@@ -75,10 +75,10 @@ class Wanted:
 
 
 async def pad_sums(
-    connection: AsyncConnection, wanted: Wanted, network_id: NetworkId | None
+    connection: AsyncConnection, selection: Selection, network_id: NetworkId | None
 ) -> _Row:
     """All stations together: pads, sessions, charging_ms, waiting_ms; null where nothing was."""
-    each = _stations(wanted, network_id).subquery()
+    each = _stations(selection, network_id).subquery()
     names = ("pads", "sessions", "charging_ms", "waiting_ms")
     statement = select(*(func.sum(each.c[name]).label(name) for name in names))
     return (await connection.execute(statement)).one()
@@ -86,31 +86,31 @@ async def pad_sums(
 
 async def pads_page(
     connection: AsyncConnection,
-    wanted: Wanted,
+    selection: Selection,
     network_id: NetworkId | None,
     *,
     after: str | None,
     limit: int,
 ) -> Sequence[_Row]:
     """The same of each station, by station id, of those after this one."""
-    statement = _stations(wanted, network_id).order_by(stations.c.station_id).limit(limit)
+    statement = _stations(selection, network_id).order_by(stations.c.station_id).limit(limit)
     if after is not None:
         statement = statement.where(stations.c.station_id > after)
     return (await connection.execute(statement)).all()
 
 
-async def drone_sums(connection: AsyncConnection, wanted: Wanted) -> _Row:
+async def drone_sums(connection: AsyncConnection, selection: Selection) -> _Row:
     """All drones together: drones, missions and milliseconds; null where nothing was."""
-    each = _missions(wanted)
+    each = _missions(selection)
     statement = select(func.count(distinct(each.c.drone_id)).label("drones"), *_sums(each))
     return (await connection.execute(statement)).one()
 
 
 async def drones_page(
-    connection: AsyncConnection, wanted: Wanted, *, after: str | None, limit: int
+    connection: AsyncConnection, selection: Selection, *, after: str | None, limit: int
 ) -> Sequence[_Row]:
     """The same of each drone that flew in the span, by drone id, of those after this one."""
-    each = _missions(wanted)
+    each = _missions(selection)
     statement = (
         select(each.c.drone_id, each.c.provider_id, *_sums(each))
         .group_by(each.c.drone_id, each.c.provider_id)
@@ -122,17 +122,17 @@ async def drones_page(
     return (await connection.execute(statement)).all()
 
 
-def _stations(wanted: Wanted, network_id: NetworkId | None) -> _Query:
-    done = wanted.done
+def _stations(selection: Selection, network_id: NetworkId | None) -> _Query:
+    done = selection.done
     used = (
         select(
             done.c.station_id,
             func.sum(case((done.c.kind == "RECHARGE", 1), else_=0)).label("sessions"),
-            wanted.time_on(done, "RECHARGE").label("charging_ms"),
-            wanted.time_on(done, "WAIT").label("waiting_ms"),
+            selection.time_on(done, "RECHARGE").label("charging_ms"),
+            selection.time_on(done, "WAIT").label("waiting_ms"),
         )
         .join(missions, missions.c.mission_id == done.c.mission_id)
-        .where(wanted.is_own, done.c.kind.in_(("RECHARGE", "WAIT")))
+        .where(selection.is_own, done.c.kind.in_(("RECHARGE", "WAIT")))
         .group_by(done.c.station_id)
         .subquery()
     )
@@ -147,23 +147,23 @@ def _stations(wanted: Wanted, network_id: NetworkId | None) -> _Query:
     return statement if network_id is None else statement.where(stations.c.network_id == network_id)
 
 
-def _missions(wanted: Wanted) -> FromClause:
+def _missions(selection: Selection) -> FromClause:
     """Each mission's drone, and what it spent the span on."""
-    done = wanted.done
+    done = selection.done
     first, last = func.min(done.c.started_ms), func.max(done.c.ended_ms)
     return (
         select(
             missions.c.mission_id,
             missions.c.drone_id,
             missions.c.provider_id,
-            wanted.within(first, last).label("busy_ms"),
-            wanted.time_on(done, "FLY").label("flying_ms"),
-            wanted.time_on(done, "RECHARGE").label("recharging_ms"),
-            wanted.time_on(done, "PICK_UP").label("loading_ms"),
-            wanted.time_on(done, "DELIVER", "RETURN").label("delivering_ms"),
+            selection.within(first, last).label("busy_ms"),
+            selection.time_on(done, "FLY").label("flying_ms"),
+            selection.time_on(done, "RECHARGE").label("recharging_ms"),
+            selection.time_on(done, "PICK_UP").label("loading_ms"),
+            selection.time_on(done, "DELIVER", "RETURN").label("delivering_ms"),
         )
         .join(missions, missions.c.mission_id == done.c.mission_id)
-        .where(wanted.is_own)
+        .where(selection.is_own)
         .group_by(missions.c.mission_id, missions.c.drone_id, missions.c.provider_id)
         .subquery()
     )

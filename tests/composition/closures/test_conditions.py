@@ -93,7 +93,7 @@ def test_a_ground_stop_is_for_whom_and_where_and_when_it_says(
 ) -> None:
     stop = closure("GROUND_STOP", reason="storm", **members)
 
-    reason = conditions(make, stop).stops(make.candidate(), at_ms=2_000)
+    reason = conditions(make, stop).ground_stop(make.candidate(), at_ms=2_000)
 
     assert (reason is not None) == is_stopped
     assert reason is None or "storm" in reason
@@ -102,5 +102,5 @@ def test_a_ground_stop_is_for_whom_and_where_and_when_it_says(
 def test_a_ground_stop_at_the_pickup_stops_a_drone_that_comes_from_elsewhere(make: Any) -> None:
     known = conditions(make, closure("GROUND_STOP", area=square(0.1, 0.2)))
 
-    assert known.stops(make.candidate(), at_ms=2_000) is None
-    assert known.stops(make.candidate(), at_ms=2_000, station_ids=["b"]) is not None
+    assert known.ground_stop(make.candidate(), at_ms=2_000) is None
+    assert known.ground_stop(make.candidate(), at_ms=2_000, station_ids=["b"]) is not None

@@ -48,7 +48,7 @@ def make_link(**members: Any) -> DroneLink:
 def test_states_are_ordered_by_session_and_number(session: int, seq: int, is_newer: bool) -> None:
     link = make_link(state=make_state(session=2, seq=5))
 
-    assert link.hears_newer(make_state(session=session, seq=seq)) is is_newer
+    assert link.is_newer_state(make_state(session=session, seq=seq)) is is_newer
 
 
 @pytest.mark.parametrize(
@@ -60,26 +60,26 @@ def test_a_last_will_counts_for_the_present_connection_only(
 ) -> None:
     link = make_link(connection=make_connection("ONLINE", 1, 2))
 
-    assert link.connects_newer(make_connection(status, session, number)) is counts
+    assert link.is_newer_connection(make_connection(status, session, number)) is counts
 
 
 def test_online_after_the_last_will_of_the_same_connection_does_not_count() -> None:
     link = make_link(connection=make_connection("LOST", 1, 2))
 
-    assert not link.connects_newer(make_connection("ONLINE", 1, 2))
+    assert not link.is_newer_connection(make_connection("ONLINE", 1, 2))
 
 
 def test_an_older_stream_in_a_later_session_is_a_lost_journal() -> None:
     link = make_link(stream=1).acked(1, 4)
 
-    assert link.has_lost_its_order(make_state(stream=0, session=5))
-    assert not link.has_lost_its_order(make_state(stream=0, session=4))
+    assert link.needs_new_stream(make_state(stream=0, session=5))
+    assert not link.needs_new_stream(make_state(stream=0, session=4))
 
 
 def test_a_stream_that_the_drone_has_not_shown_cannot_be_lost() -> None:
     link = make_link(stream=1)
 
-    assert not link.has_lost_its_order(make_state(stream=0, session=5))
+    assert not link.needs_new_stream(make_state(stream=0, session=5))
 
 
 def test_a_new_stream_is_one_that_neither_side_has_used() -> None:

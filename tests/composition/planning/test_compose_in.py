@@ -83,7 +83,7 @@ async def test_only_the_pads_around_a_request_are_read(composition: Any, make: A
     plan = await compose_in(composition.parts.inquiries, world, problem)
 
     assert plan.status == "optimal"
-    assert [each for each in ROW if world.pads.knows(StationId(each))] == list("hijklm")
+    assert [each for each in ROW if world.pads.has_read(StationId(each))] == list("hijklm")
 
 
 async def test_the_plan_is_as_early_as_with_every_reservation_read(

@@ -81,7 +81,7 @@ def contested(
     contest = Contest(shortlist, Least(*(np.array(each, np.float64) for each in columns)), by)
     found: list[OfferValues] = []
     composed = 0
-    while rows := contest.take_next(found):
+    while rows := contest.next_to_compose(found):
         composed += len(rows)
         found += [values for row in rows if (values := among[row][1]) is not None]
     return found, composed

@@ -63,7 +63,7 @@ async def test_a_plan_does_not_depend_on_how_far_is_searched_at_once(
     async with SolverPool(threads=1, time_limit_s=5.0) as beside:
         expected = await beside.compose(problem, **local)
 
-    async with SolverPool(threads=1, time_limit_s=5.0, labels_at_once=labels) as solver:
+    async with SolverPool(threads=1, time_limit_s=5.0, inline_labels=labels) as solver:
         await solver.warm()
         plan = await solver.compose(problem, **local)
 
@@ -71,7 +71,7 @@ async def test_a_plan_does_not_depend_on_how_far_is_searched_at_once(
 
 
 async def test_a_small_problem_waits_for_no_thread(make: Any, local: Any) -> None:
-    async with SolverPool(threads=1, time_limit_s=5.0, labels_at_once=2_048) as solver:
+    async with SolverPool(threads=1, time_limit_s=5.0, inline_labels=2_048) as solver:
         await solver.warm()
         composing = solver.compose(make_problem(make), **local)
 
@@ -92,7 +92,7 @@ async def test_many_small_problems_leave_others_their_turn(make: Any, local: Any
             turns += 1
             await asyncio.sleep(0)
 
-    async with SolverPool(threads=1, time_limit_s=5.0, labels_at_once=2_048) as solver:
+    async with SolverPool(threads=1, time_limit_s=5.0, inline_labels=2_048) as solver:
         await solver.warm()
         running = asyncio.create_task(others())
         for _ in range(10):
@@ -118,7 +118,7 @@ async def test_a_problem_that_takes_many_labels_holds_the_event_loop_no_longer(m
         nonlocal calls
         calls += event == "call"
 
-    async with SolverPool(threads=1, time_limit_s=5.0, labels_at_once=16) as solver:
+    async with SolverPool(threads=1, time_limit_s=5.0, inline_labels=16) as solver:
         await solver.warm()
         composing = solver.compose(
             problem, airspace=Airspace.of(network), hierarchy=Hierarchy.of(network)
@@ -152,7 +152,7 @@ async def test_a_problem_that_takes_many_labels_holds_the_event_loop_no_longer(m
     ],
 )
 async def test_what_may_take_long_goes_to_a_thread(make: Any, local: Any, members: Any) -> None:
-    async with SolverPool(threads=1, time_limit_s=5.0, labels_at_once=2_048) as solver:
+    async with SolverPool(threads=1, time_limit_s=5.0, inline_labels=2_048) as solver:
         await solver.warm()
         composing = asyncio.ensure_future(solver.compose(make_problem(make, **members), **local))
 

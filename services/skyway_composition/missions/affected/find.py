@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from skyway.ids import DroneId
 from skyway.units import ms_to_moment
-from skyway_composition.closures.impact import AffectedMission, Reach
+from skyway_composition.closures.closure import AffectedMission, Reach
 from skyway_composition.missions.affected import store
 from skyway_composition.missions.affected.hits import (
     Hit,

@@ -5,7 +5,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 
 from skyway.ids import DroneId, MissionId, StationId
-from skyway_composition.closures.impact import Reach
+from skyway_composition.closures.closure import Reach
 from skyway_composition.missions.affected.planned import Doing, HeldPad, Owner, PlannedFlight
 
 

@@ -9,8 +9,7 @@ from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms, ms_to_moment
-from skyway_composition.closures.closure import ClosureKind
-from skyway_composition.closures.impact import AffectedMission, Reach
+from skyway_composition.closures.closure import AffectedMission, ClosureKind, Reach
 from skyway_composition.missions.affected import store
 from skyway_composition.missions.affected.find import Found, find_hits
 from skyway_composition.missions.record import Trouble
@@ -40,7 +39,7 @@ class MissionImpact:
             found = await find_hits(reader, reach, now_ms=self._now_ms)
         return found.shown()
 
-    async def strike(self, tx: Tx, reach: Reach) -> tuple[AffectedMission, ...]:
+    async def apply(self, tx: Tx, reach: Reach) -> tuple[AffectedMission, ...]:
         """The missions that it hits; they look for other plans from now on."""
         found = await find_hits(tx.connection, reach, now_ms=self._now_ms)
         if not found.hits:
@@ -50,7 +49,7 @@ class MissionImpact:
         tx.after_commit(self.stuck.set)
         return found.shown()
 
-    async def relieve(self, tx: Tx, reach: Reach) -> None:
+    async def retry(self, tx: Tx, reach: Reach) -> None:
         """Have those that found no plan, or were held on the ground, look again."""
         await store.look_again(tx, reach.closure.network_id)
         tx.after_commit(self.stuck.set)

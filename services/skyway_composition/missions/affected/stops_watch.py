@@ -34,4 +34,4 @@ class StopsWatch:
             unaware = await store.without_trouble(connection, [each.mission_id for each in hit])
         if unaware:
             async with self.db.write() as tx:
-                await self.closings.impact.strike(tx, reach)
+                await self.closings.impact.apply(tx, reach)

@@ -10,7 +10,7 @@ from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.links.courier import Courier
-from skyway_composition.links.link import Numbered
+from skyway_composition.links.link import InstructionPlace
 from skyway_composition.missions import store
 from skyway_composition.missions.custody.chain import Custodian, Held
 from skyway_composition.missions.custody.store import begin_custody, held_packages
@@ -29,7 +29,7 @@ async def engage(
     offer: Offer,
     skyway: PreparedNetwork,
     *,
-    places: Mapping[DroneId, Numbered],
+    places: Mapping[DroneId, InstructionPlace],
     delivery_id: DeliveryId,
     attempt: int,
     clock: FleetClock,

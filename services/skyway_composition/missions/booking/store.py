@@ -26,7 +26,7 @@ from skyway.contracts.mission import Mission
 from skyway.ids import DeliveryId, DroneId, ProviderId, StationId
 from skyway.runtime.sql.among import among
 from skyway.runtime.sql.database import Tx
-from skyway_composition.links.link import Numbered
+from skyway_composition.links.link import InstructionPlace
 from skyway_composition.links.store import COUNT_NEXT, OCCUPIED
 from skyway_composition.networks.store import Present
 from skyway_composition.pads.store import LOCK_STATIONS
@@ -160,7 +160,7 @@ async def take_at_once(
     provider_id: ProviderId,
     *,
     station_ids: Collection[StationId],
-) -> Numbered | None:
+) -> InstructionPlace | None:
     """The place of the next instruction to a drone, in a network that is still as it was.
 
     The network, the drone's link and the stations are locked by that, in this order. None when
@@ -179,4 +179,4 @@ async def take_at_once(
     if taken is None:
         return None
     *place, _ = taken
-    return Numbered(*place)
+    return InstructionPlace(*place)

@@ -6,8 +6,8 @@ drones, missions, stations.
 
 from skyway.ids import DroneId
 from skyway.runtime.sql.database import Tx
-from skyway_composition.links.link import Numbered
-from skyway_composition.links.store import take_next
+from skyway_composition.links.link import InstructionPlace
+from skyway_composition.links.store import claim_next_place
 from skyway_composition.missions.booking.store import take_at_once
 from skyway_composition.pads.store import lock_stations
 from skyway_composition.planning.offer import Offer
@@ -18,7 +18,7 @@ class Outdated(Exception):
     """The world changed while offers were made: plan anew."""
 
 
-async def take(tx: Tx, offer: Offer, world: World) -> dict[DroneId, Numbered]:
+async def take(tx: Tx, offer: Offer, world: World) -> dict[DroneId, InstructionPlace]:
     """By drone the place of its mission's instruction; all is locked until the block ends.
 
     Raises
@@ -42,7 +42,8 @@ async def take(tx: Tx, offer: Offer, world: World) -> dict[DroneId, Numbered]:
     if not await still_holds(tx, world):
         raise Outdated
     places = {
-        each.drone_id: await take_next(tx, each.drone_id, each.provider_id) for each in drones
+        each.drone_id: await claim_next_place(tx, each.drone_id, each.provider_id)
+        for each in drones
     }
     await lock_stations(tx, booked)
     return places

@@ -29,9 +29,9 @@ _BEGUN_ACTIVITIES: Final = ("LOADING", "FLYING", "RECHARGING", "DELIVERING")
 
 async def take_state(watch: Watch, link: DroneLink, state: DroneState) -> None:
     """Take a newer state; see whether the drone lost its journal, or we lost its events."""
-    if not link.hears_newer(state):
+    if not link.is_newer_state(state):
         return
-    must_open_stream = link.has_lost_its_order(state)
+    must_open_stream = link.needs_new_stream(state)
     is_news = _is_news(link.state, state)
     link = replace(link, state=state)
     if state.stream == link.stream:

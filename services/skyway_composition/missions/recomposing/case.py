@@ -44,7 +44,7 @@ class Case:
         if anchor.is_in_the_air:
             return None
         standing = self.record.candidate.model_copy(update={"station_id": anchor.station_id})
-        return self.world.conditions.stops(standing, at_ms=anchor.at_ms)
+        return self.world.conditions.ground_stop(standing, at_ms=anchor.at_ms)
 
     def still_is(self, watch: Watch, record: MissionRecord) -> bool:
         """Whether the mission still waits, for the same reason, and its drone is where it was."""

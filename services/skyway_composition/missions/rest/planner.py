@@ -25,7 +25,7 @@ from skyway_composition.missions.rest.safe_landing import (
 from skyway_composition.planning.compose_in import compose_in
 from skyway_composition.planning.find_trip import NOTHING_TO_DELIVER, NoTrip, round_trip, way_home
 from skyway_composition.planning.problem_for import (
-    Load,
+    PackageOnBoard,
     Standing,
     delivery_problem,
     landing_problem,
@@ -147,7 +147,9 @@ class RestPlanner:
         home_station_id = record.candidate.home_station_id
         if anchor.carried:
             aimed = replace(record, aims=aims)
-            loads = [Load(each, aimed.aim_of(each)) for each in record.packages(anchor.carried)]
+            loads = [
+                PackageOnBoard(each, aimed.aim_of(each)) for each in record.packages(anchor.carried)
+            ]
             problem = onward_problem(self.world, drone, loads=loads, start_ms=start_ms)
         elif anchor.has_loaded or trouble.code == CALLED_HOME:
             return await way_home(
