@@ -18,6 +18,7 @@ _NAMES: Final = (
     "activity",
     "has_mission",
     "mission_state",
+    "names_mission",
 )
 
 Seconds = Annotated[float | None, Field(description="wall seconds; null when nothing was heard")]

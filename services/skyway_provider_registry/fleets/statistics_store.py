@@ -48,6 +48,7 @@ async def alike(
         "activity": _known.c.activity,
         "has_mission": _has_mission,
         "mission_state": _known.c.live_mission_state,
+        "names_mission": func.coalesce(_known.c.mission_id == _known.c.live_mission_id, False),
     }
     columns = [column.label(name) for name, column in what.items()]
     query = (

@@ -86,6 +86,7 @@ class Presence:
     sample: LastSample | None = None
     mission_id: MissionId | None = None
     mission_state: MissionState | None = None
+    names_mission: bool = False
     last_seen_at: datetime | None = None
     last_seen_wall_at: datetime | None = None
 

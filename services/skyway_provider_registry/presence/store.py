@@ -104,6 +104,7 @@ def presence_of(row: AnyRow) -> Presence:
         sample=sample,
         mission_id=_mission_of(row),
         mission_state=row.live_mission_state,
+        names_mission=row.mission_id is not None and row.mission_id == row.live_mission_id,
         last_seen_at=_moment(row.last_seen_ms),
         last_seen_wall_at=_moment(row.last_seen_wall_ms),
     )

@@ -54,7 +54,7 @@ async def test_drones_are_counted_in_the_states_in_which_they_are_shown(
         await said(api, db, clock, provider_id, *messages)
         for messages in (
             (online(7, 1), state(7, 1)),
-            (online(7, 1), state(7, 1, activity="RECHARGING", mission_id="msn_1")),
+            (online(7, 1), state(7, 1, activity="RECHARGING")),
             (online(7, 1), state(7, 1, activity="FLYING", mission_id="msn_2")),
             (online(7, 1), state(7, 1, activity="DOWN")),
             (online(7, 1, "OFFLINE"), state(7, 1)),

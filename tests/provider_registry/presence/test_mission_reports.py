@@ -93,6 +93,36 @@ async def test_a_drone_is_busy_from_its_yes_to_the_end(api: Any, drone: dict[str
     assert seen == [("RESERVED", "msn_1"), ("ON_MISSION", "msn_1"), ("AVAILABLE", None)]
 
 
+async def test_a_drone_that_has_begun_its_accepted_mission_reads_on_mission(
+    api: Any, drone: dict[str, Any], db: Database, clock: ManualClock, state: Maker
+) -> None:
+    await tell(api, make_report(drone, 1))
+    ids = (drone["provider_id"], drone["drone_id"])
+
+    seen = []
+    activities = ("IDLE", "FLYING", "LOADING", "WAITING", "RECHARGING", "DELIVERING")
+    for seq, activity in enumerate(activities, start=2):
+        message = state(7, seq, mission_id="msn_1", activity=activity)
+        await Recorder(db, clock).record([Received(STATE, ids, message, False)])
+        fleets = (await api("operator:op", "GET", "/v1/stats/fleets")).json()
+        seen.append((await shown(api, drone), fleets["by_state"]))
+
+    reserved = (("RESERVED", "msn_1"), {"RESERVED": 1})
+    assert seen == [reserved] + [(("ON_MISSION", "msn_1"), {"ON_MISSION": 1})] * 5
+
+
+async def test_a_drone_that_still_flies_another_mission_is_only_reserved_for_the_next(
+    api: Any, drone: dict[str, Any], db: Database, clock: ManualClock, state: Maker
+) -> None:
+    await tell(api, make_report(drone, 1, mission_id="msn_2"))
+    ids = (drone["provider_id"], drone["drone_id"])
+    message = state(7, 2, mission_id="msn_1", activity="DELIVERING")
+
+    await Recorder(db, clock).record([Received(STATE, ids, message, False)])
+
+    assert await shown(api, drone) == ("RESERVED", "msn_2")
+
+
 async def test_a_refused_mission_leaves_the_drone_free(api: Any, drone: dict[str, Any]) -> None:
     await tell(api, make_report(drone, 1, kind="REFUSED", mission_state="REFUSED"))
 
