@@ -24,12 +24,12 @@ from benchmarks.load.cpu import CpuReading
 from benchmarks.load.storage_pair import storage_pair
 from benchmarks.load.world import populate
 from benchmarks.planner.table import Table
-from skyway.cli.api import GatewayApi
-from skyway.cli.children import Ports
 from skyway.cli.data_folder import DataFolder
-from skyway.cli.databases import database_urls
-from skyway.cli.secrets import read_secret
-from skyway.cli.system import System, running_system
+from skyway.cli.gateway import GatewayApi
+from skyway.cli.system.children import Ports
+from skyway.cli.system.databases import database_urls
+from skyway.cli.system.running_system import System, running_system
+from skyway.cli.system.secrets import read_secret
 
 #: What the issue wants of the newest states, seconds.
 LAG_S: Final = 2.0

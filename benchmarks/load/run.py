@@ -23,11 +23,10 @@ from benchmarks.load.send import send
 from benchmarks.load.statements import SERVER_OPTIONS, statements_counted
 from benchmarks.load.storage_pair import storage_pair
 from benchmarks.load.world import World, populate
-from skyway.cli.api import GatewayApi
-from skyway.cli.children import Ports
 from skyway.cli.data_folder import DataFolder
-from skyway.cli.keys import read_keys
-from skyway.cli.system import System, running_system
+from skyway.cli.gateway import GatewayApi, read_keys
+from skyway.cli.system.children import Ports
+from skyway.cli.system.running_system import System, running_system
 from skyway.errors import SkywayError
 
 #: Wall seconds to find out what the system costs when nothing is asked of it.

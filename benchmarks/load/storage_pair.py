@@ -14,8 +14,8 @@ from pathlib import Path
 
 from benchmarks.load.burst import Storage
 from skyway.cli.data_folder import DataFolder
-from skyway.cli.mosquitto_files import write_mosquitto_files
-from skyway.cli.secrets import make_secrets
+from skyway.cli.system.broker_files import write_mosquitto_files
+from skyway.cli.system.secrets import make_secrets
 from skyway.errors import SkywayError
 
 _INITDB = ("-U", "skyway", "-A", "trust", "-E", "UTF8")

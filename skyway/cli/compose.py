@@ -3,13 +3,15 @@
 The planner is imported when a problem is there: other commands start without it.
 """
 
+import json
 import sys
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
 from enum import IntEnum
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, BinaryIO, Never
 
 import typer
 
-from skyway.cli.problem_lines import Document, NotJson, documents
 from skyway.delivery.plan import Plan, PlanStatus
 from skyway.errors import Fault, InvalidInput
 
@@ -23,6 +25,22 @@ class _ExitCode(IntEnum):
     ALL_ANSWERED = 0
     SOME_UNREADABLE = 2
     SOME_UNKNOWN = 3
+
+
+@dataclass(frozen=True, slots=True)
+class NotJson:
+    """What stands where a document should, and the line at fault, counted from 1."""
+
+    line: int
+    detail: str
+
+
+@dataclass(frozen=True, slots=True)
+class Document:
+    """A JSON value with the number of its first line, counted from 1."""
+
+    line: int
+    value: Any  # any JSON value
 
 
 def compose_command(
@@ -101,3 +119,57 @@ def _show_progress(number: int) -> None:
 def _clear_progress() -> None:
     if sys.stderr.isatty() and not sys.stdout.isatty():
         typer.echo("\r\x1b[K", nl=False, err=True)
+
+
+def documents(file: BinaryIO) -> Iterator[Document | NotJson]:
+    """The documents of a file, each as soon as it is read.
+
+    A first line that is JSON by itself is followed by others of its kind.
+    """
+    for number, line in enumerate(file, start=1):
+        if not line.strip():
+            continue
+        first = _read(line, number)
+        if isinstance(first, Document):
+            yield first
+            yield from _lines(file, first_line=number + 1)
+        else:
+            yield from _whole_or_lines(b"\n" * (number - 1) + line + file.read())
+        return
+    yield NotJson(1, "nothing to read")
+
+
+def _whole_or_lines(raw: bytes) -> Iterator[Document | NotJson]:
+    """One document over many lines, or lines of which the first is broken."""
+    whole = _read(raw, 1)
+    if isinstance(whole, Document):
+        yield whole
+        return
+    lines = raw.splitlines()
+    # A broken single document is told by its one brace that is not indented.
+    unindented = [line for line in lines if line[:1] == b"{"]
+    if len(unindented) > 1 or any(isinstance(_read(line, 1), Document) for line in unindented):
+        yield from _lines(lines, first_line=1)
+    else:
+        yield whole
+
+
+def _lines(lines: Iterable[bytes], *, first_line: int) -> Iterator[Document | NotJson]:
+    for number, line in enumerate(lines, start=first_line):
+        if line.strip():
+            yield _read(line, number)
+
+
+def _read(raw: bytes, line: int) -> Document | NotJson:
+    try:
+        return Document(line, json.loads(raw, parse_constant=_refuse_constant))
+    except json.JSONDecodeError as error:
+        return NotJson(line + error.lineno - 1, f"not JSON: {error.msg} at column {error.colno}")
+    except UnicodeDecodeError as error:
+        return NotJson(line, f"not UTF-8: {error.reason}")
+    except (ValueError, RecursionError) as error:
+        return NotJson(line, f"not JSON: {error}")
+
+
+def _refuse_constant(name: str) -> Never:
+    raise ValueError(f"{name} is not a number in JSON")

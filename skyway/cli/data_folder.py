@@ -1,8 +1,13 @@
 """Where everything of one local system lives: one folder, and the names in it."""
 
+import fcntl
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+
+from skyway.errors import SkywayError
 
 #: The services that keep a database and hold a service credential.
 CLOUD_SERVICES = ("registry", "composition", "gateway")
@@ -86,3 +91,20 @@ class DataFolder:
 def data_folder(given: Path | None = None) -> DataFolder:
     """The folder given, else `SKYWAY_DATA`, else `.skyway` here."""
     return DataFolder(given or Path(os.environ.get("SKYWAY_DATA", ".skyway")))
+
+
+@contextmanager
+def held(folder: DataFolder) -> Iterator[None]:
+    """Hold the folder; the kernel lets go of it when this process ends, however it ends.
+
+    Raises
+    ------
+    SkywayError
+        Another process holds it.
+    """
+    with folder.lock_file.open("w") as lock:
+        try:
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise SkywayError(f"another Skyway runs on {folder.path}; stop it first") from error
+        yield

@@ -2,7 +2,7 @@
 
 import json
 import uuid
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,10 +11,8 @@ import typer
 from rich.console import Console
 
 from skyway.cli.data_folder import DataFolder, data_folder
-from skyway.cli.gateway import call_gateway, fail
-from skyway.cli.keys import read_keys
-from skyway.cli.proof import proof_of
-from skyway.cli.up import DataOption
+from skyway.cli.gateway import call_gateway, fail, read_keys
+from skyway.cli.system.up import DataOption
 
 _CUSTOMER_KEY = "SKYWAY_CUSTOMER_KEY"
 
@@ -136,3 +134,14 @@ def _print_proofs(console: Console, folder: DataFolder, delivery_id: str) -> Non
     for mission in planned["missions"]:
         plan = mission["plan"]
         console.print(f"  plan of {mission['drone_id']}: {proof_of(plan)}", highlight=False)
+
+
+def proof_of(plan: Mapping[str, Any]) -> str:  # a plan as JSON
+    """Whether the plan's time is proven to be the earliest, or how much earlier one could be."""
+    delivered_s, bound_s = plan.get("delivery_time_s"), plan.get("lower_bound_s")
+    if plan.get("status") == "optimal":
+        return "proven optimal: no plan delivers earlier"
+    if delivered_s is None or bound_s is None:
+        return "not proven optimal"
+    earlier_s = delivered_s - bound_s
+    return f"not proven optimal: another plan could be up to {earlier_s:,.0f} s earlier"

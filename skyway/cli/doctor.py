@@ -11,11 +11,10 @@ import httpx
 import typer
 from rich.console import Console
 
-from skyway.cli.children import PACKAGES
 from skyway.cli.data_folder import DataFolder, data_folder
-from skyway.cli.keys import read_keys
-from skyway.cli.own_broker import named_broker
-from skyway.cli.up import DataOption
+from skyway.cli.gateway import read_keys
+from skyway.cli.system.children import PACKAGES, named_broker
+from skyway.cli.system.up import DataOption
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,12 +1,16 @@
 """One call to the running gateway, with a key, told in words when it fails."""
 
-from typing import Any, NoReturn
+import os
+import shlex
+import uuid
+from collections.abc import Mapping
+from typing import Any, NoReturn, Self
 
 import httpx
 import typer
 
 from skyway.cli.data_folder import DataFolder
-from skyway.cli.keys import read_keys
+from skyway.errors import SkywayError
 
 _URL = "SKYWAY_GATEWAY_URL"
 
@@ -68,3 +72,55 @@ def _problem(answer: httpx.Response) -> str:
     except (KeyError, TypeError):
         return lines[0]
     return "\n".join(lines)
+
+
+def read_keys(folder: DataFolder) -> dict[str, str]:
+    """The `SKYWAY_...` settings of the folder's keys.env; the environment's own ones win.
+
+    A missing file holds nothing. Lines are ``NAME=value`` or ``export NAME=value``, as a shell
+    reads them; anything else is passed over.
+    """
+    try:
+        text = folder.keys_file.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        text = ""
+    return _assignments(text) | _settings(os.environ)
+
+
+def _settings(variables: Mapping[str, str]) -> dict[str, str]:
+    return {name: value for name, value in variables.items() if name.startswith("SKYWAY_")}
+
+
+def _assignments(text: str) -> dict[str, str]:
+    found = {}
+    for line in text.splitlines():
+        name, equals, value = line.strip().removeprefix("export ").partition("=")
+        if equals and name.strip().isidentifier():
+            found[name.strip()] = " ".join(shlex.split(value, comments=True))
+    return found
+
+
+class GatewayApi:
+    """Calls to a running gateway; an answer that is not 2xx is a `SkywayError` with its words."""
+
+    def __init__(self, url: str) -> None:
+        self._client = httpx.AsyncClient(base_url=url, timeout=30.0)
+
+    async def __aenter__(self) -> Self:
+        await self._client.__aenter__()
+        return self
+
+    async def __aexit__(self, *_: object) -> None:
+        await self._client.aclose()
+
+    async def call(self, method: str, path: str, *, key: str, body: object = None) -> Any:
+        """The JSON that the gateway answers; what it is, the route documents."""
+        headers = {"Authorization": f"Bearer {key}"}
+        if method == "POST":
+            headers["Idempotency-Key"] = str(uuid.uuid4())
+        answer = await self._client.request(
+            method, path, headers=headers, json=body if body is not None else None
+        )
+        if not answer.is_success:
+            raise SkywayError(f"{method} {path} was answered {answer.status_code}: {answer.text}")
+        return answer.json() if answer.content else None

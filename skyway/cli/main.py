@@ -7,15 +7,15 @@ import typer
 
 from skyway.cli.compose import compose_command
 from skyway.cli.delivery import request_command, track_command
-from skyway.cli.demo import demo_command
+from skyway.cli.demo.command import demo_command
 from skyway.cli.doctor import doctor_command
-from skyway.cli.drone import drone_command
+from skyway.cli.drones.drone import drone_command
+from skyway.cli.drones.fleet import fleet_command
 from skyway.cli.experiment import experiment_command
-from skyway.cli.fleet import fleet_command
 from skyway.cli.network import network_app
-from skyway.cli.secrets_command import secrets_command
-from skyway.cli.top import top_command
-from skyway.cli.up import up_command
+from skyway.cli.system.secrets_command import secrets_command
+from skyway.cli.system.up import up_command
+from skyway.cli.top.command import top_command
 from skyway.cli.verify import verify_command
 from skyway.errors import SkywayError
 

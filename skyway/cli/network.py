@@ -12,7 +12,7 @@ import typer
 
 from skyway.cli.data_folder import data_folder
 from skyway.cli.gateway import call_gateway
-from skyway.cli.up import DataOption
+from skyway.cli.system.up import DataOption
 from skyway.errors import SkywayError
 from skyway.network.bundled import texas_corridor
 from skyway.network.components import component_sizes

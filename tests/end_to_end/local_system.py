@@ -14,7 +14,7 @@ from typing import Any
 import httpx
 
 from skyway.cli.data_folder import DataFolder
-from skyway.cli.keys import read_keys
+from skyway.cli.gateway import read_keys
 from tests.end_to_end.corridor_network import corridor
 from tests.end_to_end.eventually import PATIENCE_S, eventually
 

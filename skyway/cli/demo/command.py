@@ -1,0 +1,63 @@
+"""`skyway demo`: the whole system, the paper's scenario, and nothing left behind."""
+
+import asyncio
+import shutil
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from skyway.cli.data_folder import DataFolder, data_folder, held
+from skyway.cli.demo.screen import DemoScreen
+from skyway.cli.system.children import Ports
+from skyway.cli.system.running_system import running_system
+from skyway.cli.system.supervisor import first_of
+from skyway.cli.system.up import DataOption, announce, asked_to_stop
+from skyway.errors import SkywayError
+
+#: The delivery shall take about this long on the wall (docs/reference/time.md).
+_WALL_S = 35.0
+
+
+def demo_command(
+    data: DataOption = None,
+    stay: Annotated[
+        bool, typer.Option("--stay", help="Leave the system up afterwards, until Ctrl-C.")
+    ] = False,
+) -> None:
+    """Play the paper's scenario through real processes; ends by itself."""
+    folder = DataFolder(data_folder(data).path / "demo")
+    _empty(folder)
+    asyncio.run(_demo(folder, stay=stay))
+
+
+def _empty(folder: DataFolder) -> None:
+    """Make the folder new: a demo never meets what an earlier one left."""
+    folder.make()
+    with held(folder):
+        for path in folder.path.iterdir():
+            if path.is_dir():
+                shutil.rmtree(path)
+            elif path != folder.lock_file:
+                path.unlink()
+
+
+async def _demo(folder: DataFolder, *, stay: bool) -> None:
+    console = Console()
+    # Imported late: the planner takes a second, and the other commands do without it.
+    from skyway.cli.demo.scenario import play
+    from skyway.cli.demo.world import rehearse
+
+    planned_s = rehearse()
+    rate = planned_s / _WALL_S
+    ports = Ports() if stay else Ports(gateway=0, broker=0)
+    with DemoScreen(console) as screen, asked_to_stop() as asked:
+        screen.starting(planned_s=planned_s, rate=rate)
+        starting = running_system(folder, rate=rate, ports=ports, say=console.print)
+        async with starting as system:
+            await first_of(play(system, screen), asked.wait(), system.supervisor.failed())
+            if asked.is_set():
+                raise SkywayError("stopped before the scenario ended")
+            if stay:
+                announce(console, system)
+                await first_of(asked.wait(), system.supervisor.failed())

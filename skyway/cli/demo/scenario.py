@@ -1,0 +1,184 @@
+"""The paper's scenario, played by a customer through the public faces of a running system."""
+
+import asyncio
+import time
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from typing import Any
+
+from skyway.cli.demo.flown import Flown
+from skyway.cli.demo.screen import DemoScreen
+from skyway.cli.demo.webhook_receiver import WebhookReceiver
+from skyway.cli.demo.world import (
+    OTHER_REQUESTS,
+    PACKAGES,
+    PICKUP,
+    World,
+    delivery_request,
+    load_for_ever,
+    register,
+    until_all_stand_ready,
+)
+from skyway.cli.gateway import GatewayApi
+from skyway.cli.system.running_system import System
+from skyway.cli.system.secrets import read_secret
+from skyway.contracts.drone_report import DroneEvent, DroneState, Telemetry
+from skyway.contracts.topics import EVENTS, STATE, TELEMETRY
+from skyway.errors import SkywayError
+from skyway.runtime.mqtt.client import MqttClient
+
+#: How long the cast may take to get ready, and the delivery to end, wall seconds: some eight times
+#: what they take, since a newcomer's machine may have little free, and every pause makes drones
+#: late. What keeps dying is seen at once.
+_READY_WITHIN_S = 90.0
+_ENDED_WITHIN_S = 300.0
+
+_TERMINAL = frozenset({"COMPLETED", "PARTIALLY_COMPLETED", "CANCELLED", "FAILED", "REJECTED"})
+
+
+async def play(system: System, screen: DemoScreen) -> None:
+    """Register everybody, request the delivery, and show it until its last notification.
+
+    Raises
+    ------
+    SkywayError
+        The delivery did not complete, or not in time.
+    """
+    operator_key = read_secret(system.folder, "operator_key")
+    with WebhookReceiver() as receiver:
+        async with GatewayApi(system.urls["gateway"]) as api, _watching(system) as watch:
+            async with _in_time(_READY_WITHIN_S, "the drones are not ready", system):
+                world = await register(api, operator_key, folder=system.folder.path)
+                screen.cast(world.provider_names)
+                system.start_fleet("fleet", world.fleet_file)
+                await until_all_stand_ready(api, operator_key, world)
+            async with _loading(api, operator_key):
+                await _others_request(api, world, screen)
+                await _tell_me_at(api, world, receiver)
+                started = time.monotonic()
+                async with _in_time(_ENDED_WITHIN_S, "the delivery has not ended", system):
+                    path = await _take_best_offer(api, world, screen)
+                    delivery = await _follow(api, world, path, receiver, watch, screen)
+            screen.end(delivery, watch.flown, wall_s=time.monotonic() - started)
+    if delivery["state"] != "COMPLETED":
+        raise SkywayError(
+            f"delivery {delivery['delivery_id']} ended {delivery['state']}: {delivery['reasons']}; "
+            f"the logs are in {system.folder.logs}"
+        )
+
+
+class _Watch:
+    """What an operator's eye on MQTT has seen: each drone's state and charge, the steps flown."""
+
+    def __init__(self) -> None:
+        self.states: dict[str, DroneState] = {}
+        self.charges: dict[str, float] = {}
+        self.flown = Flown()
+
+    async def look(self, mqtt: MqttClient) -> None:
+        """Take in states, telemetry and events for ever."""
+        async for batch in mqtt.batches(STATE, TELEMETRY, EVENTS):
+            for received in batch:
+                message = received.message
+                if isinstance(message, DroneEvent):
+                    self.flown.add(message)
+                    continue
+                if isinstance(message, DroneState):
+                    self.states[received.ids[1]] = message
+                if isinstance(message, DroneState | Telemetry):
+                    self.charges[received.ids[1]] = message.soc
+
+
+@asynccontextmanager
+async def _watching(system: System) -> AsyncIterator[_Watch]:
+    """An operator's MQTT account, reading along while the block runs."""
+    mqtt = MqttClient(
+        system.mqtt_url,
+        client_id="operator",
+        user_name="operator",
+        password=read_secret(system.folder, "mqtt_operator"),
+    )
+    watch = _Watch()
+    async with mqtt, asyncio.TaskGroup() as tasks:
+        looking = tasks.create_task(watch.look(mqtt))
+        yield watch
+        looking.cancel()
+
+
+@asynccontextmanager
+async def _loading(api: GatewayApi, operator_key: str) -> AsyncIterator[None]:
+    """The providers' loaders at work while the block runs."""
+    async with asyncio.TaskGroup() as tasks:
+        loading = tasks.create_task(load_for_ever(api, operator_key))
+        yield
+        loading.cancel()
+
+
+@asynccontextmanager
+async def _in_time(limit_s: float, trouble: str, system: System) -> AsyncIterator[None]:
+    try:
+        async with asyncio.timeout(limit_s):
+            yield
+    except TimeoutError as error:
+        detail = f"{trouble} within {limit_s:.0f} s; the logs are in {system.folder.logs}"
+        raise SkywayError(detail) from error
+
+
+async def _others_request(api: GatewayApi, world: World, screen: DemoScreen) -> None:
+    """Have the other customer's deliveries planned first, so that pads and drones are taken."""
+    key = world.other_customer_key
+    for pickup, packages in OTHER_REQUESTS:
+        body = delivery_request(pickup, packages, objective="cheapest")
+        await api.call("POST", "/v1/deliveries", key=key, body=body)
+    page = await api.call("GET", "/v1/deliveries", key=key)
+    while any(delivery["state"] == "REQUESTED" for delivery in page["items"]):
+        await asyncio.sleep(0.1)  # asked of another process: there is nothing to wait on
+        page = await api.call("GET", "/v1/deliveries", key=key)
+    screen.others(page["items"])
+
+
+async def _tell_me_at(api: GatewayApi, world: World, receiver: WebhookReceiver) -> None:
+    body = {"url": receiver.url}
+    answer = await api.call("POST", "/v1/webhooks", key=world.customer_key, body=body)
+    receiver.secret = answer["secret"]
+
+
+async def _take_best_offer(api: GatewayApi, world: World, screen: DemoScreen) -> str:
+    """Ask for offers by two objectives, take the fastest; the path of the delivery."""
+    key = world.customer_key
+    for objective in ("cheapest", "fastest"):
+        request = delivery_request(PICKUP, PACKAGES, objective=objective)
+        quote: dict[str, Any] = await api.call("POST", "/v1/quotes", key=key, body=request)
+        screen.offers(quote, objective=objective)
+    screen.request(request)
+    taken = {"quote_id": quote["quote_id"], "offer_id": quote["offers"][0]["offer_id"]}
+    created = await api.call("POST", "/v1/deliveries", key=key, body=taken)
+    return f"/v1/deliveries/{created['delivery_id']}"
+
+
+async def _follow(
+    api: GatewayApi,
+    world: World,
+    path: str,
+    receiver: WebhookReceiver,
+    watch: _Watch,
+    screen: DemoScreen,
+) -> dict[str, Any]:
+    """The delivery's last JSON, once its last notification has arrived."""
+    planned_revision: tuple[str, int] | None = None
+    while True:
+        delivery: dict[str, Any] = await api.call("GET", path, key=world.customer_key)
+        for mission in delivery["missions"][-1:]:
+            if planned_revision != (mission["mission_id"], mission["revision"]):
+                planned_revision = (mission["mission_id"], mission["revision"])
+                screen.plan(mission)
+            drone_id = mission["drone_id"]
+            if drone_id in watch.states:
+                screen.progress(delivery, watch.states[drone_id], charge=watch.charges[drone_id])
+        while not receiver.notifications.empty():
+            notification = receiver.notifications.get_nowait()
+            screen.notified(notification)
+            last_word = f"delivery.{delivery['state'].lower()}"
+            if delivery["state"] in _TERMINAL and notification.event["type"] == last_word:
+                return delivery
+        await asyncio.sleep(0.1)  # the screen's pace

@@ -1,0 +1,174 @@
+"""Who takes part in the demo: the corridor, two providers with five drones each, the requests."""
+
+import asyncio
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Final, Never
+
+from skyway.cli.gateway import GatewayApi
+from skyway.drone.models import PAPER_SCENARIO
+from skyway.errors import SkywayError
+from skyway.network.bundled import texas_corridor
+from skyway.network.geojson import write_network
+from skyway.planner.compose import compose
+from skyway.planner.problem import Problem
+
+NETWORK_ID: Final = "texas-corridor"
+
+#: The paper's motivating scenario; masses are ours, it names none.
+PICKUP: Final = "san-marcos"
+PACKAGES: Final = (
+    ("medicine", 0.5, "mcqueeney"),
+    ("camera", 0.8, "bulverde"),
+    ("books", 1.2, "san-antonio"),
+)
+
+#: Two providers: tariff in US cents, and where their five drones are at home.
+PROVIDERS: Final[tuple[dict[str, Any], ...]] = (
+    {
+        "name": "Hill Country Drones",
+        "tariff": {"currency": "USD", "base": 900, "per_km": 22, "per_recharge_minute": 2},
+        "homes": ("san-marcos", "san-marcos", "kyle", "mcqueeney", "schertz"),
+    },
+    {
+        "name": "Alamo Air Delivery",
+        "tariff": {"currency": "USD", "base": 600, "per_km": 30, "per_recharge_minute": 1},
+        "homes": ("san-marcos", "san-antonio", "mcqueeney", "seguin", "universal-city"),
+    },
+)
+
+#: The default of a network's settings.
+_ENERGY_MARGIN: Final = 0.15
+
+#: What others ask for at the same time, so that some pads are taken.
+OTHER_REQUESTS: Final = (
+    ("san-marcos", (("parts", 0.6, "san-antonio"),)),
+    ("mcqueeney", (("flowers", 0.4, "universal-city"), ("keys", 0.1, "san-antonio"))),
+    ("schertz", (("lunch", 0.9, "bulverde"),)),
+    ("san-antonio", (("samples", 0.7, "seguin"),)),
+)
+
+
+@dataclass(frozen=True, slots=True)
+class World:
+    """The demo's cast once it is registered."""
+
+    customer_key: str
+    other_customer_key: str
+    provider_names: dict[str, str]
+    fleet_file: Path
+
+
+def rehearse() -> float:
+    """How long the delivery takes when nobody else flies, in fleet seconds.
+
+    With the margin on energy that a network has by default, as composition plans it.
+    """
+    power_w = (1 + _ENERGY_MARGIN) * PAPER_SCENARIO.power_empty_w
+    model = PAPER_SCENARIO.model_copy(update={"power_empty_w": power_w})
+    problem = Problem.model_validate(
+        {
+            "network": texas_corridor(),
+            "drone": {"model": model, "soc": 1.0},
+            "source": PICKUP,
+            "packages": [
+                {"package_id": name, "mass_kg": mass_kg, "destination": destination}
+                for name, mass_kg, destination in PACKAGES
+            ],
+        }
+    )
+    delivery_time_s = compose(problem).delivery_time_s
+    if delivery_time_s is None:
+        raise RuntimeError("the paper's scenario has no plan on the bundled corridor")
+    return delivery_time_s
+
+
+async def register(api: GatewayApi, operator_key: str, *, folder: Path) -> World:
+    """Publish the corridor, register customers, providers and fleets, as an operator would."""
+
+    async def operate(method: str, path: str, body: object) -> Any:
+        return await api.call(method, path, key=operator_key, body=body)
+
+    await operate("PUT", f"/v1/networks/{NETWORK_ID}", write_network(texas_corridor()))
+    keys = [
+        (await operate("POST", "/v1/keys", {"role": "customer", "subject_id": name}))["key"]
+        for name in ("river-books", "city-pharmacy")
+    ]
+    names: dict[str, str] = {}
+    drones: list[dict[str, Any]] = []
+    for provider in PROVIDERS:
+        # Its loaders weigh what is put on board; in the demo they are simulated.
+        terms = {"name": provider["name"], "tariff": provider["tariff"], "loading": "CONFIRMED"}
+        provider_id = (await operate("POST", "/v1/providers", terms))["provider_id"]
+        names[provider_id] = provider["name"]
+        fleet = [
+            {"model_id": PAPER_SCENARIO.model_id, "home_station_id": home}
+            for home in provider["homes"]
+        ]
+        answer = await operate("POST", f"/v1/providers/{provider_id}/drones", fleet)
+        drones += answer["items"]
+    fleet_file = folder / "fleet.json"
+    fleet_file.touch(mode=0o600)
+    fleet_file.write_text(json.dumps({"items": drones}))
+    return World(keys[0], keys[1], names, fleet_file)
+
+
+async def until_all_stand_ready(api: GatewayApi, operator_key: str, world: World) -> None:
+    """Wait until the registry has heard of every drone."""
+    for provider_id in world.provider_names:
+        path = f"/v1/providers/{provider_id}/drones"
+        page = await api.call("GET", path, key=operator_key)
+        while any(drone["state"] != "AVAILABLE" for drone in page["items"]):
+            await asyncio.sleep(0.1)  # asked of another process: there is nothing to wait on
+            page = await api.call("GET", path, key=operator_key)
+
+
+def delivery_request(
+    pickup: str, packages: tuple[tuple[str, float, str], ...], *, objective: str
+) -> dict[str, Any]:
+    """The JSON of a delivery request."""
+    return {
+        "pickup": {"station_id": pickup},
+        "packages": [
+            {
+                "package_id": package_id,
+                "mass_kg": mass_kg,
+                "destination": {"station_id": destination},
+            }
+            for package_id, mass_kg, destination in packages
+        ],
+        "qos": {"objective": objective},
+    }
+
+
+#: Wall seconds between two looks for drones that wait; loaders are asked of another process.
+_LOOK_EVERY_S: Final = 0.2
+
+
+async def load_for_ever(api: GatewayApi, key: str) -> Never:
+    """Confirm what every waiting drone of this key's provider, or of all, is to take on board.
+
+    What lies on the scale is what the customer said.
+    """
+    while True:
+        page = await api.call("GET", "/v1/missions?loading=AWAITED&state=ACTIVE", key=key)
+        for mission in page["items"]:
+            await _load(api, key, mission["mission_id"])
+        await asyncio.sleep(_LOOK_EVERY_S)
+
+
+async def _load(api: GatewayApi, key: str, mission_id: str) -> None:
+    progress: dict[str, Any] = await api.call("GET", f"/v1/missions/{mission_id}", key=key)
+    for progressed in progress["steps"]:
+        step = progressed["step"]
+        if step["kind"] != "PICK_UP" or progressed["status"] != "PLANNED":
+            continue
+        state = progress["drone_state"]
+        if state is None or state["station_id"] != step["station_id"]:
+            continue  # still on its way here
+        try:
+            body = {"packages": step["packages"]}
+            await api.call("POST", f"/v1/missions/{mission_id}/loading", key=key, body=body)
+        except SkywayError:
+            continue  # not there yet after all, or confirmed a moment ago: the next look tells

@@ -1,0 +1,1 @@
+"""`skyway up`: a whole local system, from its secrets and databases to its supervised processes."""

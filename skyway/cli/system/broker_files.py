@@ -1,0 +1,77 @@
+"""What Mosquitto reads: its configuration and rules, beside the passwords of the registry."""
+
+import getpass
+import os
+from collections.abc import Sequence
+from urllib.parse import urlsplit
+
+from skyway.cli.data_folder import DataFolder
+from skyway.contracts.broker_rules import BrokerRules
+from skyway.runtime.mqtt.mosquitto import TlsFiles, mosquitto_conf
+from skyway.runtime.private_file import write_private
+
+#: Where drones and customers, and where services meet Mosquitto when no setting says.
+_DRONE_PORT = 1883
+_SERVICE_PORT = 1884
+
+
+def write_mosquitto_files(folder: DataFolder, *, host: str = "127.0.0.1") -> None:
+    """Write the files with which ``mosquitto -c`` serves this system.
+
+    The ports are those of `SKYWAY_MQTT_DRONE_URL`, for services `SKYWAY_MQTT_URL`, and, where the
+    deployment has an authority for drones, `SKYWAY_MQTT_TLS_URL`.
+    """
+    acl_file = folder.broker / "acl"
+    acl_file.write_text(BrokerRules().mosquitto_acl())
+    acl_file.chmod(0o600)
+    folder.broker_passwords.touch(mode=0o600)
+    configuration = mosquitto_conf(
+        port=_port("SKYWAY_MQTT_DRONE_URL", _DRONE_PORT),
+        service_port=_port("SKYWAY_MQTT_URL", _SERVICE_PORT),
+        password_file=folder.broker_passwords.resolve(),
+        acl_file=acl_file.resolve(),
+        pid_file=folder.broker_pid.resolve(),
+        user=getpass.getuser(),
+        host=host,
+        tls=made_tls_files(folder),
+    )
+    (folder.broker / "mosquitto.conf").write_text(configuration)
+
+
+def _port(setting: str, otherwise: int) -> int:
+    return urlsplit(os.environ.get(setting, "")).port or otherwise
+
+
+#: Where drones meet Mosquitto over TLS when no setting says.
+_TLS_PORT = 8883
+
+
+def made_tls_files(folder: DataFolder) -> TlsFiles | None:
+    """The files; None when the deployment has no authority."""
+    files = tls_files(folder)
+    return files if files.certificate_file.exists() else None
+
+
+def tls_files(folder: DataFolder) -> TlsFiles:
+    """Where the files are, made or not."""
+    broker = folder.broker.resolve()
+    return TlsFiles(
+        port=urlsplit(os.environ.get("SKYWAY_MQTT_TLS_URL", "")).port or _TLS_PORT,
+        ca_file=broker / "ca.pem",
+        certificate_file=broker / "server.pem",
+        key_file=broker / "server-key.pem",
+    )
+
+
+def make_drone_ca(folder: DataFolder, broker_names: Sequence[str]) -> None:
+    """Make the authority once, and each time a new certificate for the broker under these names."""
+    # Imported here: X.509 takes a tenth of a second, and no other command needs it.
+    from skyway.runtime.certificates import CertificateAuthority
+
+    authority = CertificateAuthority.make(folder.drone_ca)
+    signed = authority.sign_broker(broker_names)
+    files = tls_files(folder)
+    # Copies beside the broker's other files: it needs no more of the authority's folder.
+    write_private(files.ca_file, authority.certificate_pem)
+    write_private(files.key_file, signed.private_key_pem)
+    write_private(files.certificate_file, signed.certificate_pem)

@@ -1,0 +1,92 @@
+"""Waiting until a local system is ready, and saying what it waits for when that takes long."""
+
+import asyncio
+from collections.abc import Callable, Mapping
+
+import httpx
+
+from skyway.cli.system.children import named_broker
+from skyway.runtime.mqtt.address import BrokerAddress
+
+#: After so many wall seconds somebody wants to know why nothing happens; where the machine is
+#: slow, the services take longer until they can say it.
+_LONG_S, _LONG_TO_START_S = 5.0, 30.0
+
+#: Between two looks, wall seconds.
+_EVERY_S = 0.05
+
+#: How long a service may take to say what it lacks, and a broker to be reached, wall seconds.
+_ANSWERS_WITHIN_S = 2.0
+
+
+async def until_ready(
+    urls: Mapping[str, str],
+    *,
+    say: Callable[[str], None],
+    long_s: float = _LONG_S,
+    long_to_start_s: float = _LONG_TO_START_S,
+) -> None:
+    """Return once every service is ready; what they lack is said, once, when it takes long."""
+    loop = asyncio.get_running_loop()
+    tells_from_s, starts_until_s = loop.time() + long_s, loop.time() + long_to_start_s
+    told = set[str]()
+    async with httpx.AsyncClient(timeout=_ANSWERS_WITHIN_S) as client:
+        while lacks := await _lacks(client, urls):
+            if loop.time() >= tells_from_s:
+                if loop.time() < starts_until_s:
+                    lacks = {name: lack for name, lack in lacks.items() if lack is not None}
+                for words in await _in_words(lacks):
+                    if words not in told:
+                        told.add(words)
+                        say(words)
+            await asyncio.sleep(_EVERY_S)
+
+
+async def _lacks(client: httpx.AsyncClient, urls: Mapping[str, str]) -> dict[str, str | None]:
+    """What each service lacks that is not ready, in its own words; None where it says nothing."""
+    answers = await asyncio.gather(*(_answer(client, url) for url in urls.values()))
+    return {
+        name: None if answer is None else _detail(answer)
+        for name, answer in zip(urls, answers, strict=True)
+        if answer is None or not answer.is_success
+    }
+
+
+async def _answer(client: httpx.AsyncClient, url: str) -> httpx.Response | None:
+    try:
+        return await client.get(f"{url}/readyz")
+    except httpx.HTTPError:
+        return None
+
+
+def _detail(problem: httpx.Response) -> str | None:
+    try:
+        return str(problem.json()["detail"])
+    except (ValueError, KeyError):
+        return None
+
+
+async def _in_words(lacks: Mapping[str, str | None]) -> list[str]:
+    words = [
+        f"Still waiting: {lack or f'{name} does not answer yet'}." for name, lack in lacks.items()
+    ]
+    broker = named_broker()
+    if broker is not None and any("mqtt" in (lack or "") for lack in lacks.values()):
+        words.append(await _trouble_with(broker))
+    return words
+
+
+async def _trouble_with(broker: str) -> str:
+    """Why the services are not connected to a broker that somebody else runs."""
+    named = f"The broker that SKYWAY_MQTT_URL names, {broker},"
+    address = BrokerAddress.parse(broker)
+    try:
+        async with asyncio.timeout(_ANSWERS_WITHIN_S):
+            _, writer = await asyncio.open_connection(address.host, address.port)
+    except OSError:
+        return (
+            f"{named} is not running: start it, or `unset SKYWAY_MQTT_URL`, and Skyway starts"
+            " one of its own."
+        )
+    writer.close()
+    return f"{named} is there, but does not let them in: does it know this folder's accounts?"

@@ -1,0 +1,111 @@
+"""One local Skyway, from its first process to its last."""
+
+import asyncio
+import os
+import sys
+from collections.abc import AsyncIterator, Callable, Mapping
+from contextlib import ExitStack, asynccontextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from skyway.cli.data_folder import DataFolder, held
+from skyway.cli.system.broker_files import write_mosquitto_files
+from skyway.cli.system.children import Ports, bind, child, environment, service_urls
+from skyway.cli.system.databases import database_urls
+from skyway.cli.system.fleet_time import anchor_clock, keep_heartbeat
+from skyway.cli.system.readiness import until_ready
+from skyway.cli.system.secrets import make_secrets, write_keys_file
+from skyway.cli.system.supervisor import Child, Supervisor, first_of
+from skyway.errors import SkywayError
+
+#: How long all services together may take until they answer /readyz, wall seconds. The first start
+#: on a machine where `make setup` was not run compiles the planner: a minute where little is free.
+_READY_WITHIN_S = 180.0
+
+
+@dataclass(frozen=True, slots=True)
+class System:
+    """A running local system; drones and customers meet the broker at `mqtt_url`."""
+
+    folder: DataFolder
+    supervisor: Supervisor
+    urls: Mapping[str, str]
+    mqtt_url: str
+
+    def start_fleet(self, name: str, fleet_file: Path, *, gives_way_by: int = 0) -> None:
+        """Keep an agent process running that hosts the drones of this file."""
+        self.supervisor.start(
+            Child(
+                name=name,
+                command=(sys.executable, "-m", "skyway_drone_agent", "--fleet", str(fleet_file)),
+                log=self.folder.log(name),
+                environment={
+                    "SKYWAY_MQTT_URL": self.mqtt_url,
+                    "SKYWAY_AGENT_JOURNAL": str(self.folder.journals.resolve()),
+                },
+                gives_way_by=gives_way_by,
+            )
+        )
+
+
+@asynccontextmanager
+async def running_system(
+    folder: DataFolder, *, rate: float, ports: Ports, say: Callable[[str], None]
+) -> AsyncIterator[System]:
+    """Start everything, wait until it is ready, and end all of it on leaving.
+
+    `SKYWAY_DATABASE_URL` and `SKYWAY_MQTT_URL` replace the embedded database and broker. `say` is
+    told what is waited for, should it take long.
+
+    Raises
+    ------
+    SkywayError
+        Something does not start; the message says what, and where its log is.
+    """
+    # Also in a folder that others may enter, databases and logs are its user's alone.
+    os.umask(0o077)
+    make_secrets(folder)
+    with ExitStack() as opened:
+        opened.enter_context(held(folder))
+        anchor_clock(folder, rate=rate)
+        sockets = bind(ports, opened)
+        told = environment(folder, sockets)
+        if "broker" not in sockets:
+            write_mosquitto_files(folder)
+        databases = await database_urls(folder)
+        system = System(
+            folder=folder,
+            supervisor=Supervisor(),
+            urls=service_urls(sockets),
+            mqtt_url=os.environ.get("SKYWAY_MQTT_DRONE_URL", told["SKYWAY_MQTT_URL"]),
+        )
+        own_broker_url = told["SKYWAY_MQTT_URL"] if "broker" in sockets else ""
+        write_keys_file(
+            folder, system.urls["gateway"], system.mqtt_url, own_broker_url=own_broker_url
+        )
+        heartbeat = asyncio.create_task(keep_heartbeat(folder))
+        try:
+            async with system.supervisor:
+                for name, listener in sockets.items():
+                    process = child(
+                        name, folder, listener=listener, told=told, database_urls=databases
+                    )
+                    system.supervisor.start(process)
+                await _until_ready(system, say)
+                yield system
+        finally:
+            heartbeat.cancel()
+            with suppress(asyncio.CancelledError):
+                await heartbeat
+
+
+async def _until_ready(system: System, say: Callable[[str], None]) -> None:
+    """Wait until every service is ready, or for a child that keeps dying."""
+    try:
+        async with asyncio.timeout(_READY_WITHIN_S):
+            await first_of(until_ready(system.urls, say=say), system.supervisor.failed())
+    except TimeoutError as error:
+        raise SkywayError(
+            f"not everything was ready within {_READY_WITHIN_S:.0f} s; "
+            f"the logs are in {system.folder.logs}"
+        ) from error

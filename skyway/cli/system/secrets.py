@@ -1,0 +1,70 @@
+"""Every secret of a local system, made on the first start and kept."""
+
+import secrets
+from pathlib import Path
+
+from skyway.cli.data_folder import CLOUD_SERVICES, DataFolder
+from skyway.cli.system.children import OWN_BROKER_URL
+from skyway.runtime.private_file import write_private
+
+#: Broker accounts that exist before any drone: the services' and the operator's.
+_BROKER_ACCOUNTS = (*CLOUD_SERVICES, "operator")
+
+#: API keys that exist before any request: whom `skyway up` writes into keys.env.
+_API_KEYS = ("operator_key", "customer_key")
+
+
+def make_secrets(folder: DataFolder) -> None:
+    """Write the secrets that are missing, each readable by this user alone."""
+    folder.make()
+    for service in CLOUD_SERVICES:
+        _write_once(folder.secrets / f"service_{service}", secrets.token_urlsafe(32))
+    for account in _BROKER_ACCOUNTS:
+        _write_once(folder.secrets / f"mqtt_{account}", secrets.token_urlsafe(24))
+    for name in _API_KEYS:
+        _write_once(folder.secrets / name, f"sk_{secrets.token_urlsafe(32)}")
+
+
+def read_secret(folder: DataFolder, name: str) -> str:
+    """One secret."""
+    return (folder.secrets / name).read_text().strip()
+
+
+def make_database_passwords(folder: DataFolder, passwords: Path, *, host: str) -> None:
+    """Write a password per PostgreSQL role: for the server, and as the service's passfile.
+
+    `passwords` is a folder that only the server mounts; its user is another one than ours, so the
+    files in it are readable to all who can reach the folder.
+    """
+    passwords.mkdir(parents=True, exist_ok=True)
+    for role in ("superuser", *CLOUD_SERVICES):
+        _write_once(passwords / role, secrets.token_urlsafe(24))
+        (passwords / role).chmod(0o644)
+    for service in CLOUD_SERVICES:
+        password = (passwords / service).read_text().strip()
+        line = f"{host}:*:*:skyway_{service}:{password}\n"
+        write_private(folder.secrets / f"pgpass_{service}", line)
+
+
+def write_keys_file(
+    folder: DataFolder, gateway_url: str, mqtt_url: str, *, own_broker_url: str = ""
+) -> None:
+    """Write the newcomer's keys and where to use them, as lines that a shell can source.
+
+    `own_broker_url`: where the system's own broker listens, if it runs one.
+    """
+    values = {
+        "SKYWAY_GATEWAY_URL": gateway_url,
+        "SKYWAY_MQTT_URL": mqtt_url,
+        OWN_BROKER_URL: own_broker_url,
+        "SKYWAY_OPERATOR_KEY": read_secret(folder, "operator_key"),
+        "SKYWAY_CUSTOMER_KEY": read_secret(folder, "customer_key"),
+        "SKYWAY_MQTT_OPERATOR_PASSWORD": read_secret(folder, "mqtt_operator"),
+    }
+    lines = [f"export {name}={value}\n" for name, value in values.items()]
+    write_private(folder.keys_file, "".join(lines))
+
+
+def _write_once(path: Path, content: str) -> None:
+    if not path.exists():
+        write_private(path, content + "\n")

@@ -1,0 +1,79 @@
+"""`skyway up`: the whole system on this machine, until Ctrl-C."""
+
+import asyncio
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+
+from skyway.cli.data_folder import DataFolder, data_folder
+from skyway.cli.system.children import Ports
+from skyway.cli.system.running_system import System, running_system
+from skyway.cli.system.supervisor import first_of
+
+DataOption = Annotated[
+    Path | None, typer.Option("--data", help="Data folder; else SKYWAY_DATA, else .skyway.")
+]
+RateOption = Annotated[
+    float, typer.Option(min=1.0, max=100_000.0, help="Fleet seconds per wall second.")
+]
+PortOption = Annotated[int, typer.Option(min=0, max=65535, help="The gateway's; 0: any free one.")]
+MqttPortOption = Annotated[
+    int, typer.Option(min=0, max=65535, help="The embedded broker's; 0: any free one.")
+]
+
+
+def up_command(
+    data: DataOption = None,
+    rate: RateOption = 120.0,
+    port: PortOption = 8000,
+    mqtt_port: MqttPortOption = 1883,
+) -> None:
+    """Start all processes and keep them running until Ctrl-C."""
+    folder = data_folder(data)
+    asyncio.run(_up(folder, rate=rate, ports=Ports(gateway=port, broker=mqtt_port)))
+
+
+async def _up(folder: DataFolder, *, rate: float, ports: Ports) -> None:
+    console = Console()
+    with asked_to_stop() as asked:
+        await first_of(asked.wait(), _run(console, folder, rate=rate, ports=ports))
+    console.print("Skyway has stopped; nothing is left running.")
+
+
+async def _run(console: Console, folder: DataFolder, *, rate: float, ports: Ports) -> None:
+    async with running_system(folder, rate=rate, ports=ports, say=console.print) as system:
+        announce(console, system)
+        await system.supervisor.failed()
+
+
+@contextmanager
+def asked_to_stop() -> Iterator[asyncio.Event]:
+    """An event that Ctrl-C and SIGTERM set, so that everything can be ended in order."""
+    asked = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    numbers = (signal.SIGINT, signal.SIGTERM)
+    for number in numbers:
+        loop.add_signal_handler(number, asked.set)
+    try:
+        yield asked
+    finally:
+        for number in numbers:
+            loop.remove_signal_handler(number)
+
+
+def announce(console: Console, system: System) -> None:
+    """Say where the system answers and how to greet it.
+
+    Its lines are not broken: they hold addresses and paths that people copy.
+    """
+    console.print(
+        f"Skyway is up: [bold]{system.urls['gateway']}[/] (its pages: /docs), "
+        f"broker {system.mqtt_url}\n"
+        f"Keys: source {system.folder.keys_file}    Logs: {system.folder.logs}    Stop: Ctrl-C",
+        soft_wrap=True,
+    )

@@ -1,0 +1,1 @@
+"""`skyway top`: `reader` asks the gateway, `screen` shows the answers, `command` runs both."""

@@ -1,0 +1,165 @@
+"""What `skyway top` reads: a handful of small answers of the gateway each second."""
+
+import time
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any, Final, Self
+
+import httpx
+
+from skyway.errors import SkywayError
+
+
+@dataclass(frozen=True, slots=True)
+class Alarm:
+    """An alarm that nobody has acknowledged; `about` is a drone, mission or station."""
+
+    at: str
+    level: str
+    code: str
+    about: str
+    detail: str
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """Counts by state, and how well the talk with drones goes; rates are None at the first look."""
+
+    url: str
+    at: str
+    drones: Mapping[str, int]
+    missions: Mapping[str, int]
+    deliveries: Mapping[str, int]
+    alarms: tuple[Alarm, ...]
+    lag_mean_s: float | None
+    lag_max_s: float | None
+    states_per_s: float | None
+    samples_per_s: float | None
+    recompositions: int
+    unsent: Mapping[str, int]
+
+
+@dataclass(frozen=True, slots=True)
+class Said:
+    """How many messages drones had sent at a moment of the machine's monotonic clock."""
+
+    at_s: float
+    states: int
+    samples: int
+
+    def states_since(self, earlier: "Said") -> float:
+        """States a second; an agent that begins anew counts from 1, which is no step back."""
+        return max(0, self.states - earlier.states) / (self.at_s - earlier.at_s)
+
+    def samples_since(self, earlier: "Said") -> float:
+        """Samples a second."""
+        return max(0, self.samples - earlier.samples) / (self.at_s - earlier.at_s)
+
+
+#: Wall seconds for an answer, and how many alarms are shown.
+_TIMEOUT_S: Final = 10.0
+_ALARMS: Final = 8
+
+#: Statistics of a day's deliveries take longer than all else: asked for less often, wall seconds.
+_DELIVERIES_EVERY_S: Final = 5.0
+
+_EVENTS: Final = "skyway_delivery_events_total"
+_REPLANNED: Final = 'type="delivery.replanned"'
+
+
+class NoAnswer(SkywayError):
+    """The gateway does not answer, or not as asked."""
+
+
+class TopReader:
+    """Reads one picture after another; rates are what has come between the last two."""
+
+    def __init__(self, url: str, *, key: str, transport: httpx.BaseTransport | None = None) -> None:
+        self._url = url
+        self._client = httpx.Client(
+            base_url=url,
+            headers={"Authorization": f"Bearer {key}"},
+            timeout=_TIMEOUT_S,
+            transport=transport,
+        )
+        self._deliveries: Mapping[str, int] = {}
+        self._deliveries_due_s = 0.0
+        self._before: Said | None = None
+
+    def __enter__(self) -> Self:
+        self._client.__enter__()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._client.close()
+
+    def read(self) -> Picture:
+        """All there is to see now.
+
+        Raises
+        ------
+        NoAnswer
+            The gateway cannot be reached, or refuses.
+        """
+        fleets = self._ask("/v1/stats/fleets").json()
+        said = Said(time.monotonic(), states=fleets["states"], samples=fleets["samples"])
+        before, self._before = self._before, said
+        missions = self._ask("/v1/stats/missions").json()
+        alarms = self._ask(f"/v1/alarms?state=OPEN&limit={_ALARMS}").json()["items"]
+        return Picture(
+            url=self._url,
+            at=fleets["at"],
+            drones=fleets["by_state"],
+            missions=missions["by_state"],
+            deliveries=self._read_deliveries(),
+            alarms=tuple(_alarm(alarm) for alarm in alarms),
+            lag_mean_s=fleets["lag_mean_s"],
+            lag_max_s=fleets["lag_max_s"],
+            states_per_s=None if before is None else said.states_since(before),
+            samples_per_s=None if before is None else said.samples_since(before),
+            recompositions=_replanned(self._ask("/metrics").text),
+            unsent=missions["unsent"],
+        )
+
+    def _read_deliveries(self) -> Mapping[str, int]:
+        now_s = time.monotonic()
+        if now_s >= self._deliveries_due_s:
+            self._deliveries = self._ask("/v1/stats/deliveries").json()["by_state"]
+            self._deliveries_due_s = now_s + _DELIVERIES_EVERY_S
+        return self._deliveries
+
+    def _ask(self, path: str) -> httpx.Response:
+        try:
+            answer = self._client.get(path)
+        except (httpx.TransportError, httpx.InvalidURL) as error:
+            why = f"no answer from {self._url}: {error}. Is `skyway up` running?"
+            raise NoAnswer(why) from error
+        if not answer.is_success:
+            raise NoAnswer(f"GET {path} was answered {answer.status_code}: {answer.text}")
+        return answer
+
+
+def _alarm(row: Mapping[str, Any]) -> Alarm:  # an alarm as JSON
+    return Alarm(
+        at=row["at"],
+        level=row["level"],
+        code=row["code"],
+        about=row["drone_id"] or row["mission_id"] or row["station_id"] or "",
+        detail=row["detail"],
+    )
+
+
+def _replanned(metrics: str) -> int:
+    """How many recompositions customers were told of since the gateway's start."""
+    told = [
+        float(line.rpartition(" ")[2])
+        for line in metrics.splitlines()
+        if line.startswith(_EVENTS) and _REPLANNED in line
+    ]
+    return int(sum(told))

@@ -1,0 +1,135 @@
+"""What `skyway top` shows: counts side by side, how the talk with drones goes, alarms below."""
+
+from collections.abc import Mapping
+from datetime import datetime
+from typing import Final
+
+from rich.columns import Columns
+from rich.console import Console, Group, RenderableType
+from rich.live import Live
+from rich.padding import Padding
+from rich.table import Table
+from rich.text import Text
+
+from skyway.cli.top.reader import Alarm, Picture
+
+_LEVELS: Final = {"CRITICAL": "bold red", "URGENT": "red", "WARNING": "yellow"}
+
+#: In the order in which they are lived through; what is not named here comes after.
+_ORDERS: Final = {
+    "drones": (
+        "AVAILABLE",
+        "RESERVED",
+        "ON_MISSION",
+        "RECHARGING",
+        "OFFLINE",
+        "MAINTENANCE",
+        "GROUNDED",
+        "REGISTERED",
+    ),
+    "missions": ("BOOKED", "ACCEPTED", "ACTIVE"),
+    "deliveries, 24 h": (
+        "REQUESTED",
+        "PLANNED",
+        "DISPATCHED",
+        "LOADING",
+        "IN_PROGRESS",
+        "COMPLETED",
+        "PARTIALLY_COMPLETED",
+        "CANCELLED",
+        "FAILED",
+        "REJECTED",
+    ),
+}
+
+
+class TopScreen:
+    """A live screen in a terminal; elsewhere one picture after another."""
+
+    def __init__(self, console: Console) -> None:
+        self._live = Live(console=console, auto_refresh=False, screen=console.is_terminal)
+        self._last: RenderableType = ""
+
+    def __enter__(self) -> "TopScreen":
+        self._live.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._live.stop()
+
+    def show(self, picture: Picture) -> None:
+        """Show this instead of what was shown before."""
+        self._last = self.shown(picture)
+        self._live.update(self._last, refresh=True)
+
+    def show_silence(self, why: str) -> None:
+        """Keep what was shown, and say that it is old."""
+        self._live.update(Group(Text(why, style="bold red"), self._last), refresh=True)
+
+    def shown(self, picture: Picture) -> RenderableType:
+        """The whole screen."""
+        heading = Text.assemble(
+            ("Skyway ", "bold"), f"{picture.url}  fleet time {_clock(picture.at)}"
+        )
+        counts = {
+            "drones": picture.drones,
+            "missions": picture.missions,
+            "deliveries, 24 h": picture.deliveries,
+        }
+        tables = [_count_table(name, counted) for name, counted in counts.items()]
+        return Group(
+            heading,
+            "",
+            Columns([*tables, _talk_table(picture)], padding=(0, 3)),
+            "",
+            _alarm_list(picture.alarms),
+        )
+
+
+def _count_table(name: str, counted: Mapping[str, int]) -> Table:
+    table = Table(box=None, header_style="bold", padding=(0, 1))
+    table.add_column(name)
+    table.add_column(f"{sum(counted.values()):,}", justify="right")
+    known = _ORDERS[name]
+    for state in (*known, *sorted(counted.keys() - set(known))):
+        if counted.get(state):
+            table.add_row(state, f"{counted[state]:,}")
+    return table
+
+
+def _talk_table(picture: Picture) -> Table:
+    table = Table(box=None, header_style="bold", padding=(0, 1))
+    table.add_column("what drones say")
+    table.add_column("", justify="right")
+    table.add_row("states a second", _number(picture.states_per_s))
+    table.add_row("samples a second", _number(picture.samples_per_s))
+    table.add_row("lag of the newest, mean", _seconds(picture.lag_mean_s))
+    table.add_row("lag of the newest, max", _seconds(picture.lag_max_s))
+    table.add_row("recompositions", f"{picture.recompositions:,}")
+    for channel, number in sorted(picture.unsent.items()) or [("all", 0)]:
+        table.add_row(f"waiting to leave, {channel}", f"{number:,}")
+    return table
+
+
+def _alarm_list(alarms: tuple[Alarm, ...]) -> RenderableType:
+    """Two lines for each: ids are long, and what happened has to be read on a narrow screen too."""
+    if not alarms:
+        return Text("no open alarms", style="dim")
+    lines: list[RenderableType] = [Text(" newest alarms", style="bold")]
+    for alarm in alarms:
+        level = (alarm.level, _LEVELS.get(alarm.level, ""))
+        words = Text.assemble(_clock(alarm.at), "  ", level, f"  {alarm.code}  {alarm.about}")
+        lines += [Padding(words, (0, 1)), Padding(alarm.detail, (0, 1, 0, 11))]
+    return Group(*lines)
+
+
+def _clock(moment: str) -> str:
+    return datetime.fromisoformat(moment).strftime("%H:%M:%S")
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:,.1f}"
+
+
+def _seconds(value_s: float | None) -> str:
+    return "" if value_s is None else f"{value_s:.2f} s"

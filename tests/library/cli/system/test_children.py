@@ -1,0 +1,72 @@
+"""Whose broker a local system uses."""
+
+from contextlib import ExitStack
+from pathlib import Path
+
+import pytest
+
+from skyway.cli.data_folder import DataFolder
+from skyway.cli.system.children import Ports, bind, environment
+from skyway.cli.system.secrets import make_secrets, write_keys_file
+
+URL = "mqtt://127.0.0.1:1883"
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> DataFolder:
+    made = DataFolder(tmp_path / "data")
+    make_secrets(made)
+    return made
+
+
+def source(folder: DataFolder, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As a shell does with keys.env."""
+    for line in folder.keys_file.read_text().splitlines():
+        name, _, value = line.removeprefix("export ").partition("=")
+        monkeypatch.setenv(name, value)
+
+
+def started(folder: DataFolder) -> tuple[set[str], str]:
+    """The processes that a start would have, and the broker that they would be told of."""
+    with ExitStack() as held:
+        sockets = bind(Ports(gateway=0, broker=0), held)
+        return set(sockets), environment(folder, sockets)["SKYWAY_MQTT_URL"]
+
+
+def test_a_shell_that_sourced_keys_env_names_no_other_broker(
+    folder: DataFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_keys_file(folder, "http://127.0.0.1:8000", URL, own_broker_url=URL)
+    source(folder, monkeypatch)
+
+    processes, url = started(folder)
+
+    assert "broker" in processes
+    assert url != URL
+
+
+def test_a_broker_that_is_named_is_not_started(
+    folder: DataFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_keys_file(folder, "http://127.0.0.1:8000", URL, own_broker_url=URL)
+    source(folder, monkeypatch)
+    monkeypatch.setenv("SKYWAY_MQTT_URL", "mqtt://127.0.0.1:1884")
+
+    processes, url = started(folder)
+
+    assert "broker" not in processes
+    assert url == "mqtt://127.0.0.1:1884"
+
+
+def test_the_keys_of_a_system_without_a_broker_of_its_own_name_another_one(
+    folder: DataFolder, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    write_keys_file(folder, "http://127.0.0.1:8000", URL, own_broker_url=URL)
+    source(folder, monkeypatch)
+    write_keys_file(folder, "http://127.0.0.1:8000", URL)
+    source(folder, monkeypatch)
+
+    processes, url = started(folder)
+
+    assert "broker" not in processes
+    assert url == URL

@@ -1,0 +1,130 @@
+import asyncio
+import json
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import pytest
+
+from skyway.cli.data_folder import DataFolder
+from skyway.cli.system.fleet_time import anchor_clock, keep_heartbeat
+from skyway.runtime.clock import load_clock
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> DataFolder:
+    made = DataFolder(tmp_path / "data")
+    made.make()
+    return made
+
+
+def anchor(folder: DataFolder) -> datetime:
+    return load_clock(folder.clock_file).fleet_at
+
+
+def note_heartbeat(
+    folder: DataFolder, fleet_at: datetime, *, rate: float, ago: timedelta
+) -> datetime:
+    """As a supervisor that was last heard of so long ago; the wall time of the heartbeat."""
+    wall_at = datetime.now(UTC) - ago
+    heartbeat = {"fleet_at": fleet_at.isoformat(), "wall_at": wall_at.isoformat(), "rate": rate}
+    folder.heartbeat_file.write_text(json.dumps(heartbeat))
+    return wall_at
+
+
+def in_a_month() -> datetime:
+    return datetime.now(UTC) + timedelta(days=30)
+
+
+def test_the_first_start_begins_now(folder: DataFolder) -> None:
+    before = datetime.now(UTC)
+
+    anchor_clock(folder, rate=120)
+
+    assert before <= anchor(folder) <= datetime.now(UTC)
+
+
+def test_fleet_time_never_goes_back_over_a_restart(folder: DataFolder) -> None:
+    reached = in_a_month()
+    note_heartbeat(folder, reached, rate=120.0, ago=timedelta())
+
+    anchor_clock(folder, rate=1)
+
+    # The clock went on for up to a heartbeat's interval after the last one.
+    assert anchor(folder) >= reached + timedelta(seconds=120)
+
+
+def test_fleet_time_runs_on_while_the_system_stands_still(folder: DataFolder) -> None:
+    reached = in_a_month()
+    noted_at = note_heartbeat(folder, reached, rate=120.0, ago=timedelta(seconds=40))
+
+    anchor_clock(folder, rate=120)
+
+    started = load_clock(folder.clock_file)
+    # A drone that flew on by the old anchor is neither ahead of the new one nor behind it.
+    assert started.fleet_at == reached + (started.wall_at - noted_at) * 120
+
+
+def test_fleet_time_of_a_folder_that_nobody_used_for_long_stays_in_sight(
+    folder: DataFolder,
+) -> None:
+    reached = in_a_month()
+    note_heartbeat(folder, reached, rate=100_000.0, ago=timedelta(days=365))
+
+    anchor_clock(folder, rate=100_000)
+
+    assert anchor(folder) == reached + timedelta(days=100_000)
+
+
+def test_a_machine_clock_that_was_set_back_does_not_set_fleet_time_back(
+    folder: DataFolder,
+) -> None:
+    reached = in_a_month()
+    note_heartbeat(folder, reached, rate=120.0, ago=timedelta(hours=-1))
+
+    anchor_clock(folder, rate=120)
+
+    assert anchor(folder) >= reached + timedelta(seconds=120)
+
+
+def test_drones_have_not_outrun_a_clock_that_is_slower_from_now_on(folder: DataFolder) -> None:
+    reached = in_a_month()
+    noted_at = note_heartbeat(folder, reached, rate=120.0, ago=timedelta(seconds=40))
+
+    anchor_clock(folder, rate=20)
+
+    started = load_clock(folder.clock_file)
+    heard_at = started.wall_at + timedelta(seconds=59)
+    on_board = reached + (heard_at - noted_at) * 120
+    assert started.fleet_at + (heard_at - started.wall_at) * 20 >= on_board
+
+
+def test_the_heartbeat_of_an_older_skyway_counts(folder: DataFolder) -> None:
+    reached = in_a_month()
+    folder.heartbeat_file.write_text(json.dumps({"fleet_at": reached.isoformat(), "rate": 120.0}))
+
+    anchor_clock(folder, rate=120)
+
+    assert anchor(folder) >= reached + timedelta(seconds=120)
+
+
+def test_two_starts_without_a_heartbeat_between_do_not_go_back(folder: DataFolder) -> None:
+    anchor_clock(folder, rate=1_000)
+    first = anchor(folder)
+
+    anchor_clock(folder, rate=1_000)
+
+    assert anchor(folder) > first
+
+
+async def test_a_heartbeat_lies_on_the_line_of_the_anchor(folder: DataFolder) -> None:
+    anchor_clock(folder, rate=120)
+    started = load_clock(folder.clock_file)
+    at_the_start = folder.heartbeat_file.read_text()
+
+    beating = asyncio.ensure_future(keep_heartbeat(folder))
+    await asyncio.sleep(0)
+    beating.cancel()
+
+    noted = load_clock(folder.heartbeat_file)
+    assert folder.heartbeat_file.read_text() != at_the_start
+    assert noted.fleet_at == started.fleet_at + (noted.wall_at - started.wall_at) * 120

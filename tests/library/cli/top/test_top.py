@@ -1,0 +1,166 @@
+"""`skyway top`: what the gateway answers becomes one screen, and silence becomes words."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import httpx
+import pytest
+from rich.console import Console
+from typer.testing import CliRunner
+
+from skyway.cli.main import app
+from skyway.cli.top.reader import NoAnswer, Said, TopReader
+from skyway.cli.top.screen import TopScreen
+
+ALARM = {
+    "at": "2026-03-01T12:34:56Z",
+    "level": "CRITICAL",
+    "code": "FORCED_LANDING",
+    "drone_id": "drn_01m7zr11rd0wr1te7yaxwwrjm3",
+    "mission_id": "msn_7",
+    "station_id": None,
+    "detail": "it is down in a field, 140 m from the nearest road",
+}
+
+METRICS = """\
+# HELP skyway_delivery_events_total events told to customers
+skyway_delivery_events_total{type="delivery.replanned"} 3.0
+skyway_delivery_events_total{type="delivery.completed"} 9.0
+"""
+
+
+class Gateway:
+    """Answers as a gateway does; `asked` are the paths."""
+
+    def __init__(self) -> None:
+        self.asked: list[str] = []
+        self.states = 10
+        self.is_away = False
+
+    def __call__(self, request: httpx.Request) -> httpx.Response:
+        if self.is_away:
+            raise httpx.ConnectError("refused")
+        assert request.headers["Authorization"] == "Bearer sk_op"
+        path = request.url.path
+        self.asked.append(path)
+        if path == "/metrics":
+            return httpx.Response(200, text=METRICS)
+        return httpx.Response(200, json=self._json(path))
+
+    def _json(self, path: str) -> Any:
+        if path == "/v1/stats/fleets":
+            return {
+                "at": "2026-03-01T12:35:00Z",
+                "drones": 1_040,
+                "by_state": {"AVAILABLE": 1_039, "GROUNDED": 1},
+                "states": self.states,
+                "samples": 50,
+                "lag_mean_s": 0.25,
+                "lag_max_s": 1.5,
+            }
+        return {
+            "/v1/stats/missions": {"by_state": {"ACTIVE": 24}, "unsent": {"mqtt": 5}},
+            "/v1/alarms": {"items": [ALARM], "next_cursor": None},
+            "/v1/stats/deliveries": {"by_state": {"COMPLETED": 17}},
+        }[path]
+
+
+@pytest.fixture
+def gateway() -> Gateway:
+    return Gateway()
+
+
+@pytest.fixture
+def reader(gateway: Gateway) -> TopReader:
+    return TopReader("http://gateway", key="sk_op", transport=httpx.MockTransport(gateway))
+
+
+@pytest.fixture
+def printed(reader: TopReader) -> Callable[[], str]:
+    def show() -> str:
+        console = Console(width=160, force_terminal=False)
+        with console.capture() as captured:
+            console.print(TopScreen(console).shown(reader.read()))
+        return captured.get()
+
+    return show
+
+
+def test_all_that_is_asked_for_is_on_the_screen(printed: Callable[[], str]) -> None:
+    screen = printed()
+
+    for words in ("1,040", "AVAILABLE", "1,039", "GROUNDED", "ACTIVE", "COMPLETED", "17"):
+        assert words in screen
+    for words in ("0.25 s", "1.50 s", "CRITICAL", "FORCED_LANDING", "drn_01m7zr11rd", "12:34:56"):
+        assert words in screen
+    assert "waiting to leave, mqtt" in screen
+
+
+def test_an_alarm_is_read_on_a_narrow_screen(reader: TopReader) -> None:
+    console = Console(width=80, force_terminal=False)
+
+    with console.capture() as captured:
+        console.print(TopScreen(console).shown(reader.read()))
+
+    assert "CRITICAL  FORCED_LANDING  drn_01m7zr11rd0wr1te7yaxwwrjm3" in captured.get()
+    assert "it is down in a field, 140 m from the nearest road" in captured.get()
+
+
+def test_recompositions_are_what_customers_were_told_of(reader: TopReader) -> None:
+    assert reader.read().recompositions == 3
+
+
+def test_rates_are_known_from_the_second_look_on(reader: TopReader, gateway: Gateway) -> None:
+    first = reader.read()
+    gateway.states += 5
+    second = reader.read()
+
+    assert first.states_per_s is None
+    assert second.states_per_s is not None
+    assert second.states_per_s > 0
+    assert second.samples_per_s == 0
+
+
+def test_a_rate_is_what_came_over_the_seconds_between() -> None:
+    before, after = Said(10.0, states=100, samples=7), Said(12.0, states=150, samples=3)
+
+    assert after.states_since(before) == 25.0
+    assert after.samples_since(before) == 0.0
+
+
+def test_a_days_deliveries_are_not_asked_for_each_second(
+    reader: TopReader, gateway: Gateway
+) -> None:
+    reader.read()
+    reader.read()
+
+    assert gateway.asked.count("/v1/stats/deliveries") == 1
+    assert gateway.asked.count("/v1/stats/fleets") == 2
+
+
+def test_silence_of_the_gateway_is_told(reader: TopReader, gateway: Gateway) -> None:
+    gateway.is_away = True
+
+    with pytest.raises(NoAnswer, match=r"no answer from http://gateway: .*skyway up"):
+        reader.read()
+
+
+def test_a_screen_keeps_what_it_showed_while_nobody_answers(reader: TopReader) -> None:
+    console = Console(width=160, force_terminal=True)
+    with console.capture() as captured, TopScreen(console) as screen:
+        screen.show(reader.read())
+        screen.show_silence("no answer")
+
+    assert "no answer" in captured.get()
+    assert captured.get().count("AVAILABLE") >= 2
+
+
+def test_the_command_says_what_is_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("SKYWAY_GATEWAY_URL", raising=False)
+    monkeypatch.delenv("SKYWAY_OPERATOR_KEY", raising=False)
+
+    ended = CliRunner().invoke(app, ["top", "--once", "--data", str(tmp_path)])
+
+    assert ended.exit_code == 1
+    assert "SKYWAY_GATEWAY_URL is not set" in ended.output
