@@ -23,10 +23,10 @@ from skyway.runtime.mqtt.client import MqttClient
 from skyway.runtime.sql.migrations import migrate
 from skyway_composition.alarms.routes import alarm_routes
 from skyway_composition.closures.routes import area_routes, place_routes
-from skyway_composition.missions.hands.cancel import Cancellations
-from skyway_composition.missions.hands.commands import Commands
-from skyway_composition.missions.hands.loading import Loadings
-from skyway_composition.missions.hands.routes import hand_routes
+from skyway_composition.missions.interventions.cancel import Cancellations
+from skyway_composition.missions.interventions.confirm_loading import Loadings
+from skyway_composition.missions.interventions.give_command import Commands
+from skyway_composition.missions.interventions.routes import hand_routes
 from skyway_composition.missions.routes import mission_routes
 from skyway_composition.networks.routes import NETWORK_LIMIT_BYTES, airspace_routes, network_routes
 from skyway_composition.networks.station_routes import station_check_routes, station_routes

@@ -9,8 +9,8 @@ from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint, mint
 from skyway.runtime.sql.database import Database
 from skyway_composition.closures.close import Closings
-from skyway_composition.missions.affected.impact import MissionImpact
-from skyway_composition.missions.book import Bookings
+from skyway_composition.missions.booking.book import Bookings
+from skyway_composition.missions.closure_impact.impact import MissionImpact
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.planning.quotes import Quotes
 from skyway_composition.planning.solver_pool import SolverPool

@@ -13,11 +13,11 @@ import httpx
 import pytest
 from fastapi import FastAPI
 from skyway_composition.app import composition_app
-from skyway_composition.missions.follow import Follower
-from skyway_composition.missions.recompose import Recomposer
-from skyway_composition.missions.recomposing.occupied_pads import OccupiedPads
-from skyway_composition.missions.sweeps.lagging import Lagging
-from skyway_composition.missions.sweeps.overdue import Overdue
+from skyway_composition.missions.following.follow import Follower
+from skyway_composition.missions.replanning.occupied_pads import OccupiedPads
+from skyway_composition.missions.replanning.replan import Recomposer
+from skyway_composition.missions.timeouts.late import Lagging
+from skyway_composition.missions.timeouts.overdue import Overdue
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.parts import Parts
 from skyway_composition.planning.solver_pool import SolverPool

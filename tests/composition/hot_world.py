@@ -8,24 +8,23 @@ from typing import Any, Self
 
 from skyway_composition.closures.close import Closings
 from skyway_composition.closures.closure import Closure, ClosureKind
-from skyway_composition.missions.affected.impact import MissionImpact
-from skyway_composition.missions.affected.stops_watch import StopsWatch
-from skyway_composition.missions.book import Bookings
-from skyway_composition.missions.custody.chain import delivered
-from skyway_composition.missions.custody.store import held_packages
-from skyway_composition.missions.follow import Follower
-from skyway_composition.missions.hands.cancel import Cancellations
-from skyway_composition.missions.hands.command import Command
-from skyway_composition.missions.hands.commands import Commands
-from skyway_composition.missions.hands.loading import Loadings
-from skyway_composition.missions.hands.loading_watch import LoadingWatch
-from skyway_composition.missions.hands.recall import has_never_left
-from skyway_composition.missions.recompose import Recomposer
-from skyway_composition.missions.recomposing.occupied_pads import OccupiedPads
-from skyway_composition.missions.record import MissionRecord
-from skyway_composition.missions.store import MissionFilter, page
-from skyway_composition.missions.sweeps.lagging import Lagging
-from skyway_composition.missions.sweeps.overdue import Overdue
+from skyway_composition.missions.booking.book import Bookings
+from skyway_composition.missions.closure_impact.ground_stops import StopsWatch
+from skyway_composition.missions.closure_impact.impact import MissionImpact
+from skyway_composition.missions.following.follow import Follower
+from skyway_composition.missions.interventions.cancel import Cancellations
+from skyway_composition.missions.interventions.command import Command
+from skyway_composition.missions.interventions.confirm_loading import Loadings
+from skyway_composition.missions.interventions.give_command import Commands
+from skyway_composition.missions.mission.custody import delivered, has_never_left
+from skyway_composition.missions.mission.custody_store import held_packages
+from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.missions.mission.store import MissionFilter, page
+from skyway_composition.missions.replanning.occupied_pads import OccupiedPads
+from skyway_composition.missions.replanning.replan import Recomposer
+from skyway_composition.missions.timeouts.late import Lagging
+from skyway_composition.missions.timeouts.loading import LoadingWatch
+from skyway_composition.missions.timeouts.overdue import Overdue
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.tables import metadata, outbox, pad_reservations

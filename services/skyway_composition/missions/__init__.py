@@ -1,13 +1,13 @@
 """Missions: booked in one transaction, sent to a drone, followed to their end.
 
-Three things make its life, each with a package of its parts: `book` (`booking`) makes missions of
-the best offer, `follow` (`following`) takes what their drones say, `recompose` (`recomposing`)
-finds new plans for those whose plan does not hold. Others change them, too: people (`hands`), what
-happens in the world (`affected`), and time (`sweeps`).
+`mission` is what all rooms share: the record of a mission, its steps, the custody of its packages,
+the lock on it, and what it sends to its drone and reports to others. On top of it:
 
-What they have in common: `record` is a mission as it is kept; `watch` locks it together with the
-link to its drone; `trouble` says that it needs another plan, `ending` ends it; `report` tells the
-gateway and the registry, `dispatch` and `hold` the drone, `mission_alarm` the operators. `steps`
-and `custody` are what is kept with it, `outlook` judges whether its plan holds, `rest` plans it
-anew from where its drone is, `revisions` brings that to the drone, `give_back` frees its pads.
+- `booking` makes missions of the best offer,
+- `following` handles what drones report,
+- `replanning` finds new plans for missions whose plan no longer holds,
+- `interventions` are what people do to missions: load, command, cancel,
+- `closure_impact` finds the missions that a closure hits,
+- `timeouts` checks missions because time has passed,
+- `track` shows a delivery's missions, `routes` serves bookings, missions and tracks over REST.
 """

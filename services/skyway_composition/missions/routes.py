@@ -18,13 +18,12 @@ from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway_composition.links.store import link_to
-from skyway_composition.missions import store
-from skyway_composition.missions.book import Bookings
-from skyway_composition.missions.record import Aim, MissionRecord, Trouble
-from skyway_composition.missions.steps.cut.store import ended_events
-from skyway_composition.missions.steps.store import steps_of
-from skyway_composition.missions.steps.totals import flown_totals
-from skyway_composition.missions.store import MissionFilter
+from skyway_composition.missions.booking.book import Bookings
+from skyway_composition.missions.mission import store
+from skyway_composition.missions.mission.record import Aim, MissionRecord, Trouble
+from skyway_composition.missions.mission.step_record import flown_totals
+from skyway_composition.missions.mission.step_store import ended_events, steps_of
+from skyway_composition.missions.mission.store import MissionFilter
 from skyway_composition.missions.track import track_of
 
 MissionLoading = Literal["AUTOMATIC", "CONFIRMED", "AWAITED"]

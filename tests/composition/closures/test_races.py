@@ -11,8 +11,8 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
-from skyway_composition.missions import store
-from skyway_composition.missions.steps.store import steps_of
+from skyway_composition.missions.mission import store
+from skyway_composition.missions.mission.step_store import steps_of
 
 from skyway.contracts.flight_step import FlyStep
 from skyway.contracts.mission import BookMissions

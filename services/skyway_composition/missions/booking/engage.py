@@ -11,17 +11,19 @@ from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.links.courier import Courier
 from skyway_composition.links.link import InstructionPlace
-from skyway_composition.missions import store
-from skyway_composition.missions.custody.chain import Custodian, Held
-from skyway_composition.missions.custody.store import begin_custody, held_packages
-from skyway_composition.missions.dispatch import mission_draft
-from skyway_composition.missions.record import MissionRecord
-from skyway_composition.missions.revisions.revision import record_of
-from skyway_composition.missions.steps.flight_steps import StepTerms, flight_steps
-from skyway_composition.missions.steps.store import add_steps
+from skyway_composition.links.store import claim_next_place
+from skyway_composition.missions.booking.store import take_at_once
+from skyway_composition.missions.mission import store
+from skyway_composition.missions.mission.custody import Custodian, Held
+from skyway_composition.missions.mission.custody_store import begin_custody, held_packages
+from skyway_composition.missions.mission.from_trip import StepTerms, flight_steps, record_of
+from skyway_composition.missions.mission.instruct import mission_draft
+from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.missions.mission.step_store import add_steps
 from skyway_composition.networks.prepared import PreparedNetwork
-from skyway_composition.pads.store import reserve
+from skyway_composition.pads.store import lock_stations, reserve
 from skyway_composition.planning.offer import Offer, Part
+from skyway_composition.planning.world import World, still_holds
 
 
 async def engage(
@@ -101,3 +103,38 @@ async def _begin_custody(tx: Tx, records: Sequence[MissionRecord]) -> None:
             if package.package_id not in held
         ]
         begin_custody(tx, record, rows, at_ms=moment_to_ms(record.mission.start_at))
+
+
+class Outdated(Exception):
+    """The world changed while offers were made: plan anew."""
+
+
+async def take(tx: Tx, offer: Offer, world: World) -> dict[DroneId, InstructionPlace]:
+    """By drone the place of its mission's instruction; all is locked until the block ends.
+
+    Raises
+    ------
+    Outdated
+        Something was published, closed or lifted since the world was looked at (I11).
+    """
+    drones = sorted((part.candidate for part in offer.parts), key=lambda each: each.drone_id)
+    booked = [pad for part in offer.parts for pad in part.trip.booked_pads]
+    if tx.dialect == "postgresql" and len(drones) == 1:
+        first = drones[0]
+        place = await take_at_once(
+            tx,
+            world.present,
+            first.drone_id,
+            first.provider_id,
+            station_ids=[each.station_id for each in booked],
+        )
+        if place is not None:
+            return {first.drone_id: place}
+    if not await still_holds(tx, world):
+        raise Outdated
+    places = {
+        each.drone_id: await claim_next_place(tx, each.drone_id, each.provider_id)
+        for each in drones
+    }
+    await lock_stations(tx, booked)
+    return places

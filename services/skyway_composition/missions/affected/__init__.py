@@ -1,1 +1,0 @@
-"""Whom a closure hits: the missions that would land, charge, fly or take off there."""

@@ -1,0 +1,1 @@
+"""Which missions a closure hits."""

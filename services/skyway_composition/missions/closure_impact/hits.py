@@ -1,0 +1,168 @@
+"""What live missions have still to do, as far as closures look at it."""
+
+import math
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+
+from skyway.contracts.flight_step import FlyStep
+from skyway.ids import DeliveryId, DroneId, MissionId, ProviderId, StationId
+from skyway.units import moment_to_ms
+from skyway_composition.closures.closure import Reach
+from skyway_composition.missions.mission.record import Proposal
+
+
+@dataclass(frozen=True, slots=True)
+class Owner:
+    """A live mission, whose it is and what for."""
+
+    mission_id: MissionId
+    drone_id: DroneId
+    provider_id: ProviderId
+    delivery_id: DeliveryId
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedFlight:
+    """A flight that a mission has still to end: from where to where, and when by plan."""
+
+    owner: Owner
+    step_id: int
+    from_id: StationId
+    to_id: StationId
+    lands: bool
+    start_ms: int
+    end_ms: int
+
+
+@dataclass(frozen=True, slots=True)
+class HeldPad:
+    """A pad that a mission holds."""
+
+    owner: Owner
+    station_id: StationId
+    start_ms: int
+    end_ms: int
+
+
+@dataclass(frozen=True, slots=True)
+class Doing:
+    """What a drone last said that it does."""
+
+    mission_id: MissionId | None
+    step_id: int | None
+    is_flying: bool
+
+
+def flights_of(owner: Owner, proposal: Proposal) -> Iterator[PlannedFlight]:
+    """The flights of a revision that the drone has not accepted yet."""
+    for step in proposal.steps:
+        if isinstance(step, FlyStep):
+            yield PlannedFlight(
+                owner,
+                step.step_id,
+                step.from_id,
+                step.to_id,
+                step.lands,
+                moment_to_ms(step.planned_start_at),
+                moment_to_ms(step.planned_end_at),
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class Hit:
+    """The first thing of a mission that a closure makes impossible."""
+
+    owner: Owner
+    station_id: StationId
+    at_ms: int
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """When something is closed, and what may still meet it.
+
+    A drone may be `late_ms` late without another plan, and what is overdue is still to come.
+    """
+
+    from_ms: float
+    until_ms: float
+    now_ms: int
+    late_ms: int
+
+    @classmethod
+    def of(cls, reach: Reach, *, now_ms: int) -> "Span":
+        """The time of a closure as seen now."""
+        closure = reach.closure
+        until_ms = math.inf if closure.until_ms is None else closure.until_ms
+        return cls(closure.from_ms, until_ms, now_ms, reach.late_ms)
+
+    def meets(self, start_ms: int, end_ms: int) -> bool:
+        """Whether something planned for this time may happen while it is closed."""
+        return start_ms < self.until_ms and max(end_ms, self.now_ms) + self.late_ms >= self.from_ms
+
+
+def hits_of_flights(
+    flights: Iterable[PlannedFlight],
+    reach: Reach,
+    *,
+    span: Span,
+    under_way: Collection[tuple[MissionId, int]] = (),
+) -> Iterator[Hit]:
+    """The landings at stations of `reach`, and the flights on its segments.
+
+    What of a segment is flown already cannot be helped; where the flight lands, can.
+    """
+    stations = reach.stations or frozenset()
+    for flight in flights:
+        is_begun = (flight.owner.mission_id, flight.step_id) in under_way
+        lands_there = flight.lands and flight.to_id in stations
+        if lands_there and span.meets(flight.end_ms, flight.end_ms):
+            yield Hit(flight.owner, flight.to_id, flight.end_ms)
+        elif (
+            (flight.from_id, flight.to_id) in reach.segments
+            and not is_begun
+            and span.meets(flight.start_ms, flight.end_ms)
+        ):
+            yield Hit(flight.owner, flight.to_id, flight.start_ms)
+
+
+def hits_of_pads(held: Iterable[HeldPad], *, span: Span) -> Iterator[Hit]:
+    """The sessions on a pad that is out of order."""
+    for each in held:
+        if each.start_ms < span.until_ms and each.end_ms > max(span.from_ms, span.now_ms):
+            yield Hit(each.owner, each.station_id, each.start_ms)
+
+
+def hits_of_take_offs(
+    take_offs: Iterable[PlannedFlight],
+    reach: Reach,
+    *,
+    span: Span,
+    under_way: Collection[tuple[MissionId, int]],
+) -> Iterator[Hit]:
+    """The next take-off of each mission, where a ground stop forbids it."""
+    following: dict[MissionId, PlannedFlight] = {}
+    for flight in sorted(take_offs, key=lambda each: each.step_id):
+        if (flight.owner.mission_id, flight.step_id) not in under_way:
+            following.setdefault(flight.owner.mission_id, flight)
+    for flight in following.values():
+        is_meant = reach.stations is None or flight.from_id in reach.stations
+        if is_meant and span.meets(flight.start_ms, flight.start_ms):
+            yield Hit(flight.owner, flight.from_id, flight.start_ms)
+
+
+def first_hits(hits: Iterable[Hit]) -> tuple[Hit, ...]:
+    """One hit of each mission, the earliest; the earliest missions first."""
+    by_mission: dict[MissionId, Hit] = {}
+    for hit in sorted(hits, key=lambda each: (each.at_ms, each.owner.mission_id)):
+        by_mission.setdefault(hit.owner.mission_id, hit)
+    return tuple(by_mission.values())
+
+
+def steps_under_way(doing: Mapping[DroneId, Doing]) -> set[tuple[MissionId, int]]:
+    """The flights that drones say they fly, by mission and step."""
+    return {
+        (each.mission_id, each.step_id)
+        for each in doing.values()
+        if each.is_flying and each.mission_id is not None and each.step_id is not None
+    }

@@ -1,0 +1,190 @@
+"""What a closure does to the missions that are under way: they look for other plans."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from skyway.ids import DroneId
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.loops import Wake
+from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Database, Tx
+from skyway.units import moment_to_ms, ms_to_moment
+from skyway_composition.closures.closure import AffectedMission, ClosureKind, Reach
+from skyway_composition.missions.closure_impact import store
+from skyway_composition.missions.closure_impact.hits import (
+    Doing,
+    Hit,
+    Span,
+    first_hits,
+    flights_of,
+    hits_of_flights,
+    hits_of_pads,
+    hits_of_take_offs,
+    steps_under_way,
+)
+from skyway_composition.missions.closure_impact.store import Reader
+from skyway_composition.missions.mission.record import Trouble
+from skyway_composition.missions.mission.unit_of_work import Watch
+from skyway_composition.missions.replanning.request_plan import troubled_all
+
+
+@dataclass(frozen=True, slots=True)
+class Found:
+    """The first hit of each mission, the earliest first, and what the drones of them do."""
+
+    hits: tuple[Hit, ...]
+    doing: Mapping[DroneId, Doing]
+
+    @property
+    def drone_ids(self) -> list[DroneId]:
+        """The drones of the missions that are hit."""
+        return [hit.owner.drone_id for hit in self.hits]
+
+    def shown(self) -> tuple[AffectedMission, ...]:
+        """The missions as operators see them."""
+        return tuple(
+            AffectedMission(
+                mission_id=hit.owner.mission_id,
+                drone_id=hit.owner.drone_id,
+                provider_id=hit.owner.provider_id,
+                delivery_id=hit.owner.delivery_id,
+                station_id=hit.station_id,
+                at=ms_to_moment(hit.at_ms),
+                is_flying=hit.owner.drone_id in self.doing
+                and self.doing[hit.owner.drone_id].is_flying,
+            )
+            for hit in self.hits
+        )
+
+
+async def find_hits(reader: Reader, reach: Reach, *, now_ms: int) -> Found:
+    """The live missions that a closure hits after this moment."""
+    match reach.closure.kind:
+        case "PAD":
+            return await _pads(reader, reach, now_ms)
+        case "GROUND_STOP":
+            return await _take_offs(reader, reach, now_ms)
+        case _:
+            return await _flights(reader, reach, now_ms)
+
+
+async def _pads(reader: Reader, reach: Reach, now_ms: int) -> Found:
+    closure = reach.closure
+    if closure.station_id is None or closure.pad is None:
+        return Found((), {})
+    held = await store.pads_held(reader, closure.station_id, closure.pad)
+    hits = first_hits(hits_of_pads(held, span=Span.of(reach, now_ms=now_ms)))
+    return Found(hits, await store.doings_of(reader, [hit.owner.drone_id for hit in hits]))
+
+
+async def _flights(reader: Reader, reach: Reach, now_ms: int) -> Found:
+    """Landings and flights, of the plans that hold and of those that were proposed."""
+    closure, span = reach.closure, Span.of(reach, now_ms=now_ms)
+    ends = (reach.stations or frozenset()) | {to_id for _, to_id in reach.segments}
+    # Proposals first: one that is accepted between the two reads is among the steps then.
+    proposed = await store.proposals(reader, closure.network_id)
+    flights = [
+        *(flight for owner, each in proposed for flight in flights_of(owner, each)),
+        *await store.flights_to(
+            reader, ends, network_id=closure.network_id, start_before_ms=closure.until_ms
+        ),
+    ]
+    perhaps = {hit.owner.drone_id for hit in hits_of_flights(flights, reach, span=span)}
+    doing = await store.doings_of(reader, perhaps)
+    hits = hits_of_flights(flights, reach, span=span, under_way=steps_under_way(doing))
+    return Found(first_hits(hits), doing)
+
+
+async def _take_offs(reader: Reader, reach: Reach, now_ms: int) -> Found:
+    stop, span = reach.closure, Span.of(reach, now_ms=now_ms)
+    planned = await store.take_offs(
+        reader, network_id=stop.network_id, provider_id=stop.provider_id
+    )
+    doing = await store.doings_of(reader, {flight.owner.drone_id for flight in planned})
+    hits = first_hits(
+        hits_of_take_offs(planned, reach, span=span, under_way=steps_under_way(doing))
+    )
+    if stop.drone_model_id is not None:
+        meant = await store.drones_of_model(
+            reader, [hit.owner.drone_id for hit in hits], stop.drone_model_id
+        )
+        hits = tuple(hit for hit in hits if hit.owner.drone_id in meant)
+    return Found(hits, doing)
+
+
+_CODES: Final[Mapping[ClosureKind, str]] = {
+    "STATION": "STATION_CLOSED",
+    "PAD": "PAD_OUT_OF_ORDER",
+    "SEGMENT": "SEGMENT_CLOSED",
+    "ZONE": "ZONE_AHEAD",
+    "GROUND_STOP": "GROUND_STOP",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class MissionImpact:
+    """`closures.impact.Impact` on missions; `stuck` is woken when some need other plans."""
+
+    clock: FleetClock
+    mint: Mint
+    stuck: Wake
+
+    async def preview(self, db: Database, reach: Reach) -> tuple[AffectedMission, ...]:
+        """The missions that it would hit, the first to be hit first."""
+        async with db.read() as reader:
+            found = await find_hits(reader, reach, now_ms=self._now_ms)
+        return found.shown()
+
+    async def apply(self, tx: Tx, reach: Reach) -> tuple[AffectedMission, ...]:
+        """The missions that it hits; they look for other plans from now on."""
+        found = await find_hits(tx.connection, reach, now_ms=self._now_ms)
+        if not found.hits:
+            return ()
+        watch = await Watch.over(found.drone_ids, tx=tx, clock=self.clock, mint=self.mint)
+        await _trouble_all(watch, reach, found)
+        tx.after_commit(self.stuck.set)
+        return found.shown()
+
+    async def retry(self, tx: Tx, reach: Reach) -> None:
+        """Have those that found no plan, or were held on the ground, look again."""
+        await store.look_again(tx, reach.closure.network_id)
+        tx.after_commit(self.stuck.set)
+
+    @property
+    def _now_ms(self) -> int:
+        return moment_to_ms(self.clock.now())
+
+
+async def _trouble_all(watch: Watch, reach: Reach, found: Found) -> None:
+    closure = reach.closure
+    hit_ids = {hit.owner.mission_id for hit in found.hits}
+    # Whoever looks for another plan anyway finds a ground stop by itself.
+    records = [
+        record
+        for record in watch.missions.values()
+        if record.mission_id in hit_ids
+        if closure.kind != "GROUND_STOP" or record.trouble is None
+    ]
+    await troubled_all(watch, records, Trouble(code=_CODES[closure.kind], detail=_detail(reach)))
+
+
+def _detail(reach: Reach) -> str:
+    """What is closed, until when and why, for customers and operators."""
+    closure = reach.closure
+    what = (
+        reach.what
+        or {
+            "STATION": f"station {closure.station_id!r} is closed",
+            "PAD": f"pad {closure.pad} of station {closure.station_id!r} is out of order",
+            "SEGMENT": f"the segment {closure.station_id!r} to {closure.to_station_id!r} is closed",
+            "ZONE": "a zone is closed to flight",
+            "GROUND_STOP": "drones may not take off",
+        }[closure.kind]
+    )
+    since = f" from {ms_to_moment(closure.from_ms).isoformat()}"
+    until = (
+        "" if closure.until_ms is None else f" until {ms_to_moment(closure.until_ms).isoformat()}"
+    )
+    why = "" if closure.reason is None else f": {closure.reason}"
+    return f"{what}{since}{until}{why}"

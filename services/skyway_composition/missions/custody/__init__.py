@@ -1,1 +1,0 @@
-"""Who holds each package, from the pickup station to the recipient."""

@@ -1,0 +1,171 @@
+"""Following missions: what drones say becomes what is known, one transaction per batch.
+
+Messages come late, twice, out of order or not at all. Each kind has its own defence: acks answer
+an instruction once; events are taken in the order of their `seq`, and asked for again when one is
+missing; states and connections only ever replace older ones. So a batch may be taken again, and
+every replica may read everything.
+
+Drones that stand idle and say so again are not looked up at all (`links.last_heard`).
+"""
+
+import asyncio
+import logging
+from collections import defaultdict
+from collections.abc import AsyncIterator, Iterator, Sequence
+from dataclasses import replace
+from typing import Any, Protocol
+
+from skyway.contracts.drone_report import Ack, Connection, DroneEvent, DroneState
+from skyway.contracts.topic import Topic
+from skyway.contracts.topics import ACKS, CONNECTION, EVENTS, STATE
+from skyway.ids import DroneId, ProviderId
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.errors import ServiceUnavailable
+from skyway.runtime.loops import Wake, repeat
+from skyway.runtime.metrics import count
+from skyway.runtime.minting import Mint
+from skyway.runtime.mqtt.client import Received
+from skyway.runtime.mqtt.inbox import BATCH_SIZE
+from skyway.runtime.sql.database import Database
+from skyway_composition.links.cached_links import CachedLinks
+from skyway_composition.links.link import DroneLink
+from skyway_composition.links.store import lock_link
+from skyway_composition.missions.following.handle_ack import take_ack
+from skyway_composition.missions.following.handle_event import take_event
+from skyway_composition.missions.following.handle_state import take_state
+from skyway_composition.missions.mission import store
+from skyway_composition.missions.mission.unit_of_work import Watch
+
+log = logging.getLogger(__name__)
+
+#: A batch that fails this often is let go: drones repeat what matters, others must not wait.
+_TRIES = 3
+
+#: Seconds of wall time between two batches: what arrives meanwhile takes one transaction, and what
+#: a drone says of one thing, an acknowledgement and two states, comes together.
+_PAUSE_S = 0.1
+
+
+class Subscriber(Protocol):
+    """What following needs of an MQTT client."""
+
+    def batches(self, *subscriptions: Topic[Any]) -> AsyncIterator[list[Received[Any]]]:
+        """Everything that arrives on these topics, whose messages have no common type."""
+        ...
+
+
+class Follower:
+    """Takes what drones say; `stuck` is woken when a mission needs a new revision."""
+
+    def __init__(
+        self, db: Database, mqtt: Subscriber, *, clock: FleetClock, mint: Mint, stuck: Wake
+    ) -> None:
+        self._db = db
+        self._clock = clock
+        self._mint = mint
+        self._stuck = stuck
+        self._last_heard = CachedLinks(clock)
+        self._batches = mqtt.batches(ACKS, EVENTS, STATE, CONNECTION)
+        self._batch: list[Received[Any]] = []
+        self._tries = 0
+
+    async def run(self) -> None:
+        """Take batches for ever."""
+        await repeat("follow", self.step, every_s=1.0)
+
+    async def step(self) -> bool:
+        """Take the next batch; always True, since waiting for it is all the waiting there is."""
+        if not self._batch:
+            self._batch, self._tries = await anext(self._batches), 0
+        self._tries += 1
+        try:
+            if self._tries <= _TRIES:
+                await self.take(self._batch)
+            else:
+                log.error("batch dropped", extra={"messages": len(self._batch)})
+        except ServiceUnavailable:
+            self._tries -= 1  # that is not the batch's fault
+            raise
+        is_full, self._batch = len(self._batch) >= BATCH_SIZE, []
+        if not is_full:
+            await asyncio.sleep(_PAUSE_S)
+        return True
+
+    async def take(self, batch: Sequence[Received[Any]]) -> None:
+        """Take messages of any kind, in the order in which they arrived."""
+        batch = await self._without_repeated(batch)
+        if not batch:
+            return
+        writers = {DroneId(each.ids[1]): ProviderId(each.ids[0]) for each in reversed(batch)}
+        self._last_heard.forget(writers)
+        async with self._db.write() as tx:
+            watch = await Watch.over(writers, tx=tx, clock=self._clock, mint=self._mint)
+            # In sorted order, as links are locked everywhere.
+            for drone_id in sorted(writers.keys() - watch.links.keys()):
+                watch.links[drone_id] = await lock_link(tx, drone_id, writers[drone_id])
+            for received in _without_superseded(batch):
+                await self._take_one(watch, received)
+            await watch.keep_noted()
+            if any(record.needs_plan for record in watch.missions.values()):
+                tx.after_commit(self._stuck.set)
+        self._last_heard.keep(watch.links.values())
+
+    async def _without_repeated(self, batch: Sequence[Received[Any]]) -> Sequence[Received[Any]]:
+        """The batch without the drones that only say again what they said last."""
+        said: dict[DroneId, list[Received[Any]]] = defaultdict(list)
+        for received in batch:
+            said[DroneId(received.ids[1])].append(received)
+        again = {each for each in said if self._last_heard.repeats_known_facts(each, said[each])}
+        if not again:
+            return batch
+        async with self._db.read() as connection:
+            # Of a drone on a mission its silence counts: how new its last word is must be known.
+            again -= await store.live_among(connection, again)
+        for drone_id in again:
+            self._last_heard.note(drone_id, said[drone_id])
+        return [each for each in batch if DroneId(each.ids[1]) not in again]
+
+    async def ask_live_drones(self) -> None:
+        """Ask every drone on a mission for the events that we lack: what came meanwhile is lost."""
+        async with self._db.read() as connection:
+            drone_ids = await store.live_drones(connection)
+        for drone_id in drone_ids:
+            async with self._db.write() as tx:
+                watch = await Watch.over([drone_id], tx=tx, clock=self._clock, mint=self._mint)
+                if drone_id in watch.missions:
+                    await watch.courier.ask_for_events(tx, watch.links[drone_id])
+
+    async def _take_one(self, watch: Watch, received: Received[Any]) -> None:
+        provider_id, drone_id = ProviderId(received.ids[0]), DroneId(received.ids[1])
+        link = watch.links[drone_id]
+        if link.provider_id != provider_id:
+            # A drone may write under any provider's name; only its own counts.
+            count("skyway_foreign_provider", "messages under another provider's name")
+            return
+        match received.message:
+            case Ack() as ack:
+                await take_ack(watch, link, ack)
+            case DroneEvent() as event:
+                await take_event(watch, link, event)
+            case DroneState() as state:
+                await take_state(watch, link, state)
+            case Connection() as connection:
+                _take_connection(watch, link, connection)
+
+
+def _without_superseded(batch: Sequence[Received[Any]]) -> Iterator[Received[Any]]:
+    """The batch without the news that an instruction has come, where its answer follows."""
+    answered = {
+        (*each.ids, each.message.instruction_id)
+        for each in batch
+        if isinstance(each.message, Ack) and each.message.status != "RECEIVED"
+    }
+    for each in batch:
+        is_news = isinstance(each.message, Ack) and each.message.status == "RECEIVED"
+        if not is_news or (*each.ids, each.message.instruction_id) not in answered:
+            yield each
+
+
+def _take_connection(watch: Watch, link: DroneLink, connection: Connection) -> None:
+    if link.is_newer_connection(connection):
+        watch.note_link(replace(link, connection=connection))

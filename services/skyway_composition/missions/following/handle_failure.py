@@ -1,0 +1,198 @@
+"""A drone that stands and waits: a step failed, it refused a revision, it lost its journal."""
+
+import logging
+from dataclasses import replace
+
+from skyway.contracts.drone_health import Fault
+from skyway.contracts.drone_report import DroneEvent, DroneState
+from skyway.contracts.flight_step import DeliverStep, FlightStep, FlyStep, PickUpStep, ReturnStep
+from skyway.ids import PackageId
+from skyway_composition.links.link import DroneLink
+from skyway_composition.missions.following.advance import begun, take_on_board
+from skyway_composition.missions.mission.end import take_forced_landing
+from skyway_composition.missions.mission.instruct import reissue
+from skyway_composition.missions.mission.notify import raise_alarm, report
+from skyway_composition.missions.mission.record import MissionRecord, Stuck
+from skyway_composition.missions.mission.step_store import end_step
+from skyway_composition.missions.mission.unit_of_work import Watch
+from skyway_composition.missions.replanning.occupied_pads import occupied_pad
+from skyway_composition.missions.replanning.propose import drop, with_aims
+from skyway_composition.missions.replanning.remainder.aims import absent_aim, aimed, back_to_pickup
+from skyway_composition.missions.replanning.store import plan_at_once
+
+log = logging.getLogger(__name__)
+
+
+async def take_step_failure(watch: Watch, record: MissionRecord, event: DroneEvent) -> None:
+    """The drone will not do this step: it waits for another plan where it stands.
+
+    That may be elsewhere than planned, when a failsafe led it there; without a station it is down
+    in the open, and flies no more. Packages that nobody was there to take go elsewhere from now on.
+    """
+    step = await end_step(watch.tx, record.mission_id, event, status="FAILED")
+    record = begun(watch, record, at=event.started_at or event.ended_at)
+    code, detail = event.code or "STEP_FAILED", _in_words(event, step)
+    if event.station_id is None:
+        await take_forced_landing(
+            watch,
+            record,
+            at=event.ended_at,
+            position=event.position,
+            soc=event.soc,
+            code=code,
+            detail=detail,
+        )
+        return
+    if code == "RECIPIENT_ABSENT":
+        record = _without_recipient(watch, record, step, detail=detail)
+    elif code == UNKNOWN:
+        record, detail = await take_unknown_hand_over(watch, record, step, event)
+    stuck = Stuck(
+        code=code,
+        detail=detail,
+        station_id=event.station_id,
+        soc=event.soc,
+        last_step=event.step_id or 0,
+        occupied=occupied_pad(step, event) if code == Fault.PAD_OCCUPIED else None,
+    )
+    await _keep_stuck(watch, record, stuck)
+
+
+async def wait_for_revision(
+    watch: Watch, record: MissionRecord, *, code: str, detail: str, last_step: int = 0
+) -> None:
+    """Note that the drone stands and waits; `recompose` finds it, from where its state says."""
+    state = watch.links[record.drone_id].state
+    if state is not None and state.activity == "DOWN":
+        await take_forced_landing(
+            watch,
+            record,
+            at=state.at,
+            position=state.position,
+            soc=state.soc,
+            code=code,
+            detail=detail,
+        )
+        return
+    if state is None or state.station_id is None:
+        # Not known where it stands: its next state or the end of its plan decides.
+        log.warning("stuck nowhere", extra={"mission_id": record.mission_id, "code": code})
+        return
+    if state.mission_id == record.mission_id:
+        last_step = max(last_step, state.released_through or 0, state.step_id or 0)
+    stuck = Stuck(
+        code=code,
+        detail=detail,
+        station_id=state.station_id,
+        soc=state.soc,
+        last_step=last_step,
+    )
+    await _keep_stuck(watch, record, stuck)
+
+
+async def _keep_stuck(watch: Watch, record: MissionRecord, stuck: Stuck) -> None:
+    """Keep why the drone waits, and say that another plan is looked for unless that was said."""
+    if record.stuck is None and record.trouble is None:
+        record = report(
+            watch,
+            record,
+            "REPLANNING",
+            at=watch.clock.now(),
+            code=stuck.code,
+            detail=stuck.detail,
+            station_id=stuck.station_id,
+        )
+    await watch.keep(replace(record, stuck=stuck))
+    await plan_at_once(watch.tx, record.mission_id)
+
+
+def _in_words(event: DroneEvent, step: FlightStep | None) -> str:
+    """Why the step failed, and where that has left the drone if not at the step's end."""
+    match step:
+        case DeliverStep() if event.code == "RECIPIENT_ABSENT" and event.detail is None:
+            packages = ", ".join(step.package_ids)
+            wait_s = step.recipient_wait_s
+            return f"nobody took {packages} at {step.station_id!r} within {wait_s:g} s"
+        case FlyStep() if event.station_id not in (None, step.from_id, step.to_id):
+            where = f"landed at {event.station_id!r} instead of {step.to_id!r}"
+            return f"the drone {where}: {event.detail or event.code}"
+        case FlyStep() if event.station_id == step.from_id and event.energy_j > 0:
+            where = f"went back to {event.station_id!r} on its way to {step.to_id!r}"
+            return f"the drone {where}: {event.detail or event.code}"
+        case _:
+            return event.detail or "a step failed"
+
+
+def _without_recipient(
+    watch: Watch, record: MissionRecord, step: FlightStep | None, *, detail: str
+) -> MissionRecord:
+    """The record with other aims for what could not be handed over."""
+    if not isinstance(step, DeliverStep):
+        return record
+    changed = [
+        absent_aim(record, package) for package in record.packages(frozenset(step.package_ids))
+    ]
+    return with_aims(
+        watch, record, aimed(record.aims, changed), code="RECIPIENT_ABSENT", detail=detail
+    )
+
+
+#: The code of a STEP_FAILED whose hand-over may or may not have happened.
+UNKNOWN = "UNKNOWN"
+
+
+async def take_unknown_hand_over(
+    watch: Watch, record: MissionRecord, step: FlightStep | None, event: DroneEvent
+) -> tuple[MissionRecord, str]:
+    """The record with what becomes of the packages, and what is told of it."""
+    match step:
+        case DeliverStep():
+            detail = f"it is not known whether {_named(step.package_ids)} were handed over"
+            detail = f"{detail} at {step.station_id!r}"
+            packages = record.packages(frozenset(step.package_ids))
+            aims = aimed(record.aims, [back_to_pickup(record, each) for each in packages])
+            record = with_aims(watch, record, aims, code=UNKNOWN, detail=detail)
+        case ReturnStep():
+            detail = f"it is not known whether {_named(step.package_ids)} were handed back"
+            detail = f"{detail} at {step.station_id!r}"
+        case PickUpStep():
+            package_ids = tuple(each.package_id for each in step.packages)
+            detail = f"it is not known whether {_named(package_ids)} were loaded"
+            detail = f"{detail} at {step.station_id!r}"
+            if event.package_ids:
+                record = await take_on_board(watch, record, step, event)
+        case _:
+            return record, event.detail or "it is not known whether a step was done"
+    await raise_alarm(
+        watch,
+        record,
+        level="URGENT",
+        code="HAND_OVER_UNKNOWN",
+        detail=f"{detail}: the drone was restarted meanwhile; somebody must look",
+        station_id=step.station_id,
+        data={"step_id": step.step_id, "step_kind": step.kind},
+    )
+    return record, f"{detail}: the drone was restarted meanwhile"
+
+
+def _named(package_ids: tuple[PackageId, ...]) -> str:
+    return ", ".join(package_ids)
+
+
+async def open_stream(watch: Watch, link: DroneLink, state: DroneState) -> None:
+    """Begin a new order of instructions; what was not answered in the old one is sent anew."""
+    log.warning(
+        "new stream", extra={"drone_id": link.drone_id, "stream": link.in_new_stream(state).stream}
+    )
+    await watch.courier.withdraw_open(watch.tx, link)
+    watch.note_link(link.in_new_stream(state))
+    record = watch.missions.get(link.drone_id)
+    if record is None:
+        return
+    if record.mission.state == "BOOKED":
+        await reissue(watch, record)
+    else:
+        if record.proposal is not None:
+            record = await drop(watch, record)
+        detail = "the drone has lost its journal and with it the mission"
+        await wait_for_revision(watch, record, code="JOURNAL_LOST", detail=detail)

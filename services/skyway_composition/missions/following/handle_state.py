@@ -1,0 +1,133 @@
+"""States: the drone's own picture of its progress, which shows what messages were missed."""
+
+from dataclasses import replace
+from typing import Final
+
+from skyway.contracts.drone_report import DroneState
+from skyway.ids import DroneId, MissionId
+from skyway_composition.links.instruction_store import last_cancel
+from skyway_composition.links.link import DroneLink
+from skyway_composition.missions.following.advance import begun
+from skyway_composition.missions.following.handle_failure import open_stream
+from skyway_composition.missions.following.recover_packages import bring_to_rest, raise_flies_on
+from skyway_composition.missions.mission import store
+from skyway_composition.missions.mission.custody import on_board
+from skyway_composition.missions.mission.custody_store import held_packages
+from skyway_composition.missions.mission.instruct import call_off
+from skyway_composition.missions.mission.notify import report
+from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.missions.mission.unit_of_work import Watch
+from skyway_composition.missions.replanning.outlook.judge import judged
+from skyway_composition.missions.replanning.propose import settle_if_flown
+from skyway_composition.planning.problem_for import used_more
+
+#: What a customer is shown; loading is told by reports of its own.
+_TOLD_ACTIVITIES: Final = ("FLYING", "WAITING", "RECHARGING", "DELIVERING")
+#: A drone doing this for a mission has begun it.
+_BEGUN_ACTIVITIES: Final = ("LOADING", "FLYING", "RECHARGING", "DELIVERING")
+
+
+async def take_state(watch: Watch, link: DroneLink, state: DroneState) -> None:
+    """Take a newer state; see whether the drone lost its journal, or we lost its events."""
+    if not link.is_newer_state(state):
+        return
+    must_open_stream = link.needs_new_stream(state)
+    is_news = _is_news(link.state, state)
+    link = replace(link, state=state)
+    if state.stream == link.stream:
+        link = link.acked(state.stream, state.session)
+    elif link.acked_stream < link.stream:
+        # It has not taken anything of ours yet, so none of its past events is about us.
+        link = replace(link, last_event_seq=state.last_event_seq)
+    if must_open_stream:
+        await open_stream(watch, link, state)
+        return
+    watch.note_link(link)
+    if state.stream == link.stream and state.last_event_seq > link.last_event_seq:
+        watch.links[link.drone_id] = await watch.courier.ask_for_events(watch.tx, link)
+    record = watch.missions.get(link.drone_id)
+    if record is not None and state.mission_id == record.mission_id:
+        record = await settle_if_flown(watch, record, state.mission_revision)
+        record = await _with_progress(watch, record, state)
+        if is_news:
+            await judged(watch, record)
+    elif state.mission_id is not None:
+        await _call_off_if_over(watch, link.drone_id, state.mission_id, state)
+
+
+def _is_news(before: DroneState | None, state: DroneState) -> bool:
+    """Whether a state may say more of the plan than its events, which were compared with it.
+
+    Only the end of a step was, by the plan that held then: not an alarm, nor what was cut.
+    """
+    if before is None or before.last_event_seq == state.last_event_seq:
+        return True
+    if _plan(before) != _plan(state) or before.step_id == state.step_id:
+        return True
+    return bool(set(state.faults) - set(before.faults)) or _used_more(state) > _used_more(before)
+
+
+def _plan(state: DroneState) -> tuple[MissionId | None, int | None]:
+    return state.mission_id, state.mission_revision
+
+
+def _used_more(state: DroneState) -> float:
+    return 0.0 if state.health is None else used_more(state.health.consumption_factor)
+
+
+async def _call_off_if_over(
+    watch: Watch, drone_id: DroneId, mission_id: MissionId, state: DroneState
+) -> None:
+    """Have the drone forget a mission of its own that ended here without its knowing."""
+    known = await store.get(watch.tx.connection, mission_id, provider_id=None)
+    told = await last_cancel(watch.tx, watch.links[drone_id], mission_id)
+    # Told once, it answers with a state like this one, until it has landed or handed over.
+    is_told = (
+        told is not None
+        and state.last_event_seq <= told.events_confirmed_seq
+        and watch.clock.now() <= told.expires_at
+    )
+    if known is None or known.drone_id != drone_id:
+        return
+    if not is_told:
+        revision = state.mission_revision or known.mission.revision
+        await call_off(
+            watch,
+            drone_id,
+            mission_id=mission_id,
+            revision=revision,
+            reason="the mission was given up without the drone's knowing",
+        )
+    if state.package_ids and state.activity != "DOWN":
+        if told is None:
+            await raise_flies_on(watch, known, state)
+        await bring_to_rest(watch, known, state)
+
+
+async def _with_progress(watch: Watch, record: MissionRecord, state: DroneState) -> MissionRecord:
+    known = record
+    if state.step_id is not None and state.activity in _BEGUN_ACTIVITIES:
+        record = begun(watch, record, at=state.at)
+    record = await _told_activity(watch, record, state)
+    if record is not known:
+        watch.note(record)
+    return record
+
+
+async def _told_activity(watch: Watch, record: MissionRecord, state: DroneState) -> MissionRecord:
+    """The record once the customer is told what the drone does with the packages, if it changed."""
+    doing = f"{state.activity} {state.station_id or ''}"
+    if state.activity not in _TOLD_ACTIVITIES or doing == record.told:
+        return record
+    held = await held_packages(watch.tx.connection, record.mission.delivery_id)
+    if not on_board(record.own(held)):
+        return record
+    return report(
+        watch,
+        replace(record, told=doing),
+        "ACTIVITY",
+        at=state.at,
+        activity=state.activity,
+        station_id=state.station_id,
+        soc=state.soc,
+    )

@@ -1,0 +1,1 @@
+"""What people do to missions: load, command, cancel."""

@@ -1,0 +1,140 @@
+"""Loading: what a loader has measured becomes the plan's masses, or the mission is over."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+from skyway.contracts.flight_step import PackageOnBoard
+from skyway.ids import MissionId, ProviderId
+from skyway.json_model import JsonModel
+from skyway.runtime.clock import FleetClock
+from skyway.runtime.errors import Conflict
+from skyway.runtime.loops import Wake
+from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Database
+from skyway.units import moment_to_ms
+from skyway_composition.alarms import store as alarm_store
+from skyway_composition.missions.interventions import store
+from skyway_composition.missions.interventions.loaded_check import (
+    LoadingFault,
+    loading_fault,
+    refuse_strangers,
+)
+from skyway_composition.missions.interventions.stop_packages import (
+    PACKAGES_CANCELLED,
+)
+from skyway_composition.missions.mission import end as ending
+from skyway_composition.missions.mission.record import MissionRecord, Trouble
+from skyway_composition.missions.mission.unit_of_work import Watch, mission_under_hand
+from skyway_composition.missions.replanning.request_plan import troubled
+
+
+class LoadingAnswer(JsonModel):
+    """CONFIRMED: the drone takes off once its plan holds with these masses. REFUSED: never."""
+
+    outcome: Literal["CONFIRMED", "REFUSED"]
+    code: str | None = None
+    detail: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Loadings:
+    """Takes loaders' words; `stuck` is woken after each."""
+
+    db: Database
+    clock: FleetClock
+    mint: Mint
+    stuck: Wake
+
+    async def confirm(
+        self,
+        mission_id: MissionId,
+        listed: Sequence[PackageOnBoard],
+        *,
+        provider_id: ProviderId | None,
+    ) -> LoadingAnswer:
+        """Whether the drone may take off with these packages.
+
+        Raises
+        ------
+        NotFound
+            There is no such mission of this provider (None: of anybody).
+        Conflict
+            NOT_LOADING: the drone does not stand at the pickup and wait. ALREADY_CONFIRMED, HELD,
+            REPLANNING.
+        InvalidInput
+            A package is not of this mission, or is listed twice.
+        """
+        async with self.db.write() as tx:
+            watch, record = await mission_under_hand(
+                tx, mission_id, provider_id=provider_id, clock=self.clock, mint=self.mint
+            )
+            _refuse_unless_loading(watch, record)
+            refuse_strangers(record, listed)
+            tx.after_commit(self.stuck.set)
+            fault = loading_fault(record, listed)
+            if fault is not None:
+                await refuse_loading(watch, record, fault)
+                return LoadingAnswer(outcome="REFUSED", code=fault.code, detail=fault.detail)
+            await _confirm(watch, record, listed)
+            return LoadingAnswer(outcome="CONFIRMED")
+
+
+async def refuse_loading(watch: Watch, record: MissionRecord, fault: LoadingFault) -> None:
+    """End a mission that was not loaded as agreed, and have somebody look at it."""
+    mission = record.mission
+    await alarm_store.add(
+        watch.tx,
+        level="WARNING",
+        code=fault.code,
+        detail=fault.detail,
+        at_ms=moment_to_ms(watch.clock.now()),
+        mint=watch.mint,
+        provider_id=mission.provider_id,
+        drone_id=mission.drone_id,
+        mission_id=mission.mission_id,
+        station_id=record.request.pickup.station_id,
+        data=fault.data,
+    )
+    await ending.cancel(watch, record, code=fault.code, detail=fault.detail)
+
+
+def _refuse_unless_loading(watch: Watch, record: MissionRecord) -> None:
+    if record.mission.loading == "CONFIRMED" or record.is_being_loaded:
+        raise Conflict("ALREADY_CONFIRMED", f"the loading of {record.mission_id} was confirmed")
+    if record.mission.is_held:
+        raise Conflict("HELD", f"{record.mission_id} is held by an operator")
+    if record.trouble is not None and record.trouble.code == PACKAGES_CANCELLED:
+        detail = f"{record.drone_id} has still to be told what was cancelled of {record.mission_id}"
+        raise Conflict("REPLANNING", detail)
+    link, pickup = watch.links.get(record.drone_id), record.request.pickup.station_id
+    state = None if link is None else link.state
+    stands_and_waits = (
+        record.mission.loading == "AWAITED"
+        and state is not None
+        and (state.mission_id, state.activity) == (record.mission_id, "LOADING")
+        and state.station_id == pickup
+    )
+    if not stands_and_waits:
+        detail = f"{record.drone_id} does not stand at {pickup} and wait to be loaded"
+        raise Conflict("NOT_LOADING", detail)
+
+
+async def _confirm(watch: Watch, record: MissionRecord, listed: Sequence[PackageOnBoard]) -> None:
+    """Have the plan made anew with the measured masses, and the drone told to take off."""
+    measured_kg = {each.package_id: each.mass_kg for each in listed}
+    packages = tuple(
+        each.model_copy(update={"mass_kg": measured_kg[each.package_id]})
+        for each in record.request.packages
+    )
+    request = record.request.model_copy(update={"packages": packages})
+    record = replace(record, request=request)
+    await store.save_request(watch.tx, record)
+    trouble = Trouble(
+        code="LOADED",
+        detail=f"{sum(measured_kg.values()):g} kg are on board",
+        loaded=tuple(
+            PackageOnBoard(package_id=each.package_id, mass_kg=each.mass_kg) for each in packages
+        ),
+    )
+    await troubled(watch, record, trouble)

@@ -1,0 +1,73 @@
+"""What people do to missions, over REST: loaders, operators, and customers through the gateway."""
+
+from typing import Annotated
+
+from fastapi import Depends
+from pydantic import Field
+
+from skyway.contracts.flight_step import PackageOnBoard
+from skyway.contracts.mission import Cancellation, CancelMissions
+from skyway.delivery.request import MAX_PACKAGE_MASS_KG, MAX_PACKAGES
+from skyway.ids import DeliveryId, MissionId, PackageId, ProviderId
+from skyway.json_model import JsonModel
+from skyway.runtime.http.app import internal_body
+from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.service_router import ServiceRouter
+from skyway_composition.missions.interventions.cancel import Cancellations
+from skyway_composition.missions.interventions.command import Command, CommandAnswer
+from skyway_composition.missions.interventions.confirm_loading import LoadingAnswer, Loadings
+from skyway_composition.missions.interventions.give_command import Commands
+
+
+class LoadedPackage(JsonModel):
+    """A package on board, with its mass as it was measured."""
+
+    package_id: PackageId
+    # Strict: true is not 1 kg.
+    mass_kg: Annotated[float, Field(ge=0, le=MAX_PACKAGE_MASS_KG, strict=True)]
+
+
+class Loaded(JsonModel):
+    """Everything that is on board; a package of the mission that is not named is missing."""
+
+    packages: Annotated[tuple[LoadedPackage, ...], Field(max_length=MAX_PACKAGES)]
+
+
+def hand_routes(
+    *, gate: ServiceGate, loadings: Loadings, commands: Commands, cancellations: Cancellations
+) -> ServiceRouter:
+    """Loading and commands under /v1/missions, the gateway's cancellations under /internal."""
+    router = ServiceRouter(tags=("missions",))
+
+    @router.post("/v1/missions/{mission_id}/loading")
+    async def confirm_loading(
+        mission_id: MissionId, caller: Annotated[Caller, Depends(gate)], loaded: Loaded
+    ) -> LoadingAnswer:
+        """Say what is on board, measured; the plan is checked with it, or the mission is over."""
+        caller.must_be("provider", "operator")
+        own = ProviderId(caller.subject_id) if caller.role == "provider" else None
+        listed = [
+            PackageOnBoard(package_id=each.package_id, mass_kg=each.mass_kg)
+            for each in loaded.packages
+        ]
+        return await loadings.confirm(mission_id, listed, provider_id=own)
+
+    @router.post("/v1/missions/{mission_id}/commands", status_code=202)
+    async def give_command(
+        mission_id: MissionId, caller: Annotated[Caller, Depends(gate)], command: Command
+    ) -> CommandAnswer:
+        """Hold a mission's drone, let it go on, divert it, call it home, or cancel the mission."""
+        caller.must_be("operator")
+        return await commands.give(mission_id, command)
+
+    @router.post("/internal/deliveries/{delivery_id}/cancellations")
+    async def cancel_missions(
+        delivery_id: DeliveryId,
+        caller: Annotated[Caller, Depends(gate)],
+        wanted: Annotated[CancelMissions, Depends(internal_body(CancelMissions))],
+    ) -> Cancellation:
+        """Cancel packages; what was loaded comes back, and the same call again says the same."""
+        caller.must_be("service")
+        return await cancellations.cancel(delivery_id, wanted)
+
+    return router

@@ -1,0 +1,185 @@
+"""Stopping packages of a mission: left at the pickup, or brought back there."""
+
+from collections.abc import Collection, Sequence
+from dataclasses import replace
+from datetime import timedelta
+from typing import Final
+
+from skyway.contracts.flight_step import PackageOnBoard, PickUpStep
+from skyway.contracts.mission import Cancellation
+from skyway.delivery.request import Package
+from skyway.ids import PackageId
+from skyway.runtime.clock import FleetClock, fleet_margin
+from skyway_composition.links.link import DroneLink
+from skyway_composition.missions.interventions import store
+from skyway_composition.missions.mission import end as ending
+from skyway_composition.missions.mission.custody import Custodian, has_never_left
+from skyway_composition.missions.mission.custody_store import held_packages
+from skyway_composition.missions.mission.notify import report
+from skyway_composition.missions.mission.record import Aim, MissionRecord, Trouble
+from skyway_composition.missions.mission.step_record import StepRecord
+from skyway_composition.missions.mission.step_store import steps_of
+from skyway_composition.missions.mission.unit_of_work import Watch
+from skyway_composition.missions.replanning.propose import with_aims
+from skyway_composition.missions.replanning.remainder.aims import aimed
+from skyway_composition.missions.replanning.request_plan import troubled
+
+#: Longest time until a drone has heard us, seconds of wall time. Our own choice.
+_HEARD_WITHIN_S: Final = 2.0
+
+
+#: The same for a plan that has to be made first.
+_PLANNED_WITHIN_S: Final = 4.0
+
+
+#: Why a mission that carries fewer packages from now on needs another plan.
+PACKAGES_CANCELLED: Final = "PACKAGES_CANCELLED"
+
+
+async def stop_packages(
+    watch: Watch,
+    record: MissionRecord,
+    package_ids: Collection[PackageId],
+    *,
+    code: str,
+    reason: str,
+) -> Cancellation:
+    """Do what can still be done about these packages of a live mission.
+
+    Those at the pickup stay there, and without any left the mission is over. Those on board come
+    back. A drone that takes packages on board this very moment brings them back, too; one that has
+    not said yet that it flies the mission at all cannot be told anything now.
+    """
+    held = await held_packages(watch.tx.connection, record.mission.delivery_id)
+    own = [each.package_id for each in record.packages(frozenset(package_ids))]
+    drone = Custodian("DRONE", record.drone_id)
+    carried = [each for each in own if each in held and held[each].custodian == drone]
+    waiting = [each for each in own if has_never_left(held.get(each))]
+    too_late = [each for each in own if each not in carried and each not in waiting]
+
+    steps = await steps_of(watch.tx.connection, record.mission_id)
+    takes_others = len(waiting) < len(record.request.packages)
+    link = watch.links[record.drone_id]
+    if waiting and not can_be_kept_off(
+        record, steps, watch.clock, link=link, needs_plan=takes_others
+    ):
+        if record.mission.state == "BOOKED":
+            too_late += waiting
+        else:
+            carried += waiting
+        waiting = []
+    if carried:
+        record = await bring_back(watch, record, carried, code=code, detail=reason)
+    if waiting:
+        await _release(watch, record, waiting, code=code, reason=reason)
+    return Cancellation(released=tuple(waiting), returning=tuple(carried), too_late=tuple(too_late))
+
+
+async def bring_back(
+    watch: Watch,
+    record: MissionRecord,
+    package_ids: Collection[PackageId],
+    *,
+    code: str,
+    detail: str,
+) -> MissionRecord:
+    """Have the drone hand these back at the pickup instead of delivering them."""
+    known = {aim.package_id for aim in record.aims if aim.kind == "RETURN"}
+    pickup = record.request.pickup.station_id
+    turned = [
+        Aim(package_id=each, station_id=pickup, kind="RETURN")
+        for each in package_ids
+        if each not in known
+    ]
+    record = with_aims(watch, record, aimed(record.aims, turned), code=code, detail=detail)
+    return await troubled(watch, record, Trouble(code=code, detail=detail))
+
+
+async def _release(
+    watch: Watch,
+    record: MissionRecord,
+    package_ids: Collection[PackageId],
+    *,
+    code: str,
+    reason: str,
+) -> None:
+    """Leave these at the pickup; a mission with nothing left to carry is over."""
+    record = report(
+        watch,
+        record,
+        "RELEASED",
+        at=watch.clock.now(),
+        package_ids=tuple(package_ids),
+        code=code,
+        detail=reason,
+    )
+    left = tuple(each for each in record.request.packages if each.package_id not in package_ids)
+    if not left:
+        await ending.cancel(watch, record, code=code, detail=reason)
+        return
+    etas = tuple(each for each in record.mission.packages if each.package_id not in package_ids)
+    record = replace(
+        record,
+        request=record.request.model_copy(update={"packages": left}),
+        mission=record.mission.model_copy(update={"packages": etas}),
+        aims=tuple(aim for aim in record.aims if aim.package_id not in package_ids),
+    )
+    await store.save_request(watch.tx, record)
+    detail = f"{len(package_ids)} packages were cancelled: {reason}"
+    await troubled(watch, record, Trouble(code=PACKAGES_CANCELLED, detail=detail))
+
+
+async def bring_astray_back(
+    watch: Watch, record: MissionRecord, packages: Sequence[PackageOnBoard]
+) -> MissionRecord:
+    """The record that knows these packages again, and brings them back.
+
+    Word of the cancellation came while the drone loaded. What it has on board must be in its plan:
+    else it would deliver by the old one what the customer was told stays.
+    """
+    pickup = record.request.pickup
+    known_again = tuple(
+        Package(package_id=each.package_id, mass_kg=each.mass_kg, destination=pickup)
+        for each in packages
+    )
+    request = record.request.model_copy(
+        update={"packages": (*record.request.packages, *known_again)}
+    )
+    record = replace(record, request=request)
+    await store.save_request(watch.tx, record)
+    package_ids = [each.package_id for each in packages]
+    detail = f"cancelled, but on board already: {', '.join(package_ids)}"
+    return await bring_back(watch, record, package_ids, code="CANCELLED", detail=detail)
+
+
+def can_be_kept_off(
+    record: MissionRecord,
+    steps: Sequence[StepRecord],
+    clock: FleetClock,
+    *,
+    link: DroneLink,
+    needs_plan: bool,
+) -> bool:
+    """Whether the drone surely hears of it before it takes the packages on board.
+
+    A PICK_UP that has begun by itself cannot be stopped; one that waits for a loader can, until
+    the loader has confirmed. A drone that waits for a revision begins nothing. One that is out of
+    reach begins to load as soon as it is back, and hears of what was cancelled after that.
+    """
+    if record.is_being_loaded:
+        return False
+    if record.mission.loading == "AWAITED" or record.stuck is not None:
+        return True
+    if link.is_gone:
+        return False
+    margin = _time_to_tell(clock, needs_plan=needs_plan)
+    return all(
+        each.step.planned_start_at > clock.now() + margin
+        for each in steps
+        if isinstance(each.step, PickUpStep) and each.status == "PLANNED"
+    )
+
+
+def _time_to_tell(clock: FleetClock, *, needs_plan: bool) -> timedelta:
+    wall_s = _PLANNED_WITHIN_S if needs_plan else _HEARD_WITHIN_S
+    return fleet_margin(clock, fleet_s=5, wall_s=wall_s)

@@ -1,0 +1,199 @@
+"""The end of a mission: drone and pads are free in the same transaction (I3)."""
+
+from dataclasses import replace
+from datetime import datetime
+
+from skyway.contracts.mission import MissionState
+from skyway.geo import Position
+from skyway.ids import PackageId, StationId
+from skyway.units import moment_to_ms
+from skyway_composition.missions.mission.custody import Custodian, Held, left_behind, on_board
+from skyway_composition.missions.mission.custody_store import add_custody, held_packages
+from skyway_composition.missions.mission.instruct import call_off
+from skyway_composition.missions.mission.notify import raise_alarm, report
+from skyway_composition.missions.mission.record import MissionRecord, moved
+from skyway_composition.missions.mission.step_record import flown_totals
+from skyway_composition.missions.mission.step_store import ended_events
+from skyway_composition.missions.mission.unit_of_work import Watch
+from skyway_composition.pads.store import free
+
+
+async def refuse(watch: Watch, record: MissionRecord, *, code: str, detail: str | None) -> None:
+    """End a mission that its drone will not fly."""
+    record = replace(moved(record, "REFUSED"), stuck=None, trouble=None, proposal=None)
+    await free(watch.tx, record.mission_id)
+    record = report(
+        watch,
+        record,
+        "REFUSED",
+        at=watch.clock.now(),
+        code=code,
+        detail=detail,
+    )
+    await watch.keep(record)
+
+
+async def complete(watch: Watch, record: MissionRecord, *, at: datetime) -> None:
+    """End a mission whose packages are all delivered and whose drone is home."""
+    await _end(watch, record, "COMPLETED", at=at, code=None, detail=None, station_id=None)
+
+
+async def cancel(watch: Watch, record: MissionRecord, *, code: str, detail: str) -> None:
+    """End a mission of which nothing is on board; its drone is told to forget it.
+
+    A drone that has begun it refuses that, flies it to its end, and is busy until then.
+    """
+    await call_off(
+        watch,
+        record.drone_id,
+        mission_id=record.mission_id,
+        revision=record.mission.revision,
+        reason=f"{code}: {detail}",
+    )
+    await _end(
+        watch,
+        record,
+        "CANCELLED",
+        at=watch.clock.now(),
+        code=code,
+        detail=detail,
+        station_id=None,
+    )
+
+
+async def abort(
+    watch: Watch,
+    record: MissionRecord,
+    *,
+    at: datetime,
+    code: str,
+    detail: str | None,
+    station_id: StationId | None = None,
+) -> None:
+    """End a mission that cannot go on; packages on board are stranded where the drone stands.
+
+    That is `station_id`, where the drone has just said so itself.
+
+    A drone that stands and waits is told to forget it, so that it can serve again.
+    """
+    if record.mission.state == "BOOKED":
+        await refuse(watch, record, code=code, detail=detail)
+        return
+    if station_id is None and record.stuck is not None:
+        station_id = record.stuck.station_id
+    link = watch.links.get(record.drone_id)
+    if station_id is None and link is not None and link.state is not None:
+        station_id = link.state.station_id
+    if record.stuck is not None:
+        await call_off(
+            watch,
+            record.drone_id,
+            mission_id=record.mission_id,
+            revision=record.mission.revision,
+            reason=f"given up: {code}",
+        )
+    await _end(watch, record, "ABORTED", at=at, code=code, detail=detail, station_id=station_id)
+
+
+async def abort_in_the_open(
+    watch: Watch,
+    record: MissionRecord,
+    *,
+    at: datetime,
+    code: str,
+    detail: str,
+    position: Position,
+) -> None:
+    """End a mission whose drone is down away from every station; it keeps what is on board."""
+    await _end(
+        watch,
+        record,
+        "ABORTED",
+        at=at,
+        code=code,
+        detail=detail,
+        station_id=None,
+        position=position,
+    )
+
+
+async def _end(
+    watch: Watch,
+    record: MissionRecord,
+    state: MissionState,
+    *,
+    at: datetime,
+    code: str | None,
+    detail: str | None,
+    station_id: StationId | None,
+    position: Position | None = None,
+) -> None:
+    stranded = await _strand(watch, record, at=at, station_id=station_id)
+    record = replace(moved(record, state), stuck=None, trouble=None, proposal=None)
+    await free(watch.tx, record.mission_id)
+    events = await ended_events(watch.tx.connection, record.mission_id)
+    record = report(
+        watch,
+        record,
+        "ENDED",
+        at=at,
+        code=code,
+        detail=detail,
+        station_id=station_id,
+        position=position,
+        stranded_package_ids=stranded,
+        data={"flown": flown_totals(events)},
+    )
+    await watch.keep(record)
+
+
+async def _strand(
+    watch: Watch, record: MissionRecord, *, at: datetime, station_id: StationId | None
+) -> tuple[PackageId, ...]:
+    """The packages left on board, or left behind; where the station is known, it holds them."""
+    held = record.own(await held_packages(watch.tx.connection, record.mission.delivery_id))
+    on_its_board = sorted(on_board(held))
+    if station_id is not None:
+        station = Custodian("STATION", station_id)
+        rows = [Held(each, held[each].seq + 1, station) for each in on_its_board]
+        await add_custody(watch.tx, record, rows, at_ms=moment_to_ms(at))
+    return (*on_its_board, *sorted(left_behind(held, record.request.pickup.station_id)))
+
+
+async def take_forced_landing(
+    watch: Watch,
+    record: MissionRecord,
+    *,
+    at: datetime,
+    position: Position,
+    soc: float,
+    code: str,
+    detail: str,
+) -> None:
+    """End the mission where its drone came down; what is on board stays with the drone."""
+    held = record.own(await held_packages(watch.tx.connection, record.mission.delivery_id))
+    packages = sorted(on_board(held))
+    place = f"{position.latitude_deg:.5f}, {position.longitude_deg:.5f}"
+    load = f"with {', '.join(packages)} on board" if packages else "with nothing on board"
+    await raise_alarm(
+        watch,
+        record,
+        level="CRITICAL",
+        code="FORCED_LANDING",
+        detail=f"down away from every station at {place}, {load}: {detail}",
+        data={
+            "fault": code,
+            "longitude_deg": position.longitude_deg,
+            "latitude_deg": position.latitude_deg,
+            "soc": soc,
+            "package_ids": packages,
+        },
+    )
+    await abort_in_the_open(
+        watch,
+        record,
+        at=at,
+        code=code,
+        detail=f"the drone had to land at {place}, away from every station: {detail}",
+        position=position,
+    )

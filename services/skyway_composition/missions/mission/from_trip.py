@@ -1,0 +1,249 @@
+"""From a trip to the steps that a drone can fly alone."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from itertools import zip_longest
+from typing import Self
+
+from skyway.contracts.candidate import Candidate
+from skyway.contracts.flight_step import (
+    DeliverStep,
+    FlightStep,
+    FlyStep,
+    PackageOnBoard,
+    PickUpStep,
+    RechargeStep,
+    ReturnStep,
+    WaitStep,
+)
+from skyway.contracts.mission import Margins, Mission, PackageEta
+from skyway.delivery.offer import Price
+from skyway.delivery.plan import Deliver, Fly, PickUp, Plan, Recharge, Wait
+from skyway.delivery.request import DeliveryRequest
+from skyway.ids import DeliveryId, MissionId, PackageId, StationId
+from skyway.network.network import Network, Segment
+from skyway.units import moment_to_ms, ms_to_moment
+from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.networks.prepared import PreparedNetwork
+from skyway_composition.networks.settings import NetworkSettings
+from skyway_composition.planning.trip import PlacedStep, Trip
+
+
+@dataclass(frozen=True, slots=True)
+class StepTerms:
+    """What the steps of one mission say that its plan does not.
+
+    Packages that are `returned` are handed back where the plan delivers them.
+    """
+
+    masses_kg: Mapping[PackageId, float]
+    recipient_wait_s: float = 0.0
+    awaits_confirmation: bool = False
+    returned: frozenset[PackageId] = frozenset()
+
+    @classmethod
+    def of(cls, record: MissionRecord, settings: NetworkSettings) -> Self:
+        """The terms of a mission in a network with these settings."""
+        return cls(
+            masses_kg={each.package_id: each.mass_kg for each in record.request.packages},
+            recipient_wait_s=settings.recipient_wait_s,
+            awaits_confirmation=record.mission.loading == "AWAITED",
+            returned=frozenset(each.package_id for each in record.aims if each.kind == "RETURN"),
+        )
+
+
+def flight_steps(
+    network: Network,
+    placed_steps: Sequence[PlacedStep],
+    *,
+    terms: StepTerms,
+    first_step: int,
+) -> tuple[FlightStep, ...]:
+    """The steps of a trip with all a drone needs, numbered from `first_step`.
+
+    A FLY lands unless another one follows. A RECHARGE may use the pad for the whole milliseconds
+    that are booked: exactly what the plan takes, rounded outward.
+    """
+    following = placed_steps[1:]
+    steps: list[FlightStep] = []
+    for placed, after in zip_longest(placed_steps, following):
+        step_id = first_step + len(steps)
+        steps.extend(_flight_steps(network, placed, after, terms=terms, step_id=step_id))
+    return tuple(steps)
+
+
+def wait_there(station_id: StationId, at_ms: int, *, step_id: int) -> WaitStep:
+    """A wait that is over at once."""
+    at = ms_to_moment(at_ms)
+    return WaitStep(
+        step_id=step_id,
+        planned_start_at=at,
+        planned_end_at=at,
+        station_id=station_id,
+        until_at=at,
+    )
+
+
+def _hand_overs(
+    placed: PlacedStep, step: Deliver, *, terms: StepTerms, step_id: int
+) -> Iterator[FlightStep]:
+    """The deliveries at one stop, after what is handed back there; one time for all of it."""
+    start_at, end_at = placed.start_at, placed.end_at
+    returned = tuple(each for each in step.package_ids if each in terms.returned)
+    delivered = tuple(each for each in step.package_ids if each not in terms.returned)
+    if returned:
+        yield ReturnStep(
+            step_id=step_id,
+            planned_start_at=start_at,
+            planned_end_at=start_at if delivered else end_at,
+            station_id=step.station_id,
+            package_ids=returned,
+        )
+    if delivered:
+        yield DeliverStep(
+            step_id=step_id + 1 if returned else step_id,
+            planned_start_at=start_at,
+            planned_end_at=end_at,
+            station_id=step.station_id,
+            package_ids=delivered,
+            dropoff_s=step.end_s - step.start_s,
+            recipient_wait_s=terms.recipient_wait_s,
+        )
+
+
+def _flight_steps(
+    network: Network,
+    placed: PlacedStep,
+    following: PlacedStep | None,
+    *,
+    terms: StepTerms,
+    step_id: int,
+) -> Iterator[FlightStep]:
+    start_at, end_at = placed.start_at, placed.end_at
+    match placed.step:
+        case PickUp() as step:
+            yield PickUpStep(
+                step_id=step_id,
+                planned_start_at=start_at,
+                planned_end_at=end_at,
+                station_id=step.station_id,
+                packages=tuple(
+                    PackageOnBoard(package_id=package_id, mass_kg=terms.masses_kg[package_id])
+                    for package_id in step.package_ids
+                ),
+                awaits_confirmation=terms.awaits_confirmation,
+            )
+        case Fly() as step:
+            yield FlyStep(
+                step_id=step_id,
+                planned_start_at=start_at,
+                planned_end_at=end_at,
+                from_id=step.from_id,
+                to_id=step.to_id,
+                from_position=network.stations[step.from_id].position,
+                to_position=network.stations[step.to_id].position,
+                length_m=_segment(network, step.from_id, step.to_id).length_m,
+                lands=following is None or not isinstance(following.step, Fly),
+            )
+        case Wait() as step:
+            yield WaitStep(
+                step_id=step_id,
+                planned_start_at=start_at,
+                planned_end_at=end_at,
+                station_id=step.station_id,
+                until_at=end_at,
+            )
+        case Recharge() as step:
+            yield RechargeStep(
+                step_id=step_id,
+                planned_start_at=start_at,
+                planned_end_at=end_at,
+                station_id=step.station_id,
+                pad=step.pad,
+                not_before_at=ms_to_moment(placed.start_ms),
+                until_soc=step.soc_end,
+                not_after_at=ms_to_moment(placed.end_ms),
+            )
+        case Deliver() as step:
+            yield from _hand_overs(placed, step, terms=terms, step_id=step_id)
+
+
+def _segment(network: Network, from_id: StationId, to_id: StationId) -> Segment:
+    return next(each for each in network.segments_from(from_id) if each.to_id == to_id)
+
+
+def record_of(
+    candidate: Candidate,
+    trip: Trip,
+    *,
+    delivery_id: DeliveryId,
+    attempt: int,
+    trip_number: int,
+    mission_id: MissionId,
+    request: DeliveryRequest,
+    price: Price,
+    skyway: PreparedNetwork,
+    expires_at: datetime,
+) -> MissionRecord:
+    """A new mission that flies a trip; `request` holds the packages of this trip only.
+
+    Its first instruction expires at `expires_at`.
+    """
+    start_at = ms_to_moment(trip.start_ms)
+    mission = Mission(
+        mission_id=mission_id,
+        delivery_id=delivery_id,
+        attempt=attempt,
+        trip=trip_number,
+        provider_id=candidate.provider_id,
+        drone_id=candidate.drone_id,
+        drone_model_id=candidate.model.model_id,
+        state="BOOKED",
+        revision=1,
+        start_at=start_at,
+        released_at=ms_to_moment(trip.released_ms),
+        price=price,
+        packages=_etas(trip.plan, start_at),
+        plan=trip.plan,
+        home_plan=trip.home_plan,
+        home_recharge=trip.home_recharge,
+        margins=skyway.settings.margins,
+        loading="AWAITED" if candidate.loading == "CONFIRMED" else "AUTOMATIC",
+    )
+    return MissionRecord(
+        mission=mission,
+        network_id=skyway.network_id,
+        request=request,
+        candidate=candidate,
+        expires_ms=moment_to_ms(expires_at),
+    )
+
+
+def next_revision(mission: Mission, trip: Trip, *, revision: int, margins: Margins) -> Mission:
+    """The mission once this trip replaces what was left of its plan; the price stays."""
+    start_at = ms_to_moment(trip.start_ms)
+    fresh = {eta.package_id: eta for eta in _etas(trip.plan, start_at)}
+    return mission.model_copy(
+        update={
+            "revision": revision,
+            "start_at": start_at,
+            "released_at": ms_to_moment(trip.released_ms),
+            "packages": tuple(fresh.get(eta.package_id, eta) for eta in mission.packages),
+            "plan": trip.plan,
+            "home_plan": trip.home_plan,
+            "home_recharge": trip.home_recharge,
+            "margins": margins,
+            "given_up": None,
+        }
+    )
+
+
+def _etas(plan: Plan, start_at: datetime) -> tuple[PackageEta, ...]:
+    return tuple(
+        PackageEta(
+            package_id=delivery.package_id,
+            eta_at=start_at + timedelta(seconds=delivery.delivered_s),
+        )
+        for delivery in plan.deliveries
+    )

@@ -1,0 +1,142 @@
+"""Sending a mission's steps to its drone, first or again, and calling a mission off."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from datetime import datetime
+from functools import partial
+
+from skyway.contracts.flight_step import FlightStep
+from skyway.contracts.instruction import (
+    CancelInstruction,
+    HoldInstruction,
+    MissionInstruction,
+    ResumeInstruction,
+)
+from skyway.contracts.mission import Mission
+from skyway.ids import DroneId, InstructionId, MissionId
+from skyway.runtime.sql.database import Tx
+from skyway.units import moment_to_ms
+from skyway_composition.links.courier import Courier, Draft
+from skyway_composition.links.instruction_store import SentInstruction, open_instructions
+from skyway_composition.links.link import DroneLink
+from skyway_composition.missions.mission.notify import raise_alarm
+from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.missions.mission.step_store import steps_of
+from skyway_composition.missions.mission.unit_of_work import Watch
+
+
+async def dispatch(
+    tx: Tx,
+    courier: Courier,
+    link: DroneLink,
+    *,
+    mission: Mission,
+    steps: Sequence[FlightStep],
+    expires_at: datetime,
+) -> DroneLink:
+    """Send these steps as the mission's present revision."""
+    return await courier.send(tx, link, mission_draft(mission, steps), expires_at=expires_at)
+
+
+def mission_draft(mission: Mission, steps: Sequence[FlightStep]) -> Draft:
+    """The instruction that brings these steps as the mission's present revision."""
+    return partial(
+        MissionInstruction,
+        mission_id=mission.mission_id,
+        mission_revision=mission.revision,
+        delivery_id=mission.delivery_id,
+        first_step=steps[0].step_id,
+        steps=tuple(steps),
+    )
+
+
+async def call_off(
+    watch: Watch, drone_id: DroneId, *, mission_id: MissionId, revision: int, reason: str
+) -> None:
+    """Have the drone forget a mission that was given up, unless it has still to answer that."""
+    sent = await open_instructions(watch.tx, drone_id)
+    if any(each.kind == "CANCEL" and each.mission_id == mission_id for each in sent):
+        return
+    draft = partial(
+        CancelInstruction, mission_id=mission_id, mission_revision=revision, reason=reason
+    )
+    watch.links[drone_id] = await watch.courier.send(
+        watch.tx, watch.links[drone_id], draft, expires_at=watch.courier.expiry()
+    )
+
+
+async def reissue(watch: Watch, record: MissionRecord) -> None:
+    """Send a mission that was not answered once more, in the link's new stream."""
+    known = await steps_of(watch.tx.connection, record.mission_id)
+    steps = [each.step for each in known if each.status == "PLANNED"]
+    expires_at = watch.courier.expiry()
+    watch.links[record.drone_id] = await dispatch(
+        watch.tx,
+        watch.courier,
+        watch.links[record.drone_id],
+        mission=record.mission,
+        steps=steps,
+        expires_at=expires_at,
+    )
+    await watch.keep(replace(record, expires_ms=moment_to_ms(expires_at)))
+
+
+async def hold(watch: Watch, record: MissionRecord, *, reason: str) -> InstructionId:
+    """Tell the drone to hold, until it is resumed or gets new steps; the instruction's id."""
+    draft = partial(
+        HoldInstruction,
+        mission_id=record.mission_id,
+        mission_revision=_newest_revision(record),
+        reason=reason,
+    )
+    return await _send(watch, record, draft)
+
+
+async def resume(watch: Watch, record: MissionRecord) -> InstructionId:
+    """Tell the drone to go on; the instruction's id."""
+    draft = partial(
+        ResumeInstruction,
+        mission_id=record.mission_id,
+        mission_revision=_newest_revision(record),
+    )
+    return await _send(watch, record, draft)
+
+
+async def take_refused_hold(
+    watch: Watch, record: MissionRecord, sent: SentInstruction, *, code: str
+) -> None:
+    """Show a mission as flown on whose drone did not hold, and tell operators."""
+    is_told_again = any(
+        each.kind == "HOLD" for each in await open_instructions(watch.tx, record.drone_id)
+    )
+    is_held = record.mission.is_held and record.mission_id == sent.mission_id
+    if is_told_again or not is_held:
+        return
+    await raise_alarm(
+        watch,
+        record,
+        level="URGENT",
+        code="HOLD_REFUSED",
+        detail=f"the drone flies on, since it refused to hold: {code}",
+    )
+    await watch.keep(held(record, is_held=False))
+
+
+def held(record: MissionRecord, *, is_held: bool) -> MissionRecord:
+    """The record of a mission that is held, or is held no more."""
+    return replace(record, mission=record.mission.model_copy(update={"is_held": is_held}))
+
+
+def _newest_revision(record: MissionRecord) -> int:
+    """The revision that the drone was sent last: it may not have answered it yet."""
+    mission = record.mission if record.proposal is None else record.proposal.mission
+    return mission.revision
+
+
+async def _send(watch: Watch, record: MissionRecord, draft: Draft) -> InstructionId:
+    link = watch.links[record.drone_id]
+    watch.links[record.drone_id] = await watch.courier.send(
+        watch.tx, link, draft, expires_at=watch.courier.expiry()
+    )
+    *_, newest = await open_instructions(watch.tx, record.drone_id)
+    return newest.instruction_id

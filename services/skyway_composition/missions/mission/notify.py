@@ -1,0 +1,76 @@
+"""Mission reports: what the gateway and the registry are told, in order per mission."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from datetime import datetime
+from typing import Any, Final
+
+from skyway.contracts.drone_health import AlarmLevel
+from skyway.contracts.mission import MissionReport
+from skyway.contracts.mission_reports import MISSION_REPORTS
+from skyway.ids import StationId
+from skyway.units import moment_to_ms
+from skyway_composition.alarms import store
+from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.missions.mission.unit_of_work import Watch
+
+#: What makes a drone busy or free: all that the registry wants to know.
+_OF_THE_DRONE: Final = ("ACCEPTED", "REFUSED", "ENDED")
+
+
+def report(
+    watch: Watch,
+    record: MissionRecord,
+    kind: str,
+    *,
+    at: datetime,
+    **fields: Any,  # the members of MissionReport that this kind carries, checked by the model
+) -> MissionRecord:
+    """The record after one more thing was told of its mission; the caller saves it."""
+    mission = record.mission
+    told = MissionReport.model_validate(
+        {
+            "report_id": watch.mint("rpt"),
+            "delivery_id": mission.delivery_id,
+            "attempt": mission.attempt,
+            "trip": mission.trip,
+            "mission_id": mission.mission_id,
+            "provider_id": mission.provider_id,
+            "drone_id": mission.drone_id,
+            "seq": record.report_seq + 1,
+            "kind": kind,
+            "at": at,
+            "mission_state": mission.state,
+            **fields,
+        }
+    )
+    watch.tx.report("gateway", MISSION_REPORTS, told, stream=mission.mission_id)
+    if kind in _OF_THE_DRONE:
+        watch.tx.report("registry", MISSION_REPORTS, told, stream=mission.mission_id)
+    return replace(record, report_seq=told.seq)
+
+
+async def raise_alarm(
+    watch: Watch,
+    record: MissionRecord,
+    *,
+    level: AlarmLevel,
+    code: str,
+    detail: str,
+    station_id: StationId | None = None,
+    data: Mapping[str, Any] | None = None,  # numbers behind the code
+) -> None:
+    """Raise an alarm about a mission and its drone, as of now."""
+    await store.add(
+        watch.tx,
+        level=level,
+        code=code,
+        detail=detail,
+        at_ms=moment_to_ms(watch.clock.now()),
+        mint=watch.mint,
+        provider_id=record.mission.provider_id,
+        drone_id=record.drone_id,
+        mission_id=record.mission_id,
+        station_id=station_id,
+        data=data,
+    )

@@ -1,0 +1,67 @@
+"""Which pads a mission needs, from the steps that lie ahead; all others go back at once.
+
+A pad that was used is kept until the next drone may come: a gap after the drone has left it.
+"""
+
+from collections.abc import Iterable, Sequence
+
+from skyway.contracts.flight_step import FlightStep, RechargeStep
+from skyway.units import moment_to_ms
+from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.missions.mission.step_record import StepRecord
+from skyway_composition.missions.mission.step_store import steps_of
+from skyway_composition.missions.mission.unit_of_work import Watch
+from skyway_composition.pads.booked_pad import BookedPad, merged
+from skyway_composition.pads.store import hold
+
+
+def pads_of(steps: Iterable[FlightStep], *, pad_gap_s: float) -> tuple[BookedPad, ...]:
+    """The pads that these steps charge at, each held until the next drone may come."""
+    gap_ms = round(pad_gap_s * 1000)
+    return merged(
+        BookedPad(
+            step.station_id,
+            step.pad,
+            moment_to_ms(step.not_before_at),
+            moment_to_ms(step.not_after_at) + gap_ms,
+        )
+        for step in steps
+        if isinstance(step, RechargeStep) and step.not_before_at < step.not_after_at
+    )
+
+
+def used_pads(steps: Iterable[StepRecord], *, pad_gap_s: float) -> tuple[BookedPad, ...]:
+    """The pads at which a drone has charged: nobody comes there before the gap is over."""
+    gap_ms = round(pad_gap_s * 1000)
+    sessions = (
+        BookedPad(
+            each.step.station_id,
+            each.step.pad,
+            moment_to_ms(each.step.not_before_at),
+            moment_to_ms(min(each.event.ended_at, each.step.not_after_at)) + gap_ms,
+        )
+        for each in steps
+        if isinstance(each.step, RechargeStep)
+        and each.status == "ENDED"
+        and each.event is not None
+        and each.step.not_before_at < each.step.not_after_at
+    )
+    return merged(each for each in sessions if each.start_ms < each.end_ms)
+
+
+def needed_pads(record: MissionRecord, steps: Sequence[StepRecord]) -> tuple[BookedPad, ...]:
+    """The pads of the steps ahead, and of those proposed instead until the drone has answered."""
+    gap_s = record.mission.margins.pad_gap_s
+    planned = [each.step for each in steps if each.status == "PLANNED"]
+    needed = merged((*pads_of(planned, pad_gap_s=gap_s), *used_pads(steps, pad_gap_s=gap_s)))
+    proposal = record.proposal
+    if proposal is None:
+        return needed
+    proposed_gap_s = proposal.mission.margins.pad_gap_s
+    return merged((*needed, *pads_of(proposal.steps, pad_gap_s=proposed_gap_s)))
+
+
+async def give_back(watch: Watch, record: MissionRecord) -> None:
+    """Hold what the mission still needs, and nothing else; a new need may be `Taken`."""
+    steps = await steps_of(watch.tx.connection, record.mission_id)
+    await hold(watch.tx, record.mission_id, needed_pads(record, steps))

@@ -1,0 +1,111 @@
+"""A mission as a row: what it is found by in columns, all else in JSON."""
+
+from typing import Any, Final, Generic, TypeVar
+
+from pydantic import TypeAdapter
+
+from skyway.contracts.candidate import Candidate
+from skyway.contracts.mission import Mission
+from skyway.delivery.request import DeliveryRequest
+from skyway.json_model import JsonModel
+from skyway.units import moment_to_ms
+from skyway_composition.missions.mission.record import Aim, MissionRecord, Proposal, Stuck, Trouble
+
+J = TypeVar("J", bound=JsonModel)
+
+
+#: Values of one model that are known, those of the last 15 seconds under load: 5 MiB.
+_MOST: Final = 500
+
+
+class KnownJson(Generic[J]):
+    """The JSON of one model's values, which are frozen: whoever reads a text shares its value."""
+
+    def __init__(self, model: type[J]) -> None:
+        self._model = model
+        self._known: dict[str, J] = {}
+
+    def write(self, value: J) -> str:
+        """The JSON of a value, known from now on."""
+        text = value.model_dump_json()
+        self._keep(text, value)
+        return text
+
+    def read(self, text: str) -> J:
+        """The value in this JSON."""
+        value = self._known.get(text)
+        if value is None:
+            value = self._model.read(text)
+            self._keep(text, value)
+        return value
+
+    def _keep(self, text: str, value: J) -> None:
+        self._known[text] = value
+        while len(self._known) > _MOST:
+            del self._known[next(iter(self._known))]
+
+
+_AIMS: Final = TypeAdapter(tuple[Aim, ...])
+
+
+# A mission is read again soon after it was written, and its request never changes.
+_MISSIONS: Final = KnownJson(Mission)
+
+
+_REQUESTS: Final = KnownJson(DeliveryRequest)
+
+
+_CANDIDATES: Final = KnownJson(Candidate)
+
+
+def new_row(record: MissionRecord) -> dict[str, Any]:  # column values of any type
+    """The columns of a mission that is new."""
+    mission = record.mission
+    return {
+        "mission_id": mission.mission_id,
+        "delivery_id": mission.delivery_id,
+        "attempt": mission.attempt,
+        "trip": mission.trip,
+        "provider_id": mission.provider_id,
+        "drone_id": mission.drone_id,
+        "network_id": record.network_id,
+        "request": _REQUESTS.write(record.request),
+        "candidate": _CANDIDATES.write(record.candidate),
+        **changing_columns(record),
+    }
+
+
+def changing_columns(record: MissionRecord) -> dict[str, Any]:  # column values of any type
+    """The columns that change while a mission lives."""
+    mission = record.mission
+    return {
+        "state": mission.state,
+        "start_ms": moment_to_ms(mission.start_at),
+        "released_ms": moment_to_ms(mission.released_at),
+        "expires_ms": record.expires_ms,
+        "body": _MISSIONS.write(mission),
+        "report_seq": record.report_seq,
+        "told": record.told,
+        "stuck": None if record.stuck is None else record.stuck.model_dump_json(),
+        "trouble": None if record.trouble is None else record.trouble.model_dump_json(),
+        "proposal": None if record.proposal is None else record.proposal.model_dump_json(),
+        "aims": _AIMS.dump_json(record.aims).decode(),
+        "loading": mission.loading,
+    }
+
+
+def read_record(row: Any) -> MissionRecord:  # a row of missions, whose columns have any type
+    """The mission in a row."""
+    return MissionRecord(
+        mission=_MISSIONS.read(row.body),
+        network_id=row.network_id,
+        request=_REQUESTS.read(row.request),
+        candidate=_CANDIDATES.read(row.candidate),
+        expires_ms=row.expires_ms,
+        report_seq=row.report_seq,
+        told=row.told,
+        stuck=None if row.stuck is None else Stuck.read(row.stuck),
+        trouble=None if row.trouble is None else Trouble.read(row.trouble),
+        proposal=None if row.proposal is None else Proposal.read(row.proposal),
+        aims=_AIMS.validate_json(row.aims),
+    )

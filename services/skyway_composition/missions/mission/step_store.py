@@ -1,0 +1,190 @@
+"""All SQL of the steps of missions, as they were sent and how they ended."""
+
+from collections.abc import Iterable
+from typing import Any, Final
+
+from sqlalchemy import bindparam, delete, insert, select, update
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from skyway.contracts.drone_report import DroneEvent
+from skyway.contracts.flight_step import FlightStep
+from skyway.ids import MissionId
+from skyway.runtime.sql.database import Tx
+from skyway.units import moment_to_ms
+from skyway_composition.missions.mission.step_record import StepRecord, read_step
+from skyway_composition.tables import cut_steps, mission_steps
+
+#: An event that names no revision is of whichever is known.
+_ANY_REVISION: Final = 2**31 - 1
+
+# Statements that each booking and each word of a drone needs: making them takes longer than
+# running them does.
+_ADD_STEPS: Final = insert(mission_steps)
+_PLANNED_STEP: Final = select(mission_steps.c.step).where(
+    mission_steps.c.mission_id == bindparam("mission_id"),
+    mission_steps.c.step_id == bindparam("step_id"),
+    mission_steps.c.status == "PLANNED",
+    # A step that was cut has the number of the one in its place, which came later.
+    mission_steps.c.revision <= bindparam("revision"),
+)
+_END_STEP: Final = update(mission_steps).where(
+    mission_steps.c.mission_id == bindparam("of_mission"),
+    mission_steps.c.step_id == bindparam("of_step"),
+)
+_STEPS: Final = (
+    select(mission_steps)
+    .where(mission_steps.c.mission_id == bindparam("mission_id"))
+    .order_by(mission_steps.c.step_id)
+)
+
+
+def add_steps(tx: Tx, mission_id: MissionId, steps: Iterable[FlightStep]) -> None:
+    """Add the steps of a new mission when the block ends."""
+    tx.add(mission_steps, _step_rows(mission_id, steps, revision=1))
+
+
+async def replace_planned(
+    tx: Tx, mission_id: MissionId, steps: Iterable[FlightStep], *, revision: int
+) -> None:
+    """Add the steps of a revision; those it replaces, which never began, go."""
+    await tx.execute(
+        delete(mission_steps).where(
+            mission_steps.c.mission_id == mission_id, mission_steps.c.status == "PLANNED"
+        )
+    )
+    await _insert_steps(tx, mission_id, steps, revision=revision)
+
+
+async def replace_steps(
+    tx: Tx,
+    mission_id: MissionId,
+    steps: Iterable[FlightStep],
+    *,
+    first_step: int,
+    revision: int,
+) -> None:
+    """Put these steps in the place of all from `first_step` on, also of one that was cut."""
+    await tx.execute(
+        delete(mission_steps).where(
+            mission_steps.c.mission_id == mission_id, mission_steps.c.step_id >= first_step
+        )
+    )
+    await _insert_steps(tx, mission_id, steps, revision=revision)
+
+
+async def _insert_steps(
+    tx: Tx, mission_id: MissionId, steps: Iterable[FlightStep], *, revision: int
+) -> None:
+    await tx.execute(_ADD_STEPS, _step_rows(mission_id, steps, revision=revision))
+
+
+def _step_rows(
+    mission_id: MissionId, steps: Iterable[FlightStep], *, revision: int
+) -> list[dict[str, Any]]:  # column values of any type
+    return [
+        {
+            "mission_id": mission_id,
+            "step_id": step.step_id,
+            "revision": revision,
+            "status": "PLANNED",
+            "step": step.model_dump_json(),
+            **step_columns(step),
+        }
+        for step in steps
+    ]
+
+
+async def change_step(tx: Tx, mission_id: MissionId, step: FlightStep) -> None:
+    """Keep a step as its drone flies it now; its number and revision stay."""
+    await tx.execute(
+        update(mission_steps)
+        .where(mission_steps.c.mission_id == mission_id, mission_steps.c.step_id == step.step_id)
+        .values(step=step.model_dump_json(), **step_columns(step))
+    )
+
+
+async def end_step(
+    tx: Tx, mission_id: MissionId, event: DroneEvent, *, status: str
+) -> FlightStep | None:
+    """The step that an event ends, unless it has ended already, was never sent or replaced."""
+    wanted = {
+        "mission_id": mission_id,
+        "step_id": event.step_id,
+        "revision": event.mission_revision or _ANY_REVISION,
+    }
+    found = await tx.execute(_PLANNED_STEP, wanted)
+    text = found.scalar_one_or_none()
+    if text is None:
+        return None
+    ended = {
+        "of_mission": mission_id,
+        "of_step": event.step_id,
+        "status": status,
+        "started_ms": None if event.started_at is None else moment_to_ms(event.started_at),
+        "ended_ms": moment_to_ms(event.ended_at),
+        "event": event.model_dump_json(),
+    }
+    await tx.execute(_END_STEP, ended)
+    return read_step(text)
+
+
+async def steps_of(connection: AsyncConnection, mission_id: MissionId) -> list[StepRecord]:
+    """All steps of a mission, in order."""
+    found = await connection.execute(_STEPS, {"mission_id": mission_id})
+    return [
+        StepRecord(
+            step=read_step(row.step),
+            revision=row.revision,
+            status=row.status,
+            event=None if row.event is None else DroneEvent.read(row.event),
+        )
+        for row in found
+    ]
+
+
+def step_columns(step: FlightStep) -> dict[str, Any]:  # column values of any type
+    """The columns of `mission_steps` that say what a step does, where and when."""
+    return {
+        "kind": step.kind,
+        "station_id": None if step.kind == "FLY" else step.station_id,
+        "pad": step.pad if step.kind == "RECHARGE" else None,
+        "planned_start_ms": moment_to_ms(step.planned_start_at),
+        "planned_end_ms": moment_to_ms(step.planned_end_at),
+        "from_station_id": step.from_id if step.kind == "FLY" else None,
+        "to_station_id": step.to_id if step.kind == "FLY" else None,
+        "lands": step.lands if step.kind == "FLY" else None,
+    }
+
+
+async def keep(tx: Tx, mission_id: MissionId, event: DroneEvent) -> None:
+    """Keep what a cut step took, before the step in its place does away with it."""
+    if event.started_at is None:
+        return
+    row = {
+        "mission_id": mission_id,
+        "seq": event.seq,
+        "step_id": event.step_id,
+        "kind": event.step_kind,
+        "station_id": event.station_id,
+        "started_ms": moment_to_ms(event.started_at),
+        "ended_ms": moment_to_ms(event.ended_at),
+        "event": event.model_dump_json(),
+    }
+    await tx.execute(tx.insert(cut_steps).values(row).on_conflict_do_nothing())
+
+
+async def ended_events(connection: AsyncConnection, mission_id: MissionId) -> list[DroneEvent]:
+    """The ends of all steps of a mission, of cut ones too, in the order in which they came."""
+    ended = select(mission_steps.c.event).where(
+        mission_steps.c.mission_id == mission_id,
+        mission_steps.c.status == "ENDED",
+        mission_steps.c.event.is_not(None),
+    )
+    cut = select(cut_steps.c.event).where(cut_steps.c.mission_id == mission_id)
+    texts = [
+        *(await connection.execute(ended)).scalars(),
+        *(await connection.execute(cut)).scalars(),
+    ]
+    # A step is among both from when it was cut until its number is another's.
+    events = {event.seq: event for event in map(DroneEvent.read, texts)}
+    return [events[seq] for seq in sorted(events)]

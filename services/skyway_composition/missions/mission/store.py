@@ -1,0 +1,163 @@
+"""All SQL of the missions themselves; their steps and custody have stores of their own."""
+
+from collections.abc import Collection, Iterable
+from dataclasses import dataclass
+from typing import Final
+
+from sqlalchemy import bindparam, select, update
+from sqlalchemy.ext.asyncio import AsyncConnection
+
+from skyway.contracts.mission import Mission
+from skyway.ids import DeliveryId, DroneId, MissionId, ProviderId
+from skyway.runtime.sql.among import among
+from skyway.runtime.sql.database import Tx
+from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.missions.mission.row import changing_columns, new_row, read_record
+from skyway_composition.tables import deliveries, first_planned_end_ms, is_live, missions
+
+# Statements that each booking and each word of a drone needs: making them takes longer than
+# running them does.
+_LIVE: Final = (
+    select(missions)
+    .where(among(missions.c.drone_id, "drone_ids"), is_live)
+    .order_by(missions.c.drone_id)
+    .with_for_update()
+)
+
+
+_LIVE_AMONG: Final = select(missions.c.drone_id).where(
+    among(missions.c.drone_id, "drone_ids"), is_live
+)
+
+
+_LIVE_DRONES: Final = select(missions.c.drone_id).where(is_live).order_by(missions.c.drone_id)
+
+
+# Its steps change before a mission is saved; what its drone does next is kept at each of these.
+_SAVE: Final = (
+    update(missions)
+    .where(missions.c.mission_id == bindparam("of_mission"))
+    .values(next_end_ms=first_planned_end_ms)
+)
+
+
+@dataclass(frozen=True, slots=True)
+class MissionFilter:
+    """Which missions a list shows; `provider_id` is the caller's own, None for operators."""
+
+    provider_id: ProviderId | None = None
+    state: str | None = None
+    delivery_id: str | None = None
+    drone_id: str | None = None
+    loading: str | None = None
+
+
+async def live_missions_of(
+    connection: AsyncConnection, delivery_id: DeliveryId
+) -> tuple[Mission, ...]:
+    """The missions that are under way for a delivery, or ended without refusing it."""
+    found = await connection.execute(
+        select(missions)
+        .where(missions.c.delivery_id == delivery_id, missions.c.state != "REFUSED")
+        .order_by(missions.c.attempt, missions.c.trip)
+    )
+    return tuple(read_record(row).mission for row in found)
+
+
+def add(tx: Tx, record: MissionRecord) -> None:
+    """Add a mission when the block ends.
+
+    Then `mission_drone` is `Taken` if its drone is on another one, `mission_attempt` if it was
+    booked already.
+    """
+    tx.add(missions, [new_row(record)])
+
+
+async def save_all(tx: Tx, records: Iterable[MissionRecord]) -> None:
+    """Keep what changed of missions that are locked, and of their steps before."""
+    rows = [{"of_mission": record.mission_id, **changing_columns(record)} for record in records]
+    if rows:
+        await tx.execute(_SAVE, rows)
+
+
+async def lock_live(tx: Tx, drone_ids: Collection[DroneId]) -> dict[DroneId, MissionRecord]:
+    """The live missions of these drones; nobody else changes them meanwhile."""
+    found = await tx.execute(_LIVE, {"drone_ids": [*drone_ids]})
+    return {row.drone_id: read_record(row) for row in found}
+
+
+async def get(
+    connection: AsyncConnection, mission_id: MissionId, *, provider_id: ProviderId | None
+) -> MissionRecord | None:
+    """A mission, if it is this provider's (None: whoever's)."""
+    query = select(missions).where(missions.c.mission_id == mission_id)
+    if provider_id is not None:
+        query = query.where(missions.c.provider_id == provider_id)
+    row = (await connection.execute(query)).one_or_none()
+    return None if row is None else read_record(row)
+
+
+async def page(
+    connection: AsyncConnection, shown: MissionFilter, *, before: str | None, limit: int
+) -> list[MissionRecord]:
+    """Missions, the newest first, those before a given id."""
+    query = select(missions).order_by(missions.c.mission_id.desc()).limit(limit)
+    for column, value in (
+        (missions.c.provider_id, shown.provider_id),
+        (missions.c.state, shown.state),
+        (missions.c.delivery_id, shown.delivery_id),
+        (missions.c.drone_id, shown.drone_id),
+        (missions.c.loading, shown.loading),
+    ):
+        if value is not None:
+            query = query.where(column == value)
+    if before is not None:
+        query = query.where(missions.c.mission_id < before)
+    return [read_record(row) for row in await connection.execute(query)]
+
+
+async def live_among(
+    connection: AsyncConnection, drone_ids: Collection[DroneId]
+) -> frozenset[DroneId]:
+    """Those of these drones that are on missions."""
+    found = await connection.execute(_LIVE_AMONG, {"drone_ids": [*drone_ids]})
+    return frozenset(found.scalars())
+
+
+async def live_drones(connection: AsyncConnection) -> list[DroneId]:
+    """The drones that are on missions."""
+    found = await connection.execute(_LIVE_DRONES)
+    return list(found.scalars())
+
+
+_LOCK: Final = (
+    select(deliveries.c.closed_ms)
+    .where(deliveries.c.delivery_id == bindparam("of_delivery"))
+    .with_for_update()
+)
+
+
+async def lock_delivery(tx: Tx, delivery_id: DeliveryId) -> bool:
+    """Whether the delivery, known from now on, is closed; others who ask wait for this one."""
+    wanted = {"of_delivery": delivery_id}
+    found = (await tx.execute(_LOCK, wanted)).one_or_none()
+    if found is None:
+        added = tx.insert(deliveries).on_conflict_do_nothing()
+        await tx.execute(added, {"delivery_id": delivery_id})
+        found = (await tx.execute(_LOCK, wanted)).one()
+    return found.closed_ms is not None
+
+
+def add_delivery(tx: Tx, delivery_id: DeliveryId) -> None:
+    """Know a delivery when the block ends.
+
+    Then `deliveries_pkey` is `Taken` if somebody else came to know it meanwhile.
+    """
+    tx.add(deliveries, [{"delivery_id": delivery_id}])
+
+
+async def close_delivery(tx: Tx, delivery_id: DeliveryId, now_ms: int) -> None:
+    """Write the tombstone: nothing is booked for this delivery any more."""
+    await tx.execute(
+        update(deliveries).where(deliveries.c.delivery_id == delivery_id).values(closed_ms=now_ms)
+    )

@@ -1,1 +1,0 @@
-"""What re-composition (`recompose`) looks at, and what it does when there is no plan."""

@@ -1,0 +1,1 @@
+"""Replanning: a mission whose plan no longer holds gets a new revision."""

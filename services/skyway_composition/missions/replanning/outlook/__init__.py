@@ -1,0 +1,1 @@
+"""Whether the plan of a mission still holds."""

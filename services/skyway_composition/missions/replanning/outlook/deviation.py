@@ -1,0 +1,183 @@
+"""How far a mission is from its plan, and whether that costs a pad, charge or the deadline."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from datetime import timedelta
+from typing import Final, Protocol
+
+from skyway.contracts.flight_step import DeliverStep, FlyStep, RechargeStep
+from skyway.contracts.mission import PackageEta
+from skyway.ids import StationId
+from skyway.units import moment_to_ms, ms_to_moment
+from skyway_composition.missions.mission.record import MissionRecord, Trouble
+from skyway_composition.missions.replanning.outlook.prediction import Load, PredictedStep, predict
+from skyway_composition.missions.replanning.outlook.situation import (
+    Situation,
+    Whereabouts,
+    whereabouts,
+)
+from skyway_composition.planning.problem_for import used_more, with_margin
+
+
+class Closed(Protocol):
+    """What is closed, as the flights of a plan ask."""
+
+    def closes_landing(self, station_id: StationId, at_ms: float) -> bool:
+        """Whether nobody may land there at that moment."""
+        ...
+
+    def closes_segment(
+        self, from_id: StationId, to_id: StationId, *, start_ms: float, end_ms: float
+    ) -> bool:
+        """Whether a segment may not be flown at some moment of that time."""
+        ...
+
+
+#: Less lateness than this is not worth telling a customer. Our own choice.
+TOLD_LATENESS: Final = timedelta(seconds=60)
+
+
+#: A shortfall of charge below this is rounding, or made up for by the margin. Our own choice.
+LEAST_SHORTFALL_SOC: Final = 0.001
+
+
+@dataclass(frozen=True, slots=True)
+class Outlook:
+    """What is to be expected of the rest of a plan: trouble, and when packages will be delivered.
+
+    `late_by` is the largest delay of a delivery against what was told before.
+    """
+
+    trouble: Trouble | None
+    etas: tuple[PackageEta, ...]
+    late_by: timedelta
+
+
+def outlook(situation: Situation, *, now_ms: int, closed: Closed | None = None) -> Outlook | None:
+    """What the drone's last word means for its plan; None before it has said anything of it.
+
+    What is `closed` is looked at only where that is given.
+    """
+    where = whereabouts(situation)
+    if where is None:
+        return None
+    record = situation.record
+    load = Load(situation.masses_kg, situation.carried)
+    for step in situation.planned:
+        load = load.after(step) if step.step_id < where.next_step else load
+    steps = [each for each in situation.planned if each.step_id >= where.next_step]
+    model, more = record.candidate.model, used_more(situation.consumption_factor)
+    careful = with_margin(model, max(more, record.mission.margins.energy_margin))
+    true = with_margin(model, more) if more else model
+    ahead = list(predict(steps, where, model=careful, load=load, now_ms=now_ms))
+    likely = list(predict(steps, where, model=true, load=load, now_ms=now_ms))
+    told = {each.package_id: each.eta_at for each in record.mission.packages}
+    etas = tuple(_etas(ahead))
+    late_by = max(
+        (each.eta_at - told[each.package_id] for each in etas if each.package_id in told),
+        default=timedelta(0),
+    )
+    trouble = _trouble(record, ahead, likely, where=where)
+    if trouble is None and closed is not None:
+        trouble = closed_by_then(ahead, where, closed)
+    return Outlook(trouble, etas, late_by)
+
+
+def _etas(ahead: Sequence[PredictedStep]) -> Iterator[PackageEta]:
+    for predicted in ahead:
+        if isinstance(predicted.step, DeliverStep):
+            eta_at = ms_to_moment(predicted.end_ms)
+            for package_id in predicted.step.package_ids:
+                yield PackageEta(package_id=package_id, eta_at=eta_at)
+
+
+def _trouble(
+    record: MissionRecord,
+    ahead: Sequence[PredictedStep],
+    likely: Sequence[PredictedStep],
+    *,
+    where: Whereabouts,
+) -> Trouble | None:
+    """The first thing that the plan loses, in the order of its steps.
+
+    `ahead` has the margin on all flights to come, `likely` has none: what a tolerated lateness
+    costs of the charge, the margin makes up for. A landing that is under way comes as it comes; how
+    far a drone charges that comes below its reserve is seen when it has.
+    """
+    least_soc = record.candidate.model.reserve_soc - LEAST_SHORTFALL_SOC
+    tolerated_s = record.mission.margins.tolerated_lateness_s
+    short: PredictedStep | None = None
+    soc = where.soc
+    for predicted, expected in zip(ahead, likely, strict=True):
+        step = predicted.step
+        came_with_soc, soc = soc, predicted.soc_end
+        if isinstance(step, RechargeStep) and predicted.is_lost:
+            return _late(predicted, f"its pad at {step.station_id!r} is lost")
+        if isinstance(step, RechargeStep) and came_with_soc < least_soc:
+            return None
+        if isinstance(step, FlyStep) and step.lands and where.is_doing(step):
+            continue
+        if predicted.is_short:
+            short = predicted
+        if isinstance(step, FlyStep) and predicted.soc_end < least_soc:
+            if short is not None and _late_by_s(short) > tolerated_s:
+                return _late(short, "it cannot charge enough")
+            is_late = short is not None and _late_by_s(short) > 0
+            if is_late and expected.soc_end >= least_soc:
+                continue
+            detail = f"charge {predicted.soc_end:.3f} at {step.to_id!r} would be below the reserve"
+            return Trouble(code="MORE_ENERGY", detail=detail)
+        if _misses_deadline(record, predicted) and _late_by_s(predicted) > tolerated_s:
+            return _late(predicted, "the deadline is missed")
+    return None
+
+
+def _late(predicted: PredictedStep, loss: str) -> Trouble:
+    return Trouble(code="LATE", detail=f"{_late_by_s(predicted):.0f} s late: {loss}")
+
+
+def _late_by_s(predicted: PredictedStep) -> float:
+    """How much later than planned a step begins."""
+    return (predicted.start_ms - moment_to_ms(predicted.step.planned_start_at)) / 1000
+
+
+def _misses_deadline(record: MissionRecord, predicted: PredictedStep) -> bool:
+    """Whether a delivery that was planned before the deadline comes after it."""
+    deadline_at, step = record.request.qos.deadline_at, predicted.step
+    return (
+        deadline_at is not None
+        and isinstance(step, DeliverStep)
+        and step.planned_end_at <= deadline_at < ms_to_moment(predicted.end_ms)
+    )
+
+
+def closed_by_then(
+    ahead: Iterable[PredictedStep], where: Whereabouts, closed: Closed
+) -> Trouble | None:
+    """The first flight that meets what is closed, though it would not at the planned time.
+
+    What is flown through anyway, since nothing else was left, was planned so.
+    """
+    for predicted in ahead:
+        step = predicted.step
+        if not isinstance(step, FlyStep):
+            continue
+        planned = moment_to_ms(step.planned_start_at), moment_to_ms(step.planned_end_at)
+        expected = predicted.start_ms, predicted.end_ms
+        is_begun = where.is_doing(step)
+        if _meets(step, expected, closed, is_begun=is_begun) and not _meets(
+            step, planned, closed, is_begun=is_begun
+        ):
+            detail = f"the way to {step.to_id!r} is closed by the time at which the drone comes"
+            return Trouble(code="LATE", detail=detail)
+    return None
+
+
+def _meets(step: FlyStep, span_ms: tuple[int, int], closed: Closed, *, is_begun: bool) -> bool:
+    """Whether a flight is led through or to what is closed; what has begun can only land."""
+    start_ms, end_ms = span_ms
+    if step.lands and closed.closes_landing(step.to_id, end_ms):
+        return True
+    return not is_begun and closed.closes_segment(
+        step.from_id, step.to_id, start_ms=start_ms, end_ms=end_ms
+    )

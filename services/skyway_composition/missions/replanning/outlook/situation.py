@@ -1,0 +1,190 @@
+"""A mission at one moment: what was sent and how it went, who has what, what its drone says."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Self
+
+from skyway.contracts.drone_health import ActiveFailsafe
+from skyway.contracts.drone_report import DroneEvent, DroneState
+from skyway.contracts.flight_step import FlightStep, FlyStep, PickUpStep
+from skyway.geo import Position
+from skyway.ids import PackageId, StationId
+from skyway.units import moment_to_ms
+from skyway_composition.links.link import DroneLink
+from skyway_composition.missions.mission.custody import Held, on_board
+from skyway_composition.missions.mission.custody_store import held_packages
+from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.missions.mission.step_record import StepRecord
+from skyway_composition.missions.mission.step_store import steps_of
+from skyway_composition.missions.mission.unit_of_work import Watch
+from skyway_composition.missions.replanning.failsafes import escape_of
+from skyway_composition.networks.settings import NetworkSettings
+from skyway_composition.planning.problem_for import planned_more
+
+
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """Read in one transaction; `held` is of this mission's packages alone."""
+
+    record: MissionRecord
+    link: DroneLink
+    steps: tuple[StepRecord, ...]
+    held: Mapping[PackageId, Held]
+
+    @classmethod
+    async def of(cls, watch: Watch, record: MissionRecord) -> Self:
+        """The situation of a mission that is watched."""
+        connection = watch.tx.connection
+        held = await held_packages(connection, record.mission.delivery_id)
+        steps = await steps_of(connection, record.mission_id)
+        return cls(record, watch.links[record.drone_id], tuple(steps), record.own(held))
+
+    @property
+    def planned(self) -> tuple[FlightStep, ...]:
+        """The steps that have not ended as far as is known, in order."""
+        return tuple(each.step for each in self.steps if each.status == "PLANNED")
+
+    @property
+    def next_step(self) -> int:
+        """The first step that has not ended as far as is known; one after the last if all have."""
+        planned = self.planned
+        return planned[0].step_id if planned else self.last_step + 1
+
+    @property
+    def last_step(self) -> int:
+        """The last step of all."""
+        return self.steps[-1].step.step_id if self.steps else 0
+
+    @property
+    def carried(self) -> frozenset[PackageId]:
+        """What is on board as far as is known."""
+        return on_board(self.held)
+
+    @property
+    def has_loaded(self) -> bool:
+        """Whether the pickup is over, so that nothing is fetched there any more."""
+        return any(
+            isinstance(each.step, PickUpStep) and each.status == "ENDED" for each in self.steps
+        )
+
+    @property
+    def escape(self) -> ActiveFailsafe | None:
+        """The failsafe that leads the drone elsewhere now; None when it does as planned."""
+        return escape_of(self.record, self.link.state)
+
+    @property
+    def consumption_factor(self) -> float:
+        """What the drone uses against what its model says, as it last said; 1 before it has."""
+        state = self.link.state
+        return 1.0 if state is None or state.health is None else state.health.consumption_factor
+
+    def energy_margin(self, settings: NetworkSettings) -> float:
+        """What flights are planned to take more than the drone's model says, as a share."""
+        return max(settings.energy_margin, planned_more(self.consumption_factor))
+
+    @property
+    def needs_pad_closed(self) -> bool:
+        """Whether its drone found its pad taken, so that nobody should be sent there."""
+        stuck = self.record.stuck
+        return stuck is not None and stuck.occupied is not None
+
+    @property
+    def masses_kg(self) -> dict[PackageId, float]:
+        """The mass of each package of the mission."""
+        return {each.package_id: each.mass_kg for each in self.record.request.packages}
+
+
+@dataclass(frozen=True, slots=True)
+class Whereabouts:
+    """What a drone was doing at `at_ms`.
+
+    `next_step` is under way, or the next to begin; those up to `released_through` cannot be
+    replaced but by a DIVERT. `free_ms` is when the step before it had ended.
+    """
+
+    at_ms: int
+    soc: float
+    position: Position | None
+    station_id: StationId | None
+    next_step: int
+    released_through: int
+    free_ms: int
+
+    @property
+    def is_under_way(self) -> bool:
+        """Whether the next step has begun."""
+        return self.next_step <= self.released_through
+
+    def is_doing(self, step: FlightStep) -> bool:
+        """Whether this step has begun and not ended."""
+        return self.is_under_way and step.step_id == self.next_step
+
+
+def whereabouts(situation: Situation) -> Whereabouts | None:
+    """Where the drone is; None when it has not said anything of this mission yet."""
+    state, last = situation.link.state, _last_event(situation)
+    if state is not None and state.mission_id == situation.record.mission_id:
+        next_step = state.step_id if state.step_id is not None else situation.last_step + 1
+        if next_step >= situation.next_step:
+            return _by_state(state, next_step, last)
+    if last is not None:
+        return _by_event(situation, last)
+    if situation.record.mission.state == "BOOKED":
+        return None
+    return _waiting_to_begin(situation)
+
+
+def _last_event(situation: Situation) -> DroneEvent | None:
+    events = [each.event for each in situation.steps if each.event is not None]
+    return events[-1] if events else None
+
+
+def _by_state(state: DroneState, next_step: int, last: DroneEvent | None) -> Whereabouts:
+    at_ms = moment_to_ms(state.at)
+    return Whereabouts(
+        at_ms=at_ms,
+        soc=state.soc,
+        position=state.position,
+        station_id=state.station_id,
+        next_step=next_step,
+        released_through=state.released_through or 0,
+        free_ms=at_ms if last is None else moment_to_ms(last.ended_at),
+    )
+
+
+def _by_event(situation: Situation, event: DroneEvent) -> Whereabouts:
+    """After a flight that did not land the next one is under way, and all up to the landing."""
+    ended = next(each.step for each in situation.steps if each.event is event)
+    is_airborne = isinstance(ended, FlyStep) and not ended.lands
+    released = _landing(situation.planned) if is_airborne else situation.next_step - 1
+    at_ms = moment_to_ms(event.ended_at)
+    return Whereabouts(
+        at_ms=at_ms,
+        soc=event.soc,
+        position=event.position,
+        station_id=None if is_airborne else event.station_id,
+        next_step=situation.next_step,
+        released_through=released,
+        free_ms=at_ms,
+    )
+
+
+def _waiting_to_begin(situation: Situation) -> Whereabouts:
+    candidate, state = situation.record.candidate, situation.link.state
+    start_ms = moment_to_ms(situation.record.mission.start_at)
+    return Whereabouts(
+        at_ms=start_ms if state is None else moment_to_ms(state.at),
+        soc=candidate.soc if state is None else state.soc,
+        position=None,
+        station_id=candidate.station_id,
+        next_step=situation.next_step,
+        released_through=situation.next_step - 1,
+        free_ms=start_ms,
+    )
+
+
+def _landing(planned: tuple[FlightStep, ...]) -> int:
+    return next(
+        (each.step_id for each in planned if isinstance(each, FlyStep) and each.lands),
+        planned[-1].step_id if planned else 0,
+    )

@@ -1,0 +1,262 @@
+"""Proposals: a revision for a drone that flies by its plan counts once the drone has taken it.
+
+Until then the mission is what it was, and holds the pads of both plans. Accepted, the new steps
+replace the old ones and only their pads are held; rejected, the old ones stay, and another plan is
+looked for from what the drone says then.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+from skyway.contracts.flight_step import DeliverStep, FlightStep, FlyStep
+from skyway.contracts.instruction import (
+    DivertInstruction,
+    MissionInstruction,
+    ReturnHomeInstruction,
+)
+from skyway.contracts.mission import Mission
+from skyway.ids import MissionId, PackageId
+from skyway.runtime.sql.database import Tx
+from skyway_composition.links.courier import Draft
+from skyway_composition.links.instruction_store import kind_of_revision
+from skyway_composition.missions.mission.instruct import dispatch
+from skyway_composition.missions.mission.notify import report
+from skyway_composition.missions.mission.record import (
+    CALLED_HOME,
+    Aim,
+    MissionRecord,
+    Proposal,
+    Trouble,
+)
+from skyway_composition.missions.mission.release_pads import give_back
+from skyway_composition.missions.mission.step_store import (
+    change_step,
+    replace_planned,
+    replace_steps,
+    steps_of,
+)
+from skyway_composition.missions.mission.unit_of_work import Watch
+from skyway_composition.missions.replanning.remainder.aims import turned_back
+from skyway_composition.missions.replanning.remainder.anchor import Anchor
+from skyway_composition.missions.replanning.request_plan import troubled
+from skyway_composition.missions.replanning.store import plan_at_once
+
+
+@dataclass(frozen=True, slots=True)
+class Revision:
+    """What a mission becomes: its plan as the world sees it, and the steps for the drone."""
+
+    mission: Mission
+    steps: tuple[FlightStep, ...]
+    aims: tuple[Aim, ...]
+
+
+async def propose(
+    watch: Watch, record: MissionRecord, revision: Revision, *, anchor: Anchor, trouble: Trouble
+) -> None:
+    """Send a revision; both plans' pads are held from now on.
+
+    Raises
+    ------
+    Taken
+        Somebody else holds one of the new pads.
+    """
+    draft = _draft(revision, anchor, trouble)
+    link, instruction_id = await watch.courier.post(
+        watch.tx, watch.links[record.drone_id], draft, expires_at=watch.courier.expiry()
+    )
+    watch.links[record.drone_id] = link
+    record = with_aims(watch, record, revision.aims, code=trouble.code, detail=trouble.detail)
+    proposal = Proposal(
+        instruction_id=instruction_id,
+        first_step=anchor.first_step,
+        mission=revision.mission,
+        steps=revision.steps,
+        code=trouble.code,
+        detail=trouble.detail,
+    )
+    record = replace(record, proposal=proposal)
+    await watch.keep(record)
+    await give_back(watch, record)
+
+
+async def settle_if_flown(
+    watch: Watch, record: MissionRecord, revision: int | None
+) -> MissionRecord:
+    """The record once its drone is heard to fly by the proposal, whose answer is still to come.
+
+    Without this the answer would undo what the drone has done by the new plan.
+    """
+    proposal = record.proposal
+    if proposal is None or revision != proposal.mission.revision:
+        return record
+    kind = await kind_of_revision(watch.tx, record.mission_id, revision)
+    return await settle(watch, record, proposal, kind=kind)
+
+
+async def settle(
+    watch: Watch, record: MissionRecord, proposal: Proposal, *, kind: str | None
+) -> MissionRecord:
+    """The drone has taken the proposal, an instruction of this kind: now it is the mission."""
+    if kind != "MISSION":
+        # The flight before a DIVERT flies on, or lands, as what follows has it.
+        await join(watch.tx, record.mission_id, proposal)
+    known = record.mission
+    mission = proposal.mission.model_copy(update={"state": known.state, "is_held": known.is_held})
+    await replace_steps(
+        watch.tx,
+        record.mission_id,
+        proposal.steps,
+        first_step=proposal.first_step,
+        revision=mission.revision,
+    )
+    record = replace(
+        record,
+        mission=mission,
+        proposal=None,
+        stuck=None,
+        told=None,
+        trouble=_left_of(record.trouble, proposal),
+    )
+    await give_back(watch, record)
+    record = told_replanned(watch, record, code=proposal.code, detail=proposal.detail)
+    await watch.keep(record)
+    await plan_at_once(watch.tx, record.mission_id)
+    unmet = unmet_returns(record, proposal.steps)
+    if unmet:
+        detail = f"cancelled while the plan was on its way: {', '.join(unmet)}"
+        record = await troubled(watch, record, Trouble(code="CANCELLED", detail=detail))
+    return record
+
+
+async def drop(watch: Watch, record: MissionRecord) -> MissionRecord:
+    """The drone will not fly the proposal: the record without it, and without its pads.
+
+    The trouble stays, and another plan is looked for at once.
+    """
+    record = replace(record, proposal=None)
+    await give_back(watch, record)
+    await watch.keep(record)
+    await plan_at_once(watch.tx, record.mission_id)
+    return record
+
+
+def _left_of(trouble: Trouble | None, proposal: Proposal) -> Trouble | None:
+    """What has come up since the proposal was made; the drone hears only once what was loaded."""
+    if trouble is None or (proposal.code, proposal.detail) == (trouble.code, trouble.detail):
+        return None
+    is_loaded = proposal.mission.loading == "CONFIRMED"
+    return trouble.model_copy(update={"loaded": None}) if is_loaded else trouble
+
+
+def _draft(revision: Revision, anchor: Anchor, trouble: Trouble) -> Draft:
+    """A MISSION where it replaces what is not released, else what may replace more."""
+    mission = revision.mission
+    common = {
+        "mission_id": mission.mission_id,
+        "mission_revision": mission.revision,
+        "delivery_id": mission.delivery_id,
+        "steps": revision.steps,
+    }
+    is_mission = not anchor.is_divert and not trouble.overrides_failsafe
+    if trouble.code != CALLED_HOME and is_mission:
+        return partial(
+            MissionInstruction, first_step=anchor.first_step, loaded=trouble.loaded, **common
+        )
+    kind = ReturnHomeInstruction if trouble.code == CALLED_HOME else DivertInstruction
+    return partial(
+        kind,
+        last_valid_step=anchor.last_valid_step,
+        reason=f"{trouble.code}: {trouble.detail}",
+        overrides_failsafe=trouble.overrides_failsafe,
+        **common,
+    )
+
+
+async def replace_plan(
+    watch: Watch, record: MissionRecord, revision: Revision, *, trouble: Trouble
+) -> None:
+    """Put a revision in the place of all that was planned, and send it.
+
+    Raises
+    ------
+    Taken
+        Somebody else holds one of the new pads.
+    """
+    mission = revision.mission
+    await replace_planned(watch.tx, record.mission_id, revision.steps, revision=mission.revision)
+    record = with_aims(watch, record, revision.aims, code=trouble.code, detail=trouble.detail)
+    record = replace(record, mission=mission, stuck=None, trouble=None, told=None)
+    await give_back(watch, record)
+    watch.links[record.drone_id] = await dispatch(
+        watch.tx,
+        watch.courier,
+        watch.links[record.drone_id],
+        mission=mission,
+        steps=revision.steps,
+        expires_at=watch.courier.expiry(),
+    )
+    record = told_replanned(watch, record, code=trouble.code, detail=trouble.detail)
+    await watch.keep(record)
+
+
+async def join(tx: Tx, mission_id: MissionId, proposal: Proposal) -> None:
+    """Keep of the last flight that stays valid what the drone makes of it.
+
+    Before another flight it flies on over its end, before anything else it lands there.
+    """
+    lands = not isinstance(proposal.steps[0], FlyStep)
+    for each in await steps_of(tx.connection, mission_id):
+        step = each.step
+        is_last_valid = step.step_id == proposal.first_step - 1 and each.status == "PLANNED"
+        if is_last_valid and isinstance(step, FlyStep) and step.lands != lands:
+            await change_step(tx, mission_id, step.model_copy(update={"lands": lands}))
+
+
+def unmet_returns(record: MissionRecord, steps: Sequence[FlightStep]) -> tuple[PackageId, ...]:
+    """Those of which word came while the plan was on its way to the drone."""
+    delivered = {
+        package_id
+        for step in steps
+        if isinstance(step, DeliverStep)
+        for package_id in step.package_ids
+    }
+    return tuple(
+        aim.package_id
+        for aim in record.aims
+        if aim.kind == "RETURN" and aim.package_id in delivered
+    )
+
+
+def with_aims(
+    watch: Watch, record: MissionRecord, aims: tuple[Aim, ...], *, code: str, detail: str
+) -> MissionRecord:
+    """The record with these aims, once it is told what goes back to the pickup now."""
+    turned = turned_back(record.aims, aims)
+    record = replace(record, aims=aims)
+    if not turned:
+        return record
+    return report(
+        watch,
+        record,
+        "RETURNING",
+        at=watch.clock.now(),
+        package_ids=turned,
+        code=code,
+        detail=detail,
+    )
+
+
+def told_replanned(watch: Watch, record: MissionRecord, *, code: str, detail: str) -> MissionRecord:
+    """The record once it is told that its mission goes on by another plan, and why."""
+    return report(
+        watch,
+        record,
+        "REPLANNED",
+        at=watch.clock.now(),
+        code=code,
+        detail=detail,
+        etas=record.mission.packages,
+        mission=record.mission,
+    )

@@ -1,0 +1,214 @@
+"""The rest of a mission: the best plan from its anchor on, or how it ends when there is none.
+
+Tried in this order: hand over everything where it goes now; what goes where nobody may land any
+more goes to its alternative, or back to the pickup; all of it back to the pickup; leave it where
+the drone can land soonest.
+"""
+
+from dataclasses import dataclass, replace
+
+from skyway.delivery.request import Package, Place
+from skyway.drone.model import DroneModel
+from skyway.ids import StationId
+from skyway_composition.missions.mission.record import CALLED_HOME, Aim, MissionRecord, Trouble
+from skyway_composition.missions.replanning.outlook.situation import Situation
+from skyway_composition.missions.replanning.remainder.aims import aims_to_try
+from skyway_composition.missions.replanning.remainder.anchor import Anchor
+from skyway_composition.missions.replanning.remainder.closed_ahead import ClosedAhead
+from skyway_composition.missions.replanning.remainder.landing import (
+    LandingSearch,
+    by_way_of,
+    leaving_behind,
+    staying,
+    takes_off_at_once,
+)
+from skyway_composition.planning.compose_in import compose_in
+from skyway_composition.planning.find_trip import NOTHING_TO_DELIVER, NoTrip, round_trip, way_home
+from skyway_composition.planning.problem_for import (
+    PackageOnBoard,
+    Standing,
+    delivery_problem,
+    landing_problem,
+    onward_problem,
+    with_margin,
+)
+from skyway_composition.planning.solver_pool import SolverPool
+from skyway_composition.planning.trip import Trip
+from skyway_composition.planning.world import World
+
+
+@dataclass(frozen=True, slots=True)
+class Rest:
+    """What a mission does from its anchor on, and where its packages go then.
+
+    `given_up` is why it leaves them where the drone can land.
+    """
+
+    trip: Trip
+    aims: tuple[Aim, ...]
+    given_up: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class RestPlanner:
+    """Plans the rest of one mission, in one world."""
+
+    solver: SolverPool
+    world: World
+    situation: Situation
+    closed: ClosedAhead
+
+    @property
+    def record(self) -> MissionRecord:
+        """The mission."""
+        return self.situation.record
+
+    @property
+    def model(self) -> DroneModel:
+        """The drone's model with the margin that flights are planned with."""
+        return with_margin(self.record.candidate.model, self._energy_margin)
+
+    @property
+    def _energy_margin(self) -> float:
+        return self.situation.energy_margin(self.world.skyway.settings)
+
+    async def plan(self, anchor: Anchor, trouble: Trouble) -> Rest | NoTrip:
+        """The rest from this anchor; no trip when the drone had best stay where it is.
+
+        A drone in the air that has to stand before it can go on lands elsewhere first.
+        """
+        found = await self._plan_standing(anchor, trouble)
+        if not anchor.is_in_the_air or _is_temporary(found):
+            return found
+        if isinstance(found, Rest) and takes_off_at_once(found.trip):
+            return found
+        landing = self._landings(anchor).nearest(anchor)
+        if landing is None:
+            detail = f"no open station is in reach of {anchor.station_id!r} above the reserve"
+            return NoTrip("OUT_OF_RANGE", detail, is_temporary=False)
+        landed = replace(
+            anchor,
+            station_id=landing.station_id,
+            at_ms=anchor.at_ms + round(landing.at_s * 1000),
+            soc=landing.soc,
+            is_in_the_air=False,
+        )
+        onward = await self._plan_standing(landed, trouble)
+        if not isinstance(onward, Rest) and trouble.land_at is not None:
+            # It cannot get where people want it: then it waits for their word here.
+            waiting = trouble.model_copy(update={"land_at": landing.station_id})
+            onward = await self._plan_standing(landed, waiting)
+        if isinstance(onward, Rest):
+            trip = by_way_of(landing, onward.trip, start_ms=anchor.at_ms)
+            return replace(onward, trip=trip)
+        trip = leaving_behind(landing, anchor.carried, start_ms=anchor.at_ms)
+        return Rest(trip, self.record.aims, given_up=onward.code)
+
+    def leave_here(self, anchor: Anchor, *, code: str) -> Rest:
+        """Leave everything at the anchor, whatever it is like there."""
+        here = self._landings(anchor).here(anchor)
+        trip = leaving_behind(here, anchor.carried, start_ms=anchor.at_ms)
+        return Rest(trip, self.record.aims, given_up=code)
+
+    def _landings(self, anchor: Anchor) -> LandingSearch:
+        masses_kg = self.situation.masses_kg
+        load_kg = sum(masses_kg[each] for each in anchor.carried)
+        return LandingSearch(self.world.skyway.network, self.closed, self.model, load_kg)
+
+    async def _plan_standing(self, anchor: Anchor, trouble: Trouble) -> Rest | NoTrip:
+        """The rest of a drone that can stand at the anchor."""
+        nowhere = self._nowhere(anchor)
+        if nowhere is not None:
+            return nowhere
+        if trouble.land_at is not None:
+            trip = await self._trip_to(anchor, trouble.land_at)
+            return Rest(trip, self.record.aims) if isinstance(trip, Trip) else trip
+        first: NoTrip | None = None
+        for aims in aims_to_try(self.record, anchor.carried, self.closed):
+            found = await self._trip(anchor, aims, trouble)
+            if isinstance(found, Trip):
+                return Rest(found, aims)
+            if found.is_temporary:
+                return found
+            first = first or found
+        return first or NoTrip("NO_PLAN_FOUND", "nothing was tried", is_temporary=True)
+
+    def _nowhere(self, anchor: Anchor) -> NoTrip | None:
+        """Why no plan can begin here at all."""
+        if anchor.station_id not in self.world.skyway.network.stations:
+            detail = f"the drone stands at {anchor.station_id!r}, which is no longer in the network"
+            return NoTrip("DESTINATION_UNREACHABLE", detail, is_temporary=False)
+        return None
+
+    async def _trip(self, anchor: Anchor, aims: tuple[Aim, ...], trouble: Trouble) -> Trip | NoTrip:
+        """Hand over what is on board, or fetch what still lies at the pickup, then fly home."""
+        record, start_ms = self.record, anchor.at_ms
+        drone = self._standing(anchor)
+        home_station_id = record.candidate.home_station_id
+        if anchor.carried:
+            aimed = replace(record, aims=aims)
+            loads = [
+                PackageOnBoard(each, aimed.aim_of(each)) for each in record.packages(anchor.carried)
+            ]
+            problem = onward_problem(self.world, drone, loads=loads, start_ms=start_ms)
+        elif anchor.has_loaded or trouble.code == CALLED_HOME:
+            return await way_home(
+                self.solver,
+                self.world,
+                NOTHING_TO_DELIVER,
+                standing=drone,
+                home_station_id=home_station_id,
+                start_ms=start_ms,
+            )
+        else:
+            problem = delivery_problem(
+                self.world,
+                drone,
+                pickup=record.request.pickup.station_id,
+                packages=_as_aimed(replace(record, aims=aims)),
+                start_ms=start_ms,
+                latest_ms=None,
+            )
+        return await round_trip(self.solver, self.world, problem, home_station_id=home_station_id)
+
+    async def _trip_to(self, anchor: Anchor, station_id: StationId) -> Trip | NoTrip:
+        """Fly to a station with everything on board, and stand there."""
+        if station_id not in self.world.skyway.network.stations:
+            detail = f"station {station_id!r} is not in this network"
+            return NoTrip("DESTINATION_UNREACHABLE", detail, is_temporary=False)
+        problem = landing_problem(
+            self.world,
+            self._standing(anchor),
+            packages=self.record.packages(anchor.carried),
+            station_id=station_id,
+            start_ms=anchor.at_ms,
+        )
+        plan = await compose_in(self.solver, self.world, problem)
+        if not plan.is_flyable:
+            code = "NO_PLAN_FOUND" if plan.infeasibility is None else plan.infeasibility.code
+            detail = f"no way to {station_id!r} from {anchor.station_id!r}"
+            return NoTrip(code, detail, is_temporary=plan.infeasibility is None)
+        # The way home from there is planned once the drone is told to go on.
+        gap_ms = round(self.world.skyway.settings.pad_gap_s * 1000)
+        return staying(plan, start_ms=anchor.at_ms, pad_gap_ms=gap_ms)
+
+    def _standing(self, anchor: Anchor) -> Standing:
+        """The drone at the anchor; one below its reserve charges there before anything else."""
+        model = self.record.candidate.model
+        soc = max(anchor.soc, model.reserve_soc)
+        return Standing(model, soc, anchor.station_id, self._energy_margin)
+
+
+def _as_aimed(record: MissionRecord) -> tuple[Package, ...]:
+    """The mission's packages, each with where it goes now for its destination.
+
+    What was cancelled too late to be kept off is handed back where it is picked up.
+    """
+    return tuple(
+        each.model_copy(update={"destination": Place(station_id=record.aim_of(each))})
+        for each in record.request.packages
+    )
+
+
+def _is_temporary(found: Rest | NoTrip) -> bool:
+    return isinstance(found, NoTrip) and found.is_temporary

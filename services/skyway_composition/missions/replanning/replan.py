@@ -1,0 +1,199 @@
+"""Re-composition: a mission whose plan does not hold any more gets a new revision.
+
+Either its drone stands and waits (a step failed, it refused a revision, it lost its journal), or it
+flies by a plan that leads to trouble. The new plan begins at the anchor: where the drone stands, or
+where it can first be told otherwise. What was planned with is checked again in the transaction
+that sends the revision, and whatever has changed meanwhile leads to another look.
+"""
+
+import asyncio
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+from skyway.ids import DroneId
+from skyway.runtime.clock import FleetClock, fleet_margin
+from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Database
+from skyway.units import moment_to_ms
+from skyway_composition.links.instruction_store import last_revision
+from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.missions.mission.unit_of_work import Watch
+from skyway_composition.missions.replanning.apply_outcome import (
+    MOST_REVISIONS,
+    Outcomes,
+    refusal_code,
+)
+from skyway_composition.missions.replanning.case import Case, may_be_planned, trouble_of
+from skyway_composition.missions.replanning.occupied_pads import OccupiedPads
+from skyway_composition.missions.replanning.outlook.situation import Situation
+from skyway_composition.missions.replanning.remainder.anchor import (
+    Anchor,
+    anchor_of_stuck,
+    find_anchor,
+)
+from skyway_composition.missions.replanning.remainder.closed_ahead import ClosedAhead
+from skyway_composition.missions.replanning.remainder.planner import Rest, RestPlanner
+from skyway_composition.missions.replanning.store import claim_stuck
+from skyway_composition.networks.prepared import PreparedNetworks
+from skyway_composition.planning.find_trip import NoTrip
+from skyway_composition.planning.problem_for import with_margin
+from skyway_composition.planning.solver_pool import SolverPool
+from skyway_composition.planning.world import World
+
+#: Until the drone has a revision that is sent now: fleet seconds, wall seconds. Our own choice.
+_HEARD_WITHIN_S: Final = (5.0, 2.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Recomposer:
+    """Finds new plans for missions that need one."""
+
+    db: Database
+    networks: PreparedNetworks
+    solver: SolverPool
+    clock: FleetClock
+    mint: Mint
+    claimant: str
+    occupied: OccupiedPads
+
+    async def step(self) -> bool:
+        """Plan for a few missions that need it; True when there may be more.
+
+        Each on its own: one that fails is tried again when its claim is over.
+        """
+        drone_ids = await claim_stuck(self.db, self.clock, self.claimant)
+        ends = await asyncio.gather(*map(self.recompose, drone_ids), return_exceptions=True)
+        failures = [each for each in ends if isinstance(each, Exception)]
+        if failures:
+            raise ExceptionGroup("not re-composed", failures)
+        return bool(drone_ids)
+
+    async def recompose(self, drone_id: DroneId) -> None:
+        """Give this drone's mission a new revision; without a plan try again later, or give up."""
+        seen = await self._look_at(drone_id)
+        if seen is not None and seen[0].needs_pad_closed:
+            await self.occupied.close(seen[0].record)
+            # That changes missions, this one too.
+            seen = await self._look_at(drone_id)
+        if seen is None:
+            return
+        situation, sent_revisions = seen
+        record, trouble = situation.record, trouble_of(situation.record)
+        if trouble is None or not may_be_planned(situation, trouble):
+            await self._outcomes.retry_later(record)
+            return
+        if sent_revisions >= MOST_REVISIONS:
+            await self._outcomes.stop_trying(record, trouble)
+            return
+        world = await self._world(record)
+        closed = ClosedAhead.of(world, now_ms=self._now_ms())
+        await self._plan(Case(situation, trouble, world, closed, sent_revisions))
+
+    async def _plan(self, case: Case) -> None:
+        anchor = self._anchor(case, closed=case.closed)
+        if anchor is None:
+            await self._outcomes.retry_later(case.record)
+            return
+        if case.waits_for_word:
+            if not anchor.is_divert:
+                await self._outcomes.retry_later(case.record)
+                return
+            case = case.landing_at(anchor.station_id)
+        elif (stop := case.ground_stop(anchor)) is not None:
+            await self._outcomes.hold(case.record, stop)
+            return
+        planner = RestPlanner(self.solver, case.world, case.situation, case.closed)
+        anchor, rest = await self._rest(case, planner, landing=anchor)
+        if isinstance(rest, Rest):
+            await self._outcomes.take_or_retry(case, anchor, rest)
+        elif rest.is_temporary:
+            await self._outcomes.retry_later(case.record)
+        else:
+            await self._do_without(case, anchor, planner, rest)
+
+    async def _rest(
+        self, case: Case, planner: RestPlanner, *, landing: Anchor
+    ) -> tuple[Anchor, Rest | NoTrip]:
+        """The rest from where the drone lands next, else from a station that it would fly over."""
+        found = await planner.plan(landing, case.trouble)
+        if isinstance(found, Rest):
+            return landing, found
+        for over in self._flown_over(case, landing):
+            sooner = await planner.plan(over, case.trouble)
+            if isinstance(sooner, Rest):
+                return over, sooner
+        return landing, found
+
+    def _flown_over(self, case: Case, landing: Anchor) -> Iterator[Anchor]:
+        """Where the drone would fly over before it lands, and may take off again; latest first."""
+        over: Anchor | None = landing
+        while over is not None:
+            over = self._anchor(case, closed=case.closed, before_step=over.last_valid_step)
+            if over is not None and case.ground_stop(over) is None:
+                yield over
+
+    async def _do_without(
+        self, case: Case, anchor: Anchor, planner: RestPlanner, reason: NoTrip
+    ) -> None:
+        """Without any plan the drone stays where it is, or lands where it is flying to."""
+        if anchor.is_in_the_air:
+            # Nothing that is open is in reach: the landing it flies to, closed or not.
+            landing = self._anchor(case, closed=ClosedAhead(case.world.skyway.network))
+            if landing is None:
+                await self._outcomes.retry_later(case.record)
+                return
+            rest = planner.leave_here(landing, code=reason.code)
+            await self._outcomes.take_or_retry(case, landing, rest)
+        elif case.trouble.land_at is not None:
+            await self._outcomes.stop_diverting(case, reason)
+        elif case.record.stuck is None and (anchor.carried or anchor.has_loaded):
+            rest = planner.leave_here(anchor, code=reason.code)
+            await self._outcomes.take_or_retry(case, anchor, rest)
+        else:
+            code = refusal_code(case.situation, case.trouble, code=reason.code)
+            await self._outcomes.give_up(case.record, code=code, detail=reason.detail)
+
+    async def _look_at(self, drone_id: DroneId) -> tuple[Situation, int] | None:
+        """The situation of its mission, and how many revisions of it were sent."""
+        async with self.db.write() as tx:
+            watch = await Watch.over([drone_id], tx=tx, clock=self.clock, mint=self.mint)
+            record = watch.missions.get(drone_id)
+            if record is None:
+                return None
+            sent = max(record.mission.revision, await last_revision(tx, record.mission_id))
+            return await Situation.of(watch, record), sent
+
+    async def _world(self, record: MissionRecord) -> World:
+        skyway = await self.networks.current(record.network_id)
+        return await World.of(
+            skyway, self.db, after_ms=self._now_ms(), without_mission_id=record.mission_id
+        )
+
+    def _anchor(
+        self, case: Case, *, closed: ClosedAhead, before_step: int | None = None
+    ) -> Anchor | None:
+        fleet_s, wall_s = _HEARD_WITHIN_S
+        margin = fleet_margin(self.clock, fleet_s=fleet_s, wall_s=wall_s)
+        earliest_ms = 1 + moment_to_ms(self.clock.now() + margin)
+        stuck = case.record.stuck
+        if stuck is not None:
+            at_once = anchor_of_stuck(case.situation, stuck, earliest_ms=earliest_ms)
+            return at_once if before_step is None else None
+        settings = case.world.skyway.settings
+        return find_anchor(
+            case.situation,
+            case.trouble,
+            model=with_margin(case.record.candidate.model, case.situation.energy_margin(settings)),
+            closed=closed,
+            now_ms=self._now_ms(),
+            earliest_ms=earliest_ms,
+            before_step=before_step,
+        )
+
+    @property
+    def _outcomes(self) -> Outcomes:
+        return Outcomes(self.db, self.clock, self.mint)
+
+    def _now_ms(self) -> int:
+        return moment_to_ms(self.clock.now())

@@ -1,0 +1,103 @@
+"""From the rest of a mission to the steps that its drone is sent."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from datetime import timedelta
+from typing import Final
+
+from skyway.contracts.flight_step import FlightStep, FlyStep, WaitStep
+from skyway.delivery.plan import PickUp
+from skyway.ids import PackageId
+from skyway.units import ms_to_moment
+from skyway_composition.links.link import DroneLink
+from skyway_composition.missions.mission.from_trip import (
+    StepTerms,
+    flight_steps,
+    next_revision,
+    wait_there,
+)
+from skyway_composition.missions.mission.record import MissionRecord, Trouble
+from skyway_composition.missions.replanning.propose import Revision
+from skyway_composition.missions.replanning.remainder.anchor import Anchor
+from skyway_composition.missions.replanning.remainder.planner import Rest
+from skyway_composition.networks.prepared import PreparedNetwork
+from skyway_composition.planning.trip import PlacedStep
+
+#: A diverted drone of which nobody thinks any more ends its mission after so long. Our own choice.
+_LONGEST_WAIT: Final = timedelta(days=7)
+
+
+def revision_of(
+    record: MissionRecord,
+    rest: Rest,
+    *,
+    anchor: Anchor,
+    trouble: Trouble,
+    number: int,
+    energy_margin: float,
+    skyway: PreparedNetwork,
+    link: DroneLink,
+) -> Revision:
+    """The mission's revision of this number, with its steps, planned with this margin."""
+    terms = StepTerms.of(replace(record, aims=rest.aims), skyway.settings)
+    if rest.given_up is not None:
+        terms = replace(terms, returned=anchor.carried)
+    steps: tuple[FlightStep, ...] = flight_steps(
+        skyway.network,
+        list(_placed(record, rest, anchor, link)),
+        terms=terms,
+        first_step=anchor.first_step,
+    )
+    if trouble.land_at is not None:
+        steps = (*steps, _wait_for_word(steps, anchor=anchor))
+    elif not steps:
+        # Home and charged: the drone still has to hear that nothing is left, to end it.
+        start_ms = rest.trip.start_ms
+        steps = (wait_there(anchor.station_id, start_ms, step_id=anchor.first_step),)
+    margins = skyway.settings.margins.model_copy(update={"energy_margin": energy_margin})
+    mission = next_revision(record.mission, rest.trip, revision=number, margins=margins).model_copy(
+        update={"given_up": rest.given_up}
+    )
+    if rest.given_up is not None:
+        # What is left behind arrives nowhere, so nobody is told when.
+        arriving = [each for each in mission.packages if each.package_id not in anchor.carried]
+        mission = mission.model_copy(update={"packages": tuple(arriving)})
+    if trouble.loaded is not None:
+        mission = mission.model_copy(update={"loading": "CONFIRMED"})
+    return Revision(mission, steps, rest.aims)
+
+
+def _wait_for_word(steps: tuple[FlightStep, ...], *, anchor: Anchor) -> WaitStep:
+    """A wait that an operator's word ends: a hold would keep the drone from getting there."""
+    station_id = anchor.station_id
+    if steps:
+        last = steps[-1]
+        station_id = last.to_id if isinstance(last, FlyStep) else last.station_id
+    start_at = steps[-1].planned_end_at if steps else ms_to_moment(anchor.at_ms)
+    return WaitStep(
+        step_id=anchor.first_step + len(steps),
+        planned_start_at=start_at,
+        planned_end_at=start_at + _LONGEST_WAIT,
+        station_id=station_id,
+        until_at=start_at + _LONGEST_WAIT,
+    )
+
+
+def _placed(
+    record: MissionRecord, rest: Rest, anchor: Anchor, link: DroneLink
+) -> Iterator[PlacedStep]:
+    """The trip's steps; what is on board is picked up only by a drone that has forgotten it."""
+    knows_its_load = anchor.carried and not (
+        record.stuck is not None and _has_forgotten_its_load(link, anchor.carried)
+    )
+    for placed in rest.trip.steps():
+        if not (knows_its_load and isinstance(placed.step, PickUp)):
+            yield placed
+
+
+def _has_forgotten_its_load(link: DroneLink, carried: frozenset[PackageId]) -> bool:
+    """Whether the drone, of whose events none is missing, does not know of anything on board."""
+    state = link.state
+    if state is None or state.last_event_seq < link.last_event_seq:
+        return False
+    return carried.isdisjoint(state.package_ids)

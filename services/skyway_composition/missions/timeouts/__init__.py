@@ -1,0 +1,1 @@
+"""Missions that are checked because time has passed."""

@@ -1,0 +1,55 @@
+"""Missions that are late: their plans are looked at before pads are lost.
+
+Some do not say so. And when a plan was made, or struck by a closure, it kept clear of what closes
+later; a drone that comes later than it may, does not.
+"""
+
+from dataclasses import dataclass
+
+from skyway.ids import DroneId, NetworkId
+from skyway.runtime.clock import FleetClock, fleet_margin
+from skyway.runtime.loops import Wake
+from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Database
+from skyway.units import moment_to_ms
+from skyway_composition.missions.mission.unit_of_work import Watch
+from skyway_composition.missions.replanning.outlook.judge import ON_ITS_WAY, judged
+from skyway_composition.missions.replanning.remainder.closed_ahead import ClosedAhead
+from skyway_composition.missions.timeouts.store import perhaps_late
+from skyway_composition.networks.prepared import PreparedNetworks
+from skyway_composition.planning.world import World
+
+
+@dataclass(frozen=True, slots=True)
+class Lagging:
+    """Sweeps missions of which a step is overdue; `stuck` is woken when one needs another plan."""
+
+    db: Database
+    networks: PreparedNetworks
+    clock: FleetClock
+    mint: Mint
+    stuck: Wake
+
+    async def step(self) -> bool:
+        """Look at what is overdue now."""
+        async with self.db.read() as connection:
+            # What has just ended may still be on its way to us.
+            ended_at = self.clock.now() - fleet_margin(self.clock, **ON_ITS_WAY)
+            late = await perhaps_late(connection, ended_ms=moment_to_ms(ended_at))
+        for network_id, drone_ids in late.items():
+            closed = await self._closed(network_id)
+            for drone_id in drone_ids:
+                await self._judge(drone_id, closed)
+        return False
+
+    async def _closed(self, network_id: NetworkId) -> ClosedAhead:
+        now_ms = moment_to_ms(self.clock.now())
+        skyway = await self.networks.current(network_id)
+        return ClosedAhead.of(await World.of(skyway, self.db, after_ms=now_ms), now_ms=now_ms)
+
+    async def _judge(self, drone_id: DroneId, closed: ClosedAhead) -> None:
+        async with self.db.write() as tx:
+            watch = await Watch.over([drone_id], tx=tx, clock=self.clock, mint=self.mint)
+            record = watch.missions.get(drone_id)
+            if record is not None and (await judged(watch, record, closed)).needs_plan:
+                tx.after_commit(self.stuck.set)

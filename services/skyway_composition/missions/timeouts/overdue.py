@@ -1,0 +1,91 @@
+"""Missions of which nothing is heard: given up in bounded time, and never while they may fly."""
+
+import logging
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Final
+
+from skyway.ids import DroneId
+from skyway.runtime.clock import FleetClock, fleet_margin
+from skyway.runtime.minting import Mint
+from skyway.runtime.sql.database import Database
+from skyway.units import moment_to_ms, ms_to_moment
+from skyway_composition.links.link import DroneLink
+from skyway_composition.missions.mission.end import abort, refuse
+from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.missions.mission.unit_of_work import Watch
+from skyway_composition.missions.timeouts.store import perhaps_overdue
+
+log = logging.getLogger(__name__)
+
+#: Longest time from a drone's PUBACK until its ack is taken here, wall seconds; a process that
+#: stands still for longer than this is taken for dead by the broker, and asks anew.
+_ACK_ON_ITS_WAY_S: Final = 10.0
+
+
+def is_known_not_to_fly(record: MissionRecord, link: DroneLink, *, ack_due_at: datetime) -> bool:
+    """Whether a booking that expired unanswered is surely not loaded.
+
+    The drone is gone, and any ack that the broker had from it in time would be here: later ones
+    let no drone load. Or it has said since the expiry what it does, and it is not this. Before
+    that, another drone for the delivery could make two.
+    """
+    if link.is_gone and moment_to_ms(ack_due_at) > record.expires_ms:
+        return True
+    state = link.state
+    return (
+        state is not None
+        and moment_to_ms(state.at) > record.expires_ms
+        and state.mission_id != record.mission_id
+    )
+
+
+def is_silent(record: MissionRecord, link: DroneLink, *, since: datetime) -> bool:
+    """Whether the drone has shown no sign of flying this mission since a moment."""
+    state = link.state
+    return state is None or state.at < since or state.mission_id != record.mission_id
+
+
+@dataclass(frozen=True, slots=True)
+class Overdue:
+    """Sweeps missions whose time is over."""
+
+    db: Database
+    clock: FleetClock
+    mint: Mint
+
+    async def step(self) -> bool:
+        """End what is overdue now."""
+        now = self.clock.now()
+        patience = fleet_margin(self.clock, fleet_s=3_600, wall_s=120)
+        async with self.db.read() as connection:
+            drone_ids = await perhaps_overdue(
+                connection,
+                expired_ms=moment_to_ms(now),
+                released_ms=moment_to_ms(now - patience),
+            )
+        for drone_id in drone_ids:
+            await self._judge(drone_id, silent_since=now - patience)
+        return False
+
+    async def _judge(self, drone_id: DroneId, *, silent_since: datetime) -> None:
+        async with self.db.write() as tx:
+            watch = await Watch.over([drone_id], tx=tx, clock=self.clock, mint=self.mint)
+            record, link = watch.missions.get(drone_id), watch.links.get(drone_id)
+            if record is None or link is None:
+                return
+            now = self.clock.now()
+            has_expired = moment_to_ms(now) > record.expires_ms
+            is_long_over = record.mission.released_at < silent_since
+            if record.mission.state == "BOOKED" and has_expired:
+                ack_due_at = now - fleet_margin(self.clock, fleet_s=0, wall_s=_ACK_ON_ITS_WAY_S)
+                if is_known_not_to_fly(record, link, ack_due_at=ack_due_at) or is_long_over:
+                    expired_at = ms_to_moment(record.expires_ms)
+                    detail = f"the drone did not answer until {expired_at.isoformat()}"
+                    await refuse(watch, record, code="NO_ANSWER", detail=detail)
+            elif is_long_over and record.stuck is not None:
+                detail = f"no plan for the rest was found: {record.stuck.detail}"
+                await abort(watch, record, at=now, code=record.stuck.code, detail=detail)
+            elif is_long_over and is_silent(record, link, since=silent_since):
+                detail = "nothing was heard of the drone"
+                await abort(watch, record, at=now, code="SILENT", detail=detail)

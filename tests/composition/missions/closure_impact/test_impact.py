@@ -1,0 +1,218 @@
+"""Whom a closure hits: by what missions have still to do, accepted or proposed."""
+
+from dataclasses import replace
+from datetime import timedelta
+from typing import Any
+
+import pytest
+from skyway_composition.missions.mission import store
+from skyway_composition.missions.mission.record import Proposal
+from skyway_composition.missions.replanning.store import retry_stuck
+
+from skyway.contracts.flight_step import FlyStep
+
+OPERATOR = "operator:op"
+WEST = [[-0.1, -0.1], [0.1, -0.1], [0.1, 0.1], [-0.1, 0.1], [-0.1, -0.1]]
+AROUND_B = [[0.15, -0.1], [0.2, -0.1], [0.2, 0.1], [0.15, 0.1], [0.15, -0.1]]
+
+
+def area(ring: Any) -> dict[str, Any]:
+    return {"type": "Polygon", "coordinates": [ring]}
+
+
+async def close(composition: Any, path: str, body: Any = None) -> list[Any]:
+    """The missions that are hit, which a dry run names too."""
+    tried = await composition(OPERATOR, "POST", f"{path}?dry_run=true", body)
+    made = await composition(OPERATOR, "POST", path, body)
+    assert made.status_code == 201, made.text
+    assert tried.json()["affected_missions"] == made.json()["affected_missions"]
+    return list(made.json()["affected_missions"])
+
+
+async def troubles(composition: Any) -> list[str | None]:
+    async with composition.db.read() as connection:
+        records = await store.page(connection, store.MissionFilter(), before=None, limit=100)
+    return [None if each.trouble is None else each.trouble.code for each in records]
+
+
+def on_board_of(booking: Any) -> Any:
+    return booking.missions[0]
+
+
+@pytest.mark.parametrize(
+    ("path", "body", "code"),
+    [
+        ("/v1/stations/b/closures", {}, "STATION_CLOSED"),
+        ("/v1/segments/a/b/closures", {}, "SEGMENT_CLOSED"),
+        ("/v1/segments/c/b/closures", {}, "SEGMENT_CLOSED"),
+        ("/v1/stations/b/pads/0/outages", {}, "PAD_OUT_OF_ORDER"),
+        ("/v1/zones", {"network_id": "row", "area": area(AROUND_B)}, "ZONE_AHEAD"),
+        ("/v1/ground-stops", {"reason": "storm"}, "GROUND_STOP"),
+        (
+            "/v1/ground-stops",
+            {"reason": "storm", "provider_id": "prv_1", "drone_model_id": "paper-scenario"},
+            "GROUND_STOP",
+        ),
+        (
+            "/v1/ground-stops",
+            {"reason": "storm", "network_id": "row", "area": area(WEST)},
+            "GROUND_STOP",
+        ),
+    ],
+)
+async def test_a_mission_that_will_meet_it_looks_for_another_plan(
+    composition: Any, path: str, body: Any, code: str
+) -> None:
+    mission = on_board_of(await composition.book())
+
+    (hit,) = await close(composition, path, body)
+
+    assert (hit["mission_id"], hit["drone_id"]) == (mission.mission_id, "drn_1")
+    assert (hit["provider_id"], hit["delivery_id"]) == ("prv_1", "dlv_1")
+    assert hit["is_flying"] is False
+    assert await troubles(composition) == [code]
+
+
+@pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
+@pytest.mark.parametrize(
+    ("path", "body"),
+    [
+        ("/v1/stations/a/pads/1/outages", {}),
+        ("/v1/stations/d/closures", {}),
+        ("/v1/segments/c/d/closures", {}),
+        ("/v1/stations/b/pads/1/outages", {}),
+        ("/v1/ground-stops", {"reason": "storm", "provider_id": "prv_2"}),
+        ("/v1/ground-stops", {"reason": "storm", "drone_model_id": "other"}),
+        ("/v1/ground-stops", {"reason": "storm", "area": area(AROUND_B)}),
+    ],
+)
+async def test_a_mission_that_will_not_meet_it_goes_on(
+    composition: Any, path: str, body: Any
+) -> None:
+    await composition.book()
+
+    assert await close(composition, path, body) == []
+    assert await troubles(composition) == [None]
+
+
+@pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
+async def test_a_closure_counts_only_in_its_time(composition: Any) -> None:
+    mission = on_board_of(await composition.book())
+    path = "/v1/stations/b/closures"
+    lands_at = mission.start_at + timedelta(minutes=5)
+    over_at = mission.released_at + timedelta(hours=1)
+
+    before = await close(composition, path, {"until": lands_at.isoformat()})
+    after = await close(composition, path, {"from_at": over_at.isoformat()})
+    during = await close(
+        composition, path, {"from_at": lands_at.isoformat(), "until": over_at.isoformat()}
+    )
+
+    assert (before, after) == ([], [])
+    assert [each["mission_id"] for each in during] == [mission.mission_id]
+
+
+@pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
+async def test_what_is_flown_is_over(composition: Any, drone: Any) -> None:
+    await composition.book()
+    (instruction,) = await composition.sent()
+    await composition.take(drone.ack(instruction))
+    ended = drone.flown(instruction)
+    number = next(n for n, step in enumerate(instruction.steps) if step.kind == "FLY")
+    await composition.take(*ended[: number + 1])
+
+    assert await close(composition, "/v1/segments/a/b/closures") == []
+    assert await close(composition, "/v1/segments/b/c/closures") != []
+
+
+@pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
+async def test_of_the_flight_under_way_only_the_landing_can_be_changed(
+    composition: Any, drone: Any
+) -> None:
+    mission = on_board_of(await composition.book())
+    (instruction,) = await composition.sent()
+    flight = next(step for step in instruction.steps if step.kind == "FLY")
+    await composition.take(
+        drone.ack(instruction),
+        drone.state(
+            activity="FLYING",
+            mission_id=mission.mission_id,
+            mission_revision=1,
+            step_id=flight.step_id,
+            released_through=flight.step_id,
+            station_id=None,
+            last_instruction_seq=1,
+        ),
+    )
+
+    assert await close(composition, "/v1/segments/a/b/closures") == []
+    (hit,) = await close(composition, "/v1/stations/b/closures")
+    assert (hit["station_id"], hit["is_flying"]) == ("b", True)
+
+
+@pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
+async def test_an_overdue_landing_is_still_to_come(composition: Any) -> None:
+    mission = on_board_of(await composition.book())
+    composition.clock.advance(timedelta(days=1))
+
+    (hit,) = await close(composition, "/v1/stations/b/closures")
+
+    assert hit["mission_id"] == mission.mission_id
+
+
+@pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
+async def test_a_proposed_revision_is_hit_too(composition: Any) -> None:
+    mission = on_board_of(await composition.book())
+    (instruction,) = await composition.sent()
+    flight = next(step for step in instruction.steps if isinstance(step, FlyStep))
+    async with composition.db.write() as tx:
+        record = await store.get(tx.connection, mission.mission_id, provider_id=None)
+        proposal = Proposal(
+            instruction_id="ins_2",
+            first_step=2,
+            mission=record.mission,
+            steps=(flight.model_copy(update={"from_id": "d", "to_id": "e"}),),
+            code="LATE",
+            detail="",
+        )
+        await store.save_all(tx, [replace(record, proposal=proposal)])
+
+    (hit,) = await close(composition, "/v1/stations/e/closures")
+
+    assert hit["mission_id"] == mission.mission_id
+
+
+@pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
+async def test_a_mission_that_is_over_is_not_hit(composition: Any, drone: Any) -> None:
+    await composition.book()
+    (instruction,) = await composition.sent()
+    await composition.take(drone.ack(instruction, "REJECTED", code="OVERWEIGHT"))
+
+    assert await close(composition, "/v1/stations/b/closures") == []
+
+
+@pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
+async def test_missions_are_named_in_the_order_in_which_they_are_hit(
+    composition: Any, make: Any
+) -> None:
+    await composition.book(request=make.request("d"))
+    await composition.book(make.candidate(2), delivery_id="dlv_2")
+
+    hit = await close(composition, "/v1/stations/b/closures")
+
+    assert {each["mission_id"] for each in hit} == {
+        row.mission_id for row in await composition.rows("SELECT mission_id FROM missions")
+    }
+    assert [each["at"] for each in hit] == sorted(each["at"] for each in hit)
+
+
+async def test_lifting_has_missions_without_a_plan_look_again(composition: Any) -> None:
+    await composition.book()
+    made = await composition(OPERATOR, "POST", "/v1/stations/b/closures")
+    async with composition.db.write() as tx:
+        (row,) = await composition.rows("SELECT mission_id FROM missions")
+        await retry_stuck(tx, row.mission_id, at_wall_ms=10**15)
+
+    await composition(OPERATOR, "DELETE", f"/v1/stations/b/closures/{made.json()['closure_id']}")
+
+    assert await composition.rows("SELECT retry_wall_ms FROM missions") == [(0,)]

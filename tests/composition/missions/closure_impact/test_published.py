@@ -1,0 +1,138 @@
+"""A new version of a network takes away what missions fly by: they look for other plans."""
+
+import copy
+from typing import Any
+
+import pytest
+from skyway_composition.missions.mission import store
+
+OPERATOR, PATH = "operator:op", "/v1/networks/row"
+
+
+async def troubles(composition: Any) -> list[tuple[str, str] | None]:
+    async with composition.db.read() as connection:
+        records = await store.page(connection, store.MissionFilter(), before=None, limit=100)
+    found = [each.trouble for each in records]
+    return [None if each is None else (each.code, each.detail) for each in found]
+
+
+async def publish(composition: Any, network: dict[str, Any]) -> None:
+    answer = await composition(OPERATOR, "PUT", PATH, network)
+    assert answer.status_code == 200, answer.text
+
+
+def one_way_only(network: dict[str, Any], from_id: str, to_id: str) -> dict[str, Any]:
+    """Of these two directions only this one stays."""
+    changed = copy.deepcopy(network)
+    for feature in changed["features"]:
+        properties, line = feature["properties"], feature["geometry"]["coordinates"]
+        if {properties.get("from"), properties.get("to")} == {from_id, to_id}:
+            if properties["from"] != from_id:
+                line.reverse()
+            properties |= {"from": from_id, "to": to_id, "one_way": True}
+    return changed
+
+
+def with_zone(network: dict[str, Any], west: float, east: float, **times: str) -> dict[str, Any]:
+    ring = [[west, -0.1], [east, -0.1], [east, 0.1], [west, 0.1], [west, -0.1]]
+    zone = {
+        "type": "Feature",
+        "geometry": {"type": "Polygon", "coordinates": [ring]},
+        "properties": {"kind": "zone", "zone_id": "fair", **times},
+    }
+    return {**network, "features": [*network["features"], zone]}
+
+
+async def test_a_new_zone_strikes_the_missions_that_would_fly_there(
+    composition: Any, make: Any
+) -> None:
+    await composition.book()
+
+    await publish(composition, with_zone(make.network(), 0.15, 0.2))
+
+    (told,) = await troubles(composition)
+    assert told is not None
+    assert told[0] == "ZONE_AHEAD"
+    assert "zone 'fair' is closed to flight" in told[1]
+    assert (await composition.reports())[-1].kind == "REPLANNING"
+
+
+@pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
+@pytest.mark.parametrize(
+    ("west", "east", "times"),
+    [(0.6, 0.8, {}), (0.15, 0.2, {"active_until": "2026-03-01T12:00:00Z"})],
+)
+async def test_a_zone_elsewhere_or_at_another_time_strikes_nobody(
+    composition: Any, make: Any, west: float, east: float, times: dict[str, str]
+) -> None:
+    await composition.book()
+
+    await publish(composition, with_zone(make.network(), west, east, **times))
+
+    assert await troubles(composition) == [None]
+
+
+@pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
+async def test_a_zone_that_was_there_before_strikes_nobody_again(
+    composition: Any, make: Any
+) -> None:
+    zoned = with_zone(make.network(), 0.15, 0.2, active_from="2026-03-09T12:00:00Z")
+    await publish(composition, zoned)
+    await composition.book()
+
+    await publish(composition, {**zoned, "settings": {**zoned["settings"], "loading_s": 61}})
+
+    assert await troubles(composition) == [None]
+
+
+@pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
+@pytest.mark.parametrize(
+    ("kept", "told"),
+    [
+        (("b", "a"), ("SEGMENT_CLOSED", "no longer in the network: a to b")),
+        (("c", "b"), ("SEGMENT_CLOSED", "no longer in the network: b to c")),
+        (("c", "d"), None),
+    ],
+)
+async def test_a_segment_that_is_gone_strikes_the_missions_that_would_fly_it(
+    composition: Any, make: Any, kept: tuple[str, str], told: tuple[str, str] | None
+) -> None:
+    await composition.book()
+
+    await publish(composition, one_way_only(make.network(), *kept))
+
+    (trouble,) = await troubles(composition)
+    assert (trouble and (trouble[0], trouble[1].split(" from ")[0])) == told
+
+
+@pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
+async def test_a_station_that_is_gone_strikes_the_missions_that_would_land_there(
+    composition: Any, make: Any
+) -> None:
+    """With twice the battery the drone does not charge there, so that no pad keeps the station."""
+    candidate = make.candidate()
+    model = candidate.model.model_copy(update={"battery_j": 1_800_000.0})
+    await composition.book(candidate.model_copy(update={"model": model}), request=make.request("b"))
+
+    await publish(composition, make.network(stations="acde"))
+
+    (trouble,) = await troubles(composition)
+    assert trouble is not None
+    assert trouble[1].startswith("no longer in the network: ")
+
+
+@pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
+async def test_the_next_plan_is_made_in_the_new_version(
+    composition: Any, drone: Any, make: Any
+) -> None:
+    await composition.book()
+    (first,) = await composition.sent()
+    await composition.take(drone.ack(first))
+
+    await publish(composition, with_zone(make.network(), 0.15, 0.2))
+    await composition.recomposer.step()
+
+    assert [each.kind for each in await composition.sent()] == ["CANCEL"]
+    report = (await composition.reports())[-1]
+    assert (report.kind, report.mission_state) == ("ENDED", "CANCELLED")
+    assert await composition.broken() == []

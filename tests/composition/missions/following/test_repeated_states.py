@@ -1,0 +1,189 @@
+"""Drones that stand idle and say so again: nothing is written, and nothing is missed for that."""
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from datetime import timedelta
+from typing import Any
+
+import pytest
+from skyway_composition.links.store import link_to
+from skyway_composition.missions.following.follow import Follower
+from skyway_composition.tables import outbox
+
+from skyway.contracts.drone_report import DroneState
+from skyway.contracts.topic import Topic
+from skyway.ids import DroneId
+from skyway.runtime.errors import ServiceUnavailable
+from skyway.runtime.loops import Wake
+from skyway.runtime.mqtt.client import Received
+from skyway.runtime.sql.database import Database, Tx
+
+pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
+
+MINUTE = timedelta(minutes=1)
+
+
+class FarDatabase(Database):
+    """A database that keeps everything, but may go away before it can say so."""
+
+    goes_away = False
+
+    @asynccontextmanager
+    async def write(self) -> AsyncIterator[Tx]:
+        async with super().write() as tx:
+            yield tx
+        if self.goes_away:
+            raise ServiceUnavailable("database", "the connection was lost")
+
+
+class NothingArrives:
+    """`Subscriber` of a follower that is handed its batches."""
+
+    async def batches(self, *_: Topic[Any]) -> AsyncIterator[list[Received[Any]]]:
+        yield []
+
+
+async def kept_state(composition: Any) -> DroneState:
+    async with composition.db.read() as connection:
+        link = await link_to(connection, DroneId("drn_1"))
+    assert link is not None
+    assert link.state is not None
+    return link.state
+
+
+async def said(composition: Any, drone: Any, **members: Any) -> Received[Any]:
+    """A state that the drone says a minute after the one before."""
+    composition.clock.advance(MINUTE)
+    state: Received[Any] = drone.state(**members)
+    await composition.take(state)
+    return state
+
+
+@pytest.fixture
+def idle(drone: Any) -> Any:
+    """A drone that was never sent anything."""
+    drone.stream = 0
+    return drone
+
+
+async def test_only_the_first_of_equal_states_is_kept(composition: Any, idle: Any) -> None:
+    first = await said(composition, idle)
+
+    await said(composition, idle)
+    await said(composition, idle, soc=0.995)
+
+    assert await kept_state(composition) == first.message
+
+
+@pytest.mark.parametrize(
+    "news",
+    [
+        {"station_id": "b"},
+        {"station_id": None},
+        {"activity": "DOWN"},
+        {"activity": "RECHARGING"},
+        {"soc": 0.98},
+        {"mission_id": "msn_9"},
+        {"last_event_seq": 1},
+        {"stream": 1},
+        {"is_held": True},
+        {"faults": ("BATTERY_WORN",)},
+        {"package_ids": ("p9",)},
+        {"session": 2, "seq": 1},
+    ],
+)
+async def test_whatever_changes_is_kept(
+    composition: Any, idle: Any, news: dict[str, object]
+) -> None:
+    await said(composition, idle)
+    await said(composition, idle)
+
+    changed = await said(composition, idle, **news)
+
+    assert await kept_state(composition) == changed.message
+
+
+async def test_charge_that_leaks_away_slowly_is_kept(composition: Any, idle: Any) -> None:
+    for soc in (1.0, 0.996, 0.992, 0.988):
+        last = await said(composition, idle, soc=soc)
+
+    assert await kept_state(composition) == last.message
+
+
+async def test_an_equal_state_is_kept_every_five_minutes(composition: Any, idle: Any) -> None:
+    states = [await said(composition, idle) for _ in range(7)]
+
+    assert await kept_state(composition) == states[5].message
+
+
+async def test_what_is_older_than_a_repeated_state_changes_nothing(
+    composition: Any, idle: Any
+) -> None:
+    first = await said(composition, idle)
+    late = idle.state(station_id="b")
+    await said(composition, idle)
+
+    await composition.take(late)
+
+    assert await kept_state(composition) == first.message
+
+
+async def test_a_drone_that_stays_idle_beyond_the_expiry_does_not_fly(
+    composition: Any, idle: Any
+) -> None:
+    await said(composition, idle)
+    await said(composition, idle)
+    await composition.book()
+
+    for _ in range(3):
+        await said(composition, idle)
+        await composition.overdue.step()
+
+    (report,) = await composition.reports()
+    assert (report.kind, report.code) == ("REFUSED", "NO_ANSWER")
+
+
+async def test_a_repeated_state_shows_a_lost_journal_after_a_late_answer(
+    composition: Any, drone: Any
+) -> None:
+    await composition.book()
+    (instruction,) = await composition.sent()
+    answer = drone.ack(instruction, "REJECTED", code="MALFORMED")
+    drone.session, drone.stream = 2, 0
+    await said(composition, drone)
+
+    await composition.take(answer)
+    await said(composition, drone)
+
+    links = await composition.rows("SELECT stream FROM drone_links")
+    assert [row.stream for row in links] == [2]
+
+
+async def test_connections_that_are_told_again_change_nothing(composition: Any, idle: Any) -> None:
+    await composition.take(idle.connection("ONLINE", 1), idle.connection("ONLINE", 2))
+
+    await composition.take(idle.connection("LOST", 1))
+    await composition.take(idle.connection("ONLINE", 2))
+    links = await composition.rows("SELECT connection FROM drone_links")
+
+    assert '"connection_number":2,"status":"ONLINE"' in links[0].connection
+    await composition.take(idle.connection("LOST", 2))
+    links = await composition.rows("SELECT connection FROM drone_links")
+    assert '"connection_number":2,"status":"LOST"' in links[0].connection
+
+
+async def test_what_was_kept_without_our_knowing_is_replaced_by_what_it_had_replaced(
+    composition: Any, idle: Any, migrated_url: str
+) -> None:
+    async with FarDatabase(migrated_url, outbox=outbox) as far:
+        clock, mint = composition.clock, composition.parts.mint
+        follower = Follower(far, NothingArrives(), clock=clock, mint=mint, stuck=Wake())
+        await follower.take([idle.state(station_id="a")])
+        far.goes_away = True
+        with pytest.raises(ServiceUnavailable):
+            await follower.take([idle.state(station_id="b")])
+        far.goes_away = False
+
+        await follower.take([idle.state(station_id="a")])
+
+    assert (await kept_state(composition)).station_id == "a"

@@ -1,0 +1,73 @@
+"""Steps that were cut: what a drone did in them is not forgotten when their numbers are others'."""
+
+from datetime import timedelta
+from typing import Any
+
+from skyway_composition.missions.mission.step_record import flown_totals
+from skyway_composition.missions.mission.step_store import ended_events, keep
+from sqlalchemy import text
+
+from skyway.ids import MissionId
+
+
+async def totals(composition: Any, mission_id: MissionId) -> dict[str, float]:
+    async with composition.db.read() as connection:
+        return flown_totals(await ended_events(connection, mission_id))
+
+
+async def test_a_cut_recharge_counts_once_whatever_becomes_of_its_row(
+    composition: Any, drone: Any
+) -> None:
+    booking = await composition.book()
+    mission_id = booking.missions[0].mission_id
+    [instruction] = await composition.sent()
+    steps = instruction.steps
+    number = next(i for i, step in enumerate(steps) if step.kind == "RECHARGE")
+    ends = drone.flown(instruction)[: number + 1]
+    cut_at = steps[number].planned_start_at + timedelta(seconds=100)
+    cut = {"code": "CUT", "ended_at": cut_at}
+    ends[-1] = drone.event(
+        "STEP_ENDED",
+        mission_id=mission_id,
+        mission_revision=1,
+        step_id=steps[number].step_id,
+        step_kind="RECHARGE",
+        started_at=steps[number].planned_start_at,
+        **cut,
+    )
+    async with composition.db.write() as tx:
+        await keep(tx, mission_id, ends[-1].message)
+        # An event that comes again, as one of a drone that was not heard, changes nothing.
+        await keep(tx, mission_id, ends[-1].message)
+
+    assert (await totals(composition, mission_id))["recharging_s"] == 100.0
+    async with composition.db.write() as tx:
+        ended = "UPDATE mission_steps SET status = 'ENDED', event = :event WHERE step_id = :step_id"
+        values = {"event": ends[-1].message.model_dump_json(), "step_id": steps[number].step_id}
+        await tx.execute(text(ended), values)
+    assert (await totals(composition, mission_id))["recharging_s"] == 100.0
+
+
+async def test_the_end_of_a_cut_step_is_kept_when_it_is_told(composition: Any, drone: Any) -> None:
+    booking = await composition.book()
+    mission_id = booking.missions[0].mission_id
+    [instruction] = await composition.sent()
+    first = instruction.steps[0]
+    await composition.take(
+        drone.ack(instruction),
+        drone.event(
+            "STEP_ENDED",
+            mission_id=mission_id,
+            mission_revision=1,
+            step_id=first.step_id,
+            step_kind="WAIT",
+            station_id="a",
+            started_at=first.planned_start_at,
+            ended_at=first.planned_start_at + timedelta(seconds=30),
+            code="CUT",
+        ),
+    )
+
+    [row] = await composition.rows("SELECT kind, station_id, ended_ms - started_ms FROM cut_steps")
+    assert tuple(row) == ("WAIT", "a", 30_000)
+    assert (await totals(composition, mission_id))["waiting_s"] == 30.0

@@ -1,0 +1,321 @@
+"""A revision for a drone that flies counts once the drone has taken it."""
+
+import json
+from datetime import timedelta
+from typing import Any
+
+import pytest
+from skyway_composition.missions.mission.record import Trouble
+from skyway_composition.missions.mission.release_pads import pads_of
+from skyway_composition.missions.mission.unit_of_work import Watch
+from skyway_composition.missions.replanning.request_plan import troubled
+
+from skyway.contracts.flight_step import FlyStep, RechargeStep
+from skyway.units import moment_to_ms
+
+HEALTH = {
+    "voltage_v": 22.0,
+    "current_a": 1.0,
+    "soc_error": 0.01,
+    "cell_spread_v": 0.01,
+    "temperature_c": 20.0,
+    "state_of_health": 1.0,
+    "range_m": 10_000.0,
+}
+LATE_WIND = Trouble(code="PLAN_WANTED", detail="the wind has turned")
+
+
+async def flying(composition: Any, drone: Any) -> Any:
+    """The instruction of a drone that is on its first flight, with the packages."""
+    await composition.book()
+    (instruction,) = await composition.sent()
+    pick_up, flight = instruction.steps[:2]
+    assert isinstance(flight, FlyStep)
+    composition.clock.advance(pick_up.planned_end_at - composition.clock.now())
+    await composition.take(
+        drone.ack(instruction),
+        *drone.ended(instruction, [pick_up]),
+        flying_state(drone, instruction, flight.step_id),
+    )
+    return instruction
+
+
+def flying_state(drone: Any, instruction: Any, step_id: int) -> Any:
+    return drone.state(
+        mission_id=instruction.mission_id,
+        mission_revision=instruction.mission_revision,
+        activity="FLYING",
+        step_id=step_id,
+        released_through=step_id,
+        station_id=None,
+        package_ids=("p1",),
+    )
+
+
+async def trouble(composition: Any, why: Trouble = LATE_WIND) -> None:
+    async with composition.db.write() as tx:
+        watch = await Watch.over(
+            ["drn_1"], tx=tx, clock=composition.clock, mint=composition.parts.mint
+        )
+        await troubled(watch, watch.missions["drn_1"], why)
+
+
+async def proposed(composition: Any, drone: Any) -> tuple[Any, Any]:
+    """What the drone flies by, and what was proposed to it instead."""
+    first = await flying(composition, drone)
+    await trouble(composition)
+    await composition.recomposer.step()
+    (proposal,) = await composition.sent()
+    return first, proposal
+
+
+def windows(instruction: Any) -> list[tuple[str, int, int, int]]:
+    """The pads of an instruction's steps as they are booked, with the gap of 120 s."""
+    return [
+        (each.station_id, each.pad, each.start_ms, each.end_ms)
+        for each in pads_of(instruction.steps, pad_gap_s=120.0)
+    ]
+
+
+def is_held(window: tuple[str, int, int, int], rows: Any) -> bool:
+    station_id, pad, start_ms, end_ms = window
+    return any(
+        (row.station_id, row.pad) == (station_id, pad)
+        and row.start_ms <= start_ms
+        and row.end_ms >= end_ms
+        for row in rows
+    )
+
+
+async def trouble_code(composition: Any) -> Any:
+    (row,) = await composition.rows("SELECT trouble FROM missions")
+    return json.loads(row.trouble or "{}").get("code")
+
+
+async def steps_planned(composition: Any) -> list[int]:
+    rows = await composition.rows(
+        "SELECT step_id FROM mission_steps WHERE status = 'PLANNED' ORDER BY step_id"
+    )
+    return [row.step_id for row in rows]
+
+
+async def test_a_flying_drone_is_sent_a_plan_from_its_next_landing(
+    composition: Any, drone: Any
+) -> None:
+    first, proposal = await proposed(composition, drone)
+
+    assert (proposal.kind, proposal.mission_revision) == ("MISSION", 2)
+    assert (proposal.first_step, proposal.steps[0].step_id) == (3, 3)
+    assert proposal.steps[0].station_id == first.steps[1].to_id
+    kinds = [report.kind for report in await composition.reports()]
+    assert kinds[-1] == "REPLANNING"
+
+
+async def test_until_the_drone_answers_both_plans_hold_their_pads(
+    composition: Any, drone: Any
+) -> None:
+    first, proposal = await proposed(composition, drone)
+
+    rows = await composition.reservations()
+    needed = [*windows(first), *windows(proposal)]
+    assert windows(first) != windows(proposal)
+    assert [window for window in needed if not is_held(window, rows)] == []
+    assert await steps_planned(composition) == [step.step_id for step in first.steps[1:]]
+    assert await composition.broken() == []
+
+
+async def test_an_accepted_proposal_is_the_mission_from_then_on(
+    composition: Any, drone: Any
+) -> None:
+    _, proposal = await proposed(composition, drone)
+
+    await composition.take(drone.ack(proposal))
+
+    rows = await composition.reservations()
+    assert [tuple(row)[:4] for row in rows] == windows(proposal)
+    assert await steps_planned(composition) == [2, *(step.step_id for step in proposal.steps)]
+    report = (await composition.reports())[-1]
+    assert (report.kind, report.code, report.mission.revision) == ("REPLANNED", "PLAN_WANTED", 2)
+    assert await composition.broken() == []
+    await composition.recomposer.step()
+    assert await composition.sent() == []
+
+
+async def test_a_rejected_proposal_leaves_the_mission_as_it_was(
+    composition: Any, drone: Any
+) -> None:
+    first, proposal = await proposed(composition, drone)
+
+    await composition.take(drone.ack(proposal, "REJECTED", code="STEP_RELEASED"))
+
+    rows = await composition.reservations()
+    assert [tuple(row)[:4] for row in rows] == windows(first)
+    assert await steps_planned(composition) == [step.step_id for step in first.steps[1:]]
+    assert await composition.broken() == []
+
+
+async def test_after_a_rejection_another_plan_is_made_from_what_the_drone_says(
+    composition: Any, drone: Any
+) -> None:
+    first, proposal = await proposed(composition, drone)
+    recharge = first.steps[2]
+    assert isinstance(recharge, RechargeStep)
+    composition.clock.advance(recharge.planned_start_at - composition.clock.now())
+    charging = drone.state(
+        mission_id=first.mission_id,
+        activity="RECHARGING",
+        step_id=3,
+        released_through=3,
+        station_id="b",
+        soc=0.4,
+        package_ids=("p1",),
+    )
+
+    await composition.take(
+        drone.ack(proposal, "REJECTED", code="STEP_RELEASED"),
+        *drone.ended(first, [first.steps[1]]),
+        charging,
+    )
+    await composition.recomposer.step()
+
+    (another,) = await composition.sent()
+    assert (another.kind, another.mission_revision) == ("DIVERT", 3)
+    assert (another.last_valid_step, another.steps[0].step_id) == (2, 3)
+    now_ms = moment_to_ms(composition.clock.now())
+    assert moment_to_ms(another.steps[0].planned_start_at) > now_ms
+
+
+async def diverted_from_its_pad(composition: Any, drone: Any) -> tuple[Any, Any]:
+    """The first instruction, and the one that cuts the recharge the drone is at."""
+    first, proposal = await proposed(composition, drone)
+    await composition.take(
+        drone.ack(proposal, "REJECTED", code="STEP_RELEASED"),
+        *drone.ended(first, [first.steps[1]]),
+        at_its_pad(drone, first),
+    )
+    await composition.recomposer.step()
+    (divert,) = await composition.sent()
+    return first, divert
+
+
+def at_its_pad(drone: Any, instruction: Any, **members: Any) -> Any:
+    values = {
+        "mission_id": instruction.mission_id,
+        "mission_revision": instruction.mission_revision,
+        "activity": "RECHARGING",
+        "step_id": 3,
+        "released_through": 3,
+        "station_id": "b",
+        "soc": 0.4,
+        "package_ids": ("p1",),
+        **members,
+    }
+    return drone.state(**values)
+
+
+def cut(drone: Any, step: Any, instruction: Any) -> Any:
+    (ended,) = drone.ended(instruction, [step])
+    message = ended.message.model_copy(update={"code": "CUT"})
+    return type(ended)(ended.topic, ended.ids, message, retained=False)
+
+
+async def test_a_recharge_that_was_cut_leaves_the_new_step_of_its_number(
+    composition: Any, drone: Any
+) -> None:
+    first, divert = await diverted_from_its_pad(composition, drone)
+
+    await composition.take(drone.ack(divert), cut(drone, first.steps[2], first))
+
+    assert await steps_planned(composition) == [step.step_id for step in divert.steps]
+    assert await composition.broken() == []
+
+
+async def test_what_was_found_while_a_proposal_was_on_its_way_is_compared_with_it(
+    composition: Any, drone: Any
+) -> None:
+    first, divert = await diverted_from_its_pad(composition, drone)
+    in_wind = {"health": HEALTH | {"consumption_factor": 1.6}}
+    await composition.take(at_its_pad(drone, first, **in_wind))
+    assert await trouble_code(composition) == "PLAN_WANTED"
+
+    await composition.take(
+        drone.ack(divert),
+        cut(drone, first.steps[2], first),
+        at_its_pad(drone, divert, activity="WAITING", released_through=2, **in_wind),
+    )
+
+    assert await trouble_code(composition) == "MORE_ENERGY"
+
+
+@pytest.mark.parametrize("is_told_first", ["state", "event"])
+async def test_a_drone_that_flies_by_a_proposal_has_taken_it(
+    composition: Any, drone: Any, is_told_first: str
+) -> None:
+    first, proposal = await proposed(composition, drone)
+    landed = drone.ended(first, [first.steps[1]])
+    on_pad = at_its_pad(drone, proposal, activity="WAITING", released_through=2)
+    lost = drone.event(
+        "STEP_FAILED",
+        mission_id=proposal.mission_id,
+        mission_revision=2,
+        step_id=3,
+        station_id="b",
+        code="PAD_LOST",
+    )
+
+    # Its answer was lost: it says so again once it has heard the proposal again.
+    await composition.take(*landed, *([on_pad] if is_told_first == "state" else []), lost)
+    await composition.take(drone.ack(proposal))
+
+    assert [each.kind for each in await composition.reports()].count("REPLANNED") == 1
+    (row,) = await composition.rows("SELECT stuck FROM missions")
+    assert "PAD_LOST" in (row.stuck or "")
+    await composition.recomposer.step()
+    assert [each.mission_revision for each in await composition.sent()] == [3]
+    assert await composition.broken() == []
+
+
+async def test_a_state_alone_tells_that_a_proposal_was_taken(composition: Any, drone: Any) -> None:
+    first, proposal = await proposed(composition, drone)
+    on_pad = at_its_pad(drone, proposal, activity="WAITING", released_through=2)
+
+    await composition.take(*drone.ended(first, [first.steps[1]]), on_pad)
+
+    (row,) = await composition.rows("SELECT proposal FROM missions")
+    assert row.proposal is None
+    assert [each.kind for each in await composition.reports()].count("REPLANNED") == 1
+    assert await composition.broken() == []
+
+
+async def test_a_newer_trouble_is_planned_for_after_the_answer(
+    composition: Any, drone: Any
+) -> None:
+    _, proposal = await proposed(composition, drone)
+    await trouble(composition, Trouble(code="STATION_CLOSED", detail="c is closed"))
+
+    await composition.recomposer.step()
+    assert [each.mission_revision for each in await composition.sent()] == [2]
+    await composition.take(drone.ack(proposal))
+    await composition.recomposer.step()
+
+    assert [each.mission_revision for each in await composition.sent()] == [3]
+
+
+async def test_a_recharge_that_ends_early_gives_its_pad_back_after_the_gap(
+    composition: Any, drone: Any
+) -> None:
+    first = await flying(composition, drone)
+    flight, recharge = first.steps[1:3]
+    early = timedelta(minutes=10)
+
+    await composition.take(*drone.ended(first, [flight]))
+    await composition.take(*drone.ended(first, [recharge], late_by=-early))
+
+    held_until = [
+        row.end_ms
+        for row in await composition.reservations()
+        if row.start_ms == moment_to_ms(recharge.not_before_at)
+    ]
+    left_at = recharge.planned_end_at - early
+    assert held_until == [moment_to_ms(left_at + timedelta(seconds=120))]
+    assert await composition.broken() == []

@@ -1,0 +1,131 @@
+"""Nobody waits for a loader for ever."""
+
+from datetime import timedelta
+from typing import Any
+
+from skyway_composition.missions.timeouts.loading import LoadingWatch
+
+#: Half an hour, unless the network says otherwise.
+TIMEOUT = timedelta(seconds=1_800)
+
+
+async def sweep(composition: Any) -> None:
+    parts = composition.parts
+    await LoadingWatch(parts.db, parts.networks, parts.clock, parts.mint).step()
+
+
+async def test_a_drone_that_nobody_loads_is_free_again(
+    composition: Any, drone: Any, make: Any, begin: Any
+) -> None:
+    instruction = await begin.at_pickup(composition, drone, make)
+
+    composition.clock.advance(TIMEOUT)
+    await sweep(composition)
+
+    report = (await composition.reports())[-1]
+    assert (report.kind, report.code) == ("ENDED", "LOADING_TIMEOUT")
+    assert await composition.state_of(instruction.mission_id) == "CANCELLED"
+    assert (await composition.sent())[-1].kind == "CANCEL"
+    assert await composition.reservations() == []
+    assert await composition.broken() == []
+
+
+async def test_a_loader_has_all_the_time_that_the_network_gives(
+    composition: Any, drone: Any, make: Any, begin: Any
+) -> None:
+    instruction = await begin.at_pickup(composition, drone, make)
+
+    composition.clock.advance(TIMEOUT - timedelta(milliseconds=1))
+    await sweep(composition)
+
+    assert await composition.state_of(instruction.mission_id) == "ACTIVE"
+
+
+async def test_on_a_fast_clock_a_loader_has_ten_wall_seconds(
+    composition: Any, drone: Any, make: Any, begin: Any
+) -> None:
+    instruction = await begin.at_pickup(composition, drone, make)
+    composition.clock.rate = 1_200.0
+
+    composition.clock.advance(timedelta(seconds=9.9 * composition.clock.rate))
+    await sweep(composition)
+    in_time = await composition.state_of(instruction.mission_id)
+    composition.clock.advance(timedelta(seconds=0.1 * composition.clock.rate))
+    await sweep(composition)
+
+    assert in_time == "ACTIVE"
+    assert await composition.state_of(instruction.mission_id) == "CANCELLED"
+
+
+async def test_the_time_begins_when_the_drone_comes(
+    composition: Any, drone: Any, make: Any, begin: Any
+) -> None:
+    await composition.book(make.candidate(loading="CONFIRMED", station_id="b"))
+    (instruction,) = await composition.sent()
+    await composition.take(drone.ack(instruction))
+    late = timedelta(hours=1)
+    pickup = next(step for step in instruction.steps if step.kind == "PICK_UP")
+    approach = [
+        drone.event(
+            "STEP_ENDED",
+            mission_id=instruction.mission_id,
+            step_id=step.step_id,
+            started_at=step.planned_start_at,
+            ended_at=step.planned_end_at + late,
+        )
+        for step in instruction.steps[: pickup.step_id - 1]
+    ]
+    composition.clock.advance(pickup.planned_start_at + late - composition.clock.now())
+    await composition.take(*approach, begin.standing(drone, instruction, step_id=pickup.step_id))
+
+    composition.clock.advance(TIMEOUT - timedelta(seconds=1))
+    await sweep(composition)
+    in_time = await composition.state_of(instruction.mission_id)
+    composition.clock.advance(timedelta(seconds=1))
+    await sweep(composition)
+
+    assert in_time == "ACTIVE"
+    assert await composition.state_of(instruction.mission_id) == "CANCELLED"
+
+
+async def test_no_loader_is_late_for_a_drone_that_never_came(
+    composition: Any, drone: Any, make: Any, begin: Any
+) -> None:
+    instruction = await begin.accepted(composition, drone, make, loading="CONFIRMED")
+
+    composition.clock.advance(2 * TIMEOUT)
+    await sweep(composition)
+
+    assert await composition.state_of(instruction.mission_id) == "ACCEPTED"
+
+
+async def test_what_was_confirmed_in_time_is_not_given_up(
+    composition: Any, drone: Any, make: Any, begin: Any
+) -> None:
+    instruction = await begin.at_pickup(composition, drone, make)
+    body = {"packages": [{"package_id": "p1", "mass_kg": 0.4}]}
+    await composition(
+        "provider:prv_1", "POST", f"/v1/missions/{instruction.mission_id}/loading", body
+    )
+
+    composition.clock.advance(TIMEOUT)
+    await sweep(composition)
+
+    assert await composition.state_of(instruction.mission_id) == "ACTIVE"
+
+
+async def test_while_an_operator_holds_the_drone_no_loader_is_late(
+    composition: Any, drone: Any, make: Any, begin: Any
+) -> None:
+    instruction = await begin.at_pickup(composition, drone, make)
+    await composition(
+        "operator:op",
+        "POST",
+        f"/v1/missions/{instruction.mission_id}/commands",
+        {"command": "HOLD", "reason": "a crowd"},
+    )
+
+    composition.clock.advance(TIMEOUT)
+    await sweep(composition)
+
+    assert await composition.state_of(instruction.mission_id) == "ACTIVE"
