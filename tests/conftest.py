@@ -1,4 +1,4 @@
-"""Fixtures for all tests: a throw-away PostgreSQL, and a new database on either dialect."""
+"""Fixtures for all tests: a temporary PostgreSQL server, and new databases on both dialects."""
 
 import asyncio
 import copy
@@ -28,25 +28,25 @@ from skyway.runtime.clock import ManualClock
 from skyway.runtime.sql.database import Database
 from skyway.runtime.sql.migrations import migrate
 
-#: Tables that tests in several folders read.
+#: Data files that tests in several folders read.
 _DATA = Path(__file__).parent / "data"
 _DIALECTS = ("sqlite", pytest.param("postgresql", marks=pytest.mark.integration))
 _BINARIES = ("initdb", "pg_ctl", "postgres")
-#: Waits for its input to close, then stops the cluster and removes its folder.
+#: A shell script that waits until its input closes, then stops the cluster and removes its folder.
 _REAP = 'cat; "$1" -D "$2" -w -m immediate stop; rm -rf "$3"'
-#: Whom PostgreSQL runs as when the tests run as root, which it refuses to be.
+#: PostgreSQL refuses to run as root. When the tests run as root, it runs as one of these users.
 _UNPRIVILEGED = ("postgres", "nobody")
-#: Nothing that it is told need outlive the tests, and few of its files are large.
+#: The data need not survive a crash, and few files are large.
 _OPTIONS = (
     "-c listen_addresses='' -c unix_socket_directories={folder} -c fsync=off"
     " -c full_page_writes=off -c wal_level=minimal -c max_wal_senders=0 -c max_wal_size=64MB"
     " -c autovacuum=off -c max_connections=200 -c shared_buffers=16MB"
 )
-#: Files in memory, where a database is copied in a tenth of the time; how much room that takes.
+#: A folder in memory, where copying a database takes a tenth of the time, and the room it needs.
 _MEMORY = Path("/dev/shm")
 _ROOM_BYTES = 1 << 30
 
-# The same examples in every run, and none that fails because the machine is busy.
+# Every run has the same examples, and no example fails because the machine is busy.
 settings.register_profile(
     "skyway", derandomize=True, deadline=None, suppress_health_check=[HealthCheck.too_slow]
 )
@@ -54,32 +54,32 @@ settings.load_profile("skyway")
 
 
 def pytest_collection_finish() -> None:
-    """Collect garbage seldom, and never among what is imported by now: a tenth of a run's time."""
+    """Collect garbage rarely and skip all imported modules; this saves a tenth of a run's time."""
     gc.collect()
     gc.freeze()
     gc.set_threshold(10_000)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """What starts whole systems comes first, the slowest fleet clocks before all others.
+    """Run the tests of whole systems first, those with the slowest fleet clocks before the others.
 
-    It mostly waits, and nobody is to wait for it in the end.
+    These tests mostly wait, so other tests should run beside them.
     """
-    items.sort(key=_begins_after)
+    items.sort(key=_rank)
 
 
-def _begins_after(item: pytest.Item) -> float:
-    """Whole systems by the rate of their clocks; what has no such clock comes last."""
+def _rank(item: pytest.Item) -> float:
+    """The rate of the test's fleet clock; infinite for tests without a whole system."""
     if item.get_closest_marker("end_to_end") is None:
         return math.inf
     rate = item.get_closest_marker("fleet_rate")
     return rate.args[0] if rate else 900.0
 
 
-class TogetherScheduling(LoadScopeScheduling):
-    """One worker runs the tests that share a running system, and those of any other file.
+class TogetherScheduling(LoadScopeScheduling):  # type: ignore[misc]  # xdist has no types
+    """Gives all tests of one running system, or of one file, to the same worker.
 
-    xdist's own groups do not work with this pytest: they want to change a test's id.
+    xdist's own groups do not work with this version of pytest, because they change test ids.
     """
 
     def _split_scope(self, nodeid: str) -> str:
@@ -90,31 +90,31 @@ class TogetherScheduling(LoadScopeScheduling):
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> TogetherScheduling:
-    """Whatever `--dist` says."""
+    """Use this scheduler for every value of `--dist`."""
     return TogetherScheduling(config, log)
 
 
 class Server:
-    """A PostgreSQL cluster of the tests' own; one session makes and drops all databases."""
+    """A temporary PostgreSQL cluster. One session creates and drops all databases."""
 
     def __init__(self, folder: Path, aside: asyncio.Runner) -> None:
         self._url = f"postgresql://skyway@/{{name}}?host={folder}"
         self._aside = aside
         self._session = aside.run(asyncpg.connect(self.url("postgres")))
-        # Before 15 this was the only way to copy, and had no name.
-        has_ways = self._session.get_server_version().major >= 15
-        self._by_file = "STRATEGY file_copy" if has_ways else ""
+        # Before version 15, copying files was the only strategy and could not be named.
+        has_strategies = self._session.get_server_version().major >= 15
+        self._by_file = "STRATEGY file_copy" if has_strategies else ""
 
     def url(self, name: str) -> str:
         """The URL of a database."""
         return self._url.format(name=name)
 
     def create(self, name: str, *, template: str = "template1") -> None:
-        """Make a database that is a copy of another."""
+        """Create a database as a copy of another."""
         self._execute(f"CREATE DATABASE {name} TEMPLATE {template} {self._by_file}")
 
     def drop(self, name: str) -> None:
-        """Remove a database, whoever is connected to it."""
+        """Drop a database, even while clients are connected to it."""
         self._execute(f"DROP DATABASE {name} WITH (FORCE)")
 
     def close(self) -> None:
@@ -127,22 +127,22 @@ class Server:
 
 @pytest.fixture(scope="session")
 def aside() -> Iterator[asyncio.Runner]:
-    """Runs what outlives a test, whose own loop ends with it."""
-    # With a factory it does not become the loop of whoever asks for one.
+    """An event loop for resources that live longer than the loop of one test."""
+    # With a loop factory, the runner does not become the current loop of the thread.
     with asyncio.Runner(loop_factory=asyncio.new_event_loop) as runner:
         yield runner
 
 
 @pytest.fixture(scope="session")
 def postgresql_server(aside: asyncio.Runner) -> Iterator[Server]:
-    """An empty PostgreSQL cluster that lives as long as the tests do.
+    """An empty PostgreSQL cluster that lives as long as the test session.
 
-    It listens on a socket in a folder of its own.
+    The server listens on a socket in its own folder.
     """
     binaries = _postgresql_binaries()
     if binaries is None:
         pytest.skip("PostgreSQL is not installed (no initdb on PATH or in /usr/lib/postgresql)")
-    # A socket's path may have about 100 characters, so not in pytest's deep folders.
+    # A socket's path has at most about 100 characters, so pytest's deep folders are too long.
     folder = Path(tempfile.mkdtemp(prefix="skyway-pg-", dir=_memory()))
     data = folder / "data"
     user = _postgresql_user()
@@ -167,7 +167,7 @@ def postgresql_server(aside: asyncio.Runner) -> Iterator[Server]:
         with start(*command) as process:
             assert process.wait() == 0, (folder / "commands.log").read_text()
 
-    # However pytest ends, its end of this pipe closes, and the cluster goes.
+    # When pytest ends in any way, its end of this pipe closes and the cluster stops.
     with start("sh", "-c", _REAP, "sh", binaries / "pg_ctl", data, folder), log:
         run(binaries / "initdb", "-D", data, "-U", "skyway", "-A", "trust", "-N", "-E", "UTF8")
         options = _OPTIONS.format(folder=folder)
@@ -178,7 +178,7 @@ def postgresql_server(aside: asyncio.Runner) -> Iterator[Server]:
 
 
 def _memory() -> Path | None:
-    """Where files are kept in memory; None if there is no such place, or it may become full."""
+    """A folder in memory; None if there is none or it has too little room."""
     has_room = _MEMORY.is_dir() and shutil.disk_usage(_MEMORY).free >= _ROOM_BYTES
     return _MEMORY if has_room else None
 
@@ -194,12 +194,12 @@ def _postgresql_binaries() -> Path | None:
 def _postgresql_user() -> pwd.struct_passwd | None:
     if os.geteuid() != 0:
         return None
-    known = {user.pw_name: user for user in pwd.getpwall()}
-    return next(known[name] for name in _UNPRIVILEGED if name in known)
+    users = {user.pw_name: user for user in pwd.getpwall()}
+    return next(users[name] for name in _UNPRIVILEGED if name in users)
 
 
 class Templates:
-    """Databases with a service's tables: migrated once, then copied, which takes far less time."""
+    """Databases with a service's tables: migrated once, then copied, because that is faster."""
 
     def __init__(self, folder: Path, aside: asyncio.Runner) -> None:
         self._folder = folder
@@ -207,14 +207,14 @@ class Templates:
         self._on_postgresql: set[str] = set()
 
     def on_sqlite(self, package: str) -> Path:
-        """The file with the tables of this package, to be copied."""
+        """The SQLite file with the tables of this package, for copying."""
         template = self._folder / f"{package}.db"
         if not template.exists():
             self._aside.run(migrate(f"sqlite:///{template}", package))
         return template
 
     def on_postgresql(self, server: Server, package: str) -> str:
-        """The name of the server's database with the tables of this package, to be copied."""
+        """The name of the database with the tables of this package, for copying."""
         name = f"template_{package}"
         if name not in self._on_postgresql:
             server.create(name)
@@ -269,13 +269,13 @@ async def database(database_url: str) -> AsyncIterator[Database]:
 
 @pytest.fixture
 def clock() -> ManualClock:
-    """A fleet clock that stands still at a known moment until it is advanced."""
+    """A fleet clock that stands still at a fixed moment until a test advances it."""
     return ManualClock(datetime(2026, 3, 1, 12, tzinfo=UTC))
 
 
 @contextmanager
 def _copied(server: Server, template: str) -> Iterator[str]:
-    """The URL of a copy of a database, for as long as the block lasts."""
+    """The URL of a copy of a database. The copy is dropped when the block ends."""
     name = f"t_{secrets.token_hex(6)}"
     server.create(name, template=template)
     try:
@@ -286,24 +286,24 @@ def _copied(server: Server, template: str) -> Iterator[str]:
 
 @dataclass(frozen=True, slots=True)
 class BadProblem:
-    """A composition problem with one fault: the field to be named, and words of the complaint."""
+    """A composition problem with one fault, the field at fault, and words of the error message."""
 
     name: str
     document: dict[str, Any]
     field: str
-    told: str
+    message: str
 
 
 @pytest.fixture(scope="session")
 def good_problem() -> dict[str, Any]:
-    """A composition problem that has every field, and nothing wrong."""
+    """A valid composition problem that has every field."""
     document: dict[str, Any] = json.loads((_DATA / "good_problem.json").read_text())
     return document
 
 
 @pytest.fixture(scope="session")
 def bad_problems(good_problem: dict[str, Any]) -> tuple[BadProblem, ...]:
-    """The good problem with one field after another made wrong, in every way there is."""
+    """Copies of the good problem, each with one field made wrong."""
     return tuple(
         _bad_problem(copy.deepcopy(good_problem), json.loads(line))
         for line in (_DATA / "bad_problems.jsonl").read_text().splitlines()
@@ -320,12 +320,12 @@ def _bad_problem(document: dict[str, Any], fault: dict[str, Any]) -> BadProblem:
     else:
         holder[last] = fault["value"]
     name = f"{fault['path']} = {fault.get('value', 'missing')!r:.40}"
-    return BadProblem(name, document, fault.get("field", fault["path"]), fault["told"])
+    return BadProblem(name, document, fault.get("field", fault["path"]), fault["message"])
 
 
 @pytest.fixture
 def statements() -> Callable[[], AbstractContextManager[list[str]]]:
-    """Collects what SQLAlchemy executes while a block lasts; many rows in one go count once."""
+    """Records the statements that SQLAlchemy executes in a block; an executemany counts once."""
     return _statements
 
 

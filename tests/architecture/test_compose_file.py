@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 import typer
 import yaml
+from pydantic_settings import BaseSettings
 from skyway_composition.settings import CompositionSettings
 from skyway_gateway.settings import GatewaySettings
 from skyway_provider_registry.settings import RegistrySettings
@@ -18,7 +19,7 @@ ROOT = Path(__file__).parents[2]
 COMPOSE: dict[str, Any] = yaml.safe_load((ROOT / "docker-compose.yml").read_text())
 SERVICES: dict[str, Any] = COMPOSE["services"]
 OURS = [name for name, service in SERVICES.items() if service.get("build") == "."]
-SETTINGS = {
+SETTINGS: dict[str, type[BaseSettings]] = {
     "registry": RegistrySettings,
     "composition": CompositionSettings,
     "gateway": GatewaySettings,

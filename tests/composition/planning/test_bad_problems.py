@@ -40,7 +40,7 @@ async def test_every_fault_is_answered_with_its_field_and_limit(
             assert problem["type"] == "urn:skyway:problem:invalid-input"
             assert problem["errors"][0]["field"].startswith(bad.field)
             if TOO_LONG not in json.dumps(bad.document):
-                assert bad.told in problem["errors"][0]["detail"]
+                assert bad.message in problem["errors"][0]["detail"]
 
 
 async def test_all_faults_are_answered_at_once(composition: Any, good_problem: Any) -> None:
@@ -80,7 +80,7 @@ async def test_what_is_wrong_is_named_on_a_published_network_too(
 ) -> None:
     for bad in bad_problems:
         # Whatever is wrong between the problem and its own network is not wrong here.
-        if bad.field.startswith(("network", "start_at")) or "station" in bad.told:
+        if bad.field.startswith(("network", "start_at")) or "station" in bad.message:
             continue
         document = copy.deepcopy(bad.document) | {"network": {"network_id": "row"}}
         with subtests.test(bad.name):

@@ -167,7 +167,7 @@ def test_every_fault_is_a_line_on_standard_error(bad_problems):
             assert line.startswith(f"line {number}: problem: not JSON: ")
         else:
             assert line.startswith(f"line {number}: {bad.field}")
-            assert bad.told in line
+            assert bad.message in line
 
 
 def test_all_faults_of_a_problem_are_lines_of_their_own():

@@ -34,7 +34,7 @@ def test_what_is_wrong_is_named_with_its_limit(bad_problems, subtests):
             error = refusal(bad.document)
 
             assert error.field.startswith(bad.field)
-            assert bad.told in error.detail
+            assert bad.message in error.detail
             assert str(error).isprintable()
 
 
