@@ -50,7 +50,7 @@ def test_dispatches_within_the_burst_make_its_rate() -> None:
     tell(followed, "a", "delivery.dispatched", 109.0)  # a copy
     tell(followed, "b", "delivery.dispatched", 111.0)
 
-    rows = {name: value for name, value in make_outcome(followed, sent, {}).rows()}
+    rows = {row[0]: row[1] for row in make_outcome(followed, sent, {}).rows()}
 
     assert rows["dispatched a second of the burst"] == "0.1"
     assert rows["request to dispatch, p50 / p99"] == "1500 ms / 10000 ms"
@@ -63,7 +63,7 @@ def test_rejections_are_counted_by_their_reasons() -> None:
         reasons = [{"code": "BUSY"}, {"code": "OVERWEIGHT"}, {"code": "BUSY"}]
         tell(followed, delivery, "delivery.rejected", 101.0, reasons=reasons)
 
-    rows = {name: value for name, value in make_outcome(followed, Sent(), {}).rows()}
+    rows = {row[0]: row[1] for row in make_outcome(followed, Sent(), {}).rows()}
 
     assert rows["rejected"] == "2: 2 BUSY, OVERWEIGHT"
     assert followed.are_settled(2)
