@@ -12,11 +12,23 @@ from skyway.runtime.settings import ServiceSettings
 class GatewaySettings(ServiceSettings):
     """`ServiceSettings`, and where webhooks may point to beside the public Internet."""
 
-    port: int = 8000
-    #: Networks like 127.0.0.0/8, separated by commas: webhooks may point into them.
-    webhook_allow_networks: Annotated[tuple[IPv4Network | IPv6Network, ...], NoDecode] = ()
-    #: Deliveries that are booked at the same time.
-    bookings_at_once: int = Field(default=8, ge=1, le=64)
+    port: int = Field(
+        default=8000,
+        ge=0,
+        le=65535,
+        description="Port on which it listens. 0 takes any free port.",
+    )
+    webhook_allow_networks: Annotated[
+        tuple[IPv4Network | IPv6Network, ...],
+        NoDecode,
+        Field(
+            description="Networks like `127.0.0.0/8`, separated by commas, into which webhooks may "
+            "point beside the public Internet."
+        ),
+    ] = ()
+    bookings_at_once: int = Field(
+        default=8, ge=1, le=64, description="Deliveries that are booked at the same time."
+    )
 
     @field_validator("webhook_allow_networks", mode="before")
     @classmethod

@@ -13,13 +13,15 @@ from skyway.runtime.errors import InvalidSettings
 class BrokerSettings:
     """Where to listen, and whose accounts count."""
 
+    #: The file of accounts that the registry writes.
     password_file: Path
+    #: Address on which the broker listens.
     host: str = "127.0.0.1"
     #: 0 takes any free port.
     port: int = 0
-    #: A socket passed by the parent; it wins over host and port.
+    #: A listening socket that the parent process passes. It replaces host and port.
     socket_fd: int | None = None
-    #: A pipe to the parent: when it closes, the broker leaves.
+    #: A pipe to the parent process. The broker ends when it closes.
     parent_fd: int | None = None
     log_level: str = "INFO"
 

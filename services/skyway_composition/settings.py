@@ -10,8 +10,26 @@ from skyway.runtime.settings import ServiceSettings
 class CompositionSettings(ServiceSettings):
     """`ServiceSettings`, and how much planning may go on at once."""
 
-    port: int = 8002
-    #: Threads that plan bookings, and as many again for plans that are only asked for.
-    solver_threads: Annotated[int, Field(ge=1, le=64)] = 2
-    #: Seconds of wall time after which the search for one plan ends with what it has found.
-    solver_time_limit_s: Annotated[float, Field(gt=0)] = 5.0
+    port: int = Field(
+        default=8002,
+        ge=0,
+        le=65535,
+        description="Port on which it listens. 0 takes any free port.",
+    )
+    solver_threads: Annotated[
+        int,
+        Field(
+            ge=1,
+            le=64,
+            description="Threads that plan bookings, and as many again for quotes and "
+            "`POST /v1/compositions`.",
+        ),
+    ] = 2
+    solver_time_limit_s: Annotated[
+        float,
+        Field(
+            gt=0,
+            description="Seconds of wall time after which the search for one plan ends with the "
+            "best plan found.",
+        ),
+    ] = 5.0

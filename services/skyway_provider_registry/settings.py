@@ -11,13 +11,30 @@ from skyway.runtime.settings import ServiceSettings
 class RegistrySettings(ServiceSettings):
     """`ServiceSettings`, and where the broker looks for its accounts."""
 
-    port: int = 8001
-    #: The broker's accounts, written by this service alone.
-    broker_password_file: Path
-    #: Where the broker writes its process id; it gets SIGHUP when the accounts have changed.
-    broker_pid_file: Path | None = None
-    #: The folder of the authority that signs drones' certificates; without it they have none.
-    drone_ca_dir: Path | None = None
-    #: Wall hours for which every sample of telemetry is kept, and days for which minutes are.
-    telemetry_raw_hours: Annotated[float, Field(gt=0, le=87_600)] = 24.0
-    telemetry_days: Annotated[float, Field(gt=0, le=3_650)] = 30.0
+    port: int = Field(
+        default=8001,
+        ge=0,
+        le=65535,
+        description="Port on which it listens. 0 takes any free port.",
+    )
+    broker_password_file: Path = Field(
+        description="The broker's accounts. The registry alone writes this file."
+    )
+    broker_pid_file: Path | None = Field(
+        default=None,
+        description="Where Mosquitto writes its process id. It gets SIGHUP after each change of "
+        "the accounts.",
+    )
+    drone_ca_dir: Path | None = Field(
+        default=None,
+        description="Folder of the authority that signs drones' certificates. Without it drones "
+        "have none.",
+    )
+    telemetry_raw_hours: Annotated[
+        float,
+        Field(gt=0, le=87_600, description="Hours of wall time for which every sample is kept."),
+    ] = 24.0
+    telemetry_days: Annotated[
+        float,
+        Field(gt=0, le=3_650, description="Days of wall time for which minutes are kept."),
+    ] = 30.0

@@ -15,7 +15,10 @@ class DatabaseSettings(BaseSettings):
     model_config = SettingsConfigDict(env_prefix="SKYWAY_", frozen=True, extra="ignore")
 
     # Not shown: it may hold a password.
-    database_url: str = Field(repr=False)
+    database_url: str = Field(
+        repr=False,
+        description="`sqlite:///FILE` or `postgresql://...`: the database of this service alone.",
+    )
 
     @classmethod
     def load(cls) -> Self:
@@ -40,17 +43,35 @@ class ServiceSettings(DatabaseSettings):
     """Variables ``SKYWAY_...``: where things are. Secrets are files in `secrets_dir`."""
 
     # Not shown: it may hold a password.
-    mqtt_url: str = Field(repr=False)
-    secrets_dir: Path
-    clock_file: Path | None = None
-    host: str = "127.0.0.1"
-    #: 0 takes any free port.
-    port: int = Field(default=0, ge=0, le=65535)
-    #: A listening socket passed by the parent; it wins over host and port.
-    socket_fd: int | None = None
-    #: A pipe to the parent: when it closes, the service leaves.
-    parent_fd: int | None = None
-    log_level: str = "INFO"
-    gateway_url: str = "http://127.0.0.1:8000"
-    registry_url: str = "http://127.0.0.1:8001"
-    composition_url: str = "http://127.0.0.1:8002"
+    mqtt_url: str = Field(
+        repr=False,
+        description="`mqtt://HOST:PORT` or `mqtts://...`: the broker's listener for services.",
+    )
+    secrets_dir: Path = Field(description="Folder with one file for each secret.")
+    clock_file: Path | None = Field(
+        default=None,
+        description="The anchor of the fleet clock. Without it fleet time is wall time.",
+    )
+    host: str = Field(default="127.0.0.1", description="Address on which the service listens.")
+    port: int = Field(
+        default=0, ge=0, le=65535, description="Port on which it listens. 0 takes any free port."
+    )
+    socket_fd: int | None = Field(
+        default=None,
+        description="A listening socket that the parent process passes. It replaces host and port.",
+    )
+    parent_fd: int | None = Field(
+        default=None,
+        description="A pipe to the parent process. The service ends when it closes.",
+    )
+    log_level: str = Field(default="INFO", description="DEBUG, INFO, WARNING or ERROR.")
+    gateway_url: str = Field(
+        default="http://127.0.0.1:8000", description="Where the other services find the gateway."
+    )
+    registry_url: str = Field(
+        default="http://127.0.0.1:8001", description="Where the other services find the registry."
+    )
+    composition_url: str = Field(
+        default="http://127.0.0.1:8002",
+        description="Where the other services find composition.",
+    )
