@@ -1,23 +1,25 @@
 """Write openapi/: one OpenAPI document per service, AsyncAPI, and each message's JSON Schema.
 
-python tools/write_openapi.py            everything
-python tools/write_openapi.py gateway    of the services only these
+The gateway's document is the whole public API. Its forwarded operations are copied from the other
+services' documents into the gateway's package, from where the running gateway shows them too.
 """
 
 import json
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Final
 
 import yaml
+from skyway_gateway.forward.document import RESOURCE, forwarded_document, whole_document
 
 from skyway.contracts.asyncapi import asyncapi_document, message_schemas
 from skyway.contracts.topics import TOPICS
+from skyway.runtime.http.app import ServiceApp
 
-FOLDER: Final = Path(__file__).resolve().parent.parent / "openapi"
+ROOT: Final = Path(__file__).resolve().parent.parent
 
 #: The package of each service whose `app` module offers `openapi_app()`.
 SERVICES: Final = {
@@ -27,23 +29,35 @@ SERVICES: Final = {
 }
 
 
-def service_files(services: Iterable[str]) -> Iterator[tuple[str, str]]:
-    """The name and the text of each service's document."""
-    for service in services:
-        yield f"{service}.json", _json_text(openapi_document(service))
+def service_files() -> Iterator[tuple[str, str]]:
+    """The path and the text of each service's document, and of the gateway's resource."""
+    registry = openapi_document("provider-registry")
+    composition = openapi_document("composition")
+    forwarded = forwarded_document({"registry": registry, "composition": composition})
+    yield "openapi/provider-registry.json", _json_text(registry)
+    yield "openapi/composition.json", _json_text(composition)
+    yield f"gateway/skyway_gateway/forward/{RESOURCE}", _json_text(forwarded)
+    gateway = app_of("gateway")
+    gateway.publish = lambda own: whole_document(own, forwarded)
+    yield "openapi/gateway.json", _json_text(gateway.openapi())
 
 
 def message_files() -> Iterator[tuple[str, str]]:
     """The name and the text of all that comes from the topics."""
-    yield "asyncapi.yaml", _yaml_text(asyncapi_document(TOPICS, version=version("skyway")))
+    yield "openapi/asyncapi.yaml", _yaml_text(asyncapi_document(TOPICS, version=version("skyway")))
     for name, schema in message_schemas(TOPICS).items():
-        yield f"messages/{name}.json", _json_text(schema)
+        yield f"openapi/messages/{name}.json", _json_text(schema)
 
 
 def openapi_document(service: str) -> dict[str, Any]:  # a JSON document
     """The OpenAPI document of a service's app, which is built but never opened."""
-    document: dict[str, Any] = import_module(f"{SERVICES[service]}.app").openapi_app().openapi()
-    return document
+    return app_of(service).openapi()
+
+
+def app_of(service: str) -> ServiceApp:
+    """The app of a service that only documents itself."""
+    app: ServiceApp = import_module(f"{SERVICES[service]}.app").openapi_app()
+    return app
 
 
 def _json_text(document: object) -> str:
@@ -54,19 +68,19 @@ def _yaml_text(document: object) -> str:
     return yaml.safe_dump(document, sort_keys=False, allow_unicode=True, width=100)
 
 
-def main(services: list[str]) -> int:
+def main() -> int:
     """Write the files, and remove those of messages that are no more."""
-    texts = dict(message_files()) | dict(service_files(services or SERVICES))
-    for old in FOLDER.glob("messages/*.json"):
-        if f"messages/{old.name}" not in texts:
+    texts = dict(message_files()) | dict(service_files())
+    for old in (ROOT / "openapi").glob("messages/*.json"):
+        if f"openapi/messages/{old.name}" not in texts:
             old.unlink()
     for name, text in texts.items():
-        path = FOLDER / name
+        path = ROOT / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(text, encoding="utf-8")
-    print(f"{len(texts)} files written to openapi/")
+    print(f"{len(texts)} files written")
     return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
+    sys.exit(main())

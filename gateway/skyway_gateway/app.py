@@ -36,6 +36,7 @@ from skyway_gateway.deliveries.cancelling.routes import cancelling_routes
 from skyway_gateway.deliveries.reading.earnings_routes import earnings_routes
 from skyway_gateway.deliveries.reading.routes import reading_routes
 from skyway_gateway.deliveries.reporting.routes import report_routes
+from skyway_gateway.forward.document import stored_document, whole_document
 from skyway_gateway.forward.routes import forward_routes, provider_routes
 from skyway_gateway.forward.table import larger_bodies
 from skyway_gateway.notifications.fleet_time import CLOCK_EVERY_S, publish_clock
@@ -100,6 +101,7 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
         readiness=readiness,
         body_limit=body_limits(larger_bodies()),
         middleware=[Middleware(AuditTrail, db=db, clock=clock, mint=mint)],
+        publish=lambda own: whole_document(own, stored_document()),
     )
 
 

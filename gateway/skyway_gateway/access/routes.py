@@ -58,7 +58,7 @@ def key_routes(*, db: Database, gate: KeyGate, keys: Keys) -> ServiceRouter:
     router = ServiceRouter(tags=("keys",))
 
     @router.post("/v1/keys", status_code=201, response_model=IssuedKey)
-    async def issue_key(
+    async def create_key(
         request: Request,
         caller: Annotated[Caller, Depends(gate)],
         wanted: NewKey,

@@ -30,7 +30,7 @@ def audit_routes(*, db: Database, gate: KeyGate) -> ServiceRouter:
     router = ServiceRouter(tags=("audit",))
 
     @router.get("/v1/audit")
-    async def list_entries(
+    async def list_audit_entries(
         caller: Annotated[Caller, Depends(gate)], query: Annotated[AuditQuery, Query()]
     ) -> Page[AuditEntry]:
         """What operators and providers did, the newest first."""

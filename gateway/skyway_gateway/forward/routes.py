@@ -35,12 +35,9 @@ def forward_routes(*, gate: KeyGate, clients: Mapping[str, ServiceClient]) -> Se
             row.path,
             _handler(row, gate, clients[row.service]),
             methods=[row.method],
-            operation_id=row.operation_id,
-            tags=[row.service],
-            status_code=row.statuses[0],
             response_class=StreamingResponse,
-            responses=row.responses,
-            openapi_extra=row.openapi,
+            # The whole document takes its operation from the service's own.
+            include_in_schema=False,
         )
     return router
 
@@ -69,16 +66,11 @@ def provider_routes(
     *, db: Database, gate: KeyGate, registry: ServiceClient, keys: Keys, clock: FleetClock
 ) -> ServiceRouter:
     """POST /v1/providers: forwarded, then `access` adds the provider's key."""
-    router = ServiceRouter(tags=("registry",))
+    # The whole document takes the operation from the registry's own.
+    router = ServiceRouter(include_in_schema=False)
 
-    @router.post(
-        _PROVIDERS,
-        status_code=201,
-        openapi_extra={
-            "requestBody": {"required": True, "content": {"application/json": {"schema": {}}}}
-        },
-    )
-    async def register_provider(
+    @router.post(_PROVIDERS, status_code=201)
+    async def create_provider(
         request: Request,
         caller: Annotated[Caller, Depends(gate)],
         idempotency_key: IdempotencyKey = None,

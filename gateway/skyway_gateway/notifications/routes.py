@@ -57,7 +57,7 @@ def webhook_routes(
     router = ServiceRouter(tags=("webhooks",))
 
     @router.post("/v1/webhooks", status_code=201, response_model=IssuedWebhook)
-    async def add_webhook(
+    async def create_webhook(
         request: Request,
         caller: Annotated[Caller, Depends(gate)],
         wanted: NewWebhook,
@@ -113,7 +113,7 @@ def webhook_routes(
             return await webhook_store.webhook_of(connection, caller, webhook_id)
 
     @router.patch("/v1/webhooks/{webhook_id}")
-    async def change_webhook(
+    async def update_webhook(
         webhook_id: WebhookId,
         caller: Annotated[Caller, Depends(gate)],
         wanted: WebhookChange,
@@ -150,7 +150,7 @@ def webhook_routes(
         return await sender.send_trial(endpoint)
 
     @router.post("/v1/webhooks/{webhook_id}/replay", status_code=202)
-    async def replay_events(
+    async def replay_webhook(
         webhook_id: WebhookId, caller: Annotated[Caller, Depends(gate)], wanted: ReplayRequest
     ) -> Replay:
         """Have past events sent again, under their own ids and in their sequence."""
@@ -158,7 +158,7 @@ def webhook_routes(
         return await replay(db, caller, webhook_id, wanted, clock=clock, wake=sender.wake)
 
     @router.get("/v1/webhooks/{webhook_id}/attempts")
-    async def list_attempts(
+    async def list_webhook_attempts(
         webhook_id: WebhookId,
         caller: Annotated[Caller, Depends(gate)],
         query: Annotated[PageQuery, Query()],

@@ -21,7 +21,7 @@ def quote_routes(*, db: Database, gate: KeyGate, maker: QuoteMaker) -> ServiceRo
     router = ServiceRouter(tags=("quotes",))
 
     @router.post("/v1/quotes", status_code=201, response_model=Quote)
-    async def request_quote(
+    async def create_quote(
         request: Request,
         caller: Annotated[Caller, Depends(gate)],
         wanted: DeliveryRequest,

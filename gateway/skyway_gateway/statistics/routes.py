@@ -25,7 +25,7 @@ def statistics_routes(*, db: Database, gate: KeyGate, clock: FleetClock) -> Serv
     router = ServiceRouter(tags=("statistics",))
 
     @router.get("/v1/stats/deliveries")
-    async def delivery_statistics(
+    async def get_delivery_statistics(
         caller: Annotated[Caller, Depends(gate)], query: Annotated[DeliveryQuery, Query()]
     ) -> DeliveryStatistics:
         """How deliveries went that were requested in a span; a provider sees those it flies."""

@@ -76,7 +76,7 @@ def alarm_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> Servi
         )
 
     @router.post("/v1/alarms/{alarm_id}/acknowledgements")
-    async def acknowledge(
+    async def acknowledge_alarm(
         alarm_id: AlarmId,
         caller: Annotated[Caller, Depends(gate)],
         acknowledgement: Acknowledgement,

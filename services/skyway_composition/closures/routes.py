@@ -45,7 +45,7 @@ def _add_stations(router: ServiceRouter, gate: ServiceGate, closings: Closings) 
     path = "/v1/stations/{station_id}/closures"
 
     @router.post(path, response_model=ClosureMade, responses=MADE)
-    async def close_station(
+    async def create_station_closure(
         station_id: StationId,
         caller: Annotated[Caller, Depends(gate)],
         query: Annotated[DryRun, Query()],
@@ -69,7 +69,7 @@ def _add_stations(router: ServiceRouter, gate: ServiceGate, closings: Closings) 
         return await page_of_kind(closings, caller, query, "STATION", station_id=station_id)
 
     @router.delete(f"{path}/{{closure_id}}", status_code=204)
-    async def reopen_station(
+    async def delete_station_closure(
         station_id: StationId, closure_id: ClosureId, caller: Annotated[Caller, Depends(gate)]
     ) -> None:
         """Lift a closure of a station."""
@@ -80,7 +80,7 @@ def _add_outages(router: ServiceRouter, gate: ServiceGate, closings: Closings) -
     path = "/v1/stations/{station_id}/pads/{pad}/outages"
 
     @router.post(path, response_model=ClosureMade, responses=MADE)
-    async def put_pad_out_of_order(
+    async def create_pad_outage(
         station_id: StationId,
         pad: PadNumber,
         caller: Annotated[Caller, Depends(gate)],
@@ -98,7 +98,7 @@ def _add_outages(router: ServiceRouter, gate: ServiceGate, closings: Closings) -
         return await make_or_preview(closings, closure, query)
 
     @router.get(path)
-    async def list_outages(
+    async def list_pad_outages(
         station_id: StationId,
         pad: PadNumber,
         caller: Annotated[Caller, Depends(gate)],
@@ -108,7 +108,7 @@ def _add_outages(router: ServiceRouter, gate: ServiceGate, closings: Closings) -
         return await page_of_kind(closings, caller, query, "PAD", station_id=station_id, pad=pad)
 
     @router.delete(f"{path}/{{closure_id}}", status_code=204)
-    async def end_outage(
+    async def delete_pad_outage(
         station_id: StationId,
         pad: PadNumber,
         closure_id: ClosureId,
@@ -122,7 +122,7 @@ def _add_segment_closures(router: ServiceRouter, gate: ServiceGate, closings: Cl
     path = "/v1/segments/{from_id}/{to_id}/closures"
 
     @router.post(path, response_model=ClosureMade, responses=MADE)
-    async def close_segment(
+    async def create_segment_closure(
         from_id: StationId,
         to_id: StationId,
         caller: Annotated[Caller, Depends(gate)],
@@ -154,7 +154,7 @@ def _add_segment_closures(router: ServiceRouter, gate: ServiceGate, closings: Cl
         )
 
     @router.delete(f"{path}/{{closure_id}}", status_code=204)
-    async def reopen_segment(
+    async def delete_segment_closure(
         from_id: StationId,
         to_id: StationId,
         closure_id: ClosureId,
@@ -174,7 +174,7 @@ def area_routes(*, gate: ServiceGate, closings: Closings) -> ServiceRouter:
 
 def _add_zones(router: ServiceRouter, gate: ServiceGate, closings: Closings) -> None:
     @router.post("/v1/zones", response_model=ClosureMade, responses=MADE)
-    async def make_zone(
+    async def create_zone(
         order: ZoneOrder,
         caller: Annotated[Caller, Depends(gate)],
         query: Annotated[DryRun, Query()],
@@ -187,21 +187,21 @@ def _add_zones(router: ServiceRouter, gate: ServiceGate, closings: Closings) -> 
         return await make_or_preview(closings, closure, query)
 
     @router.get("/v1/zones")
-    async def list_zones_made(
+    async def list_zones(
         caller: Annotated[Caller, Depends(gate)], query: Annotated[ClosureQuery, Query()]
     ) -> Page[ClosureInfo]:
         """The zones that were made beside those of the networks, and are not over."""
         return await page_of_kind(closings, caller, query, "ZONE")
 
     @router.delete("/v1/zones/{closure_id}", status_code=204)
-    async def lift_zone(closure_id: ClosureId, caller: Annotated[Caller, Depends(gate)]) -> None:
+    async def delete_zone(closure_id: ClosureId, caller: Annotated[Caller, Depends(gate)]) -> None:
         """Lift a zone."""
         await lift(closings, caller, closure_id, "ZONE")
 
 
 def _add_ground_stops(router: ServiceRouter, gate: ServiceGate, closings: Closings) -> None:
     @router.post("/v1/ground-stops", response_model=ClosureMade, responses=MADE)
-    async def stop_on_ground(
+    async def create_ground_stop(
         order: GroundStopOrder,
         caller: Annotated[Caller, Depends(gate)],
         query: Annotated[DryRun, Query()],
@@ -229,7 +229,7 @@ def _add_ground_stops(router: ServiceRouter, gate: ServiceGate, closings: Closin
         return await page_of_kind(closings, caller, query, "GROUND_STOP")
 
     @router.delete("/v1/ground-stops/{closure_id}", status_code=204)
-    async def lift_ground_stop(
+    async def delete_ground_stop(
         closure_id: ClosureId, caller: Annotated[Caller, Depends(gate)]
     ) -> None:
         """Let drones take off again."""

@@ -79,7 +79,7 @@ def mission_routes(*, db: Database, gate: ServiceGate, bookings: Bookings) -> Se
     router = ServiceRouter(tags=("missions",))
 
     @router.put("/internal/deliveries/{delivery_id}/missions")
-    async def put_missions(
+    async def book_missions(
         delivery_id: DeliveryId,
         caller: Annotated[Caller, Depends(gate)],
         wanted: Annotated[BookMissions, Depends(internal_body(BookMissions))],
@@ -89,7 +89,7 @@ def mission_routes(*, db: Database, gate: ServiceGate, bookings: Bookings) -> Se
         return await bookings.book(delivery_id, wanted)
 
     @router.put("/internal/deliveries/{delivery_id}/closed")
-    async def put_closed(
+    async def close_delivery(
         delivery_id: DeliveryId, caller: Annotated[Caller, Depends(gate)]
     ) -> ClosedDelivery:
         """Book nothing more for a delivery, unless something is booked already."""
@@ -97,7 +97,9 @@ def mission_routes(*, db: Database, gate: ServiceGate, bookings: Bookings) -> Se
         return await bookings.close(delivery_id)
 
     @router.get("/internal/deliveries/{delivery_id}/track")
-    async def get_track(delivery_id: DeliveryId, caller: Annotated[Caller, Depends(gate)]) -> Track:
+    async def get_delivery_track(
+        delivery_id: DeliveryId, caller: Annotated[Caller, Depends(gate)]
+    ) -> Track:
         """What a delivery's drones flew, where they are, and what they will fly for it."""
         caller.must_be("service")
         return await track_of(db, delivery_id)

@@ -72,7 +72,7 @@ def network_routes(
         responses={201: {"model": NetworkInfo}},
         openapi_extra=_GEOJSON_BODY,
     )
-    async def put_network(
+    async def publish_network(
         network_id: NetworkId,
         request: Request,
         response: Response,
@@ -134,7 +134,7 @@ def network_routes(
         return Response(content, media_type=_GEOJSON, headers={"ETag": etag(rows[0])})
 
     @router.get("/v1/networks/{network_id}/versions")
-    async def list_versions(
+    async def list_network_versions(
         network_id: NetworkId,
         caller: Annotated[Caller, Depends(gate)],
         query: Annotated[PageQuery, Query()],
@@ -191,7 +191,7 @@ def airspace_routes(*, gate: ServiceGate, networks: PreparedNetworks) -> Service
     router = ServiceRouter(tags=("networks",))
 
     @router.get("/v1/networks/{network_id}/segments")
-    async def list_segments(
+    async def list_network_segments(
         network_id: NetworkId,
         caller: Annotated[Caller, Depends(gate)],
         query: Annotated[PageQuery, Query()],
@@ -211,7 +211,7 @@ def airspace_routes(*, gate: ServiceGate, networks: PreparedNetworks) -> Service
         )
 
     @router.get("/v1/networks/{network_id}/zones")
-    async def list_zones(
+    async def list_network_zones(
         network_id: NetworkId,
         caller: Annotated[Caller, Depends(gate)],
         query: Annotated[PageQuery, Query()],

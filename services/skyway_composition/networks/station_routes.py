@@ -94,7 +94,7 @@ def station_check_routes(
     router = ServiceRouter(tags=("networks",))
 
     @router.post("/internal/station-checks")
-    async def post_station_check(
+    async def check_stations_exist(
         caller: Annotated[Caller, Depends(gate)],
         query: Annotated[StationCheckQuery, Depends(internal_body(StationCheckQuery))],
     ) -> StationCheck:
@@ -103,7 +103,7 @@ def station_check_routes(
         return await check_stations(db, networks, query)
 
     @router.get("/internal/networks/{network_id}/stations")
-    async def get_all_stations(
+    async def list_all_stations(
         caller: Annotated[Caller, Depends(gate)], network_id: NetworkId
     ) -> NetworkStations:
         """All stations of the current version, where they are and which of them hang together."""

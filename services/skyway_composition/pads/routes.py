@@ -57,7 +57,7 @@ def pad_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> Service
     router = ServiceRouter(tags=("pads",))
 
     @router.get("/v1/stations/{station_id}/pads")
-    async def get_pads(
+    async def get_station_pads(
         station_id: StationId, caller: Annotated[Caller, Depends(gate)]
     ) -> StationPads:
         """Which pads of a station are taken now."""
@@ -85,7 +85,7 @@ def pad_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> Service
         )
 
     @router.get("/v1/stations/{station_id}/reservations")
-    async def list_reservations(
+    async def list_station_reservations(
         station_id: StationId,
         caller: Annotated[Caller, Depends(gate)],
         query: Annotated[PageQuery, Query()],

@@ -42,7 +42,7 @@ def quote_routes(*, gate: ServiceGate, quotes: Quotes) -> ServiceRouter:
     router = ServiceRouter(tags=("quotes",))
 
     @router.post("/internal/quotes")
-    async def post_quotes(
+    async def quote_missions(
         caller: Annotated[Caller, Depends(gate)],
         query: Annotated[QuoteQuery, Depends(internal_body(QuoteQuery))],
     ) -> QuoteAnswer:
@@ -60,7 +60,7 @@ def composition_routes(
     router = ServiceRouter(tags=("compositions",))
 
     @router.post("/v1/compositions", response_model=Plan, openapi_extra=_PROBLEM_BODY)
-    async def compose(request: Request, caller: Annotated[Caller, Depends(gate)]) -> Plan:
+    async def compose_plan(request: Request, caller: Annotated[Caller, Depends(gate)]) -> Plan:
         """The plan for a problem; that there is none is an answer too."""
         caller.must_be("customer", "provider", "operator", "service")
         return await while_wanted(request, plan_for)

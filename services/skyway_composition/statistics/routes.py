@@ -36,7 +36,7 @@ def statistics_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> 
     router = ServiceRouter(tags=("statistics",))
 
     @router.get("/v1/stats/pads")
-    async def pad_statistics(
+    async def get_pad_statistics(
         caller: Annotated[Caller, Depends(gate)], query: Annotated[PadUseQuery, Query()]
     ) -> PadStatistics:
         """How much of a span pads were taken, station by station; by a provider's own drones."""
@@ -71,7 +71,7 @@ def statistics_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> 
         )
 
     @router.get("/v1/stats/drones")
-    async def drone_statistics(
+    async def get_drone_statistics(
         caller: Annotated[Caller, Depends(gate)], query: Annotated[UseQuery, Query()]
     ) -> DroneStatistics:
         """What drones spent a span on; one that did not fly in it is not listed."""
@@ -140,7 +140,7 @@ def mission_statistics_routes(
     router = ServiceRouter(tags=("statistics",))
 
     @router.get("/v1/stats/missions")
-    async def mission_statistics(caller: Annotated[Caller, Depends(gate)]) -> MissionStatistics:
+    async def get_mission_statistics(caller: Annotated[Caller, Depends(gate)]) -> MissionStatistics:
         """How many missions that are not over are in which state, and what waits to be sent."""
         caller.must_be("provider", "operator")
         whose = ProviderId(caller.subject_id) if caller.role == "provider" else None

@@ -65,7 +65,7 @@ def fleet_routes(
         return drone.shown(clock.wall_now())
 
     @router.patch("/{drone_id}")
-    async def change_drone(
+    async def update_drone(
         provider_id: ProviderId,
         drone_id: DroneId,
         caller: Annotated[Caller, Depends(gate)],
@@ -84,7 +84,7 @@ def fleet_routes(
         return drone.shown(clock.wall_now())
 
     @router.delete("/{drone_id}", status_code=204)
-    async def remove_drone(
+    async def delete_drone(
         provider_id: ProviderId, drone_id: DroneId, caller: Annotated[Caller, Depends(gate)]
     ) -> Response:
         """Remove a drone that is on no mission; its broker account goes at once."""

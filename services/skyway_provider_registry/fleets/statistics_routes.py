@@ -20,7 +20,7 @@ def fleet_statistics_routes(*, db: Database, gate: ServiceGate, clock: FleetCloc
     router = ServiceRouter(tags=("statistics",))
 
     @router.get("/v1/stats/fleets")
-    async def fleet_statistics(caller: Annotated[Caller, Depends(gate)]) -> FleetStatistics:
+    async def get_fleet_statistics(caller: Annotated[Caller, Depends(gate)]) -> FleetStatistics:
         """How many drones are in which state now, and how late what they say is heard."""
         caller.must_be("provider", "operator")
         whose = ProviderId(caller.subject_id) if caller.role == "provider" else None

@@ -32,7 +32,7 @@ def provider_routes(
     router = ServiceRouter(tags=("providers",))
 
     @router.post("/v1/providers", status_code=201, response_model=Provider)
-    async def register_provider(
+    async def create_provider(
         request: Request,
         caller: Annotated[Caller, Depends(gate)],
         wanted: NewProvider,
@@ -95,7 +95,7 @@ def provider_routes(
             return await store.of_caller(connection, caller, provider_id=provider_id)
 
     @router.patch("/v1/providers/{provider_id}")
-    async def change_provider(
+    async def update_provider(
         provider_id: ProviderId, caller: Annotated[Caller, Depends(gate)], wanted: ProviderChange
     ) -> Provider:
         """Change name, tariff or terms; `state` is the operators' to change."""

@@ -35,7 +35,7 @@ def telemetry_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
         response_model=Page[Measured],
         responses=_ANSWERS,
     )
-    async def get_telemetry(
+    async def get_drone_telemetry(
         provider_id: ProviderId,
         drone_id: DroneId,
         caller: Annotated[Caller, Depends(gate)],

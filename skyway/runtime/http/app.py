@@ -4,10 +4,11 @@ import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from importlib.metadata import version
-from typing import Any, Final
+from typing import Final
 
 from fastapi import FastAPI, Response
 from fastapi.responses import PlainTextResponse
+from pydantic import BaseModel
 from starlette.middleware import Middleware
 
 from skyway.json_model import JsonModel
@@ -15,7 +16,7 @@ from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.http import docs_page
 from skyway.runtime.http.json_bodies import internal_body, read_json
 from skyway.runtime.http.late_route import LateRoute
-from skyway.runtime.http.openapi_document import complete_document
+from skyway.runtime.http.openapi_document import Document, complete_document
 from skyway.runtime.http.problems import install_problems
 from skyway.runtime.http.request_boundary import BodyLimit, RequestBoundary, body_limits
 from skyway.runtime.http.service_router import ServiceRouter
@@ -38,13 +39,21 @@ class Health(JsonModel):
     checks: dict[str, bool]
 
 
-class _ServiceApp(FastAPI):
+#: Makes a service's own OpenAPI document the one that it shows.
+Publish = Callable[[Document], Document]
+
+
+class ServiceApp(FastAPI):
     """FastAPI whose OpenAPI document is complete."""
 
-    def openapi(self) -> dict[str, Any]:  # a JSON document
+    models: Sequence[type[BaseModel]] = ()
+    publish: Publish | None = None
+
+    def openapi(self) -> Document:
         """The OpenAPI 3.1 document, made once."""
         if self.openapi_schema is None:
-            self.openapi_schema = complete_document(super().openapi(), self.routes)
+            own = complete_document(super().openapi(), self.routes, self.models)
+            self.openapi_schema = own if self.publish is None else self.publish(own)
         return self.openapi_schema
 
 
@@ -58,14 +67,17 @@ def create_app(
     readiness: Readiness,
     body_limit: BodyLimit | None = None,
     middleware: Sequence[Middleware] = (),
+    models: Sequence[type[BaseModel]] = (),
+    publish: Publish | None = None,
 ) -> FastAPI:
     """An app with these routers, and with everything that all services answer alike.
 
     Nothing is opened before the lifespan begins. Without `body_limit`, every body ends at 256 KiB.
-    `middleware` sees requests within their trace and their limit.
+    `middleware` sees requests within their trace and their limit. `models` are those to which
+    routes refer in the OpenAPI document; `publish` changes that document before it is shown.
     """
     boundary = Middleware(RequestBoundary, body_limit=body_limit or body_limits({}))
-    app = _ServiceApp(
+    app = ServiceApp(
         title=title,
         description=description,
         version=version("skyway"),
@@ -76,6 +88,7 @@ def create_app(
         separate_input_output_schemas=False,
         middleware=[boundary, *middleware],
     )
+    app.models, app.publish = models, publish
     install_problems(app)
     for router in (*routers, _health_routes(service, readiness), docs_page.router):
         app.routes.extend(router.routes)
@@ -100,12 +113,12 @@ def _health_routes(service: str, readiness: Readiness) -> ServiceRouter:
     router = ServiceRouter(tags=("service",))
 
     @router.get("/healthz")
-    async def healthz() -> Health:
+    async def get_health() -> Health:
         """Whether the process is alive."""
         return Health(service=service, checks={})
 
     @router.get("/readyz")
-    async def readyz() -> Health:
+    async def get_readiness() -> Health:
         """Whether everything the service needs is there; 503 names what is missing."""
         try:
             checks = await asyncio.wait_for(readiness(), _READINESS_S)
@@ -118,7 +131,7 @@ def _health_routes(service: str, readiness: Readiness) -> ServiceRouter:
         return Health(service=service, checks=checks)
 
     @router.get("/metrics", response_class=PlainTextResponse)
-    async def metrics() -> Response:
+    async def get_metrics() -> Response:
         """What the process counts, for Prometheus."""
         content, content_type = exposition()
         return Response(content, headers={"Content-Type": content_type})

@@ -1,6 +1,6 @@
-"""What FastAPI's OpenAPI document leaves out: problem answers, and bodies read by dependencies."""
+"""What FastAPI's OpenAPI document leaves out: bodies read by dependencies, problems, examples."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, Final
 
 from fastapi.dependencies.models import Dependant
@@ -9,42 +9,64 @@ from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 from starlette.routing import BaseRoute
 
-from skyway.contracts.problem_details import PROBLEM_MEDIA_TYPE, ProblemDetails
+from skyway.contracts.problem_details import ProblemDetails
+from skyway.contracts.rest_tags import TAGS
 from skyway.runtime.http.json_bodies import InternalBody
+from skyway.runtime.http.openapi_examples import add_examples
+from skyway.runtime.http.problem_answers import add_problem_answers, shared_problem_answers
 
 #: A JSON document, whose members have no common static type.
 Document = dict[str, Any]
 
 _REFERENCE: Final = "#/components/schemas/{model}"
-_WITH_BODY: Final = {
-    "400": "The body is not JSON",
-    "413": "The body exceeds the limit",
-    "415": "The Content-Type is not JSON",
-}
-_WITH_SECURITY: Final = {
-    "401": "Who is calling is not known",
-    "403": "The caller may not do this",
-}
-_INVALID: Final = "A field breaks a limit; `errors` names it"
-_OTHERWISE: Final = "Any other problem"
+#: The document is read from the server that it describes.
+_SERVERS: Final = [{"url": "/", "description": "The server that shows this document"}]
 
 
-def complete_document(document: Document, routes: list[BaseRoute]) -> Document:
-    """The document with the bodies of `internal_body` and the problem answers of every call."""
+def schema_of(model: type[BaseModel]) -> Document:
+    """A reference to a model's schema, for a body or answer that FastAPI does not read itself."""
+    return {"$ref": _REFERENCE.format(model=model.__name__)}
+
+
+def body_of(model: type[BaseModel]) -> Document:
+    """What a route that reads its JSON body itself says of it, for `openapi_extra`."""
+    content = {"application/json": {"schema": schema_of(model)}}
+    return {"requestBody": {"required": True, "content": content}}
+
+
+def complete_document(
+    document: Document, routes: list[BaseRoute], models: Sequence[type[BaseModel]] = ()
+) -> Document:
+    """The document with tags, servers, bodies of `internal_body`, problem answers and examples.
+
+    `models` are those to which routes refer by `schema_of` and `body_of`.
+    """
     bodies = dict(_internal_bodies(routes))
     for (path, method), model in bodies.items():
         operation = document["paths"].get(path, {}).get(method)
         if operation is not None:
-            schema = {"$ref": _REFERENCE.format(model=model.__name__)}
-            operation["requestBody"] = {
-                "required": True,
-                "content": {"application/json": {"schema": schema}},
-            }
-    for operations in document["paths"].values():
+            operation |= body_of(model)
+    for path, operations in document["paths"].items():
         for operation in operations.values():
-            _add_problems(operation)
-    _add_schemas(document, [*bodies.values(), ProblemDetails])
-    return document
+            operation["summary"] = operation["summary"].capitalize()
+            add_problem_answers(path, operation)
+    components = document.setdefault("components", {})
+    components["responses"] = shared_problem_answers()
+    _add_schemas(document, [*bodies.values(), *models, ProblemDetails])
+    add_examples(document)
+    head = {name: document[name] for name in ("openapi", "info")}
+    return {**head, "servers": _SERVERS, "tags": tags_of(document), **document}
+
+
+def tags_of(document: Document) -> list[Document]:
+    """The tags that the operations of a document use, each with its description."""
+    used = {
+        tag
+        for operations in document["paths"].values()
+        for operation in operations.values()
+        for tag in operation.get("tags", ())
+    }
+    return [{"name": tag, "description": about} for tag, about in TAGS.items() if tag in used]
 
 
 def _internal_bodies(
@@ -65,32 +87,23 @@ def _models_in(dependant: Dependant) -> Iterator[type[BaseModel]]:
         yield from _models_in(inner)
 
 
-def _add_problems(operation: Document) -> None:
-    responses: Document = operation["responses"]
-    # FastAPI's own description of a 422 is not what we answer.
-    if "HTTPValidationError" in str(responses.get("422")):
-        del responses["422"]
-    problems = {"default": _OTHERWISE}
-    if "requestBody" in operation:
-        problems |= _WITH_BODY
-    if "requestBody" in operation or "parameters" in operation:
-        problems["422"] = _INVALID
-    if "security" in operation:
-        problems |= _WITH_SECURITY
-    schema = {"$ref": _REFERENCE.format(model=ProblemDetails.__name__)}
-    for status, description in sorted(problems.items()):
-        content = {PROBLEM_MEDIA_TYPE: {"schema": schema}}
-        responses.setdefault(status, {"description": description, "content": content})
-
-
 def _add_schemas(document: Document, models: list[type[BaseModel]]) -> None:
     distinct = sorted(set(models), key=lambda model: model.__name__)
     _, defined = models_json_schema(
         [(model, "validation") for model in distinct], ref_template=_REFERENCE
     )
-    schemas = document.setdefault("components", {}).setdefault("schemas", {})
+    schemas = document["components"].setdefault("schemas", {})
     for unused in ("HTTPValidationError", "ValidationError"):
         schemas.pop(unused, None)
     for name, schema in defined["$defs"].items():
-        schemas.setdefault(name, schema)
+        schemas.setdefault(name, _without_nulls(schema))
     document["components"]["schemas"] = dict(sorted(schemas.items()))
+
+
+def _without_nulls(value: Any) -> Any:
+    """The JSON value without members that are null: FastAPI leaves such defaults out. Any: JSON."""
+    if isinstance(value, dict):
+        return {name: _without_nulls(each) for name, each in value.items() if each is not None}
+    if isinstance(value, list):
+        return [_without_nulls(each) for each in value]
+    return value

@@ -4,7 +4,7 @@ import base64
 import binascii
 import json
 from collections.abc import Callable, Sequence
-from typing import Annotated, Final, Generic, TypeVar
+from typing import Annotated, Any, Final, Generic, TypeVar
 
 from pydantic import Field
 
@@ -24,8 +24,13 @@ SortKey = tuple[str | int, ...]
 class PageQuery(JsonModel):
     """The query of a list: ``?limit=&cursor=``."""
 
-    limit: Annotated[int, Field(ge=1, le=200)] = 50
-    cursor: Annotated[str | None, Field(max_length=1024)] = None
+    limit: Annotated[
+        int, Field(ge=1, le=200, description="The most items of one page, 1 to 200.")
+    ] = 50
+    cursor: Annotated[
+        str | None,
+        Field(max_length=1024, description="The `next_cursor` of the page before; none at first."),
+    ] = None
 
     def after(self, *kinds: type[str] | type[int]) -> SortKey | None:
         """The sort key to start after, of these types; None on the first page."""
@@ -35,8 +40,15 @@ class PageQuery(JsonModel):
 class Page(JsonModel, Generic[T]):
     """One page of a list; `next_cursor` is None on the last one."""
 
-    items: tuple[T, ...]
-    next_cursor: str | None = None
+    items: Annotated[tuple[T, ...], Field(description="The items of this page.")]
+    next_cursor: Annotated[
+        str | None, Field(description="The `cursor` of the next page; null on the last page.")
+    ] = None
+
+    @classmethod
+    def model_parametrized_name(cls, params: tuple[Any, ...]) -> str:
+        """The name of a page's schema: ``DeliveryPage``. Any: as pydantic's."""
+        return f"{params[0].__name__}Page"
 
 
 def encode_cursor(key: SortKey) -> str:

@@ -97,6 +97,14 @@ def status_problem(status: int, detail: str | None) -> ProblemDetails:
     return _problem(kind, detail)
 
 
+def problem_of_kind(name: str, detail: str | None) -> ProblemDetails:
+    """The problem document of the type ``urn:skyway:problem:<name>``."""
+    for kind in (*_TABLE.values(), _INVALID, _BROKEN_JSON, _FAILED):
+        if kind.name == name:
+            return _problem(kind, detail)
+    return status_problem(HTTPStatus[name.upper().replace("-", "_")], detail)
+
+
 def problem_response(problem: ProblemDetails, headers: Mapping[str, str] | None = None) -> Response:
     """The HTTP answer that carries a problem document."""
     members = problem.model_dump(mode="json", exclude_none=True, exclude_defaults=True)

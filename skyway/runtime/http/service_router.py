@@ -1,6 +1,7 @@
 """The routes of a service, each of which refuses JSON that cannot be stored."""
 
 from fastapi import APIRouter, Depends
+from fastapi.routing import APIRoute
 
 from skyway.runtime.http.json_bodies import refuse_unstorable_json
 from skyway.runtime.http.late_route import LateRoute
@@ -22,4 +23,11 @@ class ServiceRouter(APIRouter):
             dependencies=[Depends(refuse_unstorable_json)],
             include_in_schema=include_in_schema,
             route_class=LateRoute,
+            generate_unique_id_function=operation_id,
         )
+
+
+def operation_id(route: APIRoute) -> str:
+    """The operation id of a route: its function's name in camel case, as `listStations`."""
+    first, *others = route.name.split("_")
+    return first + "".join(word.capitalize() for word in others)

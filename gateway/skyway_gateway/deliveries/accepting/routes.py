@@ -33,7 +33,7 @@ def delivery_routes(*, gate: KeyGate, acceptance: Acceptance) -> ServiceRouter:
     router = ServiceRouter(tags=("deliveries",))
 
     @router.post("/v1/deliveries", status_code=202, response_model=Delivery)
-    async def request_delivery(
+    async def create_delivery(
         request: Request,
         caller: Annotated[Caller, Depends(gate)],
         wanted: Annotated[RequestOrOffer, Body()],

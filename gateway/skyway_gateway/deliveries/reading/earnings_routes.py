@@ -19,7 +19,7 @@ def earnings_routes(*, db: Database, gate: KeyGate) -> ServiceRouter:
     router = ServiceRouter(tags=("deliveries",))
 
     @router.get("/v1/providers/{provider_id}/earnings")
-    async def get_earnings(
+    async def get_provider_earnings(
         provider_id: ProviderId,
         caller: Annotated[Caller, Depends(gate)],
         query: Annotated[EarningsQuery, Query()],

@@ -99,7 +99,7 @@ def _add_details(
             return await delivery_store.one_of(connection, caller, delivery_id)
 
     @router.get("/v1/deliveries/{delivery_id}/plan")
-    async def get_plan(
+    async def get_delivery_plan(
         delivery_id: DeliveryId, caller: Annotated[Caller, Depends(gate)]
     ) -> DeliveryPlan:
         """How it is flown; no missions while it is not planned."""
@@ -111,7 +111,7 @@ def _add_details(
         )
 
     @router.get("/v1/deliveries/{delivery_id}/proof")
-    async def get_proof(
+    async def get_delivery_proof(
         delivery_id: DeliveryId, caller: Annotated[Caller, Depends(gate)]
     ) -> DeliveryProof:
         """What proves the hand-over of each package: place, time and weights."""
@@ -121,7 +121,7 @@ def _add_details(
         return _proof_of(delivery)
 
     @router.get("/v1/deliveries/{delivery_id}/track", response_class=GeoJsonResponse)
-    async def get_track(
+    async def get_delivery_track(
         delivery_id: DeliveryId, caller: Annotated[Caller, Depends(gate)]
     ) -> FeatureCollection:
         """GeoJSON: what was flown, what will be, where the drones are and the stations they use."""
@@ -142,7 +142,7 @@ def _add_events(router: ServiceRouter, db: Database, gate: KeyGate, stream: Even
             204: {"description": "The last event was received before; nothing will come"},
         },
     )
-    async def follow_delivery(
+    async def stream_delivery_events(
         delivery_id: DeliveryId,
         caller: Annotated[Caller, Depends(gate)],
         last_event_id: Annotated[int | None, Header(ge=0, le=2**31 - 1)] = None,

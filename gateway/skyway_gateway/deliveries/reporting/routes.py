@@ -21,7 +21,7 @@ def report_routes(*, gate: ServiceGate, follower: Follower) -> ServiceRouter:
     router = ServiceRouter(tags=("internal",))
 
     @router.post(MISSION_REPORTS, status_code=204)
-    async def take_report(
+    async def receive_mission_report(
         caller: Annotated[Caller, Depends(gate)],
         report: Annotated[MissionReport, Depends(internal_body(MissionReport))],
     ) -> Response:
@@ -31,7 +31,7 @@ def report_routes(*, gate: ServiceGate, follower: Follower) -> ServiceRouter:
         return Response(status_code=204)
 
     @router.post(MANY_MISSION_REPORTS, status_code=204)
-    async def take_reports(
+    async def receive_mission_reports(
         caller: Annotated[Caller, Depends(gate)],
         reports: Annotated[MissionReports, Depends(internal_body(MissionReports))],
     ) -> Response:

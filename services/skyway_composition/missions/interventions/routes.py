@@ -53,7 +53,7 @@ def hand_routes(
         return await loadings.confirm(mission_id, listed, provider_id=own)
 
     @router.post("/v1/missions/{mission_id}/commands", status_code=202)
-    async def give_command(
+    async def command_mission(
         mission_id: MissionId, caller: Annotated[Caller, Depends(gate)], command: Command
     ) -> CommandAnswer:
         """Hold a mission's drone, let it go on, divert it, call it home, or cancel the mission."""

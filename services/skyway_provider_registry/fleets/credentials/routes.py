@@ -90,7 +90,7 @@ def credential_routes(
         return answer
 
     @router.post("/v1/enrolments/rotations", status_code=201, response_model=Credentials)
-    async def rotate_credentials(
+    async def rotate_drone_credentials(
         request: Request,
         caller: Annotated[Caller, Depends(gate)],
         idempotency_key: IdempotencyKey = None,
@@ -104,7 +104,7 @@ def credential_routes(
         return await answer_once(request, caller, idempotency_key, act)
 
     @router.post(f"{_DRONE}/enrolment-tokens", status_code=201, response_model=IssuedToken)
-    async def make_enrolment_token(
+    async def create_enrolment_token(
         provider_id: ProviderId,
         drone_id: DroneId,
         request: Request,
@@ -121,7 +121,7 @@ def credential_routes(
         return await answer_once(request, caller, idempotency_key, act)
 
     @router.delete(f"{_DRONE}/credentials", status_code=204)
-    async def revoke_credentials(
+    async def revoke_drone_credentials(
         provider_id: ProviderId, drone_id: DroneId, caller: Annotated[Caller, Depends(gate)]
     ) -> Response:
         """Cut a drone off at once; it may enrol again with another token."""

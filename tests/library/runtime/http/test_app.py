@@ -65,7 +65,9 @@ async def test_openapi_documents_problems_and_internal_bodies(client: httpx.Asyn
     assert document["openapi"].startswith("3.1")
     responses = document["paths"]["/loads"]["post"]["responses"]
     assert {"200", "400", "413", "415", "422", "default"} <= set(responses)
-    assert list(responses["400"]["content"]) == ["application/problem+json"]
+    assert responses["400"] == {"$ref": "#/components/responses/BrokenJson"}
+    shared = document["components"]["responses"]
+    assert list(shared["BrokenJson"]["content"]) == ["application/problem+json"]
     body = document["paths"]["/internal/orders"]["put"]["requestBody"]
     assert body["content"]["application/json"]["schema"]["$ref"].endswith("/Order")
     assert {"Order", "Load", "ProblemDetails", "FieldProblem"} <= set(

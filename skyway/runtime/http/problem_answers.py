@@ -1,0 +1,129 @@
+"""The problem answers of every operation, as an OpenAPI document shows them."""
+
+from collections.abc import Iterator, Mapping
+from http import HTTPStatus
+from typing import Any, Final
+
+from skyway.contracts.conflict_codes import CONFLICT_CODES
+from skyway.contracts.problem_details import (
+    PROBLEM_MEDIA_TYPE,
+    FieldProblem,
+    ProblemDetails,
+)
+from skyway.runtime.http.problems import problem_of_kind
+
+#: A part of an OpenAPI document, whose members have no common static type.
+Part = dict[str, Any]
+
+_SCHEMA: Final = {"$ref": f"#/components/schemas/{ProblemDetails.__name__}"}
+_CODES: Final = "x-codes"
+_TRACE_ID: Final = "4bf92f3577b34da6a3ce929d0e0e4736"
+_FIELD: Final = FieldProblem(
+    field="packages.0.mass_kg", detail="Input should be greater than or equal to 0"
+)
+
+#: Each shared answer: its name, its status, the problem types that it can carry.
+_SHARED: Final[Mapping[str, tuple[str, tuple[str, ...]]]] = {
+    "BrokenJson": ("400", ("broken-json",)),
+    "Unauthenticated": ("401", ("unauthenticated",)),
+    "AccessDenied": ("403", ("access-denied",)),
+    "NotFound": ("404", ("not-found",)),
+    "PreconditionFailed": ("412", ("precondition-failed",)),
+    "TooLarge": ("413", ("too-large",)),
+    "UnsupportedMediaType": ("415", ("unsupported-media-type",)),
+    "InvalidInput": ("422", ("invalid-input",)),
+    "InvalidInputOrReusedKey": ("422", ("invalid-input", "idempotency-key-reused")),
+    "ServiceUnavailable": ("503", ("service-unavailable",)),
+    "OtherProblem": ("default", ("internal-error",)),
+}
+_DETAILS: Final[Mapping[str, str]] = {
+    "broken-json": "body: JSON decode error: Expecting value",
+    "unauthenticated": "an API key is needed: Authorization: Bearer sk_...",
+    "access-denied": "this is for the role operator, not customer",
+    "not-found": "no such thing, or it is not yours",
+    "precondition-failed": 'version "3" was expected, the present one is "4"',
+    "too-large": "the body is larger than the limit of 262144 bytes",
+    "unsupported-media-type": "the Content-Type must be application/json; it is text/plain",
+    "invalid-input": f"{_FIELD.field}: {_FIELD.detail}",
+    "idempotency-key-reused": "this Idempotency-Key was used before with another body",
+    "service-unavailable": "composition is unavailable: it cannot be reached",
+    "internal-error": "the request was not carried out; the logs tell why by its trace_id",
+}
+
+
+def conflicts(*codes: str) -> dict[int | str, Part]:
+    """The 409 answer of a route that can be refused with these codes, for its `responses`."""
+    return {HTTPStatus.CONFLICT.value: {_CODES: list(codes)}}
+
+
+def add_problem_answers(path: str, operation: Part) -> None:
+    """Add to an operation every problem answer that it can give."""
+    responses: Part = operation["responses"]
+    # FastAPI's own description of a 422 is not what we answer.
+    if "HTTPValidationError" in str(responses.get("422")):
+        del responses["422"]
+    if "409" in responses:
+        responses["409"] = _conflict(responses["409"][_CODES])
+    for name in _names(path, operation):
+        responses[_SHARED[name][0]] = {"$ref": f"#/components/responses/{name}"}
+    operation["responses"] = dict(sorted(responses.items()))
+
+
+def shared_problem_answers() -> Part:
+    """The answers to which the operations refer, by name."""
+    return {name: _answer(kinds) for name, (_, kinds) in _SHARED.items()}
+
+
+def _names(path: str, operation: Part) -> Iterator[str]:
+    headers = {
+        each["name"].lower() for each in operation.get("parameters", ()) if each["in"] == "header"
+    }
+    if "requestBody" in operation:
+        yield from ("BrokenJson", "TooLarge", "UnsupportedMediaType")
+    if operation.get("security"):
+        yield from ("Unauthenticated", "AccessDenied")
+    if "{" in path:
+        yield "NotFound"
+    if "if-match" in headers:
+        yield "PreconditionFailed"
+    if "idempotency-key" in headers:
+        yield "InvalidInputOrReusedKey"
+    elif "requestBody" in operation or "parameters" in operation:
+        yield "InvalidInput"
+    if path not in ("/healthz", "/metrics"):
+        yield "ServiceUnavailable"
+    yield "OtherProblem"
+
+
+def _answer(kinds: tuple[str, ...]) -> Part:
+    problems = {kind: _problem(kind) for kind in kinds}
+    described = "; ".join(
+        f"{problem['title']} (`{problem['type']}`)" for problem in problems.values()
+    )
+    if kinds == ("internal-error",):
+        described = f"Any other problem, such as: {described}"
+    return _documented(described, problems)
+
+
+def _conflict(codes: list[str]) -> Part:
+    meanings = "\n".join(f"- `{code}`: {CONFLICT_CODES[code]}" for code in codes)
+    base = _problem("conflict")
+    problems = {code: {**base, "detail": CONFLICT_CODES[code], "code": code} for code in codes}
+    title = f"{base['title']} (`{base['type']}`); `code` says why:"
+    return {**_documented(f"{title}\n\n{meanings}", problems), _CODES: codes}
+
+
+def _documented(description: str, problems: Mapping[str, Part]) -> Part:
+    examples = {
+        name: {"summary": problem["title"], "value": problem} for name, problem in problems.items()
+    }
+    content = {PROBLEM_MEDIA_TYPE: {"schema": _SCHEMA, "examples": examples}}
+    return {"description": description, "content": content}
+
+
+def _problem(kind: str) -> Part:
+    problem = problem_of_kind(kind, _DETAILS.get(kind))
+    if kind == "invalid-input":
+        problem = problem.model_copy(update={"errors": (_FIELD,)})
+    problem = problem.model_copy(update={"trace_id": _TRACE_ID})
+    return problem.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
