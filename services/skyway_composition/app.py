@@ -26,7 +26,7 @@ from skyway_composition.closures.routes import area_routes, place_routes
 from skyway_composition.missions.interventions.cancel import Cancellations
 from skyway_composition.missions.interventions.confirm_loading import Loadings
 from skyway_composition.missions.interventions.give_command import Commands
-from skyway_composition.missions.interventions.routes import hand_routes
+from skyway_composition.missions.interventions.routes import intervention_routes
 from skyway_composition.missions.routes import mission_routes
 from skyway_composition.networks.routes import NETWORK_LIMIT_BYTES, airspace_routes, network_routes
 from skyway_composition.networks.station_routes import station_check_routes, station_routes
@@ -73,7 +73,7 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
             mission_statistics_routes(db=db, gate=gate, clock=clock),
             composition_routes(gate=gate, known=known, solver=parts.inquiries),
             quote_routes(gate=gate, quotes=parts.quotes),
-            hand_routes(
+            intervention_routes(
                 gate=gate,
                 loadings=Loadings(*hands),
                 commands=Commands(*hands),

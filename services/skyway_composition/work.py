@@ -9,13 +9,13 @@ from skyway.runtime.loops import Loops, Wake, repeat
 from skyway.runtime.mqtt.client import MqttClient
 from skyway.runtime.outbox.mqtt_sender import MqttSender
 from skyway.runtime.outbox.report_sender import ReportSender
-from skyway_composition.missions.closure_impact.ground_stops import StopsWatch
+from skyway_composition.missions.closure_impact.ground_stops import GroundStopEnforcer
 from skyway_composition.missions.following.follow import Follower
 from skyway_composition.missions.replanning.occupied_pads import OccupiedPads
-from skyway_composition.missions.replanning.replan import Recomposer
-from skyway_composition.missions.timeouts.late import Lagging
-from skyway_composition.missions.timeouts.loading import LoadingWatch
-from skyway_composition.missions.timeouts.overdue import Overdue
+from skyway_composition.missions.replanning.replan import Replanner
+from skyway_composition.missions.timeouts.late import LateMissions
+from skyway_composition.missions.timeouts.loading import LoadingTimeouts
+from skyway_composition.missions.timeouts.overdue import OverdueMissions
 from skyway_composition.networks.announce import NetworkVersions
 from skyway_composition.pads.announce import StationStates
 from skyway_composition.parts import Parts
@@ -37,13 +37,13 @@ class Work:
             db, clients, clock, together={MISSION_REPORTS: MANY_MISSION_REPORTS}
         )
         self._follower = Follower(db, mqtt, clock=clock, mint=mint, stuck=parts.stuck)
-        self._overdue = Overdue(db, clock, mint)
-        self._lagging = Lagging(db, parts.networks, clock, mint, parts.stuck)
-        self._recomposer = Recomposer(
+        self._overdue = OverdueMissions(db, clock, mint)
+        self._late = LateMissions(db, parts.networks, clock, mint, parts.stuck)
+        self._replanner = Replanner(
             db, parts.networks, parts.solver, clock, mint, replica, OccupiedPads(parts.closings)
         )
-        self._loading_watch = LoadingWatch(db, parts.networks, clock, mint)
-        self._stops_watch = StopsWatch(db, parts.closings, clock)
+        self._loading_timeouts = LoadingTimeouts(db, parts.networks, clock, mint)
+        self._ground_stops = GroundStopEnforcer(db, parts.closings, clock)
         self._station_states = StationStates(db, mqtt, clock, mint)
         self._network_versions = NetworkVersions(db, mqtt, clock, mint)
 
@@ -60,11 +60,11 @@ class Work:
         loops.start("reports", self._reports.run())
         loops.start("follow", self._follower.run())
         for name, step, wake in (
-            ("recompose", self._recomposer.step, self._parts.stuck),
+            ("recompose", self._replanner.step, self._parts.stuck),
             ("overdue", self._overdue.step, Wake()),
-            ("lagging", self._lagging.step, Wake()),
-            ("loading", self._loading_watch.step, Wake()),
-            ("ground stops", self._stops_watch.step, Wake()),
+            ("lagging", self._late.step, Wake()),
+            ("loading", self._loading_timeouts.step, Wake()),
+            ("ground stops", self._ground_stops.step, Wake()),
             ("station states", self._station_states.step, Wake()),
             ("network versions", self._network_versions.step, self._parts.published),
         ):

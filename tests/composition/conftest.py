@@ -15,9 +15,9 @@ from fastapi import FastAPI
 from skyway_composition.app import composition_app
 from skyway_composition.missions.following.follow import Follower
 from skyway_composition.missions.replanning.occupied_pads import OccupiedPads
-from skyway_composition.missions.replanning.replan import Recomposer
-from skyway_composition.missions.timeouts.late import Lagging
-from skyway_composition.missions.timeouts.overdue import Overdue
+from skyway_composition.missions.replanning.replan import Replanner
+from skyway_composition.missions.timeouts.late import LateMissions
+from skyway_composition.missions.timeouts.overdue import OverdueMissions
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.parts import Parts
 from skyway_composition.planning.solver_pool import SolverPool
@@ -141,9 +141,9 @@ class Composition:
     parts: Parts
     clock: ManualClock
     follower: Follower
-    overdue: Overdue
-    lagging: Lagging
-    recomposer: Recomposer
+    overdue: OverdueMissions
+    lagging: LateMissions
+    replanner: Replanner
     deliveries: int = field(default=0)
 
     @property
@@ -178,8 +178,8 @@ class Composition:
         assert answer.status_code == 200, answer.text
         return Booking.model_validate_json(answer.content)
 
-    async def take(self, *batch: Received[Any]) -> None:
-        await self.follower.take(batch)
+    async def receive(self, *batch: Received[Any]) -> None:
+        await self.follower.handle(batch)
 
     async def sent(self, drone_id: str = "drn_1") -> list[Any]:
         """The instructions that the outbox still sends to a drone, in order."""
@@ -280,11 +280,11 @@ async def composition(
             headers={"Authorization": "Bearer secret of gateway"},
         ) as client:
             follower = Follower(db, SilentSubscriber(), clock=clock, mint=mint, stuck=parts.stuck)
-            overdue = Overdue(db, clock, mint)
-            lagging = Lagging(db, parts.networks, clock, mint, parts.stuck)
+            overdue = OverdueMissions(db, clock, mint)
+            lagging = LateMissions(db, parts.networks, clock, mint, parts.stuck)
             occupied = OccupiedPads(parts.closings)
-            recomposer = Recomposer(db, parts.networks, solver, clock, mint, "test", occupied)
-            whole = Composition(client, parts, clock, follower, overdue, lagging, recomposer)
+            replanner = Replanner(db, parts.networks, solver, clock, mint, "test", occupied)
+            whole = Composition(client, parts, clock, follower, overdue, lagging, replanner)
             await whole.publish()
             yield whole
 

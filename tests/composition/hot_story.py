@@ -226,7 +226,7 @@ class Story:
         for drone in self.world.drones:
             batch += drone.said
         chance.shuffle(batch)
-        await self.world.take(batch)
+        await self.world.receive(batch)
 
     async def close(self, chance: Random) -> None:
         station, other = chance.sample("abc", 2)

@@ -9,7 +9,7 @@ from typing import Any, Self
 from skyway_composition.closures.close import Closings
 from skyway_composition.closures.closure import Closure, ClosureKind
 from skyway_composition.missions.booking.book import Bookings
-from skyway_composition.missions.closure_impact.ground_stops import StopsWatch
+from skyway_composition.missions.closure_impact.ground_stops import GroundStopEnforcer
 from skyway_composition.missions.closure_impact.impact import MissionImpact
 from skyway_composition.missions.following.follow import Follower
 from skyway_composition.missions.interventions.cancel import Cancellations
@@ -21,10 +21,10 @@ from skyway_composition.missions.mission.custody_store import held_packages
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.store import MissionFilter, page
 from skyway_composition.missions.replanning.occupied_pads import OccupiedPads
-from skyway_composition.missions.replanning.replan import Recomposer
-from skyway_composition.missions.timeouts.late import Lagging
-from skyway_composition.missions.timeouts.loading import LoadingWatch
-from skyway_composition.missions.timeouts.overdue import Overdue
+from skyway_composition.missions.replanning.replan import Replanner
+from skyway_composition.missions.timeouts.late import LateMissions
+from skyway_composition.missions.timeouts.loading import LoadingTimeouts
+from skyway_composition.missions.timeouts.overdue import OverdueMissions
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.tables import metadata, outbox, pad_reservations
@@ -122,12 +122,12 @@ class HotWorld:
         self.loadings = Loadings(*hands)
         self.follower = Follower(db, DeafSubscriber(), clock=clock, mint=mint, stuck=stuck)
         occupied = OccupiedPads(self.closings)
-        self.recomposer = Recomposer(db, networks, self.solver, clock, mint, "hot", occupied)
+        self.replanner = Replanner(db, networks, self.solver, clock, mint, "hot", occupied)
         self.sweeps = (
-            Lagging(db, networks, clock, mint, stuck),
-            LoadingWatch(db, networks, clock, mint),
-            StopsWatch(db, self.closings, clock),
-            Overdue(db, clock, mint),
+            LateMissions(db, networks, clock, mint, stuck),
+            LoadingTimeouts(db, networks, clock, mint),
+            GroundStopEnforcer(db, self.closings, clock),
+            OverdueMissions(db, clock, mint),
         )
 
     @property
@@ -171,7 +171,7 @@ class HotWorld:
         for _ in range(60):
             await self.settle()
             is_quiet = not await self._listen()
-            while await self.recomposer.step():
+            while await self.replanner.step():
                 pass
             is_quiet = not await self._instruct(delivered) and is_quiet
             if is_quiet:
@@ -197,11 +197,11 @@ class HotWorld:
                 drone.said = []
         if batch:
             self.heard = (self.heard + batch)[-50:]
-            await self.follower.take(batch)
+            await self.follower.handle(batch)
         return bool(batch)
 
-    async def take(self, batch: list[Received[Any]]) -> None:
-        await self.follower.take(batch)
+    async def receive(self, batch: list[Received[Any]]) -> None:
+        await self.follower.handle(batch)
         await self.converse()
 
     async def _instruct(self, delivered: set[int]) -> bool:

@@ -18,7 +18,7 @@ async def accepted(
         make.candidate(loading=loading), request=make.request(*(destinations or ("c",)))
     )
     (instruction,) = await composition.sent()
-    await composition.take(drone.ack(instruction))
+    await composition.receive(drone.ack(instruction))
     return instruction
 
 
@@ -26,7 +26,7 @@ async def at_pickup(composition: Any, drone: Any, make: Any, *destinations: str)
     """A mission whose drone stands at the pickup and waits for a loader."""
     instruction = await accepted(composition, drone, make, *destinations, loading="CONFIRMED")
     composition.clock.advance(instruction.steps[0].planned_start_at - composition.clock.now())
-    await composition.take(standing(drone, instruction))
+    await composition.receive(standing(drone, instruction))
     return instruction
 
 
@@ -43,7 +43,7 @@ async def loaded(composition: Any, drone: Any, make: Any, *destinations: str) ->
         step_id=2,
         package_ids=[each.package_id for each in instruction.steps[0].packages],
     )
-    await composition.take(pick_up, on_board)
+    await composition.receive(pick_up, on_board)
     return instruction
 
 

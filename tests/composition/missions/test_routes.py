@@ -67,7 +67,7 @@ async def test_missions_come_in_pages(composition: Any, make: Any) -> None:
 async def test_a_mission_shows_its_steps_and_what_was_flown(composition: Any, drone: Any) -> None:
     await composition.book()
     (instruction,) = await composition.sent()
-    await composition.take(drone.ack(instruction), *drone.flown(instruction)[:2])
+    await composition.receive(drone.ack(instruction), *drone.flown(instruction)[:2])
 
     answer = await composition("operator:op", "GET", f"/v1/missions/{instruction.mission_id}")
 

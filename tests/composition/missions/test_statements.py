@@ -13,7 +13,7 @@ async def known(composition: Any, drone: Any) -> Any:
     """A composition that has its network at hand, and knows of drone 1."""
     await composition.book(delivery_id="dlv_0")
     (instruction,) = await composition.sent()
-    await composition.take(drone.ack(instruction, "REJECTED", code="MALFORMED"))
+    await composition.receive(drone.ack(instruction, "REJECTED", code="MALFORMED"))
     return composition
 
 
@@ -33,7 +33,7 @@ async def test_an_accepted_mission_takes_few_statements(
     state = drone.state(last_instruction_seq=2, **doing)
 
     with statements() as seen:
-        await known.take(drone.ack(instruction, "RECEIVED"), drone.ack(instruction), state)
+        await known.receive(drone.ack(instruction, "RECEIVED"), drone.ack(instruction), state)
 
     assert await known.state_of(instruction.mission_id) == "ACCEPTED"
     assert len(seen) <= 7, seen
@@ -44,10 +44,10 @@ async def test_a_loaded_mission_takes_few_statements(
 ) -> None:
     await known.book()
     (instruction,) = await known.sent()
-    await known.take(drone.ack(instruction))
+    await known.receive(drone.ack(instruction))
 
     with statements() as seen:
-        await known.take(*drone.ended(instruction, instruction.steps[:1]))
+        await known.receive(*drone.ended(instruction, instruction.steps[:1]))
 
     assert await known.state_of(instruction.mission_id) == "ACTIVE"
     assert len(seen) <= 11, seen
@@ -57,10 +57,10 @@ async def test_drones_that_stand_idle_take_one_statement_that_locks_nothing(
     known: Any, drone: Any, statements: Any
 ) -> None:
     idle = [replace(drone, drone_id=f"drn_{number}", stream=0) for number in range(2, 9)]
-    await known.take(*(each.state() for each in idle))
+    await known.receive(*(each.state() for each in idle))
 
     with statements() as seen:
-        await known.take(*(each.state() for each in idle))
+        await known.receive(*(each.state() for each in idle))
 
     assert len(seen) == 1, seen
     assert "UPDATE" not in seen[0]

@@ -46,7 +46,7 @@ async def test_each_step_lies_where_it_happens(composition: Any, make: Any) -> N
 async def test_what_was_flown_shows_when_it_was(composition: Any, drone: Any) -> None:
     instruction = await booked(composition)
     pick_up, fly, *_ = drone.flown(instruction)
-    await composition.take(drone.ack(instruction), pick_up, fly)
+    await composition.receive(drone.ack(instruction), pick_up, fly)
 
     (mission,) = await tracked(composition)
 
@@ -61,7 +61,7 @@ async def test_the_step_under_way_and_the_place_come_from_the_drone(
     state = {"mission_id": instruction.mission_id, "step_id": 2, "activity": "FLYING"}
     pick_up, *_ = drone.flown(instruction)
     drone.event_seq = 1
-    await composition.take(
+    await composition.receive(
         drone.ack(instruction),
         pick_up,
         drone.state(**state, station_id=None, position=(0.1, 0.0), soc=0.9),
@@ -75,7 +75,7 @@ async def test_the_step_under_way_and_the_place_come_from_the_drone(
 
 async def test_a_drone_that_does_something_else_does_not_show(composition: Any, drone: Any) -> None:
     instruction = await booked(composition)
-    await composition.take(
+    await composition.receive(
         drone.ack(instruction), *drone.flown(instruction), drone.state(mission_id="msn_other")
     )
 
@@ -88,7 +88,7 @@ async def test_a_drone_that_does_something_else_does_not_show(composition: Any, 
 
 async def test_a_refused_mission_was_nobodys_way(composition: Any, drone: Any, make: Any) -> None:
     instruction = await booked(composition)
-    await composition.take(drone.ack(instruction, "REJECTED", code="OVERWEIGHT"))
+    await composition.receive(drone.ack(instruction, "REJECTED", code="OVERWEIGHT"))
     await composition.book(make.candidate(2), attempt=2)
 
     (mission,) = await tracked(composition)
@@ -103,7 +103,7 @@ async def test_the_steps_of_a_mission_that_is_over_are_not_planned_any_more(
     pick_up, *_ = drone.flown(instruction)
     drone.event_seq = 1
     ended = drone.event("MISSION_ENDED", mission_id=instruction.mission_id)
-    await composition.take(drone.ack(instruction), pick_up, ended)
+    await composition.receive(drone.ack(instruction), pick_up, ended)
 
     (mission,) = await tracked(composition)
 

@@ -231,7 +231,7 @@ async def test_nothing_flown_is_nothing_used(composition: Any) -> None:
 async def test_steps_that_were_reported_are_counted(composition: Any, drone: Any) -> None:
     await composition.book()
     [instruction] = await composition.sent()
-    await composition.take(drone.ack(instruction), *drone.flown(instruction))
+    await composition.receive(drone.ack(instruction), *drone.flown(instruction))
     composition.clock.advance(timedelta(days=1))
 
     [used] = (await composition(OPERATOR, "GET", "/v1/stats/drones")).json()["items"]

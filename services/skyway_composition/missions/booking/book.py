@@ -22,7 +22,7 @@ from skyway.runtime.metrics import count
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms
-from skyway_composition.missions.booking.engage import Outdated, engage, take
+from skyway_composition.missions.booking.engage import WorldChanged, claim, engage
 from skyway_composition.missions.booking.outcome import all_taken, pickup_unknown, without_offer
 from skyway_composition.missions.booking.store import busy_among, first_look, missions_of
 from skyway_composition.missions.mission import store
@@ -158,7 +158,7 @@ class Bookings:
             best = offers.ranked[0]
             try:
                 async with self.db.write() as tx:
-                    return await self._take(tx, this_round, best), offers.reasons
+                    return await self._book_offer(tx, this_round, best), offers.reasons
             except Taken as taken:
                 delivery_id = this_round.delivery_id
                 log.info("offer taken", extra={"delivery_id": delivery_id, "by": taken.constraint})
@@ -170,11 +170,11 @@ class Bookings:
                 if not now_busy - busy:
                     return None, offers.reasons
                 busy |= now_busy
-            except Outdated:
+            except WorldChanged:
                 _count_conflict("outdated")
                 return None, offers.reasons
 
-    async def _take(self, tx: Tx, this_round: _Round, offer: Offer) -> Booking:
+    async def _book_offer(self, tx: Tx, this_round: _Round, offer: Offer) -> Booking:
         """Reserve the drones and the pads, and send the missions: one transaction.
 
         The delivery is locked before anything else; one that nobody knew comes last, with all
@@ -191,10 +191,10 @@ class Bookings:
             # Whoever books or closes it meanwhile makes the database refuse it: then it is known.
             add_delivery(tx, delivery_id)
         if this_round.finder.start_ms < moment_to_ms(self.clock.now()):
-            raise Outdated
+            raise WorldChanged
         # I11: the version is read inside the transaction, and cannot change before it ends.
         world = this_round.finder.world
-        places = await take(tx, offer, world)
+        places = await claim(tx, offer, world)
         missions = await engage(
             tx,
             offer,

@@ -12,11 +12,11 @@ from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.links.courier import Courier
 from skyway_composition.links.link import InstructionPlace
 from skyway_composition.links.store import claim_next_place
-from skyway_composition.missions.booking.store import take_at_once
+from skyway_composition.missions.booking.store import claim_in_one_statement
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.custody import Custodian, Held
 from skyway_composition.missions.mission.custody_store import begin_custody, held_packages
-from skyway_composition.missions.mission.from_trip import StepTerms, flight_steps, record_of
+from skyway_composition.missions.mission.from_trip import StepTerms, flight_steps, new_mission
 from skyway_composition.missions.mission.instruct import mission_draft
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.step_store import add_steps
@@ -45,7 +45,7 @@ async def engage(
     courier = Courier(clock, mint)
     expires_at = courier.expiry()
     records = [
-        record_of(
+        new_mission(
             part.candidate,
             part.trip,
             delivery_id=delivery_id,
@@ -105,11 +105,11 @@ async def _begin_custody(tx: Tx, records: Sequence[MissionRecord]) -> None:
         begin_custody(tx, record, rows, at_ms=moment_to_ms(record.mission.start_at))
 
 
-class Outdated(Exception):
+class WorldChanged(Exception):
     """The world changed while offers were made: plan anew."""
 
 
-async def take(tx: Tx, offer: Offer, world: World) -> dict[DroneId, InstructionPlace]:
+async def claim(tx: Tx, offer: Offer, world: World) -> dict[DroneId, InstructionPlace]:
     """By drone the place of its mission's instruction; all is locked until the block ends.
 
     Raises
@@ -121,7 +121,7 @@ async def take(tx: Tx, offer: Offer, world: World) -> dict[DroneId, InstructionP
     booked = [pad for part in offer.parts for pad in part.trip.booked_pads]
     if tx.dialect == "postgresql" and len(drones) == 1:
         first = drones[0]
-        place = await take_at_once(
+        place = await claim_in_one_statement(
             tx,
             world.present,
             first.drone_id,
@@ -131,7 +131,7 @@ async def take(tx: Tx, offer: Offer, world: World) -> dict[DroneId, InstructionP
         if place is not None:
             return {first.drone_id: place}
     if not await still_holds(tx, world):
-        raise Outdated
+        raise WorldChanged
     places = {
         each.drone_id: await claim_next_place(tx, each.drone_id, each.provider_id)
         for each in drones

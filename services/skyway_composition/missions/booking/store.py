@@ -153,7 +153,7 @@ async def busy_among(
     return frozenset(found.scalars())
 
 
-async def take_at_once(
+async def claim_in_one_statement(
     tx: Tx,
     present: Present,
     drone_id: DroneId,

@@ -12,7 +12,7 @@ from skyway_composition.missions.closure_impact import store
 
 
 @dataclass(frozen=True, slots=True)
-class StopsWatch:
+class GroundStopEnforcer:
     """Strikes the missions whose next take-off is one that a ground stop forbids by now."""
 
     db: Database

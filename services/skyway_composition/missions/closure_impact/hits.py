@@ -45,7 +45,7 @@ class HeldPad:
 
 
 @dataclass(frozen=True, slots=True)
-class Doing:
+class DroneActivity:
     """What a drone last said that it does."""
 
     mission_id: MissionId | None
@@ -159,7 +159,7 @@ def first_hits(hits: Iterable[Hit]) -> tuple[Hit, ...]:
     return tuple(by_mission.values())
 
 
-def steps_under_way(doing: Mapping[DroneId, Doing]) -> set[tuple[MissionId, int]]:
+def steps_under_way(doing: Mapping[DroneId, DroneActivity]) -> set[tuple[MissionId, int]]:
     """The flights that drones say they fly, by mission and step."""
     return {
         (each.mission_id, each.step_id)

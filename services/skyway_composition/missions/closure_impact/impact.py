@@ -13,7 +13,7 @@ from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.closures.closure import AffectedMission, ClosureKind, Reach
 from skyway_composition.missions.closure_impact import store
 from skyway_composition.missions.closure_impact.hits import (
-    Doing,
+    DroneActivity,
     Hit,
     Span,
     first_hits,
@@ -25,16 +25,16 @@ from skyway_composition.missions.closure_impact.hits import (
 )
 from skyway_composition.missions.closure_impact.store import Reader
 from skyway_composition.missions.mission.record import Trouble
-from skyway_composition.missions.mission.unit_of_work import Watch
-from skyway_composition.missions.replanning.request_plan import troubled_all
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
+from skyway_composition.missions.replanning.request_plan import request_plans
 
 
 @dataclass(frozen=True, slots=True)
-class Found:
+class HitMissions:
     """The first hit of each mission, the earliest first, and what the drones of them do."""
 
     hits: tuple[Hit, ...]
-    doing: Mapping[DroneId, Doing]
+    doing: Mapping[DroneId, DroneActivity]
 
     @property
     def drone_ids(self) -> list[DroneId]:
@@ -58,27 +58,29 @@ class Found:
         )
 
 
-async def find_hits(reader: Reader, reach: Reach, *, now_ms: int) -> Found:
+async def find_hits(reader: Reader, reach: Reach, *, now_ms: int) -> HitMissions:
     """The live missions that a closure hits after this moment."""
     match reach.closure.kind:
         case "PAD":
             return await _pads(reader, reach, now_ms)
         case "GROUND_STOP":
-            return await _take_offs(reader, reach, now_ms)
+            return await _hits_on_take_offs(reader, reach, now_ms)
         case _:
             return await _flights(reader, reach, now_ms)
 
 
-async def _pads(reader: Reader, reach: Reach, now_ms: int) -> Found:
+async def _pads(reader: Reader, reach: Reach, now_ms: int) -> HitMissions:
     closure = reach.closure
     if closure.station_id is None or closure.pad is None:
-        return Found((), {})
+        return HitMissions((), {})
     held = await store.pads_held(reader, closure.station_id, closure.pad)
     hits = first_hits(hits_of_pads(held, span=Span.of(reach, now_ms=now_ms)))
-    return Found(hits, await store.doings_of(reader, [hit.owner.drone_id for hit in hits]))
+    return HitMissions(
+        hits, await store.activities_of(reader, [hit.owner.drone_id for hit in hits])
+    )
 
 
-async def _flights(reader: Reader, reach: Reach, now_ms: int) -> Found:
+async def _flights(reader: Reader, reach: Reach, now_ms: int) -> HitMissions:
     """Landings and flights, of the plans that hold and of those that were proposed."""
     closure, span = reach.closure, Span.of(reach, now_ms=now_ms)
     ends = (reach.stations or frozenset()) | {to_id for _, to_id in reach.segments}
@@ -91,17 +93,17 @@ async def _flights(reader: Reader, reach: Reach, now_ms: int) -> Found:
         ),
     ]
     perhaps = {hit.owner.drone_id for hit in hits_of_flights(flights, reach, span=span)}
-    doing = await store.doings_of(reader, perhaps)
+    doing = await store.activities_of(reader, perhaps)
     hits = hits_of_flights(flights, reach, span=span, under_way=steps_under_way(doing))
-    return Found(first_hits(hits), doing)
+    return HitMissions(first_hits(hits), doing)
 
 
-async def _take_offs(reader: Reader, reach: Reach, now_ms: int) -> Found:
+async def _hits_on_take_offs(reader: Reader, reach: Reach, now_ms: int) -> HitMissions:
     stop, span = reach.closure, Span.of(reach, now_ms=now_ms)
     planned = await store.take_offs(
         reader, network_id=stop.network_id, provider_id=stop.provider_id
     )
-    doing = await store.doings_of(reader, {flight.owner.drone_id for flight in planned})
+    doing = await store.activities_of(reader, {flight.owner.drone_id for flight in planned})
     hits = first_hits(
         hits_of_take_offs(planned, reach, span=span, under_way=steps_under_way(doing))
     )
@@ -110,7 +112,7 @@ async def _take_offs(reader: Reader, reach: Reach, now_ms: int) -> Found:
             reader, [hit.owner.drone_id for hit in hits], stop.drone_model_id
         )
         hits = tuple(hit for hit in hits if hit.owner.drone_id in meant)
-    return Found(hits, doing)
+    return HitMissions(hits, doing)
 
 
 _CODES: Final[Mapping[ClosureKind, str]] = {
@@ -141,14 +143,16 @@ class MissionImpact:
         found = await find_hits(tx.connection, reach, now_ms=self._now_ms)
         if not found.hits:
             return ()
-        watch = await Watch.over(found.drone_ids, tx=tx, clock=self.clock, mint=self.mint)
-        await _trouble_all(watch, reach, found)
+        work = await MissionUnitOfWork.lock(
+            found.drone_ids, tx=tx, clock=self.clock, mint=self.mint
+        )
+        await _trouble_all(work, reach, found)
         tx.after_commit(self.stuck.set)
         return found.shown()
 
     async def retry(self, tx: Tx, reach: Reach) -> None:
         """Have those that found no plan, or were held on the ground, look again."""
-        await store.look_again(tx, reach.closure.network_id)
+        await store.replan_waiting(tx, reach.closure.network_id)
         tx.after_commit(self.stuck.set)
 
     @property
@@ -156,17 +160,17 @@ class MissionImpact:
         return moment_to_ms(self.clock.now())
 
 
-async def _trouble_all(watch: Watch, reach: Reach, found: Found) -> None:
+async def _trouble_all(work: MissionUnitOfWork, reach: Reach, found: HitMissions) -> None:
     closure = reach.closure
     hit_ids = {hit.owner.mission_id for hit in found.hits}
     # Whoever looks for another plan anyway finds a ground stop by itself.
     records = [
         record
-        for record in watch.missions.values()
+        for record in work.missions.values()
         if record.mission_id in hit_ids
         if closure.kind != "GROUND_STOP" or record.trouble is None
     ]
-    await troubled_all(watch, records, Trouble(code=_CODES[closure.kind], detail=_detail(reach)))
+    await request_plans(work, records, Trouble(code=_CODES[closure.kind], detail=_detail(reach)))
 
 
 def _detail(reach: Reach) -> str:

@@ -9,7 +9,12 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import DroneId, DroneModelId, MissionId, NetworkId, ProviderId, StationId
 from skyway.runtime.sql.database import Tx
-from skyway_composition.missions.closure_impact.hits import Doing, HeldPad, Owner, PlannedFlight
+from skyway_composition.missions.closure_impact.hits import (
+    DroneActivity,
+    HeldPad,
+    Owner,
+    PlannedFlight,
+)
 from skyway_composition.missions.mission.record import Proposal
 from skyway_composition.tables import (
     drone_links,
@@ -112,7 +117,9 @@ async def drones_of_model(
     return frozenset(drone_id for drone_id, known in models.items() if known == model_id)
 
 
-async def doings_of(connection: Reader, drone_ids: Collection[DroneId]) -> dict[DroneId, Doing]:
+async def activities_of(
+    connection: Reader, drone_ids: Collection[DroneId]
+) -> dict[DroneId, DroneActivity]:
     """What these drones last said that they do."""
     found = await connection.execute(
         select(drone_links.c.drone_id, drone_links.c.state).where(
@@ -122,7 +129,7 @@ async def doings_of(connection: Reader, drone_ids: Collection[DroneId]) -> dict[
     # Three members of many states: reading them as models takes four times as long.
     states = {row.drone_id: json.loads(row.state) for row in found}
     return {
-        drone_id: Doing(
+        drone_id: DroneActivity(
             mission_id=state.get("mission_id"),
             step_id=state.get("step_id"),
             is_flying=state["activity"] == "FLYING",
@@ -131,7 +138,7 @@ async def doings_of(connection: Reader, drone_ids: Collection[DroneId]) -> dict[
     }
 
 
-async def look_again(tx: Tx, network_id: NetworkId | None) -> None:
+async def replan_waiting(tx: Tx, network_id: NetworkId | None) -> None:
     """Have the missions that wait for another plan be planned for at once."""
     waits = missions.c.stuck.is_not(None) | missions.c.trouble.is_not(None)
     where = and_(is_live, waits)

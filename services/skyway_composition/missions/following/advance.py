@@ -7,18 +7,18 @@ from skyway.contracts.drone_report import DroneEvent
 from skyway.contracts.flight_step import DeliverStep, PickUpStep, ReturnStep
 from skyway.ids import PackageId
 from skyway.units import moment_to_ms
-from skyway_composition.missions.interventions.stop_packages import bring_astray_back
+from skyway_composition.missions.interventions.stop_packages import return_cancelled_packages
 from skyway_composition.missions.mission.custody import Custodian, Held, may_pass
 from skyway_composition.missions.mission.custody_store import add_custody, held_packages
 from skyway_composition.missions.mission.notify import report
 from skyway_composition.missions.mission.record import MissionRecord, moved
 from skyway_composition.missions.mission.step_record import flown_totals
 from skyway_composition.missions.mission.step_store import ended_events
-from skyway_composition.missions.mission.unit_of_work import Watch
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 
 
-async def take_on_board(
-    watch: Watch, record: MissionRecord, step: PickUpStep, event: DroneEvent
+async def record_loading(
+    work: MissionUnitOfWork, record: MissionRecord, step: PickUpStep, event: DroneEvent
 ) -> MissionRecord:
     """The record once the drone has its packages, and brings those back that were cancelled."""
     wanted = {each.package_id for each in record.request.packages}
@@ -27,39 +27,39 @@ async def take_on_board(
     taken = set(event.package_ids) or (supposed & wanted if step.awaits_confirmation else supposed)
     package_ids = [each.package_id for each in step.packages if each.package_id in taken]
     drone = Custodian("DRONE", record.drone_id)
-    passed = await _pass_on(watch, record, package_ids, to=drone, event=event)
+    passed = await _pass_on(work, record, package_ids, to=drone, event=event)
     if passed:
-        record = _told(watch, record, "LOADED", event, passed)
+        record = _told(work, record, "LOADED", event, passed)
     astray = [each for each in step.packages if each.package_id in taken - wanted]
-    return await bring_astray_back(watch, record, astray) if astray else record
+    return await return_cancelled_packages(work, record, astray) if astray else record
 
 
-async def hand_over(
-    watch: Watch, record: MissionRecord, step: DeliverStep, event: DroneEvent
+async def record_hand_over(
+    work: MissionUnitOfWork, record: MissionRecord, step: DeliverStep, event: DroneEvent
 ) -> MissionRecord:
     """The record once recipients have their packages, with what that took so far."""
     recipient = Custodian("RECIPIENT", step.station_id)
-    passed = await _pass_on(watch, record, step.package_ids, to=recipient, event=event)
-    flown = flown_totals(await ended_events(watch.tx.connection, record.mission_id))
-    return _told(watch, record, "DELIVERED", event, passed, flown=flown)
+    passed = await _pass_on(work, record, step.package_ids, to=recipient, event=event)
+    flown = flown_totals(await ended_events(work.tx.connection, record.mission_id))
+    return _told(work, record, "DELIVERED", event, passed, flown=flown)
 
 
-async def hand_back(
-    watch: Watch, record: MissionRecord, step: ReturnStep, event: DroneEvent
+async def record_return(
+    work: MissionUnitOfWork, record: MissionRecord, step: ReturnStep, event: DroneEvent
 ) -> MissionRecord:
     """The record once a station has packages back; elsewhere than at the pickup they strand.
 
     Those are told of at the mission's end.
     """
     station = Custodian("STATION", step.station_id)
-    passed = await _pass_on(watch, record, step.package_ids, to=station, event=event)
+    passed = await _pass_on(work, record, step.package_ids, to=station, event=event)
     if not passed or step.station_id != record.request.pickup.station_id:
         return record
-    return _told(watch, record, "RETURNED", event, passed)
+    return _told(work, record, "RETURNED", event, passed)
 
 
 def _told(
-    watch: Watch,
+    work: MissionUnitOfWork,
     record: MissionRecord,
     kind: str,
     event: DroneEvent,
@@ -68,7 +68,7 @@ def _told(
     flown: dict[str, float] | None = None,
 ) -> MissionRecord:
     return report(
-        watch,
+        work,
         record,
         kind,
         at=event.ended_at,
@@ -80,7 +80,7 @@ def _told(
 
 
 async def _pass_on(
-    watch: Watch,
+    work: MissionUnitOfWork,
     record: MissionRecord,
     package_ids: Iterable[PackageId],
     *,
@@ -88,25 +88,25 @@ async def _pass_on(
     event: DroneEvent,
 ) -> tuple[PackageId, ...]:
     """Pass these packages on; those that were already there, or delivered, stay as they are."""
-    held = await held_packages(watch.tx.connection, record.mission.delivery_id)
+    held = await held_packages(work.tx.connection, record.mission.delivery_id)
     passed = [each for each in package_ids if may_pass(held.get(each), to)]
     rows = [Held(each, held[each].seq + 1 if each in held else 1, to) for each in passed]
-    await add_custody(watch.tx, record, rows, at_ms=moment_to_ms(event.ended_at))
+    await add_custody(work.tx, record, rows, at_ms=moment_to_ms(event.ended_at))
     return tuple(passed)
 
 
-def accepted(watch: Watch, record: MissionRecord) -> MissionRecord:
+def accept(work: MissionUnitOfWork, record: MissionRecord) -> MissionRecord:
     """The record once the drone has taken the mission; whoever flies it has accepted it."""
     if record.mission.state != "BOOKED":
         return record
     record = moved(record, "ACCEPTED")
-    return report(watch, record, "ACCEPTED", at=watch.clock.now())
+    return report(work, record, "ACCEPTED", at=work.clock.now())
 
 
-def begun(watch: Watch, record: MissionRecord, *, at: datetime) -> MissionRecord:
+def begin(work: MissionUnitOfWork, record: MissionRecord, *, at: datetime) -> MissionRecord:
     """The record once the drone has begun: it approaches the pickup, or loads there."""
-    record = accepted(watch, record)
+    record = accept(work, record)
     if record.mission.state != "ACCEPTED":
         return record
     record = moved(record, "ACTIVE")
-    return report(watch, record, "LOADING", at=at)
+    return report(work, record, "LOADING", at=at)

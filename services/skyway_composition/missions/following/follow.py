@@ -30,11 +30,11 @@ from skyway.runtime.sql.database import Database
 from skyway_composition.links.cached_links import CachedLinks
 from skyway_composition.links.link import DroneLink
 from skyway_composition.links.store import lock_link
-from skyway_composition.missions.following.handle_ack import take_ack
-from skyway_composition.missions.following.handle_event import take_event
-from skyway_composition.missions.following.handle_state import take_state
+from skyway_composition.missions.following.handle_ack import handle_ack
+from skyway_composition.missions.following.handle_event import handle_event
+from skyway_composition.missions.following.handle_state import handle_state
 from skyway_composition.missions.mission import store
-from skyway_composition.missions.mission.unit_of_work import Watch
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 
 log = logging.getLogger(__name__)
 
@@ -80,7 +80,7 @@ class Follower:
         self._tries += 1
         try:
             if self._tries <= _TRIES:
-                await self.take(self._batch)
+                await self.handle(self._batch)
             else:
                 log.error("batch dropped", extra={"messages": len(self._batch)})
         except ServiceUnavailable:
@@ -91,7 +91,7 @@ class Follower:
             await asyncio.sleep(_PAUSE_S)
         return True
 
-    async def take(self, batch: Sequence[Received[Any]]) -> None:
+    async def handle(self, batch: Sequence[Received[Any]]) -> None:
         """Take messages of any kind, in the order in which they arrived."""
         batch = await self._without_repeated(batch)
         if not batch:
@@ -99,16 +99,16 @@ class Follower:
         writers = {DroneId(each.ids[1]): ProviderId(each.ids[0]) for each in reversed(batch)}
         self._last_heard.forget(writers)
         async with self._db.write() as tx:
-            watch = await Watch.over(writers, tx=tx, clock=self._clock, mint=self._mint)
+            work = await MissionUnitOfWork.lock(writers, tx=tx, clock=self._clock, mint=self._mint)
             # In sorted order, as links are locked everywhere.
-            for drone_id in sorted(writers.keys() - watch.links.keys()):
-                watch.links[drone_id] = await lock_link(tx, drone_id, writers[drone_id])
+            for drone_id in sorted(writers.keys() - work.links.keys()):
+                work.links[drone_id] = await lock_link(tx, drone_id, writers[drone_id])
             for received in _without_superseded(batch):
-                await self._take_one(watch, received)
-            await watch.keep_noted()
-            if any(record.needs_plan for record in watch.missions.values()):
+                await self._handle_one(work, received)
+            await work.save_staged()
+            if any(record.needs_plan for record in work.missions.values()):
                 tx.after_commit(self._stuck.set)
-        self._last_heard.keep(watch.links.values())
+        self._last_heard.keep(work.links.values())
 
     async def _without_repeated(self, batch: Sequence[Received[Any]]) -> Sequence[Received[Any]]:
         """The batch without the drones that only say again what they said last."""
@@ -131,26 +131,28 @@ class Follower:
             drone_ids = await store.live_drones(connection)
         for drone_id in drone_ids:
             async with self._db.write() as tx:
-                watch = await Watch.over([drone_id], tx=tx, clock=self._clock, mint=self._mint)
-                if drone_id in watch.missions:
-                    await watch.courier.ask_for_events(tx, watch.links[drone_id])
+                work = await MissionUnitOfWork.lock(
+                    [drone_id], tx=tx, clock=self._clock, mint=self._mint
+                )
+                if drone_id in work.missions:
+                    await work.courier.ask_for_events(tx, work.links[drone_id])
 
-    async def _take_one(self, watch: Watch, received: Received[Any]) -> None:
+    async def _handle_one(self, work: MissionUnitOfWork, received: Received[Any]) -> None:
         provider_id, drone_id = ProviderId(received.ids[0]), DroneId(received.ids[1])
-        link = watch.links[drone_id]
+        link = work.links[drone_id]
         if link.provider_id != provider_id:
             # A drone may write under any provider's name; only its own counts.
             count("skyway_foreign_provider", "messages under another provider's name")
             return
         match received.message:
             case Ack() as ack:
-                await take_ack(watch, link, ack)
+                await handle_ack(work, link, ack)
             case DroneEvent() as event:
-                await take_event(watch, link, event)
+                await handle_event(work, link, event)
             case DroneState() as state:
-                await take_state(watch, link, state)
+                await handle_state(work, link, state)
             case Connection() as connection:
-                _take_connection(watch, link, connection)
+                _handle_connection(work, link, connection)
 
 
 def _without_superseded(batch: Sequence[Received[Any]]) -> Iterator[Received[Any]]:
@@ -166,6 +168,6 @@ def _without_superseded(batch: Sequence[Received[Any]]) -> Iterator[Received[Any
             yield each
 
 
-def _take_connection(watch: Watch, link: DroneLink, connection: Connection) -> None:
+def _handle_connection(work: MissionUnitOfWork, link: DroneLink, connection: Connection) -> None:
     if link.is_newer_connection(connection):
-        watch.note_link(replace(link, connection=connection))
+        work.stage_link(replace(link, connection=connection))

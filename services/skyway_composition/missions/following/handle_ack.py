@@ -12,15 +12,15 @@ from skyway_composition.links.instruction_store import (
     was_sent,
 )
 from skyway_composition.links.link import DroneLink
-from skyway_composition.missions.following.advance import accepted
+from skyway_composition.missions.following.advance import accept
 from skyway_composition.missions.following.handle_failure import open_stream, wait_for_revision
 from skyway_composition.missions.mission.end import cancel, refuse
-from skyway_composition.missions.mission.instruct import call_off, take_refused_hold
+from skyway_composition.missions.mission.instruct import call_off, handle_refused_hold
 from skyway_composition.missions.mission.record import MissionRecord, Proposal
-from skyway_composition.missions.mission.unit_of_work import Watch
-from skyway_composition.missions.replanning.failsafes import take_failsafe_refusal
-from skyway_composition.missions.replanning.propose import drop, settle
-from skyway_composition.missions.replanning.store import plan_at_once, retry_stuck
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
+from skyway_composition.missions.replanning.failsafes import handle_failsafe_refusal
+from skyway_composition.missions.replanning.propose import accept_proposal, drop_proposal
+from skyway_composition.missions.replanning.store import plan_now, retry_stuck
 
 log = logging.getLogger(__name__)
 
@@ -34,54 +34,59 @@ _NOT_WITH_THIS_LOAD: Final = (RefusalCode.OVERWEIGHT, RefusalCode.INSUFFICIENT_E
 _LOOK_AGAIN_MS: Final = 2_000
 
 
-async def take_ack(watch: Watch, link: DroneLink, ack: Ack) -> None:
+async def handle_ack(work: MissionUnitOfWork, link: DroneLink, ack: Ack) -> None:
     """RECEIVED is noted; ACCEPTED and REJECTED are final."""
     is_gap = ack.code is RefusalCode.SEQUENCE_GAP
     sent = None
     if not is_gap:
-        sent = await answered(watch.tx, link.drone_id, ack.instruction_id, ack.status)
-    if sent is None and not await was_sent(watch.tx, link.drone_id, ack.instruction_id):
+        sent = await answered(work.tx, link.drone_id, ack.instruction_id, ack.status)
+    if sent is None and not await was_sent(work.tx, link.drone_id, ack.instruction_id):
         return
     link = link.acked(ack.stream, ack.session)
-    watch.note_link(link)
+    work.stage_link(link)
     if is_gap:
-        await _take_gap(watch, link, ack)
+        await _handle_gap(work, link, ack)
     if sent is None or ack.status == "RECEIVED":
         return
-    watch.note_answer(sent.instruction_id)
-    record = watch.missions.get(link.drone_id)
+    work.stage_answer(sent.instruction_id)
+    record = work.missions.get(link.drone_id)
     proposal = None if record is None else record.proposal
     if record is not None and proposal and proposal.instruction_id == sent.instruction_id:
-        await _take_answer_to_proposal(watch, record, proposal, sent=sent, ack=ack)
+        await _handle_answer_to_proposal(work, record, proposal, sent=sent, ack=ack)
     elif sent.kind in _REVISIONS and ack.status == "ACCEPTED":
-        await _take_acceptance(watch, link, sent)
+        await _handle_acceptance(work, link, sent)
     elif sent.kind in _REVISIONS:
-        await _take_refusal(watch, link, sent, ack)
+        await _handle_refusal(work, link, sent, ack)
     elif sent.kind == "HOLD" and ack.status == "REJECTED" and record is not None:
-        await take_refused_hold(watch, record, sent, code=ack.code or RefusalCode.MALFORMED)
+        await handle_refused_hold(work, record, sent, code=ack.code or RefusalCode.MALFORMED)
 
 
-async def _take_answer_to_proposal(
-    watch: Watch, record: MissionRecord, proposal: Proposal, *, sent: SentInstruction, ack: Ack
+async def _handle_answer_to_proposal(
+    work: MissionUnitOfWork,
+    record: MissionRecord,
+    proposal: Proposal,
+    *,
+    sent: SentInstruction,
+    ack: Ack,
 ) -> None:
     if ack.status == "ACCEPTED":
-        await settle(watch, record, proposal, kind=sent.kind)
+        await accept_proposal(work, record, proposal, kind=sent.kind)
         return
     code = ack.code or RefusalCode.MALFORMED
     log.info("proposal refused", extra={"mission_id": record.mission_id, "code": code})
     if code is RefusalCode.FAILSAFE_ACTIVE:
-        record = await take_failsafe_refusal(watch, record)
-    record = await drop(watch, record)
+        record = await handle_failsafe_refusal(work, record)
+    record = await drop_proposal(work, record)
     is_loading = record.trouble is not None and record.trouble.loaded is not None
     if is_loading and code in _NOT_WITH_THIS_LOAD:
-        await cancel(watch, record, code=code, detail=ack.detail or "the drone refused its load")
+        await cancel(work, record, code=code, detail=ack.detail or "the drone refused its load")
     elif code is not RefusalCode.STEP_RELEASED:
         # The same would be refused again, until the drone has said more of itself.
-        at_wall_ms = moment_to_ms(watch.clock.wall_now()) + _LOOK_AGAIN_MS
-        await retry_stuck(watch.tx, record.mission_id, at_wall_ms=at_wall_ms)
+        at_wall_ms = moment_to_ms(work.clock.wall_now()) + _LOOK_AGAIN_MS
+        await retry_stuck(work.tx, record.mission_id, at_wall_ms=at_wall_ms)
 
 
-async def _take_gap(watch: Watch, link: DroneLink, ack: Ack) -> None:
+async def _handle_gap(work: MissionUnitOfWork, link: DroneLink, ack: Ack) -> None:
     """The outbox repeats from the instruction that the drone lacks, unless that was answered.
 
     Then the drone runs on an old copy of its journal, and will never hear it again.
@@ -91,24 +96,26 @@ async def _take_gap(watch: Watch, link: DroneLink, ack: Ack) -> None:
     is_of_now = state is not None and state.session == ack.session and ack.stream == link.stream
     if state is None or not is_of_now or not isinstance(expected_seq, int):
         return
-    if await is_answered(watch.tx, link, seq=expected_seq):
-        await open_stream(watch, link, state)
+    if await is_answered(work.tx, link, seq=expected_seq):
+        await open_stream(work, link, state)
 
 
-async def _take_acceptance(watch: Watch, link: DroneLink, sent: SentInstruction) -> None:
-    record = watch.missions.get(link.drone_id)
+async def _handle_acceptance(
+    work: MissionUnitOfWork, link: DroneLink, sent: SentInstruction
+) -> None:
+    record = work.missions.get(link.drone_id)
     if record is not None and record.mission_id == sent.mission_id:
-        watch.note(accepted(watch, record))
+        work.stage(accept(work, record))
         # What has come up meanwhile waited for this answer.
         if record.needs_plan:
-            await plan_at_once(watch.tx, record.mission_id)
+            await plan_now(work.tx, record.mission_id)
         return
     if sent.mission_id is None or sent.mission_revision is None:
         return
     # The mission was given up before the drone's word came: the drone must not fly it.
     log.warning("late acceptance", extra={"mission_id": sent.mission_id})
     await call_off(
-        watch,
+        work,
         link.drone_id,
         mission_id=sent.mission_id,
         revision=sent.mission_revision,
@@ -116,8 +123,10 @@ async def _take_acceptance(watch: Watch, link: DroneLink, sent: SentInstruction)
     )
 
 
-async def _take_refusal(watch: Watch, link: DroneLink, sent: SentInstruction, ack: Ack) -> None:
-    record = watch.missions.get(link.drone_id)
+async def _handle_refusal(
+    work: MissionUnitOfWork, link: DroneLink, sent: SentInstruction, ack: Ack
+) -> None:
+    record = work.missions.get(link.drone_id)
     is_current = (
         record is not None
         and record.mission_id == sent.mission_id
@@ -127,8 +136,8 @@ async def _take_refusal(watch: Watch, link: DroneLink, sent: SentInstruction, ac
         return
     code = ack.code or RefusalCode.MALFORMED
     if record.mission.state == "BOOKED":
-        await refuse(watch, record, code=code, detail=ack.detail)
+        await refuse(work, record, code=code, detail=ack.detail)
     else:
         await wait_for_revision(
-            watch, record, code=code, detail=ack.detail or "the drone refused the revision"
+            work, record, code=code, detail=ack.detail or "the drone refused the revision"
         )

@@ -8,33 +8,39 @@ from skyway.contracts.drone_report import DroneEvent, DroneState
 from skyway.contracts.flight_step import DeliverStep, FlightStep, FlyStep, PickUpStep, ReturnStep
 from skyway.ids import PackageId
 from skyway_composition.links.link import DroneLink
-from skyway_composition.missions.following.advance import begun, take_on_board
-from skyway_composition.missions.mission.end import take_forced_landing
-from skyway_composition.missions.mission.instruct import reissue
+from skyway_composition.missions.following.advance import begin, record_loading
+from skyway_composition.missions.mission.end import end_after_forced_landing
+from skyway_composition.missions.mission.instruct import send_again
 from skyway_composition.missions.mission.notify import raise_alarm, report
 from skyway_composition.missions.mission.record import MissionRecord, Stuck
 from skyway_composition.missions.mission.step_store import end_step
-from skyway_composition.missions.mission.unit_of_work import Watch
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.missions.replanning.occupied_pads import occupied_pad
-from skyway_composition.missions.replanning.propose import drop, with_aims
-from skyway_composition.missions.replanning.remainder.aims import absent_aim, aimed, back_to_pickup
-from skyway_composition.missions.replanning.store import plan_at_once
+from skyway_composition.missions.replanning.propose import drop_proposal, with_aims
+from skyway_composition.missions.replanning.remainder.aims import (
+    absent_aim,
+    back_to_pickup,
+    with_changed_aims,
+)
+from skyway_composition.missions.replanning.store import plan_now
 
 log = logging.getLogger(__name__)
 
 
-async def take_step_failure(watch: Watch, record: MissionRecord, event: DroneEvent) -> None:
+async def handle_step_failure(
+    work: MissionUnitOfWork, record: MissionRecord, event: DroneEvent
+) -> None:
     """The drone will not do this step: it waits for another plan where it stands.
 
     That may be elsewhere than planned, when a failsafe led it there; without a station it is down
     in the open, and flies no more. Packages that nobody was there to take go elsewhere from now on.
     """
-    step = await end_step(watch.tx, record.mission_id, event, status="FAILED")
-    record = begun(watch, record, at=event.started_at or event.ended_at)
+    step = await end_step(work.tx, record.mission_id, event, status="FAILED")
+    record = begin(work, record, at=event.started_at or event.ended_at)
     code, detail = event.code or "STEP_FAILED", _in_words(event, step)
     if event.station_id is None:
-        await take_forced_landing(
-            watch,
+        await end_after_forced_landing(
+            work,
             record,
             at=event.ended_at,
             position=event.position,
@@ -44,9 +50,9 @@ async def take_step_failure(watch: Watch, record: MissionRecord, event: DroneEve
         )
         return
     if code == "RECIPIENT_ABSENT":
-        record = _without_recipient(watch, record, step, detail=detail)
+        record = _without_recipient(work, record, step, detail=detail)
     elif code == UNKNOWN:
-        record, detail = await take_unknown_hand_over(watch, record, step, event)
+        record, detail = await handle_unknown_hand_over(work, record, step, event)
     stuck = Stuck(
         code=code,
         detail=detail,
@@ -55,17 +61,17 @@ async def take_step_failure(watch: Watch, record: MissionRecord, event: DroneEve
         last_step=event.step_id or 0,
         occupied=occupied_pad(step, event) if code == Fault.PAD_OCCUPIED else None,
     )
-    await _keep_stuck(watch, record, stuck)
+    await _keep_stuck(work, record, stuck)
 
 
 async def wait_for_revision(
-    watch: Watch, record: MissionRecord, *, code: str, detail: str, last_step: int = 0
+    work: MissionUnitOfWork, record: MissionRecord, *, code: str, detail: str, last_step: int = 0
 ) -> None:
     """Note that the drone stands and waits; `recompose` finds it, from where its state says."""
-    state = watch.links[record.drone_id].state
+    state = work.links[record.drone_id].state
     if state is not None and state.activity == "DOWN":
-        await take_forced_landing(
-            watch,
+        await end_after_forced_landing(
+            work,
             record,
             at=state.at,
             position=state.position,
@@ -87,23 +93,23 @@ async def wait_for_revision(
         soc=state.soc,
         last_step=last_step,
     )
-    await _keep_stuck(watch, record, stuck)
+    await _keep_stuck(work, record, stuck)
 
 
-async def _keep_stuck(watch: Watch, record: MissionRecord, stuck: Stuck) -> None:
+async def _keep_stuck(work: MissionUnitOfWork, record: MissionRecord, stuck: Stuck) -> None:
     """Keep why the drone waits, and say that another plan is looked for unless that was said."""
     if record.stuck is None and record.trouble is None:
         record = report(
-            watch,
+            work,
             record,
             "REPLANNING",
-            at=watch.clock.now(),
+            at=work.clock.now(),
             code=stuck.code,
             detail=stuck.detail,
             station_id=stuck.station_id,
         )
-    await watch.keep(replace(record, stuck=stuck))
-    await plan_at_once(watch.tx, record.mission_id)
+    await work.save(replace(record, stuck=stuck))
+    await plan_now(work.tx, record.mission_id)
 
 
 def _in_words(event: DroneEvent, step: FlightStep | None) -> str:
@@ -124,7 +130,7 @@ def _in_words(event: DroneEvent, step: FlightStep | None) -> str:
 
 
 def _without_recipient(
-    watch: Watch, record: MissionRecord, step: FlightStep | None, *, detail: str
+    work: MissionUnitOfWork, record: MissionRecord, step: FlightStep | None, *, detail: str
 ) -> MissionRecord:
     """The record with other aims for what could not be handed over."""
     if not isinstance(step, DeliverStep):
@@ -133,7 +139,11 @@ def _without_recipient(
         absent_aim(record, package) for package in record.packages(frozenset(step.package_ids))
     ]
     return with_aims(
-        watch, record, aimed(record.aims, changed), code="RECIPIENT_ABSENT", detail=detail
+        work,
+        record,
+        with_changed_aims(record.aims, changed),
+        code="RECIPIENT_ABSENT",
+        detail=detail,
     )
 
 
@@ -141,8 +151,8 @@ def _without_recipient(
 UNKNOWN = "UNKNOWN"
 
 
-async def take_unknown_hand_over(
-    watch: Watch, record: MissionRecord, step: FlightStep | None, event: DroneEvent
+async def handle_unknown_hand_over(
+    work: MissionUnitOfWork, record: MissionRecord, step: FlightStep | None, event: DroneEvent
 ) -> tuple[MissionRecord, str]:
     """The record with what becomes of the packages, and what is told of it."""
     match step:
@@ -150,8 +160,10 @@ async def take_unknown_hand_over(
             detail = f"it is not known whether {_named(step.package_ids)} were handed over"
             detail = f"{detail} at {step.station_id!r}"
             packages = record.packages(frozenset(step.package_ids))
-            aims = aimed(record.aims, [back_to_pickup(record, each) for each in packages])
-            record = with_aims(watch, record, aims, code=UNKNOWN, detail=detail)
+            aims = with_changed_aims(
+                record.aims, [back_to_pickup(record, each) for each in packages]
+            )
+            record = with_aims(work, record, aims, code=UNKNOWN, detail=detail)
         case ReturnStep():
             detail = f"it is not known whether {_named(step.package_ids)} were handed back"
             detail = f"{detail} at {step.station_id!r}"
@@ -160,11 +172,11 @@ async def take_unknown_hand_over(
             detail = f"it is not known whether {_named(package_ids)} were loaded"
             detail = f"{detail} at {step.station_id!r}"
             if event.package_ids:
-                record = await take_on_board(watch, record, step, event)
+                record = await record_loading(work, record, step, event)
         case _:
             return record, event.detail or "it is not known whether a step was done"
     await raise_alarm(
-        watch,
+        work,
         record,
         level="URGENT",
         code="HAND_OVER_UNKNOWN",
@@ -179,20 +191,20 @@ def _named(package_ids: tuple[PackageId, ...]) -> str:
     return ", ".join(package_ids)
 
 
-async def open_stream(watch: Watch, link: DroneLink, state: DroneState) -> None:
+async def open_stream(work: MissionUnitOfWork, link: DroneLink, state: DroneState) -> None:
     """Begin a new order of instructions; what was not answered in the old one is sent anew."""
     log.warning(
         "new stream", extra={"drone_id": link.drone_id, "stream": link.in_new_stream(state).stream}
     )
-    await watch.courier.withdraw_open(watch.tx, link)
-    watch.note_link(link.in_new_stream(state))
-    record = watch.missions.get(link.drone_id)
+    await work.courier.withdraw_open(work.tx, link)
+    work.stage_link(link.in_new_stream(state))
+    record = work.missions.get(link.drone_id)
     if record is None:
         return
     if record.mission.state == "BOOKED":
-        await reissue(watch, record)
+        await send_again(work, record)
     else:
         if record.proposal is not None:
-            record = await drop(watch, record)
+            record = await drop_proposal(work, record)
         detail = "the drone has lost its journal and with it the mission"
-        await wait_for_revision(watch, record, code="JOURNAL_LOST", detail=detail)
+        await wait_for_revision(work, record, code="JOURNAL_LOST", detail=detail)

@@ -7,27 +7,27 @@ from skyway.contracts.drone_report import DroneState
 from skyway.ids import DroneId, MissionId
 from skyway_composition.links.instruction_store import last_cancel
 from skyway_composition.links.link import DroneLink
-from skyway_composition.missions.following.advance import begun
+from skyway_composition.missions.following.advance import begin
 from skyway_composition.missions.following.handle_failure import open_stream
-from skyway_composition.missions.following.recover_packages import bring_to_rest, raise_flies_on
+from skyway_composition.missions.following.recover_packages import hold_and_unload, raise_flies_on
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.custody import on_board
 from skyway_composition.missions.mission.custody_store import held_packages
 from skyway_composition.missions.mission.instruct import call_off
 from skyway_composition.missions.mission.notify import report
 from skyway_composition.missions.mission.record import MissionRecord
-from skyway_composition.missions.mission.unit_of_work import Watch
-from skyway_composition.missions.replanning.outlook.judge import judged
-from skyway_composition.missions.replanning.propose import settle_if_flown
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
+from skyway_composition.missions.replanning.outlook.judge import check_plan
+from skyway_composition.missions.replanning.propose import accept_if_flown
 from skyway_composition.planning.problem_for import used_more
 
 #: What a customer is shown; loading is told by reports of its own.
-_TOLD_ACTIVITIES: Final = ("FLYING", "WAITING", "RECHARGING", "DELIVERING")
+_REPORTED_ACTIVITIES: Final = ("FLYING", "WAITING", "RECHARGING", "DELIVERING")
 #: A drone doing this for a mission has begun it.
-_BEGUN_ACTIVITIES: Final = ("LOADING", "FLYING", "RECHARGING", "DELIVERING")
+_ACTIVITIES_AFTER_START: Final = ("LOADING", "FLYING", "RECHARGING", "DELIVERING")
 
 
-async def take_state(watch: Watch, link: DroneLink, state: DroneState) -> None:
+async def handle_state(work: MissionUnitOfWork, link: DroneLink, state: DroneState) -> None:
     """Take a newer state; see whether the drone lost its journal, or we lost its events."""
     if not link.is_newer_state(state):
         return
@@ -40,19 +40,19 @@ async def take_state(watch: Watch, link: DroneLink, state: DroneState) -> None:
         # It has not taken anything of ours yet, so none of its past events is about us.
         link = replace(link, last_event_seq=state.last_event_seq)
     if must_open_stream:
-        await open_stream(watch, link, state)
+        await open_stream(work, link, state)
         return
-    watch.note_link(link)
+    work.stage_link(link)
     if state.stream == link.stream and state.last_event_seq > link.last_event_seq:
-        watch.links[link.drone_id] = await watch.courier.ask_for_events(watch.tx, link)
-    record = watch.missions.get(link.drone_id)
+        work.links[link.drone_id] = await work.courier.ask_for_events(work.tx, link)
+    record = work.missions.get(link.drone_id)
     if record is not None and state.mission_id == record.mission_id:
-        record = await settle_if_flown(watch, record, state.mission_revision)
-        record = await _with_progress(watch, record, state)
+        record = await accept_if_flown(work, record, state.mission_revision)
+        record = await _with_progress(work, record, state)
         if is_news:
-            await judged(watch, record)
+            await check_plan(work, record)
     elif state.mission_id is not None:
-        await _call_off_if_over(watch, link.drone_id, state.mission_id, state)
+        await _call_off_if_over(work, link.drone_id, state.mission_id, state)
 
 
 def _is_news(before: DroneState | None, state: DroneState) -> bool:
@@ -76,55 +76,59 @@ def _used_more(state: DroneState) -> float:
 
 
 async def _call_off_if_over(
-    watch: Watch, drone_id: DroneId, mission_id: MissionId, state: DroneState
+    work: MissionUnitOfWork, drone_id: DroneId, mission_id: MissionId, state: DroneState
 ) -> None:
     """Have the drone forget a mission of its own that ended here without its knowing."""
-    known = await store.get(watch.tx.connection, mission_id, provider_id=None)
-    told = await last_cancel(watch.tx, watch.links[drone_id], mission_id)
+    known = await store.get(work.tx.connection, mission_id, provider_id=None)
+    sent = await last_cancel(work.tx, work.links[drone_id], mission_id)
     # Told once, it answers with a state like this one, until it has landed or handed over.
-    is_told = (
-        told is not None
-        and state.last_event_seq <= told.events_confirmed_seq
-        and watch.clock.now() <= told.expires_at
+    is_answered = (
+        sent is not None
+        and state.last_event_seq <= sent.events_confirmed_seq
+        and work.clock.now() <= sent.expires_at
     )
     if known is None or known.drone_id != drone_id:
         return
-    if not is_told:
+    if not is_answered:
         revision = state.mission_revision or known.mission.revision
         await call_off(
-            watch,
+            work,
             drone_id,
             mission_id=mission_id,
             revision=revision,
             reason="the mission was given up without the drone's knowing",
         )
     if state.package_ids and state.activity != "DOWN":
-        if told is None:
-            await raise_flies_on(watch, known, state)
-        await bring_to_rest(watch, known, state)
+        if sent is None:
+            await raise_flies_on(work, known, state)
+        await hold_and_unload(work, known, state)
 
 
-async def _with_progress(watch: Watch, record: MissionRecord, state: DroneState) -> MissionRecord:
+async def _with_progress(
+    work: MissionUnitOfWork, record: MissionRecord, state: DroneState
+) -> MissionRecord:
     known = record
-    if state.step_id is not None and state.activity in _BEGUN_ACTIVITIES:
-        record = begun(watch, record, at=state.at)
-    record = await _told_activity(watch, record, state)
+    if state.step_id is not None and state.activity in _ACTIVITIES_AFTER_START:
+        record = begin(work, record, at=state.at)
+    record = await _with_reported_activity(work, record, state)
     if record is not known:
-        watch.note(record)
+        work.stage(record)
     return record
 
 
-async def _told_activity(watch: Watch, record: MissionRecord, state: DroneState) -> MissionRecord:
+async def _with_reported_activity(
+    work: MissionUnitOfWork, record: MissionRecord, state: DroneState
+) -> MissionRecord:
     """The record once the customer is told what the drone does with the packages, if it changed."""
     doing = f"{state.activity} {state.station_id or ''}"
-    if state.activity not in _TOLD_ACTIVITIES or doing == record.told:
+    if state.activity not in _REPORTED_ACTIVITIES or doing == record.reported_activity:
         return record
-    held = await held_packages(watch.tx.connection, record.mission.delivery_id)
+    held = await held_packages(work.tx.connection, record.mission.delivery_id)
     if not on_board(record.own(held)):
         return record
     return report(
-        watch,
-        replace(record, told=doing),
+        work,
+        replace(record, reported_activity=doing),
         "ACTIVITY",
         at=state.at,
         activity=state.activity,

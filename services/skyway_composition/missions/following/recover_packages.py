@@ -17,13 +17,13 @@ from skyway_composition.missions.mission.custody_store import add_custody, held_
 from skyway_composition.missions.mission.instruct import hold
 from skyway_composition.missions.mission.notify import raise_alarm
 from skyway_composition.missions.mission.record import MissionRecord
-from skyway_composition.missions.mission.unit_of_work import Watch
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 
 
-async def raise_flies_on(watch: Watch, ended: MissionRecord, state: DroneState) -> None:
+async def raise_flies_on(work: MissionUnitOfWork, ended: MissionRecord, state: DroneState) -> None:
     """Tell people of a drone that is back, with packages that were given up."""
     await raise_alarm(
-        watch,
+        work,
         ended,
         level="CRITICAL",
         code="FLIES_ON",
@@ -36,44 +36,44 @@ async def raise_flies_on(watch: Watch, ended: MissionRecord, state: DroneState) 
     )
 
 
-async def bring_to_rest(watch: Watch, ended: MissionRecord, state: DroneState) -> None:
+async def hold_and_unload(work: MissionUnitOfWork, ended: MissionRecord, state: DroneState) -> None:
     """Have it hold, and once it does, leave what is on board; each is said once."""
     if (state.mission_revision or 0) > ended.mission.revision:
         return  # it does what it was told here
     sent = {
         each.kind
-        for each in await open_instructions(watch.tx, ended.drone_id)
+        for each in await open_instructions(work.tx, ended.drone_id)
         if each.mission_id == ended.mission_id
     }
     if not state.is_held:
         if "HOLD" not in sent:
-            await hold(watch, ended, reason=f"the mission is {ended.mission.state}")
+            await hold(work, ended, reason=f"the mission is {ended.mission.state}")
     elif state.activity == "WAITING" and state.station_id and "MISSION" not in sent:
-        await _leave_all(watch, ended, state, station=state.station_id)
+        await _leave_all(work, ended, state, station=state.station_id)
 
 
-async def take_return(watch: Watch, event: DroneEvent) -> None:
+async def record_late_return(work: MissionUnitOfWork, event: DroneEvent) -> None:
     """Packages of a mission that was given up are at a station now."""
     if event.mission_id is None or event.station_id is None or event.step_kind != "RETURN":
         return
-    ended = await store.get(watch.tx.connection, event.mission_id, provider_id=None)
+    ended = await store.get(work.tx.connection, event.mission_id, provider_id=None)
     if ended is None or ended.is_live or event.event != "STEP_ENDED":
         return
-    held = await held_packages(watch.tx.connection, ended.mission.delivery_id)
+    held = await held_packages(work.tx.connection, ended.mission.delivery_id)
     drone, station = Custodian("DRONE", ended.drone_id), Custodian("STATION", event.station_id)
     rows = [
         Held(each, held[each].seq + 1, station)
         for each in event.package_ids
         if each in held and held[each].custodian == drone
     ]
-    await add_custody(watch.tx, ended, rows, at_ms=moment_to_ms(event.ended_at))
+    await add_custody(work.tx, ended, rows, at_ms=moment_to_ms(event.ended_at))
 
 
 async def _leave_all(
-    watch: Watch, ended: MissionRecord, state: DroneState, *, station: str
+    work: MissionUnitOfWork, ended: MissionRecord, state: DroneState, *, station: str
 ) -> None:
     """A last revision: everything off here, and the mission is over for the drone too."""
-    now, mission = watch.clock.now(), ended.mission
+    now, mission = work.clock.now(), ended.mission
     first_step = (state.released_through or 0) + 1
     step = ReturnStep.model_validate(
         {
@@ -87,11 +87,11 @@ async def _leave_all(
     draft = partial(
         MissionInstruction,
         mission_id=mission.mission_id,
-        mission_revision=1 + max(mission.revision, await last_revision(watch.tx, ended.mission_id)),
+        mission_revision=1 + max(mission.revision, await last_revision(work.tx, ended.mission_id)),
         delivery_id=mission.delivery_id,
         first_step=first_step,
         steps=(step,),
     )
-    watch.links[ended.drone_id] = await watch.courier.send(
-        watch.tx, watch.links[ended.drone_id], draft, expires_at=watch.courier.expiry()
+    work.links[ended.drone_id] = await work.courier.send(
+        work.tx, work.links[ended.drone_id], draft, expires_at=work.courier.expiry()
     )

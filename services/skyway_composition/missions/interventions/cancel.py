@@ -16,7 +16,7 @@ from skyway_composition.missions.interventions.stop_packages import stop_package
 from skyway_composition.missions.mission.custody import has_never_left
 from skyway_composition.missions.mission.custody_store import held_packages
 from skyway_composition.missions.mission.store import lock_delivery
-from skyway_composition.missions.mission.unit_of_work import Watch
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 
 #: Told of whatever a customer has cancelled.
 CANCELLED = "CANCELLED"
@@ -55,12 +55,12 @@ class Cancellations:
 
     async def _stop(self, tx: Tx, delivery_id: DeliveryId, wanted: CancelMissions) -> Cancellation:
         drone_ids = await store.drones_serving(tx.connection, delivery_id)
-        watch = await Watch.over(drone_ids, tx=tx, clock=self.clock, mint=self.mint)
+        work = await MissionUnitOfWork.lock(drone_ids, tx=tx, clock=self.clock, mint=self.mint)
         records = [
-            watch.missions[each]
+            work.missions[each]
             for each in drone_ids
             # Meanwhile the drone may serve somebody else.
-            if each in watch.missions and watch.missions[each].mission.delivery_id == delivery_id
+            if each in work.missions and work.missions[each].mission.delivery_id == delivery_id
         ]
         held = await held_packages(tx.connection, delivery_id)
         under_way = {each.package_id for one in records for each in one.request.packages}
@@ -68,7 +68,7 @@ class Cancellations:
         if package_ids is None:
             package_ids = tuple(sorted(under_way | held.keys()))
         stopped = [
-            await stop_packages(watch, record, package_ids, code=CANCELLED, reason=wanted.reason)
+            await stop_packages(work, record, package_ids, code=CANCELLED, reason=wanted.reason)
             for record in records
         ]
         # Of no live mission: never booked and free to go, or with somebody for good.
@@ -76,8 +76,8 @@ class Cancellations:
         for each in package_ids:
             if each not in under_way:
                 others[has_never_left(held.get(each))].append(each)
-        rest = Cancellation(released=tuple(others[True]), too_late=tuple(others[False]))
-        return _together([*stopped, rest])
+        remainder = Cancellation(released=tuple(others[True]), too_late=tuple(others[False]))
+        return _together([*stopped, remainder])
 
 
 def _together(parts: Iterable[Cancellation]) -> Cancellation:

@@ -18,15 +18,15 @@ from skyway_composition.missions.interventions import store
 from skyway_composition.missions.interventions.loaded_check import (
     LoadingFault,
     loading_fault,
-    refuse_strangers,
+    refuse_unknown_packages,
 )
 from skyway_composition.missions.interventions.stop_packages import (
     PACKAGES_CANCELLED,
 )
 from skyway_composition.missions.mission import end as ending
 from skyway_composition.missions.mission.record import MissionRecord, Trouble
-from skyway_composition.missions.mission.unit_of_work import Watch, mission_under_hand
-from skyway_composition.missions.replanning.request_plan import troubled
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, lock_mission
+from skyway_composition.missions.replanning.request_plan import request_plan
 
 
 class LoadingAnswer(JsonModel):
@@ -66,40 +66,42 @@ class Loadings:
             A package is not of this mission, or is listed twice.
         """
         async with self.db.write() as tx:
-            watch, record = await mission_under_hand(
+            work, record = await lock_mission(
                 tx, mission_id, provider_id=provider_id, clock=self.clock, mint=self.mint
             )
-            _refuse_unless_loading(watch, record)
-            refuse_strangers(record, listed)
+            _refuse_unless_loading(work, record)
+            refuse_unknown_packages(record, listed)
             tx.after_commit(self.stuck.set)
             fault = loading_fault(record, listed)
             if fault is not None:
-                await refuse_loading(watch, record, fault)
+                await refuse_loading(work, record, fault)
                 return LoadingAnswer(outcome="REFUSED", code=fault.code, detail=fault.detail)
-            await _confirm(watch, record, listed)
+            await _confirm(work, record, listed)
             return LoadingAnswer(outcome="CONFIRMED")
 
 
-async def refuse_loading(watch: Watch, record: MissionRecord, fault: LoadingFault) -> None:
+async def refuse_loading(
+    work: MissionUnitOfWork, record: MissionRecord, fault: LoadingFault
+) -> None:
     """End a mission that was not loaded as agreed, and have somebody look at it."""
     mission = record.mission
     await alarm_store.add(
-        watch.tx,
+        work.tx,
         level="WARNING",
         code=fault.code,
         detail=fault.detail,
-        at_ms=moment_to_ms(watch.clock.now()),
-        mint=watch.mint,
+        at_ms=moment_to_ms(work.clock.now()),
+        mint=work.mint,
         provider_id=mission.provider_id,
         drone_id=mission.drone_id,
         mission_id=mission.mission_id,
         station_id=record.request.pickup.station_id,
         data=fault.data,
     )
-    await ending.cancel(watch, record, code=fault.code, detail=fault.detail)
+    await ending.cancel(work, record, code=fault.code, detail=fault.detail)
 
 
-def _refuse_unless_loading(watch: Watch, record: MissionRecord) -> None:
+def _refuse_unless_loading(work: MissionUnitOfWork, record: MissionRecord) -> None:
     if record.mission.loading == "CONFIRMED" or record.is_being_loaded:
         raise Conflict("ALREADY_CONFIRMED", f"the loading of {record.mission_id} was confirmed")
     if record.mission.is_held:
@@ -107,7 +109,7 @@ def _refuse_unless_loading(watch: Watch, record: MissionRecord) -> None:
     if record.trouble is not None and record.trouble.code == PACKAGES_CANCELLED:
         detail = f"{record.drone_id} has still to be told what was cancelled of {record.mission_id}"
         raise Conflict("REPLANNING", detail)
-    link, pickup = watch.links.get(record.drone_id), record.request.pickup.station_id
+    link, pickup = work.links.get(record.drone_id), record.request.pickup.station_id
     state = None if link is None else link.state
     stands_and_waits = (
         record.mission.loading == "AWAITED"
@@ -120,7 +122,9 @@ def _refuse_unless_loading(watch: Watch, record: MissionRecord) -> None:
         raise Conflict("NOT_LOADING", detail)
 
 
-async def _confirm(watch: Watch, record: MissionRecord, listed: Sequence[PackageOnBoard]) -> None:
+async def _confirm(
+    work: MissionUnitOfWork, record: MissionRecord, listed: Sequence[PackageOnBoard]
+) -> None:
     """Have the plan made anew with the measured masses, and the drone told to take off."""
     measured_kg = {each.package_id: each.mass_kg for each in listed}
     packages = tuple(
@@ -129,7 +133,7 @@ async def _confirm(watch: Watch, record: MissionRecord, listed: Sequence[Package
     )
     request = record.request.model_copy(update={"packages": packages})
     record = replace(record, request=request)
-    await store.save_request(watch.tx, record)
+    await store.save_request(work.tx, record)
     trouble = Trouble(
         code="LOADED",
         detail=f"{sum(measured_kg.values()):g} kg are on board",
@@ -137,4 +141,4 @@ async def _confirm(watch: Watch, record: MissionRecord, listed: Sequence[Package
             PackageOnBoard(package_id=each.package_id, mass_kg=each.mass_kg) for each in packages
         ),
     )
-    await troubled(watch, record, trouble)
+    await request_plan(work, record, trouble)

@@ -15,16 +15,16 @@ from skyway_composition.links.instruction_store import kind_of_revision
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.interventions.command import Command, CommandAnswer
 from skyway_composition.missions.interventions.stop_packages import (
-    bring_back,
+    return_packages,
     stop_packages,
 )
 from skyway_composition.missions.mission.custody import on_board
 from skyway_composition.missions.mission.custody_store import held_packages
 from skyway_composition.missions.mission.instruct import held, hold, resume
 from skyway_composition.missions.mission.record import CALLED_HOME, DIVERTED, MissionRecord, Trouble
-from skyway_composition.missions.mission.unit_of_work import Watch, mission_under_hand
-from skyway_composition.missions.replanning.failsafes import escape_of
-from skyway_composition.missions.replanning.request_plan import troubled
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, lock_mission
+from skyway_composition.missions.replanning.failsafes import steering_failsafe
+from skyway_composition.missions.replanning.request_plan import request_plan
 from skyway_composition.networks.station_store import network_of
 
 #: Told of what an operator has cancelled, not the customer.
@@ -54,16 +54,16 @@ class Commands:
             The station is not in the mission's network.
         """
         async with self.db.write() as tx:
-            watch, record = await mission_under_hand(
+            work, record = await lock_mission(
                 tx, mission_id, provider_id=None, clock=self.clock, mint=self.mint
             )
-            instruction_id = await _obeyed(watch, record, command)
+            instruction_id = await _carry_out(work, record, command)
             tx.after_commit(self.stuck.set)
         return CommandAnswer(
             mission_id=mission_id,
             command=command.command,
             instruction_id=instruction_id,
-            waits_for=_obstacle(command, record, watch.links[record.drone_id]),
+            waits_for=_obstacle(command, record, work.links[record.drone_id]),
         )
 
 
@@ -72,102 +72,106 @@ def _obstacle(command: Command, record: MissionRecord, link: DroneLink) -> Activ
     brings_steps = command.command in ("DIVERT", "RETURN_HOME", "CANCEL")
     if command.overrides_failsafe or not brings_steps:
         return None
-    return escape_of(record, link.state)
+    return steering_failsafe(record, link.state)
 
 
-async def _obeyed(watch: Watch, record: MissionRecord, command: Command) -> InstructionId | None:
+async def _carry_out(
+    work: MissionUnitOfWork, record: MissionRecord, command: Command
+) -> InstructionId | None:
     reason = command.reason
     match command.command:
         case "HOLD":
-            return await _hold(watch, record, reason)
+            return await _hold(work, record, reason)
         case "RESUME":
-            return await _resume(watch, record, reason)
+            return await _resume(work, record, reason)
         case "RETURN_HOME":
-            await _return_home(watch, record, command)
+            await _return_home(work, record, command)
         case "CANCEL":
-            await _cancel(watch, record, reason)
+            await _cancel(work, record, reason)
         case "DIVERT":
-            return await _divert(watch, record, command)
+            return await _divert(work, record, command)
     return None
 
 
-async def _hold(watch: Watch, record: MissionRecord, reason: str) -> InstructionId:
+async def _hold(work: MissionUnitOfWork, record: MissionRecord, reason: str) -> InstructionId:
     if record.mission.is_held:
         raise Conflict("ALREADY_HELD", f"{record.mission_id} is held")
     _refuse_while_loaded(record)
-    await watch.keep(held(record, is_held=True))
-    return await hold(watch, record, reason=reason)
+    await work.save(held(record, is_held=True))
+    return await hold(work, record, reason=reason)
 
 
-async def _resume(watch: Watch, record: MissionRecord, reason: str) -> InstructionId:
+async def _resume(work: MissionUnitOfWork, record: MissionRecord, reason: str) -> InstructionId:
     """Go on, by a new plan: the old one's times are over. A diversion not flown yet is dropped."""
     if not record.mission.is_held:
         raise Conflict("NOT_HELD", f"{record.mission_id} is not held")
     record = held(record, is_held=False)
     if record.trouble is not None and record.trouble.land_at is not None:
         record = replace(record, trouble=None)
-    await watch.keep(record)
-    instruction_id = await resume(watch, record)
-    await troubled(watch, record, Trouble(code="HELD_UP", detail=f"resumed: {reason}"))
+    await work.save(record)
+    instruction_id = await resume(work, record)
+    await request_plan(work, record, Trouble(code="HELD_UP", detail=f"resumed: {reason}"))
     return instruction_id
 
 
-async def _divert(watch: Watch, record: MissionRecord, command: Command) -> InstructionId:
+async def _divert(
+    work: MissionUnitOfWork, record: MissionRecord, command: Command
+) -> InstructionId:
     """Hold at once, in case there is no way; the diversion's own steps end with a wait for word."""
     station_id, reason = command.station_id, command.reason
     is_known = (
         station_id is not None
-        and await network_of(watch.tx.connection, station_id) == record.network_id
+        and await network_of(work.tx.connection, station_id) == record.network_id
     )
     if not is_known:
         detail = f"{station_id!r} is not a station of network {record.network_id}"
         raise InvalidInput("station_id", detail)
     _refuse_while_loaded(record)
     record = held(record, is_held=True)
-    await watch.keep(record)
-    instruction_id = await hold(watch, record, reason=reason)
+    await work.save(record)
+    instruction_id = await hold(work, record, reason=reason)
     trouble = Trouble(
         code=DIVERTED,
         detail=reason,
         land_at=station_id,
         overrides_failsafe=command.overrides_failsafe,
     )
-    await troubled(watch, record, trouble)
+    await request_plan(work, record, trouble)
     return instruction_id
 
 
-async def _return_home(watch: Watch, record: MissionRecord, command: Command) -> None:
+async def _return_home(work: MissionUnitOfWork, record: MissionRecord, command: Command) -> None:
     """Bring back what is on board; an empty drone goes home anyway, or is cancelled."""
     reason = command.reason
-    carried = on_board(await held_packages(watch.tx.connection, record.mission.delivery_id))
+    carried = on_board(await held_packages(work.tx.connection, record.mission.delivery_id))
     own = [each.package_id for each in record.packages(carried)]
     if not own:
         detail = f"nothing of {record.mission_id} is on board: to end it before loading, cancel it"
         raise Conflict("NOTHING_ON_BOARD", detail)
     if record.mission.is_held:
         raise Conflict("HELD", f"{record.mission_id} is held: resume it first")
-    if not command.overrides_failsafe and await _is_called_home(watch, record):
+    if not command.overrides_failsafe and await _is_called_home(work, record):
         raise Conflict("ALREADY_CALLED_HOME", f"{record.mission_id} is on its way home")
-    record = await bring_back(watch, record, own, code=CALLED_HOME, detail=reason)
+    record = await return_packages(work, record, own, code=CALLED_HOME, detail=reason)
     if command.overrides_failsafe:
         trouble = Trouble(code=CALLED_HOME, detail=reason, overrides_failsafe=True)
-        await troubled(watch, record, trouble)
+        await request_plan(work, record, trouble)
 
 
-async def _is_called_home(watch: Watch, record: MissionRecord) -> bool:
+async def _is_called_home(work: MissionUnitOfWork, record: MissionRecord) -> bool:
     """Whether it flies by such a plan, has one proposed, or one is looked for."""
     mission, proposal, trouble = record.mission, record.proposal, record.trouble
     if CALLED_HOME in (proposal and proposal.code, trouble and trouble.code):
         return True
-    kind = await kind_of_revision(watch.tx, mission.mission_id, mission.revision)
+    kind = await kind_of_revision(work.tx, mission.mission_id, mission.revision)
     return kind == "RETURN_HOME" and proposal is None and trouble is None
 
 
-async def _cancel(watch: Watch, record: MissionRecord, reason: str) -> None:
+async def _cancel(work: MissionUnitOfWork, record: MissionRecord, reason: str) -> None:
     """Stop all packages of the mission, as if they were cancelled one by one."""
     package_ids = [each.package_id for each in record.request.packages]
     stopped = await stop_packages(
-        watch, record, package_ids, code=_CANCELLED_BY_OPERATOR, reason=reason
+        work, record, package_ids, code=_CANCELLED_BY_OPERATOR, reason=reason
     )
     if not stopped.released and not stopped.returning:
         detail = f"everything that {record.mission_id} carries is handed over or on its way"

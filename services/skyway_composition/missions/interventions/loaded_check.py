@@ -26,7 +26,7 @@ class LoadingFault:
     data: Mapping[str, Any] = field(default_factory=dict)  # names and masses
 
 
-def refuse_strangers(record: MissionRecord, listed: Sequence[PackageOnBoard]) -> None:
+def refuse_unknown_packages(record: MissionRecord, listed: Sequence[PackageOnBoard]) -> None:
     """Go on only when each package is one of the mission's, and is listed once.
 
     Raises

@@ -33,7 +33,7 @@ class Loaded(JsonModel):
     packages: Annotated[tuple[LoadedPackage, ...], Field(max_length=MAX_PACKAGES)]
 
 
-def hand_routes(
+def intervention_routes(
     *, gate: ServiceGate, loadings: Loadings, commands: Commands, cancellations: Cancellations
 ) -> ServiceRouter:
     """Loading and commands under /v1/missions, the gateway's cancellations under /internal."""

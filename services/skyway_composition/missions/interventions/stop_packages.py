@@ -19,13 +19,13 @@ from skyway_composition.missions.mission.notify import report
 from skyway_composition.missions.mission.record import Aim, MissionRecord, Trouble
 from skyway_composition.missions.mission.step_record import StepRecord
 from skyway_composition.missions.mission.step_store import steps_of
-from skyway_composition.missions.mission.unit_of_work import Watch
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.missions.replanning.propose import with_aims
-from skyway_composition.missions.replanning.remainder.aims import aimed
-from skyway_composition.missions.replanning.request_plan import troubled
+from skyway_composition.missions.replanning.remainder.aims import with_changed_aims
+from skyway_composition.missions.replanning.request_plan import request_plan
 
 #: Longest time until a drone has heard us, seconds of wall time. Our own choice.
-_HEARD_WITHIN_S: Final = 2.0
+_REACHES_DRONE_WITHIN_S: Final = 2.0
 
 
 #: The same for a plan that has to be made first.
@@ -37,7 +37,7 @@ PACKAGES_CANCELLED: Final = "PACKAGES_CANCELLED"
 
 
 async def stop_packages(
-    watch: Watch,
+    work: MissionUnitOfWork,
     record: MissionRecord,
     package_ids: Collection[PackageId],
     *,
@@ -50,18 +50,18 @@ async def stop_packages(
     back. A drone that takes packages on board this very moment brings them back, too; one that has
     not said yet that it flies the mission at all cannot be told anything now.
     """
-    held = await held_packages(watch.tx.connection, record.mission.delivery_id)
+    held = await held_packages(work.tx.connection, record.mission.delivery_id)
     own = [each.package_id for each in record.packages(frozenset(package_ids))]
     drone = Custodian("DRONE", record.drone_id)
     carried = [each for each in own if each in held and held[each].custodian == drone]
     waiting = [each for each in own if has_never_left(held.get(each))]
     too_late = [each for each in own if each not in carried and each not in waiting]
 
-    steps = await steps_of(watch.tx.connection, record.mission_id)
+    steps = await steps_of(work.tx.connection, record.mission_id)
     takes_others = len(waiting) < len(record.request.packages)
-    link = watch.links[record.drone_id]
-    if waiting and not can_be_kept_off(
-        record, steps, watch.clock, link=link, needs_plan=takes_others
+    link = work.links[record.drone_id]
+    if waiting and not can_stay_at_pickup(
+        record, steps, work.clock, link=link, needs_plan=takes_others
     ):
         if record.mission.state == "BOOKED":
             too_late += waiting
@@ -69,14 +69,14 @@ async def stop_packages(
             carried += waiting
         waiting = []
     if carried:
-        record = await bring_back(watch, record, carried, code=code, detail=reason)
+        record = await return_packages(work, record, carried, code=code, detail=reason)
     if waiting:
-        await _release(watch, record, waiting, code=code, reason=reason)
+        await _release(work, record, waiting, code=code, reason=reason)
     return Cancellation(released=tuple(waiting), returning=tuple(carried), too_late=tuple(too_late))
 
 
-async def bring_back(
-    watch: Watch,
+async def return_packages(
+    work: MissionUnitOfWork,
     record: MissionRecord,
     package_ids: Collection[PackageId],
     *,
@@ -91,12 +91,14 @@ async def bring_back(
         for each in package_ids
         if each not in known
     ]
-    record = with_aims(watch, record, aimed(record.aims, turned), code=code, detail=detail)
-    return await troubled(watch, record, Trouble(code=code, detail=detail))
+    record = with_aims(
+        work, record, with_changed_aims(record.aims, turned), code=code, detail=detail
+    )
+    return await request_plan(work, record, Trouble(code=code, detail=detail))
 
 
 async def _release(
-    watch: Watch,
+    work: MissionUnitOfWork,
     record: MissionRecord,
     package_ids: Collection[PackageId],
     *,
@@ -105,17 +107,17 @@ async def _release(
 ) -> None:
     """Leave these at the pickup; a mission with nothing left to carry is over."""
     record = report(
-        watch,
+        work,
         record,
         "RELEASED",
-        at=watch.clock.now(),
+        at=work.clock.now(),
         package_ids=tuple(package_ids),
         code=code,
         detail=reason,
     )
     left = tuple(each for each in record.request.packages if each.package_id not in package_ids)
     if not left:
-        await ending.cancel(watch, record, code=code, detail=reason)
+        await ending.cancel(work, record, code=code, detail=reason)
         return
     etas = tuple(each for each in record.mission.packages if each.package_id not in package_ids)
     record = replace(
@@ -124,13 +126,13 @@ async def _release(
         mission=record.mission.model_copy(update={"packages": etas}),
         aims=tuple(aim for aim in record.aims if aim.package_id not in package_ids),
     )
-    await store.save_request(watch.tx, record)
+    await store.save_request(work.tx, record)
     detail = f"{len(package_ids)} packages were cancelled: {reason}"
-    await troubled(watch, record, Trouble(code=PACKAGES_CANCELLED, detail=detail))
+    await request_plan(work, record, Trouble(code=PACKAGES_CANCELLED, detail=detail))
 
 
-async def bring_astray_back(
-    watch: Watch, record: MissionRecord, packages: Sequence[PackageOnBoard]
+async def return_cancelled_packages(
+    work: MissionUnitOfWork, record: MissionRecord, packages: Sequence[PackageOnBoard]
 ) -> MissionRecord:
     """The record that knows these packages again, and brings them back.
 
@@ -146,13 +148,13 @@ async def bring_astray_back(
         update={"packages": (*record.request.packages, *known_again)}
     )
     record = replace(record, request=request)
-    await store.save_request(watch.tx, record)
+    await store.save_request(work.tx, record)
     package_ids = [each.package_id for each in packages]
     detail = f"cancelled, but on board already: {', '.join(package_ids)}"
-    return await bring_back(watch, record, package_ids, code="CANCELLED", detail=detail)
+    return await return_packages(work, record, package_ids, code="CANCELLED", detail=detail)
 
 
-def can_be_kept_off(
+def can_stay_at_pickup(
     record: MissionRecord,
     steps: Sequence[StepRecord],
     clock: FleetClock,
@@ -181,5 +183,5 @@ def can_be_kept_off(
 
 
 def _time_to_tell(clock: FleetClock, *, needs_plan: bool) -> timedelta:
-    wall_s = _PLANNED_WITHIN_S if needs_plan else _HEARD_WITHIN_S
+    wall_s = _PLANNED_WITHIN_S if needs_plan else _REACHES_DRONE_WITHIN_S
     return fleet_margin(clock, fleet_s=5, wall_s=wall_s)

@@ -14,47 +14,49 @@ from skyway_composition.missions.mission.notify import raise_alarm, report
 from skyway_composition.missions.mission.record import MissionRecord, moved
 from skyway_composition.missions.mission.step_record import flown_totals
 from skyway_composition.missions.mission.step_store import ended_events
-from skyway_composition.missions.mission.unit_of_work import Watch
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.pads.store import free
 
 
-async def refuse(watch: Watch, record: MissionRecord, *, code: str, detail: str | None) -> None:
+async def refuse(
+    work: MissionUnitOfWork, record: MissionRecord, *, code: str, detail: str | None
+) -> None:
     """End a mission that its drone will not fly."""
     record = replace(moved(record, "REFUSED"), stuck=None, trouble=None, proposal=None)
-    await free(watch.tx, record.mission_id)
+    await free(work.tx, record.mission_id)
     record = report(
-        watch,
+        work,
         record,
         "REFUSED",
-        at=watch.clock.now(),
+        at=work.clock.now(),
         code=code,
         detail=detail,
     )
-    await watch.keep(record)
+    await work.save(record)
 
 
-async def complete(watch: Watch, record: MissionRecord, *, at: datetime) -> None:
+async def complete(work: MissionUnitOfWork, record: MissionRecord, *, at: datetime) -> None:
     """End a mission whose packages are all delivered and whose drone is home."""
-    await _end(watch, record, "COMPLETED", at=at, code=None, detail=None, station_id=None)
+    await _end(work, record, "COMPLETED", at=at, code=None, detail=None, station_id=None)
 
 
-async def cancel(watch: Watch, record: MissionRecord, *, code: str, detail: str) -> None:
+async def cancel(work: MissionUnitOfWork, record: MissionRecord, *, code: str, detail: str) -> None:
     """End a mission of which nothing is on board; its drone is told to forget it.
 
     A drone that has begun it refuses that, flies it to its end, and is busy until then.
     """
     await call_off(
-        watch,
+        work,
         record.drone_id,
         mission_id=record.mission_id,
         revision=record.mission.revision,
         reason=f"{code}: {detail}",
     )
     await _end(
-        watch,
+        work,
         record,
         "CANCELLED",
-        at=watch.clock.now(),
+        at=work.clock.now(),
         code=code,
         detail=detail,
         station_id=None,
@@ -62,7 +64,7 @@ async def cancel(watch: Watch, record: MissionRecord, *, code: str, detail: str)
 
 
 async def abort(
-    watch: Watch,
+    work: MissionUnitOfWork,
     record: MissionRecord,
     *,
     at: datetime,
@@ -77,26 +79,26 @@ async def abort(
     A drone that stands and waits is told to forget it, so that it can serve again.
     """
     if record.mission.state == "BOOKED":
-        await refuse(watch, record, code=code, detail=detail)
+        await refuse(work, record, code=code, detail=detail)
         return
     if station_id is None and record.stuck is not None:
         station_id = record.stuck.station_id
-    link = watch.links.get(record.drone_id)
+    link = work.links.get(record.drone_id)
     if station_id is None and link is not None and link.state is not None:
         station_id = link.state.station_id
     if record.stuck is not None:
         await call_off(
-            watch,
+            work,
             record.drone_id,
             mission_id=record.mission_id,
             revision=record.mission.revision,
             reason=f"given up: {code}",
         )
-    await _end(watch, record, "ABORTED", at=at, code=code, detail=detail, station_id=station_id)
+    await _end(work, record, "ABORTED", at=at, code=code, detail=detail, station_id=station_id)
 
 
 async def abort_in_the_open(
-    watch: Watch,
+    work: MissionUnitOfWork,
     record: MissionRecord,
     *,
     at: datetime,
@@ -106,7 +108,7 @@ async def abort_in_the_open(
 ) -> None:
     """End a mission whose drone is down away from every station; it keeps what is on board."""
     await _end(
-        watch,
+        work,
         record,
         "ABORTED",
         at=at,
@@ -118,7 +120,7 @@ async def abort_in_the_open(
 
 
 async def _end(
-    watch: Watch,
+    work: MissionUnitOfWork,
     record: MissionRecord,
     state: MissionState,
     *,
@@ -128,12 +130,12 @@ async def _end(
     station_id: StationId | None,
     position: Position | None = None,
 ) -> None:
-    stranded = await _strand(watch, record, at=at, station_id=station_id)
+    stranded = await _strand(work, record, at=at, station_id=station_id)
     record = replace(moved(record, state), stuck=None, trouble=None, proposal=None)
-    await free(watch.tx, record.mission_id)
-    events = await ended_events(watch.tx.connection, record.mission_id)
+    await free(work.tx, record.mission_id)
+    events = await ended_events(work.tx.connection, record.mission_id)
     record = report(
-        watch,
+        work,
         record,
         "ENDED",
         at=at,
@@ -144,24 +146,24 @@ async def _end(
         stranded_package_ids=stranded,
         data={"flown": flown_totals(events)},
     )
-    await watch.keep(record)
+    await work.save(record)
 
 
 async def _strand(
-    watch: Watch, record: MissionRecord, *, at: datetime, station_id: StationId | None
+    work: MissionUnitOfWork, record: MissionRecord, *, at: datetime, station_id: StationId | None
 ) -> tuple[PackageId, ...]:
     """The packages left on board, or left behind; where the station is known, it holds them."""
-    held = record.own(await held_packages(watch.tx.connection, record.mission.delivery_id))
+    held = record.own(await held_packages(work.tx.connection, record.mission.delivery_id))
     on_its_board = sorted(on_board(held))
     if station_id is not None:
         station = Custodian("STATION", station_id)
         rows = [Held(each, held[each].seq + 1, station) for each in on_its_board]
-        await add_custody(watch.tx, record, rows, at_ms=moment_to_ms(at))
+        await add_custody(work.tx, record, rows, at_ms=moment_to_ms(at))
     return (*on_its_board, *sorted(left_behind(held, record.request.pickup.station_id)))
 
 
-async def take_forced_landing(
-    watch: Watch,
+async def end_after_forced_landing(
+    work: MissionUnitOfWork,
     record: MissionRecord,
     *,
     at: datetime,
@@ -171,12 +173,12 @@ async def take_forced_landing(
     detail: str,
 ) -> None:
     """End the mission where its drone came down; what is on board stays with the drone."""
-    held = record.own(await held_packages(watch.tx.connection, record.mission.delivery_id))
+    held = record.own(await held_packages(work.tx.connection, record.mission.delivery_id))
     packages = sorted(on_board(held))
     place = f"{position.latitude_deg:.5f}, {position.longitude_deg:.5f}"
     load = f"with {', '.join(packages)} on board" if packages else "with nothing on board"
     await raise_alarm(
-        watch,
+        work,
         record,
         level="CRITICAL",
         code="FORCED_LANDING",
@@ -190,7 +192,7 @@ async def take_forced_landing(
         },
     )
     await abort_in_the_open(
-        watch,
+        work,
         record,
         at=at,
         code=code,

@@ -73,7 +73,7 @@ def flight_steps(
     return tuple(steps)
 
 
-def wait_there(station_id: StationId, at_ms: int, *, step_id: int) -> WaitStep:
+def finished_wait(station_id: StationId, at_ms: int, *, step_id: int) -> WaitStep:
     """A wait that is over at once."""
     at = ms_to_moment(at_ms)
     return WaitStep(
@@ -173,7 +173,7 @@ def _segment(network: Network, from_id: StationId, to_id: StationId) -> Segment:
     return next(each for each in network.segments_from(from_id) if each.to_id == to_id)
 
 
-def record_of(
+def new_mission(
     candidate: Candidate,
     trip: Trip,
     *,

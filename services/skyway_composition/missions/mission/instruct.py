@@ -22,10 +22,10 @@ from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.mission.notify import raise_alarm
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.step_store import steps_of
-from skyway_composition.missions.mission.unit_of_work import Watch
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 
 
-async def dispatch(
+async def send_steps(
     tx: Tx,
     courier: Courier,
     link: DroneLink,
@@ -51,37 +51,37 @@ def mission_draft(mission: Mission, steps: Sequence[FlightStep]) -> Draft:
 
 
 async def call_off(
-    watch: Watch, drone_id: DroneId, *, mission_id: MissionId, revision: int, reason: str
+    work: MissionUnitOfWork, drone_id: DroneId, *, mission_id: MissionId, revision: int, reason: str
 ) -> None:
     """Have the drone forget a mission that was given up, unless it has still to answer that."""
-    sent = await open_instructions(watch.tx, drone_id)
+    sent = await open_instructions(work.tx, drone_id)
     if any(each.kind == "CANCEL" and each.mission_id == mission_id for each in sent):
         return
     draft = partial(
         CancelInstruction, mission_id=mission_id, mission_revision=revision, reason=reason
     )
-    watch.links[drone_id] = await watch.courier.send(
-        watch.tx, watch.links[drone_id], draft, expires_at=watch.courier.expiry()
+    work.links[drone_id] = await work.courier.send(
+        work.tx, work.links[drone_id], draft, expires_at=work.courier.expiry()
     )
 
 
-async def reissue(watch: Watch, record: MissionRecord) -> None:
+async def send_again(work: MissionUnitOfWork, record: MissionRecord) -> None:
     """Send a mission that was not answered once more, in the link's new stream."""
-    known = await steps_of(watch.tx.connection, record.mission_id)
+    known = await steps_of(work.tx.connection, record.mission_id)
     steps = [each.step for each in known if each.status == "PLANNED"]
-    expires_at = watch.courier.expiry()
-    watch.links[record.drone_id] = await dispatch(
-        watch.tx,
-        watch.courier,
-        watch.links[record.drone_id],
+    expires_at = work.courier.expiry()
+    work.links[record.drone_id] = await send_steps(
+        work.tx,
+        work.courier,
+        work.links[record.drone_id],
         mission=record.mission,
         steps=steps,
         expires_at=expires_at,
     )
-    await watch.keep(replace(record, expires_ms=moment_to_ms(expires_at)))
+    await work.save(replace(record, expires_ms=moment_to_ms(expires_at)))
 
 
-async def hold(watch: Watch, record: MissionRecord, *, reason: str) -> InstructionId:
+async def hold(work: MissionUnitOfWork, record: MissionRecord, *, reason: str) -> InstructionId:
     """Tell the drone to hold, until it is resumed or gets new steps; the instruction's id."""
     draft = partial(
         HoldInstruction,
@@ -89,37 +89,37 @@ async def hold(watch: Watch, record: MissionRecord, *, reason: str) -> Instructi
         mission_revision=_newest_revision(record),
         reason=reason,
     )
-    return await _send(watch, record, draft)
+    return await _send(work, record, draft)
 
 
-async def resume(watch: Watch, record: MissionRecord) -> InstructionId:
+async def resume(work: MissionUnitOfWork, record: MissionRecord) -> InstructionId:
     """Tell the drone to go on; the instruction's id."""
     draft = partial(
         ResumeInstruction,
         mission_id=record.mission_id,
         mission_revision=_newest_revision(record),
     )
-    return await _send(watch, record, draft)
+    return await _send(work, record, draft)
 
 
-async def take_refused_hold(
-    watch: Watch, record: MissionRecord, sent: SentInstruction, *, code: str
+async def handle_refused_hold(
+    work: MissionUnitOfWork, record: MissionRecord, sent: SentInstruction, *, code: str
 ) -> None:
     """Show a mission as flown on whose drone did not hold, and tell operators."""
     is_told_again = any(
-        each.kind == "HOLD" for each in await open_instructions(watch.tx, record.drone_id)
+        each.kind == "HOLD" for each in await open_instructions(work.tx, record.drone_id)
     )
     is_held = record.mission.is_held and record.mission_id == sent.mission_id
     if is_told_again or not is_held:
         return
     await raise_alarm(
-        watch,
+        work,
         record,
         level="URGENT",
         code="HOLD_REFUSED",
         detail=f"the drone flies on, since it refused to hold: {code}",
     )
-    await watch.keep(held(record, is_held=False))
+    await work.save(held(record, is_held=False))
 
 
 def held(record: MissionRecord, *, is_held: bool) -> MissionRecord:
@@ -133,10 +133,10 @@ def _newest_revision(record: MissionRecord) -> int:
     return mission.revision
 
 
-async def _send(watch: Watch, record: MissionRecord, draft: Draft) -> InstructionId:
-    link = watch.links[record.drone_id]
-    watch.links[record.drone_id] = await watch.courier.send(
-        watch.tx, link, draft, expires_at=watch.courier.expiry()
+async def _send(work: MissionUnitOfWork, record: MissionRecord, draft: Draft) -> InstructionId:
+    link = work.links[record.drone_id]
+    work.links[record.drone_id] = await work.courier.send(
+        work.tx, link, draft, expires_at=work.courier.expiry()
     )
-    *_, newest = await open_instructions(watch.tx, record.drone_id)
+    *_, newest = await open_instructions(work.tx, record.drone_id)
     return newest.instruction_id

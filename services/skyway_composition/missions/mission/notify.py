@@ -12,14 +12,14 @@ from skyway.ids import StationId
 from skyway.units import moment_to_ms
 from skyway_composition.alarms import store
 from skyway_composition.missions.mission.record import MissionRecord
-from skyway_composition.missions.mission.unit_of_work import Watch
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 
 #: What makes a drone busy or free: all that the registry wants to know.
 _OF_THE_DRONE: Final = ("ACCEPTED", "REFUSED", "ENDED")
 
 
 def report(
-    watch: Watch,
+    work: MissionUnitOfWork,
     record: MissionRecord,
     kind: str,
     *,
@@ -30,7 +30,7 @@ def report(
     mission = record.mission
     told = MissionReport.model_validate(
         {
-            "report_id": watch.mint("rpt"),
+            "report_id": work.mint("rpt"),
             "delivery_id": mission.delivery_id,
             "attempt": mission.attempt,
             "trip": mission.trip,
@@ -44,14 +44,14 @@ def report(
             **fields,
         }
     )
-    watch.tx.report("gateway", MISSION_REPORTS, told, stream=mission.mission_id)
+    work.tx.report("gateway", MISSION_REPORTS, told, stream=mission.mission_id)
     if kind in _OF_THE_DRONE:
-        watch.tx.report("registry", MISSION_REPORTS, told, stream=mission.mission_id)
+        work.tx.report("registry", MISSION_REPORTS, told, stream=mission.mission_id)
     return replace(record, report_seq=told.seq)
 
 
 async def raise_alarm(
-    watch: Watch,
+    work: MissionUnitOfWork,
     record: MissionRecord,
     *,
     level: AlarmLevel,
@@ -62,12 +62,12 @@ async def raise_alarm(
 ) -> None:
     """Raise an alarm about a mission and its drone, as of now."""
     await store.add(
-        watch.tx,
+        work.tx,
         level=level,
         code=code,
         detail=detail,
-        at_ms=moment_to_ms(watch.clock.now()),
-        mint=watch.mint,
+        at_ms=moment_to_ms(work.clock.now()),
+        mint=work.mint,
         provider_id=record.mission.provider_id,
         drone_id=record.drone_id,
         mission_id=record.mission_id,

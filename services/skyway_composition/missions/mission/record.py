@@ -89,7 +89,7 @@ class MissionRecord:
     candidate: Candidate
     expires_ms: int
     report_seq: int = 0
-    told: str | None = None
+    reported_activity: str | None = None
     stuck: Stuck | None = None
     trouble: Trouble | None = None
     proposal: Proposal | None = None

@@ -10,7 +10,7 @@ from skyway.units import moment_to_ms
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.step_record import StepRecord
 from skyway_composition.missions.mission.step_store import steps_of
-from skyway_composition.missions.mission.unit_of_work import Watch
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.pads.booked_pad import BookedPad, merged
 from skyway_composition.pads.store import hold
 
@@ -61,7 +61,7 @@ def needed_pads(record: MissionRecord, steps: Sequence[StepRecord]) -> tuple[Boo
     return merged((*needed, *pads_of(proposal.steps, pad_gap_s=proposed_gap_s)))
 
 
-async def give_back(watch: Watch, record: MissionRecord) -> None:
+async def release_unneeded_pads(work: MissionUnitOfWork, record: MissionRecord) -> None:
     """Hold what the mission still needs, and nothing else; a new need may be `Taken`."""
-    steps = await steps_of(watch.tx.connection, record.mission_id)
-    await hold(watch.tx, record.mission_id, needed_pads(record, steps))
+    steps = await steps_of(work.tx.connection, record.mission_id)
+    await hold(work.tx, record.mission_id, needed_pads(record, steps))

@@ -18,12 +18,12 @@ J = TypeVar("J", bound=JsonModel)
 _MOST: Final = 500
 
 
-class KnownJson(Generic[J]):
+class JsonCache(Generic[J]):
     """The JSON of one model's values, which are frozen: whoever reads a text shares its value."""
 
     def __init__(self, model: type[J]) -> None:
         self._model = model
-        self._known: dict[str, J] = {}
+        self._cached: dict[str, J] = {}
 
     def write(self, value: J) -> str:
         """The JSON of a value, known from now on."""
@@ -33,29 +33,29 @@ class KnownJson(Generic[J]):
 
     def read(self, text: str) -> J:
         """The value in this JSON."""
-        value = self._known.get(text)
+        value = self._cached.get(text)
         if value is None:
             value = self._model.read(text)
             self._keep(text, value)
         return value
 
     def _keep(self, text: str, value: J) -> None:
-        self._known[text] = value
-        while len(self._known) > _MOST:
-            del self._known[next(iter(self._known))]
+        self._cached[text] = value
+        while len(self._cached) > _MOST:
+            del self._cached[next(iter(self._cached))]
 
 
 _AIMS: Final = TypeAdapter(tuple[Aim, ...])
 
 
 # A mission is read again soon after it was written, and its request never changes.
-_MISSIONS: Final = KnownJson(Mission)
+_MISSIONS: Final = JsonCache(Mission)
 
 
-_REQUESTS: Final = KnownJson(DeliveryRequest)
+_REQUESTS: Final = JsonCache(DeliveryRequest)
 
 
-_CANDIDATES: Final = KnownJson(Candidate)
+_CANDIDATES: Final = JsonCache(Candidate)
 
 
 def new_row(record: MissionRecord) -> dict[str, Any]:  # column values of any type
@@ -85,7 +85,7 @@ def changing_columns(record: MissionRecord) -> dict[str, Any]:  # column values 
         "expires_ms": record.expires_ms,
         "body": _MISSIONS.write(mission),
         "report_seq": record.report_seq,
-        "told": record.told,
+        "told": record.reported_activity,
         "stuck": None if record.stuck is None else record.stuck.model_dump_json(),
         "trouble": None if record.trouble is None else record.trouble.model_dump_json(),
         "proposal": None if record.proposal is None else record.proposal.model_dump_json(),
@@ -103,7 +103,7 @@ def read_record(row: Any) -> MissionRecord:  # a row of missions, whose columns 
         candidate=_CANDIDATES.read(row.candidate),
         expires_ms=row.expires_ms,
         report_seq=row.report_seq,
-        told=row.told,
+        reported_activity=row.told,
         stuck=None if row.stuck is None else Stuck.read(row.stuck),
         trouble=None if row.trouble is None else Trouble.read(row.trouble),
         proposal=None if row.proposal is None else Proposal.read(row.proposal),

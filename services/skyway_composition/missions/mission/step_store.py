@@ -156,7 +156,7 @@ def step_columns(step: FlightStep) -> dict[str, Any]:  # column values of any ty
     }
 
 
-async def keep(tx: Tx, mission_id: MissionId, event: DroneEvent) -> None:
+async def keep_cut_step(tx: Tx, mission_id: MissionId, event: DroneEvent) -> None:
     """Keep what a cut step took, before the step in its place does away with it."""
     if event.started_at is None:
         return

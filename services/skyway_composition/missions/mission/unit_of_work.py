@@ -18,7 +18,7 @@ from skyway_composition.missions.mission.record import MissionRecord
 
 
 @dataclass(slots=True)
-class Watch:
+class MissionUnitOfWork:
     """What is known of each drone; links are locked before missions, by everybody."""
 
     tx: Tx
@@ -26,12 +26,12 @@ class Watch:
     mint: Mint
     links: dict[DroneId, DroneLink]
     missions: dict[DroneId, MissionRecord]
-    _noted_links: set[DroneId] = field(default_factory=set)
-    _noted_missions: set[DroneId] = field(default_factory=set)
+    _staged_links: set[DroneId] = field(default_factory=set)
+    _staged_missions: set[DroneId] = field(default_factory=set)
     _answered: list[InstructionId] = field(default_factory=list)
 
     @classmethod
-    async def over(
+    async def lock(
         cls, drone_ids: Collection[DroneId], *, tx: Tx, clock: FleetClock, mint: Mint
     ) -> Self:
         """The watch over these drones; those that we never heard of have no link."""
@@ -43,34 +43,34 @@ class Watch:
         """Sends instructions to these drones."""
         return Courier(self.clock, self.mint)
 
-    def note_link(self, link: DroneLink) -> None:
+    def stage_link(self, link: DroneLink) -> None:
         """Know what changed of a link; `keep_noted` keeps it."""
         if link != self.links[link.drone_id]:
             self.links[link.drone_id] = link
-            self._noted_links.add(link.drone_id)
+            self._staged_links.add(link.drone_id)
 
-    def note(self, record: MissionRecord) -> None:
+    def stage(self, record: MissionRecord) -> None:
         """Know what changed of a mission that goes on; `keep_noted` keeps it."""
         self.missions[record.drone_id] = record
-        self._noted_missions.add(record.drone_id)
+        self._staged_missions.add(record.drone_id)
 
-    def note_answer(self, instruction_id: InstructionId) -> None:
+    def stage_answer(self, instruction_id: InstructionId) -> None:
         """Know that an instruction was answered; `keep_noted` ends its repeating."""
         self._answered.append(instruction_id)
 
-    async def keep_noted(self) -> None:
+    async def save_staged(self) -> None:
         """Keep all that was noted: once a transaction, however much the drones say."""
-        await save_links(self.tx, [self.links[each] for each in sorted(self._noted_links)])
-        noted = [self.missions[each] for each in sorted(self._noted_missions)]
+        await save_links(self.tx, [self.links[each] for each in sorted(self._staged_links)])
+        noted = [self.missions[each] for each in sorted(self._staged_missions)]
         await store.save_all(self.tx, noted)
         await confirm(self.tx, self._answered)
-        self._noted_links.clear()
-        self._noted_missions.clear()
+        self._staged_links.clear()
+        self._staged_missions.clear()
         self._answered.clear()
 
-    async def keep(self, record: MissionRecord) -> None:
+    async def save(self, record: MissionRecord) -> None:
         """Keep what changed of a mission; one that has ended is no longer watched."""
-        self._noted_missions.discard(record.drone_id)
+        self._staged_missions.discard(record.drone_id)
         if record.is_live:
             self.missions[record.drone_id] = record
         else:
@@ -78,14 +78,14 @@ class Watch:
         await store.save_all(self.tx, [record])
 
 
-async def mission_under_hand(
+async def lock_mission(
     tx: Tx,
     mission_id: MissionId,
     *,
     provider_id: ProviderId | None,
     clock: FleetClock,
     mint: Mint,
-) -> tuple[Watch, MissionRecord]:
+) -> tuple[MissionUnitOfWork, MissionRecord]:
     """The live mission, if it is this provider's (None: whoever's), and the watch over its drone.
 
     Raises
@@ -99,8 +99,8 @@ async def mission_under_hand(
     found = await store.get(tx.connection, mission_id, provider_id=provider_id)
     if found is None:
         raise NotFound("mission", mission_id)
-    watch = await Watch.over([found.drone_id], tx=tx, clock=clock, mint=mint)
-    record = watch.missions.get(found.drone_id)
+    work = await MissionUnitOfWork.lock([found.drone_id], tx=tx, clock=clock, mint=mint)
+    record = work.missions.get(found.drone_id)
     if record is None or record.mission_id != mission_id:
         raise Conflict("MISSION_OVER", f"{mission_id} is over")
-    return watch, record
+    return work, record

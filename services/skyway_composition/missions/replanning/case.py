@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 from skyway.ids import StationId
 from skyway_composition.missions.mission.record import MissionRecord, Trouble
-from skyway_composition.missions.mission.unit_of_work import Watch
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.missions.replanning.outlook.situation import Situation
 from skyway_composition.missions.replanning.remainder.anchor import Anchor
 from skyway_composition.missions.replanning.remainder.closed_ahead import ClosedAhead
@@ -30,7 +30,7 @@ class Case:
         return self.situation.record
 
     @property
-    def waits_for_word(self) -> bool:
+    def waits_for_operator(self) -> bool:
         """Whether the drone is held, and nobody has said where."""
         return self.record.mission.is_held and self.trouble.land_at is None
 
@@ -46,13 +46,13 @@ class Case:
         standing = self.record.candidate.model_copy(update={"station_id": anchor.station_id})
         return self.world.conditions.ground_stop(standing, at_ms=anchor.at_ms)
 
-    def still_is(self, watch: Watch, record: MissionRecord) -> bool:
+    def is_unchanged(self, work: MissionUnitOfWork, record: MissionRecord) -> bool:
         """Whether the mission still waits, for the same reason, and its drone is where it was."""
         known, was = self.record, self.situation.link.state
-        state = watch.links[record.drone_id].state
+        state = work.links[record.drone_id].state
         progress = None if state is None else (state.step_id, state.released_through)
         known_progress = None if was is None else (was.step_id, was.released_through)
-        return progress == known_progress and _wish(record) == _wish(known)
+        return progress == known_progress and _inputs(record) == _inputs(known)
 
 
 def trouble_of(record: MissionRecord) -> Trouble | None:
@@ -73,7 +73,7 @@ def may_be_planned(situation: Situation, trouble: Trouble) -> bool:
     record = situation.record
     if record.mission.state == "BOOKED" or record.proposal is not None:
         return False
-    if situation.escape is not None and not trouble.overrides_failsafe:
+    if situation.steering_failsafe is not None and not trouble.overrides_failsafe:
         return False
     if not record.mission.is_held or trouble.land_at is not None:
         return True
@@ -84,7 +84,7 @@ def may_be_planned(situation: Situation, trouble: Trouble) -> bool:
     )
 
 
-def _wish(record: MissionRecord) -> tuple[object, ...]:
+def _inputs(record: MissionRecord) -> tuple[object, ...]:
     return (
         record.mission_id,
         record.mission.revision,

@@ -7,13 +7,13 @@ from skyway.contracts.drone_report import DroneState
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.mission.notify import raise_alarm
 from skyway_composition.missions.mission.record import CALLED_HOME, MissionRecord
-from skyway_composition.missions.mission.unit_of_work import Watch
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 
 #: While one of these acts a drone refuses new steps, unless they override it.
 _ESCAPES: Final = (Failsafe.DIVERT, Failsafe.LAND_NOW)
 
 
-def escape_of(record: MissionRecord, state: DroneState | None) -> ActiveFailsafe | None:
+def steering_failsafe(record: MissionRecord, state: DroneState | None) -> ActiveFailsafe | None:
     """The failsafe that leads a mission's drone elsewhere; None while it does as it was told."""
     if record.stuck is not None or state is None or state.failsafe is None:
         return None
@@ -34,7 +34,7 @@ def waits_for_pad(record: MissionRecord, link: DroneLink) -> bool:
     return state.activity == "RECHARGING" and Fault.PAD_OCCUPIED in state.faults
 
 
-async def take_failsafe_refusal(watch: Watch, record: MissionRecord) -> MissionRecord:
+async def handle_failsafe_refusal(work: MissionUnitOfWork, record: MissionRecord) -> MissionRecord:
     """The record of a mission whose drone's failsafe went before its new plan.
 
     The plan is made once that is over; an operator whose wish it was is told. What the drone did
@@ -44,11 +44,11 @@ async def take_failsafe_refusal(watch: Watch, record: MissionRecord) -> MissionR
     if trouble is None:
         return record
     if trouble.code == CALLED_HOME or trouble.land_at is not None:
-        escape = escape_of(record, watch.links[record.drone_id].state)
+        escape = steering_failsafe(record, work.links[record.drone_id].state)
         acting = "a failsafe" if escape is None else f"{escape.failsafe} for {escape.fault}"
         hint = "nothing overrides this" if trouble.overrides_failsafe else "unless overridden"
         await raise_alarm(
-            watch,
+            work,
             record,
             level="WARNING",
             code="FAILSAFE_ACTIVE",

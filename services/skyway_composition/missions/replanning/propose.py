@@ -20,7 +20,7 @@ from skyway.ids import MissionId, PackageId
 from skyway.runtime.sql.database import Tx
 from skyway_composition.links.courier import Draft
 from skyway_composition.links.instruction_store import kind_of_revision
-from skyway_composition.missions.mission.instruct import dispatch
+from skyway_composition.missions.mission.instruct import send_steps
 from skyway_composition.missions.mission.notify import report
 from skyway_composition.missions.mission.record import (
     CALLED_HOME,
@@ -29,18 +29,18 @@ from skyway_composition.missions.mission.record import (
     Proposal,
     Trouble,
 )
-from skyway_composition.missions.mission.release_pads import give_back
+from skyway_composition.missions.mission.release_pads import release_unneeded_pads
 from skyway_composition.missions.mission.step_store import (
     change_step,
     replace_planned,
     replace_steps,
     steps_of,
 )
-from skyway_composition.missions.mission.unit_of_work import Watch
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.missions.replanning.remainder.aims import turned_back
 from skyway_composition.missions.replanning.remainder.anchor import Anchor
-from skyway_composition.missions.replanning.request_plan import troubled
-from skyway_composition.missions.replanning.store import plan_at_once
+from skyway_composition.missions.replanning.request_plan import request_plan
+from skyway_composition.missions.replanning.store import plan_now
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,7 +53,12 @@ class Revision:
 
 
 async def propose(
-    watch: Watch, record: MissionRecord, revision: Revision, *, anchor: Anchor, trouble: Trouble
+    work: MissionUnitOfWork,
+    record: MissionRecord,
+    revision: Revision,
+    *,
+    anchor: Anchor,
+    trouble: Trouble,
 ) -> None:
     """Send a revision; both plans' pads are held from now on.
 
@@ -63,11 +68,11 @@ async def propose(
         Somebody else holds one of the new pads.
     """
     draft = _draft(revision, anchor, trouble)
-    link, instruction_id = await watch.courier.post(
-        watch.tx, watch.links[record.drone_id], draft, expires_at=watch.courier.expiry()
+    link, instruction_id = await work.courier.post(
+        work.tx, work.links[record.drone_id], draft, expires_at=work.courier.expiry()
     )
-    watch.links[record.drone_id] = link
-    record = with_aims(watch, record, revision.aims, code=trouble.code, detail=trouble.detail)
+    work.links[record.drone_id] = link
+    record = with_aims(work, record, revision.aims, code=trouble.code, detail=trouble.detail)
     proposal = Proposal(
         instruction_id=instruction_id,
         first_step=anchor.first_step,
@@ -77,12 +82,12 @@ async def propose(
         detail=trouble.detail,
     )
     record = replace(record, proposal=proposal)
-    await watch.keep(record)
-    await give_back(watch, record)
+    await work.save(record)
+    await release_unneeded_pads(work, record)
 
 
-async def settle_if_flown(
-    watch: Watch, record: MissionRecord, revision: int | None
+async def accept_if_flown(
+    work: MissionUnitOfWork, record: MissionRecord, revision: int | None
 ) -> MissionRecord:
     """The record once its drone is heard to fly by the proposal, whose answer is still to come.
 
@@ -91,21 +96,21 @@ async def settle_if_flown(
     proposal = record.proposal
     if proposal is None or revision != proposal.mission.revision:
         return record
-    kind = await kind_of_revision(watch.tx, record.mission_id, revision)
-    return await settle(watch, record, proposal, kind=kind)
+    kind = await kind_of_revision(work.tx, record.mission_id, revision)
+    return await accept_proposal(work, record, proposal, kind=kind)
 
 
-async def settle(
-    watch: Watch, record: MissionRecord, proposal: Proposal, *, kind: str | None
+async def accept_proposal(
+    work: MissionUnitOfWork, record: MissionRecord, proposal: Proposal, *, kind: str | None
 ) -> MissionRecord:
     """The drone has taken the proposal, an instruction of this kind: now it is the mission."""
     if kind != "MISSION":
         # The flight before a DIVERT flies on, or lands, as what follows has it.
-        await join(watch.tx, record.mission_id, proposal)
+        await adjust_last_flight(work.tx, record.mission_id, proposal)
     known = record.mission
     mission = proposal.mission.model_copy(update={"state": known.state, "is_held": known.is_held})
     await replace_steps(
-        watch.tx,
+        work.tx,
         record.mission_id,
         proposal.steps,
         first_step=proposal.first_step,
@@ -116,29 +121,29 @@ async def settle(
         mission=mission,
         proposal=None,
         stuck=None,
-        told=None,
+        reported_activity=None,
         trouble=_left_of(record.trouble, proposal),
     )
-    await give_back(watch, record)
-    record = told_replanned(watch, record, code=proposal.code, detail=proposal.detail)
-    await watch.keep(record)
-    await plan_at_once(watch.tx, record.mission_id)
-    unmet = unmet_returns(record, proposal.steps)
+    await release_unneeded_pads(work, record)
+    record = report_replanned(work, record, code=proposal.code, detail=proposal.detail)
+    await work.save(record)
+    await plan_now(work.tx, record.mission_id)
+    unmet = returns_not_in_plan(record, proposal.steps)
     if unmet:
         detail = f"cancelled while the plan was on its way: {', '.join(unmet)}"
-        record = await troubled(watch, record, Trouble(code="CANCELLED", detail=detail))
+        record = await request_plan(work, record, Trouble(code="CANCELLED", detail=detail))
     return record
 
 
-async def drop(watch: Watch, record: MissionRecord) -> MissionRecord:
+async def drop_proposal(work: MissionUnitOfWork, record: MissionRecord) -> MissionRecord:
     """The drone will not fly the proposal: the record without it, and without its pads.
 
     The trouble stays, and another plan is looked for at once.
     """
     record = replace(record, proposal=None)
-    await give_back(watch, record)
-    await watch.keep(record)
-    await plan_at_once(watch.tx, record.mission_id)
+    await release_unneeded_pads(work, record)
+    await work.save(record)
+    await plan_now(work.tx, record.mission_id)
     return record
 
 
@@ -175,7 +180,7 @@ def _draft(revision: Revision, anchor: Anchor, trouble: Trouble) -> Draft:
 
 
 async def replace_plan(
-    watch: Watch, record: MissionRecord, revision: Revision, *, trouble: Trouble
+    work: MissionUnitOfWork, record: MissionRecord, revision: Revision, *, trouble: Trouble
 ) -> None:
     """Put a revision in the place of all that was planned, and send it.
 
@@ -185,23 +190,23 @@ async def replace_plan(
         Somebody else holds one of the new pads.
     """
     mission = revision.mission
-    await replace_planned(watch.tx, record.mission_id, revision.steps, revision=mission.revision)
-    record = with_aims(watch, record, revision.aims, code=trouble.code, detail=trouble.detail)
-    record = replace(record, mission=mission, stuck=None, trouble=None, told=None)
-    await give_back(watch, record)
-    watch.links[record.drone_id] = await dispatch(
-        watch.tx,
-        watch.courier,
-        watch.links[record.drone_id],
+    await replace_planned(work.tx, record.mission_id, revision.steps, revision=mission.revision)
+    record = with_aims(work, record, revision.aims, code=trouble.code, detail=trouble.detail)
+    record = replace(record, mission=mission, stuck=None, trouble=None, reported_activity=None)
+    await release_unneeded_pads(work, record)
+    work.links[record.drone_id] = await send_steps(
+        work.tx,
+        work.courier,
+        work.links[record.drone_id],
         mission=mission,
         steps=revision.steps,
-        expires_at=watch.courier.expiry(),
+        expires_at=work.courier.expiry(),
     )
-    record = told_replanned(watch, record, code=trouble.code, detail=trouble.detail)
-    await watch.keep(record)
+    record = report_replanned(work, record, code=trouble.code, detail=trouble.detail)
+    await work.save(record)
 
 
-async def join(tx: Tx, mission_id: MissionId, proposal: Proposal) -> None:
+async def adjust_last_flight(tx: Tx, mission_id: MissionId, proposal: Proposal) -> None:
     """Keep of the last flight that stays valid what the drone makes of it.
 
     Before another flight it flies on over its end, before anything else it lands there.
@@ -214,7 +219,9 @@ async def join(tx: Tx, mission_id: MissionId, proposal: Proposal) -> None:
             await change_step(tx, mission_id, step.model_copy(update={"lands": lands}))
 
 
-def unmet_returns(record: MissionRecord, steps: Sequence[FlightStep]) -> tuple[PackageId, ...]:
+def returns_not_in_plan(
+    record: MissionRecord, steps: Sequence[FlightStep]
+) -> tuple[PackageId, ...]:
     """Those of which word came while the plan was on its way to the drone."""
     delivered = {
         package_id
@@ -230,7 +237,7 @@ def unmet_returns(record: MissionRecord, steps: Sequence[FlightStep]) -> tuple[P
 
 
 def with_aims(
-    watch: Watch, record: MissionRecord, aims: tuple[Aim, ...], *, code: str, detail: str
+    work: MissionUnitOfWork, record: MissionRecord, aims: tuple[Aim, ...], *, code: str, detail: str
 ) -> MissionRecord:
     """The record with these aims, once it is told what goes back to the pickup now."""
     turned = turned_back(record.aims, aims)
@@ -238,23 +245,25 @@ def with_aims(
     if not turned:
         return record
     return report(
-        watch,
+        work,
         record,
         "RETURNING",
-        at=watch.clock.now(),
+        at=work.clock.now(),
         package_ids=turned,
         code=code,
         detail=detail,
     )
 
 
-def told_replanned(watch: Watch, record: MissionRecord, *, code: str, detail: str) -> MissionRecord:
+def report_replanned(
+    work: MissionUnitOfWork, record: MissionRecord, *, code: str, detail: str
+) -> MissionRecord:
     """The record once it is told that its mission goes on by another plan, and why."""
     return report(
-        watch,
+        work,
         record,
         "REPLANNED",
-        at=watch.clock.now(),
+        at=work.clock.now(),
         code=code,
         detail=detail,
         etas=record.mission.packages,

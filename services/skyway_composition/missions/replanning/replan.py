@@ -18,7 +18,7 @@ from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_composition.links.instruction_store import last_revision
 from skyway_composition.missions.mission.record import MissionRecord
-from skyway_composition.missions.mission.unit_of_work import Watch
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.missions.replanning.apply_outcome import (
     MOST_REVISIONS,
     Outcomes,
@@ -33,7 +33,7 @@ from skyway_composition.missions.replanning.remainder.anchor import (
     find_anchor,
 )
 from skyway_composition.missions.replanning.remainder.closed_ahead import ClosedAhead
-from skyway_composition.missions.replanning.remainder.planner import Rest, RestPlanner
+from skyway_composition.missions.replanning.remainder.planner import Remainder, RemainderPlanner
 from skyway_composition.missions.replanning.store import claim_stuck
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.planning.find_trip import NoTrip
@@ -42,11 +42,11 @@ from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.world import World
 
 #: Until the drone has a revision that is sent now: fleet seconds, wall seconds. Our own choice.
-_HEARD_WITHIN_S: Final = (5.0, 2.0)
+_REACHES_DRONE_WITHIN_S: Final = (5.0, 2.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Recomposer:
+class Replanner:
     """Finds new plans for missions that need one."""
 
     db: Database
@@ -63,19 +63,19 @@ class Recomposer:
         Each on its own: one that fails is tried again when its claim is over.
         """
         drone_ids = await claim_stuck(self.db, self.clock, self.claimant)
-        ends = await asyncio.gather(*map(self.recompose, drone_ids), return_exceptions=True)
+        ends = await asyncio.gather(*map(self.replan, drone_ids), return_exceptions=True)
         failures = [each for each in ends if isinstance(each, Exception)]
         if failures:
             raise ExceptionGroup("not re-composed", failures)
         return bool(drone_ids)
 
-    async def recompose(self, drone_id: DroneId) -> None:
+    async def replan(self, drone_id: DroneId) -> None:
         """Give this drone's mission a new revision; without a plan try again later, or give up."""
-        seen = await self._look_at(drone_id)
+        seen = await self._read_situation(drone_id)
         if seen is not None and seen[0].needs_pad_closed:
             await self.occupied.close(seen[0].record)
             # That changes missions, this one too.
-            seen = await self._look_at(drone_id)
+            seen = await self._read_situation(drone_id)
         if seen is None:
             return
         situation, sent_revisions = seen
@@ -95,7 +95,7 @@ class Recomposer:
         if anchor is None:
             await self._outcomes.retry_later(case.record)
             return
-        if case.waits_for_word:
+        if case.waits_for_operator:
             if not anchor.is_divert:
                 await self._outcomes.retry_later(case.record)
                 return
@@ -103,25 +103,25 @@ class Recomposer:
         elif (stop := case.ground_stop(anchor)) is not None:
             await self._outcomes.hold(case.record, stop)
             return
-        planner = RestPlanner(self.solver, case.world, case.situation, case.closed)
-        anchor, rest = await self._rest(case, planner, landing=anchor)
-        if isinstance(rest, Rest):
-            await self._outcomes.take_or_retry(case, anchor, rest)
-        elif rest.is_temporary:
+        planner = RemainderPlanner(self.solver, case.world, case.situation, case.closed)
+        anchor, remainder = await self._rest(case, planner, landing=anchor)
+        if isinstance(remainder, Remainder):
+            await self._outcomes.send_or_retry(case, anchor, remainder)
+        elif remainder.is_temporary:
             await self._outcomes.retry_later(case.record)
         else:
-            await self._do_without(case, anchor, planner, rest)
+            await self._handle_no_plan(case, anchor, planner, remainder)
 
     async def _rest(
-        self, case: Case, planner: RestPlanner, *, landing: Anchor
-    ) -> tuple[Anchor, Rest | NoTrip]:
+        self, case: Case, planner: RemainderPlanner, *, landing: Anchor
+    ) -> tuple[Anchor, Remainder | NoTrip]:
         """The rest from where the drone lands next, else from a station that it would fly over."""
         found = await planner.plan(landing, case.trouble)
-        if isinstance(found, Rest):
+        if isinstance(found, Remainder):
             return landing, found
         for over in self._flown_over(case, landing):
             sooner = await planner.plan(over, case.trouble)
-            if isinstance(sooner, Rest):
+            if isinstance(sooner, Remainder):
                 return over, sooner
         return landing, found
 
@@ -133,8 +133,8 @@ class Recomposer:
             if over is not None and case.ground_stop(over) is None:
                 yield over
 
-    async def _do_without(
-        self, case: Case, anchor: Anchor, planner: RestPlanner, reason: NoTrip
+    async def _handle_no_plan(
+        self, case: Case, anchor: Anchor, planner: RemainderPlanner, reason: NoTrip
     ) -> None:
         """Without any plan the drone stays where it is, or lands where it is flying to."""
         if anchor.is_in_the_air:
@@ -143,26 +143,26 @@ class Recomposer:
             if landing is None:
                 await self._outcomes.retry_later(case.record)
                 return
-            rest = planner.leave_here(landing, code=reason.code)
-            await self._outcomes.take_or_retry(case, landing, rest)
+            remainder = planner.leave_here(landing, code=reason.code)
+            await self._outcomes.send_or_retry(case, landing, remainder)
         elif case.trouble.land_at is not None:
             await self._outcomes.stop_diverting(case, reason)
         elif case.record.stuck is None and (anchor.carried or anchor.has_loaded):
-            rest = planner.leave_here(anchor, code=reason.code)
-            await self._outcomes.take_or_retry(case, anchor, rest)
+            remainder = planner.leave_here(anchor, code=reason.code)
+            await self._outcomes.send_or_retry(case, anchor, remainder)
         else:
             code = refusal_code(case.situation, case.trouble, code=reason.code)
             await self._outcomes.give_up(case.record, code=code, detail=reason.detail)
 
-    async def _look_at(self, drone_id: DroneId) -> tuple[Situation, int] | None:
+    async def _read_situation(self, drone_id: DroneId) -> tuple[Situation, int] | None:
         """The situation of its mission, and how many revisions of it were sent."""
         async with self.db.write() as tx:
-            watch = await Watch.over([drone_id], tx=tx, clock=self.clock, mint=self.mint)
-            record = watch.missions.get(drone_id)
+            work = await MissionUnitOfWork.lock([drone_id], tx=tx, clock=self.clock, mint=self.mint)
+            record = work.missions.get(drone_id)
             if record is None:
                 return None
             sent = max(record.mission.revision, await last_revision(tx, record.mission_id))
-            return await Situation.of(watch, record), sent
+            return await Situation.of(work, record), sent
 
     async def _world(self, record: MissionRecord) -> World:
         skyway = await self.networks.current(record.network_id)
@@ -173,7 +173,7 @@ class Recomposer:
     def _anchor(
         self, case: Case, *, closed: ClosedAhead, before_step: int | None = None
     ) -> Anchor | None:
-        fleet_s, wall_s = _HEARD_WITHIN_S
+        fleet_s, wall_s = _REACHES_DRONE_WITHIN_S
         margin = fleet_margin(self.clock, fleet_s=fleet_s, wall_s=wall_s)
         earliest_ms = 1 + moment_to_ms(self.clock.now() + margin)
         stuck = case.record.stuck

@@ -5,36 +5,40 @@ from dataclasses import replace
 
 from skyway_composition.missions.mission.notify import report
 from skyway_composition.missions.mission.record import MissionRecord, Trouble
-from skyway_composition.missions.mission.unit_of_work import Watch
-from skyway_composition.missions.replanning.store import plan_at_once, save_troubles
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
+from skyway_composition.missions.replanning.store import plan_now, save_troubles
 
 
-async def troubled(watch: Watch, record: MissionRecord, trouble: Trouble) -> MissionRecord:
+async def request_plan(
+    work: MissionUnitOfWork, record: MissionRecord, trouble: Trouble
+) -> MissionRecord:
     """Keep why a mission needs another plan; the recomposer finds it once it is woken.
 
     Told once, however many troubles follow. Whoever calls this wakes `stuck` after the commit.
     """
-    record = _told(watch, record, trouble)
-    await watch.keep(record)
-    await plan_at_once(watch.tx, record.mission_id)
+    record = _told(work, record, trouble)
+    await work.save(record)
+    await plan_now(work.tx, record.mission_id)
     return record
 
 
-async def troubled_all(watch: Watch, records: Iterable[MissionRecord], trouble: Trouble) -> None:
+async def request_plans(
+    work: MissionUnitOfWork, records: Iterable[MissionRecord], trouble: Trouble
+) -> None:
     """The same for many missions, in one statement: a closure may hit hundreds of them."""
-    told = [_told(watch, each, trouble) for each in records]
-    await save_troubles(watch.tx, told)
-    watch.missions.update({record.drone_id: record for record in told})
+    told = [_told(work, each, trouble) for each in records]
+    await save_troubles(work.tx, told)
+    work.missions.update({record.drone_id: record for record in told})
 
 
-def _told(watch: Watch, record: MissionRecord, trouble: Trouble) -> MissionRecord:
+def _told(work: MissionUnitOfWork, record: MissionRecord, trouble: Trouble) -> MissionRecord:
     """The record with this trouble, told if it is the first."""
     if record.trouble is None and record.stuck is None:
         record = report(
-            watch,
+            work,
             record,
             "REPLANNING",
-            at=watch.clock.now(),
+            at=work.clock.now(),
             code=trouble.code,
             detail=trouble.detail,
         )

@@ -12,14 +12,14 @@ from skyway.units import ms_to_moment
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.mission.from_trip import (
     StepTerms,
+    finished_wait,
     flight_steps,
     next_revision,
-    wait_there,
 )
 from skyway_composition.missions.mission.record import MissionRecord, Trouble
 from skyway_composition.missions.replanning.propose import Revision
 from skyway_composition.missions.replanning.remainder.anchor import Anchor
-from skyway_composition.missions.replanning.remainder.planner import Rest
+from skyway_composition.missions.replanning.remainder.planner import Remainder
 from skyway_composition.networks.prepared import PreparedNetwork
 from skyway_composition.planning.trip import PlacedStep
 
@@ -29,7 +29,7 @@ _LONGEST_WAIT: Final = timedelta(days=7)
 
 def revision_of(
     record: MissionRecord,
-    rest: Rest,
+    remainder: Remainder,
     *,
     anchor: Anchor,
     trouble: Trouble,
@@ -39,35 +39,35 @@ def revision_of(
     link: DroneLink,
 ) -> Revision:
     """The mission's revision of this number, with its steps, planned with this margin."""
-    terms = StepTerms.of(replace(record, aims=rest.aims), skyway.settings)
-    if rest.given_up is not None:
+    terms = StepTerms.of(replace(record, aims=remainder.aims), skyway.settings)
+    if remainder.given_up is not None:
         terms = replace(terms, returned=anchor.carried)
     steps: tuple[FlightStep, ...] = flight_steps(
         skyway.network,
-        list(_placed(record, rest, anchor, link)),
+        list(_placed(record, remainder, anchor, link)),
         terms=terms,
         first_step=anchor.first_step,
     )
     if trouble.land_at is not None:
-        steps = (*steps, _wait_for_word(steps, anchor=anchor))
+        steps = (*steps, _wait_for_operator(steps, anchor=anchor))
     elif not steps:
         # Home and charged: the drone still has to hear that nothing is left, to end it.
-        start_ms = rest.trip.start_ms
-        steps = (wait_there(anchor.station_id, start_ms, step_id=anchor.first_step),)
+        start_ms = remainder.trip.start_ms
+        steps = (finished_wait(anchor.station_id, start_ms, step_id=anchor.first_step),)
     margins = skyway.settings.margins.model_copy(update={"energy_margin": energy_margin})
-    mission = next_revision(record.mission, rest.trip, revision=number, margins=margins).model_copy(
-        update={"given_up": rest.given_up}
-    )
-    if rest.given_up is not None:
+    mission = next_revision(
+        record.mission, remainder.trip, revision=number, margins=margins
+    ).model_copy(update={"given_up": remainder.given_up})
+    if remainder.given_up is not None:
         # What is left behind arrives nowhere, so nobody is told when.
         arriving = [each for each in mission.packages if each.package_id not in anchor.carried]
         mission = mission.model_copy(update={"packages": tuple(arriving)})
     if trouble.loaded is not None:
         mission = mission.model_copy(update={"loading": "CONFIRMED"})
-    return Revision(mission, steps, rest.aims)
+    return Revision(mission, steps, remainder.aims)
 
 
-def _wait_for_word(steps: tuple[FlightStep, ...], *, anchor: Anchor) -> WaitStep:
+def _wait_for_operator(steps: tuple[FlightStep, ...], *, anchor: Anchor) -> WaitStep:
     """A wait that an operator's word ends: a hold would keep the drone from getting there."""
     station_id = anchor.station_id
     if steps:
@@ -84,13 +84,13 @@ def _wait_for_word(steps: tuple[FlightStep, ...], *, anchor: Anchor) -> WaitStep
 
 
 def _placed(
-    record: MissionRecord, rest: Rest, anchor: Anchor, link: DroneLink
+    record: MissionRecord, remainder: Remainder, anchor: Anchor, link: DroneLink
 ) -> Iterator[PlacedStep]:
     """The trip's steps; what is on board is picked up only by a drone that has forgotten it."""
     knows_its_load = anchor.carried and not (
         record.stuck is not None and _has_forgotten_its_load(link, anchor.carried)
     )
-    for placed in rest.trip.steps():
+    for placed in remainder.trip.steps():
         if not (knows_its_load and isinstance(placed.step, PickUp)):
             yield placed
 

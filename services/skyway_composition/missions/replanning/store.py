@@ -73,7 +73,7 @@ async def save_troubles(tx: Tx, records: Iterable[MissionRecord]) -> None:
         await tx.execute(update(missions).where(of_mission).values(retry_wall_ms=0), rows)
 
 
-async def plan_at_once(tx: Tx, mission_id: MissionId) -> None:
+async def plan_now(tx: Tx, mission_id: MissionId) -> None:
     """Look for a plan without waiting any longer; whoever is at it keeps the claim."""
     await tx.execute(
         update(missions).where(missions.c.mission_id == mission_id).values(retry_wall_ms=0)

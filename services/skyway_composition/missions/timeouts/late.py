@@ -12,8 +12,8 @@ from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
-from skyway_composition.missions.mission.unit_of_work import Watch
-from skyway_composition.missions.replanning.outlook.judge import ON_ITS_WAY, judged
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
+from skyway_composition.missions.replanning.outlook.judge import REPORT_DELAY, check_plan
 from skyway_composition.missions.replanning.remainder.closed_ahead import ClosedAhead
 from skyway_composition.missions.timeouts.store import perhaps_late
 from skyway_composition.networks.prepared import PreparedNetworks
@@ -21,7 +21,7 @@ from skyway_composition.planning.world import World
 
 
 @dataclass(frozen=True, slots=True)
-class Lagging:
+class LateMissions:
     """Sweeps missions of which a step is overdue; `stuck` is woken when one needs another plan."""
 
     db: Database
@@ -34,7 +34,7 @@ class Lagging:
         """Look at what is overdue now."""
         async with self.db.read() as connection:
             # What has just ended may still be on its way to us.
-            ended_at = self.clock.now() - fleet_margin(self.clock, **ON_ITS_WAY)
+            ended_at = self.clock.now() - fleet_margin(self.clock, **REPORT_DELAY)
             late = await perhaps_late(connection, ended_ms=moment_to_ms(ended_at))
         for network_id, drone_ids in late.items():
             closed = await self._closed(network_id)
@@ -49,7 +49,7 @@ class Lagging:
 
     async def _judge(self, drone_id: DroneId, closed: ClosedAhead) -> None:
         async with self.db.write() as tx:
-            watch = await Watch.over([drone_id], tx=tx, clock=self.clock, mint=self.mint)
-            record = watch.missions.get(drone_id)
-            if record is not None and (await judged(watch, record, closed)).needs_plan:
+            work = await MissionUnitOfWork.lock([drone_id], tx=tx, clock=self.clock, mint=self.mint)
+            record = work.missions.get(drone_id)
+            if record is not None and (await check_plan(work, record, closed)).needs_plan:
                 tx.after_commit(self.stuck.set)

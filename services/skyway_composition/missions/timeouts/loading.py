@@ -13,7 +13,7 @@ from skyway_composition.missions.interventions.confirm_loading import refuse_loa
 from skyway_composition.missions.interventions.loaded_check import LoadingFault
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.step_store import steps_of
-from skyway_composition.missions.mission.unit_of_work import Watch
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.missions.timeouts import store
 from skyway_composition.missions.timeouts.store import AwaitedLoading
 from skyway_composition.networks.prepared import PreparedNetworks
@@ -24,7 +24,7 @@ _LEAST_WALL_S: Final = 10.0
 
 
 @dataclass(frozen=True, slots=True)
-class LoadingWatch:
+class LoadingTimeouts:
     """Ends missions that nobody has loaded in time."""
 
     db: Database
@@ -48,19 +48,21 @@ class LoadingWatch:
 
     async def _judge(self, awaited: AwaitedLoading, timeout: timedelta) -> None:
         async with self.db.write() as tx:
-            watch = await Watch.over([awaited.drone_id], tx=tx, clock=self.clock, mint=self.mint)
-            record = watch.missions.get(awaited.drone_id)
+            work = await MissionUnitOfWork.lock(
+                [awaited.drone_id], tx=tx, clock=self.clock, mint=self.mint
+            )
+            record = work.missions.get(awaited.drone_id)
             if record is None or record.mission_id != awaited.mission_id:
                 return
-            since = await _loading_since(watch, record)
+            since = await _loading_since(work, record)
             if since is None or self.clock.now() < since + timeout:
                 return
             detail = f"nobody has confirmed the loading since {since.isoformat()}"
             fault = LoadingFault("LOADING_TIMEOUT", detail, {"timeout_s": timeout.total_seconds()})
-            await refuse_loading(watch, record, fault)
+            await refuse_loading(work, record, fault)
 
 
-async def _loading_since(watch: Watch, record: MissionRecord) -> datetime | None:
+async def _loading_since(work: MissionUnitOfWork, record: MissionRecord) -> datetime | None:
     """Since when a loader is waited for; None while nobody has to come.
 
     Before the drone has begun, while an operator holds it, or while it waits for a plan, no loader
@@ -71,7 +73,7 @@ async def _loading_since(watch: Watch, record: MissionRecord) -> datetime | None
     if not is_awaited or record.is_being_loaded or mission.is_held or record.stuck is not None:
         return None
     since = record.mission.start_at
-    for each in await steps_of(watch.tx.connection, record.mission_id):
+    for each in await steps_of(work.tx.connection, record.mission_id):
         if each.status == "ENDED" and each.event is not None:
             since = max(since, each.event.ended_at)
         elif isinstance(each.step, PickUpStep):

@@ -13,7 +13,7 @@ from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.mission.end import abort, refuse
 from skyway_composition.missions.mission.record import MissionRecord
-from skyway_composition.missions.mission.unit_of_work import Watch
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.missions.timeouts.store import perhaps_overdue
 
 log = logging.getLogger(__name__)
@@ -23,7 +23,7 @@ log = logging.getLogger(__name__)
 _ACK_ON_ITS_WAY_S: Final = 10.0
 
 
-def is_known_not_to_fly(record: MissionRecord, link: DroneLink, *, ack_due_at: datetime) -> bool:
+def is_certainly_not_flown(record: MissionRecord, link: DroneLink, *, ack_due_at: datetime) -> bool:
     """Whether a booking that expired unanswered is surely not loaded.
 
     The drone is gone, and any ack that the broker had from it in time would be here: later ones
@@ -47,7 +47,7 @@ def is_silent(record: MissionRecord, link: DroneLink, *, since: datetime) -> boo
 
 
 @dataclass(frozen=True, slots=True)
-class Overdue:
+class OverdueMissions:
     """Sweeps missions whose time is over."""
 
     db: Database
@@ -70,8 +70,8 @@ class Overdue:
 
     async def _judge(self, drone_id: DroneId, *, silent_since: datetime) -> None:
         async with self.db.write() as tx:
-            watch = await Watch.over([drone_id], tx=tx, clock=self.clock, mint=self.mint)
-            record, link = watch.missions.get(drone_id), watch.links.get(drone_id)
+            work = await MissionUnitOfWork.lock([drone_id], tx=tx, clock=self.clock, mint=self.mint)
+            record, link = work.missions.get(drone_id), work.links.get(drone_id)
             if record is None or link is None:
                 return
             now = self.clock.now()
@@ -79,13 +79,13 @@ class Overdue:
             is_long_over = record.mission.released_at < silent_since
             if record.mission.state == "BOOKED" and has_expired:
                 ack_due_at = now - fleet_margin(self.clock, fleet_s=0, wall_s=_ACK_ON_ITS_WAY_S)
-                if is_known_not_to_fly(record, link, ack_due_at=ack_due_at) or is_long_over:
+                if is_certainly_not_flown(record, link, ack_due_at=ack_due_at) or is_long_over:
                     expired_at = ms_to_moment(record.expires_ms)
                     detail = f"the drone did not answer until {expired_at.isoformat()}"
-                    await refuse(watch, record, code="NO_ANSWER", detail=detail)
+                    await refuse(work, record, code="NO_ANSWER", detail=detail)
             elif is_long_over and record.stuck is not None:
                 detail = f"no plan for the rest was found: {record.stuck.detail}"
-                await abort(watch, record, at=now, code=record.stuck.code, detail=detail)
+                await abort(work, record, at=now, code=record.stuck.code, detail=detail)
             elif is_long_over and is_silent(record, link, since=silent_since):
                 detail = "nothing was heard of the drone"
-                await abort(watch, record, at=now, code="SILENT", detail=detail)
+                await abort(work, record, at=now, code="SILENT", detail=detail)

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from skyway_composition.links.store import lock_link, save_links
-from skyway_composition.missions.booking.store import take_at_once
+from skyway_composition.missions.booking.store import claim_in_one_statement
 from skyway_composition.networks.store import Present, lock_version
 from skyway_composition.pads.booked_pad import BookedPad
 from skyway_composition.pads.store import lock_stations
@@ -28,7 +28,7 @@ BUMP = update(networks).values(conditions=networks.c.conditions + 1)
 
 async def take(composition: Any, *, version: int = 1) -> Any:
     async with composition.db.write() as tx:
-        return await take_at_once(
+        return await claim_in_one_statement(
             tx, Present(ROW, version, 0), DRONE, PROVIDER, station_ids=[StationId("a")]
         )
 
@@ -95,7 +95,9 @@ async def test_a_station_is_held_until_the_block_ends(composition: Any) -> None:
             await lock_stations(tx, [BookedPad(StationId(name), 0, 0, 1) for name in names])
 
     async with composition.db.write() as tx:
-        await take_at_once(tx, Present(ROW, 1, 0), DRONE, PROVIDER, station_ids=[StationId("a")])
+        await claim_in_one_statement(
+            tx, Present(ROW, 1, 0), DRONE, PROVIDER, station_ids=[StationId("a")]
+        )
         await lock("b")
         waiting = asyncio.create_task(lock("a"))
         await blocked(composition, on="FOR UPDATE")

@@ -4,7 +4,7 @@ from datetime import timedelta
 from typing import Any
 
 import pytest
-from skyway_composition.missions.closure_impact.ground_stops import StopsWatch
+from skyway_composition.missions.closure_impact.ground_stops import GroundStopEnforcer
 
 pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 
@@ -18,7 +18,7 @@ async def fly_to_b(composition: Any, drone: Any) -> None:
     booking = await composition.book()
     (instruction,) = await composition.sent()
     flight = next(step for step in instruction.steps if step.kind == "FLY")
-    await composition.take(
+    await composition.receive(
         drone.ack(instruction),
         drone.state(
             activity="FLYING",
@@ -36,8 +36,8 @@ async def trouble(composition: Any) -> str | None:
     return None if row.trouble is None else str(row.trouble)
 
 
-def watch(composition: Any) -> StopsWatch:
-    return StopsWatch(composition.db, composition.parts.closings, composition.clock)
+def watch(composition: Any) -> GroundStopEnforcer:
+    return GroundStopEnforcer(composition.db, composition.parts.closings, composition.clock)
 
 
 async def test_a_mission_is_struck_once_its_next_take_off_is_forbidden(

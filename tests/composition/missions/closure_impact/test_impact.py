@@ -116,10 +116,10 @@ async def test_a_closure_counts_only_in_its_time(composition: Any) -> None:
 async def test_what_is_flown_is_over(composition: Any, drone: Any) -> None:
     await composition.book()
     (instruction,) = await composition.sent()
-    await composition.take(drone.ack(instruction))
+    await composition.receive(drone.ack(instruction))
     ended = drone.flown(instruction)
     number = next(n for n, step in enumerate(instruction.steps) if step.kind == "FLY")
-    await composition.take(*ended[: number + 1])
+    await composition.receive(*ended[: number + 1])
 
     assert await close(composition, "/v1/segments/a/b/closures") == []
     assert await close(composition, "/v1/segments/b/c/closures") != []
@@ -132,7 +132,7 @@ async def test_of_the_flight_under_way_only_the_landing_can_be_changed(
     mission = on_board_of(await composition.book())
     (instruction,) = await composition.sent()
     flight = next(step for step in instruction.steps if step.kind == "FLY")
-    await composition.take(
+    await composition.receive(
         drone.ack(instruction),
         drone.state(
             activity="FLYING",
@@ -167,6 +167,7 @@ async def test_a_proposed_revision_is_hit_too(composition: Any) -> None:
     flight = next(step for step in instruction.steps if isinstance(step, FlyStep))
     async with composition.db.write() as tx:
         record = await store.get(tx.connection, mission.mission_id, provider_id=None)
+        assert record is not None
         proposal = Proposal(
             instruction_id="ins_2",
             first_step=2,
@@ -186,7 +187,7 @@ async def test_a_proposed_revision_is_hit_too(composition: Any) -> None:
 async def test_a_mission_that_is_over_is_not_hit(composition: Any, drone: Any) -> None:
     await composition.book()
     (instruction,) = await composition.sent()
-    await composition.take(drone.ack(instruction, "REJECTED", code="OVERWEIGHT"))
+    await composition.receive(drone.ack(instruction, "REJECTED", code="OVERWEIGHT"))
 
     assert await close(composition, "/v1/stations/b/closures") == []
 

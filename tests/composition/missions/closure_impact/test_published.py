@@ -127,10 +127,10 @@ async def test_the_next_plan_is_made_in_the_new_version(
 ) -> None:
     await composition.book()
     (first,) = await composition.sent()
-    await composition.take(drone.ack(first))
+    await composition.receive(drone.ack(first))
 
     await publish(composition, with_zone(make.network(), 0.15, 0.2))
-    await composition.recomposer.step()
+    await composition.replanner.step()
 
     assert [each.kind for each in await composition.sent()] == ["CANCEL"]
     report = (await composition.reports())[-1]

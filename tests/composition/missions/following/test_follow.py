@@ -44,7 +44,7 @@ async def test_an_accepted_mission_is_reported_and_no_longer_sent(
 ) -> None:
     instruction = await booked(composition)
 
-    await composition.take(drone.ack(instruction, "RECEIVED"), drone.ack(instruction))
+    await composition.receive(drone.ack(instruction, "RECEIVED"), drone.ack(instruction))
 
     assert await composition.sent() == []
     assert kinds(await composition.reports()) == ["ACCEPTED"]
@@ -77,7 +77,7 @@ async def test_nothing_is_dropped_while_the_database_is_away(
 async def test_a_mission_that_is_only_received_is_sent_on(composition: Any, drone: Any) -> None:
     instruction = await booked(composition)
 
-    await composition.take(drone.ack(instruction, "RECEIVED"))
+    await composition.receive(drone.ack(instruction, "RECEIVED"))
 
     assert await composition.sent() == [instruction]
 
@@ -86,9 +86,9 @@ async def test_an_ack_counts_once(composition: Any, drone: Any) -> None:
     instruction = await booked(composition)
     ack = drone.ack(instruction)
 
-    await composition.take(ack, ack)
-    await composition.take(drone.ack(instruction), drone.ack(instruction, "RECEIVED"))
-    await composition.take(drone.ack(instruction, "REJECTED", code="OVERWEIGHT"))
+    await composition.receive(ack, ack)
+    await composition.receive(drone.ack(instruction), drone.ack(instruction, "RECEIVED"))
+    await composition.receive(drone.ack(instruction, "REJECTED", code="OVERWEIGHT"))
 
     assert kinds(await composition.reports()) == ["ACCEPTED"]
     assert await composition.state_of(instruction.mission_id) == "ACCEPTED"
@@ -99,7 +99,7 @@ async def test_a_refused_mission_frees_its_drone_and_pads(
 ) -> None:
     instruction = await booked(composition)
 
-    await composition.take(drone.ack(instruction, "REJECTED", code="OVERWEIGHT"))
+    await composition.receive(drone.ack(instruction, "REJECTED", code="OVERWEIGHT"))
 
     (report,) = await composition.reports()
     assert (report.kind, report.code, report.mission_state) == ("REFUSED", "OVERWEIGHT", "REFUSED")
@@ -112,7 +112,7 @@ async def test_a_refused_mission_frees_its_drone_and_pads(
 async def test_a_sequence_gap_is_no_refusal(composition: Any, drone: Any) -> None:
     instruction = await booked(composition)
 
-    await composition.take(drone.ack(instruction, "REJECTED", code="SEQUENCE_GAP"))
+    await composition.receive(drone.ack(instruction, "REJECTED", code="SEQUENCE_GAP"))
 
     assert await composition.state_of(instruction.mission_id) == "BOOKED"
     assert await composition.sent() == [instruction]
@@ -123,8 +123,8 @@ async def test_a_flight_is_told_to_its_end_and_frees_everything(
 ) -> None:
     instruction = await booked(composition)
 
-    await composition.take(drone.ack(instruction))
-    await composition.take(*drone.flown(instruction))
+    await composition.receive(drone.ack(instruction))
+    await composition.receive(*drone.flown(instruction))
 
     reports = await composition.reports()
     assert kinds(reports) == ["ACCEPTED", "LOADING", "LOADED", "DELIVERED", "ENDED"]
@@ -141,7 +141,7 @@ async def test_a_package_passes_from_station_to_drone_to_recipient(
 ) -> None:
     instruction = await booked(composition)
 
-    await composition.take(*drone.flown(instruction))
+    await composition.receive(*drone.flown(instruction))
 
     chain = await composition.rows("SELECT seq, custodian_kind, custodian_id FROM custody")
     assert [tuple(row) for row in chain] == [
@@ -157,7 +157,7 @@ async def test_events_that_come_twice_count_once(composition: Any, drone: Any) -
 
     for _ in range(2):
         for event in events:
-            await composition.take(event, event)
+            await composition.receive(event, event)
 
     assert kinds(await composition.reports()) == [
         "ACCEPTED",
@@ -172,37 +172,37 @@ async def test_a_missing_event_is_asked_for_and_the_later_ones_wait(
     composition: Any, drone: Any
 ) -> None:
     instruction = await booked(composition)
-    await composition.take(drone.ack(instruction))
+    await composition.receive(drone.ack(instruction))
     pick_up, *others = drone.flown(instruction)
 
-    await composition.take(*others)
+    await composition.receive(*others)
 
     (report,) = await composition.sent()
     assert (report.kind, report.events_after_seq, report.seq) == ("REPORT", 0, 2)
     assert kinds(await composition.reports()) == ["ACCEPTED"]
-    await composition.take(drone.ack(report), pick_up, *others)
+    await composition.receive(drone.ack(report), pick_up, *others)
     assert kinds(await composition.reports())[-1] == "ENDED"
 
 
 async def test_a_drone_is_asked_again_only_after_a_while(composition: Any, drone: Any) -> None:
     instruction = await booked(composition)
-    await composition.take(drone.ack(instruction))
+    await composition.receive(drone.ack(instruction))
     _, *others = drone.flown(instruction)
 
-    await composition.take(*others)
-    await composition.take(*others)
+    await composition.receive(*others)
+    await composition.receive(*others)
     asked_at_once = len(await composition.sent())
     composition.clock.advance(timedelta(seconds=6))
-    await composition.take(*others)
+    await composition.receive(*others)
 
     assert (asked_at_once, len(await composition.sent())) == (1, 2)
 
 
 async def test_a_state_that_knows_more_events_makes_us_ask(composition: Any, drone: Any) -> None:
     instruction = await booked(composition)
-    await composition.take(drone.ack(instruction))
+    await composition.receive(drone.ack(instruction))
 
-    await composition.take(drone.state(last_event_seq=3, mission_id=instruction.mission_id))
+    await composition.receive(drone.state(last_event_seq=3, mission_id=instruction.mission_id))
 
     assert [sent.kind for sent in await composition.sent()] == ["REPORT"]
 
@@ -211,7 +211,7 @@ async def test_after_a_connect_drones_on_missions_are_asked_for_their_events(
     composition: Any, drone: Any
 ) -> None:
     instruction = await booked(composition)
-    await composition.take(drone.ack(instruction))
+    await composition.receive(drone.ack(instruction))
 
     await composition.follower.ask_live_drones()
 
@@ -223,7 +223,7 @@ async def test_an_older_state_changes_nothing(composition: Any, drone: Any) -> N
     older = drone.state(station_id="a")
     newer = drone.state(station_id="b")
 
-    await composition.take(newer, older)
+    await composition.receive(newer, older)
 
     mission = await composition("operator:op", "GET", f"/v1/missions/{instruction.mission_id}")
     assert mission.json()["drone_state"]["station_id"] == "b"
@@ -234,7 +234,7 @@ async def test_the_last_will_of_an_old_connection_changes_nothing(
 ) -> None:
     instruction = await booked(composition)
 
-    await composition.take(
+    await composition.receive(
         drone.connection("ONLINE", 1), drone.connection("ONLINE", 2), drone.connection("LOST", 1)
     )
 
@@ -245,7 +245,7 @@ async def test_the_last_will_of_an_old_connection_changes_nothing(
 async def test_the_last_will_of_the_present_connection_counts(composition: Any, drone: Any) -> None:
     instruction = await booked(composition)
 
-    await composition.take(drone.connection("ONLINE", 1), drone.connection("LOST", 1))
+    await composition.receive(drone.connection("ONLINE", 1), drone.connection("LOST", 1))
 
     mission = await composition("operator:op", "GET", f"/v1/missions/{instruction.mission_id}")
     assert mission.json()["drone_connection"]["status"] == "LOST"
@@ -257,7 +257,7 @@ async def test_what_comes_under_another_providers_name_is_dropped(
     instruction = await booked(composition)
     drone.provider_id = "prv_2"
 
-    await composition.take(drone.ack(instruction), *drone.flown(instruction))
+    await composition.receive(drone.ack(instruction), *drone.flown(instruction))
 
     assert await composition.reports() == []
     assert await composition.sent() == [instruction]
@@ -271,9 +271,9 @@ async def test_what_a_drone_does_is_told_once_per_change_while_it_carries(
     drone.event_seq = 1
     flying = {"mission_id": instruction.mission_id, "activity": "FLYING", "step_id": 2}
 
-    await composition.take(drone.ack(instruction), pick_up)
-    await composition.take(drone.state(**flying), drone.state(**flying))
-    await composition.take(drone.state(**flying | {"activity": "RECHARGING", "station_id": "b"}))
+    await composition.receive(drone.ack(instruction), pick_up)
+    await composition.receive(drone.state(**flying), drone.state(**flying))
+    await composition.receive(drone.state(**flying | {"activity": "RECHARGING", "station_id": "b"}))
 
     told = [report for report in await composition.reports() if report.kind == "ACTIVITY"]
     assert [(report.activity, report.station_id) for report in told] == [
@@ -288,7 +288,7 @@ async def test_a_drone_that_is_late_moves_the_etas(composition: Any, drone: Any)
     to_recharge, last_flight = instruction.steps[:3], instruction.steps[3]
     late = timedelta(seconds=90)
 
-    await composition.take(
+    await composition.receive(
         *drone.ended(instruction, to_recharge),
         *drone.ended(instruction, [last_flight], late_by=late, soc=0.75),
     )
@@ -302,16 +302,16 @@ async def test_a_drone_with_an_empty_journal_gets_its_mission_in_a_new_stream(
     composition: Any, drone: Any
 ) -> None:
     instruction = await booked(composition)
-    await composition.take(drone.ack(instruction, "RECEIVED"))
+    await composition.receive(drone.ack(instruction, "RECEIVED"))
     drone.session, drone.stream = 2, 0
 
-    await composition.take(drone.state())
+    await composition.receive(drone.state())
 
     (again,) = await composition.sent()
     assert (again.stream, again.seq) == (2, 1)
     assert again.steps == instruction.steps
     drone.stream = 2
-    await composition.take(drone.ack(again))
+    await composition.receive(drone.ack(again))
     assert await composition.state_of(instruction.mission_id) == "ACCEPTED"
     assert await composition.broken() == []
 
@@ -323,9 +323,9 @@ async def test_a_state_from_before_the_first_instruction_opens_no_stream(
     early = drone.state()
     instruction = await booked(composition)
     drone.stream = 1
-    await composition.take(drone.ack(instruction, "RECEIVED"))
+    await composition.receive(drone.ack(instruction, "RECEIVED"))
 
-    await composition.take(early)
+    await composition.receive(early)
 
     assert await composition.sent() == [instruction]
 
@@ -334,7 +334,7 @@ async def test_a_drone_known_from_an_older_database_gets_a_stream_after_its_own(
     composition: Any, drone: Any
 ) -> None:
     drone.stream, drone.event_seq = 7, 41
-    await composition.take(drone.state(last_instruction_seq=3))
+    await composition.receive(drone.state(last_instruction_seq=3))
 
     instruction = await booked(composition)
 
@@ -346,11 +346,11 @@ async def test_a_drone_that_accepts_too_late_is_told_to_forget_the_mission(
     composition: Any, drone: Any
 ) -> None:
     instruction = await booked(composition)
-    await composition.take(drone.connection("LOST"))
+    await composition.receive(drone.connection("LOST"))
     composition.clock.advance(timedelta(minutes=2))
     await composition.overdue.step()
 
-    await composition.take(drone.ack(instruction))
+    await composition.receive(drone.ack(instruction))
 
     (cancel,) = await composition.sent()
     assert (cancel.kind, cancel.mission_id, cancel.seq) == ("CANCEL", instruction.mission_id, 2)
@@ -360,10 +360,10 @@ async def test_an_old_event_does_not_make_us_forget_the_newer_ones(
     composition: Any, drone: Any
 ) -> None:
     instruction = await booked(composition)
-    await composition.take(drone.ack(instruction))
+    await composition.receive(drone.ack(instruction))
     first, second, third, *_ = drone.flown(instruction)
 
-    await composition.take(first, second, first, third)
+    await composition.receive(first, second, first, third)
 
     assert await composition.sent() == []
     (link,) = await composition.rows("SELECT last_event_seq FROM drone_links")
@@ -372,9 +372,9 @@ async def test_an_old_event_does_not_make_us_forget_the_newer_ones(
 
 async def test_a_refusal_after_the_acceptance_changes_nothing(composition: Any, drone: Any) -> None:
     instruction = await booked(composition)
-    await composition.take(drone.state(), drone.ack(instruction))
+    await composition.receive(drone.state(), drone.ack(instruction))
 
-    await composition.take(drone.ack(instruction, "REJECTED", code="EXPIRED"))
+    await composition.receive(drone.ack(instruction, "REJECTED", code="EXPIRED"))
 
     mission = await composition("operator:op", "GET", f"/v1/missions/{instruction.mission_id}")
     assert mission.json()["waits_for_revision"] is None

@@ -12,14 +12,14 @@ async def test_a_drone_on_an_old_copy_of_its_journal_gets_a_new_stream(
 ) -> None:
     await composition.book()
     (first,) = await composition.sent()
-    await composition.take(drone.ack(first), *drone.flown(first))
+    await composition.receive(drone.ack(first), *drone.flown(first))
     drone.session, drone.event_seq = 2, 0
-    await composition.take(drone.state())
+    await composition.receive(drone.state())
     await composition.book(make.candidate(), delivery_id="dlv_2")
     (second,) = await composition.sent()
     gap = {"code": "SEQUENCE_GAP", "data": {"expected_seq": first.seq, "stream": 1}}
 
-    await composition.take(drone.ack(second, "REJECTED", **gap))
+    await composition.receive(drone.ack(second, "REJECTED", **gap))
 
     (again,) = await composition.sent()
     assert (again.stream, again.seq) == (2, 1)

@@ -15,11 +15,11 @@ async def back_after_hours(composition: Any, drone: Any, **members: Any) -> Any:
     pick_up, *_ = drone.flown(instruction)
     drone.event_seq = 1
     composition.clock.advance(instruction.steps[0].planned_end_at - composition.clock.now())
-    await composition.take(drone.ack(instruction), pick_up, on(drone, instruction))
+    await composition.receive(drone.ack(instruction), pick_up, on(drone, instruction))
     composition.clock.advance(timedelta(hours=48))
     await composition.overdue.step()
     assert await composition.state_of(instruction.mission_id) == "ABORTED"
-    await composition.take(on(drone, instruction, **members))
+    await composition.receive(on(drone, instruction, **members))
     return instruction
 
 
@@ -44,7 +44,7 @@ async def new_instructions(composition: Any) -> list[Any]:
 
 async def test_it_is_told_to_hold_and_people_are_told_of_it(composition: Any, drone: Any) -> None:
     first = await back_after_hours(composition, drone)
-    await composition.take(on(drone, first))
+    await composition.receive(on(drone, first))
 
     kinds = [each.kind for each in await new_instructions(composition)]
     assert sorted(kinds) == ["CANCEL", "HOLD"]
@@ -57,17 +57,17 @@ async def test_it_leaves_everything_where_it_landed(composition: Any, drone: Any
     first = await back_after_hours(composition, drone)
     for instruction in await new_instructions(composition):
         status = "ACCEPTED" if instruction.kind == "HOLD" else "REJECTED"
-        await composition.take(drone.ack(instruction, status))
+        await composition.receive(drone.ack(instruction, status))
     stands = {"activity": "WAITING", "station_id": "b", "is_held": True, "step_id": 3}
 
-    await composition.take(on(drone, first, **stands))
-    await composition.take(on(drone, first, **stands))
+    await composition.receive(on(drone, first, **stands))
+    await composition.receive(on(drone, first, **stands))
 
     (last,) = [each for each in await composition.sent() if each.kind == "MISSION"]
     (step,) = last.steps
     assert (last.mission_revision, last.first_step) == (2, 3)
     assert (step.kind, step.station_id, step.package_ids) == ("RETURN", "b", ("p1",))
-    await composition.take(drone.ack(last))
+    await composition.receive(drone.ack(last))
     left = drone.event(
         "STEP_ENDED",
         mission_id=first.mission_id,
@@ -77,7 +77,7 @@ async def test_it_leaves_everything_where_it_landed(composition: Any, drone: Any
         station_id="b",
         package_ids=("p1",),
     )
-    await composition.take(left)
+    await composition.receive(left)
     rows = await composition.rows("SELECT custodian_kind, custodian_id FROM custody ORDER BY seq")
     assert [tuple(row) for row in rows][1:] == [("DRONE", "drn_1"), ("STATION", "b")]
     assert await composition.broken() == []

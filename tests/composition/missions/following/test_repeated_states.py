@@ -55,7 +55,7 @@ async def said(composition: Any, drone: Any, **members: Any) -> Received[Any]:
     """A state that the drone says a minute after the one before."""
     composition.clock.advance(MINUTE)
     state: Received[Any] = drone.state(**members)
-    await composition.take(state)
+    await composition.receive(state)
     return state
 
 
@@ -123,7 +123,7 @@ async def test_what_is_older_than_a_repeated_state_changes_nothing(
     late = idle.state(station_id="b")
     await said(composition, idle)
 
-    await composition.take(late)
+    await composition.receive(late)
 
     assert await kept_state(composition) == first.message
 
@@ -152,7 +152,7 @@ async def test_a_repeated_state_shows_a_lost_journal_after_a_late_answer(
     drone.session, drone.stream = 2, 0
     await said(composition, drone)
 
-    await composition.take(answer)
+    await composition.receive(answer)
     await said(composition, drone)
 
     links = await composition.rows("SELECT stream FROM drone_links")
@@ -160,14 +160,14 @@ async def test_a_repeated_state_shows_a_lost_journal_after_a_late_answer(
 
 
 async def test_connections_that_are_told_again_change_nothing(composition: Any, idle: Any) -> None:
-    await composition.take(idle.connection("ONLINE", 1), idle.connection("ONLINE", 2))
+    await composition.receive(idle.connection("ONLINE", 1), idle.connection("ONLINE", 2))
 
-    await composition.take(idle.connection("LOST", 1))
-    await composition.take(idle.connection("ONLINE", 2))
+    await composition.receive(idle.connection("LOST", 1))
+    await composition.receive(idle.connection("ONLINE", 2))
     links = await composition.rows("SELECT connection FROM drone_links")
 
     assert '"connection_number":2,"status":"ONLINE"' in links[0].connection
-    await composition.take(idle.connection("LOST", 2))
+    await composition.receive(idle.connection("LOST", 2))
     links = await composition.rows("SELECT connection FROM drone_links")
     assert '"connection_number":2,"status":"LOST"' in links[0].connection
 
@@ -178,12 +178,12 @@ async def test_what_was_kept_without_our_knowing_is_replaced_by_what_it_had_repl
     async with FarDatabase(migrated_url, outbox=outbox) as far:
         clock, mint = composition.clock, composition.parts.mint
         follower = Follower(far, NothingArrives(), clock=clock, mint=mint, stuck=Wake())
-        await follower.take([idle.state(station_id="a")])
+        await follower.handle([idle.state(station_id="a")])
         far.goes_away = True
         with pytest.raises(ServiceUnavailable):
-            await follower.take([idle.state(station_id="b")])
+            await follower.handle([idle.state(station_id="b")])
         far.goes_away = False
 
-        await follower.take([idle.state(station_id="a")])
+        await follower.handle([idle.state(station_id="a")])
 
     assert (await kept_state(composition)).station_id == "a"

@@ -47,7 +47,7 @@ async def test_what_a_drone_out_of_reach_may_load_is_promised_to_come_back(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     instruction = await begin.accepted(composition, drone, make)
-    await composition.take(drone.connection("LOST"))
+    await composition.receive(drone.connection("LOST"))
 
     answer = await cancel(composition)
 
@@ -60,10 +60,10 @@ async def test_what_may_be_loaded_all_the_same_is_handed_back_where_it_is_picked
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     instruction = await begin.accepted(composition, drone, make)
-    await composition.take(drone.connection("LOST"))
+    await composition.receive(drone.connection("LOST"))
     await cancel(composition)
 
-    await composition.recomposer.step()
+    await composition.replanner.step()
 
     revision = (await composition.sent())[-1]
     pickup = next(step for step in instruction.steps if step.kind == "PICK_UP")
@@ -81,7 +81,7 @@ async def test_the_same_cancellation_again_says_the_same_and_does_nothing(
     first = await cancel(composition, "p1")
     told_before = len(await composition.reports())
     delivered = next(s.step_id for s in instruction.steps if s.kind == "DELIVER")
-    await composition.take(
+    await composition.receive(
         *(
             drone.event(
                 "STEP_ENDED",
@@ -167,7 +167,7 @@ async def test_a_drone_that_loads_this_moment_brings_back_what_it_takes(
     instruction = await begin.accepted(composition, drone, make)
     start_at = instruction.steps[0].planned_start_at
     composition.clock.advance(start_at - composition.clock.now())
-    await composition.take(begin.standing(drone, instruction))
+    await composition.receive(begin.standing(drone, instruction))
 
     answer = await cancel(composition)
 
@@ -222,7 +222,7 @@ async def test_what_was_delivered_is_too_late(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     instruction = await begin.accepted(composition, drone, make)
-    await composition.take(*drone.flown(instruction))
+    await composition.receive(*drone.flown(instruction))
 
     answer = await cancel(composition)
 

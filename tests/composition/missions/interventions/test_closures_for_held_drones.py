@@ -41,7 +41,7 @@ async def fly_over_b(composition: Any, drone: Any, make: Any) -> Any:
         station_id=None,
         package_ids=("p1",),
     )
-    await composition.take(drone.ack(first), *drone.ended(first, [pick_up]), flying)
+    await composition.receive(drone.ack(first), *drone.ended(first, [pick_up]), flying)
     return first
 
 
@@ -56,15 +56,15 @@ async def test_a_held_drone_lands_before_the_station_that_was_closed_and_waits(
 ) -> None:
     first = await fly_over_b(composition, drone, make)
     await give(composition, first.mission_id, "HOLD")
-    await composition.take(drone.ack((await composition.sent())[-1]))
+    await composition.receive(drone.ack((await composition.sent())[-1]))
 
     await close(composition, "c")
-    await composition.recomposer.step()
+    await composition.replanner.step()
 
     (divert,) = await composition.sent()
     assert (divert.kind, divert.last_valid_step) == ("DIVERT", 2)
     assert [(each.kind, each.station_id) for each in divert.steps] == [("WAIT", "b")]
-    await composition.take(drone.ack(divert))
+    await composition.receive(drone.ack(divert))
     progress = await mission(composition)
     assert (progress["mission"]["is_held"], progress["trouble"]) == (True, None)
     assert await composition.broken() == []
@@ -75,10 +75,10 @@ async def test_a_held_drone_whose_landing_is_open_is_left_alone(
 ) -> None:
     first = await fly_over_b(composition, drone, make)
     await give(composition, first.mission_id, "HOLD")
-    await composition.take(drone.ack((await composition.sent())[-1]))
+    await composition.receive(drone.ack((await composition.sent())[-1]))
 
     await close(composition, "d")
-    await composition.recomposer.step()
+    await composition.replanner.step()
 
     assert await composition.sent() == []
 
@@ -88,14 +88,14 @@ async def test_a_drone_that_cannot_land_where_it_was_sent_waits_at_the_nearest(
 ) -> None:
     first = await fly_over_b(composition, drone, make)
     await give(composition, first.mission_id, "DIVERT", station_id="b")
-    await composition.recomposer.step()
+    await composition.replanner.step()
     hold, divert = await composition.sent()
     assert [(each.kind, each.station_id) for each in divert.steps] == [("WAIT", "b")]
 
     # Before it has answered.
     await close(composition, "b")
-    await composition.take(drone.ack(hold), drone.ack(divert))
-    await composition.recomposer.step()
+    await composition.receive(drone.ack(hold), drone.ack(divert))
+    await composition.replanner.step()
 
     (another,) = await composition.sent()
     flight, wait = another.steps

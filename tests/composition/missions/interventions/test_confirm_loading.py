@@ -97,7 +97,7 @@ async def test_small_differences_may_not_add_up_above_the_payload_limit(
     model = make.candidate().model.model_copy(update={"max_payload_kg": limit_kg})
     await composition.book(make.candidate(loading="CONFIRMED", model=model))
     (instruction,) = await composition.sent()
-    await composition.take(drone.ack(instruction), begin.standing(drone, instruction))
+    await composition.receive(drone.ack(instruction), begin.standing(drone, instruction))
 
     answer = await confirm(composition, instruction.mission_id, {"p1": limit_kg + 0.04})
 
@@ -121,9 +121,9 @@ async def test_only_a_drone_at_the_pickup_is_loaded(
 ) -> None:
     instruction = await begin.accepted(composition, drone, make, loading="CONFIRMED")
     before = await confirm(composition, instruction.mission_id, {"p1": 0.4})
-    await composition.take(begin.standing(drone, instruction, station_id="b"))
+    await composition.receive(begin.standing(drone, instruction, station_id="b"))
     elsewhere = await confirm(composition, instruction.mission_id, {"p1": 0.4})
-    await composition.take(begin.standing(drone, instruction, activity="WAITING"))
+    await composition.receive(begin.standing(drone, instruction, activity="WAITING"))
     idle = await confirm(composition, instruction.mission_id, {"p1": 0.4})
 
     assert [each.json()["code"] for each in (before, elsewhere, idle)] == ["NOT_LOADING"] * 3
@@ -133,7 +133,7 @@ async def test_a_drone_that_loads_by_itself_needs_no_loader(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     instruction = await begin.accepted(composition, drone, make)
-    await composition.take(begin.standing(drone, instruction))
+    await composition.receive(begin.standing(drone, instruction))
 
     answer = await confirm(composition, instruction.mission_id, {"p1": 0.4})
 

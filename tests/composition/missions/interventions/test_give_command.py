@@ -42,7 +42,7 @@ async def test_a_drone_that_does_not_hold_is_shown_as_flying_on(
     await give(composition, instruction.mission_id, "HOLD")
     hold = (await composition.sent())[-1]
 
-    await composition.take(drone.ack(hold, "REJECTED", code="EXPIRED"))
+    await composition.receive(drone.ack(hold, "REJECTED", code="EXPIRED"))
 
     assert not (await shown(composition, instruction.mission_id))["mission"]["is_held"]
     (alarm,) = (await composition("operator:op", "GET", "/v1/alarms")).json()["items"]
@@ -69,14 +69,14 @@ async def test_a_plan_that_was_under_way_does_not_end_a_hold(
 ) -> None:
     instruction = await begin.loaded(composition, drone, make)
     mission_id = instruction.mission_id
-    await composition.take(
+    await composition.receive(
         drone.event("ALARM", mission_id=mission_id, code="PLAN_WANTED", detail="head wind")
     )
 
     async with HoldingSolver(composition, mission_id) as solver:
-        recomposer = replace(composition.recomposer, solver=solver)
+        replanner = replace(composition.replanner, solver=solver)
         for _ in range(2):
-            await recomposer.step()
+            await replanner.step()
 
     assert [each.kind for each in await composition.sent()] == ["HOLD"]
     assert (await shown(composition, mission_id))["mission"]["is_held"]
@@ -227,7 +227,7 @@ async def test_a_mission_on_its_way_home_is_not_cancelled(
     delivered = next(s.step_id for s in instruction.steps if s.kind == "DELIVER")
     events = drone.flown(instruction)[:delivered]
     drone.event_seq = delivered
-    await composition.take(*events)
+    await composition.receive(*events)
 
     answer = await give(composition, instruction.mission_id, "CANCEL")
 
@@ -239,7 +239,7 @@ async def test_nothing_is_done_to_a_mission_that_is_over(
     composition: Any, drone: Any, make: Any, begin: Any, command: str
 ) -> None:
     instruction = await begin.accepted(composition, drone, make)
-    await composition.take(*drone.flown(instruction))
+    await composition.receive(*drone.flown(instruction))
 
     answer = await give(composition, instruction.mission_id, command)
 

@@ -21,7 +21,7 @@ async def give(composition: Any, mission_id: str, command: str, **members: Any) 
 async def flying(composition: Any, drone: Any, make: Any, begin: Any, **members: Any) -> Any:
     """The instruction of a drone on its first flight, led back by a failsafe if that is said."""
     instruction = await begin.loaded(composition, drone, make)
-    await composition.take(in_flight(drone, instruction, **members))
+    await composition.receive(in_flight(drone, instruction, **members))
     return instruction
 
 
@@ -62,7 +62,7 @@ async def test_a_command_waits_for_a_failsafe_and_says_so(
     instruction = await flying(composition, drone, make, begin, failsafe=ESCAPE)
 
     answer = await give(composition, instruction.mission_id, "RETURN_HOME")
-    await composition.recomposer.step()
+    await composition.replanner.step()
 
     assert answer.json()["waits_for"] == ESCAPE
     assert await with_steps(composition) == []
@@ -83,8 +83,8 @@ async def test_a_command_that_waited_is_done_once_the_failsafe_is_over(
         code="BATTERY_SHORT",
     )
 
-    await composition.take(landed)
-    await composition.recomposer.step()
+    await composition.receive(landed)
+    await composition.replanner.step()
 
     (revision,) = await with_steps(composition)
     flights = [each.to_id for each in revision.steps if isinstance(each, FlyStep)]
@@ -102,7 +102,7 @@ async def test_a_command_that_overrides_the_failsafe_is_sent_at_once(
     answer = await give(
         composition, instruction.mission_id, command, overrides_failsafe=True, **members
     )
-    await composition.recomposer.step()
+    await composition.replanner.step()
 
     assert answer.json()["waits_for"] is None
     (sent,) = await with_steps(composition)
@@ -115,21 +115,21 @@ async def test_a_refused_command_raises_an_alarm_and_is_tried_again(
 ) -> None:
     instruction = await flying(composition, drone, make, begin)
     await give(composition, instruction.mission_id, "RETURN_HOME")
-    await composition.recomposer.step()
+    await composition.replanner.step()
     (sent,) = await with_steps(composition)
 
     # The failsafe began before the instruction came.
-    await composition.take(
+    await composition.receive(
         in_flight(drone, instruction, failsafe=ESCAPE),
         drone.ack(sent, "REJECTED", code="FAILSAFE_ACTIVE"),
     )
     composition.clock.advance(timedelta(seconds=3))
-    await composition.recomposer.step()
+    await composition.replanner.step()
     (alarm,) = (await composition(OPERATOR, "GET", "/v1/alarms")).json()["items"]
     waiting = await with_steps(composition)
-    await composition.take(in_flight(drone, instruction))
+    await composition.receive(in_flight(drone, instruction))
     composition.clock.advance(timedelta(seconds=3))
-    await composition.recomposer.step()
+    await composition.replanner.step()
 
     assert (alarm["code"], alarm["level"]) == ("FAILSAFE_ACTIVE", "WARNING")
     assert "DIVERT for BATTERY_SHORT" in alarm["detail"]
@@ -144,12 +144,12 @@ async def test_what_is_never_overridden_is_not_tried_over_and_over(
     down = {"fault": "BATTERY_EMPTY", "failsafe": "LAND_NOW", "station_id": None}
     instruction = await flying(composition, drone, make, begin, failsafe=down)
     await give(composition, instruction.mission_id, "RETURN_HOME", overrides_failsafe=True)
-    await composition.recomposer.step()
+    await composition.replanner.step()
     (sent,) = await with_steps(composition)
 
-    await composition.take(drone.ack(sent, "REJECTED", code="FAILSAFE_ACTIVE"))
+    await composition.receive(drone.ack(sent, "REJECTED", code="FAILSAFE_ACTIVE"))
     composition.clock.advance(timedelta(seconds=3))
-    await composition.recomposer.step()
+    await composition.replanner.step()
 
     assert await with_steps(composition) == []
 
@@ -161,10 +161,10 @@ async def test_a_drone_is_called_home_once(
 
     answers = [await give(composition, instruction.mission_id, "RETURN_HOME")]
     answers.append(await give(composition, instruction.mission_id, "RETURN_HOME"))
-    await composition.recomposer.step()
+    await composition.replanner.step()
     answers.append(await give(composition, instruction.mission_id, "RETURN_HOME"))
     (sent,) = await with_steps(composition)
-    await composition.take(drone.ack(sent))
+    await composition.receive(drone.ack(sent))
     answers.append(await give(composition, instruction.mission_id, "RETURN_HOME"))
 
     assert [each.status_code for each in answers] == [202, 409, 409, 409]

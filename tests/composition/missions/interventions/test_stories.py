@@ -35,7 +35,7 @@ async def cancel(composition: Any, *package_ids: str) -> Any:
 
 async def planned_anew(composition: Any) -> Any:
     """The newest revision that the drone is sent once a plan was looked for."""
-    await composition.recomposer.step()
+    await composition.replanner.step()
     return [each for each in await composition.sent() if hasattr(each, "steps")][-1]
 
 
@@ -61,7 +61,7 @@ async def test_a_confirmed_drone_is_told_what_it_carries_and_takes_off(
     await confirm(composition, instruction.mission_id, p1=0.42)
 
     revision = await planned_anew(composition)
-    await composition.take(drone.ack(revision))
+    await composition.receive(drone.ack(revision))
 
     assert (revision.kind, revision.first_step) == ("MISSION", 2)
     assert [(each.package_id, each.mass_kg) for each in revision.loaded] == [("p1", 0.42)]
@@ -78,7 +78,7 @@ async def test_a_delivery_cancelled_in_flight_is_handed_back(
 
     revision = await planned_anew(composition)
     drone.event_seq = 1
-    await composition.take(drone.ack(revision), *drone.flown(revision))
+    await composition.receive(drone.ack(revision), *drone.flown(revision))
 
     assert "RETURN" in kinds(revision.steps)
     assert "DELIVER" not in kinds(revision.steps)
@@ -96,7 +96,7 @@ async def test_one_package_of_two_comes_back_and_the_other_arrives(
 
     revision = await planned_anew(composition)
     drone.event_seq = 1
-    await composition.take(drone.ack(revision), *drone.flown(revision))
+    await composition.receive(drone.ack(revision), *drone.flown(revision))
 
     last = dict(await kept(composition))
     assert last == {"p1": "RECIPIENT b", "p2": "STATION a"}
@@ -111,14 +111,14 @@ async def test_what_is_cancelled_while_the_drone_is_told_to_take_off_comes_back(
     told = await planned_anew(composition)
     assert (await cancel(composition))["returning"] == ["p1"]
 
-    await composition.take(drone.ack(told))
+    await composition.receive(drone.ack(told))
 
     progress = await shown(composition, instruction.mission_id)
     assert progress["mission"]["loading"] == "CONFIRMED"
     assert progress["trouble"]["code"] == "CANCELLED"
     pick_up, *_ = drone.flown(instruction)
     drone.event_seq = 1
-    await composition.take(
+    await composition.receive(
         pick_up, begin.standing(drone, instruction, activity="WAITING", step_id=2)
     )
     assert "RETURN" in kinds((await planned_anew(composition)).steps)
@@ -132,7 +132,7 @@ async def test_what_closes_while_the_drone_is_told_to_take_off_is_flown_around(
     told = await planned_anew(composition)
     await post(composition, "/v1/stations/c/closures", {"reason": "fire"})
 
-    await composition.take(drone.ack(told))
+    await composition.receive(drone.ack(told))
     revision = await planned_anew(composition)
 
     assert [each.package_id for each in told.loaded] == ["p1"]
@@ -148,7 +148,7 @@ async def test_what_closes_before_the_drone_is_told_to_take_off_changes_nothing_
     await post(composition, "/v1/stations/c/closures", {"reason": "fire"})
 
     told = await planned_anew(composition)
-    await composition.take(drone.ack(told))
+    await composition.receive(drone.ack(told))
 
     assert [each.package_id for each in told.loaded] == ["p1", "p2"]
     progress = await shown(composition, instruction.mission_id)
@@ -162,7 +162,7 @@ async def test_a_package_cancelled_in_time_is_not_even_loaded(
     await cancel(composition, "p2")
 
     revision = await planned_anew(composition)
-    await composition.take(drone.ack(revision), *drone.flown(revision))
+    await composition.receive(drone.ack(revision), *drone.flown(revision))
 
     (pick_up,) = [step for step in revision.steps if step.kind == "PICK_UP"]
     assert [each.package_id for each in pick_up.packages] == ["p1"]
@@ -179,10 +179,10 @@ async def test_a_released_package_that_was_taken_anyway_comes_back(
     drone.event_seq = 1
     composition.clock.advance(instruction.steps[0].planned_end_at - composition.clock.now())
     state = begin.standing(drone, instruction, activity="WAITING", step_id=2)
-    await composition.take(pick_up, state)
+    await composition.receive(pick_up, state)
 
     revision = await planned_anew(composition)
-    await composition.take(drone.ack(revision), *drone.flown(revision))
+    await composition.receive(drone.ack(revision), *drone.flown(revision))
 
     assert [where for package_id, where in await kept(composition) if package_id == "p2"] == [
         "STATION a",
@@ -201,7 +201,7 @@ async def test_a_diverted_drone_lands_where_it_was_told_and_stays_there(
     await give(composition, instruction.mission_id, "DIVERT", station_id="b")
 
     revision = await planned_anew(composition)
-    await composition.take(drone.ack(revision))
+    await composition.receive(drone.ack(revision))
 
     assert (revision.steps[-1].kind, revision.steps[-1].station_id) == ("WAIT", "b")
     assert revision.steps[-1].until_at > composition.clock.now() + timedelta(days=1)
@@ -231,11 +231,11 @@ async def test_a_diverted_drone_delivers_once_it_may_go_on(
         "package_ids": ["p1"],
         "soc": 0.6,
     }
-    await composition.take(drone.ack(there), *flights, drone.state(**at_b))
+    await composition.receive(drone.ack(there), *flights, drone.state(**at_b))
 
     await give(composition, instruction.mission_id, "RESUME")
     onward = await planned_anew(composition)
-    await composition.take(drone.ack(onward), *drone.flown(onward))
+    await composition.receive(drone.ack(onward), *drone.flown(onward))
 
     assert dict(await kept(composition)) == {"p1": "RECIPIENT c"}
     assert await composition.state_of(instruction.mission_id) == "COMPLETED"
@@ -249,7 +249,7 @@ async def test_a_drone_that_cannot_get_there_stays_held_and_keeps_its_packages(
     await post(composition, "/v1/stations/b/closures", {"reason": "fire"})
     await give(composition, instruction.mission_id, "DIVERT", station_id="c")
 
-    await composition.recomposer.step()
+    await composition.replanner.step()
 
     progress = await shown(composition, instruction.mission_id)
     assert (progress["mission"]["state"], progress["mission"]["is_held"]) == ("ACTIVE", True)

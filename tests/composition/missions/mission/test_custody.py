@@ -21,11 +21,12 @@ def test_a_delivered_package_stays_with_its_recipient() -> None:
     assert not may_pass(Held(P1, 3, RECIPIENT), DRONE)
 
 
-def test_a_package_is_not_handed_to_who_has_it() -> None:
+def test_a_package_cannot_pass_to_its_present_custodian() -> None:
     assert not may_pass(Held(P1, 2, DRONE), DRONE)
 
 
-def test_what_is_on_board_and_what_is_delivered() -> None:
+def test_packages_on_board_and_delivered_packages_are_told_apart() -> None:
     held = {P1: Held(P1, 2, DRONE), P2: Held(P2, 3, RECIPIENT)}
 
-    assert (on_board(held), delivered(held)) == ({P1}, {P2})
+    assert on_board(held) == frozenset({P1})
+    assert delivered(held) == frozenset({P2})

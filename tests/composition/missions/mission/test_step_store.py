@@ -4,7 +4,7 @@ from datetime import timedelta
 from typing import Any
 
 from skyway_composition.missions.mission.step_record import flown_totals
-from skyway_composition.missions.mission.step_store import ended_events, keep
+from skyway_composition.missions.mission.step_store import ended_events, keep_cut_step
 from sqlalchemy import text
 
 from skyway.ids import MissionId
@@ -36,9 +36,9 @@ async def test_a_cut_recharge_counts_once_whatever_becomes_of_its_row(
         **cut,
     )
     async with composition.db.write() as tx:
-        await keep(tx, mission_id, ends[-1].message)
+        await keep_cut_step(tx, mission_id, ends[-1].message)
         # An event that comes again, as one of a drone that was not heard, changes nothing.
-        await keep(tx, mission_id, ends[-1].message)
+        await keep_cut_step(tx, mission_id, ends[-1].message)
 
     assert (await totals(composition, mission_id))["recharging_s"] == 100.0
     async with composition.db.write() as tx:
@@ -53,7 +53,7 @@ async def test_the_end_of_a_cut_step_is_kept_when_it_is_told(composition: Any, d
     mission_id = booking.missions[0].mission_id
     [instruction] = await composition.sent()
     first = instruction.steps[0]
-    await composition.take(
+    await composition.receive(
         drone.ack(instruction),
         drone.event(
             "STEP_ENDED",

@@ -41,7 +41,7 @@ async def failed_at(
         code=code,
         **members,
     )
-    await composition.take(drone.ack(instruction), *before, failure)
+    await composition.receive(drone.ack(instruction), *before, failure)
     return instruction
 
 
@@ -69,7 +69,7 @@ async def test_from_where_a_failsafe_led_the_drone_it_goes_on(composition: Any, 
     )
     assert (first.steps[3].kind, first.steps[3].to_id) == ("FLY", "c")
 
-    await composition.recomposer.step()
+    await composition.replanner.step()
 
     (revision,) = await composition.sent()
     charge, *onward = revision.steps
@@ -87,7 +87,7 @@ async def test_pads_that_the_drone_does_not_come_to_any_more_are_given_back(
     first = await failed_at(composition, drone, 2, "a", "GEOFENCE", soc=0.9, energy_j=9_000.0)
     (old,) = [each for each in first.steps if isinstance(each, RechargeStep)][:1]
 
-    await composition.recomposer.step()
+    await composition.replanner.step()
 
     (revision,) = await composition.sent()
     sessions = [each for each in revision.steps if isinstance(each, RechargeStep)]
@@ -134,9 +134,9 @@ async def test_people_are_told_where_a_drone_is_down(composition: Any, drone: An
 async def test_a_drone_is_not_booked_while_it_is_down(composition: Any, drone: Any) -> None:
     await failed_at(composition, drone, 4, None, "MOTOR_FAILURE", position=IN_THE_OPEN)
 
-    await composition.take(drone.state(activity="DOWN", station_id=None, position=IN_THE_OPEN))
+    await composition.receive(drone.state(activity="DOWN", station_id=None, position=IN_THE_OPEN))
     down = await composition.book(delivery_id="dlv_2")
-    await composition.take(drone.state(activity="IDLE", station_id="a"))
+    await composition.receive(drone.state(activity="IDLE", station_id="a"))
     fetched = await composition.book(delivery_id="dlv_2", attempt=2)
 
     assert (down.outcome, fetched.outcome) == ("BUSY", "BOOKED")
@@ -145,7 +145,7 @@ async def test_a_drone_is_not_booked_while_it_is_down(composition: Any, drone: A
 async def test_a_down_drone_is_told_to_forget_its_mission(composition: Any, drone: Any) -> None:
     first = await failed_at(composition, drone, 4, None, "MOTOR_FAILURE", position=IN_THE_OPEN)
 
-    await composition.take(
+    await composition.receive(
         drone.state(
             activity="DOWN",
             station_id=None,
@@ -165,7 +165,7 @@ async def test_an_occupied_pad_is_out_of_order_for_a_quarter_of_an_hour(
     first = await failed_at(composition, drone, 3, "b", "PAD_OCCUPIED", soc=0.5)
     pad = first.steps[2].pad
 
-    await composition.recomposer.step()
+    await composition.replanner.step()
 
     (outage,) = (await composition(OPERATOR, "GET", f"/v1/stations/b/pads/{pad}/outages")).json()[
         "items"
@@ -187,10 +187,10 @@ async def test_a_drone_that_waits_for_an_occupied_pad_is_left_to_ask_by_itself(
     await composition.book()
     (instruction,) = await composition.sent()
     *flown, charge = instruction.steps[:3]
-    await composition.take(drone.ack(instruction))
+    await composition.receive(drone.ack(instruction))
     for step in flown:
         composition.clock.advance(step.planned_end_at - composition.clock.now())
-        await composition.take(*drone.ended(instruction, [step], soc=0.9))
+        await composition.receive(*drone.ended(instruction, [step], soc=0.9))
     late_at = charge.planned_end_at + timedelta(minutes=2)
     composition.clock.advance(late_at - composition.clock.now())
     charging = drone.state(
@@ -206,7 +206,7 @@ async def test_a_drone_that_waits_for_an_occupied_pad_is_left_to_ask_by_itself(
     )
 
     # It has charged nothing so far, and no time is left for it on the pad.
-    await composition.take(charging)
+    await composition.receive(charging)
     await composition.lagging.step()
 
     rows = await composition.rows("SELECT trouble FROM missions")
@@ -220,7 +220,7 @@ async def test_a_drone_waits_for_the_only_pad_that_is_occupied(
     await failed_at(composition, drone, 3, "b", "PAD_OCCUPIED", soc=0.3)
     until_ms = moment_to_ms(composition.clock.now()) + 900_000
 
-    await composition.recomposer.step()
+    await composition.replanner.step()
 
     (revision,) = await composition.sent()
     charge = next(each for each in revision.steps if isinstance(each, RechargeStep))
@@ -236,7 +236,7 @@ async def test_whoever_comes_to_an_occupied_pad_gets_another_plan(
     held = [row.mission_id for row in await composition.reservations() if row.station_id == "b"]
     assert len(set(held)) == 2
 
-    await composition.recomposer.step()
+    await composition.replanner.step()
 
     rows = await composition.rows("SELECT mission_id, trouble FROM missions WHERE drone_id='drn_2'")
     soon = [row for row in await composition.reservations() if row.mission_id != first.mission_id]
@@ -250,7 +250,7 @@ async def test_what_may_have_been_delivered_comes_back_and_people_look(
 ) -> None:
     await failed_at(composition, drone, 5, "c", "UNKNOWN", soc=0.9)
 
-    await composition.recomposer.step()
+    await composition.replanner.step()
 
     (revision,) = await composition.sent()
     (back,) = [each for each in revision.steps if isinstance(each, ReturnStep)]
@@ -271,7 +271,7 @@ async def test_what_may_have_been_loaded_counts_as_the_drone_says(
     named = ("p1",) if is_on_board else ()
     await failed_at(composition, drone, 1, "a", "UNKNOWN", soc=1.0, package_ids=named)
 
-    await composition.recomposer.step()
+    await composition.replanner.step()
 
     custody = await composition.rows("SELECT custodian_kind FROM custody ORDER BY seq")
     kept = ["STATION", "DRONE"] if is_on_board else ["STATION"]
@@ -296,9 +296,9 @@ async def test_a_drone_in_headwind_gets_a_plan_that_it_can_fly(
         package_ids=("p1",),
         health=health(1.31),
     )
-    await composition.take(in_wind)
+    await composition.receive(in_wind)
 
-    await composition.recomposer.step()
+    await composition.replanner.step()
 
     shown = await composition(OPERATOR, "GET", f"/v1/missions/{first.mission_id}")
     mission = shown.json()["mission"]
@@ -341,7 +341,7 @@ async def test_a_landing_below_the_reserve_is_not_planned_over_and_over(
         health=health(1.5),
     )
 
-    await composition.take(drone.ack(first), *loaded, will_be_short)
+    await composition.receive(drone.ack(first), *loaded, will_be_short)
 
     assert "REPLANNING" not in [each.kind for each in await composition.reports()]
     assert first.steps[2].kind == "RECHARGE"

@@ -30,7 +30,7 @@ async def take_off(
     (instruction,) = await composition.sent()
     pick_up = instruction.steps[0]
     composition.clock.advance(pick_up.planned_end_at - composition.clock.now())
-    await composition.take(
+    await composition.receive(
         drone.ack(instruction), *drone.ended(instruction, [pick_up]), flying(drone, instruction, 2)
     )
     return instruction
@@ -75,14 +75,14 @@ async def test_a_drone_lands_before_the_station_that_was_closed(
     assert (over.to_id, over.lands, landing.to_id, landing.lands) == ("b", False, "c", True)
 
     await close(composition, "c")
-    await composition.recomposer.step()
+    await composition.replanner.step()
 
     (divert,) = await composition.sent()
     assert (divert.kind, divert.last_valid_step, divert.steps[0].step_id) == ("DIVERT", 2, 3)
     assert divert.steps[0].station_id == "b"
     landings = [step.to_id for step in divert.steps if isinstance(step, FlyStep) and step.lands]
     assert "c" not in landings
-    await composition.take(drone.ack(divert))
+    await composition.receive(drone.ack(divert))
     assert (await composition.reports())[-1].kind == "REPLANNED"
     assert await composition.broken() == []
 
@@ -99,7 +99,7 @@ async def test_a_drone_lands_before_a_station_where_it_cannot_charge_any_more(
         outages = f"/v1/stations/c/pads/{pad}/outages"
         answer = await composition(OPERATOR, "POST", outages, {"reason": "no power"})
         assert answer.status_code == 201, answer.text
-    await composition.recomposer.step()
+    await composition.replanner.step()
 
     (divert,) = await composition.sent()
     assert (divert.kind, divert.last_valid_step) == ("DIVERT", 2)
@@ -114,7 +114,7 @@ async def test_packages_whose_recipient_cannot_be_reached_any_more_go_back(
     await take_off(composition, drone, "c", make=make)
 
     await close(composition, "c")
-    await composition.recomposer.step()
+    await composition.replanner.step()
 
     (revision,) = await composition.sent()
     assert (revision.kind, revision.first_step) == ("MISSION", 3)
@@ -135,7 +135,7 @@ async def test_a_package_goes_to_its_alternative_when_its_destination_is_closed(
     await take_off(composition, drone, make=make, request=request)
 
     await close(composition, "c")
-    await composition.recomposer.step()
+    await composition.replanner.step()
 
     (revision,) = await composition.sent()
     assert [step.kind for step in revision.steps][:1] == ["DELIVER"]
@@ -149,7 +149,7 @@ async def test_a_drone_that_can_land_nowhere_else_lands_where_it_flies_to(
     first = await take_off(composition, drone, "c", make=make)
 
     await close(composition, "b")
-    await composition.recomposer.step()
+    await composition.replanner.step()
 
     (revision,) = await composition.sent()
     assert (revision.kind, revision.first_step) == ("MISSION", 3)
@@ -157,13 +157,13 @@ async def test_a_drone_that_can_land_nowhere_else_lands_where_it_flies_to(
     alarms = await composition.rows("SELECT level, code FROM alarms")
     assert [tuple(row) for row in alarms] == [("CRITICAL", "NO_SAFE_LANDING")]
 
-    await composition.take(drone.ack(revision))
+    await composition.receive(drone.ack(revision))
     replanned = (await composition.reports())[-1]
     assert (replanned.kind, replanned.mission.given_up) == ("REPLANNED", "OUT_OF_RANGE")
     assert (replanned.etas, replanned.mission.packages) == ((), ())
 
     # Its state is the last to come, so that where it stands is known from its events alone.
-    await composition.take(*drone.ended(first, [first.steps[1]]), *drone.flown(revision))
+    await composition.receive(*drone.ended(first, [first.steps[1]]), *drone.flown(revision))
 
     report = (await composition.reports())[-1]
     assert (report.kind, report.mission_state) == ("ENDED", "ABORTED")
@@ -181,7 +181,7 @@ async def test_a_drone_over_a_closed_station_lands_at_the_next_one_it_can_reach(
     await take_off(composition, drone, "b", make=make, battery_j=FOR_TWO_FLIGHTS_J)
 
     await close(composition, "b")
-    await composition.recomposer.step()
+    await composition.replanner.step()
 
     (divert,) = await composition.sent()
     assert (divert.kind, divert.last_valid_step) == ("DIVERT", 2)
@@ -214,7 +214,7 @@ async def test_the_margin_makes_up_for_a_lateness_that_is_tolerated(
     flight = first.steps[1]
     late_at = flight.planned_end_at + timedelta(seconds=60)
     composition.clock.advance(late_at - composition.clock.now())
-    await composition.take(
+    await composition.receive(
         flying(drone, first, 2, at=late_at, position=flight.to_position, soc=0.24)
     )
 
@@ -229,7 +229,7 @@ async def test_a_drone_that_used_too_much_gets_another_plan(
     first = await take_off(composition, drone, "c", make=make)
 
     # Little is left for the recharge, whose session is too short for all that is missing now.
-    await composition.take(*drone.ended(first, [first.steps[1]], soc=0.62))
+    await composition.receive(*drone.ended(first, [first.steps[1]], soc=0.62))
 
     report = (await composition.reports())[-1]
     assert (report.kind, report.code) == ("REPLANNING", "MORE_ENERGY")
@@ -241,7 +241,7 @@ async def charge_short(
     """The drone's first recharge, which began with these faults, ends with so much less charge."""
     first = await take_off(composition, drone, "c", make=make)
     flight, recharge = first.steps[1:3]
-    await composition.take(*drone.ended(first, [flight]))
+    await composition.receive(*drone.ended(first, [flight]))
     charging = drone.state(
         mission_id=first.mission_id,
         mission_revision=1,
@@ -253,12 +253,12 @@ async def charge_short(
         faults=faults,
         soc=0.3,
     )
-    await composition.take(charging)
+    await composition.receive(charging)
     composition.clock.advance(recharge.planned_end_at - composition.clock.now())
     (short,) = drone.ended(first, [recharge], soc=0.3)
     soc = recharge.until_soc - lacking_soc
     message = short.message.model_copy(update={"code": "SHORT_CHARGE", "soc": soc})
-    await composition.take(type(short)(short.topic, short.ids, message, retained=False))
+    await composition.receive(type(short)(short.topic, short.ids, message, retained=False))
 
 
 @pytest.mark.parametrize("faults", [(), ("PAD_OCCUPIED",)])
@@ -289,7 +289,7 @@ async def test_word_that_comes_late_does_not_make_a_drone_late(
     late = timedelta(seconds=600)
     composition.clock.advance(recharge.not_before_at + late - composition.clock.now())
 
-    await composition.take(*drone.ended(first, [flight]))
+    await composition.receive(*drone.ended(first, [flight]))
 
     assert "REPLANNING" not in await kinds(composition)
 
@@ -298,8 +298,8 @@ async def test_a_drone_may_ask_for_another_plan(composition: Any, drone: Any, ma
     first = await take_off(composition, drone, "c", make=make)
     asks = drone.event("ALARM", mission_id=first.mission_id, code="PLAN_WANTED", detail="head wind")
 
-    await composition.take(asks)
-    await composition.recomposer.step()
+    await composition.receive(asks)
+    await composition.replanner.step()
 
     (revision,) = await composition.sent()
     assert revision.mission_revision == 2
@@ -321,8 +321,8 @@ async def test_nobody_there_sends_the_package_back(composition: Any, drone: Any,
         code="RECIPIENT_ABSENT",
     )
 
-    await composition.take(*absent, failure)
-    await composition.recomposer.step()
+    await composition.receive(*absent, failure)
+    await composition.replanner.step()
 
     (revision,) = await composition.sent()
     (back,) = [step for step in revision.steps if isinstance(step, ReturnStep)]

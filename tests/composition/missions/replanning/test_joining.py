@@ -6,7 +6,7 @@ import pytest
 from skyway_composition.missions.mission.record import Proposal
 from skyway_composition.missions.mission.step_store import steps_of
 from skyway_composition.missions.mission.store import get
-from skyway_composition.missions.replanning.propose import join
+from skyway_composition.missions.replanning.propose import adjust_last_flight
 
 from skyway.contracts.flight_step import FlyStep, WaitStep
 from skyway.ids import InstructionId, MissionId
@@ -27,7 +27,7 @@ async def joined(composition: Any, step: Any) -> bool:
             code="STATION_CLOSED",
             detail="closed",
         )
-        await join(tx, record.mission_id, proposal)
+        await adjust_last_flight(tx, record.mission_id, proposal)
     async with composition.db.read() as connection:
         known = await steps_of(connection, MissionId("msn_000001"))
     (flight,) = [each.step for each in known if each.step.step_id == step.step_id - 1]

@@ -7,10 +7,11 @@ from typing import Any
 import pytest
 from skyway_composition.missions.mission.record import Trouble
 from skyway_composition.missions.mission.release_pads import pads_of
-from skyway_composition.missions.mission.unit_of_work import Watch
-from skyway_composition.missions.replanning.request_plan import troubled
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
+from skyway_composition.missions.replanning.request_plan import request_plan
 
 from skyway.contracts.flight_step import FlyStep, RechargeStep
+from skyway.ids import DroneId
 from skyway.units import moment_to_ms
 
 HEALTH = {
@@ -32,7 +33,7 @@ async def flying(composition: Any, drone: Any) -> Any:
     pick_up, flight = instruction.steps[:2]
     assert isinstance(flight, FlyStep)
     composition.clock.advance(pick_up.planned_end_at - composition.clock.now())
-    await composition.take(
+    await composition.receive(
         drone.ack(instruction),
         *drone.ended(instruction, [pick_up]),
         flying_state(drone, instruction, flight.step_id),
@@ -54,17 +55,17 @@ def flying_state(drone: Any, instruction: Any, step_id: int) -> Any:
 
 async def trouble(composition: Any, why: Trouble = LATE_WIND) -> None:
     async with composition.db.write() as tx:
-        watch = await Watch.over(
-            ["drn_1"], tx=tx, clock=composition.clock, mint=composition.parts.mint
+        work = await MissionUnitOfWork.lock(
+            [DroneId("drn_1")], tx=tx, clock=composition.clock, mint=composition.parts.mint
         )
-        await troubled(watch, watch.missions["drn_1"], why)
+        await request_plan(work, work.missions[DroneId("drn_1")], why)
 
 
 async def proposed(composition: Any, drone: Any) -> tuple[Any, Any]:
     """What the drone flies by, and what was proposed to it instead."""
     first = await flying(composition, drone)
     await trouble(composition)
-    await composition.recomposer.step()
+    await composition.replanner.step()
     (proposal,) = await composition.sent()
     return first, proposal
 
@@ -129,7 +130,7 @@ async def test_an_accepted_proposal_is_the_mission_from_then_on(
 ) -> None:
     _, proposal = await proposed(composition, drone)
 
-    await composition.take(drone.ack(proposal))
+    await composition.receive(drone.ack(proposal))
 
     rows = await composition.reservations()
     assert [tuple(row)[:4] for row in rows] == windows(proposal)
@@ -137,7 +138,7 @@ async def test_an_accepted_proposal_is_the_mission_from_then_on(
     report = (await composition.reports())[-1]
     assert (report.kind, report.code, report.mission.revision) == ("REPLANNED", "PLAN_WANTED", 2)
     assert await composition.broken() == []
-    await composition.recomposer.step()
+    await composition.replanner.step()
     assert await composition.sent() == []
 
 
@@ -146,7 +147,7 @@ async def test_a_rejected_proposal_leaves_the_mission_as_it_was(
 ) -> None:
     first, proposal = await proposed(composition, drone)
 
-    await composition.take(drone.ack(proposal, "REJECTED", code="STEP_RELEASED"))
+    await composition.receive(drone.ack(proposal, "REJECTED", code="STEP_RELEASED"))
 
     rows = await composition.reservations()
     assert [tuple(row)[:4] for row in rows] == windows(first)
@@ -171,12 +172,12 @@ async def test_after_a_rejection_another_plan_is_made_from_what_the_drone_says(
         package_ids=("p1",),
     )
 
-    await composition.take(
+    await composition.receive(
         drone.ack(proposal, "REJECTED", code="STEP_RELEASED"),
         *drone.ended(first, [first.steps[1]]),
         charging,
     )
-    await composition.recomposer.step()
+    await composition.replanner.step()
 
     (another,) = await composition.sent()
     assert (another.kind, another.mission_revision) == ("DIVERT", 3)
@@ -188,12 +189,12 @@ async def test_after_a_rejection_another_plan_is_made_from_what_the_drone_says(
 async def diverted_from_its_pad(composition: Any, drone: Any) -> tuple[Any, Any]:
     """The first instruction, and the one that cuts the recharge the drone is at."""
     first, proposal = await proposed(composition, drone)
-    await composition.take(
+    await composition.receive(
         drone.ack(proposal, "REJECTED", code="STEP_RELEASED"),
         *drone.ended(first, [first.steps[1]]),
         at_its_pad(drone, first),
     )
-    await composition.recomposer.step()
+    await composition.replanner.step()
     (divert,) = await composition.sent()
     return first, divert
 
@@ -224,7 +225,7 @@ async def test_a_recharge_that_was_cut_leaves_the_new_step_of_its_number(
 ) -> None:
     first, divert = await diverted_from_its_pad(composition, drone)
 
-    await composition.take(drone.ack(divert), cut(drone, first.steps[2], first))
+    await composition.receive(drone.ack(divert), cut(drone, first.steps[2], first))
 
     assert await steps_planned(composition) == [step.step_id for step in divert.steps]
     assert await composition.broken() == []
@@ -235,10 +236,10 @@ async def test_what_was_found_while_a_proposal_was_on_its_way_is_compared_with_i
 ) -> None:
     first, divert = await diverted_from_its_pad(composition, drone)
     in_wind = {"health": HEALTH | {"consumption_factor": 1.6}}
-    await composition.take(at_its_pad(drone, first, **in_wind))
+    await composition.receive(at_its_pad(drone, first, **in_wind))
     assert await trouble_code(composition) == "PLAN_WANTED"
 
-    await composition.take(
+    await composition.receive(
         drone.ack(divert),
         cut(drone, first.steps[2], first),
         at_its_pad(drone, divert, activity="WAITING", released_through=2, **in_wind),
@@ -264,13 +265,13 @@ async def test_a_drone_that_flies_by_a_proposal_has_taken_it(
     )
 
     # Its answer was lost: it says so again once it has heard the proposal again.
-    await composition.take(*landed, *([on_pad] if is_told_first == "state" else []), lost)
-    await composition.take(drone.ack(proposal))
+    await composition.receive(*landed, *([on_pad] if is_told_first == "state" else []), lost)
+    await composition.receive(drone.ack(proposal))
 
     assert [each.kind for each in await composition.reports()].count("REPLANNED") == 1
     (row,) = await composition.rows("SELECT stuck FROM missions")
     assert "PAD_LOST" in (row.stuck or "")
-    await composition.recomposer.step()
+    await composition.replanner.step()
     assert [each.mission_revision for each in await composition.sent()] == [3]
     assert await composition.broken() == []
 
@@ -279,7 +280,7 @@ async def test_a_state_alone_tells_that_a_proposal_was_taken(composition: Any, d
     first, proposal = await proposed(composition, drone)
     on_pad = at_its_pad(drone, proposal, activity="WAITING", released_through=2)
 
-    await composition.take(*drone.ended(first, [first.steps[1]]), on_pad)
+    await composition.receive(*drone.ended(first, [first.steps[1]]), on_pad)
 
     (row,) = await composition.rows("SELECT proposal FROM missions")
     assert row.proposal is None
@@ -293,10 +294,10 @@ async def test_a_newer_trouble_is_planned_for_after_the_answer(
     _, proposal = await proposed(composition, drone)
     await trouble(composition, Trouble(code="STATION_CLOSED", detail="c is closed"))
 
-    await composition.recomposer.step()
+    await composition.replanner.step()
     assert [each.mission_revision for each in await composition.sent()] == [2]
-    await composition.take(drone.ack(proposal))
-    await composition.recomposer.step()
+    await composition.receive(drone.ack(proposal))
+    await composition.replanner.step()
 
     assert [each.mission_revision for each in await composition.sent()] == [3]
 
@@ -308,8 +309,8 @@ async def test_a_recharge_that_ends_early_gives_its_pad_back_after_the_gap(
     flight, recharge = first.steps[1:3]
     early = timedelta(minutes=10)
 
-    await composition.take(*drone.ended(first, [flight]))
-    await composition.take(*drone.ended(first, [recharge], late_by=-early))
+    await composition.receive(*drone.ended(first, [flight]))
+    await composition.receive(*drone.ended(first, [recharge], late_by=-early))
 
     held_until = [
         row.end_ms

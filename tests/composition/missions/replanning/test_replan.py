@@ -5,7 +5,7 @@ from datetime import timedelta
 from typing import Any
 
 import pytest
-from skyway_composition.missions.replanning.store import claim_stuck, plan_at_once, put_off
+from skyway_composition.missions.replanning.store import claim_stuck, plan_now, put_off
 from sqlalchemy import text
 
 from skyway.contracts.flight_step import DeliverStep, PickUpStep
@@ -43,7 +43,7 @@ async def flown_until(
         code=code,
         detail="came too late for the pad",
     )
-    await composition.take(drone.ack(instruction), *events, failure)
+    await composition.receive(drone.ack(instruction), *events, failure)
     return instruction
 
 
@@ -52,7 +52,7 @@ async def test_a_failed_step_leads_to_a_revision_from_where_the_drone_stands(
 ) -> None:
     first = await flown_until(composition, drone, failing=3, station_id="b")
 
-    await composition.recomposer.step()
+    await composition.replanner.step()
 
     (revision,) = await composition.sent()
     assert (revision.mission_id, revision.mission_revision) == (first.mission_id, 2)
@@ -66,7 +66,7 @@ async def test_a_failed_step_leads_to_a_revision_from_where_the_drone_stands(
 async def test_the_customer_is_told_of_the_new_plan(composition: Any, drone: Any) -> None:
     await flown_until(composition, drone, failing=3, station_id="b")
 
-    await composition.recomposer.step()
+    await composition.replanner.step()
 
     report = (await composition.reports())[-1]
     assert (report.kind, report.code) == ("REPLANNED", "PAD_LOST")
@@ -76,10 +76,10 @@ async def test_the_customer_is_told_of_the_new_plan(composition: Any, drone: Any
 
 async def test_a_revision_is_flown_to_the_end(composition: Any, drone: Any) -> None:
     await flown_until(composition, drone, failing=3, station_id="b")
-    await composition.recomposer.step()
+    await composition.replanner.step()
     (revision,) = await composition.sent()
 
-    await composition.take(drone.ack(revision), *drone.flown(revision))
+    await composition.receive(drone.ack(revision), *drone.flown(revision))
 
     reports = await composition.reports()
     assert [report.kind for report in reports][-3:] == ["REPLANNED", "DELIVERED", "ENDED"]
@@ -96,8 +96,8 @@ async def test_a_mission_fails_before_the_pickup_and_still_fetches_the_packages(
         "STEP_FAILED", mission_id=instruction.mission_id, step_id=1, station_id="b", soc=0.95
     )
 
-    await composition.take(drone.ack(instruction), failure)
-    await composition.recomposer.step()
+    await composition.receive(drone.ack(instruction), failure)
+    await composition.replanner.step()
 
     (revision,) = await composition.sent()
     assert any(isinstance(step, PickUpStep) for step in revision.steps)
@@ -117,8 +117,8 @@ async def test_a_failure_on_the_way_home_is_planned_home_only(composition: Any, 
         soc=0.1,
     )
 
-    await composition.take(drone.ack(instruction), *events, failure)
-    await composition.recomposer.step()
+    await composition.receive(drone.ack(instruction), *events, failure)
+    await composition.replanner.step()
 
     (revision,) = await composition.sent()
     assert not any(isinstance(step, DeliverStep | PickUpStep) for step in revision.steps)
@@ -129,14 +129,14 @@ async def test_a_refused_revision_is_planned_again_after_what_the_drone_released
     composition: Any, drone: Any
 ) -> None:
     first = await flown_until(composition, drone, failing=3, station_id="b")
-    await composition.recomposer.step()
+    await composition.replanner.step()
     (revision,) = await composition.sent()
     state = drone.state(
         mission_id=first.mission_id, station_id="b", soc=0.9, step_id=5, released_through=6
     )
 
-    await composition.take(state, drone.ack(revision, "REJECTED", code="STEP_RELEASED"))
-    await composition.recomposer.step()
+    await composition.receive(state, drone.ack(revision, "REJECTED", code="STEP_RELEASED"))
+    await composition.replanner.step()
 
     (another,) = await composition.sent()
     assert (another.mission_revision, another.first_step) == (3, 7)
@@ -152,9 +152,9 @@ async def test_without_a_way_to_the_recipient_the_packages_go_back(
     ]
     await composition.publish(one_way)
 
-    await composition.recomposer.step()
+    await composition.replanner.step()
     (revision,) = await composition.sent()
-    await composition.take(drone.ack(revision), *drone.flown(revision))
+    await composition.receive(drone.ack(revision), *drone.flown(revision))
 
     assert [step.kind for step in revision.steps][-2:] == ["RETURN", "RECHARGE"]
     reports = await composition.reports()
@@ -180,7 +180,7 @@ async def test_without_any_way_the_packages_are_stranded_where_the_drone_stands(
     ]
     await composition.publish(cut_off)
 
-    await composition.recomposer.step()
+    await composition.replanner.step()
 
     report = (await composition.reports())[-1]
     assert (report.kind, report.mission_state) == ("ENDED", "ABORTED")
@@ -200,11 +200,11 @@ async def test_a_lost_journal_in_flight_leads_to_a_revision_in_a_new_stream(
     await composition.book()
     (instruction,) = await composition.sent()
     pick_up, *_ = drone.flown(instruction)
-    await composition.take(drone.ack(instruction), pick_up)
+    await composition.receive(drone.ack(instruction), pick_up)
     drone.session, drone.stream, drone.event_seq = 2, 0, 0
 
-    await composition.take(drone.state(station_id="a", soc=1.0))
-    await composition.recomposer.step()
+    await composition.receive(drone.state(station_id="a", soc=1.0))
+    await composition.replanner.step()
 
     (revision,) = await composition.sent()
     assert (revision.stream, revision.seq, revision.mission_revision) == (2, 1, 2)
@@ -216,14 +216,14 @@ async def test_a_drone_that_lost_its_journal_hears_what_it_carries(
     await composition.book()
     (instruction,) = await composition.sent()
     pick_up, *_ = drone.flown(instruction)
-    await composition.take(drone.ack(instruction), pick_up)
+    await composition.receive(drone.ack(instruction), pick_up)
     drone.session, drone.stream, drone.event_seq = 2, 0, 0
-    await composition.take(drone.state(station_id="a", soc=1.0))
-    await composition.recomposer.step()
+    await composition.receive(drone.state(station_id="a", soc=1.0))
+    await composition.replanner.step()
     (revision,) = await composition.sent()
     drone.stream = 2
 
-    await composition.take(drone.ack(revision), *drone.flown(revision))
+    await composition.receive(drone.ack(revision), *drone.flown(revision))
 
     assert [step.kind for step in revision.steps[:2]] == ["PICK_UP", "FLY"]
     kinds = [report.kind for report in await composition.reports()]
@@ -237,7 +237,7 @@ async def test_a_drone_that_came_below_its_reserve_charges_where_it_stands_and_g
     keeps_some = make.candidate(model=KEEPS_A_TENTH)
     await flown_until(composition, drone, keeps_some, failing=3, station_id="b", soc=0.05)
 
-    await composition.recomposer.step()
+    await composition.replanner.step()
 
     (revision,) = await composition.sent()
     charge, *onward = revision.steps
@@ -259,7 +259,7 @@ async def test_a_mission_that_cannot_be_planned_for_keeps_no_other_from_it(
     other = type(drone)(composition, drone_id="drn_2")
     await flown_until(composition, drone, failing=3, station_id="b", code="PAD_OCCUPIED")
     await flown_until(composition, other, make.candidate(2), failing=3, station_id="b")
-    failing = replace(composition.recomposer, occupied=FailsAt())
+    failing = replace(composition.replanner, occupied=FailsAt())
 
     with pytest.raises(ExceptionGroup, match="not re-composed"):
         await failing.step()
@@ -267,7 +267,7 @@ async def test_a_mission_that_cannot_be_planned_for_keeps_no_other_from_it(
     assert [each.mission_revision for each in await composition.sent("drn_2")] == [2]
     # Whoever comes after it finds the claim over soon.
     composition.clock.advance(timedelta(seconds=6))
-    await composition.recomposer.step()
+    await composition.replanner.step()
     assert [each.mission_revision for each in await composition.sent("drn_1")] == [2]
 
 
@@ -282,7 +282,7 @@ async def test_a_plan_that_is_wanted_at_once_meanwhile_is_not_put_off(
         later_ms = moment_to_ms(clock.wall_now()) + 2_000
         async with db.write() as tx:
             if is_wanted:
-                await plan_at_once(tx, first.mission_id)
+                await plan_now(tx, first.mission_id)
             await put_off(tx, first.mission_id, until_wall_ms=later_ms)
         found.append(await claim_stuck(db, clock, "test"))
         clock.advance(timedelta(seconds=10))
@@ -296,13 +296,13 @@ async def test_a_drone_that_takes_no_revision_is_told_of_once(composition: Any, 
     pick_up, flight = first.steps[:2]
     composition.clock.advance(pick_up.planned_end_at - composition.clock.now())
     wish = drone.event("ALARM", mission_id=first.mission_id, code="PLAN_WANTED")
-    await composition.take(drone.ack(first), *drone.ended(first, [pick_up]))
-    await composition.take(wish)
+    await composition.receive(drone.ack(first), *drone.ended(first, [pick_up]))
+    await composition.receive(wish)
     async with composition.db.write() as tx:
         await tx.execute(text("UPDATE instructions SET mission_revision = 40"))
 
     for _ in range(3):
-        await composition.recomposer.step()
+        await composition.replanner.step()
         composition.clock.advance(flight.planned_end_at - flight.planned_start_at)
         await composition.lagging.step()
 

@@ -25,7 +25,7 @@ async def take_off_for_b(
     (instruction,) = await composition.sent()
     pick_up, flight, *_ = instruction.steps
     composition.clock.advance(pick_up.planned_end_at - composition.clock.now())
-    await composition.take(
+    await composition.receive(
         drone.ack(instruction), *drone.ended(instruction, [pick_up]), flying(drone, instruction)
     )
     return instruction, flight
@@ -67,10 +67,10 @@ async def test_a_drone_that_comes_only_after_a_station_closes_is_led_elsewhere(
         flight.planned_end_at + timedelta(minutes=1) - composition.clock.now()
     )
     # Half of the way, a third of an hour, lies ahead.
-    await composition.take(flying(drone, instruction, position=(B_DEG / 2, 0.0)))
+    await composition.receive(flying(drone, instruction, position=(B_DEG / 2, 0.0)))
 
     await composition.lagging.step()
-    await composition.recomposer.step()
+    await composition.replanner.step()
 
     assert await told(composition) == ["LATE"]
     (divert,) = await composition.sent()
@@ -86,7 +86,7 @@ async def test_a_late_drone_that_still_comes_in_time_is_let_be(
     composition.clock.advance(
         flight.planned_end_at + timedelta(minutes=1) - composition.clock.now()
     )
-    await composition.take(flying(drone, instruction, position=(0.95 * B_DEG, 0.0)))
+    await composition.receive(flying(drone, instruction, position=(0.95 * B_DEG, 0.0)))
 
     await composition.lagging.step()
 
@@ -99,9 +99,9 @@ async def test_what_was_closed_when_it_was_planned_to_land_there_is_no_news(
     """With half of that battery the drone reaches nothing else."""
     _, flight = await take_off_for_b(composition, drone, make, battery_j=FOR_TWO_FLIGHTS_J / 2)
     await close(composition, composition.clock.now())
-    await composition.recomposer.step()
+    await composition.replanner.step()
     (revision,) = await composition.sent()
-    await composition.take(drone.ack(revision))
+    await composition.receive(drone.ack(revision))
     late_at = flight.planned_end_at + timedelta(minutes=5)
     composition.clock.advance(late_at - composition.clock.now())
 

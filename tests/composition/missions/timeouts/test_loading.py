@@ -3,7 +3,7 @@
 from datetime import timedelta
 from typing import Any
 
-from skyway_composition.missions.timeouts.loading import LoadingWatch
+from skyway_composition.missions.timeouts.loading import LoadingTimeouts
 
 #: Half an hour, unless the network says otherwise.
 TIMEOUT = timedelta(seconds=1_800)
@@ -11,7 +11,7 @@ TIMEOUT = timedelta(seconds=1_800)
 
 async def sweep(composition: Any) -> None:
     parts = composition.parts
-    await LoadingWatch(parts.db, parts.networks, parts.clock, parts.mint).step()
+    await LoadingTimeouts(parts.db, parts.networks, parts.clock, parts.mint).step()
 
 
 async def test_a_drone_that_nobody_loads_is_free_again(
@@ -62,7 +62,7 @@ async def test_the_time_begins_when_the_drone_comes(
 ) -> None:
     await composition.book(make.candidate(loading="CONFIRMED", station_id="b"))
     (instruction,) = await composition.sent()
-    await composition.take(drone.ack(instruction))
+    await composition.receive(drone.ack(instruction))
     late = timedelta(hours=1)
     pickup = next(step for step in instruction.steps if step.kind == "PICK_UP")
     approach = [
@@ -76,7 +76,7 @@ async def test_the_time_begins_when_the_drone_comes(
         for step in instruction.steps[: pickup.step_id - 1]
     ]
     composition.clock.advance(pickup.planned_start_at + late - composition.clock.now())
-    await composition.take(*approach, begin.standing(drone, instruction, step_id=pickup.step_id))
+    await composition.receive(*approach, begin.standing(drone, instruction, step_id=pickup.step_id))
 
     composition.clock.advance(TIMEOUT - timedelta(seconds=1))
     await sweep(composition)

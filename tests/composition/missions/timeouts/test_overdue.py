@@ -24,7 +24,7 @@ async def sweep_after(composition: Any, span: timedelta) -> None:
 
 async def test_a_lost_drone_that_never_answered_is_given_up(composition: Any, drone: Any) -> None:
     instruction = await booked(composition)
-    await composition.take(drone.connection("LOST"))
+    await composition.receive(drone.connection("LOST"))
 
     await sweep_after(composition, EXPIRY + ACK_ON_ITS_WAY)
 
@@ -38,12 +38,12 @@ async def test_the_word_of_a_lost_drone_may_still_be_on_its_way(
     composition: Any, drone: Any
 ) -> None:
     instruction = await booked(composition)
-    await composition.take(drone.connection("LOST"))
+    await composition.receive(drone.connection("LOST"))
 
     await sweep_after(composition, EXPIRY)
 
     assert await composition.state_of(instruction.mission_id) == "BOOKED"
-    await composition.take(drone.ack(instruction))
+    await composition.receive(drone.ack(instruction))
     assert await composition.state_of(instruction.mission_id) == "ACCEPTED"
 
 
@@ -51,7 +51,7 @@ async def test_before_the_instruction_expires_nobody_is_given_up(
     composition: Any, drone: Any
 ) -> None:
     instruction = await booked(composition)
-    await composition.take(drone.connection("LOST"))
+    await composition.receive(drone.connection("LOST"))
 
     await sweep_after(composition, timedelta(seconds=59))
 
@@ -71,7 +71,7 @@ async def test_a_drone_that_does_something_else_after_the_expiry_is_free(
 ) -> None:
     instruction = await booked(composition)
     composition.clock.advance(EXPIRY)
-    await composition.take(drone.state())
+    await composition.receive(drone.state())
 
     await composition.overdue.step()
 
@@ -83,7 +83,7 @@ async def test_a_drone_that_flies_it_without_our_knowing_is_left_alone(
 ) -> None:
     instruction = await booked(composition)
     composition.clock.advance(EXPIRY)
-    await composition.take(drone.state(mission_id=instruction.mission_id))
+    await composition.receive(drone.state(mission_id=instruction.mission_id))
 
     await composition.overdue.step()
 
@@ -103,7 +103,7 @@ async def test_a_drone_silent_long_after_its_plan_is_aborted_with_what_it_carrie
 ) -> None:
     instruction = await booked(composition)
     pick_up, *_ = drone.flown(instruction)
-    await composition.take(drone.ack(instruction), pick_up)
+    await composition.receive(drone.ack(instruction), pick_up)
 
     await sweep_after(composition, timedelta(days=1))
 
@@ -116,9 +116,9 @@ async def test_a_drone_silent_long_after_its_plan_is_aborted_with_what_it_carrie
 
 async def test_a_late_drone_that_still_flies_is_not_aborted(composition: Any, drone: Any) -> None:
     instruction = await booked(composition)
-    await composition.take(drone.ack(instruction))
+    await composition.receive(drone.ack(instruction))
     composition.clock.advance(timedelta(days=1))
-    await composition.take(drone.state(mission_id=instruction.mission_id))
+    await composition.receive(drone.state(mission_id=instruction.mission_id))
 
     await composition.overdue.step()
 
@@ -129,19 +129,19 @@ async def test_a_drone_that_flies_what_was_given_up_is_called_off_again_and_agai
     composition: Any, drone: Any
 ) -> None:
     instruction = await booked(composition)
-    await composition.take(drone.connection("LOST"))
+    await composition.receive(drone.connection("LOST"))
     await sweep_after(composition, EXPIRY + ACK_ON_ITS_WAY)
     flying = {"mission_id": instruction.mission_id, "mission_revision": 1}
 
-    await composition.take(drone.state(**flying))
+    await composition.receive(drone.state(**flying))
     (_, first) = await composition.sent()
-    await composition.take(drone.state(**flying))
-    await composition.take(drone.ack(first, "REJECTED", code="STEP_RELEASED"))
+    await composition.receive(drone.state(**flying))
+    await composition.receive(drone.ack(first, "REJECTED", code="STEP_RELEASED"))
     # Its answer changes its state: told at once, they would talk for ever.
-    await composition.take(drone.state(**flying))
+    await composition.receive(drone.state(**flying))
     assert [each.kind for each in await composition.sent()] == ["MISSION"]
     composition.clock.advance(first.expires_at - composition.clock.now() + timedelta(seconds=1))
-    await composition.take(drone.state(**flying))
+    await composition.receive(drone.state(**flying))
 
     *_, again = await composition.sent()
     assert (first.kind, again.kind) == ("CANCEL", "CANCEL")
@@ -153,6 +153,6 @@ async def test_a_state_that_names_a_mission_of_nobody_calls_nothing_off(
 ) -> None:
     instruction = await booked(composition)
 
-    await composition.take(drone.state(mission_id="msn_of_nobody"))
+    await composition.receive(drone.state(mission_id="msn_of_nobody"))
 
     assert await composition.sent() == [instruction]

@@ -34,7 +34,7 @@ class Closed(Protocol):
 
 
 #: Less lateness than this is not worth telling a customer. Our own choice.
-TOLD_LATENESS: Final = timedelta(seconds=60)
+REPORTED_LATENESS: Final = timedelta(seconds=60)
 
 
 #: A shortfall of charge below this is rounding, or made up for by the margin. Our own choice.

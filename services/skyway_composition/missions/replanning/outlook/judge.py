@@ -8,49 +8,49 @@ from skyway.runtime.clock import fleet_margin
 from skyway.units import moment_to_ms
 from skyway_composition.missions.mission.notify import report
 from skyway_composition.missions.mission.record import MissionRecord, Trouble
-from skyway_composition.missions.mission.unit_of_work import Watch
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.missions.replanning.failsafes import waits_for_pad
 from skyway_composition.missions.replanning.outlook.deviation import (
     LEAST_SHORTFALL_SOC,
-    TOLD_LATENESS,
+    REPORTED_LATENESS,
     Closed,
     Outlook,
     outlook,
 )
 from skyway_composition.missions.replanning.outlook.situation import Situation
-from skyway_composition.missions.replanning.request_plan import troubled
+from skyway_composition.missions.replanning.request_plan import request_plan
 from skyway_composition.planning.problem_for import used_more
 
 #: Longest time from what a drone does until it is heard here; `fleet_margin` of it. Our own choice.
-ON_ITS_WAY: Final = {"fleet_s": 30.0, "wall_s": 2.0}
+REPORT_DELAY: Final = {"fleet_s": 30.0, "wall_s": 2.0}
 
 
-async def judged(
-    watch: Watch, record: MissionRecord, closed: Closed | None = None
+async def check_plan(
+    work: MissionUnitOfWork, record: MissionRecord, closed: Closed | None = None
 ) -> MissionRecord:
     """The record with its trouble, if the plan leads to one; it is kept already.
 
     Only a drone that is late may meet what is `closed`: its plan keeps clear of it.
     """
-    seen = await _outlook(watch, record, closed)
+    seen = await _outlook(work, record, closed)
     if seen is None or seen.trouble is None:
         return record
-    return await troubled(watch, record, seen.trouble)
+    return await request_plan(work, record, seen.trouble)
 
 
-async def judged_after_step(
-    watch: Watch, record: MissionRecord, event: DroneEvent
+async def check_plan_after_step(
+    work: MissionUnitOfWork, record: MissionRecord, event: DroneEvent
 ) -> MissionRecord:
     """The same after a step has ended; where nothing is lost, the customer hears of a delay."""
-    seen = await _outlook(watch, record)
+    seen = await _outlook(work, record)
     if seen is None:
         return record
     if seen.trouble is not None:
-        return await troubled(watch, record, _explained(seen.trouble, event))
-    if seen.late_by < TOLD_LATENESS:
+        return await request_plan(work, record, _explained(seen.trouble, event))
+    if seen.late_by < REPORTED_LATENESS:
         return record
     record = report(
-        watch,
+        work,
         record,
         "ACTIVITY",
         at=event.ended_at,
@@ -59,7 +59,7 @@ async def judged_after_step(
         etas=seen.etas,
         data={"late_by_s": seen.late_by.total_seconds()},
     )
-    await watch.keep(record)
+    await work.save(record)
     return record
 
 
@@ -72,22 +72,22 @@ def _explained(trouble: Trouble, event: DroneEvent) -> Trouble:
 
 
 async def _outlook(
-    watch: Watch, record: MissionRecord, closed: Closed | None = None
+    work: MissionUnitOfWork, record: MissionRecord, closed: Closed | None = None
 ) -> Outlook | None:
     """What to expect; None where another plan is looked for already, or nothing is to go on."""
-    has_other_cares = record.trouble or record.stuck or record.proposal or record.mission.is_held
-    if waits_for_pad(record, watch.links[record.drone_id]):
+    needs_no_check = record.trouble or record.stuck or record.proposal or record.mission.is_held
+    if waits_for_pad(record, work.links[record.drone_id]):
         # It asks for another plan by itself: one with the same pad would have it wait anew.
         return None
     # How long a loader takes is nobody's plan: it is made anew once the packages are confirmed.
     is_waiting = record.mission.state == "BOOKED" or record.mission.loading == "AWAITED"
-    if has_other_cares or is_waiting or not record.is_live:
+    if needs_no_check or is_waiting or not record.is_live:
         return None
-    if _is_as_booked(record, watch.links[record.drone_id].state, now=watch.clock.now()):
+    if _is_as_booked(record, work.links[record.drone_id].state, now=work.clock.now()):
         return None
-    situation = await Situation.of(watch, record)
+    situation = await Situation.of(work, record)
     # What a drone has done of late may not have been heard yet: it may be further than we know.
-    known_until = watch.clock.now() - fleet_margin(watch.clock, **ON_ITS_WAY)
+    known_until = work.clock.now() - fleet_margin(work.clock, **REPORT_DELAY)
     return outlook(situation, now_ms=moment_to_ms(known_until), closed=closed)
 
 

@@ -16,8 +16,8 @@ from skyway_composition.missions.mission.custody_store import held_packages
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.step_record import StepRecord
 from skyway_composition.missions.mission.step_store import steps_of
-from skyway_composition.missions.mission.unit_of_work import Watch
-from skyway_composition.missions.replanning.failsafes import escape_of
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
+from skyway_composition.missions.replanning.failsafes import steering_failsafe
 from skyway_composition.networks.settings import NetworkSettings
 from skyway_composition.planning.problem_for import planned_more
 
@@ -32,12 +32,12 @@ class Situation:
     held: Mapping[PackageId, Held]
 
     @classmethod
-    async def of(cls, watch: Watch, record: MissionRecord) -> Self:
+    async def of(cls, work: MissionUnitOfWork, record: MissionRecord) -> Self:
         """The situation of a mission that is watched."""
-        connection = watch.tx.connection
+        connection = work.tx.connection
         held = await held_packages(connection, record.mission.delivery_id)
         steps = await steps_of(connection, record.mission_id)
-        return cls(record, watch.links[record.drone_id], tuple(steps), record.own(held))
+        return cls(record, work.links[record.drone_id], tuple(steps), record.own(held))
 
     @property
     def planned(self) -> tuple[FlightStep, ...]:
@@ -68,9 +68,9 @@ class Situation:
         )
 
     @property
-    def escape(self) -> ActiveFailsafe | None:
+    def steering_failsafe(self) -> ActiveFailsafe | None:
         """The failsafe that leads the drone elsewhere now; None when it does as planned."""
-        return escape_of(self.record, self.link.state)
+        return steering_failsafe(self.record, self.link.state)
 
     @property
     def consumption_factor(self) -> float:

@@ -17,10 +17,10 @@ def aims_to_try(
         return
     on_board = record.packages(carried)
     hopeless = [each for each in on_board if closed.is_closed_for_good(record.aim_of(each))]
-    turned = aimed(record.aims, [_instead(record, each, closed) for each in hopeless])
+    turned = with_changed_aims(record.aims, [_instead(record, each, closed) for each in hopeless])
     if hopeless:
         yield turned
-    returned = aimed(record.aims, [back_to_pickup(record, each) for each in on_board])
+    returned = with_changed_aims(record.aims, [back_to_pickup(record, each) for each in on_board])
     if returned not in (record.aims, turned):
         yield returned
 
@@ -39,7 +39,7 @@ def back_to_pickup(record: MissionRecord, package: Package) -> Aim:
     return Aim(package_id=package.package_id, station_id=pickup, kind="RETURN")
 
 
-def aimed(aims: tuple[Aim, ...], changed: Collection[Aim]) -> tuple[Aim, ...]:
+def with_changed_aims(aims: tuple[Aim, ...], changed: Collection[Aim]) -> tuple[Aim, ...]:
     """The aims with these instead of others of the same packages."""
     ids = {each.package_id for each in changed}
     return (*(each for each in aims if each.package_id not in ids), *changed)

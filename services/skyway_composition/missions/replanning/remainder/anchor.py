@@ -97,7 +97,7 @@ def find_anchor(
     elif where.is_under_way and ahead:
         anchor = anchor_at_stop(situation, ahead[0], where, trouble, now_ms=now_ms)
     else:
-        anchor = _of_standing(where, load)
+        anchor = _anchor_of_standing_drone(where, load)
     if anchor is None:
         return None
     has_loaded = situation.has_loaded or any(
@@ -107,7 +107,7 @@ def find_anchor(
     return replace(anchor, at_ms=max(anchor.at_ms, earliest_ms), has_loaded=has_loaded)
 
 
-def _of_standing(where: Whereabouts, load: Load) -> Anchor | None:
+def _anchor_of_standing_drone(where: Whereabouts, load: Load) -> Anchor | None:
     """Between two steps, or before the first."""
     if where.station_id is None:
         return None
@@ -122,7 +122,7 @@ def _of_standing(where: Whereabouts, load: Load) -> Anchor | None:
 
 
 #: Troubles for which a drone turns at the end of the flight that it is on.
-_TURNS_AT_ONCE: Final = (CALLED_HOME,)
+_TURNS_IMMEDIATELY: Final = (CALLED_HOME,)
 
 
 def anchor_in_flight(
@@ -138,7 +138,7 @@ def anchor_in_flight(
     last = flights[-1]
     must_turn = (
         trouble.land_at is not None
-        or trouble.code in _TURNS_AT_ONCE
+        or trouble.code in _TURNS_IMMEDIATELY
         or last.soc_end < model.reserve_soc
     )
     valid = flights[:1] if must_turn else _still_valid(flights, closed)

@@ -158,7 +158,7 @@ def staying(plan: Plan, *, start_ms: int, pad_gap_ms: int) -> Trip:
     )
 
 
-def takes_off_at_once(trip: Trip) -> bool:
+def begins_with_flight(trip: Trip) -> bool:
     """Whether a trip begins with a flight, and nothing before it."""
     first = next((each for each in trip.steps() if each.step.kind != "PICK_UP"), None)
     return first is not None and isinstance(first.step, Fly) and first.start_ms <= trip.start_ms

@@ -17,10 +17,10 @@ from skyway_composition.missions.replanning.remainder.anchor import Anchor
 from skyway_composition.missions.replanning.remainder.closed_ahead import ClosedAhead
 from skyway_composition.missions.replanning.remainder.landing import (
     LandingSearch,
+    begins_with_flight,
     by_way_of,
     leaving_behind,
     staying,
-    takes_off_at_once,
 )
 from skyway_composition.planning.compose_in import compose_in
 from skyway_composition.planning.find_trip import NOTHING_TO_DELIVER, NoTrip, round_trip, way_home
@@ -38,7 +38,7 @@ from skyway_composition.planning.world import World
 
 
 @dataclass(frozen=True, slots=True)
-class Rest:
+class Remainder:
     """What a mission does from its anchor on, and where its packages go then.
 
     `given_up` is why it leaves them where the drone can land.
@@ -50,7 +50,7 @@ class Rest:
 
 
 @dataclass(frozen=True, slots=True)
-class RestPlanner:
+class RemainderPlanner:
     """Plans the rest of one mission, in one world."""
 
     solver: SolverPool
@@ -72,7 +72,7 @@ class RestPlanner:
     def _energy_margin(self) -> float:
         return self.situation.energy_margin(self.world.skyway.settings)
 
-    async def plan(self, anchor: Anchor, trouble: Trouble) -> Rest | NoTrip:
+    async def plan(self, anchor: Anchor, trouble: Trouble) -> Remainder | NoTrip:
         """The rest from this anchor; no trip when the drone had best stay where it is.
 
         A drone in the air that has to stand before it can go on lands elsewhere first.
@@ -80,7 +80,7 @@ class RestPlanner:
         found = await self._plan_standing(anchor, trouble)
         if not anchor.is_in_the_air or _is_temporary(found):
             return found
-        if isinstance(found, Rest) and takes_off_at_once(found.trip):
+        if isinstance(found, Remainder) and begins_with_flight(found.trip):
             return found
         landing = self._landings(anchor).nearest(anchor)
         if landing is None:
@@ -94,40 +94,40 @@ class RestPlanner:
             is_in_the_air=False,
         )
         onward = await self._plan_standing(landed, trouble)
-        if not isinstance(onward, Rest) and trouble.land_at is not None:
+        if not isinstance(onward, Remainder) and trouble.land_at is not None:
             # It cannot get where people want it: then it waits for their word here.
             waiting = trouble.model_copy(update={"land_at": landing.station_id})
             onward = await self._plan_standing(landed, waiting)
-        if isinstance(onward, Rest):
+        if isinstance(onward, Remainder):
             trip = by_way_of(landing, onward.trip, start_ms=anchor.at_ms)
             return replace(onward, trip=trip)
         trip = leaving_behind(landing, anchor.carried, start_ms=anchor.at_ms)
-        return Rest(trip, self.record.aims, given_up=onward.code)
+        return Remainder(trip, self.record.aims, given_up=onward.code)
 
-    def leave_here(self, anchor: Anchor, *, code: str) -> Rest:
+    def leave_here(self, anchor: Anchor, *, code: str) -> Remainder:
         """Leave everything at the anchor, whatever it is like there."""
         here = self._landings(anchor).here(anchor)
         trip = leaving_behind(here, anchor.carried, start_ms=anchor.at_ms)
-        return Rest(trip, self.record.aims, given_up=code)
+        return Remainder(trip, self.record.aims, given_up=code)
 
     def _landings(self, anchor: Anchor) -> LandingSearch:
         masses_kg = self.situation.masses_kg
         load_kg = sum(masses_kg[each] for each in anchor.carried)
         return LandingSearch(self.world.skyway.network, self.closed, self.model, load_kg)
 
-    async def _plan_standing(self, anchor: Anchor, trouble: Trouble) -> Rest | NoTrip:
+    async def _plan_standing(self, anchor: Anchor, trouble: Trouble) -> Remainder | NoTrip:
         """The rest of a drone that can stand at the anchor."""
         nowhere = self._nowhere(anchor)
         if nowhere is not None:
             return nowhere
         if trouble.land_at is not None:
             trip = await self._trip_to(anchor, trouble.land_at)
-            return Rest(trip, self.record.aims) if isinstance(trip, Trip) else trip
+            return Remainder(trip, self.record.aims) if isinstance(trip, Trip) else trip
         first: NoTrip | None = None
         for aims in aims_to_try(self.record, anchor.carried, self.closed):
             found = await self._trip(anchor, aims, trouble)
             if isinstance(found, Trip):
-                return Rest(found, aims)
+                return Remainder(found, aims)
             if found.is_temporary:
                 return found
             first = first or found
@@ -210,5 +210,5 @@ def _as_aimed(record: MissionRecord) -> tuple[Package, ...]:
     )
 
 
-def _is_temporary(found: Rest | NoTrip) -> bool:
+def _is_temporary(found: Remainder | NoTrip) -> bool:
     return isinstance(found, NoTrip) and found.is_temporary

@@ -22,10 +22,10 @@ HEALTH = {
 @pytest.fixture
 async def ready(composition: Any, drone: Any) -> dict[str, Any]:
     """What a drone says that waits to begin an accepted mission."""
-    await composition.take(drone.state(stream=0))
+    await composition.receive(drone.state(stream=0))
     await composition.book()
     (instruction,) = await composition.sent()
-    await composition.take(drone.ack(instruction))
+    await composition.receive(drone.ack(instruction))
     return {"mission_id": instruction.mission_id, "mission_revision": 1, "step_id": 1}
 
 
@@ -43,7 +43,7 @@ async def test_a_drone_that_stands_as_it_was_booked_is_not_compared_with_its_pla
 
     event.listen(Engine, "before_cursor_execute", note)
     try:
-        await composition.take(drone.state(**ready), drone.state(**ready))
+        await composition.receive(drone.state(**ready), drone.state(**ready))
     finally:
         event.remove(Engine, "before_cursor_execute", note)
 
@@ -61,7 +61,7 @@ async def test_a_drone_that_stands_as_it_was_booked_is_not_compared_with_its_pla
 async def test_a_drone_that_can_do_less_than_it_was_booked_for_is_in_trouble(
     composition: Any, drone: Any, ready: Any, said: dict[str, Any]
 ) -> None:
-    await composition.take(drone.state(**ready | said))
+    await composition.receive(drone.state(**ready | said))
 
     (trouble,) = await troubles(composition)
     assert trouble is not None
@@ -78,7 +78,7 @@ async def test_a_drone_that_can_do_less_than_it_was_booked_for_is_in_trouble(
 async def test_what_a_state_says_beside_its_alarm_is_compared_with_the_plan(
     composition: Any, drone: Any, ready: Any, told: dict[str, Any]
 ) -> None:
-    await composition.take(drone.state(**ready))
+    await composition.receive(drone.state(**ready))
     alarm = drone.event(
         "ALARM",
         mission_id=ready["mission_id"],
@@ -87,7 +87,7 @@ async def test_what_a_state_says_beside_its_alarm_is_compared_with_the_plan(
         level="URGENT",
     )
 
-    await composition.take(alarm, drone.state(**ready | told))
+    await composition.receive(alarm, drone.state(**ready | told))
 
     (trouble,) = await troubles(composition)
     assert trouble is not None
@@ -101,7 +101,7 @@ async def test_the_first_that_a_drone_says_is_compared_with_its_plan(
     (instruction,) = await composition.sent()
     mission = {"mission_id": instruction.mission_id, "mission_revision": 1, "step_id": 1}
 
-    await composition.take(drone.ack(instruction), drone.state(**mission, soc=0.5))
+    await composition.receive(drone.ack(instruction), drone.state(**mission, soc=0.5))
 
     (trouble,) = await troubles(composition)
     assert trouble is not None
@@ -114,7 +114,7 @@ async def test_a_drone_that_has_not_begun_in_time_is_compared_with_its_plan(
     (row,) = await composition.rows("SELECT released_ms - start_ms AS lasts FROM missions")
     composition.clock.advance(timedelta(milliseconds=row.lasts))
 
-    await composition.take(drone.state(**ready))
+    await composition.receive(drone.state(**ready))
 
     (trouble,) = await troubles(composition)
     assert trouble is not None
@@ -125,7 +125,7 @@ async def test_a_drone_that_falls_silent_before_it_begins_is_found_late(
     composition: Any, drone: Any, ready: Any
 ) -> None:
     (row,) = await composition.rows("SELECT released_ms - start_ms AS lasts FROM missions")
-    await composition.take(drone.state(**ready))
+    await composition.receive(drone.state(**ready))
     composition.clock.advance(timedelta(milliseconds=row.lasts))
 
     await composition.lagging.step()
