@@ -1,4 +1,4 @@
-"""The gateway as an app: its routes, what it opens and closes, the loops that run meanwhile."""
+"""The gateway as an app: its routes, what it opens and closes, and its loops."""
 
 import secrets
 from collections.abc import AsyncIterator
@@ -42,7 +42,7 @@ from skyway_gateway.forward.table import larger_bodies
 from skyway_gateway.notifications.fleet_time import CLOCK_EVERY_S, publish_clock
 from skyway_gateway.notifications.routes import clock_routes, webhook_routes
 from skyway_gateway.notifications.stream_events import EventStream
-from skyway_gateway.parts import SERVICE, Parts, parts_in_life
+from skyway_gateway.parts import SERVICE, Parts, running_parts
 from skyway_gateway.quotes import store as quote_store
 from skyway_gateway.quotes.routes import quote_routes
 from skyway_gateway.settings import GatewaySettings
@@ -50,7 +50,7 @@ from skyway_gateway.statistics.routes import statistics_routes
 
 PACKAGE: Final = "skyway_gateway"
 
-#: Seconds of wall time between two looks of a loop that nothing has woken.
+#: Seconds of wall time between two steps of a loop that nothing has woken.
 _ACCOUNTS_EVERY_S: Final = 10.0
 _SWEEP_EVERY_S: Final = 600.0
 _OVERDUE_EVERY_S: Final = 1.0
@@ -60,24 +60,24 @@ _QUOTES_KEPT: Final = timedelta(hours=24)
 
 
 def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> FastAPI:
-    """All rooms' routes on these parts, which the lifespan opens."""
+    """The app with the routes of all rooms; the lifespan opens the parts."""
     db, gate, clock, keys = parts.db, parts.gate, parts.clock, parts.keys
     return create_app(
         service=SERVICE,
         title="Skyway",
         description="The public face: deliveries, their events, and what operators and providers "
         "ask of the other services.",
-        # A request is compared with every route before its own: the busiest come first.
+        # A request is compared with each route in this order: the busiest routes come first.
         routers=[
             delivery_routes(gate=gate, acceptance=parts.acceptance),
             cancelling_routes(gate=gate, canceller=parts.canceller),
-            report_routes(gate=parts.services, follower=parts.follower),
+            report_routes(gate=parts.services, applier=parts.applier),
             quote_routes(db=db, gate=gate, maker=parts.quote_maker),
             reading_routes(
                 db=db,
                 gate=gate,
                 composition=parts.composition,
-                stream=EventStream(db, parts.news),
+                stream=EventStream(db, parts.listeners),
             ),
             earnings_routes(db=db, gate=gate),
             webhook_routes(
@@ -106,8 +106,8 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
 
 
 def build_app(settings: GatewaySettings) -> FastAPI:
-    """The gateway as it runs; everything is opened by the app's lifespan."""
-    parts = parts_in_life(settings)
+    """The gateway as it runs; the app's lifespan opens everything."""
+    parts = running_parts(settings)
 
     async def on_connected() -> None:
         await publish_clock(mqtt, parts.anchor, mint)
@@ -133,16 +133,16 @@ def build_app(settings: GatewaySettings) -> FastAPI:
             loops = await opened.enter_async_context(Loops())
             messages = MqttSender(parts.db, mqtt, parts.clock, pace=unhurried())
             loops.start("messages", messages.run())
-            told = {"composition": parts.clients["composition"]}
-            loops.start("reports", ReportSender(parts.db, told, parts.clock).run())
+            receivers = {"composition": parts.clients["composition"]}
+            loops.start("reports", ReportSender(parts.db, receivers, parts.clock).run())
             loops.start("webhooks", parts.sender.run())
             loops.start("networks", parts.networks.run(mqtt))
             loops.start("booking", parts.booking.run(parts.booker))
-            loops.start("clock", repeat("clock", tell_time, every_s=CLOCK_EVERY_S))
+            loops.start("clock", repeat("clock", repeat_clock, every_s=CLOCK_EVERY_S))
             _start_sweeping(loops, parts)
             yield
 
-    async def tell_time() -> bool:
+    async def repeat_clock() -> bool:
         if mqtt.is_connected:
             await publish_clock(mqtt, parts.anchor, mint)
         return False
@@ -161,12 +161,12 @@ def openapi_app() -> FastAPI:
     )
 
     return gateway_app(
-        parts_in_life(settings), lifespan=nothing_to_open, readiness=nothing_to_wait_for
+        running_parts(settings), lifespan=nothing_to_open, readiness=nothing_to_wait_for
     )
 
 
 async def take_over(parts: Parts) -> None:
-    """What the process before us may have left: keys to make, claims that nobody holds."""
+    """Prepare the database at the start: add the first keys, free the claims of dead processes."""
     await parts.keys.make_first_keys()
     if parts.db.dialect == "sqlite":
         async with parts.db.write() as tx:
@@ -174,11 +174,11 @@ async def take_over(parts: Parts) -> None:
 
 
 def _start_sweeping(loops: Loops, parts: Parts) -> None:
-    async def forget_old_answers() -> bool:
+    async def delete_old_answers() -> bool:
         await sweep(parts.db, parts.clock)
         expired_before = parts.clock.wall_now() - _QUOTES_KEPT
         async with parts.db.write() as tx:
-            await quote_store.forget(tx, expired_before=expired_before)
+            await quote_store.delete_expired(tx, before=expired_before)
         return False
 
     keys = parts.keys
@@ -186,6 +186,6 @@ def _start_sweeping(loops: Loops, parts: Parts) -> None:
         "accounts", keys.close_orphaned_accounts, every_s=_ACCOUNTS_EVERY_S, wake=keys.wake
     )
     loops.start("accounts", accounts)
-    late = repeat("overdue", parts.overdue_watch.step, every_s=_OVERDUE_EVERY_S)
+    late = repeat("overdue", parts.overdue_notifier.step, every_s=_OVERDUE_EVERY_S)
     loops.start("overdue", late)
-    loops.start("sweep", repeat("sweep", forget_old_answers, every_s=_SWEEP_EVERY_S))
+    loops.start("sweep", repeat("sweep", delete_old_answers, every_s=_SWEEP_EVERY_S))

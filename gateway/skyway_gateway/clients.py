@@ -1,4 +1,4 @@
-"""What the gateway asks of the other services: the two faces, and their REST implementations."""
+"""What the gateway asks of registry and composition: two protocols and their REST clients."""
 
 from typing import Annotated, Final, Protocol
 
@@ -21,10 +21,10 @@ from skyway.ids import DeliveryId, DroneId, SubjectId
 from skyway.json_model import WireModel
 from skyway.runtime.http.client import ServiceClient
 
-#: Composing may take a while; the same PUT again is answered the same, so this may be cut short.
+#: How long composing may take, wall seconds. A repeated PUT gets the same answer.
 _COMPOSING_S: Final = 20.0
 
-#: Where composition is asked, or told, to stop carrying packages.
+#: Where composition is asked to cancel packages.
 CANCELLATIONS_PATH: Final = "/internal/deliveries/{delivery_id}/cancellations"
 
 
@@ -48,19 +48,19 @@ class Composition(Protocol):
         ...
 
     async def quote(self, query: QuoteQuery) -> QuoteAnswer:
-        """What each provider could offer now, the best first; nothing is reserved."""
+        """The offers of all providers now, the best first; nothing is reserved."""
         ...
 
-    async def book(self, delivery_id: DeliveryId, wanted: BookMissions) -> Booking:
+    async def book(self, delivery_id: DeliveryId, requested: BookMissions) -> Booking:
         """Book the best plan; asked again for the same attempt, the answer is the same."""
         ...
 
     async def close(self, delivery_id: DeliveryId) -> ClosedDelivery:
-        """Have nothing booked for a delivery from now on."""
+        """Refuse all further bookings of a delivery."""
         ...
 
-    async def cancel(self, delivery_id: DeliveryId, wanted: CancelMissions) -> Cancellation:
-        """Have packages left at the pickup, or brought back, as far as that is possible."""
+    async def cancel(self, delivery_id: DeliveryId, requested: CancelMissions) -> Cancellation:
+        """Leave packages at the pickup, or bring them back, as far as possible."""
         ...
 
     async def track(self, delivery_id: DeliveryId) -> Track:
@@ -73,7 +73,7 @@ class _BrokerPassword(WireModel):
 
 
 class RestRegistry:
-    """The registry over REST; also opens and closes customers' broker accounts."""
+    """The registry over REST, which also keeps the broker accounts of customers."""
 
     def __init__(self, client: ServiceClient) -> None:
         self._client = client
@@ -96,7 +96,7 @@ class RestRegistry:
         await self._client.call("PUT", f"/internal/broker-accounts/{user_name}", body=body)
 
     async def drone_of(self, key_hash: str) -> DroneId | None:
-        """The drone whose key this is; None when it is nobody's, or not any more."""
+        """The drone with this key; None when the key is unknown or no longer valid."""
         query = DroneKeyQuery(key_hash=key_hash)
         answer = await self._client.call(
             "POST", "/internal/drone-keys", body=query, answer=DroneKeyAnswer
@@ -104,7 +104,7 @@ class RestRegistry:
         return answer.drone_id
 
     async def close_account(self, user_name: SubjectId) -> None:
-        """Close a broker account; one that is not there is closed already."""
+        """Close a broker account; an account that does not exist is closed already."""
         await self._client.call("DELETE", f"/internal/broker-accounts/{user_name}")
 
 
@@ -121,30 +121,30 @@ class RestComposition:
         )
 
     async def quote(self, query: QuoteQuery) -> QuoteAnswer:
-        """What each provider could offer now, the best first; nothing is reserved."""
+        """The offers of all providers now, the best first; nothing is reserved."""
         return await self._client.call(
             "POST", "/internal/quotes", body=query, answer=QuoteAnswer, timeout_s=_COMPOSING_S
         )
 
-    async def book(self, delivery_id: DeliveryId, wanted: BookMissions) -> Booking:
+    async def book(self, delivery_id: DeliveryId, requested: BookMissions) -> Booking:
         """Book the best plan; asked again for the same attempt, the answer is the same."""
         return await self._client.call(
             "PUT",
             f"/internal/deliveries/{delivery_id}/missions",
-            body=wanted,
+            body=requested,
             answer=Booking,
             timeout_s=_COMPOSING_S,
         )
 
     async def close(self, delivery_id: DeliveryId) -> ClosedDelivery:
-        """Have nothing booked for a delivery from now on."""
+        """Refuse all further bookings of a delivery."""
         path = f"/internal/deliveries/{delivery_id}/closed"
         return await self._client.call("PUT", path, answer=ClosedDelivery)
 
-    async def cancel(self, delivery_id: DeliveryId, wanted: CancelMissions) -> Cancellation:
-        """Have packages left at the pickup, or brought back, as far as that is possible."""
+    async def cancel(self, delivery_id: DeliveryId, requested: CancelMissions) -> Cancellation:
+        """Leave packages at the pickup, or bring them back, as far as possible."""
         path = CANCELLATIONS_PATH.format(delivery_id=delivery_id)
-        return await self._client.call("POST", path, body=wanted, answer=Cancellation)
+        return await self._client.call("POST", path, body=requested, answer=Cancellation)
 
     async def track(self, delivery_id: DeliveryId) -> Track:
         """Where the delivery's drones have been, are and will be."""

@@ -1,4 +1,4 @@
-"""What the gateway is made of; nothing of it is opened here."""
+"""The parts of the gateway, constructed here and opened by `app`."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,24 +12,24 @@ from skyway.runtime.loops import Wake
 from skyway.runtime.minting import mint
 from skyway.runtime.sql.database import Database
 from skyway_gateway.access.issue_keys import Keys
-from skyway_gateway.access.recognise_keys import DroneKeys, KnownKeys
+from skyway_gateway.access.recognise_keys import CachedKeys, DroneKeys
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.clients import Composition, Registry, RestComposition, RestRegistry
 from skyway_gateway.deliveries.accepting.accept import Acceptance
 from skyway_gateway.deliveries.booking.book import Booker
 from skyway_gateway.deliveries.booking.run_bookings import BookingLoop
 from skyway_gateway.deliveries.cancelling.cancel import Canceller
-from skyway_gateway.deliveries.records.stored_delivery import KnownDeliveries
+from skyway_gateway.deliveries.records.stored_delivery import DeliveryCache
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
-from skyway_gateway.deliveries.reporting.apply_reports import Follower
-from skyway_gateway.deliveries.reporting.notify_overdue import OverdueWatch
-from skyway_gateway.notifications.record_events import Events
-from skyway_gateway.notifications.stream_events import News
+from skyway_gateway.deliveries.reporting.apply_reports import ReportApplier
+from skyway_gateway.deliveries.reporting.notify_overdue import OverdueNotifier
+from skyway_gateway.notifications.record_events import EventRecorder
+from skyway_gateway.notifications.stream_events import EventListeners
 from skyway_gateway.notifications.webhooks.post_webhook import WebhookPost
 from skyway_gateway.notifications.webhooks.send_webhooks import WebhookSender
 from skyway_gateway.notifications.webhooks.targets import Targets
-from skyway_gateway.quotes.cached_payload_limits import PayloadLimits
-from skyway_gateway.quotes.check_request import Checks
+from skyway_gateway.quotes.cached_payload_limits import CachedPayloadLimits
+from skyway_gateway.quotes.check_request import RequestChecks
 from skyway_gateway.quotes.make_quote import QuoteMaker
 from skyway_gateway.settings import GatewaySettings
 from skyway_gateway.tables import outbox
@@ -39,7 +39,7 @@ SERVICE: Final = "gateway"
 
 @dataclass(frozen=True, slots=True)
 class Parts:
-    """What the rooms are made of; `Wake`s tell one room's loop what another has done."""
+    """The parts of all rooms; a `Wake` lets one room wake the loop of another."""
 
     db: Database
     clock: FleetClock
@@ -48,11 +48,11 @@ class Parts:
     registry: Registry
     composition: Composition
     networks: NetworkLearner
-    known_keys: KnownKeys
+    cached_keys: CachedKeys
     gate: KeyGate
     services: ServiceGate
     keys: Keys
-    news: News
+    listeners: EventListeners
     writer: DeliveryWriter
     targets: Targets
     post: WebhookPost
@@ -79,14 +79,14 @@ class Parts:
         return Canceller(self.db, self.composition, self.writer, self.clock, mint)
 
     @property
-    def overdue_watch(self) -> OverdueWatch:
-        """Tells that deliveries are late."""
-        return OverdueWatch(self.db, self.writer, self.clock)
+    def overdue_notifier(self) -> OverdueNotifier:
+        """Notifies customers of late deliveries."""
+        return OverdueNotifier(self.db, self.writer, self.clock)
 
     @property
-    def follower(self) -> Follower:
+    def applier(self) -> ReportApplier:
         """Applies mission reports."""
-        return Follower(self.db, self.writer, self.clock, self.booking.queued)
+        return ReportApplier(self.db, self.writer, self.clock, self.booking.queued)
 
     @property
     def quote_maker(self) -> QuoteMaker:
@@ -106,10 +106,10 @@ class Parts:
         return Acceptance(self.db, self.checks, self.writer, self.clock, mint, self.booking)
 
     @property
-    def checks(self) -> Checks:
-        """Checks delivery requests against the world."""
-        limits = PayloadLimits(self.registry, self.clock)
-        return Checks(limits, self.networks.known, self.composition, self.clock)
+    def checks(self) -> RequestChecks:
+        """RequestChecks delivery requests against the world."""
+        limits = CachedPayloadLimits(self.registry, self.clock)
+        return RequestChecks(limits, self.networks.known, self.composition, self.clock)
 
 
 def build_parts(
@@ -119,14 +119,18 @@ def build_parts(
     anchor: AnchoredClock,
     clock: FleetClock,
 ) -> Parts:
-    """The parts on these clients and this clock; nothing is opened."""
+    """The parts with these clients and this clock; nothing is opened."""
     db = Database(settings.database_url, outbox=outbox)
     registry = RestRegistry(clients["registry"])
     composition = RestComposition(clients["composition"])
-    news, told, targets = News(), Wake(), Targets(settings.webhook_allow_networks)
+    listeners, notifications, targets = (
+        EventListeners(),
+        Wake(),
+        Targets(settings.webhook_allow_networks),
+    )
     post = WebhookPost(targets)
-    events = Events(clock=clock, mint=mint, news=news, webhooks=told)
-    known_keys = KnownKeys(db, clock)
+    events = EventRecorder(clock=clock, mint=mint, listeners=listeners, webhooks=notifications)
+    cached_keys = CachedKeys(db, clock)
     return Parts(
         db=db,
         clock=clock,
@@ -135,28 +139,28 @@ def build_parts(
         registry=registry,
         composition=composition,
         networks=NetworkLearner(asking(clients["composition"])),
-        known_keys=known_keys,
-        gate=KeyGate(known_keys, DroneKeys(registry)),
+        cached_keys=cached_keys,
+        gate=KeyGate(cached_keys, DroneKeys(registry)),
         services=ServiceGate(settings.secrets_dir, allowed=("composition",)),
         keys=Keys(
             db,
-            known=known_keys,
+            cached=cached_keys,
             accounts=registry,
             secrets_dir=settings.secrets_dir,
             clock=clock,
             mint=mint,
         ),
-        news=news,
-        writer=DeliveryWriter(db, events, KnownDeliveries()),
+        listeners=listeners,
+        writer=DeliveryWriter(db, events, DeliveryCache()),
         targets=targets,
         post=post,
-        sender=WebhookSender(db, post, told, clock, mint),
+        sender=WebhookSender(db, post, notifications, clock, mint),
         booking=BookingLoop(Wake(), claimant=mint("bkr"), most=settings.bookings_at_once),
     )
 
 
-def parts_in_life(settings: GatewaySettings) -> Parts:
-    """The parts as they run: with the services of these settings, and the system's clock."""
+def running_parts(settings: GatewaySettings) -> Parts:
+    """The parts as they run: with the services and the clock of these settings."""
     identity = ServiceIdentity(SERVICE, settings.secrets_dir)
     clock = load_clock(settings.clock_file)
     clients = {

@@ -1,4 +1,4 @@
-"""What the gateway reads from its environment."""
+"""The settings that the gateway reads from its environment."""
 
 from ipaddress import IPv4Network, IPv6Network, ip_network
 from typing import Annotated
@@ -10,7 +10,7 @@ from skyway.runtime.settings import ServiceSettings
 
 
 class GatewaySettings(ServiceSettings):
-    """`ServiceSettings`, and where webhooks may point to beside the public Internet."""
+    """The settings of the gateway."""
 
     port: int = Field(
         default=8000,

@@ -1,4 +1,4 @@
-"""The invariants of the gateway's database; each violation is told as one JSON line."""
+"""The invariants of the gateway's database (docs/reference/invariants.md)."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
@@ -18,10 +18,10 @@ from skyway_gateway.tables import (
     webhooks,
 )
 
-#: A request is overdue when events are this much younger than its last moment, fleet ms.
+#: A request is overdue when other deliveries were written this long after its end, fleet ms.
 _OVERDUE_MS: Final = 3_600_000
 
-#: The terminal states are called as their events.
+#: The final states have the names of their events.
 _is_over = deliveries.c.state.in_(
     sorted(kind.removeprefix("delivery.").upper() for kind in LAST_EVENTS)
 )
@@ -63,7 +63,7 @@ _is_live = missions.c.state.in_(LIVE_MISSION_STATES)
 _earlier = notifications.alias("earlier")
 _newest = select(func.max(deliveries.c.updated_ms)).scalar_subquery()
 
-#: What must not be found: rows of (subject,) by the sentence that they make false.
+#: The sentences that must hold, each with the statement that finds what breaks it.
 _CHECKS: Final[Mapping[str, Select[*tuple[Any, ...]]]] = {
     "I5: a request is decided in bounded time": select(deliveries.c.delivery_id).where(
         deliveries.c.is_queued, deliveries.c.give_up_ms + _OVERDUE_MS < _newest
@@ -74,7 +74,7 @@ _CHECKS: Final[Mapping[str, Select[*tuple[Any, ...]]]] = {
     "I5: a request that nobody flies is queued": select(deliveries.c.delivery_id).where(
         deliveries.c.state == "REQUESTED", ~deliveries.c.is_queued
     ),
-    "I5: a delivery that is over has told exactly one last event, as its last": select(
+    "I5: a delivery that is over has exactly one final event, as its last": select(
         deliveries.c.delivery_id
     ).where(
         _is_over,
@@ -83,7 +83,7 @@ _CHECKS: Final[Mapping[str, Select[*tuple[Any, ...]]]] = {
             _event_count(_is_last_event, events.c.sequence == deliveries.c.last_sequence) != 1,
         ),
     ),
-    "I5: a delivery that goes on has told no last event": select(deliveries.c.delivery_id).where(
+    "I5: a delivery that goes on has no final event": select(deliveries.c.delivery_id).where(
         ~_is_over, _event_count(_is_last_event) != 0
     ),
     "I5: a delivery under way has a mission under way, or packages that wait for one": select(
@@ -133,7 +133,7 @@ _CHECKS: Final[Mapping[str, Select[*tuple[Any, ...]]]] = {
             != deliveries.c.last_sequence,
         )
     ),
-    "I14: an event is told to every webhook that wants it": select(events.c.event_id)
+    "I14: each webhook is notified of each event that it subscribes to": select(events.c.event_id)
     .join(deliveries, _is_own)
     .join(webhooks, webhooks.c.customer_id == deliveries.c.customer_id)
     .where(
@@ -162,7 +162,7 @@ _CHECKS: Final[Mapping[str, Select[*tuple[Any, ...]]]] = {
 
 
 async def violations(db: Database) -> Sequence[Mapping[str, str]]:
-    """Every violation: the rule that is broken, and by whom."""
+    """All violations: the broken rule and the subject that breaks it."""
     found: list[Mapping[str, str]] = []
     async with db.survey() as connection:
         for rule, statement in _CHECKS.items():

@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from skyway.runtime.errors import Taken
+from tests.gateway.whole_gateway import Gateway
 
 COMPLETED = "SELECT delivery_id FROM deliveries WHERE state = 'COMPLETED'"
 
@@ -100,7 +101,7 @@ DAMAGES = [
 
 
 @pytest.fixture
-async def lived(gateway_on_both: Any) -> Any:
+async def lived(gateway_on_both: Gateway) -> Any:
     """A gateway with a webhook, a completed, a planned and a queued delivery."""
     gateway = gateway_on_both
     body = {"url": "http://127.0.0.1:9/"}

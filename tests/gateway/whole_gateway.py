@@ -16,7 +16,7 @@ from skyway_gateway.access.store import add as add_key
 from skyway_gateway.app import gateway_app, take_over
 from skyway_gateway.deliveries.records.delivery_rows import changing, package_values
 from skyway_gateway.deliveries.records.delivery_store import lock
-from skyway_gateway.deliveries.records.stored_delivery import Known
+from skyway_gateway.deliveries.records.stored_delivery import StoredDelivery
 from skyway_gateway.parts import Parts, build_parts
 from skyway_gateway.settings import GatewaySettings
 from skyway_gateway.tables import deliveries
@@ -29,6 +29,7 @@ from skyway.contracts.mission_reports import (
     MissionReports,
     TracedReport,
 )
+from skyway.ids import DeliveryId
 from skyway.runtime.clock import AnchoredClock, ManualClock
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.identity import ServiceIdentity
@@ -75,11 +76,11 @@ class Gateway:
             "/v1/deliveries", json=body, headers={**self.customer, **headers}
         )
 
-    async def accepted(self, *, packages: int = 1, **changes: object) -> str:
+    async def accepted(self, *, packages: int = 1, **changes: object) -> DeliveryId:
         """The id of a delivery that was just accepted."""
         answer = await self.post(make_request(packages=packages, **changes))
         assert answer.status_code == 202, answer.text
-        return str(answer.json()["delivery_id"])
+        return DeliveryId(answer.json()["delivery_id"])
 
     async def book_next(self) -> bool:
         """Book the delivery that is due first; False when none is."""
@@ -88,7 +89,7 @@ class Gateway:
             await self.parts.booker.book_or_retry(queued)
         return bool(due)
 
-    async def planned(self, *, packages: int = 1) -> str:
+    async def planned(self, *, packages: int = 1) -> DeliveryId:
         """The id of a delivery that was just booked."""
         delivery_id = await self.accepted(packages=packages)
         while await self.book_next():
@@ -111,7 +112,7 @@ class Gateway:
         seq: int,
         attempt: int = 1,
         trip: int = 1,
-        **fields: object,
+        **fields: Any,
     ) -> httpx.Response:
         """POST a mission report as composition does."""
         report = self.mission_report(
@@ -142,7 +143,7 @@ class Gateway:
         seq: int,
         attempt: int = 1,
         trip: int = 1,
-        **fields: object,
+        **fields: Any,
     ) -> MissionReport:
         """What composition says of one of its missions."""
         mission = self.composition.trips_of(delivery_id, attempt)[trip - 1]
@@ -183,7 +184,7 @@ class Gateway:
 
     async def misremembered(self) -> list[str]:
         """Deliveries of which the gateway remembers something else than is written."""
-        remembered = self.parts.writer.known
+        remembered = self.parts.writer.cache
         async with self.parts.db.write() as tx:
             written = {
                 delivery_id: await lock(tx, delivery_id)
@@ -192,7 +193,7 @@ class Gateway:
         return [
             delivery_id
             for delivery_id, now in written.items()
-            if (known := remembered.among([(delivery_id, now.version)]).get(delivery_id))
+            if (known := remembered.matching([(delivery_id, now.version)]).get(delivery_id))
             and _writable(known) != _writable(now)
         ]
 
@@ -260,7 +261,7 @@ async def opened_gateway(database_url: str, folder: Path) -> AsyncIterator[Gatew
             assert await gateway.misremembered() == []
 
 
-def _writable(known: Known) -> object:
+def _writable(known: StoredDelivery) -> object:
     """All that could be written of a delivery: its moments are kept to the millisecond."""
     delivery = known.delivery
     return (

@@ -1,1 +1,4 @@
-"""API keys: who is calling, and in which role."""
+"""API keys: who is calling, and in which role.
+
+`issue_keys` makes and deletes keys, `recognise_keys` finds the caller of a shown key.
+"""

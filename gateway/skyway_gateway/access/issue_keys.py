@@ -1,4 +1,4 @@
-"""Issuing and withdrawing API keys, and the broker accounts that go with them."""
+"""Issues and deletes API keys, and the broker accounts that belong to them."""
 
 import secrets
 from pathlib import Path
@@ -23,13 +23,13 @@ from skyway_gateway.access.key import (
     new_secret,
     secret_hash,
 )
-from skyway_gateway.access.recognise_keys import KnownKeys
+from skyway_gateway.access.recognise_keys import CachedKeys
 
-#: Accounts of Skyway's own processes, and what drones' accounts begin with.
+#: Accounts of Skyway's own processes, and how the names of drones' accounts begin.
 _RESERVED_NAMES: Final = frozenset({"operator", "gateway", "registry", "composition"})
 _DRONE_PREFIX: Final = "drn_"
 
-#: The keys that a deployment starts with: file in the secrets' folder, role, subject.
+#: The keys that a deployment starts with: file in the secrets folder, role, subject.
 _FIRST_KEYS: Final[tuple[tuple[str, KeyRole, str], ...]] = (
     ("operator_key", "operator", "operator"),
     ("customer_key", "customer", "newcomer"),
@@ -37,14 +37,14 @@ _FIRST_KEYS: Final[tuple[tuple[str, KeyRole, str], ...]] = (
 
 
 class BrokerAccounts(Protocol):
-    """Where broker accounts of customers are opened and closed: the registry."""
+    """The registry, which opens and closes the broker accounts of customers."""
 
     async def open_account(self, user_name: SubjectId, *, password: str) -> None:
         """Open an account, or give it another password."""
         ...
 
     async def close_account(self, user_name: SubjectId) -> None:
-        """Close an account; one that is not there is closed already."""
+        """Close an account; an account that does not exist is closed already."""
         ...
 
 
@@ -55,14 +55,14 @@ class Keys:
         self,
         db: Database,
         *,
-        known: KnownKeys,
+        cached: CachedKeys,
         accounts: BrokerAccounts,
         secrets_dir: Path,
         clock: FleetClock,
         mint: Mint,
     ) -> None:
         self._db = db
-        self._known = known
+        self._cached = cached
         self._accounts = accounts
         self._secrets_dir = secrets_dir
         self._clock = clock
@@ -71,9 +71,9 @@ class Keys:
         self.wake = Wake()
 
     async def make_first_keys(self) -> None:
-        """Make sure of the keys whose secrets lie in the secrets' folder.
+        """Add the keys whose secrets are in the secrets folder, unless they were added before.
 
-        One that an operator deleted stays deleted; another secret in the file is another key.
+        A key that an operator has deleted stays deleted; another secret in the file is another key.
         """
         async with self._db.write() as tx:
             for name, role, subject_id in _FIRST_KEYS:
@@ -83,23 +83,23 @@ class Keys:
                     await store.add_if_new(tx, key, key_hash=secret_hash(secret))
 
     async def issue(
-        self, caller: Caller, wanted: NewKey, *, idempotency_key: str | None, body: bytes
+        self, caller: Caller, requested: NewKey, *, idempotency_key: str | None, body: bytes
     ) -> Answer:
-        """A new key, and for a customer its broker account; the answer shows the secrets once.
+        """A new key, with a broker account for a customer; only this answer shows the secrets.
 
         Raises
         ------
         InvalidInput
-            The customer's name would be the account of one of Skyway's own processes, or a drone.
+            The customer's name is reserved for Skyway's own processes or for drones.
         ServiceUnavailable
-            The registry could not open the account: the same call again opens it.
+            The registry could not open the account: repeat the call.
         """
-        if wanted.role == "customer" and _is_reserved(wanted.subject_id):
-            detail = f"{wanted.subject_id!r} is reserved for Skyway's own processes"
+        if requested.role == "customer" and _is_reserved(requested.subject_id):
+            detail = f"{requested.subject_id!r} is reserved for Skyway's own processes"
             raise InvalidInput("subject_id", detail)
 
-        async def keep(tx: Tx) -> Answer:
-            issued = await self.add(tx, wanted.role, wanted.subject_id)
+        async def write(tx: Tx) -> Answer:
+            issued = await self.add(tx, requested.role, requested.subject_id)
             location = {"Location": f"/v1/keys/{issued.key_id}"}
             return Answer(201, issued.model_dump_json().encode(), location)
 
@@ -109,27 +109,27 @@ class Keys:
             route="POST /v1/keys",
             key=idempotency_key,
             body=body,
-            act=keep,
+            act=write,
             clock=self._clock,
         )
         await self._open_account(IssuedKey.read(answer.body))
         return answer
 
     async def add(self, tx: Tx, role: KeyRole, subject_id: SubjectId) -> IssuedKey:
-        """A new key, kept in this transaction."""
+        """A new key, added in this transaction."""
         key, secret = self._key(role, subject_id), new_secret()
         await store.add(tx, key, key_hash=secret_hash(secret), is_account_open=role != "customer")
         return IssuedKey(**dict(key), key=secret, mqtt=self._login(role, subject_id))
 
     async def delete(self, key_id: KeyId) -> None:
-        """Stop a key at once; a customer without keys loses the broker account too."""
+        """Delete a key; a customer without keys loses the broker account, too."""
         async with self._db.write() as tx:
             await store.delete(tx, key_id, at=self._clock.wall_now())
-            tx.after_commit(self._known.forget)
+            tx.after_commit(self._cached.forget)
         self.wake.set()
 
     async def close_orphaned_accounts(self) -> bool:
-        """Step of a loop: close the broker accounts of customers without a key."""
+        """One step of the loop: close the broker accounts of customers without a key."""
         async with self._db.read() as connection:
             orphaned = await store.orphaned_accounts(connection)
         for subject_id in orphaned:
@@ -139,9 +139,9 @@ class Keys:
         return False
 
     async def _open_account(self, issued: IssuedKey) -> None:
-        """Have the registry open the account, unless this key's password was told before.
+        """Have the registry open the account, unless it has this key's password already.
 
-        A replayed answer must not bring back a password that a later key has replaced.
+        A repeated answer must not restore a password that a later key has replaced.
         """
         async with self._db.read() as connection:
             is_open = await store.is_account_open(connection, issued.key_id)

@@ -1,4 +1,4 @@
-"""An API key as the operator sees it, and how its secret is made and recognised."""
+"""API keys as operators see them, and how a secret is made and recognised."""
 
 import hashlib
 import secrets
@@ -12,12 +12,12 @@ from skyway.json_model import JsonModel
 KeyRole = Literal["customer", "provider", "operator"]
 
 _PREFIX: Final = "sk_"
-#: 256 bits: nobody guesses them, so that a fast hash is enough.
+#: 256 bits cannot be guessed, so a fast hash is enough.
 _SECRET_BYTES: Final = 32
 
 
 class NewKey(JsonModel):
-    """Whose key is wanted: a customer's own name, a provider's id, or an operator's name."""
+    """The key to issue: its role, and the customer, provider or operator that it is for."""
 
     role: KeyRole
     subject_id: SubjectId
@@ -33,14 +33,14 @@ class ApiKey(JsonModel):
 
 
 class BrokerLogin(JsonModel):
-    """A broker account; a customer's later key gives the same account a new password."""
+    """A broker account; each new key of a customer gives the same account a new password."""
 
     user_name: str
     password: str
 
 
 class IssuedKey(ApiKey):
-    """A new key with what is shown only this once; providers have no broker account."""
+    """A new key with its secrets, which are shown only once."""
 
     key: str
     mqtt: BrokerLogin | None
@@ -52,5 +52,5 @@ def new_secret() -> str:
 
 
 def secret_hash(secret: str) -> str:
-    """What is stored of an API key, and what a shown one is looked up by."""
+    """The hash of an API key: it is stored instead of the key, and finds a shown key."""
     return hashlib.sha256(secret.encode()).hexdigest()

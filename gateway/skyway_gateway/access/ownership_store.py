@@ -1,4 +1,4 @@
-"""The condition that holds in every query of what belongs to customers."""
+"""The condition in every query of things that belong to customers."""
 
 from sqlalchemy import Column, ColumnElement, false, true
 
@@ -6,7 +6,7 @@ from skyway.runtime.http.identity import Caller
 
 
 def owned(caller: Caller, customer_id: Column[str]) -> ColumnElement[bool]:
-    """Whether what belongs to a customer is the caller's: operators see everybody's."""
+    """Whether a row belongs to the caller; operators see all rows, providers none."""
     if caller.role == "operator":
         return true()
     return customer_id == caller.subject_id if caller.role == "customer" else false()

@@ -1,4 +1,9 @@
-"""Recognising API keys: whose a key is, that a caller shows."""
+"""Recognises API keys: the keys of people and providers, and the keys of drones.
+
+A busy caller shows its key with each request, so a key is looked up once a second at most. A key
+that this process deletes stops immediately; a key that another replica deletes stops within the
+second.
+"""
 
 from datetime import timedelta
 from typing import Final, Protocol
@@ -11,26 +16,26 @@ from skyway.runtime.sql.database import Database
 from skyway_gateway.access import store
 from skyway_gateway.access.key import secret_hash
 
-#: How long a caller is believed unasked, wall time.
+#: How long a caller is cached, wall time.
 _KEPT: Final = timedelta(seconds=1)
-_MOST_KNOWN: Final = 10_000
+_MOST_CACHED: Final = 10_000
 
 
-class KnownKeys:
-    """Recognises keys; one that is not known is looked up each time."""
+class CachedKeys:
+    """Recognises keys of customers, providers and operators; unknown keys are never cached."""
 
     def __init__(self, db: Database, clock: FleetClock) -> None:
         self._db = db
-        self._known = Remembered(self._look_up, clock=clock, kept=_KEPT, most=_MOST_KNOWN)
+        self._cached = Remembered(self._look_up, clock=clock, kept=_KEPT, most=_MOST_CACHED)
 
     async def caller_of(self, secret: str) -> Caller | None:
-        """Whose key this is; None when it is nobody's, or deleted."""
+        """The caller with this key; None when the key is unknown or deleted."""
         key_hash = secret_hash(secret)
-        return self._known.answer(key_hash) or await self._known.ask(key_hash)
+        return self._cached.answer(key_hash) or await self._cached.ask(key_hash)
 
     def forget(self) -> None:
-        """Look every key up anew, for one was deleted."""
-        self._known.forget()
+        """Empty the cache, because a key was deleted."""
+        self._cached.forget()
 
     async def _look_up(self, key_hash: str) -> Caller | None:
         async with self._db.read() as connection:
@@ -38,20 +43,20 @@ class KnownKeys:
 
 
 class DroneKeyRegistry(Protocol):
-    """Where keys of drones are kept: the registry."""
+    """The registry, which issues the keys of drones."""
 
     async def drone_of(self, key_hash: str) -> DroneId | None:
-        """The drone whose key this is; None when it is nobody's, or not any more."""
+        """The drone with this key; None when the key is unknown or no longer valid."""
         ...
 
 
 class DroneKeys:
-    """Recognises keys of drones."""
+    """Recognises keys of drones; the registry is asked each time, so a revoked key stops."""
 
     def __init__(self, registry: DroneKeyRegistry) -> None:
         self._registry = registry
 
     async def caller_of(self, secret: str) -> Caller | None:
-        """Whose key this is; None when it is nobody's, or not any more."""
+        """The drone that calls; None when the key is unknown or no longer valid."""
         drone_id = await self._registry.drone_of(secret_hash(secret))
         return None if drone_id is None else Caller("drone", drone_id)

@@ -16,7 +16,7 @@ from skyway.runtime.sql.database import Database
 from skyway_gateway.access import store
 from skyway_gateway.access.issue_keys import Keys
 from skyway_gateway.access.key import ApiKey, IssuedKey, KeyRole, NewKey
-from skyway_gateway.access.recognise_keys import DroneKeys, KnownKeys
+from skyway_gateway.access.recognise_keys import CachedKeys, DroneKeys
 from skyway_gateway.access.store import KeyFilter
 
 _bearer = HTTPBearer(auto_error=False, description="an API key: sk_..., or a drone's: dk_...")
@@ -25,7 +25,7 @@ _bearer = HTTPBearer(auto_error=False, description="an API key: sk_..., or a dro
 class KeyGate:
     """A dependency that lets only known keys in, and gives whose they are."""
 
-    def __init__(self, known: KnownKeys, drones: DroneKeys) -> None:
+    def __init__(self, known: CachedKeys, drones: DroneKeys) -> None:
         self._known = known
         self._drones = drones
 

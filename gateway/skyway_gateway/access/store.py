@@ -18,7 +18,7 @@ from skyway.units import moment_to_ms, ms_to_moment
 from skyway_gateway.access.key import ApiKey, KeyRole
 from skyway_gateway.tables import api_keys
 
-#: Asked with every request, and so made once.
+#: Runs with each request, so it is built once.
 _CALLER: Final = select(api_keys.c.role, api_keys.c.subject_id).where(
     api_keys.c.key_hash == bindparam("key_hash"), api_keys.c.deleted_wall_ms.is_(None)
 )
@@ -33,7 +33,7 @@ class KeyFilter:
 
 
 async def add(tx: Tx, key: ApiKey, *, key_hash: str, is_account_open: bool) -> None:
-    """Keep a new key."""
+    """Add a new key."""
     row = {
         "key_id": key.key_id,
         "key_hash": key_hash,
@@ -46,7 +46,7 @@ async def add(tx: Tx, key: ApiKey, *, key_hash: str, is_account_open: bool) -> N
 
 
 async def add_if_new(tx: Tx, key: ApiKey, *, key_hash: str) -> None:
-    """Keep a key whose secret was made elsewhere, unless it was kept before, deleted or not."""
+    """Add a key with a given secret, unless it was added before, even if it is deleted now."""
     row = {
         "key_id": key.key_id,
         "key_hash": key_hash,
@@ -59,13 +59,13 @@ async def add_if_new(tx: Tx, key: ApiKey, *, key_hash: str) -> None:
 
 
 async def caller_of(connection: AsyncConnection, key_hash: str) -> Caller | None:
-    """Whose key this is; None when it is nobody's, or deleted."""
+    """The caller with this key; None when the key is unknown or deleted."""
     row = (await connection.execute(_CALLER, {"key_hash": key_hash})).one_or_none()
     return None if row is None else Caller(row.role, row.subject_id)
 
 
 async def is_account_open(connection: AsyncConnection, key_id: KeyId) -> bool:
-    """Whether the registry has the broker account that was handed out with this key."""
+    """Whether the registry has the broker account that was issued with this key."""
     statement = select(api_keys.c.is_account_open).where(api_keys.c.key_id == key_id)
     return bool((await connection.execute(statement)).scalar())
 
@@ -94,14 +94,14 @@ async def one(connection: AsyncConnection, key_id: KeyId) -> ApiKey:
 
 
 async def page(
-    connection: AsyncConnection, query: PageQuery, wanted: KeyFilter
+    connection: AsyncConnection, query: PageQuery, requested: KeyFilter
 ) -> Sequence[ApiKey]:
     """Up to limit + 1 keys that are not deleted, sorted by id."""
     statement = select(api_keys).where(api_keys.c.deleted_wall_ms.is_(None))
-    if wanted.role is not None:
-        statement = statement.where(api_keys.c.role == wanted.role)
-    if wanted.subject_id is not None:
-        statement = statement.where(api_keys.c.subject_id == wanted.subject_id)
+    if requested.role is not None:
+        statement = statement.where(api_keys.c.role == requested.role)
+    if requested.subject_id is not None:
+        statement = statement.where(api_keys.c.subject_id == requested.subject_id)
     if (after := query.after(str)) is not None:
         statement = statement.where(api_keys.c.key_id > after[0])
     statement = statement.order_by(api_keys.c.key_id).limit(query.limit + 1)
@@ -109,7 +109,7 @@ async def page(
 
 
 async def delete(tx: Tx, key_id: KeyId, *, at: datetime) -> None:
-    """Stop a key, from the next call on.
+    """Delete a key: it stops with the next call.
 
     Raises
     ------

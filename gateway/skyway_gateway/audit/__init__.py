@@ -1,1 +1,1 @@
-"""What was done by operators and providers: one entry per call that may change something."""
+"""The audit log: one entry for each call of an operator or provider that may change something."""

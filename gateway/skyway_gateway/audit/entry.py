@@ -1,4 +1,4 @@
-"""One entry of the audit log, and what of a call's body may stand in it."""
+"""One entry of the audit log, and the part of a call's body that it may hold."""
 
 import re
 from typing import Annotated, Final
@@ -10,21 +10,18 @@ from skyway.ids import SubjectId
 from skyway.json_model import JsonModel
 from skyway_gateway.access.key import KeyRole
 
-#: The most of a body and of a path that is kept, bytes and characters.
+#: The longest body (bytes) and path (characters) in an entry; longer ones are cut.
 LONGEST_BODY: Final = 4096
 LONGEST_PATH: Final = 500
 
-#: Members whose text is nobody's to read, also where the body was cut inside it.
+#: JSON members with secret text, also where the body is cut inside that text.
 _SECRET: Final = re.compile(
     r'("(?:\w*(?:password|secret|token)|key)"\s*:\s*)"(?:[^"\\]|\\.)*"?', re.IGNORECASE
 )
 
 
 class AuditEntry(JsonModel):
-    """A call by an operator or a provider, and how it was answered.
-
-    `status` is 0 when it was not answered: the caller left, or it broke.
-    """
+    """A call of an operator or a provider, and its answer."""
 
     entry_id: str
     at: FleetMoment
@@ -41,7 +38,7 @@ class AuditEntry(JsonModel):
 
 
 def body_text(raw: bytes) -> str | None:
-    """What the log keeps of a body; None when there is none."""
+    """The text of a body for the log, without secrets; None for an empty body."""
     if not raw:
         return None
     text = raw[:LONGEST_BODY].decode(errors="replace").replace("\0", "\ufffd")
@@ -49,6 +46,6 @@ def body_text(raw: bytes) -> str | None:
 
 
 def path_text(path: str, query: bytes) -> str:
-    """What the log keeps of a path and its query."""
+    """The text of a path and its query for the log."""
     text = f"{path}?{query.decode('latin-1')}" if query else path
     return text[:LONGEST_PATH].encode(errors="replace").decode().replace("\0", "\ufffd")

@@ -1,4 +1,4 @@
-"""All SQL of the audit log: entries are only added."""
+"""The SQL of the audit log, to which entries are only added."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from skyway_gateway.tables import audit
 
 @dataclass(frozen=True, slots=True)
 class AuditFilter:
-    """Which entries a list shows; `path` is how their paths begin."""
+    """Which entries a list shows; `path` is the beginning of their paths."""
 
     role: KeyRole | None = None
     subject_id: SubjectId | None = None
@@ -36,17 +36,17 @@ async def add(tx: Tx, entry: AuditEntry) -> None:
 
 
 async def page(
-    connection: AsyncConnection, query: PageQuery, wanted: AuditFilter
+    connection: AsyncConnection, query: PageQuery, requested: AuditFilter
 ) -> Sequence[AuditEntry]:
     """Up to limit + 1 entries, the newest first."""
     statement = select(audit)
-    if wanted.role is not None:
-        statement = statement.where(audit.c.role == wanted.role)
-    if wanted.subject_id is not None:
-        statement = statement.where(audit.c.subject_id == wanted.subject_id)
-    if wanted.path is not None:
-        # Not LIKE: SQLite's does not tell upper from lower case.
-        begins = func.substr(audit.c.path, 1, len(wanted.path)) == wanted.path
+    if requested.role is not None:
+        statement = statement.where(audit.c.role == requested.role)
+    if requested.subject_id is not None:
+        statement = statement.where(audit.c.subject_id == requested.subject_id)
+    if requested.path is not None:
+        # Not LIKE: on SQLite it ignores case.
+        begins = func.substr(audit.c.path, 1, len(requested.path)) == requested.path
         statement = statement.where(begins)
     if (after := query.after(str)) is not None:
         statement = statement.where(audit.c.entry_id < after[0])

@@ -1,7 +1,7 @@
-"""Writes down what operators and providers do: each of their calls that is not a GET.
+"""Logs the calls of operators and providers, except calls that only read.
 
-The entry is on disk before the answer is sent, so that no answered call is missing. The key gate
-tells who is calling; where it let nobody in there is no entry, for nothing could be done.
+The entry is written before the answer is sent, so that no answered call is missing. The key gate
+identifies the caller; a call that it refuses changes nothing and has no entry.
 """
 
 import logging
@@ -21,19 +21,19 @@ from skyway_gateway.audit.entry import LONGEST_BODY, AuditEntry, body_text, path
 
 log = logging.getLogger(__name__)
 
-#: ASGI's own types; Any, since a message has members of every type.
+#: The types of ASGI, whose messages have members of every type.
 _Message = MutableMapping[str, Any]
 _Receive = Callable[[], Awaitable[_Message]]
 _Send = Callable[[_Message], Awaitable[None]]
 _App = Callable[[_Message, _Receive, _Send], Awaitable[None]]
 
-#: These change nothing.
+#: Methods that change nothing.
 _READING: Final = frozenset({"GET", "HEAD", "OPTIONS"})
 _NOT_ANSWERED: Final = 0
 
 
 class AuditTrail:
-    """ASGI middleware: one entry per call of a known operator or provider."""
+    """ASGI middleware: one entry for each call of an operator or provider."""
 
     def __init__(self, app: _App, *, db: Database, clock: FleetClock, mint: Mint) -> None:
         self._app = app
@@ -42,7 +42,7 @@ class AuditTrail:
         self._mint = mint
 
     async def __call__(self, scope: _Message, receive: _Receive, send: _Send) -> None:
-        """Pass a call on, and write it down when it is answered."""
+        """Pass a call on, and log it when it is answered."""
         if scope["type"] != "http" or scope["method"] in _READING:
             await self._app(scope, receive, send)
             return
@@ -87,6 +87,6 @@ class AuditTrail:
             async with self._db.write() as tx:
                 await store.add(tx, entry)
         except ServiceUnavailable:
-            # It is done, wherever it was done: the caller must not be told otherwise.
-            count("skyway_audit_lost", "calls that could not be written down")
+            # The call has had its effect: it must not be answered as a failure.
+            count("skyway_audit_lost", "calls that could not be logged")
             log.exception("audit entry lost", extra={"entry": entry.model_dump(mode="json")})

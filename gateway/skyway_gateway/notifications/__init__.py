@@ -1,1 +1,6 @@
-"""What customers are told: each delivery event once in sequence, by webhook, SSE and MQTT."""
+"""How customers are notified: each delivery event in sequence, by webhook, SSE and MQTT.
+
+`record_events` writes events for all channels in one transaction, with the SQL of `event_store`.
+`stream_events` serves server-sent events, `webhooks` sends to customers' endpoints, and
+`fleet_time` publishes the fleet clock.
+"""

@@ -1,4 +1,4 @@
-"""The SQL by which new events are kept, and made due at the webhooks of their customer."""
+"""The SQL that adds events, makes them due at the customer's webhooks, and reads them in order."""
 
 from collections.abc import Callable, Sequence
 from datetime import datetime
@@ -26,27 +26,27 @@ from skyway.units import moment_to_ms
 from skyway_gateway.tables import events, notifications, webhooks
 
 
-def _notifications_of(told: FromClause) -> Select[*tuple[Any, ...]]:
-    """New events of a delivery, for each active webhook of their customer that wants them.
+def _notifications_of(added: FromClause) -> Select[*tuple[Any, ...]]:
+    """One notification for each new event and each active webhook that subscribes to its type.
 
-    Any: columns are of every type.
+    Columns are typed as Any, since they have every type.
     """
-    # A list of JSON texts; no type is another's but for what LIKE takes for any character.
-    wanted = webhooks.c.event_types.contains('"' + told.c.type + '"')
+    # `event_types` is a JSON list of texts: the quotes keep one type from matching another.
+    subscribes = webhooks.c.event_types.contains('"' + added.c.type + '"')
     return select(
         webhooks.c.webhook_id,
-        told.c.event_id,
-        told.c.delivery_id,
-        told.c.sequence,
+        added.c.event_id,
+        added.c.delivery_id,
+        added.c.sequence,
         literal("PENDING").label("state"),
         literal(0).label("attempts"),
-        bindparam("told_wall_ms", type_=BigInteger).label("next_try_wall_ms"),
+        bindparam("added_wall_ms", type_=BigInteger).label("next_try_wall_ms"),
     ).where(
-        told.c.delivery_id == bindparam("told_of", type_=Text),
-        told.c.sequence >= bindparam("told_from", type_=Integer),
+        added.c.delivery_id == bindparam("added_to", type_=Text),
+        added.c.sequence >= bindparam("added_from", type_=Integer),
         webhooks.c.customer_id == bindparam("listener", type_=Text),
         webhooks.c.state == "ACTIVE",
-        or_(webhooks.c.event_types.is_(None), wanted),
+        or_(webhooks.c.event_types.is_(None), subscribes),
     )
 
 
@@ -61,10 +61,10 @@ def add_events(
     wall_at: datetime,
     when_notified: Callable[[], None],
 ) -> None:
-    """Keep a delivery's next events, one at least, in the form in which every channel has them.
+    """Add a delivery's next events, at least one, in the form that all channels send.
 
-    They are due at once at every active webhook that wants them. Nobody asks before whether there
-    is one: webhooks are looked at by what adds the events. `when_notified` is called if so.
+    The same statement makes them due at each active webhook that subscribes to them.
+    `when_notified` is called if there is such a webhook.
     """
     at_ms = moment_to_ms(wall_at)
     rows = [
@@ -81,10 +81,10 @@ def add_events(
     tx.add(events, rows)
     first = new[0]
     values = {
-        "told_of": first.delivery_id,
-        "told_from": first.sequence,
+        "added_to": first.delivery_id,
+        "added_from": first.sequence,
         "listener": customer_id,
-        "told_wall_ms": at_ms,
+        "added_wall_ms": at_ms,
     }
     tx.follow_up(_NOTIFICATIONS, values, then=when_notified)
 

@@ -1,4 +1,4 @@
-"""The fleet clock as everybody may know it: by REST, and retained on MQTT."""
+"""The fleet clock for everybody: over REST, and as a retained MQTT message."""
 
 from typing import Annotated, Final
 
@@ -11,7 +11,7 @@ from skyway.runtime.clock import AnchoredClock
 from skyway.runtime.minting import Mint
 from skyway.runtime.mqtt.client import MqttClient
 
-#: Wall seconds between two repetitions: a drone that misses three knows that the cloud is silent.
+#: Wall seconds between two messages: a drone that misses three of them knows the cloud is silent.
 CLOCK_EVERY_S: Final = 30.0
 
 
@@ -25,14 +25,14 @@ class FleetTime(JsonModel):
 
 
 def fleet_time(anchor: AnchoredClock) -> FleetTime:
-    """The anchor, and what it makes of now."""
+    """The anchor and the fleet time now."""
     return FleetTime(
         fleet_at=anchor.fleet_at, wall_at=anchor.wall_at, rate=anchor.rate, now=anchor.now()
     )
 
 
 async def publish_clock(mqtt: MqttClient, anchor: AnchoredClock, mint: Mint) -> None:
-    """Publish the anchor, retained; due after every connect, for a broker may have forgotten it."""
+    """Publish the anchor as a retained message, again after each connect: brokers may lose it."""
     message = ClockAnchor(
         message_id=mint("msg"),
         sent_at=anchor.now(),

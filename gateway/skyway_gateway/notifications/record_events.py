@@ -1,7 +1,7 @@
-"""The only writer of events: what is told, is told to every channel at once.
+"""The only writer of delivery events, for all channels together.
 
-The event, its webhook notifications and its MQTT message are rows of the transaction of the fact
-that they tell, so that there is never one without the others.
+An event, its webhook notifications and its MQTT message are written in the transaction of the fact
+that they report, so that none of them can be missing.
 """
 
 from collections.abc import Sequence
@@ -19,29 +19,31 @@ from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Tx
 from skyway.runtime.tracing import current_traceparent
 from skyway_gateway.notifications.event_store import add_events
-from skyway_gateway.notifications.stream_events import News
+from skyway_gateway.notifications.stream_events import EventListeners
 
 
 @dataclass(frozen=True, slots=True)
 class Happening:
-    """What the customer is to be told, before it has a place in the sequence."""
+    """Something to notify the customer of, before it has a number in the sequence."""
 
     type: DeliveryEventType
     occurred_at: datetime
-    #: The event's own members, each of JSON; Any, since every type has others.
+    #: The event's own JSON members; each event type has others.
     data: dict[str, Any] = field(default_factory=dict)
 
 
-class Events:
-    """Writes events; `webhooks` is set when there is something to notify."""
+class EventRecorder:
+    """Records events; `webhooks` wakes the sender when a webhook is to be notified."""
 
-    def __init__(self, *, clock: FleetClock, mint: Mint, news: News, webhooks: Wake) -> None:
+    def __init__(
+        self, *, clock: FleetClock, mint: Mint, listeners: EventListeners, webhooks: Wake
+    ) -> None:
         self._clock = clock
         self._mint = mint
-        self._news = news
+        self._listeners = listeners
         self._webhooks = webhooks
 
-    def tell(
+    def record(
         self,
         tx: Tx,
         happenings: Sequence[Happening],
@@ -50,10 +52,10 @@ class Events:
         delivery_id: DeliveryId,
         customer_id: SubjectId,
     ) -> None:
-        """Tell the customer what happened, in this order, once the transaction is committed.
+        """Record what happened, in this order; it is sent once the transaction is committed.
 
-        `after` is how many events the delivery had: its row counts them, and who writes that row
-        takes their place.
+        `after` is the number of events that the delivery had, as its row counts them. The
+        transaction also writes that row, so no other transaction can use the same numbers.
         """
         if not happenings:
             return
@@ -74,7 +76,7 @@ class Events:
         tx.after_commit(lambda: self._announce(delivery_id, events))
 
     def _announce(self, delivery_id: DeliveryId, events: Sequence[DeliveryEvent]) -> None:
-        self._news.ring(delivery_id)
+        self._listeners.wake(delivery_id)
         for event in events:
             count("skyway_delivery_events", "events told to customers", type=event.type)
 

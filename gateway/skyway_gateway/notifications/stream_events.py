@@ -1,8 +1,8 @@
-"""A delivery's events as they happen, in the form of server-sent events."""
+"""Streams a delivery's events as they happen, as server-sent events."""
 
 import asyncio
 from collections import defaultdict
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncGenerator, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Final
@@ -13,7 +13,7 @@ from skyway.runtime.loops import Wake
 from skyway.runtime.sql.database import Database
 from skyway_gateway.notifications import event_store
 
-#: The last word on a delivery: its stream ends with one of these.
+#: The final event of a delivery is one of these; its stream ends there.
 LAST_EVENTS: Final = frozenset(
     {
         DeliveryEventType.COMPLETED,
@@ -27,15 +27,15 @@ LAST_EVENTS: Final = frozenset(
 _HEARTBEAT: Final = ": still here\n\n"
 
 
-class News:
-    """A bell for each delivery that somebody listens to."""
+class EventListeners:
+    """The listeners in this process, by the delivery whose new events they wait for."""
 
     def __init__(self) -> None:
         self._listeners: dict[DeliveryId, set[Wake]] = defaultdict(set)
 
     @contextmanager
     def listen(self, delivery_id: DeliveryId) -> Iterator[Wake]:
-        """A wake that is set at each new event of the delivery, while the block runs."""
+        """A wake that each new event of the delivery sets, while the block runs."""
         wake = Wake()
         self._listeners[delivery_id].add(wake)
         try:
@@ -45,8 +45,8 @@ class News:
             if not self._listeners[delivery_id]:
                 del self._listeners[delivery_id]
 
-    def ring(self, delivery_id: DeliveryId) -> None:
-        """Wake all who listen to the delivery."""
+    def wake(self, delivery_id: DeliveryId) -> None:
+        """Wake all listeners of the delivery."""
         for wake in self._listeners.get(delivery_id, ()):
             wake.set()
 
@@ -61,16 +61,16 @@ class EventStream:
     """Streams events; seconds are of wall time."""
 
     db: Database
-    news: News
-    #: Events that another replica wrote do not ring here.
+    listeners: EventListeners
+    #: Events of other replicas do not wake the listeners here, so the table is read again.
     poll_s: float = 1.0
     heartbeat_s: float = 15.0
 
-    async def frames(self, delivery_id: DeliveryId, *, after: int) -> AsyncIterator[str]:
-        """The events after this sequence as they come, up to the delivery's last."""
+    async def frames(self, delivery_id: DeliveryId, *, after: int) -> AsyncGenerator[str]:
+        """The events after this sequence number as they come, up to the final event."""
         loop = asyncio.get_running_loop()
         spoken_at = loop.time()
-        with self.news.listen(delivery_id) as wake:
+        with self.listeners.listen(delivery_id) as wake:
             while True:
                 async with self.db.read() as connection:
                     found = await event_store.events_after(connection, delivery_id, after=after)
@@ -85,7 +85,7 @@ class EventStream:
                 await wake.wait(self.poll_s)
 
     async def is_over(self, delivery_id: DeliveryId, *, after: int) -> bool:
-        """Whether nothing will ever come after this sequence."""
+        """Whether no event will ever follow this sequence number."""
         async with self.db.read() as connection:
             last = await event_store.last_event(connection, delivery_id)
         return last is not None and last.type in LAST_EVENTS and last.sequence <= after

@@ -1,4 +1,4 @@
-"""Taking an offer: once, by its customer, before it expires."""
+"""Accepts an offer of a quote: once, by its customer, before it expires."""
 
 from dataclasses import dataclass
 from datetime import datetime
@@ -14,14 +14,14 @@ from skyway_gateway.quotes.quote import Offer, Quote
 
 
 @dataclass(frozen=True, slots=True)
-class TakenOffer:
-    """What was asked for when the quote was made, and what the offer has promised."""
+class AcceptedOffer:
+    """The request of the quote, and the limits that the offer promised."""
 
     request: DeliveryRequest
     limits: OfferLimits
 
 
-async def take(
+async def accept_offer(
     tx: Tx,
     caller: Caller,
     quote_id: QuoteId,
@@ -29,27 +29,27 @@ async def take(
     *,
     delivery_id: DeliveryId,
     wall_now: datetime,
-) -> TakenOffer:
-    """Take an offer for a delivery that is accepted in the same transaction.
+) -> AcceptedOffer:
+    """Accept an offer for a delivery that is written in the same transaction.
 
     Raises
     ------
     NotFound
         There is no such quote, it is not the caller's, or it holds no such offer.
     Conflict
-        QUOTE_TAKEN: one of the quote's offers was taken before; QUOTE_EXPIRED.
+        QUOTE_TAKEN: an offer of the quote was accepted before. QUOTE_EXPIRED.
     """
     quote = await store.one_of(tx.connection, caller, quote_id)
     offer = _offer(quote, offer_id)
     if quote.taken_offer_id is None and wall_now >= offer.expires_at:
         raise Conflict("QUOTE_EXPIRED", f"offer {offer_id} expired at {offer.expires_at}")
-    # Not the row that was read decides, but the one that is written: two may take at once.
-    if not await store.mark_taken(tx, quote_id, offer_id, delivery_id=delivery_id):
-        raise Conflict("QUOTE_TAKEN", f"an offer of quote {quote_id} was taken before")
+    # The write decides, not the read above: two calls may accept at the same time.
+    if not await store.mark_accepted(tx, quote_id, offer_id, delivery_id=delivery_id):
+        raise Conflict("QUOTE_TAKEN", f"an offer of quote {quote_id} was accepted before")
     promised = OfferLimits(
         provider_id=offer.provider_id, price=offer.price, within_s=offer.delivery_time_s
     )
-    return TakenOffer(quote.request, promised)
+    return AcceptedOffer(quote.request, promised)
 
 
 def _offer(quote: Quote, offer_id: OfferId) -> Offer:

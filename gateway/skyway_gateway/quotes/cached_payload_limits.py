@@ -1,4 +1,4 @@
-"""How heavy a package may be: the registry's word, good for a moment."""
+"""How heavy a package may be: the registry's answer, cached for a moment."""
 
 from datetime import timedelta
 from typing import Final
@@ -9,26 +9,26 @@ from skyway.runtime.clock import FleetClock
 from skyway.runtime.remembered import Remembered
 from skyway_gateway.clients import Registry
 
-#: How long what was allowed is allowed again unasked, wall time: a fleet hardly shrinks meanwhile,
-#: and whether a drone is there is found out by booking.
+#: How long a limit is used without asking again, wall time. Fleets hardly change meanwhile, and
+#: booking finds out whether a drone is available.
 _KEPT: Final = timedelta(seconds=2)
-#: Customers choose providers as they like: what is known is forgotten before it grows large.
-_MOST_KNOWN: Final = 1_000
+#: The most limits that are cached: each choice of providers has its own.
+_MOST_CACHED: Final = 1_000
 
 
-class PayloadLimits:
-    """Asks the registry, but not for each request; a refusal is always its present word."""
+class CachedPayloadLimits:
+    """Payload limits from the registry; only a fresh limit refuses a package."""
 
     def __init__(self, registry: Registry, clock: FleetClock) -> None:
         self._registry = registry
-        self._known = Remembered(self._ask, clock=clock, kept=_KEPT, most=_MOST_KNOWN)
+        self._cached = Remembered(self._ask, clock=clock, kept=_KEPT, most=_MOST_CACHED)
 
     async def limit_for(self, heaviest_kg: float, choice: ProviderChoice) -> PayloadLimit:
-        """The limit of the chosen providers' drones, to judge a package of this mass by."""
-        known = self._known.answer(choice)
-        if known is not None and _allows(known, heaviest_kg):
-            return known
-        return await self._known.ask(choice)
+        """The payload limit of the chosen providers' drones, fresh if this mass might exceed it."""
+        cached = self._cached.answer(choice)
+        if cached is not None and _allows(cached, heaviest_kg):
+            return cached
+        return await self._cached.ask(choice)
 
     async def _ask(self, choice: ProviderChoice) -> PayloadLimit:
         return await self._registry.payload_limit(PayloadLimitQuery(providers=choice))

@@ -1,6 +1,6 @@
-"""Whether a delivery request is possible in the world as it is: times, stations, masses.
+"""Checks whether a delivery request is possible: its times, stations and masses.
 
-Asked before a quote and before a delivery alike; what passes may still find no drone.
+Quotes and deliveries pass the same checks. A request that passes may still find no drone.
 """
 
 import contextlib
@@ -16,33 +16,33 @@ from skyway.geo import Position
 from skyway.ids import StationId
 from skyway.runtime.clock import FleetClock
 from skyway_gateway.clients import Composition
-from skyway_gateway.quotes.cached_payload_limits import PayloadLimits
+from skyway_gateway.quotes.cached_payload_limits import CachedPayloadLimits
 
-#: Nobody plans further ahead; a year that is a typing mistake is found at once.
+#: The furthest moment that a request may name: this finds mistyped years.
 _LONGEST_AHEAD: Final = timedelta(days=366)
 
-#: A mass that is above the limit by less is equal to it, kilograms.
+#: A mass that exceeds the limit by less than this counts as equal, kilograms.
 _MASS_TOLERANCE_KG: Final = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
-class Checks:
-    """Checks requests against the clock, the network and the fleets."""
+class RequestChecks:
+    """RequestChecks requests against the clock, the network and the fleets."""
 
-    payload_limits: PayloadLimits
+    payload_limits: CachedPayloadLimits
     networks: KnownNetworks
     composition: Composition
     clock: FleetClock
 
     async def check(self, request: DeliveryRequest) -> Position:
-        """Where the pickup is, once everything about the request is known to be possible.
+        """Check the whole request; the result is the position of its pickup.
 
         Raises
         ------
         InvalidInput
-            A field breaks a limit of the world: an unknown station, too heavy, too late.
+            A field is impossible now: an unknown station, too heavy, a deadline in the past.
         ServiceUnavailable
-            The world cannot be asked now.
+            The registry or composition does not answer now.
         """
         self._check_times(request)
         position = await self._check_stations(request)
@@ -53,7 +53,9 @@ class Checks:
         now, deadline_at = self.clock.now(), request.qos.deadline_at
         latest_at = now + _LONGEST_AHEAD
         if deadline_at is not None and deadline_at <= now:
-            raise InvalidInput("qos.deadline_at", f"{deadline_at} is past: fleet time is {now}")
+            raise InvalidInput(
+                "qos.deadline_at", f"{deadline_at} is in the past: fleet time is {now}"
+            )
         for field, moment in (
             ("qos.deadline_at", deadline_at),
             ("earliest_pickup_at", request.earliest_pickup_at),
@@ -79,12 +81,12 @@ class Checks:
         return found.positions[pickup]
 
     async def _check_payload(self, request: DeliveryRequest) -> None:
-        """Each package by itself: together they may take several trips."""
+        """Check each package alone: all of them together may need several trips."""
         choice = request.qos.providers
         heaviest_kg = max(package.mass_kg for package in request.packages)
         limit = await self.payload_limits.limit_for(heaviest_kg, choice)
         for provider_id in limit.unknown_provider_ids:
-            field = f"qos.providers.{_place_of(provider_id, choice)}"
+            field = f"qos.providers.{_field_of(provider_id, choice)}"
             raise InvalidInput(field, f"provider {provider_id!r} is unknown")
         if limit.max_payload_kg is None:
             return  # no fleet yet: the request waits for one
@@ -96,7 +98,7 @@ class Checks:
 
 
 def _stations_by_field(request: DeliveryRequest) -> dict[str, StationId]:
-    """Where packages may end, by the field that says so."""
+    """The stations where packages may end, by the name of the request's field."""
     named: dict[str, StationId] = {}
     for number, package in enumerate(request.packages):
         named[f"packages.{number}.destination.station_id"] = package.destination.station_id
@@ -115,8 +117,8 @@ def _check_station(
         raise InvalidInput(field, detail)
 
 
-def _place_of(provider_id: str, choice: ProviderChoice) -> str:
-    """The field that names a provider."""
+def _field_of(provider_id: str, choice: ProviderChoice) -> str:
+    """The field of `qos.providers` that names a provider."""
     if choice.pinned == provider_id:
         return "pinned"
     for field in ("allowed", "denied"):

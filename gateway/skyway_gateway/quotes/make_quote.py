@@ -1,4 +1,4 @@
-"""Making a quote: the request is checked, the fleets are asked, composition plans; one write."""
+"""Makes quotes: checks the request, asks for candidates, has composition plan, writes once."""
 
 from dataclasses import dataclass
 from datetime import datetime, timedelta
@@ -18,7 +18,7 @@ from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.clients import Composition, Registry
 from skyway_gateway.quotes import store
-from skyway_gateway.quotes.check_request import Checks
+from skyway_gateway.quotes.check_request import RequestChecks
 from skyway_gateway.quotes.quote import OFFER_LIFE_S, Offer, Quote
 
 
@@ -29,7 +29,7 @@ class QuoteMaker:
     db: Database
     registry: Registry
     composition: Composition
-    checks: Checks
+    checks: RequestChecks
     clock: FleetClock
     mint: Mint
 
@@ -41,22 +41,22 @@ class QuoteMaker:
         idempotency_key: str | None,
         body: bytes,
     ) -> Answer:
-        """201 with the quote; without offers when no provider can serve.
+        """201 with the quote, which has no offers when no provider can serve the request.
 
         Raises
         ------
         InvalidInput
-            A field breaks a limit of the world: an unknown station, too heavy, too late.
+            A field is impossible now: an unknown station, too heavy, a deadline in the past.
         ServiceUnavailable
-            The world cannot be asked now.
+            The registry or composition does not answer now.
         """
         try:
             quote: Quote | SkywayError = await self._quote(request)
         except SkywayError as refusal:
-            # Answered only after looking whether this very call was answered before.
+            # First look whether this call was answered before.
             quote = refusal
 
-        async def keep(tx: Tx) -> Answer:
+        async def write(tx: Tx) -> Answer:
             if isinstance(quote, SkywayError):
                 raise quote
             await store.add(tx, quote, customer_id=SubjectId(caller.subject_id))
@@ -70,7 +70,7 @@ class QuoteMaker:
             route="POST /v1/quotes",
             key=idempotency_key,
             body=body,
-            act=keep,
+            act=write,
             clock=self.clock,
         )
 
@@ -81,7 +81,7 @@ class QuoteMaker:
         if not found.shortlist.is_empty:
             query = QuoteQuery(request=request, shortlist=found.shortlist)
             answer = await self.composition.quote(query)
-        # Counted from here: what was planned is as old as its answer.
+        # Offers expire this long after composition has answered.
         expires_at = self.clock.wall_now() + timedelta(seconds=OFFER_LIFE_S)
         return Quote(
             quote_id=QuoteId(self.mint("quo")),

@@ -1,4 +1,4 @@
-"""A quote as its customer sees it: offers that reserve nothing, and expire."""
+"""A quote as its customer sees it: offers that reserve nothing and expire."""
 
 from typing import Annotated, Final
 
@@ -11,12 +11,12 @@ from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId, OfferId, QuoteId
 from skyway.json_model import JsonModel
 
-#: How long an offer may be taken, seconds of wall time (docs/reference/time.md).
+#: How long an offer can be accepted, seconds of wall time (docs/reference/time.md).
 OFFER_LIFE_S: Final = 120.0
 
 
 class Offer(OfferTerms):
-    """What one provider offers; taken before `expires_at`, its price and time are kept."""
+    """What one provider offers; its price and time hold if it is accepted before `expires_at`."""
 
     offer_id: OfferId
     expires_at: WallMoment
@@ -25,7 +25,7 @@ class Offer(OfferTerms):
 class Quote(JsonModel):
     """The offers for a request, the best first, and why other providers make none.
 
-    At most one of the offers can be taken; `delivery_id` is the delivery that came of it.
+    One of the offers can be accepted, once.
     """
 
     quote_id: QuoteId

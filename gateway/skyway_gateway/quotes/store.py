@@ -24,7 +24,7 @@ _REASONS: Final = TypeAdapter(tuple[ProviderReason, ...])
 
 
 async def add(tx: Tx, quote: Quote, *, customer_id: SubjectId) -> None:
-    """Keep a new quote."""
+    """Add a new quote."""
     row = {
         "quote_id": quote.quote_id,
         "customer_id": customer_id,
@@ -54,18 +54,18 @@ async def one_of(connection: AsyncConnection, caller: Caller, quote_id: QuoteId)
     return _quote(row)
 
 
-async def mark_taken(
+async def mark_accepted(
     tx: Tx, quote_id: QuoteId, offer_id: OfferId, *, delivery_id: DeliveryId
 ) -> bool:
-    """Note that an offer of a quote is taken; False when one was taken before."""
+    """Note that an offer is accepted; False when an offer of the quote was accepted before."""
     this = and_(quotes.c.quote_id == quote_id, quotes.c.taken_offer_id.is_(None))
     taken = {"taken_offer_id": offer_id, "delivery_id": delivery_id}
     return (await tx.execute(update(quotes).where(this).values(taken))).rowcount == 1
 
 
-async def forget(tx: Tx, *, expired_before: datetime) -> None:
-    """Forget the quotes that expired before a moment of wall time."""
-    is_old = quotes.c.expires_wall_ms < moment_to_ms(expired_before)
+async def delete_expired(tx: Tx, *, before: datetime) -> None:
+    """Delete the quotes that expired before a moment of wall time."""
+    is_old = quotes.c.expires_wall_ms < moment_to_ms(before)
     await tx.execute(delete(quotes).where(is_old))
 
 

@@ -1,1 +1,1 @@
-"""How deliveries go, by state, provider and time."""
+"""Statistics of deliveries, by state, provider and time."""

@@ -1,4 +1,4 @@
-"""How deliveries went: counted and added up by the database, shared out here."""
+"""Statistics of deliveries: the database adds up, this file computes shares and means."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -20,7 +20,7 @@ _BUCKET_MS: Final[Mapping[Bucket, int]] = {
     "hour": int(hours_to_s(1) * 1000),
     "day": int(hours_to_s(24) * 1000),
 }
-#: The most parts of one answer.
+#: The most buckets of one answer.
 _MOST_BUCKETS: Final = 1000
 
 Share = Annotated[float | None, Field(description="0 to 1; null when there is nothing to share")]
@@ -28,17 +28,17 @@ MeanSeconds = Annotated[float | None, Field(description="mean, fleet seconds")]
 
 
 class DeliveryQuery(SpanQuery):
-    """Of which deliveries, and in which parts; hours and days begin as those of UTC do."""
+    """Which deliveries are counted, and in which buckets: full hours or days of UTC."""
 
     bucket: Bucket | None = None
 
     def bucket_ms(self, span: Span) -> int | None:
-        """How long one part lasts; None when the span is not parted.
+        """The length of a bucket; None without buckets.
 
         Raises
         ------
         InvalidInput
-            There would be too many of them.
+            There would be too many buckets.
         """
         if self.bucket is None:
             return None
@@ -51,7 +51,7 @@ class DeliveryQuery(SpanQuery):
 
 @dataclass(frozen=True, slots=True)
 class Sums:
-    """What the database has added up over some deliveries."""
+    """What the database has added up over a set of deliveries."""
 
     by_state: Mapping[str, int] = field(default_factory=dict)
     packages_delivered: int = 0
@@ -68,7 +68,7 @@ class Sums:
     recharging_s: float = 0.0
 
     def __add__(self, other: Self) -> "Sums":
-        """Both together."""
+        """The sums of both sets together."""
         added = {
             each.name: getattr(self, each.name) + getattr(other, each.name)
             for each in fields(self)
@@ -78,13 +78,11 @@ class Sums:
 
 
 class DeliveryNumbers(JsonModel):
-    """How some deliveries went.
+    """Numbers of a set of deliveries.
 
-    A package is on time when it is handed over no more than a minute after what was promised. A
-    completed delivery took `planned_s` by its plan and `actual_s` in fact, from the planned start
-    to the last hand-over, and `since_request_s` from the request on. The shares are of the time
-    from a mission's planned start to its last hand-over; what is left of it went into loading,
-    handing over and starting late.
+    A package is on time when it is handed over at most a minute after the promised moment. Times of
+    completed deliveries count from the planned start to the last hand-over. Shares are parts of
+    that time over all missions; the remaining part is loading, handing over and starting late.
     """
 
     deliveries: int
@@ -101,14 +99,14 @@ class DeliveryNumbers(JsonModel):
 
 
 class DeliveryBucket(DeliveryNumbers):
-    """The same of those requested in [from, to)."""
+    """Numbers of the deliveries that were requested in [from, to)."""
 
     from_at: Annotated[FleetMoment, Field(alias="from")]
     to_at: Annotated[FleetMoment, Field(alias="to")]
 
 
 class DeliveryStatistics(DeliveryBucket):
-    """Of all deliveries requested in the span, and of each part of it, also empty ones."""
+    """Numbers of the whole span, and of each bucket in it, also of empty ones."""
 
     provider_id: ProviderId | None
     bucket: Bucket | None
@@ -116,7 +114,7 @@ class DeliveryStatistics(DeliveryBucket):
 
 
 def bucket_starts(span: Span, bucket_ms: int) -> Sequence[int]:
-    """Where the parts begin that the span touches, each in milliseconds since 1970."""
+    """Where the buckets of a span begin, in milliseconds since 1970."""
     first = span.start_ms // bucket_ms * bucket_ms
     return range(first, span.end_ms, bucket_ms)
 
@@ -146,7 +144,7 @@ def statistics(
     span: Span,
     provider_id: ProviderId | None,
 ) -> DeliveryStatistics:
-    """The answer, of sums by where their part begins (any one key when it is not parted)."""
+    """The answer, from sums by the beginning of their bucket (any key without buckets)."""
     bucket_ms = query.bucket_ms(span)
     starts = [] if bucket_ms is None else bucket_starts(span, bucket_ms)
     return DeliveryStatistics.model_validate(
@@ -158,7 +156,7 @@ def statistics(
             **numbers(sum(found.values(), Sums())),
             "buckets": [
                 {
-                    # The first and the last part end where the span does.
+                    # The span may begin and end within a bucket.
                     "from": ms_to_moment(max(start_ms, span.start_ms)),
                     "to": ms_to_moment(min(start_ms + (bucket_ms or 0), span.end_ms)),
                     **numbers(found.get(start_ms, Sums())),

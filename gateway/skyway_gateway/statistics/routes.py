@@ -17,7 +17,7 @@ from skyway_gateway.statistics.delivery_statistics import (
     DeliveryStatistics,
     statistics,
 )
-from skyway_gateway.statistics.store import Wanted
+from skyway_gateway.statistics.store import Counted
 
 
 def statistics_routes(*, db: Database, gate: KeyGate, clock: FleetClock) -> ServiceRouter:
@@ -31,9 +31,9 @@ def statistics_routes(*, db: Database, gate: KeyGate, clock: FleetClock) -> Serv
         """How deliveries went that were requested in a span; a provider sees those it flies."""
         caller.must_be("provider", "operator")
         span, provider_id = query.span(clock.now()), _provider(caller, query.provider_id)
-        wanted = Wanted(span, provider_id, query.bucket_ms(span))
+        counted = Counted(span, provider_id, query.bucket_ms(span))
         async with db.survey() as connection:
-            found = await store.sums(connection, wanted)
+            found = await store.sums(connection, counted)
         return statistics(found, query, span=span, provider_id=provider_id)
 
     return router

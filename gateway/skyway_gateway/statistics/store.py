@@ -1,4 +1,4 @@
-"""All SQL of statistics: the database adds up, and gives one row per part of the span."""
+"""The SQL of statistics: the database adds up and returns one row for each bucket."""
 
 from collections import Counter, defaultdict
 from collections.abc import Mapping
@@ -24,15 +24,15 @@ from skyway.ids import ProviderId
 from skyway_gateway.statistics.delivery_statistics import Sums
 from skyway_gateway.tables import deliveries, missions, packages
 
-#: Handed over no later than this after the promise is on time, milliseconds of fleet time.
+#: A package that is handed over at most this late is on time, milliseconds of fleet time.
 _ON_TIME_MS: Final = 60_000
 
 _Query = Select[*tuple[Any, ...]]  # columns of every type
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
-    """Deliveries requested in a span, of a provider's missions only when it is named."""
+class Counted:
+    """Which deliveries count: requested in a span and, if given, flown by a provider."""
 
     span: Span
     provider_id: ProviderId | None
@@ -40,7 +40,7 @@ class Wanted:
 
     @property
     def bucket(self) -> ColumnElement[int]:
-        """Where the part of the span begins in which a delivery was requested."""
+        """The beginning of the bucket in which a delivery was counted."""
         if self.bucket_ms is None:
             return literal(0)
         created: ColumnElement[int] = deliveries.c.created_ms
@@ -48,31 +48,31 @@ class Wanted:
 
     @property
     def is_counted(self) -> ColumnElement[bool]:
-        """Whether a delivery is among them."""
+        """Whether a delivery counts."""
         created = deliveries.c.created_ms
         is_in_span = and_(created >= self.span.start_ms, created < self.span.end_ms)
         if self.provider_id is None:
             return is_in_span
-        # Under a name of its own: the statement may look at missions itself.
+        # An alias, because the statement around it may use the missions table itself.
         own = missions.alias("own")
         is_own = and_(own.c.delivery_id == deliveries.c.delivery_id, self.is_flown(own))
         return and_(is_in_span, exists().where(is_own))
 
     def is_flown(self, flown: FromClause) -> ColumnElement[bool]:
-        """Whether a mission is among theirs; one that its drone refused was never flown."""
+        """Whether a mission counts; a refused mission was never flown."""
         is_own = true() if self.provider_id is None else flown.c.provider_id == self.provider_id
         return and_(flown.c.state != "REFUSED", is_own)
 
 
-async def sums(connection: AsyncConnection, wanted: Wanted) -> Mapping[int, Sums]:
-    """What is added up, by where the part of the span begins; 0 when it is not parted."""
+async def sums(connection: AsyncConnection, counted: Counted) -> Mapping[int, Sums]:
+    """The sums by the beginning of their bucket; the key is 0 without buckets."""
     states: defaultdict[int, Counter[str]] = defaultdict(Counter)
-    for row in await connection.execute(_state_counts(wanted)):
+    for row in await connection.execute(_state_counts(counted)):
         states[row.bucket][row.state] = row.deliveries
     found = {bucket: Sums(by_state=by_state) for bucket, by_state in states.items()}
-    for statement in (_package_sums(wanted), _time_sums(wanted), _mission_sums(wanted)):
+    for statement in (_package_sums(counted), _time_sums(counted), _mission_sums(counted)):
         for row in await connection.execute(statement):
-            # Any: sums of integers are decimals on PostgreSQL.
+            # Sums of integers are decimals on PostgreSQL.
             values: dict[str, Any] = {
                 name: value if isinstance(value, float) else int(value)
                 for name, value in row._mapping.items()
@@ -82,17 +82,17 @@ async def sums(connection: AsyncConnection, wanted: Wanted) -> Mapping[int, Sums
     return found
 
 
-def _state_counts(wanted: Wanted) -> _Query:
-    bucket = wanted.bucket.label("bucket")
+def _state_counts(counted: Counted) -> _Query:
+    bucket = counted.bucket.label("bucket")
     return (
         select(bucket, deliveries.c.state, func.count().label("deliveries"))
-        .where(wanted.is_counted)
+        .where(counted.is_counted)
         .group_by(bucket, deliveries.c.state)
     )
 
 
-def _package_sums(wanted: Wanted) -> _Query:
-    bucket = wanted.bucket.label("bucket")
+def _package_sums(counted: Counted) -> _Query:
+    bucket = counted.bucket.label("bucket")
     delivered, promised = packages.c.delivered_ms, packages.c.promised_ms
     is_on_time = delivered <= promised + _ON_TIME_MS
     statement = (
@@ -102,35 +102,35 @@ def _package_sums(wanted: Wanted) -> _Query:
             func.sum(case((is_on_time, 1), else_=0)).label("packages_on_time"),
         )
         .join_from(deliveries, packages, packages.c.delivery_id == deliveries.c.delivery_id)
-        .where(wanted.is_counted, delivered.is_not(None))
+        .where(counted.is_counted, delivered.is_not(None))
         .group_by(bucket)
     )
-    if wanted.provider_id is None:
+    if counted.provider_id is None:
         return statement
     # A delivery of several trips may be flown by several providers.
     return statement.join(missions, missions.c.mission_id == packages.c.mission_id).where(
-        wanted.is_flown(missions)
+        counted.is_flown(missions)
     )
 
 
-def _time_sums(wanted: Wanted) -> _Query:
-    """Of completed deliveries: each one's planned start, promise and end, added up."""
+def _time_sums(counted: Counted) -> _Query:
+    """Planned and actual times of completed deliveries."""
     each = (
         select(
-            wanted.bucket.label("bucket"),
+            counted.bucket.label("bucket"),
             deliveries.c.created_ms,
             func.min(missions.c.start_ms).label("start_ms"),
             func.max(packages.c.promised_ms).label("promised_ms"),
             func.max(packages.c.delivered_ms).label("delivered_ms"),
         )
-        # Each package beside each mission: neither the least nor the largest minds.
+        # This joins each package with each mission, which changes neither minimum nor maximum.
         .join_from(deliveries, packages, packages.c.delivery_id == deliveries.c.delivery_id)
         .join(missions, missions.c.delivery_id == deliveries.c.delivery_id)
         .where(
-            wanted.is_counted,
+            counted.is_counted,
             deliveries.c.state == "COMPLETED",
             missions.c.state != "REFUSED",
-            # One of an older version has no start: it would count in one sum, not in another.
+            # Missions from an older version of the software have no start, and do not count.
             missions.c.start_ms.is_not(None),
             packages.c.promised_ms.is_not(None),
         )
@@ -146,8 +146,8 @@ def _time_sums(wanted: Wanted) -> _Query:
     ).group_by(each.c.bucket)
 
 
-def _mission_sums(wanted: Wanted) -> _Query:
-    """Of missions that handed something over, up to their last hand-over."""
+def _mission_sums(counted: Counted) -> _Query:
+    """Times of missions that handed something over, up to their last hand-over."""
     names = ("flight_s", "waiting_s", "recharging_s")
     is_carried = and_(
         packages.c.delivery_id == missions.c.delivery_id,
@@ -156,13 +156,13 @@ def _mission_sums(wanted: Wanted) -> _Query:
     )
     each = (
         select(
-            wanted.bucket.label("bucket"),
+            counted.bucket.label("bucket"),
             (func.max(packages.c.delivered_ms) - missions.c.start_ms).label("carried_ms"),
             *(missions.c[name] for name in names),
         )
         .join_from(deliveries, missions, missions.c.delivery_id == deliveries.c.delivery_id)
         .join(packages, is_carried)
-        .where(wanted.is_counted, wanted.is_flown(missions), missions.c.flight_s.is_not(None))
+        .where(counted.is_counted, counted.is_flown(missions), missions.c.flight_s.is_not(None))
         .group_by(missions.c.mission_id, deliveries.c.delivery_id)
         .subquery()
     )

@@ -1,4 +1,4 @@
-"""Who may call, and what they changed."""
+"""API keys and the audit log."""
 
 from sqlalchemy import (
     BigInteger,
@@ -14,7 +14,7 @@ from sqlalchemy import (
 
 from skyway_gateway.tables.metadata import metadata
 
-#: Of a key only its hash is kept; a deleted one stays, so that a restart does not revive it.
+#: Only the hash of a key is stored. Deleted keys stay, so that a restart does not add them again.
 api_keys = Table(
     "api_keys",
     metadata,
@@ -24,14 +24,14 @@ api_keys = Table(
     Column("subject_id", Text, nullable=False),
     Column("created_wall_ms", BigInteger, nullable=False),
     Column("deleted_wall_ms", BigInteger),
-    # Whether the registry has the broker account that was handed out with the key.
+    # Whether the registry has the broker account that was issued with the key.
     Column("is_account_open", Boolean, nullable=False),
     UniqueConstraint("key_hash", name="api_key_hash"),
     CheckConstraint("role IN ('customer', 'provider', 'operator')", name="api_key_role"),
     Index("api_keys_by_subject", "role", "subject_id"),
 )
 
-#: What operators and providers changed: one row per call that was answered.
+#: The calls of operators and providers: one row for each answered call.
 audit = Table(
     "audit",
     metadata,

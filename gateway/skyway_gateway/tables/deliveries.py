@@ -1,4 +1,4 @@
-"""Deliveries, and what they consist of: packages, their custody, the missions that fly them."""
+"""Deliveries, their packages, the custody of packages, and the missions that fly them."""
 
 from sqlalchemy import (
     BigInteger,
@@ -19,7 +19,7 @@ from sqlalchemy import (
 from skyway.runtime.sql.claims import claim_columns
 from skyway_gateway.tables.metadata import metadata
 
-#: A row that `is_queued` is in the queue of `deliveries.book`.
+#: Rows with `is_queued` are the queue of `deliveries.booking`.
 deliveries = Table(
     "deliveries",
     metadata,
@@ -36,20 +36,20 @@ deliveries = Table(
     Column("updated_ms", BigInteger, nullable=False),
     Column("give_up_ms", BigInteger, nullable=False),
     Column("attempt", Integer, nullable=False),
-    Column("refusals", Text, nullable=False),  # JSON list of deliveries.delivery.Refusal
+    Column("refusals", Text, nullable=False),  # JSON list of deliveries.lifecycle.delivery.Refusal
     Column(
         "reasons", Text, nullable=False
     ),  # JSON list of ProviderReason: why not, at the last try
     Column("last_sequence", Integer, nullable=False),  # of its events
     Column("traceparent", Text),
-    # JSON of skyway.contracts.mission.OfferLimits: what the offer that was taken has promised
+    # JSON of skyway.contracts.mission.OfferLimits: the limits of the accepted offer
     Column("offer", Text),
-    # Whether packages wait for a mission: what `deliveries.book` looks for, in any state.
+    # Whether packages wait for a mission, in any state: booking looks for these rows.
     Column("is_queued", Boolean, nullable=False, server_default=true()),
-    Column("cancel_reason", Text),  # why all that can still be stopped is to be stopped
+    Column("cancel_reason", Text),  # set when the whole delivery is being cancelled
     Column("next_try_wall_ms", BigInteger, nullable=False),
-    # Counts what was written of the delivery and its parts: who writes from what was read earlier
-    # names it. That it waits, or who is booking it, does not count.
+    # Counts the writes of the delivery and its parts; a write names the version that it starts
+    # from. Changes of the queue columns do not count.
     Column("version", Integer, nullable=False, server_default="0"),
     *claim_columns(),
     CheckConstraint(
@@ -75,13 +75,13 @@ packages = Table(
     Column("custodian_kind", Text, nullable=False),
     Column("custodian_id", Text, nullable=False),
     Column("custody_seq", Integer, nullable=False),  # of the custodian above
-    Column("promised_ms", BigInteger),  # the first ETA of the present attempt
+    Column("promised_ms", BigInteger),  # the first ETA of the current attempt
     Column("eta_ms", BigInteger),
     Column("delivered_ms", BigInteger),
     Column("mission_id", Text),  # the mission that carries it; null while it waits for one
     Column("code", Text),  # why it is not delivered
     Column("detail", Text),  # the same in words
-    Column("proof", Text),  # JSON of deliveries.proof.Proof: place, time, weights
+    Column("proof", Text),  # JSON of deliveries.lifecycle.proof.Proof
     Column("position", Text),  # JSON of Position: where it lies with a drone in the open
     CheckConstraint(
         "state IN ('CREATED', 'LOADED', 'IN_TRANSIT', 'DELIVERED', 'RETURNING', 'RETURNED', "
@@ -90,7 +90,7 @@ packages = Table(
     ),
 )
 
-#: Who held a package, from the pickup station to the recipient: rows are only added.
+#: Who held a package, from the pickup station to the recipient; rows are only added.
 custody = Table(
     "custody",
     metadata,
@@ -101,7 +101,7 @@ custody = Table(
     Column("custodian_id", Text, nullable=False),
     Column("at_ms", BigInteger, nullable=False),
     CheckConstraint("custodian_kind IN ('STATION', 'DRONE', 'RECIPIENT')", name="custodian_kind"),
-    # I6: delivered once.
+    # Invariant I6: a package is delivered once.
     Index(
         "custody_delivered",
         "delivery_id",
@@ -123,12 +123,12 @@ missions = Table(
     Column("drone_id", Text, nullable=False),
     Column("state", Text, nullable=False),
     Column("report_seq", Integer, nullable=False),  # of the last report that was applied
-    # JSON of deliveries.delivery.FlownMission, but for the state, which changes more often
+    # JSON of deliveries.lifecycle.delivery.FlownMission; the state is in its own column
     Column("body", Text, nullable=False),
     Column("price_amount", BigInteger),  # in minor units of the currency
     Column("currency", Text),
     Column("ended_ms", BigInteger),
-    Column("start_ms", BigInteger),  # as it was first booked: revisions begin later
+    Column("start_ms", BigInteger),  # as first booked; later revisions start later
     # What the drone did up to its last hand-over, as it reported.
     Column("flight_s", Double),
     Column("waiting_s", Double),

@@ -1,4 +1,4 @@
-"""What gathers all tables of the gateway, for migrations."""
+"""The collection of all tables of the gateway, for migrations."""
 
 from sqlalchemy import MetaData
 

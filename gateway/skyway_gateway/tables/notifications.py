@@ -1,4 +1,4 @@
-"""What is told of deliveries: events, webhooks, and each event on its way to each webhook."""
+"""Delivery events, webhooks, and each event on its way to each webhook."""
 
 from sqlalchemy import (
     BigInteger,
@@ -50,7 +50,7 @@ webhooks = Table(
 notifications = Table(
     "notifications",
     metadata,
-    # No foreign key: a webhook may be deleted while an event is told.
+    # No foreign key: a webhook may be deleted while an event is recorded.
     Column("webhook_id", Text, primary_key=True),
     Column("event_id", Text, ForeignKey("events.event_id"), primary_key=True),
     Column("delivery_id", Text, nullable=False),
@@ -58,7 +58,7 @@ notifications = Table(
     Column("state", Text, nullable=False),
     Column("attempts", Integer, nullable=False),
     Column("next_try_wall_ms", BigInteger, nullable=False),
-    # Told again when its customer asked for it: it comes after what was told meanwhile.
+    # A replay that the customer asked for comes after later events.
     Column("is_replay", Boolean, nullable=False, server_default=false()),
     *claim_columns(),
     CheckConstraint("state IN ('PENDING', 'DELIVERED', 'GIVEN_UP')", name="notification_state"),
@@ -72,7 +72,7 @@ notifications = Table(
     ),
 )
 
-#: Each try to notify a webhook; `event_id` is its webhook-id.
+#: Each attempt to notify a webhook; `event_id` is its webhook-id.
 webhook_attempts = Table(
     "webhook_attempts",
     metadata,

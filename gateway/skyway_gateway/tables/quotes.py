@@ -4,7 +4,7 @@ from sqlalchemy import BigInteger, Column, Index, Table, Text
 
 from skyway_gateway.tables.metadata import metadata
 
-#: Offers made to a customer; they reserve nothing.
+#: Offers to customers, which reserve nothing.
 quotes = Table(
     "quotes",
     metadata,

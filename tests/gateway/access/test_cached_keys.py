@@ -2,17 +2,18 @@
 
 import asyncio
 from datetime import timedelta
-from typing import Any
+
+from tests.gateway.whole_gateway import Gateway
 
 DELETED_ELSEWHERE = "UPDATE api_keys SET deleted_wall_ms = 1 WHERE key_id = 'key_customer'"
 
 
-async def status(gateway: Any) -> int:
+async def status(gateway: Gateway) -> int:
     answer = await gateway.http.get("/v1/deliveries", headers=gateway.customer)
     return int(answer.status_code)
 
 
-async def test_a_key_that_another_replica_deletes_stops_within_a_second(gateway: Any) -> None:
+async def test_a_key_that_another_replica_deletes_stops_within_a_second(gateway: Gateway) -> None:
     before = await status(gateway)
     await gateway.execute(DELETED_ELSEWHERE)
     gateway.clock.advance(timedelta(seconds=1))
@@ -20,15 +21,15 @@ async def test_a_key_that_another_replica_deletes_stops_within_a_second(gateway:
     assert (before, await status(gateway)) == (200, 401)
 
 
-async def test_a_key_that_is_deleted_here_stops_at_once(gateway: Any) -> None:
+async def test_a_key_that_is_deleted_here_stops_at_once(gateway: Gateway) -> None:
     before = await status(gateway)
     await gateway.http.delete("/v1/keys/key_customer", headers=gateway.operator)
 
     assert (before, await status(gateway)) == (200, 401)
 
 
-async def test_a_key_that_was_deleted_while_it_was_looked_up_is_not_kept(gateway: Any) -> None:
-    known = gateway.parts.known_keys
+async def test_a_key_that_was_deleted_while_it_was_looked_up_is_not_kept(gateway: Gateway) -> None:
+    known = gateway.parts.cached_keys
     lookup = asyncio.create_task(known.caller_of("sk_customer"))
     await asyncio.sleep(0)  # it has begun
 

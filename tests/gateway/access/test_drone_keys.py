@@ -1,8 +1,8 @@
 """A drone's key: what it opens, and that it opens nothing once the registry has dropped it."""
 
-from typing import Any
-
 import pytest
+
+from tests.gateway.whole_gateway import Gateway
 
 #: All that a drone may call; whose what is, the services decide.
 ALLOWED = {
@@ -18,7 +18,7 @@ ALLOWED = {
 }
 
 
-async def test_a_revoked_key_stops_with_the_next_call(gateway: Any) -> None:
+async def test_a_revoked_key_stops_with_the_next_call(gateway: Gateway) -> None:
     before = await gateway.http.get("/v1/clock", headers=gateway.drone)
 
     gateway.registry.drone_keys.clear()
@@ -27,7 +27,7 @@ async def test_a_revoked_key_stops_with_the_next_call(gateway: Any) -> None:
     assert (before.status_code, after.status_code) == (200, 401)
 
 
-async def test_a_key_that_nobody_can_judge_now_is_not_refused_for_good(gateway: Any) -> None:
+async def test_a_key_that_nobody_can_judge_now_is_not_refused_for_good(gateway: Gateway) -> None:
     gateway.registry.is_away = True
 
     answer = await gateway.http.get("/v1/clock", headers=gateway.drone)
@@ -36,14 +36,14 @@ async def test_a_key_that_nobody_can_judge_now_is_not_refused_for_good(gateway: 
 
 
 @pytest.mark.parametrize("key", ["dk_", "dk_unknown", "sk_drone", "drn_1"])
-async def test_a_made_up_key_opens_nothing(gateway: Any, key: str) -> None:
+async def test_a_made_up_key_opens_nothing(gateway: Gateway, key: str) -> None:
     answer = await gateway.http.get("/v1/clock", headers={"Authorization": f"Bearer {key}"})
 
     assert answer.status_code == 401
 
 
 async def test_a_drone_may_call_what_is_listed_and_nothing_else(
-    gateway: Any, subtests: pytest.Subtests
+    gateway: Gateway, subtests: pytest.Subtests
 ) -> None:
     ids = dict.fromkeys(("pad",), "0")
     for path, operations in (await gateway.http.get("/openapi.json")).json()["paths"].items():

@@ -5,9 +5,10 @@ from typing import Any
 import pytest
 
 from skyway.runtime.errors import ServiceUnavailable
+from tests.gateway.whole_gateway import Gateway
 
 
-async def _issue(gateway: Any, role: str, subject_id: str, **headers: str) -> Any:
+async def _issue(gateway: Gateway, role: str, subject_id: str, **headers: str) -> Any:
     return await gateway.http.post(
         "/v1/keys",
         json={"role": role, "subject_id": subject_id},
@@ -19,7 +20,7 @@ def _bearer(key: str) -> dict[str, str]:
     return {"Authorization": f"Bearer {key}"}
 
 
-async def test_a_customers_key_comes_with_a_broker_account(gateway: Any) -> None:
+async def test_a_customers_key_comes_with_a_broker_account(gateway: Gateway) -> None:
     answer = await _issue(gateway, "customer", "carol")
     assert answer.status_code == 201
     issued = answer.json()
@@ -31,7 +32,7 @@ async def test_a_customers_key_comes_with_a_broker_account(gateway: Any) -> None
     assert listed.status_code == 200
 
 
-async def test_operators_share_an_account_and_providers_have_none(gateway: Any) -> None:
+async def test_operators_share_an_account_and_providers_have_none(gateway: Gateway) -> None:
     operator = (await _issue(gateway, "operator", "olga")).json()
     assert operator["mqtt"]["user_name"] == "operator"
     assert operator["mqtt"]["password"] == "mqtt_operator-0123456789abcdef"
@@ -41,7 +42,7 @@ async def test_operators_share_an_account_and_providers_have_none(gateway: Any) 
 
 @pytest.mark.parametrize("name", ["operator", "gateway", "registry", "composition", "drn_01"])
 async def test_a_customer_cannot_be_called_like_a_process_or_a_drone(
-    gateway: Any, name: str
+    gateway: Gateway, name: str
 ) -> None:
     answer = await _issue(gateway, "customer", name)
     assert answer.status_code == 422
@@ -58,14 +59,14 @@ async def test_a_customer_cannot_be_called_like_a_process_or_a_drone(
     ],
 )
 async def test_a_bad_key_request_names_the_field(
-    gateway: Any, body: dict[str, str], field: str
+    gateway: Gateway, body: dict[str, str], field: str
 ) -> None:
     answer = await gateway.http.post("/v1/keys", json=body, headers=gateway.operator)
     assert answer.status_code == 422
     assert answer.json()["errors"][0]["field"] == field
 
 
-async def test_only_operators_handle_keys(gateway: Any) -> None:
+async def test_only_operators_handle_keys(gateway: Gateway) -> None:
     for headers, status in ((gateway.customer, 403), (gateway.provider, 403), ({}, 401)):
         for method, path in (
             ("POST", "/v1/keys"),
@@ -79,7 +80,7 @@ async def test_only_operators_handle_keys(gateway: Any) -> None:
 
 
 async def test_neither_keys_nor_answers_lie_readable_in_the_database(
-    gateway: Any, tmp_path: Any
+    gateway: Gateway, tmp_path: Any
 ) -> None:
     headers = {"Idempotency-Key": "k"}
     issued = (await _issue(gateway, "customer", "carol", **headers)).json()
@@ -89,7 +90,7 @@ async def test_neither_keys_nor_answers_lie_readable_in_the_database(
         assert secret.encode() not in content
 
 
-async def test_a_deleted_key_stops_at_once_and_takes_the_account_along(gateway: Any) -> None:
+async def test_a_deleted_key_stops_at_once_and_takes_the_account_along(gateway: Gateway) -> None:
     first = (await _issue(gateway, "customer", "carol")).json()
     second = (await _issue(gateway, "customer", "carol")).json()
     for key, accounts in ((first, {"carol"}), (second, set())):
@@ -102,7 +103,7 @@ async def test_a_deleted_key_stops_at_once_and_takes_the_account_along(gateway: 
         assert set(gateway.registry.accounts) == accounts
 
 
-async def test_an_account_is_closed_once_the_registry_is_back(gateway: Any) -> None:
+async def test_an_account_is_closed_once_the_registry_is_back(gateway: Gateway) -> None:
     issued = (await _issue(gateway, "customer", "carol")).json()
     gateway.registry.is_away = True
     await gateway.http.delete(f"/v1/keys/{issued['key_id']}", headers=gateway.operator)
@@ -117,7 +118,7 @@ async def test_an_account_is_closed_once_the_registry_is_back(gateway: Any) -> N
 
 
 async def test_a_key_whose_account_could_not_be_opened_is_finished_by_the_same_call(
-    gateway: Any,
+    gateway: Gateway,
 ) -> None:
     headers = {"Idempotency-Key": "k"}
     gateway.registry.is_away = True
@@ -129,7 +130,7 @@ async def test_a_key_whose_account_could_not_be_opened_is_finished_by_the_same_c
     assert len(listed.json()["items"]) == 1
 
 
-async def test_a_repeated_call_does_not_bring_an_old_password_back(gateway: Any) -> None:
+async def test_a_repeated_call_does_not_bring_an_old_password_back(gateway: Gateway) -> None:
     headers = {"Idempotency-Key": "k"}
     old = (await _issue(gateway, "customer", "carol", **headers)).json()
     new = (await _issue(gateway, "customer", "carol")).json()
@@ -137,7 +138,7 @@ async def test_a_repeated_call_does_not_bring_an_old_password_back(gateway: Any)
     assert gateway.registry.accounts == {"carol": new["mqtt"]["password"]}
 
 
-async def test_the_first_keys_are_made_once_and_stay_deleted(gateway: Any) -> None:
+async def test_the_first_keys_are_made_once_and_stay_deleted(gateway: Gateway) -> None:
     operator = _bearer("operator_key-0123456789abcdef")
     newcomer = _bearer("customer_key-0123456789abcdef")
     assert (await gateway.http.get("/v1/deliveries", headers=newcomer)).status_code == 200
@@ -152,7 +153,7 @@ async def test_the_first_keys_are_made_once_and_stay_deleted(gateway: Any) -> No
     assert (await gateway.http.get("/v1/deliveries", headers=another)).status_code == 200
 
 
-async def test_keys_are_listed_in_pages_without_secrets(gateway: Any) -> None:
+async def test_keys_are_listed_in_pages_without_secrets(gateway: Gateway) -> None:
     found, cursor = [], ""
     while cursor is not None:
         query = f"?limit=2{f'&cursor={cursor}' if cursor else ''}"

@@ -13,11 +13,12 @@ from skyway.runtime.clock import AnchoredClock
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.minting import mint
 from skyway.runtime.sql.database import Database
+from tests.gateway.whole_gateway import Gateway
 
 TRACE = "00-0123456789abcdef0123456789abcdef-0123456789abcdef-01"
 
 
-async def entries(gateway: Any, query: str = "") -> list[Any]:
+async def entries(gateway: Gateway, query: str = "") -> list[Any]:
     """The log, the newest first."""
     answer = await gateway.http.get(f"/v1/audit{query}", headers=gateway.operator)
     assert answer.status_code == 200, answer.text
@@ -25,7 +26,7 @@ async def entries(gateway: Any, query: str = "") -> list[Any]:
     return found
 
 
-async def close_station(gateway: Any, **headers: str) -> None:
+async def close_station(gateway: Gateway, **headers: str) -> None:
     await gateway.http.post(
         "/v1/stations/san-marcos/closures?dry_run=true",
         json={"reason": "storm"},
@@ -34,7 +35,7 @@ async def close_station(gateway: Any, **headers: str) -> None:
 
 
 async def test_what_an_operator_does_is_written_down_with_its_answer(
-    gateway_on_both: Any,
+    gateway_on_both: Gateway,
 ) -> None:
     await close_station(gateway_on_both, traceparent=TRACE)
 
@@ -50,7 +51,7 @@ async def test_what_an_operator_does_is_written_down_with_its_answer(
     assert json.loads(gateway_on_both.forwarded[0].body) == {"reason": "storm"}
 
 
-async def test_refused_calls_are_written_down_too(gateway: Any) -> None:
+async def test_refused_calls_are_written_down_too(gateway: Gateway) -> None:
     await gateway.http.put("/v1/networks/texas", json={}, headers=gateway.provider)
     await gateway.http.post("/v1/keys", json={"role": "king"}, headers=gateway.operator)
 
@@ -62,7 +63,7 @@ async def test_refused_calls_are_written_down_too(gateway: Any) -> None:
 
 
 async def test_reading_and_what_customers_do_is_not_written_down(
-    gateway: Any, request_body: Callable[..., Any]
+    gateway: Gateway, request_body: Callable[..., Any]
 ) -> None:
     await gateway.post(request_body())
     await gateway.http.get("/v1/missions", headers=gateway.operator)
@@ -71,7 +72,7 @@ async def test_reading_and_what_customers_do_is_not_written_down(
     assert await entries(gateway) == []
 
 
-async def test_the_log_is_paged_and_filtered(gateway_on_both: Any) -> None:
+async def test_the_log_is_paged_and_filtered(gateway_on_both: Gateway) -> None:
     gateway = gateway_on_both
     await close_station(gateway)
     await gateway.http.patch("/v1/providers/prv_1", json={"name": "x"}, headers=gateway.provider)
@@ -89,12 +90,12 @@ async def test_the_log_is_paged_and_filtered(gateway_on_both: Any) -> None:
     assert last["path"].startswith("/v1/stations/")
 
 
-async def test_only_operators_read_it(gateway: Any) -> None:
+async def test_only_operators_read_it(gateway: Gateway) -> None:
     for headers in (gateway.customer, gateway.provider):
         assert (await gateway.http.get("/v1/audit", headers=headers)).status_code == 403
 
 
-async def test_a_long_body_passes_whole_and_is_cut_in_the_log(gateway: Any) -> None:
+async def test_a_long_body_passes_whole_and_is_cut_in_the_log(gateway: Gateway) -> None:
     body = json.dumps({"features": ["x" * 100] * 1000})
     headers = {**gateway.operator, "content-type": "application/json"}
     await gateway.http.put("/v1/networks/texas", content=body, headers=headers)
@@ -124,7 +125,7 @@ def test_a_long_path_is_cut() -> None:
     assert len(path_text("/v1/" + "x" * 1000, b"")) == 500
 
 
-async def test_a_call_that_broke_is_written_down_as_not_answered(gateway: Any) -> None:
+async def test_a_call_that_broke_is_written_down_as_not_answered(gateway: Gateway) -> None:
     await gateway.execute("DROP TABLE idempotency")
     headers = {**gateway.operator, "Idempotency-Key": "k"}
     wanted = {"role": "customer", "subject_id": "carol"}

@@ -26,6 +26,7 @@ from skyway_gateway.notifications.stream_events import LAST_EVENTS
 
 from skyway.contracts.mission import Cancellation, Mission, MissionReport
 from skyway.delivery.request import DeliveryRequest
+from skyway.ids import DeliveryId, PackageId, SubjectId
 from tests.gateway.peers import make_mission, make_reason
 
 START = datetime(2026, 3, 1, 12, tzinfo=UTC)
@@ -42,8 +43,8 @@ class Flight:
     def __init__(self, mission: Mission) -> None:
         self.mission, self.state, self.seq = mission, "BOOKED", 0
         self.to_load = {eta.package_id for eta in mission.packages}
-        self.on_board: set[str] = set()
-        self.handed_over: set[str] = set()
+        self.on_board: set[PackageId] = set()
+        self.handed_over: set[PackageId] = set()
 
 
 class Life(RuleBasedStateMachine):
@@ -64,7 +65,11 @@ class Life(RuleBasedStateMachine):
         self.flights: list[Flight] = []
         self.told: list[tuple[str, Any]] = []
         self.delivery: Delivery = new_delivery(
-            "dlv_1", customer_id="alice", request=request, offer=None, at=START
+            DeliveryId("dlv_1"),
+            customer_id=SubjectId("alice"),
+            request=request,
+            offer=None,
+            at=START,
         )
 
     # What happens.
@@ -168,7 +173,7 @@ class Life(RuleBasedStateMachine):
         wanted=st.sets(st.sampled_from(["p1", "p2", "p3", "p4"]), min_size=1),
         is_in_time=st.booleans(),
     )
-    def cancel(self, wanted: set[str], *, is_in_time: bool) -> None:
+    def cancel(self, wanted: set[PackageId], *, is_in_time: bool) -> None:
         """What cannot be kept off a drone any more is brought back once it is loaded."""
         self.troubles -= 1
         to_load = set().union(*(flight.to_load for flight in self.flights)) & wanted
@@ -239,7 +244,7 @@ class Life(RuleBasedStateMachine):
 
     # How it happens.
 
-    def _mission(self, package_ids: list[str], trip: int) -> Mission:
+    def _mission(self, package_ids: list[PackageId], trip: int) -> Mission:
         self.drones += 1
         request = self.delivery.request
         packages = tuple(one for one in request.packages if one.package_id in package_ids)

@@ -8,27 +8,31 @@ from typing import Any
 
 import pytest
 
+from tests.gateway.whole_gateway import Gateway
+
 
 @pytest.fixture
-def drones(gateway: Any, candidate: Callable[..., Any]) -> Any:
+def drones(gateway: Gateway, candidate: Callable[..., Any]) -> Any:
     """A gateway whose three drones take one package each."""
     return with_drones(gateway, candidate, 3)
 
 
-def with_drones(gateway: Any, candidate: Callable[..., Any], count: int) -> Any:
+def with_drones(gateway: Gateway, candidate: Callable[..., Any], count: int) -> Any:
     gateway.composition.packages_per_trip = 1
     gateway.registry.candidates_now = [candidate(f"drn_{n}") for n in range(1, count + 1)]
     return gateway
 
 
-async def booked(gateway: Any, *, packages: int, **changes: object) -> str:
+async def booked(gateway: Gateway, *, packages: int, **changes: object) -> str:
     delivery_id = str(await gateway.accepted(packages=packages, **changes))
     while await gateway.book_next():
         pass
     return delivery_id
 
 
-async def reports(gateway: Any, delivery_id: str, *kinds: str, first: int = 1, **at: Any) -> None:
+async def reports(
+    gateway: Gateway, delivery_id: str, *kinds: str, first: int = 1, **at: Any
+) -> None:
     for seq, kind in enumerate(kinds, start=first):
         answer = await gateway.report(delivery_id, kind, seq=seq, **at)
         assert answer.status_code == 204, answer.text
@@ -39,7 +43,7 @@ def states(delivery: dict[str, Any]) -> list[str]:
 
 
 async def test_each_package_is_carried_by_one_of_several_missions(
-    gateway_on_both: Any, candidate: Callable[..., Any]
+    gateway_on_both: Gateway, candidate: Callable[..., Any]
 ) -> None:
     gateway = with_drones(gateway_on_both, candidate, 3)
     delivery_id = await booked(gateway, packages=3)
@@ -92,7 +96,7 @@ async def test_a_delivery_ends_with_the_last_of_its_missions(drones: Any) -> Non
 
 
 async def test_packages_that_are_left_over_are_booked_by_a_later_attempt(
-    gateway_on_both: Any, candidate: Callable[..., Any]
+    gateway_on_both: Gateway, candidate: Callable[..., Any]
 ) -> None:
     gateway = with_drones(gateway_on_both, candidate, 2)
     delivery_id = await gateway.accepted(packages=3)
@@ -152,7 +156,7 @@ async def test_a_price_limit_is_for_the_sum_of_all_missions(drones: Any) -> None
 
 
 async def test_what_waits_too_long_is_given_up_and_the_rest_goes_on(
-    gateway_on_both: Any, candidate: Callable[..., Any], reason: Callable[..., Any]
+    gateway_on_both: Gateway, candidate: Callable[..., Any], reason: Callable[..., Any]
 ) -> None:
     gateway = with_drones(gateway_on_both, candidate, 1)
     delivery_id = await gateway.accepted(packages=2)
@@ -176,7 +180,7 @@ async def test_what_waits_too_long_is_given_up_and_the_rest_goes_on(
 
 
 async def test_waiting_packages_outlive_the_other_missions(
-    gateway: Any, candidate: Callable[..., Any]
+    gateway: Gateway, candidate: Callable[..., Any]
 ) -> None:
     with_drones(gateway, candidate, 1)
     delivery_id = await gateway.accepted(packages=2)
@@ -198,7 +202,7 @@ async def test_waiting_packages_outlive_the_other_missions(
 
 
 async def test_reports_of_other_missions_do_not_hurry_the_queue(
-    gateway: Any, candidate: Callable[..., Any]
+    gateway: Gateway, candidate: Callable[..., Any]
 ) -> None:
     with_drones(gateway, candidate, 1)
     delivery_id = await gateway.accepted(packages=2)
@@ -268,7 +272,7 @@ async def test_reports_of_several_missions_mix_in_any_order(
 
 
 async def test_concurrent_reports_leave_no_gap(
-    gateway_on_both: Any, candidate: Callable[..., Any]
+    gateway_on_both: Gateway, candidate: Callable[..., Any]
 ) -> None:
     gateway = with_drones(gateway_on_both, candidate, 3)
     delivery_id = await booked(gateway, packages=3)

@@ -1,11 +1,12 @@
 """Forwarded calls: exactly the table's, in the caller's name, whole."""
 
 import json
-from typing import Any
 
 import pytest
 from skyway_gateway.forward.call import Forwarded
 from skyway_gateway.forward.table import FORWARDED
+
+from tests.gateway.whole_gateway import Gateway
 
 IDS = {
     "provider_id": "prv_1",
@@ -30,14 +31,14 @@ def path_of(row: Forwarded) -> str:
 
 # Refused and forwarded calls leave nothing in the gateway, so all rows may ask the same one.
 async def test_a_call_reaches_its_service_for_its_roles_alone(
-    gateway: Any, subtests: pytest.Subtests
+    gateway: Gateway, subtests: pytest.Subtests
 ) -> None:
     for row in (row for row in FORWARDED if row.roles):
         with subtests.test(f"{row.method} {row.path}"):
             await assert_reaches_its_service(gateway, row)
 
 
-async def assert_reaches_its_service(gateway: Any, row: Forwarded) -> None:
+async def assert_reaches_its_service(gateway: Gateway, row: Forwarded) -> None:
     path = path_of(row)
     for role in CALLERS:
         gateway.forwarded.clear()
@@ -58,7 +59,7 @@ async def assert_reaches_its_service(gateway: Any, row: Forwarded) -> None:
     assert (await gateway.http.request(row.method, path)).status_code == 401
 
 
-async def test_bodies_and_conditions_are_passed_on(gateway: Any) -> None:
+async def test_bodies_and_conditions_are_passed_on(gateway: Gateway) -> None:
     body = json.dumps({"type": "FeatureCollection", "features": ["x" * 1000] * 1000}).encode()
     headers = {
         **gateway.operator,
@@ -79,7 +80,7 @@ async def test_bodies_and_conditions_are_passed_on(gateway: Any) -> None:
     assert "cookie" not in seen.headers
 
 
-async def test_a_token_is_exchanged_without_a_key(gateway: Any) -> None:
+async def test_a_token_is_exchanged_without_a_key(gateway: Gateway) -> None:
     body = {"enrolment_token": "enr_x"}
     headers = {"idempotency-key": "k", "skyway-caller": "operator:somebody-else"}
     answer = await gateway.http.post("/v1/enrolments", json=body, headers=headers)
@@ -91,7 +92,7 @@ async def test_a_token_is_exchanged_without_a_key(gateway: Any) -> None:
     assert [row.path for row in FORWARDED if not row.roles] == ["/v1/enrolments"]
 
 
-async def test_a_provider_reaches_its_own_alone(gateway: Any) -> None:
+async def test_a_provider_reaches_its_own_alone(gateway: Gateway) -> None:
     for method, path in (
         ("GET", "/v1/providers/prv_2"),
         ("PATCH", "/v1/providers/prv_2"),
@@ -116,14 +117,14 @@ async def test_a_provider_reaches_its_own_alone(gateway: Any) -> None:
         "/",
     ],
 )
-async def test_nothing_else_is_passed_on(gateway: Any, path: str) -> None:
+async def test_nothing_else_is_passed_on(gateway: Gateway, path: str) -> None:
     for method in ("GET", "POST", "PUT", "DELETE"):
         answer = await gateway.http.request(method, path, headers=gateway.operator)
         assert answer.status_code in (404, 405), (method, path, answer.text)
     assert gateway.forwarded == []
 
 
-async def test_a_new_providers_key_is_in_the_answer_and_works(gateway: Any) -> None:
+async def test_a_new_providers_key_is_in_the_answer_and_works(gateway: Gateway) -> None:
     body = {"name": "Fleet One", "tariff": {"base": 100}}
     answer = await gateway.http.post("/v1/providers", json=body, headers=gateway.operator)
     assert answer.status_code == 201
@@ -136,7 +137,7 @@ async def test_a_new_providers_key_is_in_the_answer_and_works(gateway: Any) -> N
     assert gateway.forwarded[-1].headers["skyway-caller"] == "provider:prv_new"
 
 
-async def test_the_same_provider_call_has_the_same_key(gateway: Any) -> None:
+async def test_the_same_provider_call_has_the_same_key(gateway: Gateway) -> None:
     headers = {**gateway.operator, "Idempotency-Key": "k"}
     body = {"name": "Fleet One"}
     first = await gateway.http.post("/v1/providers", json=body, headers=headers)
@@ -145,14 +146,14 @@ async def test_the_same_provider_call_has_the_same_key(gateway: Any) -> None:
     assert [seen.headers["idempotency-key"] for seen in gateway.forwarded] == ["k", "k"]
 
 
-async def test_only_operators_make_providers(gateway: Any) -> None:
+async def test_only_operators_make_providers(gateway: Gateway) -> None:
     for headers in (gateway.customer, gateway.provider):
         answer = await gateway.http.post("/v1/providers", json={"name": "x"}, headers=headers)
         assert answer.status_code == 403
     assert gateway.forwarded == []
 
 
-async def test_large_networks_may_pass_and_other_large_bodies_not(gateway: Any) -> None:
+async def test_large_networks_may_pass_and_other_large_bodies_not(gateway: Gateway) -> None:
     large = b'"' + b"x" * 300_000 + b'"'
     headers = {**gateway.operator, "content-type": "application/json"}
     for method, path, status in (

@@ -1,14 +1,15 @@
 """Streams of events: at once from this process, soon from another, and nothing left behind."""
 
 import asyncio
-from typing import Any
 
-from skyway_gateway.notifications.stream_events import EventStream, News
+from skyway_gateway.notifications.stream_events import EventListeners, EventStream
+
+from tests.gateway.whole_gateway import Gateway
 
 
-async def test_a_new_event_wakes_the_stream_at_once(gateway: Any) -> None:
+async def test_a_new_event_wakes_the_stream_at_once(gateway: Gateway) -> None:
     delivery_id = await gateway.accepted()
-    stream = EventStream(gateway.parts.db, gateway.parts.news, poll_s=3600, heartbeat_s=3600)
+    stream = EventStream(gateway.parts.db, gateway.parts.listeners, poll_s=3600, heartbeat_s=3600)
     frames = stream.frames(delivery_id, after=0)
     assert (await anext(frames)).startswith("id: 1\nevent: delivery.requested\n")
     waiting = asyncio.ensure_future(anext(frames))
@@ -17,9 +18,9 @@ async def test_a_new_event_wakes_the_stream_at_once(gateway: Any) -> None:
     await frames.aclose()
 
 
-async def test_an_event_of_another_replica_is_found_by_looking(gateway: Any) -> None:
+async def test_an_event_of_another_replica_is_found_by_looking(gateway: Gateway) -> None:
     delivery_id = await gateway.accepted()
-    deaf = EventStream(gateway.parts.db, News(), poll_s=0.01, heartbeat_s=3600)
+    deaf = EventStream(gateway.parts.db, EventListeners(), poll_s=0.01, heartbeat_s=3600)
     frames = deaf.frames(delivery_id, after=1)
     waiting = asyncio.ensure_future(anext(frames))
     await gateway.book_next()
@@ -27,22 +28,22 @@ async def test_an_event_of_another_replica_is_found_by_looking(gateway: Any) -> 
     await frames.aclose()
 
 
-async def test_silence_is_filled_with_comments(gateway: Any) -> None:
+async def test_silence_is_filled_with_comments(gateway: Gateway) -> None:
     delivery_id = await gateway.accepted()
-    stream = EventStream(gateway.parts.db, gateway.parts.news, poll_s=0.001, heartbeat_s=0)
+    stream = EventStream(gateway.parts.db, gateway.parts.listeners, poll_s=0.001, heartbeat_s=0)
     frames = stream.frames(delivery_id, after=1)
     assert (await anext(frames)).startswith(":")
     await frames.aclose()
 
 
-async def test_a_client_that_leaves_leaves_nothing_behind(gateway: Any) -> None:
+async def test_a_client_that_leaves_leaves_nothing_behind(gateway: Gateway) -> None:
     delivery_id = await gateway.accepted()
-    stream = EventStream(gateway.parts.db, gateway.parts.news, poll_s=3600)
+    stream = EventStream(gateway.parts.db, gateway.parts.listeners, poll_s=3600)
     frames = stream.frames(delivery_id, after=0)
     await anext(frames)
     waiting = asyncio.ensure_future(anext(frames))
     await asyncio.sleep(0)
-    assert gateway.parts.news.listener_count == 1
+    assert gateway.parts.listeners.listener_count == 1
     waiting.cancel()
     await asyncio.gather(waiting, return_exceptions=True)
-    assert gateway.parts.news.listener_count == 0
+    assert gateway.parts.listeners.listener_count == 0

@@ -7,17 +7,18 @@ from typing import Any
 
 import pytest
 from skyway_gateway.quotes import store
-from skyway_gateway.quotes.accept_offer import TakenOffer, take
+from skyway_gateway.quotes.accept_offer import AcceptedOffer, accept_offer
 
 from skyway.ids import DeliveryId
 from skyway.runtime.errors import Conflict, NotFound
 from skyway.runtime.http.identity import Caller
+from tests.gateway.whole_gateway import Gateway
 
 ALICE = Caller("customer", "alice")
 
 
 @pytest.fixture
-async def quote(gateway_on_both: Any, request_body: Callable[..., Any]) -> Any:
+async def quote(gateway_on_both: Gateway, request_body: Callable[..., Any]) -> Any:
     """A quote of alice's."""
     answer = await gateway_on_both.http.post(
         "/v1/quotes", json=request_body(packages=2), headers=gateway_on_both.customer
@@ -26,10 +27,10 @@ async def quote(gateway_on_both: Any, request_body: Callable[..., Any]) -> Any:
 
 
 async def take_first(
-    gateway: Any, quote: Any, *, caller: Caller = ALICE, delivery_id: str = "dlv_1"
-) -> TakenOffer:
+    gateway: Gateway, quote: Any, *, caller: Caller = ALICE, delivery_id: str = "dlv_1"
+) -> AcceptedOffer:
     async with gateway.parts.db.write() as tx:
-        return await take(
+        return await accept_offer(
             tx,
             caller,
             quote["quote_id"],
@@ -40,7 +41,7 @@ async def take_first(
 
 
 async def test_what_is_taken_is_the_request_and_what_was_promised(
-    gateway_on_both: Any, quote: Any
+    gateway_on_both: Gateway, quote: Any
 ) -> None:
     taken = await take_first(gateway_on_both, quote)
 
@@ -55,13 +56,13 @@ async def test_what_is_taken_is_the_request_and_what_was_promised(
 
 
 async def test_an_offer_can_be_taken_up_to_its_last_millisecond(
-    gateway_on_both: Any, quote: Any
+    gateway_on_both: Gateway, quote: Any
 ) -> None:
     gateway_on_both.clock.advance(timedelta(seconds=120) - timedelta(milliseconds=1))
     await take_first(gateway_on_both, quote)
 
 
-async def test_an_expired_offer_is_refused(gateway_on_both: Any, quote: Any) -> None:
+async def test_an_expired_offer_is_refused(gateway_on_both: Gateway, quote: Any) -> None:
     gateway_on_both.clock.advance(timedelta(seconds=120))
     with pytest.raises(Conflict) as refused:
         await take_first(gateway_on_both, quote)
@@ -69,7 +70,7 @@ async def test_an_expired_offer_is_refused(gateway_on_both: Any, quote: Any) -> 
 
 
 async def test_a_second_taking_is_refused_also_after_the_expiry(
-    gateway_on_both: Any, quote: Any
+    gateway_on_both: Gateway, quote: Any
 ) -> None:
     await take_first(gateway_on_both, quote)
     gateway_on_both.clock.advance(timedelta(seconds=500))
@@ -78,17 +79,17 @@ async def test_a_second_taking_is_refused_also_after_the_expiry(
     assert refused.value.code == "QUOTE_TAKEN"
 
 
-async def test_of_many_at_once_one_takes_it(gateway_on_both: Any, quote: Any) -> None:
+async def test_of_many_at_once_one_takes_it(gateway_on_both: Gateway, quote: Any) -> None:
     outcomes = await asyncio.gather(
         *(take_first(gateway_on_both, quote, delivery_id=f"dlv_{n}") for n in range(8)),
         return_exceptions=True,
     )
-    taken = [one for one in outcomes if isinstance(one, TakenOffer)]
+    taken = [one for one in outcomes if isinstance(one, AcceptedOffer)]
     refused = [one.code for one in outcomes if isinstance(one, Conflict)]
     assert (len(taken), refused) == (1, ["QUOTE_TAKEN"] * 7)
 
 
-async def test_nobody_elses_offer_can_be_taken(gateway_on_both: Any, quote: Any) -> None:
+async def test_nobody_elses_offer_can_be_taken(gateway_on_both: Gateway, quote: Any) -> None:
     for caller in (Caller("customer", "bob"), Caller("provider", "alice")):
         with pytest.raises(NotFound):
             await take_first(gateway_on_both, quote, caller=caller)
@@ -97,10 +98,10 @@ async def test_nobody_elses_offer_can_be_taken(gateway_on_both: Any, quote: Any)
         await take_first(gateway_on_both, unknown)
 
 
-async def test_what_is_rolled_back_is_not_taken(gateway_on_both: Any, quote: Any) -> None:
+async def test_what_is_rolled_back_is_not_taken(gateway_on_both: Gateway, quote: Any) -> None:
     async def take_and_break() -> None:
         async with gateway_on_both.parts.db.write() as tx:
-            await store.mark_taken(
+            await store.mark_accepted(
                 tx,
                 quote["quote_id"],
                 quote["offers"][0]["offer_id"],

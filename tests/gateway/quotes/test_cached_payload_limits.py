@@ -3,7 +3,7 @@
 from datetime import UTC, datetime, timedelta
 
 import pytest
-from skyway_gateway.quotes.cached_payload_limits import PayloadLimits
+from skyway_gateway.quotes.cached_payload_limits import CachedPayloadLimits
 
 from skyway.contracts.candidate import PayloadLimit, PayloadLimitQuery
 from skyway.contracts.shortlist import Candidates
@@ -42,7 +42,7 @@ def clock() -> ManualClock:
 
 async def test_the_same_choice_is_asked_once_in_two_seconds(clock: ManualClock) -> None:
     registry = Registry(5.0)
-    limits = PayloadLimits(registry, clock)
+    limits = CachedPayloadLimits(registry, clock)
 
     for _ in range(3):
         assert (await limits.limit_for(1.0, ANYBODY)).max_payload_kg == 5.0
@@ -56,7 +56,7 @@ async def test_the_same_choice_is_asked_once_in_two_seconds(clock: ManualClock) 
 
 async def test_a_package_above_the_known_limit_is_asked_for(clock: ManualClock) -> None:
     registry = Registry(5.0)
-    limits = PayloadLimits(registry, clock)
+    limits = CachedPayloadLimits(registry, clock)
     await limits.limit_for(1.0, ANYBODY)
     registry.max_payload_kg = 9.0
 
@@ -67,7 +67,7 @@ async def test_a_package_above_the_known_limit_is_asked_for(clock: ManualClock) 
 async def test_a_refusal_is_not_remembered(clock: ManualClock, reason: str) -> None:
     registry = Registry(None if reason == "no fleet" else 5.0)
     registry.unknown = (ProviderId("prv_1"),) if reason == "unknown provider" else ()
-    limits = PayloadLimits(registry, clock)
+    limits = CachedPayloadLimits(registry, clock)
     mass_kg = 6.0 if reason == "too heavy" else 1.0
 
     await limits.limit_for(mass_kg, ANYBODY)

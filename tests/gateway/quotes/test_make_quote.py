@@ -7,8 +7,10 @@ from typing import Any
 import httpx
 from skyway_gateway.quotes import store
 
+from tests.gateway.whole_gateway import Gateway
 
-async def post(gateway: Any, body: object, **headers: str) -> httpx.Response:
+
+async def post(gateway: Gateway, body: object, **headers: str) -> httpx.Response:
     """POST /v1/quotes as the customer."""
     answer: httpx.Response = await gateway.http.post(
         "/v1/quotes", json=body, headers={**gateway.customer, **headers}
@@ -17,7 +19,7 @@ async def post(gateway: Any, body: object, **headers: str) -> httpx.Response:
 
 
 async def test_a_quote_holds_the_offers_in_order_and_why_others_make_none(
-    gateway: Any,
+    gateway: Gateway,
     request_body: Callable[..., Any],
     candidate: Callable[..., Any],
     reason: Callable[..., Any],
@@ -48,7 +50,7 @@ async def test_a_quote_holds_the_offers_in_order_and_why_others_make_none(
 
 
 async def test_composition_is_asked_for_what_the_customer_wants(
-    gateway: Any, request_body: Callable[..., Any]
+    gateway: Gateway, request_body: Callable[..., Any]
 ) -> None:
     wanted = request_body(packages=2, qos={"weights": {"price": 1.0}, "max_price": 900})
     wanted["packages"][1]["mass_kg"] = 2.0
@@ -62,7 +64,7 @@ async def test_composition_is_asked_for_what_the_customer_wants(
 
 
 async def test_without_drones_there_is_a_quote_that_says_why(
-    gateway: Any, request_body: Callable[..., Any], reason: Callable[..., Any]
+    gateway: Gateway, request_body: Callable[..., Any], reason: Callable[..., Any]
 ) -> None:
     gateway.registry.candidates_now = []
     gateway.registry.infeasible = [reason("BUSY", is_temporary=True)]
@@ -75,7 +77,7 @@ async def test_without_drones_there_is_a_quote_that_says_why(
 
 
 async def test_an_impossible_request_is_refused_as_a_delivery_would_be(
-    gateway: Any, request_body: Callable[..., Any]
+    gateway: Gateway, request_body: Callable[..., Any]
 ) -> None:
     nowhere = await post(gateway, request_body(pickup={"station_id": "nowhere"}))
     past = await post(gateway, request_body(qos={"deadline_at": "2026-01-01T00:00:00Z"}))
@@ -86,7 +88,7 @@ async def test_an_impossible_request_is_refused_as_a_delivery_would_be(
 
 
 async def test_a_service_that_is_away_is_told_and_nothing_is_kept(
-    gateway: Any, request_body: Callable[..., Any]
+    gateway: Gateway, request_body: Callable[..., Any]
 ) -> None:
     gateway.composition.is_away = True
     away = await post(gateway, request_body(), **{"Idempotency-Key": "k"})
@@ -97,7 +99,7 @@ async def test_a_service_that_is_away_is_told_and_nothing_is_kept(
 
 
 async def test_the_same_key_has_the_same_quote(
-    gateway: Any, request_body: Callable[..., Any]
+    gateway: Gateway, request_body: Callable[..., Any]
 ) -> None:
     first = await post(gateway, request_body(), **{"Idempotency-Key": "k"})
     # Meanwhile the world has changed: that must not change an answer that was given.
@@ -108,7 +110,7 @@ async def test_the_same_key_has_the_same_quote(
 
 
 async def test_a_quote_is_read_by_its_customer_and_operators_alone(
-    gateway_on_both: Any, request_body: Callable[..., Any]
+    gateway_on_both: Gateway, request_body: Callable[..., Any]
 ) -> None:
     gateway = gateway_on_both
     made = (await post(gateway, request_body())).json()
@@ -126,7 +128,7 @@ async def test_a_quote_is_read_by_its_customer_and_operators_alone(
 
 
 async def test_customers_and_operators_ask_for_quotes(
-    gateway: Any, request_body: Callable[..., Any]
+    gateway: Gateway, request_body: Callable[..., Any]
 ) -> None:
     for headers, status in ((gateway.provider, 403), (gateway.operator, 201)):
         answer = await gateway.http.post("/v1/quotes", json=request_body(), headers=headers)
@@ -134,7 +136,7 @@ async def test_customers_and_operators_ask_for_quotes(
 
 
 async def test_only_quotes_that_expired_before_are_forgotten(
-    gateway_on_both: Any, request_body: Callable[..., Any]
+    gateway_on_both: Gateway, request_body: Callable[..., Any]
 ) -> None:
     gateway = gateway_on_both
     old = (await post(gateway, request_body())).json()
@@ -143,7 +145,7 @@ async def test_only_quotes_that_expired_before_are_forgotten(
 
     async with gateway.parts.db.write() as tx:
         expired_before = datetime.fromisoformat(new["expires_at"])
-        await store.forget(tx, expired_before=expired_before)
+        await store.delete_expired(tx, before=expired_before)
 
     statuses = [
         (await gateway.http.get(f"/v1/quotes/{one}", headers=gateway.customer)).status_code

@@ -6,17 +6,20 @@ from typing import Any
 import pytest
 
 from skyway.units import moment_to_ms
+from tests.gateway.whole_gateway import Gateway
 
 DAY = datetime.fromisoformat("2026-03-01T00:00:00+00:00")
 
 
-async def insert(gateway: Any, table: str, **values: object) -> None:
+async def insert(gateway: Gateway, table: str, **values: object) -> None:
     names = ", ".join(values)
     places = ", ".join(f":{name}" for name in values)
     await gateway.execute(f"INSERT INTO {table} ({names}) VALUES ({places})", **values)
 
 
-async def add_delivery(gateway: Any, delivery_id: str, *, state: str, created: timedelta) -> None:
+async def add_delivery(
+    gateway: Gateway, delivery_id: str, *, state: str, created: timedelta
+) -> None:
     """A delivery requested so long after the day's beginning."""
     gateway.is_damaged = True  # it has no events
     at_ms = moment_to_ms(DAY + created)
@@ -42,7 +45,7 @@ async def add_delivery(gateway: Any, delivery_id: str, *, state: str, created: t
 
 
 async def add_mission(
-    gateway: Any,
+    gateway: Gateway,
     delivery_id: str,
     mission_id: str,
     *,
@@ -71,7 +74,7 @@ async def add_mission(
 
 
 async def add_package(
-    gateway: Any,
+    gateway: Gateway,
     delivery_id: str,
     package_id: str,
     *,
@@ -103,7 +106,7 @@ def after(hours: int, minutes: float = 0, seconds: float = 0) -> timedelta:
 
 
 @pytest.fixture
-async def flown(gateway_on_both: Any) -> Any:
+async def flown(gateway_on_both: Gateway) -> Any:
     """Four deliveries of one morning.
 
     dlv_1, 08:10, prv_1: from 08:20; one package as promised at 08:50, one 61 s later than promised,
@@ -162,7 +165,7 @@ async def flown(gateway_on_both: Any) -> Any:
     return gateway
 
 
-async def stats(gateway: Any, query: str = "", *, by: str = "operator") -> Any:
+async def stats(gateway: Gateway, query: str = "", *, by: str = "operator") -> Any:
     span = "?from=2026-03-01T08:00:00Z&to=2026-03-01T11:00:00Z"
     path = f"/v1/stats/deliveries{span}{query}"
     answer = await gateway.http.get(path, headers=getattr(gateway, by))
@@ -239,7 +242,7 @@ async def test_who_was_refused_has_not_flown(flown: Any) -> None:
     assert (await stats(flown, "&provider_id=prv_9"))["deliveries"] == 0
 
 
-async def test_who_may_see_what(gateway: Any) -> None:
+async def test_who_may_see_what(gateway: Gateway) -> None:
     path = "/v1/stats/deliveries"
     for headers, query, status in (
         (gateway.customer, "", 403),
@@ -251,7 +254,7 @@ async def test_who_may_see_what(gateway: Any) -> None:
         assert answer.status_code == status
 
 
-async def test_without_deliveries_there_is_nothing_to_share(gateway: Any) -> None:
+async def test_without_deliveries_there_is_nothing_to_share(gateway: Gateway) -> None:
     answer = await gateway.http.get("/v1/stats/deliveries", headers=gateway.operator)
     found = answer.json()
     assert (found["from"], found["to"]) == ("2026-02-28T12:00:00Z", "2026-03-01T12:00:00Z")
@@ -270,14 +273,14 @@ async def test_without_deliveries_there_is_nothing_to_share(gateway: Any) -> Non
     ],
 )
 async def test_a_span_that_is_none_is_refused_by_field(
-    gateway: Any, query: str, field: str
+    gateway: Gateway, query: str, field: str
 ) -> None:
     answer = await gateway.http.get(f"/v1/stats/deliveries{query}", headers=gateway.operator)
     assert answer.status_code == 422, answer.text
     assert answer.json()["errors"][0]["field"].endswith(field)
 
 
-async def test_what_reports_tell_is_what_is_added_up(gateway_on_both: Any) -> None:
+async def test_what_reports_tell_is_what_is_added_up(gateway_on_both: Gateway) -> None:
     gateway = gateway_on_both
     delivery_id = await gateway.planned()
     flown = {"flight_s": 500.0, "waiting_s": 60.0, "recharging_s": 100.0, "energy_j": 1.0}

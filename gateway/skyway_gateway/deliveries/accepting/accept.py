@@ -1,6 +1,6 @@
-"""Accepting a delivery request: checked against the world, then written once.
+"""Accepts delivery requests: each is checked against network and fleets, then written once.
 
-The row is the queue: once it is written, `book` finds it, whoever dies meanwhile.
+The row is the queue: once it is written, booking finds it, even if this process dies.
 """
 
 from dataclasses import dataclass
@@ -25,17 +25,17 @@ from skyway_gateway.deliveries.booking.run_bookings import BookingLoop
 from skyway_gateway.deliveries.lifecycle import event_data
 from skyway_gateway.deliveries.lifecycle.booking_deadline import give_up_at
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
-from skyway_gateway.deliveries.records.stored_delivery import Known, Queued
+from skyway_gateway.deliveries.records.stored_delivery import QueuedDelivery, StoredDelivery
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 from skyway_gateway.notifications.record_events import Happening
-from skyway_gateway.quotes.accept_offer import take
-from skyway_gateway.quotes.check_request import Checks
+from skyway_gateway.quotes.accept_offer import accept_offer
+from skyway_gateway.quotes.check_request import RequestChecks
 from skyway_gateway.quotes.store import one_of
 
 
 @dataclass(frozen=True, slots=True)
 class _Checked:
-    """A request that the world allows, and where its pickup is."""
+    """A request that has passed all checks, and the position of its pickup."""
 
     request: DeliveryRequest
     position: Position
@@ -43,10 +43,10 @@ class _Checked:
 
 @dataclass(frozen=True, slots=True)
 class Acceptance:
-    """Accepts requests, and hands them to the loop that books them."""
+    """Accepts requests and hands them to the booking loop."""
 
     db: Database
-    checks: Checks
+    checks: RequestChecks
     writer: DeliveryWriter
     clock: FleetClock
     mint: Mint
@@ -55,33 +55,33 @@ class Acceptance:
     async def accept(
         self,
         caller: Caller,
-        wanted: DeliveryRequest | OfferChoice,
+        requested: DeliveryRequest | OfferChoice,
         *,
         idempotency_key: str | None,
         body: bytes,
     ) -> Answer:
-        """202 with the delivery, written together with its first event.
+        """202 with the delivery, which is written together with its first event.
 
         Raises
         ------
         InvalidInput
-            A field breaks a limit of the world: an unknown station, too heavy, too late.
+            A field is impossible now: an unknown station, too heavy, a deadline in the past.
         NotFound
             There is no such quote or offer, or it is not the caller's.
         Conflict
-            QUOTE_TAKEN, QUOTE_EXPIRED: the offer cannot be taken any more.
+            QUOTE_TAKEN, QUOTE_EXPIRED: the offer can no longer be accepted.
         ServiceUnavailable
-            The world cannot be asked now.
+            The registry or composition does not answer now.
         """
         try:
-            checked: _Checked | SkywayError = await self._check(caller, wanted)
+            checked: _Checked | SkywayError = await self._check(caller, requested)
         except SkywayError as refusal:
-            # Answered only after looking whether this very call was accepted before: a deadline
-            # that has passed meanwhile, or a service that is away, must not change that answer.
+            # First look whether this call was accepted before: a deadline that has passed
+            # meanwhile, or a service that is away, must not change that answer.
             checked = refusal
 
-        async def keep(tx: Tx) -> Answer:
-            delivery = await self._keep(tx, caller, wanted, checked)
+        async def write(tx: Tx) -> Answer:
+            delivery = await self._write(tx, caller, requested, checked)
             location = {"Location": f"/v1/deliveries/{delivery.delivery_id}"}
             return Answer(202, delivery.model_dump_json().encode(), location)
 
@@ -91,36 +91,36 @@ class Acceptance:
             route="POST /v1/deliveries",
             key=idempotency_key,
             body=body,
-            act=keep,
+            act=write,
             clock=self.clock,
         )
 
-    async def _check(self, caller: Caller, wanted: DeliveryRequest | OfferChoice) -> _Checked:
-        if isinstance(wanted, DeliveryRequest):
-            return _Checked(wanted, await self.checks.check(wanted))
+    async def _check(self, caller: Caller, requested: DeliveryRequest | OfferChoice) -> _Checked:
+        if isinstance(requested, DeliveryRequest):
+            return _Checked(requested, await self.checks.check(requested))
         async with self.db.read() as connection:
-            quote = await one_of(connection, caller, wanted.quote_id)
+            quote = await one_of(connection, caller, requested.quote_id)
         return _Checked(quote.request, await self.checks.check(quote.request))
 
-    async def _keep(
+    async def _write(
         self,
         tx: Tx,
         caller: Caller,
-        wanted: DeliveryRequest | OfferChoice,
+        requested: DeliveryRequest | OfferChoice,
         checked: _Checked | SkywayError,
     ) -> Delivery:
         now, delivery_id = self.clock.now(), DeliveryId(self.mint("dlv"))
         offer = None
-        if isinstance(wanted, OfferChoice):
-            taken = await take(
+        if isinstance(requested, OfferChoice):
+            accepted = await accept_offer(
                 tx,
                 caller,
-                wanted.quote_id,
-                wanted.offer_id,
+                requested.quote_id,
+                requested.offer_id,
                 delivery_id=delivery_id,
                 wall_now=self.clock.wall_now(),
             )
-            offer = taken.limits
+            offer = accepted.limits
         if isinstance(checked, SkywayError):
             raise checked
         request, customer_id = checked.request, SubjectId(caller.subject_id)
@@ -128,11 +128,11 @@ class Acceptance:
             delivery_id, customer_id=customer_id, request=request, offer=offer, at=now
         )
         give_up = give_up_at(request, self.clock)
-        requested = Happening(DeliveryEventType.REQUESTED, now, event_data.requested(delivery))
-        known = Known(delivery, version=1, last_sequence=1)
-        queued = Queued(known, checked.position, give_up, current_traceparent())
+        event = Happening(DeliveryEventType.REQUESTED, now, event_data.requested(delivery))
+        stored = StoredDelivery(delivery, version=1, last_sequence=1)
+        queued = QueuedDelivery(stored, checked.position, give_up, current_traceparent())
         is_ours = self.booking.is_free
         claim = held_by(self.booking.claimant, self.clock) if is_ours else FREE
-        self.writer.add(tx, queued, requested, claim=claim)
+        self.writer.add(tx, queued, event, claim=claim)
         tx.after_commit(partial(self.booking.begin, queued) if is_ours else self.booking.queued.set)
         return delivery

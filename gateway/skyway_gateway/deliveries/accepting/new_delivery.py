@@ -10,7 +10,7 @@ from skyway_gateway.deliveries.lifecycle.delivery import Custodian, Delivery, Fl
 
 
 class OfferChoice(JsonModel):
-    """An offer of a quote, taken instead of requesting the same anew."""
+    """An offer of a quote that the customer accepts; the quote holds the request."""
 
     quote_id: QuoteId
     offer_id: OfferId
@@ -24,7 +24,7 @@ def new_delivery(
     offer: OfferLimits | None,
     at: datetime,
 ) -> Delivery:
-    """The delivery of a request that was just accepted: its packages stand at the pickup."""
+    """The delivery of a request that was just accepted: its packages are at the pickup."""
     pickup = Custodian(kind="STATION", id=request.pickup.station_id)
     return Delivery(
         delivery_id=delivery_id,

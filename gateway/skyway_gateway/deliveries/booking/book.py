@@ -1,9 +1,9 @@
-"""From a request to booked missions: one round for a delivery with packages that wait.
+"""Books missions for a delivery with packages that wait, one round at a time.
 
-Each round asks the registry who could fly, then composition to book the best plan, and writes
-down what came of it. The process may be killed between any two lines: the row is still in the
-queue, and the next round asks again. That is safe, because composition answers the same
-(delivery, attempt) with the same missions for ever.
+A round asks the registry for candidates, asks composition to book the best plan, and writes the
+result. The process may be killed between any two lines: the row is still in the queue, and the next
+round asks again. That is safe, because composition always answers the same (delivery, attempt) with
+the same missions.
 """
 
 import logging
@@ -23,34 +23,38 @@ from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway.runtime.tracing import tracing
 from skyway_gateway.clients import CANCELLATIONS_PATH, Composition, Registry
-from skyway_gateway.deliveries.booking.booking_request import candidate_query, wanted_missions
+from skyway_gateway.deliveries.booking.booking_request import booking_request, candidate_query
 from skyway_gateway.deliveries.booking.infeasibility import (
-    most_refused,
-    nobody_asked,
+    has_too_many_refusals,
+    no_reason_given,
     refusal_reasons,
-    why_never,
+    why_infeasible,
 )
 from skyway_gateway.deliveries.booking.queue_store import claim_queued, hold, try_later
 from skyway_gateway.deliveries.lifecycle.booking_effects import (
     after_booking,
     after_giving_up,
-    unwanted,
+    cancelled_meanwhile,
 )
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
 from skyway_gateway.deliveries.lifecycle.progress import Progress
 from skyway_gateway.deliveries.records import delivery_store
-from skyway_gateway.deliveries.records.stored_delivery import Known, Outdated, Queued
+from skyway_gateway.deliveries.records.stored_delivery import (
+    Outdated,
+    QueuedDelivery,
+    StoredDelivery,
+)
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 
 log = logging.getLogger(__name__)
 
-#: Wall seconds until a delivery that could not be booked is tried again, the least and the most.
+#: Wall seconds until the next round for a delivery that could not be booked: least and most.
 _RETRY_S: Final = (0.5, 3.0)
 
 
 @dataclass(frozen=True, slots=True)
 class Booker:
-    """Books queued deliveries, which it claims as `claimant`."""
+    """Books queued deliveries, which it claims in the name of `claimant`."""
 
     db: Database
     registry: Registry
@@ -63,112 +67,114 @@ class Booker:
     claimant: str
     chance: random.Random = field(default_factory=random.SystemRandom)
 
-    async def claim(self, *, limit: int) -> Sequence[Queued]:
-        """Deliveries whose booking is due, the longest waiting first, now ours to book."""
+    async def claim(self, *, limit: int) -> Sequence[QueuedDelivery]:
+        """Claim deliveries whose booking is due, the longest waiting first."""
         return await claim_queued(
             self.db,
             limit=limit,
             claimant=self.claimant,
             clock=self.clock,
-            known=self.writer.known,
+            cache=self.writer.cache,
         )
 
     async def hold(self, deliveries: Collection[DeliveryId]) -> None:
-        """Go on holding those of these deliveries that are still ours to book."""
+        """Renew our claims of these deliveries, as far as they are still ours."""
         await hold(self.db, deliveries, claimant=self.claimant, clock=self.clock)
 
-    async def book_or_retry(self, queued: Queued) -> None:
-        """One round; what cannot be asked now is put off."""
+    async def book_or_retry(self, queued: QueuedDelivery) -> None:
+        """One round; if a service is away, the next round comes later."""
         with tracing(queued.traceparent):
             try:
                 await self.book(queued)
             except (ServiceUnavailable, RemoteProblem) as trouble:
                 about = {"delivery_id": queued.delivery.delivery_id, "reason": str(trouble)}
-                log.warning("booking put off", extra=about)
+                log.warning("booking postponed", extra=about)
                 await self._try_later(queued.delivery, reasons=None)
 
-    async def book(self, queued: Queued) -> None:
-        """One round: what waits is planned, waits for another round, or is given up."""
+    async def book(self, queued: QueuedDelivery) -> None:
+        """One round: the waiting packages are planned, wait for another round, or are given up."""
         delivery = queued.delivery
-        if delivery.cancel_reason is not None:  # whoever cancelled it died before the end
+        if delivery.cancel_reason is not None:  # the process that cancelled it died meanwhile
             await self.finish_cancelling(delivery)
             return
-        if most_refused(delivery):
-            await self._give_up(queued.known, (), detail="too many drones refused to fly it")
+        if has_too_many_refusals(delivery):
+            await self._give_up(queued.stored, (), detail="too many drones refused to fly it")
             return
         if self.clock.now() >= queued.give_up_at:
             detail = f"no drone could be booked before {queued.give_up_at:%Y-%m-%dT%H:%M:%SZ}"
-            await self._give_up(queued.known, delivery.reasons, detail=detail)
+            await self._give_up(queued.stored, delivery.reasons, detail=detail)
             return
         candidates = await self.registry.candidates(candidate_query(queued))
-        # Asked even without candidates: an earlier round may have booked this attempt and died.
-        wanted = wanted_missions(delivery, candidates.shortlist)
-        booking = await self.composition.book(delivery.delivery_id, wanted)
-        await self._decide(queued.known, booking, candidates)
+        # Ask even without candidates: an earlier round may have booked this attempt and died.
+        requested = booking_request(delivery, candidates.shortlist)
+        booking = await self.composition.book(delivery.delivery_id, requested)
+        await self._decide(queued.stored, booking, candidates)
 
-    async def _decide(self, known: Known, booking: Booking, candidates: Candidates) -> None:
-        delivery = known.delivery
+    async def _decide(
+        self, stored: StoredDelivery, booking: Booking, candidates: Candidates
+    ) -> None:
+        delivery = stored.delivery
         reasons = (*booking.reasons, *candidates.infeasible)
         if booking.outcome == "BOOKED":
-            await self._plan(known, booking.missions)
-        elif booking.outcome == "CLOSED":  # an earlier round decided to give it up, and died
-            await self._give_up(known, delivery.reasons, detail="no provider can fly it")
-        elif never := why_never(delivery.offer, booking, candidates):
-            await self._give_up(known, never.reasons, detail=never.detail)
+            await self._plan(stored, booking.missions)
+        elif booking.outcome == "CLOSED":  # an earlier round gave it up, and died
+            await self._give_up(stored, delivery.reasons, detail="no provider can fly it")
+        elif infeasible := why_infeasible(delivery.offer, booking, candidates):
+            await self._give_up(stored, infeasible.reasons, detail=infeasible.detail)
         else:
             await self._try_later(delivery, reasons=reasons)
 
-    async def _plan(self, known: Known, missions: Sequence[Mission]) -> None:
-        """Plan what was booked, unless another replica was faster."""
+    async def _plan(self, stored: StoredDelivery, missions: Sequence[Mission]) -> None:
+        """Write the booked missions, unless another replica has written them already."""
         try:
             async with self.db.write() as tx:
-                self._write_plan(tx, known, missions)
+                self._write_plan(tx, stored, missions)
         except Outdated:  # cancelled meanwhile, or planned by another replica
             async with self.db.write() as tx:
-                now = await delivery_store.lock(tx, known.delivery.delivery_id)
-                if now.delivery.attempt == known.delivery.attempt:
+                now = await delivery_store.lock(tx, stored.delivery.delivery_id)
+                if now.delivery.attempt == stored.delivery.attempt:
                     self._write_plan(tx, now, missions)
 
-    def _write_plan(self, tx: Tx, known: Known, missions: Sequence[Mission]) -> None:
-        """Packages that were cancelled while it was booked are called off again."""
-        delivery = known.delivery
+    def _write_plan(self, tx: Tx, stored: StoredDelivery, missions: Sequence[Mission]) -> None:
+        """Write the missions; packages that were cancelled meanwhile are cancelled there too."""
+        delivery = stored.delivery
         if delivery.is_queued:
             planned = after_booking(delivery, missions, at=self.clock.now())
-            self.writer.keep(tx, known, planned)
-        if package_ids := unwanted(delivery, missions):
+            self.writer.save(tx, stored, planned)
+        if package_ids := cancelled_meanwhile(delivery, missions):
             asked = CancelMissions(
                 cancellation_id=self.mint("cxl"),
                 package_ids=package_ids,
-                reason="cancelled while it was booked",
+                reason="cancelled during booking",
             )
             path = CANCELLATIONS_PATH.format(delivery_id=delivery.delivery_id)
             tx.report("composition", path, asked, stream=delivery.delivery_id)
 
     async def _give_up(
-        self, known: Known, reasons: Sequence[ProviderReason], *, detail: str
+        self, stored: StoredDelivery, reasons: Sequence[ProviderReason], *, detail: str
     ) -> None:
-        """Have nothing booked any more (the tombstone), and only then say so."""
-        delivery = known.delivery
+        """Close the delivery in composition, and only then write that it is given up."""
+        delivery = stored.delivery
         refused = refusal_reasons(delivery.refusals)
         reasons = (*refused, *(reason for reason in reasons if reason not in refused))
-        reasons = reasons or (nobody_asked(detail),)
-        # Kept first: a round that finds the tombstone of a dead one still knows why.
+        reasons = reasons or (no_reason_given(detail),)
+        # Store the reasons first: if this process dies, the next round still has them.
         async with self.db.write() as tx:
             await delivery_store.note_reasons(tx, delivery.delivery_id, reasons)
         closed = await self.composition.close(delivery.delivery_id)
         booked = [one for one in closed.missions if one.attempt == delivery.attempt]
-        if booked:  # an earlier round booked it after all
-            await self._plan(known, booked)
-        elif closed.is_closed or _knows(delivery, closed.missions):
+        if booked:  # an earlier round has booked it
+            await self._plan(stored, booked)
+        elif closed.is_closed or _are_live(delivery, closed.missions):
             await self._write_given_up(delivery, reasons, detail=detail)
-        else:  # a refused mission that composition has not freed yet
+        else:  # composition has not released a refused mission yet
             await self._try_later(delivery, reasons=reasons)
 
     async def _write_given_up(
         self, delivery: Delivery, reasons: Sequence[ProviderReason], *, detail: str
     ) -> None:
         def give_up(now: Delivery) -> Progress | None:
-            # Who cancels it meanwhile has closed it too, and is about to say CANCELLED.
+            # A cancellation that began meanwhile has closed it too, and will write CANCELLED.
             if now.attempt != delivery.attempt or now.cancel_reason is not None:
                 return None
             return after_giving_up(now, reasons, detail=detail, at=self.clock.now())
@@ -178,14 +184,14 @@ class Booker:
     async def _try_later(
         self, delivery: Delivery, *, reasons: Sequence[ProviderReason] | None
     ) -> None:
-        """Leave it in the queue; what the last round learned is shown to the customer."""
+        """Leave it in the queue; the customer sees the reasons of this round."""
         wait_s = self.chance.uniform(*_RETRY_S)
         next_try_at = self.clock.wall_now() + timedelta(seconds=wait_s)
         async with self.db.write() as tx:
             await try_later(tx, delivery.delivery_id, next_try_at=next_try_at, reasons=reasons)
 
 
-def _knows(delivery: Delivery, missions: Sequence[Mission]) -> bool:
-    """Whether these are missions of the delivery's other packages."""
-    known = {mission.mission_id for mission in delivery.live_missions}
-    return all(mission.mission_id in known for mission in missions)
+def _are_live(delivery: Delivery, missions: Sequence[Mission]) -> bool:
+    """Whether all these missions fly other packages of the delivery now."""
+    live = {mission.mission_id for mission in delivery.live_missions}
+    return all(mission.mission_id in live for mission in missions)

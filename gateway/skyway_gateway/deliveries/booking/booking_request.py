@@ -1,4 +1,4 @@
-"""What is asked for in one attempt to book: the packages that wait, within what is promised."""
+"""What one booking attempt asks for: the packages that wait, within the promised limits."""
 
 from skyway.contracts.candidate import CandidateQuery
 from skyway.contracts.mission import BookMissions, OfferLimits
@@ -6,11 +6,11 @@ from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.offer import Price
 from skyway.delivery.request import DeliveryRequest, ProviderChoice
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
-from skyway_gateway.deliveries.records.stored_delivery import Queued
+from skyway_gateway.deliveries.records.stored_delivery import QueuedDelivery
 
 
-def candidate_query(queued: Queued) -> CandidateQuery:
-    """Who could fly the waiting packages; of a taken offer only its provider is asked."""
+def candidate_query(queued: QueuedDelivery) -> CandidateQuery:
+    """The question to the registry; for an accepted offer only its provider is asked."""
     delivery = queued.delivery
     choice = delivery.request.qos.providers
     if delivery.offer is not None:
@@ -26,8 +26,8 @@ def candidate_query(queued: Queued) -> CandidateQuery:
     )
 
 
-def wanted_missions(delivery: Delivery, shortlist: Shortlist) -> BookMissions:
-    """What composition is asked to book."""
+def booking_request(delivery: Delivery, shortlist: Shortlist) -> BookMissions:
+    """The question to composition."""
     return BookMissions(
         attempt=delivery.attempt,
         request=_request(delivery),
@@ -37,7 +37,7 @@ def wanted_missions(delivery: Delivery, shortlist: Shortlist) -> BookMissions:
 
 
 def _request(delivery: Delivery) -> DeliveryRequest:
-    """The request with the packages that wait, and what is left of its price limit."""
+    """The request with only the packages that wait, and the remaining price limit."""
     waiting = {package.package_id for package in delivery.waiting}
     request = delivery.request
     packages = tuple(one for one in request.packages if one.package_id in waiting)
@@ -49,7 +49,7 @@ def _request(delivery: Delivery) -> DeliveryRequest:
 
 
 def _limits(delivery: Delivery) -> OfferLimits | None:
-    """What is left of a taken offer: the whole of it, unless some trips are booked by now."""
+    """The limits of an accepted offer, less the price of trips that are booked already."""
     offer = delivery.offer
     if offer is None:
         return None
@@ -59,6 +59,6 @@ def _limits(delivery: Delivery) -> OfferLimits | None:
 
 
 def _booked_amount(delivery: Delivery) -> int:
-    """The price of the missions that were booked, and neither refused nor called off."""
+    """The price of the booked missions, without those that were cancelled."""
     booked = (mission for mission in delivery.missions if mission.state != "CANCELLED")
     return sum(mission.price.amount for mission in booked)

@@ -1,4 +1,4 @@
-"""Busy or never: what a round of booking without a mission means for the delivery."""
+"""Whether a delivery that could not be booked now may be booked in a later round."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -9,33 +9,35 @@ from skyway.contracts.mission import Booking, OfferLimits
 from skyway.contracts.shortlist import Candidates
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery, Refusal
 
-#: So often may drones refuse a delivery before it is given up (docs/reference/booking.md).
+#: The delivery is given up after this many refusals by drones (docs/reference/booking.md).
 MOST_REFUSALS: Final = 5
 
-#: What holds for every drone of a provider, or for none.
-_WHOEVER_FLIES: Final = ("OTHER_CURRENCY",)
+#: Reasons that hold for all drones of a provider.
+_ANY_DRONE: Final = ("OTHER_CURRENCY",)
 
 
 @dataclass(frozen=True, slots=True)
-class Never:
+class Infeasible:
     """Why no later round can find a drone."""
 
     reasons: tuple[ProviderReason, ...]
     detail: str
 
 
-def most_refused(delivery: Delivery) -> bool:
-    """Whether no further drone is asked; the trips of one attempt count once."""
+def has_too_many_refusals(delivery: Delivery) -> bool:
+    """Whether no further drone is asked; the trips of one attempt count as one refusal."""
     return len({refusal.attempt for refusal in delivery.refusals}) >= MOST_REFUSALS
 
 
-def why_never(offer: OfferLimits | None, booking: Booking, candidates: Candidates) -> Never | None:
-    """Why no later round can find a drone; None while one may.
+def why_infeasible(
+    offer: OfferLimits | None, booking: Booking, candidates: Candidates
+) -> Infeasible | None:
+    """Why no later round can find a drone; None while a later round may find one.
 
-    Without candidates composition knows nothing, and only the registry's reasons count. Nobody
-    registered is no reason for ever: the first fleet may be on its way. What holds for the drones
-    of a provider that were compared may not hold for those that are busy now. A taken offer does
-    not wait: what it promised is there at once, or lost.
+    Without candidates only the registry's reasons count. A request without any provider waits,
+    because the first fleet may still register. A reason that holds for the compared drones of a
+    provider may not hold for its busy drones. An accepted offer does not wait: it can be kept now,
+    or it is lost.
     """
     reasons = (*booking.reasons, *candidates.infeasible)
     if offer is not None:
@@ -44,11 +46,11 @@ def why_never(offer: OfferLimits | None, booking: Booking, candidates: Candidate
     if is_busy or not reasons or any(_may_pass(reason, candidates) for reason in reasons):
         return None
     detail = "no provider can fly it: " + "; ".join(_in_words(reason) for reason in reasons)
-    return Never(reasons, detail)
+    return Infeasible(reasons, detail)
 
 
 def refusal_reasons(refusals: Iterable[Refusal]) -> tuple[ProviderReason, ...]:
-    """Drones' refusals in the form of reasons."""
+    """The refusals of drones as reasons."""
     return tuple(
         ProviderReason(
             provider_id=refusal.provider_id,
@@ -61,19 +63,19 @@ def refusal_reasons(refusals: Iterable[Refusal]) -> tuple[ProviderReason, ...]:
     )
 
 
-def nobody_asked(detail: str) -> ProviderReason:
-    """The reason of a delivery that ran out of time before any provider said a word."""
+def no_reason_given(detail: str) -> ProviderReason:
+    """The reason of a delivery that is given up before any provider gave one."""
     return ProviderReason(provider_id=None, code="TOO_LATE", detail=detail, is_temporary=False)
 
 
 def _may_pass(reason: ProviderReason, candidates: Candidates) -> bool:
-    if reason.code in _WHOEVER_FLIES:
+    if reason.code in _ANY_DRONE:
         return False
     return reason.is_temporary or reason.provider_id in candidates.more_later
 
 
-def _lost(offer: OfferLimits, reasons: tuple[ProviderReason, ...]) -> Never:
-    detail = "what the offer promised is not to be had any more"
+def _lost(offer: OfferLimits, reasons: tuple[ProviderReason, ...]) -> Infeasible:
+    detail = "the promise of the offer can no longer be kept"
     if reasons:
         detail += ": " + "; ".join(_in_words(reason) for reason in reasons)
     if not any(reason.code == "OFFER_LOST" for reason in reasons):
@@ -85,7 +87,7 @@ def _lost(offer: OfferLimits, reasons: tuple[ProviderReason, ...]) -> Never:
             data=offer.model_dump(mode="json"),
         )
         reasons = (lost, *reasons)
-    return Never(reasons, detail)
+    return Infeasible(reasons, detail)
 
 
 def _in_words(reason: ProviderReason) -> str:

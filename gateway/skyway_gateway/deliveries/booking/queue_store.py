@@ -15,20 +15,20 @@ from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms
 from skyway_gateway.deliveries.records.delivery_rows import (
     Values,
-    known_of,
     queued_of,
     reasons_text,
+    stored_of,
 )
 from skyway_gateway.deliveries.records.delivery_store import NEXT_VERSION, with_parts
-from skyway_gateway.deliveries.records.stored_delivery import KnownDeliveries, Queued
+from skyway_gateway.deliveries.records.stored_delivery import DeliveryCache, QueuedDelivery
 from skyway_gateway.tables import deliveries
 
-#: How long a claim holds unless it is renewed, seconds of wall time: so long nobody books what a
-#: killed process was to book. Two that book the same are answered the same, so a claim that runs
-#: out too early costs a question, not a second drone.
+#: How long a claim holds unless it is renewed, seconds of wall time. After that, another process
+#: books what a killed process had claimed. If two processes book the same delivery, composition
+#: gives both the same answer: a claim that ends too early costs a question, not a second drone.
 _LEASE_S: Final = 3.0
 
-# Statements of every delivery are made once: to make one takes as long as to run it.
+# Statements that every delivery runs are built once: building one takes as long as running it.
 
 _CLAIMING: Final = Claiming.of(
     deliveries,
@@ -46,36 +46,36 @@ _HOLDING: Final = (
 
 
 def held_by(claimant: str, clock: FleetClock) -> Values:
-    """The columns of a row that is claimed as it is added, for as long as by `claim_queued`."""
+    """The columns of a new row that its process claims immediately."""
     return {"claimed_by": claimant, "claimed_until_ms": _lease_end_ms(clock)}
 
 
 async def claim_queued(
-    db: Database, *, limit: int, claimant: str, clock: FleetClock, known: KnownDeliveries
-) -> Sequence[Queued]:
-    """Deliveries whose booking is due, the longest waiting first, now held by us."""
+    db: Database, *, limit: int, claimant: str, clock: FleetClock, cache: DeliveryCache
+) -> Sequence[QueuedDelivery]:
+    """Claim deliveries whose booking is due, the longest waiting first."""
     values = claim_values(limit=limit, claimant=claimant, lease_s=_LEASE_S, clock=clock)
     due = _CLAIMING.in_order(await db.write_alone(_CLAIMING.statement, values))
-    found = known.among((row.delivery_id, row.version) for row in due)
+    found = cache.matching((row.delivery_id, row.version) for row in due)
     unknown = [row for row in due if row.delivery_id not in found]
     if unknown:
         # Parts that change meanwhile are of a later version: nothing is written from these.
         async with db.read() as connection:
             for row, delivery in zip(unknown, await with_parts(connection, unknown), strict=True):
-                found[delivery.delivery_id] = known_of(row, delivery)
+                found[delivery.delivery_id] = stored_of(row, delivery)
     return [queued_of(row, found[row.delivery_id]) for row in due]
 
 
 async def hold(
     db: Database, held: Collection[DeliveryId], *, claimant: str, clock: FleetClock
 ) -> None:
-    """Renew the claims of those of these deliveries that are still the claimant's."""
+    """Renew the claimant's claims of these deliveries; claims that others took over stay theirs."""
     values = {"held": [*held], "claimant": claimant, "until_ms": _lease_end_ms(clock)}
     await db.write_alone(_HOLDING, values)
 
 
 async def free_claims(tx: Tx) -> None:
-    """Let go of all that somebody held: on SQLite whoever claimed before us is dead."""
+    """Free all claims. Only for SQLite, where all earlier claimants are dead at the start."""
     await tx.execute(update(deliveries).where(deliveries.c.is_queued).values(FREE))
 
 
@@ -86,7 +86,7 @@ async def try_later(
     next_try_at: datetime,
     reasons: Sequence[ProviderReason] | None,
 ) -> None:
-    """Leave a delivery in the queue until a moment of wall time; None keeps the known reasons."""
+    """Leave a delivery in the queue until a moment of wall time; None keeps its reasons."""
     values: dict[str, object] = {"next_try_wall_ms": moment_to_ms(next_try_at), **FREE}
     if reasons is not None:
         values |= {"reasons": reasons_text(reasons), **NEXT_VERSION}

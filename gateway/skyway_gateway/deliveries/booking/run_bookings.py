@@ -1,4 +1,4 @@
-"""The loop over all deliveries with packages that wait: as many are booked at once as may be."""
+"""The loop that books all deliveries with packages that wait, several at the same time."""
 
 import asyncio
 import logging
@@ -8,24 +8,24 @@ from skyway.ids import DeliveryId
 from skyway.runtime.loops import Wake, repeat
 from skyway.runtime.metrics import count
 from skyway_gateway.deliveries.booking.book import Booker
-from skyway_gateway.deliveries.records.stored_delivery import Queued
+from skyway_gateway.deliveries.records.stored_delivery import QueuedDelivery
 
 log = logging.getLogger(__name__)
 
-#: Seconds of wall time between two looks at a queue that nobody has told of.
+#: Seconds of wall time between two looks at the queue, unless something wakes the loop.
 _LOOK_EVERY_S: Final = 0.5
 
-#: Seconds of wall time after which claims are renewed: one that fails is soon repeated.
+#: Seconds of wall time between two renewals of the claims: a failed renewal is soon repeated.
 _HOLD_EVERY_S: Final = 1.0
 
 
 class BookingLoop:
-    """Books what it is handed, and what it finds due; each on its own: none waits for a slow one.
+    """Books what it is given and what is due in the queue, each delivery in a task of its own.
 
-    As a rule a delivery is booked by the process that accepts it, which claims it in the row that
-    it adds: nobody need look for it. One look claims all else, `most` at a time: a worker for each
-    booking would look, and commit, as often as there are workers. Claims are short, and renewed:
-    what a killed process was to book does not wait for long.
+    The process that accepts a delivery usually books it: the new row is claimed already, so nobody
+    has to look for it. One look at the queue claims everything else that is due, up to `most` at
+    the same time; one look by each of several workers would cost as many commits as workers. Claims
+    are short and renewed, so the deliveries of a killed process do not wait for long.
     """
 
     def __init__(self, queued: Wake, *, claimant: str, most: int) -> None:
@@ -40,12 +40,12 @@ class BookingLoop:
 
     @property
     def is_free(self) -> bool:
-        """Whether to hand over what is accepted: not while something older may be waiting."""
+        """Whether a new delivery may start immediately: not while an older one may be waiting."""
         has_room = len(self._under_way) < self._most
         return self._booker is not None and has_room and not self._is_behind
 
     async def run(self, booker: Booker) -> Never:
-        """Book for ever."""
+        """Book until the process ends."""
         async with self._group as group:
             group.create_task(repeat("hold", lambda: self._hold(booker), every_s=_HOLD_EVERY_S))
             self._booker = booker
@@ -56,17 +56,17 @@ class BookingLoop:
             finally:
                 self._booker = None
 
-    def begin(self, queued: Queued) -> None:
-        """Book a delivery that is ours; whoever is handed one as the process ends lets it be."""
+    def begin(self, queued: QueuedDelivery) -> None:
+        """Start to book a delivery that we have claimed; while the process ends, do nothing."""
         if self._booker is not None:
             task = self._group.create_task(self._book(self._booker, queued))
             self._under_way[task] = queued.delivery.delivery_id
             task.add_done_callback(self._finished)
 
     async def _step(self, booker: Booker) -> bool:
-        """Begin to book what is due; False, since whoever queues or finishes wakes the loop."""
+        """Start to book what is due; always False, because new work wakes the loop."""
         free = max(0, self._most - len(self._under_way))
-        self._is_behind = True  # until all that is due was claimed
+        self._is_behind = True  # until everything that is due is claimed
         due = await booker.claim(limit=free) if free else []
         for queued in due:
             self.begin(queued)
@@ -74,7 +74,7 @@ class BookingLoop:
         return False
 
     async def _hold(self, booker: Booker) -> bool:
-        """Hold on to what is under way; False, since the next time is in a while."""
+        """Renew the claims of running bookings; always False, because the next time comes later."""
         if self._under_way:
             await booker.hold(frozenset(self._under_way.values()))
         return False
@@ -84,10 +84,10 @@ class BookingLoop:
         if self._is_behind:
             self.queued.set()
 
-    async def _book(self, booker: Booker, queued: Queued) -> None:
-        """Book one in its turn; whatever goes wrong, its claim runs out."""
+    async def _book(self, booker: Booker, queued: QueuedDelivery) -> None:
+        """Book one delivery when there is a free place; if it fails, its claim runs out."""
         try:
-            # More may be handed over than there is room for: what one COMMIT has accepted.
+            # One COMMIT may accept more deliveries than there are free places.
             async with self._places:
                 await booker.book_or_retry(queued)
         except Exception:

@@ -1,8 +1,8 @@
-"""Cancelling a delivery, or some of its packages, at any state: what still can be stopped is.
+"""Cancels a delivery, or some of its packages, as far as they can still be stopped.
 
-A delivery that waits for its first booking is closed in composition first (the tombstone), so that
-a booking under way cannot come after the word CANCELLED. The reason to cancel is noted before
-that: should this process die in between, the loop of `book` finds it and ends what was begun.
+A delivery that waits for its first booking is closed in composition first, so that no booking can
+follow the state CANCELLED. The reason is stored even earlier: if this process dies in between, the
+booking loop finds the reason and finishes the cancellation.
 """
 
 from collections.abc import Collection, Sequence
@@ -41,9 +41,11 @@ class Canceller:
     mint: Mint
 
     async def cancel(
-        self, caller: Caller, delivery_id: DeliveryId, wanted: CancelRequest
+        self, caller: Caller, delivery_id: DeliveryId, requested: CancelRequest
     ) -> Delivery:
-        """The delivery once all that could be stopped is; cancelling again changes nothing.
+        """The delivery after everything that could be stopped is stopped.
+
+        Cancelling again changes nothing.
 
         Raises
         ------
@@ -52,40 +54,42 @@ class Canceller:
         InvalidInput
             It has no such package.
         Conflict
-            TOO_LATE: nothing of what is wanted can be stopped any more.
+            TOO_LATE: none of the requested packages can be stopped any more.
         ServiceUnavailable
-            Composition cannot be asked now.
+            Composition does not answer now.
         """
         async with self.db.read() as connection:
             delivery = await delivery_store.one_of(connection, caller, delivery_id)
-        packages = requested_packages(delivery, wanted)
+        packages = requested_packages(delivery, requested)
         if not any(map(can_be_cancelled, packages)):
             if all(map(is_cancelled, packages)):
                 return delivery
             raise too_late(packages)
-        reason = wanted.reason or f"cancelled by {caller.role} {caller.subject_id}"
-        if wanted.package_ids is None:
+        reason = requested.reason or f"cancelled by {caller.role} {caller.subject_id}"
+        if requested.package_ids is None:
             async with self.db.write() as tx:
                 await delivery_store.note_cancelling(tx, delivery_id, reason=reason)
         await self._stop(delivery, [one.package_id for one in packages], reason=reason)
         async with self.db.read() as connection:
             delivery = await delivery_store.one_of(connection, caller, delivery_id)
-        packages = requested_packages(delivery, wanted)
+        packages = requested_packages(delivery, requested)
         if not any(map(is_cancelled, packages)):
             raise too_late(packages)
         return delivery
 
     async def finish(self, delivery: Delivery) -> None:
-        """End a cancellation of everything that was begun: the delivery is not booked any more."""
+        """Finish a cancellation of the whole delivery that another process began."""
         package_ids = [package.package_id for package in delivery.packages]
         await self._stop(delivery, package_ids, reason=delivery.cancel_reason or "cancelled")
 
     async def _stop(
         self, delivery: Delivery, package_ids: Sequence[PackageId], *, reason: str
     ) -> None:
-        """Have composition stop these packages, and only then write that they are."""
-        if delivery.live_missions or _goes_on_without(delivery, package_ids):
-            done = await self._call_off(delivery, _carried(delivery, package_ids), reason=reason)
+        """Have composition stop these packages, and only then write that they are stopped."""
+        if delivery.live_missions or _has_other_packages(delivery, package_ids):
+            done = await self._cancel_missions(
+                delivery, _carried(delivery, package_ids), reason=reason
+            )
         else:
             done = await self._close(delivery, package_ids, reason=reason)
         await self.writer.write(
@@ -98,15 +102,15 @@ class Canceller:
     async def _close(
         self, delivery: Delivery, package_ids: Sequence[PackageId], *, reason: str
     ) -> Cancellation:
-        """Have nothing booked any more, nor what was booked while we did not look."""
+        """Close the delivery in composition, and cancel what was booked meanwhile."""
         closed = await self.composition.close(delivery.delivery_id)
         if closed.is_closed:
             return Cancellation()
-        done = await self._call_off(delivery, package_ids, reason=reason)
+        done = await self._cancel_missions(delivery, package_ids, reason=reason)
         await self.composition.close(delivery.delivery_id)
         return done
 
-    async def _call_off(
+    async def _cancel_missions(
         self, delivery: Delivery, package_ids: Sequence[PackageId], *, reason: str
     ) -> Cancellation:
         if not package_ids:
@@ -117,7 +121,7 @@ class Canceller:
         return await self.composition.cancel(delivery.delivery_id, asked)
 
 
-def _goes_on_without(delivery: Delivery, package_ids: Collection[PackageId]) -> bool:
+def _has_other_packages(delivery: Delivery, package_ids: Collection[PackageId]) -> bool:
     """Whether other packages are still to be delivered."""
     return not all(
         package.is_settled or package.package_id in package_ids for package in delivery.packages
@@ -125,7 +129,7 @@ def _goes_on_without(delivery: Delivery, package_ids: Collection[PackageId]) -> 
 
 
 def _carried(delivery: Delivery, package_ids: Collection[PackageId]) -> list[PackageId]:
-    """Those of the packages that missions carry; the booking of the others can still leave out."""
+    """These packages, as far as missions carry them; booking leaves out the others."""
     return [
         package.package_id
         for package in delivery.packages

@@ -1,4 +1,4 @@
-"""What a customer asks to cancel, and which packages of a delivery that means."""
+"""What a customer asks to cancel, and the packages that this means."""
 
 from collections.abc import Sequence
 from typing import Annotated
@@ -13,13 +13,13 @@ from skyway_gateway.deliveries.lifecycle.delivery import Delivery, PackageStatus
 
 
 class CancelRequest(JsonModel):
-    """What is to be cancelled: everything, or these packages; and why."""
+    """What is to be cancelled: the whole delivery, or these packages; and why."""
 
     package_ids: Annotated[tuple[PackageId, ...], Field(min_length=1)] | None = None
     reason: Annotated[str, Field(max_length=500)] | None = None
 
 
-def requested_packages(delivery: Delivery, wanted: CancelRequest) -> list[PackageStatus]:
+def requested_packages(delivery: Delivery, requested: CancelRequest) -> list[PackageStatus]:
     """The packages that a customer asks to cancel, in the order of the request.
 
     Raises
@@ -27,14 +27,14 @@ def requested_packages(delivery: Delivery, wanted: CancelRequest) -> list[Packag
     InvalidInput
         The delivery has no such package.
     """
-    if wanted.package_ids is None:
+    if requested.package_ids is None:
         return list(delivery.packages)
-    known = {package.package_id: package for package in delivery.packages}
-    for number, package_id in enumerate(wanted.package_ids):
-        if package_id not in known:
+    packages = {package.package_id: package for package in delivery.packages}
+    for number, package_id in enumerate(requested.package_ids):
+        if package_id not in packages:
             field = f"package_ids.{number}"
             raise InvalidInput(field, f"delivery {delivery.delivery_id} has no {package_id!r}")
-    return [known[package_id] for package_id in wanted.package_ids]
+    return [packages[package_id] for package_id in requested.package_ids]
 
 
 def too_late(packages: Sequence[PackageStatus]) -> Conflict:

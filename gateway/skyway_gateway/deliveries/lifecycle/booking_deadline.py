@@ -1,4 +1,4 @@
-"""Until when a request that nobody can fly yet stays in the queue."""
+"""How long packages wait for a mission before booking gives them up."""
 
 from datetime import datetime
 from typing import Final
@@ -12,7 +12,10 @@ _BUSY_WALL_S: Final = 60.0
 
 
 def give_up_at(request: DeliveryRequest, clock: FleetClock) -> datetime:
-    """Its deadline, or a while from now, or from when it may be picked up."""
+    """The request's deadline; without one, an hour after now or after the earliest pickup.
+
+    The hour is fleet time, and at least a minute of wall time.
+    """
     if request.qos.deadline_at is not None:
         return request.qos.deadline_at
     now = clock.now()

@@ -1,4 +1,4 @@
-"""What a booking does to a delivery, and what giving up on the packages that wait for one."""
+"""What changes when missions are booked for a delivery, and when booking gives up."""
 
 from collections.abc import Sequence
 from datetime import datetime
@@ -25,16 +25,16 @@ from skyway_gateway.deliveries.lifecycle.progress import (
 )
 from skyway_gateway.notifications.record_events import Happening
 
-#: Why a package was not carried although nobody cancelled it.
+#: The code of a package that no mission could be booked for.
 NOT_PLANNED_CODE: Final = "NOT_PLANNED"
 
 
 def after_booking(delivery: Delivery, missions: Sequence[Mission], *, at: datetime) -> Progress:
-    """The delivery once missions carry packages that waited: what they promise is promised.
+    """The delivery with its new missions: their ETAs are promised to the customer.
 
-    Packages that no mission carries are left for the next attempt.
+    Packages that no mission carries wait for the next attempt.
     """
-    # However far they have come by now: their reports, from the first on, will tell it in order.
+    # Each mission starts as BOOKED, however far it has come: its reports follow in order.
     booked = [_flown(mission) for mission in missions]
     carried = {eta.package_id: (mission, eta) for mission in booked for eta in mission.packages}
 
@@ -66,8 +66,8 @@ def after_booking(delivery: Delivery, missions: Sequence[Mission], *, at: dateti
     return Progress(planned, (Happening(DeliveryEventType.PLANNED, at, data),))
 
 
-def unwanted(delivery: Delivery, missions: Sequence[Mission]) -> tuple[PackageId, ...]:
-    """The packages that these missions would carry though they were cancelled meanwhile."""
+def cancelled_meanwhile(delivery: Delivery, missions: Sequence[Mission]) -> tuple[PackageId, ...]:
+    """The packages that these missions carry although the customer has cancelled them meanwhile."""
     carried = {eta.package_id for mission in missions for eta in mission.packages}
     return tuple(
         package.package_id
@@ -79,7 +79,7 @@ def unwanted(delivery: Delivery, missions: Sequence[Mission]) -> tuple[PackageId
 def after_giving_up(
     delivery: Delivery, reasons: Sequence[ProviderReason], *, detail: str, at: datetime
 ) -> Progress:
-    """The delivery without the packages that waited: REJECTED when it has never been planned."""
+    """The delivery without its waiting packages; REJECTED if it never had a mission."""
     left = with_cancelled(
         changed(delivery, reasons=tuple(reasons), updated_at=at),
         where=lambda package: package.is_waiting,

@@ -1,4 +1,4 @@
-"""What a cancellation does to a delivery: what waits stays, what is on board comes back."""
+"""What changes when packages are cancelled: waiting ones stay, loaded ones come back."""
 
 from collections.abc import Collection
 from datetime import datetime
@@ -19,32 +19,32 @@ from skyway_gateway.deliveries.lifecycle.progress import (
 
 
 def is_cancelled(package: PackageStatus) -> bool:
-    """Whether a cancellation has stopped it, or is about to."""
-    is_past_that = package.state in ("DELIVERED", "STRANDED")
-    return package.code == CANCELLED_CODE and not is_past_that
+    """Whether the package is cancelled, or on its way back because of a cancellation."""
+    is_too_late = package.state in ("DELIVERED", "STRANDED")
+    return package.code == CANCELLED_CODE and not is_too_late
 
 
 def can_be_cancelled(package: PackageStatus) -> bool:
-    """Whether something about it can still be stopped."""
+    """Whether the package can still be kept from its recipient."""
     return can_turn_back(package) and not is_cancelled(package)
 
 
 def after_cancellation(
     delivery: Delivery,
-    wanted: Collection[PackageId],
+    requested: Collection[PackageId],
     done: Cancellation,
     *,
     reason: str,
     at: datetime,
 ) -> Progress:
-    """The delivery without those of the wanted packages that still wait, or were `done`.
+    """The delivery after the requested packages were cancelled, as far as that was possible.
 
-    The mission reports that follow say the same again, and change nothing more.
+    `done` is what composition has stopped. Later mission reports repeat it and change nothing.
     """
 
     def stays(package: PackageStatus) -> bool:
         is_loose = package.is_waiting or package.package_id in done.released
-        return package.package_id in wanted and package.state == "CREATED" and is_loose
+        return package.package_id in requested and package.state == "CREATED" and is_loose
 
     without = with_cancelled(
         changed(delivery, updated_at=max(at, delivery.updated_at)),

@@ -1,4 +1,4 @@
-"""What each event says: the members of its `data`, and nothing else decides them."""
+"""The `data` of each delivery event; no other file decides what an event contains."""
 
 from collections.abc import Sequence
 from datetime import datetime
@@ -11,12 +11,12 @@ from skyway.delivery.offer import Price
 from skyway.ids import PackageId
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery, PackageStatus
 
-#: JSON members of an event; Any, since every type has others.
+#: The JSON members of an event; each event type has others.
 Data = dict[str, Any]
 
 
 def requested(delivery: Delivery) -> Data:
-    """What was asked."""
+    """Data of `delivery.requested`: the request."""
     return {
         "reference": delivery.reference,
         "request": delivery.request.model_dump(mode="json", exclude_none=True),
@@ -24,7 +24,7 @@ def requested(delivery: Delivery) -> Data:
 
 
 def planned(delivery: Delivery, missions: Sequence[Mission], *, attempt: int) -> Data:
-    """Who flies it, for how much, and when each package is promised; which still wait."""
+    """Data of `delivery.planned`: drone, price, pickup time, ETAs, and packages that still wait."""
     first, *_ = missions
     return {
         "attempt": attempt,
@@ -44,12 +44,12 @@ def planned(delivery: Delivery, missions: Sequence[Mission], *, attempt: int) ->
 
 
 def rejected(reasons: Sequence[ProviderReason], detail: str) -> Data:
-    """Why nobody flies it."""
+    """Data of `delivery.rejected`: why no provider flies it."""
     return {"detail": detail, "reasons": [reason.model_dump(mode="json") for reason in reasons]}
 
 
 def flown_by(mission: Mission) -> Data:
-    """Whose drone it is."""
+    """The mission, its provider and its drone."""
     return {
         "mission_id": mission.mission_id,
         "provider_id": mission.provider_id,
@@ -58,7 +58,7 @@ def flown_by(mission: Mission) -> Data:
 
 
 def loaded(package_ids: Sequence[PackageId], mission: Mission, report: MissionReport) -> Data:
-    """What the drone has on board."""
+    """Data of `delivery.loaded`: what the drone has on board."""
     return {
         **flown_by(mission),
         "station_id": report.station_id,
@@ -68,9 +68,9 @@ def loaded(package_ids: Sequence[PackageId], mission: Mission, report: MissionRe
 
 
 def replanned(delivery: Delivery, mission: Mission, report: MissionReport) -> Data:
-    """Why there is a new plan, and how much later than promised it delivers.
+    """Data of `delivery.replanned`: why there is a new plan, and how late each package will be.
 
-    A package without ETA is left where the drone can land; `given_up` says why.
+    A package without an ETA will be left at a station; `given_up` says why.
     """
     etas = {eta.package_id: eta.eta_at for eta in report.etas or mission.packages}
     return {
@@ -100,7 +100,7 @@ def _later_s(promised_at: datetime | None, eta_at: datetime | None) -> float | N
 
 
 def package_delivered(package: PackageStatus, mission: Mission, report: MissionReport) -> Data:
-    """Where and when a package was handed over, and the drone's evidence of it."""
+    """Data of `package.delivered`: where and when, with the drone's evidence."""
     return {
         **flown_by(mission),
         "package_id": package.package_id,
@@ -111,7 +111,7 @@ def package_delivered(package: PackageStatus, mission: Mission, report: MissionR
 
 
 def package_returned(package: PackageStatus, mission: Mission, report: MissionReport) -> Data:
-    """Where a package was handed back, why, and the drone's evidence of it."""
+    """Data of `package.returned`: where and why, with the drone's evidence."""
     return {
         **flown_by(mission),
         "package_id": package.package_id,
@@ -124,7 +124,7 @@ def package_returned(package: PackageStatus, mission: Mission, report: MissionRe
 
 
 def package_stranded(package: PackageStatus, report: MissionReport) -> Data:
-    """Where a package is that will not be delivered, and why."""
+    """Data of `package.stranded`: where the package is, and why."""
     return {
         "package_id": package.package_id,
         "station_id": report.station_id,
@@ -136,7 +136,7 @@ def package_stranded(package: PackageStatus, report: MissionReport) -> Data:
 
 
 def package_cancelled(package: PackageStatus) -> Data:
-    """Which package stays at the pickup, and why."""
+    """Data of `package.cancelled`: which package stays at the pickup, and why."""
     return {
         "package_id": package.package_id,
         "station_id": package.custodian.id,
@@ -147,7 +147,7 @@ def package_cancelled(package: PackageStatus) -> Data:
 
 
 def completed(delivery: Delivery) -> Data:
-    """The planned and the actual times, of the whole and of each package."""
+    """Data of `delivery.completed`: planned and actual times, in all and for each package."""
     start_at = min(mission.begins_at for mission in delivery.missions)
     promised_at = max(
         (one.promised_at for one in delivery.packages if one.promised_at), default=None
@@ -168,7 +168,7 @@ def completed(delivery: Delivery) -> Data:
 
 
 def ended(delivery: Delivery, code: str | None, detail: str | None) -> Data:
-    """How far it came, and why not to the end."""
+    """Data of the other final events: where each package is, and why."""
     return {
         "code": code,
         "detail": detail,
@@ -188,7 +188,7 @@ def ended(delivery: Delivery, code: str | None, detail: str | None) -> Data:
 
 
 def price_of(missions: Sequence[Mission]) -> Price | None:
-    """The price of all missions together; one network has one currency."""
+    """The price of all missions together, which share one currency; None without missions."""
     if not missions:
         return None
     amount = sum(mission.price.amount for mission in missions)

@@ -1,4 +1,4 @@
-"""Packages that change hands: onto a drone, to a recipient, back to a station, or left behind."""
+"""What changes when packages are loaded, delivered, returned or stranded."""
 
 from collections.abc import Callable
 from typing import Any
@@ -13,7 +13,7 @@ from skyway_gateway.notifications.record_events import Happening
 
 
 def loaded(delivery: Delivery, mission: Mission, report: MissionReport) -> Progress:
-    """The delivery with packages on board of a drone, under way since the first of them."""
+    """The delivery with packages on board of a drone; the first loading starts the delivery."""
     drone = Custodian(kind="DRONE", id=mission.drone_id)
 
     def is_loaded(package: PackageStatus) -> bool:
@@ -29,7 +29,7 @@ def loaded(delivery: Delivery, mission: Mission, report: MissionReport) -> Progr
         news.append(Happening(DeliveryEventType.STARTED, report.at, event_data.flown_by(mission)))
 
     def load(package: PackageStatus) -> dict[str, object]:
-        # One that was cancelled too late to be kept off the drone comes back.
+        # A package that was cancelled during loading comes back.
         state = "LOADED" if package.code is None else "RETURNING"
         return {"state": state, "custodian": drone}
 
@@ -39,7 +39,7 @@ def loaded(delivery: Delivery, mission: Mission, report: MissionReport) -> Progr
 
 
 def delivered(delivery: Delivery, mission: Mission, report: MissionReport) -> Progress:
-    """The delivery with packages in their recipients' hands."""
+    """The delivery with packages handed to their recipients."""
 
     def hand_over(package: PackageStatus) -> dict[str, object]:
         station_id = report.station_id or package.destination.station_id
@@ -48,23 +48,23 @@ def delivered(delivery: Delivery, mission: Mission, report: MissionReport) -> Pr
             "custodian": Custodian(kind="RECIPIENT", id=station_id),
             "eta_at": None,
             "delivered_at": report.at,
-            # What was once in the way is so no more.
+            # A reason from before the delivery no longer holds.
             "code": None,
             "detail": None,
             "proof": Proof.of(report, package.package_id),
         }
 
-    return _told(
+    return _with_events(
         delivery,
         with_packages(delivery, hand_over, where=_is_named(report)),
         DeliveryEventType.PACKAGE_DELIVERED,
-        tell=lambda package: event_data.package_delivered(package, mission, report),
+        data_of=lambda package: event_data.package_delivered(package, mission, report),
         report=report,
     )
 
 
 def returned(delivery: Delivery, mission: Mission, report: MissionReport) -> Progress:
-    """The delivery with packages back at a station, the pickup as a rule."""
+    """The delivery with packages returned to a station, usually the pickup."""
 
     def give_back(package: PackageStatus) -> dict[str, object]:
         return {
@@ -76,11 +76,11 @@ def returned(delivery: Delivery, mission: Mission, report: MissionReport) -> Pro
             "proof": Proof.of(report, package.package_id),
         }
 
-    return _told(
+    return _with_events(
         delivery,
         with_packages(delivery, give_back, where=_is_named(report)),
         DeliveryEventType.PACKAGE_RETURNED,
-        tell=lambda package: event_data.package_returned(package, mission, report),
+        data_of=lambda package: event_data.package_returned(package, mission, report),
         report=report,
     )
 
@@ -88,7 +88,7 @@ def returned(delivery: Delivery, mission: Mission, report: MissionReport) -> Pro
 def stranded(
     delivery: Delivery, report: MissionReport, *, where: Callable[[PackageStatus], bool]
 ) -> Progress:
-    """The delivery with packages left where their drone has given up."""
+    """The delivery with packages left where their drone ended its mission."""
 
     def leave(package: PackageStatus) -> dict[str, object]:
         return {
@@ -100,28 +100,28 @@ def stranded(
             "detail": report.detail,
         }
 
-    return _told(
+    return _with_events(
         delivery,
         with_packages(delivery, leave, where=lambda one: where(one) and not one.is_settled),
         DeliveryEventType.PACKAGE_STRANDED,
-        tell=lambda package: event_data.package_stranded(package, report),
+        data_of=lambda package: event_data.package_stranded(package, report),
         report=report,
     )
 
 
-def _told(
+def _with_events(
     before: Delivery,
     after: Delivery,
     kind: DeliveryEventType,
     *,
-    tell: Callable[[PackageStatus], dict[str, Any]],  # members of an event's data
+    data_of: Callable[[PackageStatus], dict[str, Any]],  # members of an event's data
     report: MissionReport,
 ) -> Progress:
-    """One event for each package that has changed its state."""
+    """The changed delivery with one event for each package whose state has changed."""
     return Progress(
         after,
         tuple(
-            Happening(kind, report.at, tell(now))
+            Happening(kind, report.at, data_of(now))
             for then, now in zip(before.packages, after.packages, strict=True)
             if then.state != now.state
         ),
@@ -133,7 +133,7 @@ def _is_named(report: MissionReport) -> Callable[[PackageStatus], bool]:
 
 
 def _station_or_drone(package: PackageStatus, report: MissionReport) -> Custodian:
-    # Where a drone went down away from any station, it still holds what it carries.
+    # A drone that went down away from a station still holds its packages.
     if report.station_id is None:
         return package.custodian
     return Custodian(kind="STATION", id=report.station_id)

@@ -1,4 +1,4 @@
-"""New ETAs, and whether they are later than what the customer was promised."""
+"""New ETAs, and whether they are later than the promised moments."""
 
 from datetime import datetime, timedelta
 from typing import Final
@@ -10,21 +10,22 @@ from skyway_gateway.deliveries.lifecycle.delivery import Delivery, PackageStatus
 from skyway_gateway.deliveries.lifecycle.progress import changed, with_packages
 from skyway_gateway.notifications.record_events import Happening
 
-#: Later than promised by more than this, in fleet time, is told: whichever is larger.
+#: A package is late when its ETA passes its promise by more than the larger of two limits.
+#: The first limit, seconds of fleet time.
 TOLERANCE_S: Final = 60.0
-#: The second limit, as a share of the time from the plan's start to the promised moment.
+#: The second limit, as a share of the time from the plan's start to the promise.
 _TOLERANCE_SHARE: Final = 0.02
 
 
 def with_etas(delivery: Delivery, report: MissionReport) -> tuple[Delivery, tuple[Happening, ...]]:
-    """The delivery with a report's ETAs, and what to tell when it has become late by them."""
+    """The delivery with a report's ETAs, and an event if they make it late."""
     etas, replanned = report.etas, None
     if report.kind == "REPLANNED" and report.mission is not None:
         etas, replanned = etas or report.mission.packages, report.mission.mission_id
     new = {eta.package_id: eta.eta_at for eta in etas}
     after = with_packages(
         delivery,
-        # What a new plan leaves out does not arrive any more.
+        # A package that the new plan leaves out has no ETA.
         lambda one: {"eta_at": new.get(one.package_id)},
         where=lambda one: (
             (one.package_id in new or (replanned is not None and one.mission_id == replanned))
@@ -35,7 +36,10 @@ def with_etas(delivery: Delivery, report: MissionReport) -> tuple[Delivery, tupl
 
 
 def when_overdue(delivery: Delivery, *, at: datetime) -> tuple[Delivery, tuple[Happening, ...]]:
-    """The same when nothing is heard any more: what should have come by now is late by now."""
+    """The delivery with passed ETAs moved to now, and an event if that makes it late.
+
+    For missions that no longer report: a package that should have arrived is late by now.
+    """
     after = with_packages(
         delivery,
         lambda _: {"eta_at": at},

@@ -1,8 +1,4 @@
-"""A delivery after something happened, and what to tell of it: what all changes have in common.
-
-Pure, like `booking`, `reports`, `cancelling` and `endings` beside it: a delivery and what happened
-in, the delivery afterwards and what to tell out.
-"""
+"""What all changes of a delivery have in common: the changed delivery, its events, its end."""
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
@@ -16,20 +12,20 @@ from skyway_gateway.deliveries.lifecycle.delivery import Delivery, Flags, Packag
 from skyway_gateway.deliveries.lifecycle.states import DeliveryState
 from skyway_gateway.notifications.record_events import Happening
 
-#: Why a package that somebody did not want any more was not delivered.
+#: The code of a package that somebody cancelled.
 CANCELLED_CODE: Final = "CANCELLED"
 
 
 @dataclass(frozen=True, slots=True)
 class Progress:
-    """A delivery after something happened, and what to tell of it, in order."""
+    """A delivery after something happened, and its new events in order."""
 
     delivery: Delivery
     happenings: tuple[Happening, ...] = ()
 
 
 def changed(delivery: Delivery, **changes: object) -> Delivery:
-    """The delivery with other members."""
+    """The delivery with other field values."""
     return delivery.model_copy(update=changes)
 
 
@@ -39,7 +35,7 @@ def with_packages(
     *,
     where: Callable[[PackageStatus], bool],
 ) -> Delivery:
-    """The delivery with other members in some of its packages."""
+    """The delivery with other field values in some of its packages."""
     packages = tuple(
         one.model_copy(update=change(one)) if where(one) else one for one in delivery.packages
     )
@@ -54,9 +50,9 @@ def with_cancelled(
     detail: str | None,
     at: datetime,
 ) -> Progress:
-    """The delivery without these packages, which never left the pickup; each is told.
+    """The delivery with these packages cancelled at the pickup, and one event for each.
 
-    Of a package that was to come back anyway, the reason for that is the one that counts.
+    A package that was already to come back keeps its first reason.
     """
 
     def cancel(package: PackageStatus) -> Mapping[str, object]:
@@ -77,7 +73,7 @@ def with_cancelled(
 def with_returning(
     delivery: Delivery, package_ids: Collection[PackageId], *, code: str | None, detail: str | None
 ) -> Delivery:
-    """The delivery with packages that come back; those not loaded yet do so once they are."""
+    """The delivery with packages that come back; packages not loaded yet turn back once loaded."""
 
     def turn_back(package: PackageStatus) -> Mapping[str, object]:
         state = package.state if package.state == "CREATED" else "RETURNING"
@@ -91,18 +87,18 @@ def with_returning(
 
 
 def can_turn_back(package: PackageStatus) -> bool:
-    """Whether it is still on its way to its recipient."""
+    """Whether the package is still meant for its recipient."""
     return package.state in ("CREATED", "LOADED", "IN_TRANSIT")
 
 
 def is_replanning(delivery: Delivery) -> bool:
-    """Whether a plan that the customer knew does not hold, and there is no other yet."""
+    """Whether a plan of this delivery no longer holds and no new plan exists yet."""
     is_refused = bool(delivery.refusals) and bool(delivery.waiting)
     return is_refused or any(mission.is_replanning for mission in delivery.live_missions)
 
 
 def with_flags(delivery: Delivery) -> Delivery:
-    """The delivery with the flag that says whether it is being planned anew."""
+    """The delivery with its `replanning` flag brought up to date."""
     flags = delivery.flags.model_copy(update={"replanning": is_replanning(delivery)})
     return changed(delivery, flags=flags)
 
@@ -110,9 +106,9 @@ def with_flags(delivery: Delivery) -> Delivery:
 def settled(
     progress: Progress, *, at: datetime, code: str | None = None, detail: str | None = None
 ) -> Progress:
-    """The end of the delivery, if all its packages are settled now; else as it was.
+    """The ended delivery with its final event, if all its packages are settled; else no change.
 
-    Without a code of the last report, it is told why the first package was not delivered.
+    Without a code, the event gives the reason of the first package that was not delivered.
     """
     delivery = progress.delivery
     if delivery.is_over or not all(package.is_settled for package in delivery.packages):
@@ -142,5 +138,5 @@ def _end_of(delivery: Delivery) -> DeliveryState:
 
 
 def _is_cancelled(package: PackageStatus) -> bool:
-    """Whether it was not to be delivered, and is where it came from."""
+    """Whether the package was cancelled and is at a station again."""
     return package.state in ("CANCELLED", "RETURNED") and package.code == CANCELLED_CODE

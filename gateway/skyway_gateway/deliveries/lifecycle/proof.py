@@ -1,4 +1,4 @@
-"""Proof of a hand-over: where and when, the drone's load before and after, and whose drone."""
+"""Proof of a hand-over: place, time, the drone, and its load before and after."""
 
 from collections.abc import Mapping
 from typing import Any, Self
@@ -35,7 +35,7 @@ class Proof(WireModel):
 
     @classmethod
     def of(cls, report: MissionReport, package_id: PackageId) -> Self:
-        """The proof in a report about this package; evidence of another form is left out."""
+        """The proof of this package in a report; evidence in an unknown form is left out."""
         evidence = report.data
         masses_kg, place = evidence.get("mass_kg"), evidence.get("place")
         mass_kg = masses_kg.get(package_id) if isinstance(masses_kg, Mapping) else None
@@ -55,7 +55,7 @@ class Proof(WireModel):
 
 
 def _read(form: TypeAdapter[Any], value: object) -> Any:  # of the adapter's type, or None
-    # A drone's evidence is kept as far as it can be read: it must not hold up its delivery.
+    # Evidence that cannot be read must not hold up the delivery.
     try:
         return form.validate_python(value)
     except ValidationError:

@@ -1,7 +1,6 @@
-"""What a mission report does to a delivery, and what is told of it.
+"""What a mission report changes in a delivery, and which events it causes.
 
-Reports come once each and in each mission's order (`follow` sees to that); those of several
-missions mix.
+Each report comes once, in the order of its mission. Reports of several missions may mix.
 """
 
 from collections.abc import Callable, Mapping
@@ -34,10 +33,10 @@ from skyway_gateway.notifications.record_events import Happening
 
 def after_report(delivery: Delivery, report: MissionReport) -> Progress:
     """The delivery after a report about one of its missions."""
-    known = [one for one in delivery.missions if one.mission_id == report.mission_id]
-    if not known:  # a mission of an earlier attempt: the delivery has gone on without it
+    reported = [one for one in delivery.missions if one.mission_id == report.mission_id]
+    if not reported:  # a mission of an earlier attempt: the delivery goes on without it
         return Progress(delivery)
-    mission = _mission_after(known[0], report)
+    mission = _mission_after(reported[0], report)
     delivery = changed(
         delivery,
         updated_at=max(delivery.updated_at, report.at),
@@ -45,7 +44,7 @@ def after_report(delivery: Delivery, report: MissionReport) -> Progress:
             mission if one.mission_id == mission.mission_id else one for one in delivery.missions
         ),
     )
-    if delivery.is_over:  # the drone's way home is no longer the customer's
+    if delivery.is_over:  # the drone's way home does not concern the customer
         return Progress(delivery)
     progress = _BY_KIND[report.kind](delivery, mission, report)
     progress = Progress(with_flags(progress.delivery), progress.happenings)
@@ -56,16 +55,16 @@ def after_report(delivery: Delivery, report: MissionReport) -> Progress:
     return Progress(delivery, progress.happenings + late)
 
 
-def _mission_after(known: FlownMission, report: MissionReport) -> FlownMission:
-    is_replanning = known.is_replanning
+def _mission_after(before: FlownMission, report: MissionReport) -> FlownMission:
+    is_replanning = before.is_replanning
     if report.kind in ("REPLANNING", "REPLANNED"):
         is_replanning = report.kind == "REPLANNING"
     return FlownMission.model_validate(
         {
-            **dict(report.mission or known),
+            **dict(report.mission or before),
             "state": report.mission_state,
             "is_replanning": is_replanning,
-            "booked_start_at": known.begins_at,
+            "booked_start_at": before.begins_at,
         }
     )
 
@@ -94,7 +93,7 @@ def _activity(delivery: Delivery, mission: Mission, report: MissionReport) -> Pr
     return Progress(changed(delivery, activity=report.activity or delivery.activity))
 
 
-def _as_it_is(delivery: Delivery, _mission: Mission, _report: MissionReport) -> Progress:
+def _no_change(delivery: Delivery, _mission: Mission, _report: MissionReport) -> Progress:
     return Progress(delivery)
 
 
@@ -104,7 +103,7 @@ def _replanned(delivery: Delivery, mission: Mission, report: MissionReport) -> P
 
 
 def _returning(delivery: Delivery, _mission: Mission, report: MissionReport) -> Progress:
-    """Told by the new plan, and once it is back."""
+    """Causes no event: the new plan and the return of each package cause theirs."""
     after = with_returning(delivery, report.package_ids, code=report.code, detail=report.detail)
     return Progress(after)
 
@@ -120,7 +119,7 @@ def _released(delivery: Delivery, _mission: Mission, report: MissionReport) -> P
 
 
 def _ended(delivery: Delivery, mission: Mission, report: MissionReport) -> Progress:
-    """The mission is over; what it has not handed over stays where it is."""
+    """The mission is over; packages that it has not handed over stay where they are."""
 
     def is_its_own(package: PackageStatus) -> bool:
         return package.mission_id == mission.mission_id
@@ -144,9 +143,9 @@ def _ended(delivery: Delivery, mission: Mission, report: MissionReport) -> Progr
 
 
 def _refused(delivery: Delivery, mission: FlownMission, report: MissionReport) -> Progress:
-    """The delivery without this mission; `book` asks anew, without this drone.
+    """The delivery without this mission: its packages wait for another drone.
 
-    Packages that were to be brought back at once are not asked for again.
+    Packages that were cancelled meanwhile do not wait: they stay at the pickup.
     """
     refusal = Refusal(
         attempt=report.attempt,
@@ -171,8 +170,8 @@ def _refused(delivery: Delivery, mission: FlownMission, report: MissionReport) -
         lambda _: {"mission_id": None, "promised_at": None, "eta_at": None},
         where=is_left,
     )
-    # An attempt that is still to be booked takes these packages too: composition has not been
-    # asked for it, or has answered that it books nothing.
+    # These packages join an attempt that has no missions yet; else they need a new attempt,
+    # because composition answers the same attempt with the same missions.
     is_asked = any(one.attempt == delivery.attempt for one in delivery.missions)
     return Progress(
         changed(
@@ -186,7 +185,7 @@ def _refused(delivery: Delivery, mission: FlownMission, report: MissionReport) -
 
 
 def _state_without(delivery: Delivery) -> DeliveryState:
-    """How far the delivery is by its other missions; what has begun is never undone."""
+    """The state that the other missions give; a delivery that has begun keeps its state."""
     if delivery.state not in ("PLANNED", "DISPATCHED"):
         return delivery.state
     states = {mission.state for mission in delivery.live_missions}
@@ -202,7 +201,7 @@ _BY_KIND: Final[Mapping[str, Callable[[Delivery, FlownMission, MissionReport], P
     "LOADED": loaded,
     "ACTIVITY": _activity,
     "DELIVERED": delivered,
-    "REPLANNING": _as_it_is,
+    "REPLANNING": _no_change,
     "REPLANNED": _replanned,
     "RETURNING": _returning,
     "RETURNED": returned,

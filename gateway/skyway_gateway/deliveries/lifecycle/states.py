@@ -33,25 +33,25 @@ _ENDS: Final[frozenset[DeliveryState]] = frozenset(
 
 TERMINAL_STATES: Final[frozenset[DeliveryState]] = _ENDS | {"REJECTED"}
 
-#: A delivery in these has, or had, a mission.
+#: A delivery in these states has, or had, a mission.
 UNDER_WAY_STATES: Final[frozenset[DeliveryState]] = frozenset(
     {"PLANNED", "DISPATCHED", "LOADING", "IN_PROGRESS"}
 )
 
-#: A delivery is over once all its packages are in these.
+#: A delivery is over when all its packages are in these states.
 SETTLED_PACKAGE_STATES: Final[frozenset[PackageState]] = frozenset(
     {"DELIVERED", "RETURNED", "STRANDED", "CANCELLED"}
 )
 
-#: A package in these is on a drone.
+#: A package in these states is on a drone.
 ON_BOARD_STATES: Final[frozenset[PackageState]] = frozenset({"LOADED", "IN_TRANSIT", "RETURNING"})
 
-#: A report may skip states: a drone that is loaded at once was never seen loading. A request of
-#: which no package is ever booked is rejected; one whose packages are all cancelled, CANCELLED.
+#: Which states may follow each state. A report may skip states, such as LOADING when the drone
+#: loads within one report. A request is REJECTED when none of its packages is ever booked.
 _NEXT: Final[Mapping[DeliveryState, frozenset[DeliveryState]]] = {
     "REQUESTED": frozenset({"PLANNED", "REJECTED", "CANCELLED", "FAILED"}),
     "PLANNED": _ENDS | {"REQUESTED", "DISPATCHED", "LOADING", "IN_PROGRESS"},
-    # Back, when of several missions the one that was furthest along is refused.
+    # A delivery goes back when a drone refuses the mission that was furthest along.
     "DISPATCHED": _ENDS | {"REQUESTED", "PLANNED", "LOADING", "IN_PROGRESS"},
     "LOADING": _ENDS | {"IN_PROGRESS"},
     "IN_PROGRESS": _ENDS,
@@ -59,5 +59,5 @@ _NEXT: Final[Mapping[DeliveryState, frozenset[DeliveryState]]] = {
 
 
 def may_follow(after: DeliveryState, before: DeliveryState) -> bool:
-    """Whether a delivery in state `before` may come to be in state `after`, or stay in it."""
+    """Whether a delivery in state `before` may change to state `after`, or stay in it."""
     return after == before or after in _NEXT.get(before, ())

@@ -12,14 +12,14 @@ from skyway.json_model import JsonModel
 
 
 class EarningsQuery(JsonModel):
-    """From which moment on, and before which, missions ended; without either, all."""
+    """Which missions count: those that ended in [from, to); without limits, all."""
 
     from_at: Annotated[FleetMoment | None, Field(alias="from")] = None
     to_at: Annotated[FleetMoment | None, Field(alias="to")] = None
 
 
 class DayEarnings(JsonModel):
-    """A day in UTC, fleet time, on which missions ended."""
+    """The earnings of one day in UTC, fleet time."""
 
     day: date
     currency: Currency
@@ -29,9 +29,9 @@ class DayEarnings(JsonModel):
 
 
 class Earnings(JsonModel):
-    """The sums over all days, in minor units of `currency`: that of the latest mission.
+    """A provider's earnings: the sums in the currency of the latest mission, and each day.
 
-    Days in another currency, from before the tariff changed, are only listed.
+    Days in an earlier currency are listed, but not part of the sums.
     """
 
     provider_id: ProviderId
@@ -43,7 +43,7 @@ class Earnings(JsonModel):
 
 
 def earnings_of(provider_id: ProviderId, days: tuple[DayEarnings, ...]) -> Earnings:
-    """The sums over days that are sorted by time."""
+    """The earnings with the sums over these days, which are sorted by time."""
     currency = days[-1].currency if days else None
     summed = [day for day in days if day.currency == currency]
     return Earnings(

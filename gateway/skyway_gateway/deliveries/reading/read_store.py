@@ -1,4 +1,4 @@
-"""The SQL by which deliveries are read: every query holds whose they are."""
+"""The SQL of lists of deliveries: each query returns only what the caller may see."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -40,7 +40,7 @@ async def page_of(
 async def page_of_provider(
     connection: AsyncConnection, provider_id: ProviderId, query: PageQuery
 ) -> Sequence[Delivery]:
-    """Up to limit + 1 deliveries that a provider's drones fly, with its missions alone."""
+    """Up to limit + 1 deliveries that a provider's drones fly, with only its own missions."""
     is_flown = exists().where(
         missions.c.delivery_id == deliveries.c.delivery_id,
         missions.c.provider_id == provider_id,

@@ -1,4 +1,4 @@
-"""Where a delivery has been, is and will be, as GeoJSON (RFC 7946)."""
+"""Where a delivery's drones have been, are and will be, as GeoJSON (RFC 7946)."""
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
@@ -15,21 +15,21 @@ from skyway_gateway.deliveries.lifecycle.delivery import Delivery
 
 
 class PointGeometry(JsonModel):
-    """A place."""
+    """A GeoJSON point."""
 
     type: Literal["Point"] = "Point"
     coordinates: Position
 
 
 class LineGeometry(JsonModel):
-    """A way over at least two places."""
+    """A GeoJSON line of at least two positions."""
 
     type: Literal["LineString"] = "LineString"
     coordinates: Annotated[tuple[Position, ...], Field(min_length=2)]
 
 
 class Feature(JsonModel):
-    """A place or a way; `properties.kind` is FLOWN, PLANNED, DRONE or STATION."""
+    """A point or a line; `properties.kind` is FLOWN, PLANNED, DRONE or STATION."""
 
     type: Literal["Feature"] = "Feature"
     geometry: Annotated[PointGeometry | LineGeometry, Field(discriminator="type")]
@@ -44,7 +44,7 @@ class FeatureCollection(JsonModel):
 
 
 def feature_collection(delivery: Delivery, track: Track) -> FeatureCollection:
-    """Each mission's ways and drone, and the stations where something happens, once each."""
+    """Each mission's lines and drone, and each station of its steps once."""
     features = [feature for mission in track.missions for feature in _of_mission(mission)]
     return FeatureCollection(features=(*features, *_stations(delivery, track)))
 
@@ -64,8 +64,8 @@ def _of_mission(mission: TrackedMission) -> Iterator[Feature]:
     began = [step.from_position for step in under_way]
     yield from _way("FLOWN", [*_places(flown), *began, *(here if under_way else [])], about)
     goes_on = [step.to_position for step in under_way]
-    rest = [*(here if under_way else []), *goes_on, *_places(ahead)]
-    yield from _way("PLANNED", rest, {**about, **_times(under_way + ahead)})
+    ahead_places = [*(here if under_way else []), *goes_on, *_places(ahead)]
+    yield from _way("PLANNED", ahead_places, {**about, **_times(under_way + ahead)})
     if mission.position is not None:
         at = mission.position_at and utc_text(mission.position_at)
         properties = {"kind": "DRONE", **about, "soc": mission.soc, "at": at}
@@ -73,12 +73,12 @@ def _of_mission(mission: TrackedMission) -> Iterator[Feature]:
 
 
 def _places(flights: Sequence[TrackedStep]) -> list[Position]:
-    """The places along consecutive flights."""
+    """The positions along consecutive flights."""
     return [place for step in flights for place in (step.from_position, step.to_position)]
 
 
 def _way(kind: str, places: Sequence[Position], about: dict[str, Any]) -> Iterator[Feature]:
-    """A way as one feature; none where the drone only stands."""
+    """A line as one feature; no feature where the drone does not move."""
     distinct = [*places[:1], *(after for before, after in pairwise(places) if after != before)]
     if len(distinct) > 1:
         geometry = LineGeometry(coordinates=tuple(distinct))
@@ -92,7 +92,7 @@ def _times(steps: Sequence[TrackedStep]) -> dict[str, Any]:
 
 
 def _stations(delivery: Delivery, track: Track) -> Iterator[Feature]:
-    """The stations of the missions' steps, with what is done there."""
+    """The stations of the missions' steps, with what happens there."""
     steps: dict[StationId, list[TrackedStep]] = {}
     for mission in track.missions:
         for step in mission.steps:

@@ -22,7 +22,7 @@ from skyway_gateway.deliveries.lifecycle.delivery import (
     Refusal,
 )
 from skyway_gateway.deliveries.lifecycle.proof import Proof
-from skyway_gateway.deliveries.records.stored_delivery import Known, Queued
+from skyway_gateway.deliveries.records.stored_delivery import QueuedDelivery, StoredDelivery
 
 #: The values of a row by the names of their columns.
 Values = dict[str, object]
@@ -32,7 +32,7 @@ _REASONS: Final = TypeAdapter(tuple[ProviderReason, ...])
 _REFUSALS: Final = TypeAdapter(tuple[Refusal, ...])
 
 
-def new_delivery(queued: Queued) -> Values:
+def new_delivery(queued: QueuedDelivery) -> Values:
     """The row of a delivery that was just accepted."""
     delivery = queued.delivery
     return {
@@ -46,7 +46,7 @@ def new_delivery(queued: Queued) -> Values:
         "offer": delivery.offer and delivery.offer.model_dump_json(),
         "traceparent": queued.traceparent,
         "next_try_wall_ms": 0,
-        **changing(queued.known),
+        **changing(queued.stored),
     }
 
 
@@ -55,12 +55,12 @@ def reasons_text(reasons: Sequence[ProviderReason]) -> str:
     return _REASONS.dump_json(tuple(reasons)).decode()
 
 
-def changing(known: Known) -> Values:
+def changing(stored: StoredDelivery) -> Values:
     """The columns of a delivery that change during its life."""
-    delivery = known.delivery
+    delivery = stored.delivery
     return {
-        "version": known.version,
-        "last_sequence": known.last_sequence,
+        "version": stored.version,
+        "last_sequence": stored.last_sequence,
         "state": delivery.state,
         "activity": delivery.activity,
         "is_delayed": delivery.flags.delayed,
@@ -99,15 +99,15 @@ def delivery_of(
     )
 
 
-def known_of(row: AnyRow, delivery: Delivery) -> Known:
-    """The delivery in a row, with its place in time."""
-    return Known(delivery, row.version, row.last_sequence)
+def stored_of(row: AnyRow, delivery: Delivery) -> StoredDelivery:
+    """The delivery in a row, with the row's version."""
+    return StoredDelivery(delivery, row.version, row.last_sequence)
 
 
-def queued_of(row: AnyRow, known: Known) -> Queued:
+def queued_of(row: AnyRow, stored: StoredDelivery) -> QueuedDelivery:
     """The queued delivery in a row."""
-    return Queued(
-        known=known,
+    return QueuedDelivery(
+        stored=stored,
         pickup_position=_POSITION.validate_json(row.pickup_position),
         give_up_at=ms_to_moment(row.give_up_ms),
         traceparent=row.traceparent,
@@ -148,7 +148,7 @@ def package_values(package: PackageStatus) -> Values:
 
 
 def first_custody_row(delivery: Delivery, package: PackageStatus) -> Values:
-    """The first link of a package's chain of custody."""
+    """The first row of a package's chain of custody."""
     return {
         "delivery_id": delivery.delivery_id,
         "package_id": package.package_id,
@@ -187,7 +187,7 @@ def _moment(moment_ms: int | None) -> datetime | None:
 
 
 def mission_row(mission: FlownMission) -> Values:
-    """The row of a mission of which nothing was reported yet."""
+    """The row of a mission that has no reports yet."""
     return {
         "mission_id": mission.mission_id,
         "delivery_id": mission.delivery_id,
@@ -209,7 +209,7 @@ def _mission_values(mission: FlownMission) -> Values:
 
 
 def mission_changes(before: FlownMission, after: FlownMission) -> Values:
-    """The columns in which a mission differs: while its plan holds, its state alone."""
+    """The columns in which a mission differs; only the state, unless it has a new plan."""
     if after.model_copy(update={"state": before.state}) == before:
         return {"state": after.state}
     return _mission_values(after)
@@ -221,7 +221,7 @@ def mission_of(row: AnyRow) -> FlownMission:
 
 
 def reported(report: MissionReport) -> Values:
-    """What a mission's row keeps of a report: its place, times up to a hand-over, its end."""
+    """What a mission's row stores of a report: its number, the times flown, the mission's end."""
     flown = report.data.get("flown", {}) if report.kind == "DELIVERED" else {}
     names = ("flight_s", "waiting_s", "recharging_s")
     ended = {"ended_ms": moment_to_ms(report.at)} if report.kind == "ENDED" else {}

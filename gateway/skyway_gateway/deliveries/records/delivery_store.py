@@ -1,6 +1,6 @@
-"""The SQL by which deliveries are found with all their parts, and marked without being saved.
+"""The SQL that finds deliveries with their packages and missions, and sets single columns.
 
-How they are saved is in `saving`, their queue in `queueing`, what customers read in `reading`.
+`saving_store` holds the SQL that adds and changes whole deliveries.
 """
 
 from collections import defaultdict
@@ -24,25 +24,25 @@ from skyway_gateway.deliveries.lifecycle.delivery import Delivery, FlownMission,
 from skyway_gateway.deliveries.lifecycle.states import SETTLED_PACKAGE_STATES, UNDER_WAY_STATES
 from skyway_gateway.deliveries.records.delivery_rows import (
     delivery_of,
-    known_of,
     mission_of,
     package_of,
     reasons_text,
+    stored_of,
 )
-from skyway_gateway.deliveries.records.stored_delivery import Known
+from skyway_gateway.deliveries.records.stored_delivery import StoredDelivery
 from skyway_gateway.tables import deliveries, missions, packages
 
-# Statements of every delivery are made once: to make one takes as long as to run it.
+# Statements that every delivery runs are built once: building one takes as long as running it.
 
 _LOCKED: Final = (
     select(deliveries).where(deliveries.c.delivery_id == bindparam("this")).with_for_update()
 )
-#: What is written besides `saving` and shows in a delivery makes a version of its own.
+#: Each visible change of a delivery that `saving_store` does not write counts as a version.
 NEXT_VERSION: Final = {"version": deliveries.c.version + 1}
 _PACKAGES: Final = (
     select(packages).where(among(packages.c.delivery_id, "ids")).order_by(packages.c.number)
 )
-#: A refused mission was never flown, and is told in `refusals`.
+#: Refused missions were never flown; `refusals` lists them.
 _MISSIONS: Final = (
     select(missions.c.delivery_id, missions.c.state, missions.c.body)
     .where(among(missions.c.delivery_id, "ids"), missions.c.state != "REFUSED")
@@ -51,8 +51,8 @@ _MISSIONS: Final = (
 _REPORTED: Final = select(missions.c.report_seq).where(missions.c.mission_id == bindparam("this"))
 
 
-async def lock(tx: Tx, delivery_id: DeliveryId) -> Known:
-    """A delivery that nobody else changes until this transaction ends.
+async def lock(tx: Tx, delivery_id: DeliveryId) -> StoredDelivery:
+    """A delivery, locked: no other transaction changes it until this one ends.
 
     Raises
     ------
@@ -63,7 +63,7 @@ async def lock(tx: Tx, delivery_id: DeliveryId) -> Known:
     if not found:
         raise NotFound("delivery", delivery_id)
     [delivery] = await with_parts(tx.connection, found)
-    return known_of(found[0], delivery)
+    return stored_of(found[0], delivery)
 
 
 async def one_of(connection: AsyncConnection, caller: Caller, delivery_id: DeliveryId) -> Delivery:
@@ -85,7 +85,7 @@ async def one_of(connection: AsyncConnection, caller: Caller, delivery_id: Deliv
 
 
 async def last_report(tx: Tx, mission_id: MissionId) -> int | None:
-    """The number of a mission's last report; None for a mission that is not known yet."""
+    """The number of a mission's last report; None for a mission that is not stored yet."""
     found: int | None = (await tx.execute(_REPORTED, {"this": mission_id})).scalar()
     return found
 
@@ -99,7 +99,7 @@ async def with_parts(connection: AsyncConnection, found: Sequence[AnyRow]) -> Se
     for row in await connection.execute(_PACKAGES, {"ids": ids}):
         packed[row.delivery_id].append(package_of(row))
     flown: dict[str, list[FlownMission]] = defaultdict(list)
-    # Most that is booked or cancelled early was never booked before: there is nothing to look for.
+    # A delivery that was never booked has no missions to look for.
     booked = [row.delivery_id for row in found if row.state != "REQUESTED" or row.attempt > 1]
     for row in await connection.execute(_MISSIONS, {"ids": booked}) if booked else ():
         flown[row.delivery_id].append(mission_of(row))
@@ -107,14 +107,14 @@ async def with_parts(connection: AsyncConnection, found: Sequence[AnyRow]) -> Se
 
 
 async def note_reasons(tx: Tx, delivery_id: DeliveryId, reasons: Sequence[ProviderReason]) -> None:
-    """Keep why the packages that wait are about to be given up."""
+    """Store the reasons for giving up the packages that wait, before they are given up."""
     values = {"reasons": reasons_text(reasons), **NEXT_VERSION}
     this = and_(deliveries.c.delivery_id == delivery_id, deliveries.c.is_queued)
     await tx.execute(update(deliveries).where(this).values(values))
 
 
 async def note_cancelling(tx: Tx, delivery_id: DeliveryId, *, reason: str) -> None:
-    """Keep that all of a delivery that still can be stopped is to be."""
+    """Store that the whole delivery is to be cancelled, before anything is stopped."""
     values = {"cancel_reason": reason, **NEXT_VERSION}
     this = deliveries.c.delivery_id == delivery_id
     await tx.execute(update(deliveries).where(this).values(values))
@@ -123,7 +123,7 @@ async def note_cancelling(tx: Tx, delivery_id: DeliveryId, *, reason: str) -> No
 async def overdue(
     connection: AsyncConnection, *, before: datetime, limit: int
 ) -> Sequence[DeliveryId]:
-    """Deliveries not known to be late, of which a package should have come before this moment."""
+    """Deliveries without the delayed flag that have a package with an ETA before this moment."""
     is_overdue = exists().where(
         packages.c.delivery_id == deliveries.c.delivery_id,
         packages.c.eta_ms < moment_to_ms(before),

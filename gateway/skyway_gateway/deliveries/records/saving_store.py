@@ -1,6 +1,6 @@
-"""The SQL by which deliveries are added and changed, with their packages, custody and missions.
+"""The SQL that adds and changes deliveries with their packages, custody and missions.
 
-Any, for columns: they are of every type.
+Columns are typed as Any, since they have every type.
 """
 
 from collections.abc import Mapping, Sequence
@@ -40,13 +40,17 @@ from skyway_gateway.deliveries.records.delivery_rows import (
     package_values,
     reported,
 )
-from skyway_gateway.deliveries.records.stored_delivery import Known, Outdated, Queued
+from skyway_gateway.deliveries.records.stored_delivery import (
+    Outdated,
+    QueuedDelivery,
+    StoredDelivery,
+)
 from skyway_gateway.tables import custody, deliveries, missions, packages
 
-# Statements of every delivery are made once: to make one takes as long as to run it.
+# Statements that every delivery runs are built once: building one takes as long as running it.
 
 _THIS: Final = deliveries.c.delivery_id == bindparam("this")
-#: What is told by the next report of a mission, or by none.
+#: True when the change comes from the next report of a mission, or from no report.
 _IS_NEXT: Final = or_(
     bindparam("reported", type_=Text).is_(None),
     exists().where(
@@ -58,10 +62,10 @@ _IS_NEXT: Final = or_(
 
 @cache
 def _saving(columns: tuple[str, ...]) -> ReturningUpdate[str]:
-    """How these columns of a delivery are written, unless it was written since it was read.
+    """The statement that writes these columns, unless the delivery was written after it was read.
 
-    A report's place is looked for before the row is locked. That will do: who takes a report
-    writes the delivery's row, too.
+    It checks the report's number before it locks the row. That is safe, because each applied report
+    also writes the delivery's row.
     """
     return (
         update(deliveries)
@@ -72,7 +76,7 @@ def _saving(columns: tuple[str, ...]) -> ReturningUpdate[str]:
 
 
 def _links_of(moved: FromClause) -> Select[*tuple[Any, ...]]:
-    """The next link of each moved package's chain: whose it is now, under the number in its row."""
+    """The next custody row of each moved package: its new custodian and the new number."""
     return select(
         moved.c.delivery_id,
         moved.c.package_id,
@@ -89,8 +93,8 @@ def _links_of(moved: FromClause) -> Select[*tuple[Any, ...]]:
 _HAND_OVER: Final = Consequence(custody, packages, _links_of)
 
 
-def add(tx: Tx, queued: Queued, *, claim: Mapping[str, object]) -> None:
-    """Keep a new delivery: from now on it is in the queue, and its packages are in custody."""
+def add(tx: Tx, queued: QueuedDelivery, *, claim: Mapping[str, object]) -> None:
+    """Add a new delivery: it is queued for booking, and the pickup has custody of its packages."""
     delivery = queued.delivery
     tx.add(deliveries, [{**new_delivery(queued), **claim}])
     tx.add(packages, new_packages(delivery))
@@ -99,24 +103,24 @@ def add(tx: Tx, queued: Queued, *, claim: Mapping[str, object]) -> None:
 
 def save(
     tx: Tx,
-    before: Known,
-    after: Known,
+    before: StoredDelivery,
+    after: StoredDelivery,
     *,
     report: MissionReport | None,
     give_up_at: datetime | None,
 ) -> None:
-    """Write what changed of a delivery, by the next report of a mission or by something else.
+    """Write what changed between two versions of a delivery.
 
-    All of it is written with the delivery's row, or nothing, and the block ends with Outdated: it
-    was written since it was `before`, or the report is not the mission's next. The row comes
-    first, as with `lock`, so that nobody waits in a circle.
+    Either everything is written, or nothing, and the transaction block ends with Outdated: somebody
+    wrote the delivery after `before` was read, or the report is not the mission's next one. The
+    delivery's row is written first, as `lock` does, so that transactions cannot deadlock.
     """
     old, new = before.delivery, after.delivery
     if not may_follow(new.state, old.state):
         raise RuntimeError(f"a delivery never goes from {old.state} to {new.state}")
     values = changing(after)
     if (old.attempt, old.is_queued) != (new.attempt, new.is_queued):
-        # What is to be booked is another thing now, to be looked at at once.
+        # What has to be booked has changed: look at it immediately.
         values |= {"next_try_wall_ms": 0, **FREE}
     if give_up_at is not None:
         values["give_up_ms"] = moment_to_ms(give_up_at)
@@ -158,17 +162,17 @@ def _save_missions(
     after: Sequence[FlownMission],
     report: MissionReport | None,
 ) -> None:
-    known = {mission.mission_id: mission for mission in before}
-    new = [mission for mission in after if mission.mission_id not in known]
+    stored = {mission.mission_id: mission for mission in before}
+    new = [mission for mission in after if mission.mission_id not in stored]
     tx.add(missions, [mission_row(mission) for mission in new])
     changed = {
-        mission.mission_id: mission_changes(known[mission.mission_id], mission)
+        mission.mission_id: mission_changes(stored[mission.mission_id], mission)
         for mission in after
-        if mission != known.get(mission.mission_id, mission)
+        if mission != stored.get(mission.mission_id, mission)
     }
     if report is not None:
-        told = changed.get(report.mission_id, {})
-        changed[report.mission_id] = {**told, **reported(report)}
+        values = changed.get(report.mission_id, {})
+        changed[report.mission_id] = {**values, **reported(report)}
     for mission_id, values in changed.items():
         this = {"mission_id": mission_id}
         tx.change(missions, this, [{**this, **values}], key="mission_id")

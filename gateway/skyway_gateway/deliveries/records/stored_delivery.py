@@ -1,7 +1,7 @@
-"""Deliveries as this process last wrote them, so that its next step need not read them first.
+"""Deliveries as the database holds them, and a cache of those that this process wrote last.
 
-None of it is believed: whoever writes from it names its version, and where somebody has written
-since, here or in another replica, nothing is written.
+The cache saves the next step a read. It cannot do harm when it is out of date: each write names the
+version that it starts from, and a row with another version is not written.
 """
 
 from collections import OrderedDict
@@ -14,68 +14,70 @@ from skyway.geo import Position
 from skyway.ids import DeliveryId
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery
 
-#: The youngest of them, some seconds of a busy gateway's: most are booked and dispatched by then.
-_MOST_KNOWN: Final = 500
+#: How many are cached. A busy gateway accepts as many in some seconds; most are dispatched by then.
+_MOST_CACHED: Final = 500
 
 
 class Outdated(Exception):
-    """A delivery was written since it was read; it is to be read anew, under a lock."""
+    """Somebody wrote the delivery after it was read: read it again, under a lock."""
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
-    """A delivery as it was when its row had this version, and had told so many events.
+class StoredDelivery:
+    """A delivery, the version of its row, and the number of its events so far.
 
-    Its moments may be more exact than the milliseconds in which they are kept.
+    A cached delivery may hold moments that are more exact than the stored milliseconds.
     """
 
     delivery: Delivery
     version: int
     last_sequence: int
 
-    def then(self, delivery: Delivery, *, new_events: int) -> "Known":
-        """What is known once this delivery has been written in its place."""
-        return Known(delivery, self.version + 1, self.last_sequence + new_events)
+    def then(self, delivery: Delivery, *, new_events: int) -> "StoredDelivery":
+        """The next version, which holds this delivery."""
+        return StoredDelivery(delivery, self.version + 1, self.last_sequence + new_events)
 
 
-class KnownDeliveries:
-    """Remembers the youngest; what it has forgotten is read again."""
+class DeliveryCache:
+    """Holds the deliveries that were written last; all others are read from the database."""
 
     def __init__(self) -> None:
-        self._known: OrderedDict[DeliveryId, Known] = OrderedDict()
+        self._cached: OrderedDict[DeliveryId, StoredDelivery] = OrderedDict()
 
-    def take(self, delivery_id: DeliveryId) -> Known | None:
-        """A delivery as it was once, to write from; None when it is not remembered.
+    def pop(self, delivery_id: DeliveryId) -> StoredDelivery | None:
+        """Remove a delivery from the cache, to write its next version; None when it is not cached.
 
-        It is forgotten until it has been written: whatever goes wrong, it is read the next time.
+        `remember` puts it back after the commit. If the write fails, the next step reads it.
         """
-        return self._known.pop(delivery_id, None)
+        return self._cached.pop(delivery_id, None)
 
-    def among(self, wanted: Iterable[tuple[DeliveryId, int]]) -> dict[DeliveryId, Known]:
-        """Those of these deliveries that are remembered just in this version."""
-        pairs = ((self._known.get(delivery_id), version) for delivery_id, version in wanted)
+    def matching(
+        self, versions: Iterable[tuple[DeliveryId, int]]
+    ) -> dict[DeliveryId, StoredDelivery]:
+        """The cached deliveries among these that have exactly the given version."""
+        pairs = ((self._cached.get(delivery_id), version) for delivery_id, version in versions)
         return {
-            known.delivery.delivery_id: known
-            for known, version in pairs
-            if known is not None and known.version == version
+            stored.delivery.delivery_id: stored
+            for stored, version in pairs
+            if stored is not None and stored.version == version
         }
 
-    def note(self, known: Known) -> None:
-        """Remember what was just committed."""
-        delivery = known.delivery
-        before = self._known.pop(delivery.delivery_id, known)
+    def remember(self, stored: StoredDelivery) -> None:
+        """Cache what was just committed."""
+        delivery = stored.delivery
+        before = self._cached.pop(delivery.delivery_id, stored)
         if any(mission.state == "REFUSED" for mission in delivery.missions):
-            return  # who reads it again reads it without that mission
-        self._known[delivery.delivery_id] = max(before, known, key=lambda one: one.version)
-        if len(self._known) > _MOST_KNOWN:
-            self._known.popitem(last=False)
+            return  # the database answers without the refused mission
+        self._cached[delivery.delivery_id] = max(before, stored, key=lambda one: one.version)
+        if len(self._cached) > _MOST_CACHED:
+            self._cached.popitem(last=False)
 
 
 @dataclass(frozen=True, slots=True)
-class Queued:
-    """A delivery with packages that wait, and what booking needs beside it."""
+class QueuedDelivery:
+    """A delivery with packages that wait for a mission, and what else booking needs."""
 
-    known: Known
+    stored: StoredDelivery
     pickup_position: Position
     give_up_at: datetime
     traceparent: str | None
@@ -83,4 +85,4 @@ class Queued:
     @property
     def delivery(self) -> Delivery:
         """The delivery, as it was when it was claimed."""
-        return self.known.delivery
+        return self.stored.delivery

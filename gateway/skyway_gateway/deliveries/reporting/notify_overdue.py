@@ -1,4 +1,4 @@
-"""The watch over deliveries of which nothing is heard: late is told although nobody reports it."""
+"""Notifies customers of late deliveries even when no mission report says so."""
 
 from dataclasses import dataclass
 from datetime import timedelta
@@ -17,21 +17,21 @@ _BATCH: Final = 100
 
 
 @dataclass(frozen=True, slots=True)
-class OverdueWatch:
-    """Tells `delivery.delayed` once an ETA has passed without a hand-over."""
+class OverdueNotifier:
+    """Records `delivery.delayed` when an ETA has passed without a hand-over."""
 
     db: Database
     writer: DeliveryWriter
     clock: FleetClock
 
     async def step(self) -> bool:
-        """Step of a loop: look at what is overdue; True when there may be more."""
+        """One step of the loop: look at overdue deliveries; True when there may be more."""
         before = self.clock.now() - timedelta(seconds=TOLERANCE_S)
         async with self.db.read() as connection:
             found = await delivery_store.overdue(connection, before=before, limit=_BATCH)
         for delivery_id in found:
-            await self.writer.write(delivery_id, change=self._told_late)
+            await self.writer.write(delivery_id, change=self._marked_late)
         return len(found) == _BATCH
 
-    def _told_late(self, delivery: Delivery) -> Progress:
+    def _marked_late(self, delivery: Delivery) -> Progress:
         return Progress(*when_overdue(delivery, at=self.clock.now()))

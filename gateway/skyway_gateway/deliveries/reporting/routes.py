@@ -13,10 +13,10 @@ from skyway.contracts.mission_reports import (
 from skyway.runtime.http.app import internal_body
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.service_router import ServiceRouter
-from skyway_gateway.deliveries.reporting.apply_reports import Follower
+from skyway_gateway.deliveries.reporting.apply_reports import ReportApplier
 
 
-def report_routes(*, gate: ServiceGate, follower: Follower) -> ServiceRouter:
+def report_routes(*, gate: ServiceGate, applier: ReportApplier) -> ServiceRouter:
     """POST /internal/mission-reports and /internal/mission-reports/many."""
     router = ServiceRouter(tags=("internal",))
 
@@ -27,7 +27,7 @@ def report_routes(*, gate: ServiceGate, follower: Follower) -> ServiceRouter:
     ) -> Response:
         """Take one report of a mission; 409 NOT_YET asks for it again later."""
         caller.must_be("service")
-        await follower.follow(report)
+        await applier.apply(report)
         return Response(status_code=204)
 
     @router.post(MANY_MISSION_REPORTS, status_code=204)
@@ -37,7 +37,7 @@ def report_routes(*, gate: ServiceGate, follower: Follower) -> ServiceRouter:
     ) -> Response:
         """Take reports of several missions; the first that is refused refuses those after it."""
         caller.must_be("service")
-        await follower.follow_all(reports.reports)
+        await applier.apply_all(reports.reports)
         return Response(status_code=204)
 
     return router

@@ -1,4 +1,4 @@
-"""One signed POST to a customer's webhook, to an address that was judged first."""
+"""Posts one signed notification to a customer's webhook, at an address that was checked first."""
 
 import asyncio
 import ssl
@@ -17,27 +17,27 @@ from skyway_gateway.notifications.webhooks.targets import IpAddress, Target, Tar
 _TIMEOUT_S: Final = 10.0
 _CONNECT_S: Final = 5.0
 _USER_AGENT: Final = "Skyway-Webhooks/1"
-#: What a customer is shown of why a try failed.
+#: The longest reason of a failed attempt that is shown to the customer, characters.
 _LONGEST_DETAIL: Final = 300
 
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """How a receiver answered; without `status` it did not."""
+    """How a receiver answered; `status` is None when it did not answer."""
 
     status: int | None
     detail: str | None
 
     @property
     def is_success(self) -> bool:
-        """Whether the receiver has it: any 2xx."""
+        """Whether the receiver has accepted the notification: any 2xx status."""
         return (
             self.status is not None and HTTPStatus.OK <= self.status < HTTPStatus.MULTIPLE_CHOICES
         )
 
     @property
     def is_gone(self) -> bool:
-        """Whether the receiver wants to hear no more."""
+        """Whether the receiver wants no more notifications: status 410."""
         return self.status == HTTPStatus.GONE
 
 
@@ -50,8 +50,8 @@ class WebhookPost:
 
     async def __aenter__(self) -> Self:
         """Open the client; nothing is connected yet."""
-        # Connections are not kept: one that was opened for a name must not serve another name
-        # at the same address. No proxy of the environment either: it would resolve by itself.
+        # No kept connections: a connection that was opened for one host name must not serve
+        # another name at the same address. No proxy: a proxy would resolve names by itself.
         self._opened = httpx.AsyncClient(
             verify=_trusted_roots(),
             timeout=httpx.Timeout(_TIMEOUT_S, connect=_CONNECT_S),
@@ -91,7 +91,7 @@ class WebhookPost:
             return Reply(None, f"{type(error).__name__}: {error}"[:_LONGEST_DETAIL])
 
     async def _send(self, target: Target, headers: dict[str, str], body: bytes) -> Reply:
-        """Try one address after another, until one can be connected to."""
+        """Try one address after another until a connection succeeds."""
         *others, last = target.addresses
         for address in others:
             try:
@@ -113,7 +113,7 @@ class WebhookPost:
                 "content-type": "application/json",
                 "user-agent": _USER_AGENT,
             },
-            # The certificate must be the name's, not the address's.
+            # The certificate must match the host name, not the address.
             extensions={"sni_hostname": target.url.raw_host.decode("ascii")},
         )
         response = await self._client.send(request, stream=True)
@@ -124,5 +124,5 @@ class WebhookPost:
 
 @cache
 def _trusted_roots() -> ssl.SSLContext:
-    """Whose certificates are believed; read from disk once."""
+    """The trusted certificate authorities, read from disk once."""
     return httpx.create_ssl_context(trust_env=False)

@@ -1,4 +1,4 @@
-"""Telling a webhook again what it has missed: queued here, sent by the sender as ever."""
+"""Queues past events again for a webhook; the sender sends them like new ones."""
 
 from skyway.errors import InvalidInput
 from skyway.ids import SubjectId, WebhookId
@@ -16,7 +16,7 @@ async def replay(
     db: Database,
     caller: Caller,
     webhook_id: WebhookId,
-    wanted: ReplayRequest,
+    requested: ReplayRequest,
     *,
     clock: FleetClock,
     wake: Wake,
@@ -28,7 +28,7 @@ async def replay(
     NotFound
         The webhook, the delivery or one of the events is not the caller's.
     Conflict
-        WEBHOOK_DISABLED: nothing is sent there until it is made active again.
+        WEBHOOK_DISABLED: nothing is sent to a disabled webhook.
     InvalidInput
         The span holds more events than one call may queue.
     """
@@ -37,12 +37,15 @@ async def replay(
         webhook = await webhook_store.webhook_of(tx.connection, caller, webhook_id)
         if webhook.state != "ACTIVE":
             raise Conflict("WEBHOOK_DISABLED", f"webhook {webhook_id} is disabled")
-        await _refuse_foreign(tx, wanted, customer_id)
-        which = replay_store.wanted_events(
-            wanted, customer_id=customer_id, event_types=webhook.event_types
+        await _refuse_foreign(tx, requested, customer_id)
+        which = replay_store.requested_events(
+            requested, customer_id=customer_id, event_types=webhook.event_types
         )
-        if await replay_store.count_wanted(tx.connection, which, at_most=MOST_EVENTS) > MOST_EVENTS:
-            detail = f"more than {MOST_EVENTS} events at once: shorten the span"
+        if (
+            await replay_store.count_requested(tx.connection, which, at_most=MOST_EVENTS)
+            > MOST_EVENTS
+        ):
+            detail = f"more than {MOST_EVENTS} events in one call: shorten the span"
             raise InvalidInput("from", detail)
         queued = await replay_store.queue_again(tx, webhook_id, which, at=clock.wall_now())
         tx.after_commit(wake.set)
@@ -50,16 +53,16 @@ async def replay(
     return Replay(queued=queued)
 
 
-async def _refuse_foreign(tx: Tx, wanted: ReplayRequest, customer_id: SubjectId) -> None:
-    """What is not the customer's looks like not there."""
-    if wanted.event_ids is not None:
-        known = await replay_store.known_events(
-            tx.connection, wanted.event_ids, customer_id=customer_id
+async def _refuse_foreign(tx: Tx, requested: ReplayRequest, customer_id: SubjectId) -> None:
+    """Answer 404 for events and deliveries of other customers."""
+    if requested.event_ids is not None:
+        own = await replay_store.own_events(
+            tx.connection, requested.event_ids, customer_id=customer_id
         )
-        for event_id in wanted.event_ids:
-            if event_id not in known:
+        for event_id in requested.event_ids:
+            if event_id not in own:
                 raise NotFound("event", event_id)
-    if wanted.delivery_id is not None and not await replay_store.has_delivery(
-        tx.connection, wanted.delivery_id, customer_id=customer_id
+    if requested.delivery_id is not None and not await replay_store.has_delivery(
+        tx.connection, requested.delivery_id, customer_id=customer_id
     ):
-        raise NotFound("delivery", wanted.delivery_id)
+        raise NotFound("delivery", requested.delivery_id)

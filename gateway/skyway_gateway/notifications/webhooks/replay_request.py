@@ -1,4 +1,4 @@
-"""Which events a customer wants to be told again."""
+"""Which past events a customer wants again."""
 
 from typing import Annotated, Final, Self
 
@@ -8,15 +8,15 @@ from skyway.contracts.message import WallMoment
 from skyway.ids import DeliveryId, EventId
 from skyway.json_model import JsonModel
 
-#: The most events that are named one by one, and the most that one call queues.
+#: The most events that a call may name by id, and the most that it queues.
 _MOST_NAMED: Final = 100
 MOST_EVENTS: Final = 10_000
 
 
 class ReplayRequest(JsonModel):
-    """These events, all of one delivery, or all that were recorded in [from, to).
+    """The named events, all events of a delivery, or all that were recorded in [from, to).
 
-    Of a delivery or a span only the types are told that the webhook wants.
+    For a delivery or a span, only event types that the webhook subscribes to are sent.
     """
 
     event_ids: (
@@ -37,6 +37,6 @@ class ReplayRequest(JsonModel):
 
 
 class Replay(JsonModel):
-    """How many events are on their way again; those that still were are not counted."""
+    """How many events were queued again; events that were still pending are not counted."""
 
     queued: Annotated[int, Field(ge=0)]

@@ -1,4 +1,4 @@
-"""All SQL of replays: events become due again at one webhook."""
+"""The SQL of replays: events become due again at one webhook."""
 
 from collections.abc import Sequence
 from datetime import datetime
@@ -16,10 +16,10 @@ from skyway_gateway.notifications.webhooks.replay_request import ReplayRequest
 from skyway_gateway.tables import deliveries, events, notifications
 
 
-async def known_events(
+async def own_events(
     connection: AsyncConnection, event_ids: Sequence[EventId], *, customer_id: SubjectId
 ) -> frozenset[EventId]:
-    """Those of these events that are a customer's own."""
+    """The events among these that belong to a customer."""
     statement = (
         select(events.c.event_id)
         .join(deliveries, deliveries.c.delivery_id == events.c.delivery_id)
@@ -31,48 +31,50 @@ async def known_events(
 async def has_delivery(
     connection: AsyncConnection, delivery_id: DeliveryId, *, customer_id: SubjectId
 ) -> bool:
-    """Whether a delivery is a customer's own."""
+    """Whether a delivery belongs to a customer."""
     statement = select(deliveries.c.delivery_id).where(
         deliveries.c.delivery_id == delivery_id, deliveries.c.customer_id == customer_id
     )
     return (await connection.execute(statement)).first() is not None
 
 
-async def count_wanted(
-    connection: AsyncConnection, wanted: ColumnElement[bool], *, at_most: int
+async def count_requested(
+    connection: AsyncConnection, requested: ColumnElement[bool], *, at_most: int
 ) -> int:
-    """How many events are wanted, counted no further than one past the limit."""
-    found = _with_customer(select(literal(1))).where(wanted).limit(at_most + 1).subquery()
+    """How many events are requested; the count stops at one more than the limit."""
+    found = _with_customer(select(literal(1))).where(requested).limit(at_most + 1).subquery()
     statement = select(func.count()).select_from(found)
     return int((await connection.execute(statement)).scalar_one())
 
 
-def wanted_events(
-    wanted: ReplayRequest,
+def requested_events(
+    requested: ReplayRequest,
     *,
     customer_id: SubjectId,
     event_types: Sequence[DeliveryEventType] | None,
 ) -> ColumnElement[bool]:
-    """Whether an event is the customer's, and among those to be told again."""
+    """Whether an event belongs to the customer and is requested."""
     owned = deliveries.c.customer_id == customer_id
-    if wanted.event_ids is not None:
-        return owned & events.c.event_id.in_(wanted.event_ids)
-    is_heard = true() if event_types is None else events.c.type.in_(event_types)
-    if wanted.delivery_id is not None:
-        return owned & is_heard & (events.c.delivery_id == wanted.delivery_id)
+    if requested.event_ids is not None:
+        return owned & events.c.event_id.in_(requested.event_ids)
+    is_subscribed = true() if event_types is None else events.c.type.in_(event_types)
+    if requested.delivery_id is not None:
+        return owned & is_subscribed & (events.c.delivery_id == requested.delivery_id)
     recorded = events.c.recorded_wall_ms
-    is_in_span = true() if wanted.from_at is None else recorded >= moment_to_ms(wanted.from_at)
-    if wanted.to_at is not None:
-        is_in_span &= recorded < moment_to_ms(wanted.to_at)
-    return owned & is_heard & is_in_span
+    is_in_span = (
+        true() if requested.from_at is None else recorded >= moment_to_ms(requested.from_at)
+    )
+    if requested.to_at is not None:
+        is_in_span &= recorded < moment_to_ms(requested.to_at)
+    return owned & is_subscribed & is_in_span
 
 
 async def queue_again(
-    tx: Tx, webhook_id: WebhookId, wanted: ColumnElement[bool], *, at: datetime
+    tx: Tx, webhook_id: WebhookId, requested: ColumnElement[bool], *, at: datetime
 ) -> int:
-    """Make the wanted events due at a webhook, from the first try on; how many.
+    """Make the requested events due at a webhook with a new first attempt; how many.
 
-    An event that is still on its way there is left to it.
+    An event that is still pending there stays as it is.
     """
     due = {
         "state": "PENDING",
@@ -90,7 +92,7 @@ async def queue_again(
             events.c.sequence,
             *(literal(value, notifications.c[name].type) for name, value in due.items()),
         )
-    ).where(wanted)
+    ).where(requested)
     statement = tx.insert(notifications).from_select(columns, chosen)
     again = statement.on_conflict_do_update(
         index_elements=[notifications.c.webhook_id, notifications.c.event_id],

@@ -1,7 +1,8 @@
-"""Notifies webhooks: at least once, signed, in each delivery's order, or visibly given up.
+"""Notifies webhooks: signed, at least once, in the order of each delivery's events.
 
-Each endpoint is served by a task of its own, so that one that hangs delays nobody else. A
-notification keeps its id through all tries; later ones of the same delivery wait for it.
+Each endpoint has its own task, so that a slow endpoint delays no other. A notification keeps its id
+in all attempts; later notifications of the same delivery wait for it. After the last attempt the
+notification is given up, and the customer can see that.
 """
 
 import asyncio
@@ -32,17 +33,18 @@ from skyway_gateway.notifications.webhooks.webhook_store import disable_webhook
 
 log = logging.getLogger(__name__)
 
-#: Notifications under way at once: at one endpoint, each of another delivery; and endpoints.
+#: Notifications that are sent at the same time to one endpoint, each of another delivery, and
+#: endpoints that are served at the same time.
 _AT_ONE_ENDPOINT: Final = 4
 _ENDPOINTS: Final = 256
 
-#: Longest look away from the table, seconds: another replica may have written to it.
-_LONGEST_REST_S: Final = 1.0
+#: Longest pause between two looks at the table, seconds: other replicas write to it, too.
+_LONGEST_PAUSE_S: Final = 1.0
 
 
 @dataclass(frozen=True, slots=True)
 class _Sent:
-    """One try: when, for how long, and the reply."""
+    """One attempt: when it began, how long it took, and the reply."""
 
     at: datetime
     duration_ms: int
@@ -62,13 +64,13 @@ class WebhookSender:
     _served: set[WebhookId] = field(default_factory=set)
 
     async def run(self) -> Never:
-        """Notify for ever."""
+        """Notify until the process ends."""
         if self.db.dialect == "sqlite":
             async with self.db.write() as tx:
                 await sending_store.free_claims(tx)
         async with asyncio.TaskGroup() as group:
             await repeat(
-                "webhooks", lambda: self._step(group), every_s=_LONGEST_REST_S, wake=self.wake
+                "webhooks", lambda: self._step(group), every_s=_LONGEST_PAUSE_S, wake=self.wake
             )
 
     async def _step(self, group: asyncio.TaskGroup) -> bool:
@@ -81,7 +83,7 @@ class WebhookSender:
         return False
 
     async def _serve(self, endpoint: Endpoint) -> None:
-        """The outermost frame of one endpoint's task: its failure must not end the others'."""
+        """The task of one endpoint: its failure must not end the tasks of others."""
         try:
             await self.notify(endpoint)
         except Exception:
@@ -92,7 +94,7 @@ class WebhookSender:
             self.wake.set()
 
     async def notify(self, endpoint: Endpoint) -> int:
-        """Try what is due at one endpoint now; how many."""
+        """Send what is due at one endpoint now; how many notifications that were."""
         due = await sending_store.claim_due(
             self.db,
             endpoint.webhook_id,
@@ -106,7 +108,7 @@ class WebhookSender:
         return len(due)
 
     async def send_trial(self, endpoint: Endpoint) -> WebhookAttempt:
-        """Send a test event once, whatever else is due, and keep how it went."""
+        """Send a test event once, before anything that is due, and store the attempt."""
         event = TrialEvent(
             event_id=EventId(self.mint("evt")),
             webhook_id=endpoint.webhook_id,
@@ -129,7 +131,7 @@ class WebhookSender:
         attempt = self._attempt(notification, sent, wait_s=self._wait_s(notification, sent.reply))
         count("skyway_webhook_attempts", "tries to notify", outcome=attempt.outcome)
         async with self.db.write() as tx:
-            # Deleted meanwhile, or another replica was faster: then there is nothing to note.
+            # Nothing to note if the webhook was deleted meanwhile or another replica was faster.
             if not await sending_store.settle(
                 tx, endpoint.webhook_id, notification.event_id, attempt=attempt
             ):
@@ -150,7 +152,7 @@ class WebhookSender:
         return _Sent(at, round((loop.time() - started_s) * 1000), reply)
 
     def _wait_s(self, notification: Notification, reply: Reply) -> float | None:
-        """Seconds from a try to the next one; None when there is none."""
+        """Seconds from this attempt to the next one; None when there is none."""
         if reply.is_success or reply.is_gone:
             return None
         return pause_s(notification.attempts + 1, self.chance)

@@ -1,4 +1,4 @@
-"""The SQL of what is due at webhooks, and of each try to tell it."""
+"""The SQL of notifications that are due at webhooks, and of each attempt to send them."""
 
 from collections.abc import Sequence
 from datetime import datetime
@@ -17,12 +17,12 @@ from skyway.units import moment_to_ms, ms_to_moment
 from skyway_gateway.notifications.webhooks.webhook import Endpoint, Notification, WebhookAttempt
 from skyway_gateway.tables import events, notifications, webhook_attempts, webhooks
 
-#: Longer than a try may take, seconds of wall time.
+#: How long a claim holds: longer than an attempt may take, seconds of wall time.
 _LEASE_S: Final = 20.0
 
 
 async def due_endpoints(connection: AsyncConnection, *, at: datetime) -> Sequence[Endpoint]:
-    """The webhooks that have something to be told now."""
+    """The webhooks with a notification that is due now."""
     is_due = exists().where(
         notifications.c.webhook_id == webhooks.c.webhook_id,
         _is_due(at),
@@ -42,7 +42,7 @@ async def claim_due(
     claimant: str,
     clock: FleetClock,
 ) -> Sequence[Notification]:
-    """Notifications that are due at a webhook, each of another delivery, now held by us."""
+    """Claim notifications that are due at a webhook, each of another delivery."""
     rows = await claim(
         db,
         notifications,
@@ -55,14 +55,14 @@ async def claim_due(
     )
     if not rows:
         return []
-    by_id = select(events).where(events.c.event_id.in_([row.event_id for row in rows]))
+    statement = select(events).where(events.c.event_id.in_([row.event_id for row in rows]))
     async with db.read() as connection:
-        told = {event.event_id: event for event in await connection.execute(by_id)}
-    return [_notification(row, told[row.event_id]) for row in rows]
+        by_event_id = {event.event_id: event for event in await connection.execute(statement)}
+    return [_notification(row, by_event_id[row.event_id]) for row in rows]
 
 
 async def free_claims(tx: Tx) -> None:
-    """Let go of all that somebody held: on SQLite whoever claimed before us is dead."""
+    """Free all claims. Only for SQLite, where all earlier claimants are dead at the start."""
     await tx.execute(update(notifications).where(notifications.c.state == "PENDING").values(FREE))
 
 
@@ -73,7 +73,7 @@ async def settle(
     *,
     attempt: WebhookAttempt,
 ) -> bool:
-    """Note how a try went; False when the notification is no more."""
+    """Write how an attempt went; False when the notification is no longer pending."""
     state = {"DELIVERED": "DELIVERED", "FAILED": "PENDING", "GIVEN_UP": "GIVEN_UP"}
     values = {
         "state": state[attempt.outcome],
@@ -91,7 +91,7 @@ async def settle(
 
 
 async def add_attempt(tx: Tx, webhook_id: WebhookId, attempt: WebhookAttempt) -> None:
-    """Keep how a try went, for the customer to see."""
+    """Add an attempt, for the customer to see."""
     row = {
         **attempt.model_dump(exclude={"at", "next_try_at"}),
         "webhook_id": webhook_id,
@@ -104,7 +104,7 @@ async def add_attempt(tx: Tx, webhook_id: WebhookId, attempt: WebhookAttempt) ->
 async def attempts_page(
     connection: AsyncConnection, webhook_id: WebhookId, query: PageQuery
 ) -> Sequence[WebhookAttempt]:
-    """Up to limit + 1 tries of a webhook, the newest first."""
+    """Up to limit + 1 attempts of a webhook, the newest first."""
     statement = select(webhook_attempts).where(webhook_attempts.c.webhook_id == webhook_id)
     if (after := query.after(str)) is not None:
         statement = statement.where(webhook_attempts.c.attempt_id < after[0])
@@ -113,7 +113,7 @@ async def attempts_page(
 
 
 def _is_due(at: datetime) -> ColumnElement[bool]:
-    """Whether it is time, and no earlier event of the delivery is still to be told there."""
+    """Whether a notification is due and no earlier event of its delivery is pending there."""
     earlier = notifications.alias("earlier")
     has_earlier = exists().where(
         earlier.c.webhook_id == notifications.c.webhook_id,
@@ -129,7 +129,7 @@ def _is_due(at: datetime) -> ColumnElement[bool]:
 
 
 def _notification(row: AnyRow, event: AnyRow) -> Notification:
-    """What is told to a webhook, of its row and its event's."""
+    """The notification in its own row and its event's row."""
     return Notification(
         event_id=row.event_id,
         event_type=event.type,

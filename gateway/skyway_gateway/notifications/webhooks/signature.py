@@ -7,18 +7,18 @@ import secrets
 from datetime import datetime
 from typing import Final
 
-_SECRET_PREFIX: Final = "whsec_"  # noqa: S105  what secrets begin with is not secret
+_SECRET_PREFIX: Final = "whsec_"  # noqa: S105  a public prefix
 #: The specification asks for 24 to 64 bytes.
 _SECRET_BYTES: Final = 32
 
 
 def new_webhook_secret() -> str:
-    """A new signing secret, as the customer's library takes it."""
+    """A new signing secret in the form that libraries of Standard Webhooks expect."""
     return _SECRET_PREFIX + base64.b64encode(secrets.token_bytes(_SECRET_BYTES)).decode()
 
 
 def signed_headers(secret: str, *, webhook_id: str, at: datetime, body: bytes) -> dict[str, str]:
-    """The three headers by which a receiver knows the sender, the message and its age."""
+    """The three headers that prove the sender, the message and its age to a receiver."""
     timestamp = str(int(at.timestamp()))
     key = base64.b64decode(secret.removeprefix(_SECRET_PREFIX))
     signed = f"{webhook_id}.{timestamp}.".encode() + body

@@ -1,7 +1,7 @@
 """Where a webhook may point: never into our own network (server-side request forgery).
 
-The name is resolved, every address is judged, and the request goes to the address that was judged:
-a name that resolves differently a moment later gains nothing.
+The host name is resolved, each address is checked, and the request goes to a checked address. A
+name that resolves to another address a moment later gains nothing.
 """
 
 import asyncio
@@ -31,12 +31,12 @@ Resolve = Callable[[str, int], Awaitable[Sequence[str]]]
 _DEFAULT_PORTS: Final = {"http": 80, "https": 443}
 _LARGEST_PORT: Final = 65535
 
-#: Translation to IPv4 by the network (RFC 6052, RFC 8215): what is behind cannot be judged.
+#: Addresses that the network translates to IPv4 (RFC 6052, RFC 8215): their target is unknown.
 _TRANSLATED: Final = (ip_network("64:ff9b::/96"), ip_network("64:ff9b:1::/48"))
 
 
 class ForbiddenTarget(InvalidInput):
-    """A webhook's URL leads where webhooks must not, or nowhere."""
+    """A webhook's URL is not a URL, has no address, or points to a forbidden address."""
 
     def __init__(self, detail: str) -> None:
         super().__init__("url", detail)
@@ -44,14 +44,14 @@ class ForbiddenTarget(InvalidInput):
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """A webhook's URL, and the addresses that it may be reached at."""
+    """A webhook's URL and the checked addresses of its host."""
 
     url: httpx.URL
     addresses: tuple[IpAddress, ...]
 
 
 async def resolve_by_dns(host: str, port: int) -> Sequence[str]:
-    """The addresses that the system's resolver knows; empty when there are none."""
+    """The addresses that the system's resolver finds; empty when there are none."""
     loop = asyncio.get_running_loop()
     try:
         found = await loop.getaddrinfo(host, port, type=socket.SOCK_STREAM)
@@ -62,7 +62,7 @@ async def resolve_by_dns(host: str, port: int) -> Sequence[str]:
 
 @dataclass(frozen=True, slots=True)
 class Targets:
-    """Judges URLs; `allowed` are networks that are not public, but were allowed by the operator."""
+    """Checks URLs; `allowed` are private networks that the operator allows."""
 
     allowed: tuple[IpNetwork, ...] = ()
     resolve: Resolve = resolve_by_dns
@@ -73,7 +73,7 @@ class Targets:
         Raises
         ------
         ForbiddenTarget
-            It is not an http or https URL, does not resolve, or not only to allowed addresses.
+            It is not an http or https URL, has no address, or one of its addresses is forbidden.
         """
         parsed = _parse(url)
         port = parsed.port or _DEFAULT_PORTS[parsed.scheme]
@@ -127,7 +127,7 @@ def _embedded(address: IpAddress) -> list[IpAddress]:
 def _is_public(address: IpAddress) -> bool:
     if isinstance(address, IPv6Address):
         if address.ipv4_mapped is not None:
-            return True  # judged by what it leads to
+            return True  # the embedded IPv4 address is checked instead
         if address.is_site_local:
             return False
     return address.is_global and not address.is_multicast and not address.is_reserved

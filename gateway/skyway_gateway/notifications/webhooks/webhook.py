@@ -1,4 +1,4 @@
-"""A webhook as its customer sees it, and each try to notify it."""
+"""A webhook as its customer sees it, and each attempt to notify it."""
 
 from dataclasses import dataclass, field
 from datetime import datetime
@@ -21,14 +21,14 @@ Outcome = Literal["DELIVERED", "FAILED", "GIVEN_UP"]
 
 
 class NewWebhook(JsonModel):
-    """Where the customer wants to be told, and of what; without `event_types`, of everything."""
+    """A webhook to add: where to notify the customer, and of which event types."""
 
     url: WebhookUrl
     event_types: EventTypes | None = None
 
 
 class WebhookChange(JsonModel):
-    """What is to be different; ACTIVE lets a disabled webhook be tried again."""
+    """What to change of a webhook; the state ACTIVE enables a disabled webhook again."""
 
     url: WebhookUrl | None = None
     event_types: EventTypes | None = None
@@ -54,13 +54,13 @@ class Webhook(JsonModel):
 
 
 class IssuedWebhook(Webhook):
-    """A new webhook with the secret that signs its notifications, shown only this once."""
+    """A new webhook with its signing secret, which is shown only once."""
 
     secret: str
 
 
 class WebhookAttempt(JsonModel):
-    """One try; GIVEN_UP is the last one of its event. `event_id` is the `webhook-id` header."""
+    """One attempt to notify a webhook of an event."""
 
     attempt_id: str
     event_id: EventId
@@ -77,7 +77,7 @@ class WebhookAttempt(JsonModel):
 
 @dataclass(frozen=True, slots=True)
 class Endpoint:
-    """What the sender needs to know of a webhook."""
+    """What the sender needs of a webhook."""
 
     webhook_id: WebhookId
     url: str
@@ -86,7 +86,7 @@ class Endpoint:
 
 @dataclass(frozen=True, slots=True)
 class Notification:
-    """One event that is due at one webhook; `attempts` were made before."""
+    """One event that is due at one webhook, after this number of attempts."""
 
     event_id: EventId
     event_type: str
@@ -96,7 +96,7 @@ class Notification:
 
 
 class TrialEvent(JsonModel):
-    """What a webhook receives when its customer tries it."""
+    """The event that a webhook receives when its customer tests it."""
 
     type: Literal["webhook.test"] = "webhook.test"
     event_id: EventId

@@ -1,4 +1,4 @@
-"""The SQL of customers' webhooks: where each is told, of what, and whether it still is."""
+"""The SQL of customers' webhooks: URL, event types and state."""
 
 import json
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ from skyway_gateway.tables import notifications, webhook_attempts, webhooks
 
 
 async def add_webhook(tx: Tx, webhook: Webhook, *, customer_id: SubjectId, secret: str) -> None:
-    """Keep a new webhook."""
+    """Add a webhook."""
     at_ms = moment_to_ms(webhook.created_at)
     row = {
         "webhook_id": webhook.webhook_id,
@@ -52,7 +52,7 @@ async def webhook_of(connection: AsyncConnection, caller: Caller, webhook_id: We
 async def endpoint_of(
     connection: AsyncConnection, caller: Caller, webhook_id: WebhookId
 ) -> Endpoint:
-    """Where and how the caller's own webhook is notified.
+    """The URL and secret of the caller's own webhook.
 
     Raises
     ------
@@ -75,7 +75,7 @@ async def webhooks_page(
 
 
 async def change_webhook(tx: Tx, webhook: Webhook, *, at: datetime) -> None:
-    """Keep a webhook's new url, event types and state."""
+    """Write a webhook's new URL, event types and state."""
     values = {
         "url": webhook.url,
         "event_types": _types_text(webhook.event_types),
@@ -90,13 +90,13 @@ async def change_webhook(tx: Tx, webhook: Webhook, *, at: datetime) -> None:
 
 
 async def delete_webhook(tx: Tx, webhook_id: WebhookId) -> None:
-    """Forget a webhook, with all that was or is to be told to it."""
+    """Delete a webhook with its notifications and attempts."""
     for table in (webhook_attempts, notifications, webhooks):
         await tx.execute(delete(table).where(table.c.webhook_id == webhook_id))
 
 
 async def disable_webhook(tx: Tx, webhook_id: WebhookId, *, reason: str, at: datetime) -> None:
-    """Notify this webhook no more, until its customer makes it active again."""
+    """Stop notifying a webhook until its customer makes it active again."""
     values = {
         "state": "DISABLED",
         "disabled_reason": reason,
@@ -107,7 +107,7 @@ async def disable_webhook(tx: Tx, webhook_id: WebhookId, *, reason: str, at: dat
 
 
 async def _give_up_pending(tx: Tx, webhook_id: WebhookId) -> None:
-    """Try none of a webhook's pending notifications again."""
+    """Give up all pending notifications of a webhook."""
     pending = and_(notifications.c.webhook_id == webhook_id, notifications.c.state == "PENDING")
     await tx.execute(update(notifications).where(pending).values(state="GIVEN_UP", **FREE))
 

@@ -12,6 +12,7 @@ import pytest
 from skyway.contracts.candidate import PayloadLimit
 from skyway.delivery.request import DeliveryRequest
 from skyway.runtime.http.identity import Caller
+from tests.gateway.whole_gateway import Gateway
 
 Change = Callable[[dict[str, Any]], object]
 
@@ -123,7 +124,7 @@ BAD_REQUESTS: list[tuple[str, dict[str, Any], str, str]] = [
 
 
 async def test_a_bad_request_is_answered_with_field_and_limit(
-    gateway: Any, request_body: Callable[..., dict[str, Any]], subtests: pytest.Subtests
+    gateway: Gateway, request_body: Callable[..., dict[str, Any]], subtests: pytest.Subtests
 ) -> None:
     for case, changes, field, detail in BAD_REQUESTS:
         with subtests.test(case):
@@ -139,7 +140,7 @@ async def test_a_bad_request_is_answered_with_field_and_limit(
 
 @pytest.mark.parametrize("mass", ["NaN", "Infinity", "-Infinity", "1e999"])
 async def test_a_mass_that_is_no_number_is_refused(
-    gateway: Any, request_body: Callable[..., dict[str, Any]], mass: str
+    gateway: Gateway, request_body: Callable[..., dict[str, Any]], mass: str
 ) -> None:
     import json
 
@@ -152,7 +153,7 @@ async def test_a_mass_that_is_no_number_is_refused(
 
 @pytest.mark.parametrize("field", ["pinned", "allowed", "denied"])
 async def test_a_provider_that_does_not_exist_is_named(
-    gateway: Any, request_body: Callable[..., dict[str, Any]], field: str
+    gateway: Gateway, request_body: Callable[..., dict[str, Any]], field: str
 ) -> None:
     gateway.registry.limit = PayloadLimit(
         max_payload_kg=5.0, drone_model_id="lifter", unknown_provider_ids=("prv_x",)
@@ -164,7 +165,7 @@ async def test_a_provider_that_does_not_exist_is_named(
     assert answer.json()["errors"][0]["field"] == f"qos.providers.{place}"
 
 
-async def test_broken_json_is_a_400_and_a_large_body_a_413(gateway: Any) -> None:
+async def test_broken_json_is_a_400_and_a_large_body_a_413(gateway: Gateway) -> None:
     headers = {**gateway.customer, "content-type": "application/json"}
     broken = await gateway.http.post("/v1/deliveries", content=b'{"pickup": ', headers=headers)
     assert broken.status_code == 400
@@ -176,7 +177,7 @@ async def test_broken_json_is_a_400_and_a_large_body_a_413(gateway: Any) -> None
 
 
 async def test_a_customer_or_an_operator_with_a_key_requests(
-    gateway: Any, request_body: Callable[..., dict[str, Any]]
+    gateway: Gateway, request_body: Callable[..., dict[str, Any]]
 ) -> None:
     body = request_body()
     for headers, status in (
@@ -190,7 +191,7 @@ async def test_a_customer_or_an_operator_with_a_key_requests(
 
 
 async def test_an_accepted_request_is_a_delivery_in_its_first_state(
-    gateway_on_both: Any, request_body: Callable[..., dict[str, Any]]
+    gateway_on_both: Gateway, request_body: Callable[..., dict[str, Any]]
 ) -> None:
     gateway = gateway_on_both
     answer = await gateway.post(request_body(packages=2, reference="order 7"))
@@ -213,7 +214,7 @@ async def test_an_accepted_request_is_a_delivery_in_its_first_state(
 
 @pytest.mark.parametrize("service", ["registry", "composition"])
 async def test_when_a_service_is_away_the_customer_may_come_again(
-    gateway: Any, request_body: Callable[..., dict[str, Any]], service: str
+    gateway: Gateway, request_body: Callable[..., dict[str, Any]], service: str
 ) -> None:
     getattr(gateway, service).is_away = True
     answer = await gateway.post(request_body(), **{"Idempotency-Key": "k"})
@@ -224,7 +225,7 @@ async def test_when_a_service_is_away_the_customer_may_come_again(
 
 
 async def test_the_same_key_is_the_same_delivery_whatever_has_changed(
-    gateway_on_both: Any, request_body: Callable[..., dict[str, Any]]
+    gateway_on_both: Gateway, request_body: Callable[..., dict[str, Any]]
 ) -> None:
     gateway = gateway_on_both
     deadline_at = (gateway.clock.now() + timedelta(hours=1)).isoformat()
@@ -241,7 +242,7 @@ async def test_the_same_key_is_the_same_delivery_whatever_has_changed(
 
 
 async def test_keys_of_two_customers_do_not_meet(
-    gateway: Any, request_body: Callable[..., dict[str, Any]]
+    gateway: Gateway, request_body: Callable[..., dict[str, Any]]
 ) -> None:
     mine = await gateway.post(request_body(), **{"Idempotency-Key": "k"})
     headers = {**gateway.other, "Idempotency-Key": "k"}
@@ -251,7 +252,7 @@ async def test_keys_of_two_customers_do_not_meet(
 
 
 async def test_without_any_fleet_no_mass_is_too_much_yet(
-    gateway: Any, request_body: Callable[..., dict[str, Any]]
+    gateway: Gateway, request_body: Callable[..., dict[str, Any]]
 ) -> None:
     gateway.registry.limit = PayloadLimit(
         max_payload_kg=None, drone_model_id=None, unknown_provider_ids=()
@@ -262,7 +263,7 @@ async def test_without_any_fleet_no_mass_is_too_much_yet(
 
 
 async def test_packages_that_are_too_heavy_together_are_accepted(
-    gateway: Any, request_body: Callable[..., dict[str, Any]]
+    gateway: Gateway, request_body: Callable[..., dict[str, Any]]
 ) -> None:
     body = request_body(packages=3)
     for package in body["packages"]:
@@ -271,12 +272,12 @@ async def test_packages_that_are_too_heavy_together_are_accepted(
 
 
 async def test_what_this_process_books_itself_is_claimed_for_a_moment(
-    gateway_on_both: Any, request_body: Any
+    gateway_on_both: Gateway, request_body: Any
 ) -> None:
     """Nobody else looks at it meanwhile; when the process is killed first, somebody does later."""
     gateway = gateway_on_both
     handed: list[Any] = []
-    booking = SimpleNamespace(claimant="bkr_1", is_free=True, begin=handed.append)
+    booking: Any = SimpleNamespace(claimant="bkr_1", is_free=True, begin=handed.append)
     acceptance = replace(gateway.parts.acceptance, booking=booking)
 
     for _ in range(2):  # the second is the first, repeated
@@ -298,12 +299,14 @@ async def test_what_this_process_books_itself_is_claimed_for_a_moment(
     assert await gateway.parts.booker.claim(limit=9) == []
 
 
-async def test_a_running_loop_books_what_is_accepted_without_looking_for_it(gateway: Any) -> None:
+async def test_a_running_loop_books_what_is_accepted_without_looking_for_it(
+    gateway: Gateway,
+) -> None:
     async def find_nothing(*, limit: int) -> list[Any]:
         return []
 
     booking, booker = gateway.parts.booking, gateway.parts.booker
-    blind = SimpleNamespace(
+    blind: Any = SimpleNamespace(
         claim=find_nothing, hold=booker.hold, book_or_retry=booker.book_or_retry
     )
     running = asyncio.create_task(booking.run(blind))

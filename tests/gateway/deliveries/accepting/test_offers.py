@@ -7,8 +7,10 @@ from typing import Any
 import httpx
 import pytest
 
+from tests.gateway.whole_gateway import Gateway
 
-async def quoted(gateway: Any, body: dict[str, Any]) -> tuple[dict[str, Any], dict[str, str]]:
+
+async def quoted(gateway: Gateway, body: dict[str, Any]) -> tuple[dict[str, Any], dict[str, str]]:
     """A quote, and the choice of its best offer."""
     answer = await gateway.http.post("/v1/quotes", json=body, headers=gateway.customer)
     assert answer.status_code in (200, 201), answer.text
@@ -16,13 +18,13 @@ async def quoted(gateway: Any, body: dict[str, Any]) -> tuple[dict[str, Any], di
     return quote, {"quote_id": quote["quote_id"], "offer_id": quote["offers"][0]["offer_id"]}
 
 
-async def taken(gateway: Any, choice: dict[str, str], **headers: str) -> httpx.Response:
+async def taken(gateway: Gateway, choice: dict[str, str], **headers: str) -> httpx.Response:
     answer: httpx.Response = await gateway.post(choice, **headers)
     return answer
 
 
 async def test_a_taken_offer_is_booked_with_its_limits(
-    gateway_on_both: Any, request_body: Callable[..., dict[str, Any]]
+    gateway_on_both: Gateway, request_body: Callable[..., dict[str, Any]]
 ) -> None:
     gateway = gateway_on_both
     quote, choice = await quoted(gateway, request_body(packages=2))
@@ -39,12 +41,13 @@ async def test_a_taken_offer_is_booked_with_its_limits(
     await gateway.book_next()
     assert (await gateway.get(delivery["delivery_id"]))["state"] == "PLANNED"
     asked = gateway.composition.asked[-1]
+    assert asked.offer is not None
     assert asked.offer.price.amount == offer["price"]["amount"]
     assert gateway.registry.queries[-1].providers.pinned == offer["provider_id"]
 
 
 async def test_a_quote_is_taken_once(
-    gateway: Any, request_body: Callable[..., dict[str, Any]]
+    gateway: Gateway, request_body: Callable[..., dict[str, Any]]
 ) -> None:
     _, choice = await quoted(gateway, request_body())
     first = await taken(gateway, choice, **{"Idempotency-Key": "k"})
@@ -55,7 +58,7 @@ async def test_a_quote_is_taken_once(
 
 
 async def test_an_expired_offer_is_refused_at_once(
-    gateway: Any, request_body: Callable[..., dict[str, Any]]
+    gateway: Gateway, request_body: Callable[..., dict[str, Any]]
 ) -> None:
     _, choice = await quoted(gateway, request_body())
     gateway.clock.advance(timedelta(seconds=121))
@@ -64,7 +67,7 @@ async def test_an_expired_offer_is_refused_at_once(
 
 
 async def test_an_offer_can_be_taken_later_when_a_service_was_away(
-    gateway: Any, request_body: Callable[..., dict[str, Any]]
+    gateway: Gateway, request_body: Callable[..., dict[str, Any]]
 ) -> None:
     _, choice = await quoted(gateway, request_body())
     gateway.composition.is_away = True
@@ -74,7 +77,7 @@ async def test_an_offer_can_be_taken_later_when_a_service_was_away(
 
 
 async def test_somebody_elses_offer_looks_like_none(
-    gateway: Any, request_body: Callable[..., dict[str, Any]]
+    gateway: Gateway, request_body: Callable[..., dict[str, Any]]
 ) -> None:
     _, choice = await quoted(gateway, request_body())
     theirs = await gateway.http.post("/v1/deliveries", json=choice, headers=gateway.other)
@@ -94,7 +97,7 @@ async def test_somebody_elses_offer_looks_like_none(
     ],
 )
 async def test_a_body_that_is_neither_form_names_its_fields(
-    gateway: Any, body: dict[str, Any], field: str
+    gateway: Gateway, body: dict[str, Any], field: str
 ) -> None:
     answer = await gateway.post(body)
     assert answer.status_code == 422, answer.text
@@ -103,7 +106,7 @@ async def test_a_body_that_is_neither_form_names_its_fields(
 
 @pytest.mark.parametrize("is_busy", [True, False], ids=["busy", "infeasible"])
 async def test_an_offer_that_is_lost_is_rejected_in_one_round(
-    gateway_on_both: Any,
+    gateway_on_both: Gateway,
     request_body: Callable[..., dict[str, Any]],
     reason: Callable[..., Any],
     is_busy: bool,
@@ -122,7 +125,7 @@ async def test_an_offer_that_is_lost_is_rejected_in_one_round(
 
 
 async def test_an_offer_outlives_a_service_that_is_away(
-    gateway: Any, request_body: Callable[..., dict[str, Any]]
+    gateway: Gateway, request_body: Callable[..., dict[str, Any]]
 ) -> None:
     _, choice = await quoted(gateway, request_body())
     delivery_id = (await taken(gateway, choice)).json()["delivery_id"]
@@ -136,7 +139,7 @@ async def test_an_offer_outlives_a_service_that_is_away(
 
 
 async def test_a_refused_trip_of_an_offer_is_booked_within_what_is_left(
-    gateway: Any, request_body: Callable[..., dict[str, Any]], candidate: Callable[..., Any]
+    gateway: Gateway, request_body: Callable[..., dict[str, Any]], candidate: Callable[..., Any]
 ) -> None:
     gateway.registry.candidates_now = [candidate("drn_1"), candidate("drn_2")]
     quote, choice = await quoted(gateway, request_body(packages=2))
@@ -147,5 +150,6 @@ async def test_a_refused_trip_of_an_offer_is_booked_within_what_is_left(
     await gateway.book_next()
     asked = gateway.composition.asked[-1]
     left = max(0, quote["offers"][0]["price"]["amount"] - 1234)
+    assert asked.offer is not None
     assert asked.offer.price.amount == left
     assert [package.package_id for package in asked.request.packages] == ["p2"]

@@ -5,8 +5,10 @@ from typing import Any
 
 import pytest
 
+from tests.gateway.whole_gateway import Gateway
 
-async def test_somebody_elses_delivery_looks_like_none(gateway: Any) -> None:
+
+async def test_somebody_elses_delivery_looks_like_none(gateway: Gateway) -> None:
     delivery_id = await gateway.planned()
     for path in ("", "/plan", "/events"):
         url = f"/v1/deliveries/{delivery_id}{path}"
@@ -19,13 +21,13 @@ async def test_somebody_elses_delivery_looks_like_none(gateway: Any) -> None:
     assert nobody.json()["items"] == []
 
 
-async def test_an_operator_sees_everybodys(gateway: Any) -> None:
+async def test_an_operator_sees_everybodys(gateway: Gateway) -> None:
     delivery_id = await gateway.planned()
     listed = await gateway.http.get("/v1/deliveries", headers=gateway.operator)
     assert [one["delivery_id"] for one in listed.json()["items"]] == [delivery_id]
 
 
-async def test_a_list_is_paged_and_filtered(gateway_on_both: Any) -> None:
+async def test_a_list_is_paged_and_filtered(gateway_on_both: Gateway) -> None:
     gateway = gateway_on_both
     made = [await gateway.accepted(reference=f"order {number}") for number in range(5)]
     found, cursor = [], ""
@@ -47,13 +49,13 @@ async def test_a_list_is_paged_and_filtered(gateway_on_both: Any) -> None:
 
 
 @pytest.mark.parametrize("query", ["limit=0", "limit=201", "cursor=!", "state=LOST", "colour=1"])
-async def test_a_bad_query_is_a_problem(gateway: Any, query: str) -> None:
+async def test_a_bad_query_is_a_problem(gateway: Gateway, query: str) -> None:
     answer = await gateway.http.get(f"/v1/deliveries?{query}", headers=gateway.customer)
     assert answer.status_code == 422
     assert answer.json()["errors"][0]["field"] == query.partition("=")[0]
 
 
-async def test_the_plan_tells_when_each_mission_starts(gateway: Any) -> None:
+async def test_the_plan_tells_when_each_mission_starts(gateway: Gateway) -> None:
     delivery_id = await gateway.accepted()
     path = f"/v1/deliveries/{delivery_id}/plan"
     assert (await gateway.http.get(path, headers=gateway.customer)).json()["missions"] == []
@@ -65,7 +67,7 @@ async def test_the_plan_tells_when_each_mission_starts(gateway: Any) -> None:
     assert mission["plan"]["delivery_time_s"] == 600
 
 
-async def test_a_provider_sees_what_its_drones_fly_and_not_for_whom(gateway: Any) -> None:
+async def test_a_provider_sees_what_its_drones_fly_and_not_for_whom(gateway: Gateway) -> None:
     delivery_id = await gateway.planned()
     path = "/v1/providers/prv_1/deliveries"
     [seen] = (await gateway.http.get(path, headers=gateway.provider)).json()["items"]
@@ -78,21 +80,21 @@ async def test_a_provider_sees_what_its_drones_fly_and_not_for_whom(gateway: Any
     assert (await gateway.http.get(other, headers=gateway.operator)).json()["items"] == []
 
 
-async def _stream(gateway: Any, delivery_id: str, last_event_id: str | None = None) -> Any:
+async def _stream(gateway: Gateway, delivery_id: str, last_event_id: str | None = None) -> Any:
     headers = {**gateway.customer}
     if last_event_id is not None:
         headers["Last-Event-ID"] = last_event_id
     return await gateway.http.get(f"/v1/deliveries/{delivery_id}/events", headers=headers)
 
 
-async def _end(gateway: Any, delivery_id: str) -> None:
+async def _end(gateway: Gateway, delivery_id: str) -> None:
     for seq, kind in enumerate(("ACCEPTED", "LOADING", "LOADED"), start=1):
         await gateway.report(delivery_id, kind, seq=seq)
     await gateway.report(delivery_id, "DELIVERED", seq=4, package_ids=["p1"])
 
 
 async def test_a_stream_tells_everything_and_ends_with_the_last_event(
-    gateway_on_both: Any,
+    gateway_on_both: Gateway,
 ) -> None:
     gateway = gateway_on_both
     delivery_id = await gateway.planned()
@@ -104,10 +106,10 @@ async def test_a_stream_tells_everything_and_ends_with_the_last_event(
     assert [frame[0] for frame in frames] == [f"id: {number}" for number in range(1, 8)]
     assert frames[-1][1] == "event: delivery.completed"
     assert frames[-1][2].startswith('data: {"')
-    assert gateway.parts.news.listener_count == 0
+    assert gateway.parts.listeners.listener_count == 0
 
 
-async def test_a_stream_goes_on_after_the_last_event_that_was_seen(gateway: Any) -> None:
+async def test_a_stream_goes_on_after_the_last_event_that_was_seen(gateway: Gateway) -> None:
     delivery_id = await gateway.planned()
     await _end(gateway, delivery_id)
     answer = await _stream(gateway, delivery_id, "5")
@@ -120,7 +122,7 @@ async def test_a_stream_goes_on_after_the_last_event_that_was_seen(gateway: Any)
 
 @pytest.mark.parametrize("last_event_id", ["x", "-1", "99999999999"])
 async def test_a_last_event_id_that_we_never_sent_is_refused(
-    gateway: Any, last_event_id: str
+    gateway: Gateway, last_event_id: str
 ) -> None:
     delivery_id = await gateway.planned()
     answer = await _stream(gateway, delivery_id, last_event_id)

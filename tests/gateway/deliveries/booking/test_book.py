@@ -10,8 +10,10 @@ from typing import Any
 
 import pytest
 
+from tests.gateway.whole_gateway import Gateway
 
-async def test_a_request_becomes_a_planned_delivery(gateway_on_both: Any) -> None:
+
+async def test_a_request_becomes_a_planned_delivery(gateway_on_both: Gateway) -> None:
     gateway = gateway_on_both
     delivery_id = await gateway.accepted(packages=3)
     assert await gateway.book_next()
@@ -30,7 +32,7 @@ async def test_a_request_becomes_a_planned_delivery(gateway_on_both: Any) -> Non
     assert [p["package_id"] for p in planned["data"]["packages"]] == ["p1", "p2", "p3"]
 
 
-async def test_the_registry_is_asked_with_place_mass_and_choice(gateway: Any) -> None:
+async def test_the_registry_is_asked_with_place_mass_and_choice(gateway: Gateway) -> None:
     await gateway.accepted(packages=2, qos={"providers": {"denied": ["prv_9"]}})
     await gateway.book_next()
     [query] = gateway.registry.queries
@@ -65,7 +67,7 @@ async def _is_killed(step: Coroutine[Any, Any, bool], wait: int) -> bool:
 
 @pytest.mark.parametrize("is_feasible", [True, False], ids=["booked", "rejected"])
 async def test_a_round_that_is_killed_anywhere_is_finished_by_the_next(
-    gateway: Any, is_feasible: bool, reason: Callable[..., Any]
+    gateway: Gateway, is_feasible: bool, reason: Callable[..., Any]
 ) -> None:
     if not is_feasible:
         gateway.registry.candidates_now = []
@@ -90,7 +92,7 @@ async def test_a_round_that_is_killed_anywhere_is_finished_by_the_next(
 
 
 async def test_a_booking_whose_drone_is_no_candidate_any_more_is_still_found(
-    gateway: Any,
+    gateway: Gateway,
 ) -> None:
     """The only drone is busy with our own mission, which we booked before we died."""
     delivery_id = await gateway.accepted()
@@ -105,7 +107,7 @@ async def test_a_booking_whose_drone_is_no_candidate_any_more_is_still_found(
 
 
 async def test_a_mission_that_was_refused_before_it_was_planned_here_is_asked_anew(
-    gateway: Any, candidate: Callable[..., Any]
+    gateway: Gateway, candidate: Callable[..., Any]
 ) -> None:
     """We died after booking; the drone refused before we were back."""
     gateway.registry.candidates_now = [candidate("drn_1"), candidate("drn_2")]
@@ -126,7 +128,7 @@ async def test_a_mission_that_was_refused_before_it_was_planned_here_is_asked_an
     assert delivery["missions"][0]["drone_id"] == "drn_2"
 
 
-async def test_two_replicas_with_the_same_delivery_plan_it_once(gateway_on_both: Any) -> None:
+async def test_two_replicas_with_the_same_delivery_plan_it_once(gateway_on_both: Gateway) -> None:
     gateway = gateway_on_both
     delivery_id = await gateway.accepted()
     [queued] = await _claimed(gateway)
@@ -136,7 +138,7 @@ async def test_two_replicas_with_the_same_delivery_plan_it_once(gateway_on_both:
 
 
 async def test_a_claimed_delivery_is_left_alone_until_the_claim_runs_out(
-    gateway_on_both: Any,
+    gateway_on_both: Gateway,
 ) -> None:
     gateway = gateway_on_both
     await gateway.accepted()
@@ -147,7 +149,7 @@ async def test_a_claimed_delivery_is_left_alone_until_the_claim_runs_out(
 
 
 async def test_a_claim_that_is_renewed_by_whose_it_is_does_not_run_out(
-    gateway_on_both: Any,
+    gateway_on_both: Gateway,
 ) -> None:
     gateway = gateway_on_both
     first = await gateway.accepted()
@@ -165,7 +167,7 @@ async def test_a_claim_that_is_renewed_by_whose_it_is_does_not_run_out(
     assert [one.delivery.delivery_id for one in await other.claim(limit=9)] == [first]
 
 
-async def test_what_is_planned_or_put_off_is_not_held_any_more(gateway_on_both: Any) -> None:
+async def test_what_is_planned_or_put_off_is_not_held_any_more(gateway_on_both: Gateway) -> None:
     gateway = gateway_on_both
     planned = await gateway.planned()
     gateway.composition.is_busy = True
@@ -179,7 +181,7 @@ async def test_what_is_planned_or_put_off_is_not_held_any_more(gateway_on_both: 
 
 
 async def test_busy_keeps_the_request_and_tries_again_in_a_while(
-    gateway: Any, reason: Callable[..., Any]
+    gateway: Gateway, reason: Callable[..., Any]
 ) -> None:
     gateway.registry.candidates_now = []
     gateway.registry.infeasible = [
@@ -200,7 +202,7 @@ async def test_busy_keeps_the_request_and_tries_again_in_a_while(
 
 
 async def test_composition_says_busy_although_all_reasons_are_final(
-    gateway: Any, reason: Callable[..., Any]
+    gateway: Gateway, reason: Callable[..., Any]
 ) -> None:
     gateway.composition.is_busy = True
     gateway.composition.reasons = [reason("OUT_OF_RANGE", is_temporary=False)]
@@ -209,7 +211,7 @@ async def test_composition_says_busy_although_all_reasons_are_final(
     assert (await gateway.get(delivery_id))["state"] == "REQUESTED"
 
 
-async def test_nobody_registered_yet_is_not_never(gateway: Any) -> None:
+async def test_nobody_registered_yet_is_not_never(gateway: Gateway) -> None:
     gateway.registry.candidates_now = []
     delivery_id = await gateway.accepted()
     await gateway.book_next()
@@ -217,7 +219,7 @@ async def test_nobody_registered_yet_is_not_never(gateway: Any) -> None:
 
 
 async def test_only_final_reasons_close_the_delivery_and_reject_it(
-    gateway_on_both: Any, reason: Callable[..., Any]
+    gateway_on_both: Gateway, reason: Callable[..., Any]
 ) -> None:
     gateway = gateway_on_both
     gateway.composition.reasons = [reason("OUT_OF_RANGE", is_temporary=False)]
@@ -238,7 +240,7 @@ async def test_only_final_reasons_close_the_delivery_and_reject_it(
 
 
 async def test_a_request_is_given_up_when_its_patience_ends(
-    gateway: Any, reason: Callable[..., Any]
+    gateway: Gateway, reason: Callable[..., Any]
 ) -> None:
     gateway.registry.candidates_now = []
     gateway.registry.infeasible = [reason("BUSY", is_temporary=True)]
@@ -254,7 +256,7 @@ async def test_a_request_is_given_up_when_its_patience_ends(
     assert [one["code"] for one in delivery["reasons"]] == ["BUSY"]
 
 
-async def test_a_request_is_given_up_at_its_deadline(gateway: Any) -> None:
+async def test_a_request_is_given_up_at_its_deadline(gateway: Gateway) -> None:
     gateway.registry.candidates_now = []
     deadline_at = (gateway.clock.now() + timedelta(hours=5)).isoformat()
     delivery_id = await gateway.accepted(qos={"deadline_at": deadline_at})
@@ -270,7 +272,7 @@ async def test_a_request_is_given_up_at_its_deadline(gateway: Any) -> None:
     assert "no drone could be booked before" in reason["detail"]
 
 
-async def test_what_was_booked_before_the_deadline_is_planned_after_it(gateway: Any) -> None:
+async def test_what_was_booked_before_the_deadline_is_planned_after_it(gateway: Gateway) -> None:
     delivery_id = await gateway.accepted()
     [queued] = await _claimed(gateway)
     await _ask(gateway, queued)
@@ -281,7 +283,7 @@ async def test_what_was_booked_before_the_deadline_is_planned_after_it(gateway: 
 
 @pytest.mark.parametrize("service", ["registry", "composition"])
 async def test_a_service_that_is_away_costs_time_and_nothing_else(
-    gateway: Any, service: str
+    gateway: Gateway, service: str
 ) -> None:
     delivery_id = await gateway.accepted()
     getattr(gateway, service).is_away = True
@@ -295,7 +297,7 @@ async def test_a_service_that_is_away_costs_time_and_nothing_else(
 
 
 async def test_a_drone_that_refuses_is_not_asked_again(
-    gateway_on_both: Any, candidate: Callable[..., Any]
+    gateway_on_both: Gateway, candidate: Callable[..., Any]
 ) -> None:
     gateway = gateway_on_both
     gateway.registry.candidates_now = [candidate("drn_1"), candidate("drn_2")]
@@ -318,7 +320,7 @@ async def test_a_drone_that_refuses_is_not_asked_again(
 
 
 async def test_after_five_refusals_the_delivery_is_rejected(
-    gateway: Any, candidate: Callable[..., Any]
+    gateway: Gateway, candidate: Callable[..., Any]
 ) -> None:
     gateway.registry.candidates_now = [candidate(f"drn_{number}") for number in range(1, 9)]
     delivery_id = await gateway.planned()
@@ -341,14 +343,14 @@ async def test_after_five_refusals_the_delivery_is_rejected(
     assert [one["drone_id"] for one in delivery["refusals"]] == [f"drn_{n}" for n in range(1, 6)]
 
 
-async def _claimed(gateway: Any) -> Any:
+async def _claimed(gateway: Gateway) -> Any:
     return await gateway.parts.booker.claim(limit=9)
 
 
-async def _ask(gateway: Any, queued: Any) -> Any:
+async def _ask(gateway: Gateway, queued: Any) -> Any:
     """Have it booked, and die before anything is written down."""
-    from skyway_gateway.deliveries.booking.booking_request import candidate_query, wanted_missions
+    from skyway_gateway.deliveries.booking.booking_request import booking_request, candidate_query
 
     found = await gateway.registry.candidates(candidate_query(queued))
-    wanted = wanted_missions(queued.delivery, found.shortlist)
+    wanted = booking_request(queued.delivery, found.shortlist)
     return await gateway.composition.book(queued.delivery.delivery_id, wanted)

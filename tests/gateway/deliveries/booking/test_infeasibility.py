@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
-from skyway_gateway.deliveries.booking.infeasibility import why_never
+from skyway_gateway.deliveries.booking.infeasibility import why_infeasible
 
 from skyway.contracts.mission import Booking, OfferLimits
 from skyway.contracts.shortlist import Candidates, Shortlist
@@ -38,7 +38,7 @@ def test_only_reasons_that_last_are_never(
     reasons = tuple(reason("NO_DRONES", is_temporary=is_temporary) for is_temporary in told)
     shortlist = Shortlist.of([candidate()] if has_candidates else [])
     found = Candidates(shortlist=shortlist, infeasible=reasons)
-    assert (why_never(None, Booking(outcome=outcome), found) is not None) == is_never
+    assert (why_infeasible(None, Booking(outcome=outcome), found) is not None) == is_never
 
 
 @pytest.mark.parametrize(
@@ -61,12 +61,12 @@ def test_what_holds_for_free_drones_may_not_hold_for_busy_ones(
 
     found = Candidates(shortlist=shortlist, infeasible=(), more_later=more_later)
 
-    assert (why_never(None, booking, found) is not None) == is_never
+    assert (why_infeasible(None, booking, found) is not None) == is_never
 
 
 def test_the_sentence_names_provider_code_and_detail(reason: Callable[..., Any]) -> None:
     booking = Booking(outcome="INFEASIBLE", reasons=(reason("OUT_OF_RANGE", is_temporary=False),))
-    never = why_never(None, booking, Candidates(shortlist=Shortlist(), infeasible=()))
+    never = why_infeasible(None, booking, Candidates(shortlist=Shortlist(), infeasible=()))
     assert never is not None
     assert never.detail == "no provider can fly it: prv_1: OUT_OF_RANGE, why OUT_OF_RANGE"
 
@@ -75,7 +75,7 @@ def test_an_offer_does_not_wait_and_its_loss_is_a_reason(reason: Callable[..., A
     price = Price(amount=700, currency="USD")
     offer = OfferLimits(provider_id="prv_1", price=price, within_s=900)
     booking = Booking(outcome="BUSY", reasons=(reason("BUSY", is_temporary=True),))
-    never = why_never(offer, booking, Candidates(shortlist=Shortlist(), infeasible=()))
+    never = why_infeasible(offer, booking, Candidates(shortlist=Shortlist(), infeasible=()))
     assert never is not None
     assert [one.code for one in never.reasons] == ["OFFER_LOST", "BUSY"]
     assert never.reasons[0].data["price"] == {"amount": 700, "currency": "USD"}

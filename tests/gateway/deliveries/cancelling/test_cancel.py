@@ -10,8 +10,10 @@ from typing import Any
 import httpx
 import pytest
 
+from tests.gateway.whole_gateway import Gateway
 
-async def cancel(gateway: Any, delivery_id: str, **body: object) -> httpx.Response:
+
+async def cancel(gateway: Gateway, delivery_id: str, **body: object) -> httpx.Response:
     path = f"/v1/deliveries/{delivery_id}/cancel"
     answer: httpx.Response = await gateway.http.post(
         path, json=body or None, headers=gateway.customer
@@ -19,7 +21,9 @@ async def cancel(gateway: Any, delivery_id: str, **body: object) -> httpx.Respon
     return answer
 
 
-async def reports(gateway: Any, delivery_id: str, *kinds: str, first: int = 1, **at: Any) -> None:
+async def reports(
+    gateway: Gateway, delivery_id: str, *kinds: str, first: int = 1, **at: Any
+) -> None:
     for seq, kind in enumerate(kinds, start=first):
         answer = await gateway.report(delivery_id, kind, seq=seq, **at)
         assert answer.status_code == 204, answer.text
@@ -29,7 +33,7 @@ def states(delivery: dict[str, Any]) -> list[str]:
     return [package["state"] for package in delivery["packages"]]
 
 
-async def test_a_request_that_waits_is_closed_and_then_cancelled(gateway_on_both: Any) -> None:
+async def test_a_request_that_waits_is_closed_and_then_cancelled(gateway_on_both: Gateway) -> None:
     gateway = gateway_on_both
     delivery_id = await gateway.accepted(packages=2)
     answer = await cancel(gateway, delivery_id, reason="ordered twice")
@@ -48,14 +52,16 @@ async def test_a_request_that_waits_is_closed_and_then_cancelled(gateway_on_both
     assert not await gateway.book_next()
 
 
-async def test_cancelling_again_is_answered_alike_and_told_once(gateway: Any) -> None:
+async def test_cancelling_again_is_answered_alike_and_told_once(gateway: Gateway) -> None:
     delivery_id = await gateway.accepted()
     answers = [await cancel(gateway, delivery_id) for _ in range(3)]
     assert {answer.status_code for answer in answers} == {200}
     assert (await gateway.told(delivery_id)).count("delivery.cancelled") == 1
 
 
-async def test_a_planned_delivery_is_called_off_before_it_is_loaded(gateway_on_both: Any) -> None:
+async def test_a_planned_delivery_is_called_off_before_it_is_loaded(
+    gateway_on_both: Gateway,
+) -> None:
     gateway = gateway_on_both
     delivery_id = await gateway.planned(packages=2)
     answer = await cancel(gateway, delivery_id)
@@ -69,7 +75,7 @@ async def test_a_planned_delivery_is_called_off_before_it_is_loaded(gateway_on_b
     assert (await gateway.told(delivery_id))[-1] == "delivery.cancelled"
 
 
-async def test_what_is_on_board_comes_back_to_the_pickup(gateway_on_both: Any) -> None:
+async def test_what_is_on_board_comes_back_to_the_pickup(gateway_on_both: Gateway) -> None:
     gateway = gateway_on_both
     delivery_id = await gateway.planned(packages=2)
     await reports(gateway, delivery_id, "ACCEPTED", "LOADING", "LOADED")
@@ -102,7 +108,7 @@ async def test_what_is_on_board_comes_back_to_the_pickup(gateway_on_both: Any) -
     ]
 
 
-async def test_one_package_is_cancelled_and_the_others_are_delivered(gateway: Any) -> None:
+async def test_one_package_is_cancelled_and_the_others_are_delivered(gateway: Gateway) -> None:
     delivery_id = await gateway.planned(packages=3)
     delivery = (await cancel(gateway, delivery_id, package_ids=["p2"])).json()
     assert delivery["state"] == "PLANNED"
@@ -115,7 +121,7 @@ async def test_one_package_is_cancelled_and_the_others_are_delivered(gateway: An
     assert delivery["state"] == "PARTIALLY_COMPLETED"
 
 
-async def test_one_package_that_waits_is_left_out_of_the_booking(gateway: Any) -> None:
+async def test_one_package_that_waits_is_left_out_of_the_booking(gateway: Gateway) -> None:
     delivery_id = await gateway.accepted(packages=2)
     delivery = (await cancel(gateway, delivery_id, package_ids=["p1"])).json()
     assert (delivery["state"], states(delivery)) == ("REQUESTED", ["CANCELLED", "CREATED"])
@@ -125,7 +131,9 @@ async def test_one_package_that_waits_is_left_out_of_the_booking(gateway: Any) -
     assert package.package_id == "p2"
 
 
-async def test_a_package_that_is_cancelled_while_it_is_booked_is_called_off(gateway: Any) -> None:
+async def test_a_package_that_is_cancelled_while_it_is_booked_is_called_off(
+    gateway: Gateway,
+) -> None:
     delivery_id = await gateway.accepted(packages=2)
     await _booked_in_composition(gateway)
     await cancel(gateway, delivery_id, package_ids=["p1"])
@@ -137,7 +145,9 @@ async def test_a_package_that_is_cancelled_while_it_is_booked_is_called_off(gate
     assert told["package_ids"] == ["p1"]
 
 
-async def test_a_delivery_that_is_cancelled_while_it_is_booked_is_called_off(gateway: Any) -> None:
+async def test_a_delivery_that_is_cancelled_while_it_is_booked_is_called_off(
+    gateway: Gateway,
+) -> None:
     delivery_id = await gateway.accepted(packages=2)
     await _booked_in_composition(gateway)
     delivery = (await cancel(gateway, delivery_id)).json()
@@ -150,7 +160,7 @@ async def test_a_delivery_that_is_cancelled_while_it_is_booked_is_called_off(gat
 
 
 async def test_a_mission_that_is_booked_after_all_is_called_off_when_it_reports(
-    gateway: Any,
+    gateway: Gateway,
 ) -> None:
     delivery_id = await gateway.accepted(packages=1)
     await cancel(gateway, delivery_id)
@@ -164,7 +174,7 @@ async def test_a_mission_that_is_booked_after_all_is_called_off_when_it_reports(
     assert (await gateway.get(delivery_id))["missions"] == []
 
 
-async def test_what_is_delivered_cannot_be_cancelled(gateway: Any) -> None:
+async def test_what_is_delivered_cannot_be_cancelled(gateway: Gateway) -> None:
     delivery_id = await gateway.planned(packages=2)
     await reports(gateway, delivery_id, "ACCEPTED", "LOADING", "LOADED")
     await gateway.report(delivery_id, "DELIVERED", seq=4, package_ids=["p1"])
@@ -182,7 +192,7 @@ async def test_what_is_delivered_cannot_be_cancelled(gateway: Any) -> None:
     assert (await cancel(gateway, delivery_id)).json()["code"] == "TOO_LATE"
 
 
-async def test_composition_knows_better_than_we_what_is_too_late(gateway: Any) -> None:
+async def test_composition_knows_better_than_we_what_is_too_late(gateway: Gateway) -> None:
     delivery_id = await gateway.planned()
     await reports(gateway, delivery_id, "ACCEPTED", "LOADING", "LOADED")
     gateway.composition.delivered = {"p1"}
@@ -191,7 +201,9 @@ async def test_composition_knows_better_than_we_what_is_too_late(gateway: Any) -
     assert (await gateway.get(delivery_id))["state"] == "IN_PROGRESS"
 
 
-async def test_what_is_being_loaded_this_moment_comes_back_once_it_is_loaded(gateway: Any) -> None:
+async def test_what_is_being_loaded_this_moment_comes_back_once_it_is_loaded(
+    gateway: Gateway,
+) -> None:
     delivery_id = await gateway.planned()
     await reports(gateway, delivery_id, "ACCEPTED", "LOADING")
     gateway.composition.loaded = {"p1"}  # composition knows more than it has reported
@@ -210,7 +222,7 @@ async def test_what_is_being_loaded_this_moment_comes_back_once_it_is_loaded(gat
 
 
 async def test_trips_that_have_not_begun_are_called_off_and_the_others_return(
-    gateway: Any, candidate: Callable[..., Any]
+    gateway: Gateway, candidate: Callable[..., Any]
 ) -> None:
     gateway.composition.packages_per_trip = 1
     gateway.registry.candidates_now = [candidate("drn_1"), candidate("drn_2")]
@@ -225,7 +237,7 @@ async def test_trips_that_have_not_begun_are_called_off_and_the_others_return(
     assert not await gateway.book_next(), "booked what was cancelled"
 
 
-async def test_a_package_that_nobody_takes_and_returns_fails_the_delivery(gateway: Any) -> None:
+async def test_a_package_that_nobody_takes_and_returns_fails_the_delivery(gateway: Gateway) -> None:
     delivery_id = await gateway.planned()
     await reports(gateway, delivery_id, "ACCEPTED", "LOADING", "LOADED")
     await gateway.report(
@@ -241,7 +253,7 @@ async def test_a_package_that_nobody_takes_and_returns_fails_the_delivery(gatewa
 
 @pytest.mark.parametrize("service_is", ["away before", "away and back"])
 async def test_without_composition_nothing_is_said_to_be_cancelled(
-    gateway: Any, service_is: str
+    gateway: Gateway, service_is: str
 ) -> None:
     delivery_id = await gateway.accepted()
     gateway.composition.is_away = True
@@ -256,7 +268,7 @@ async def test_without_composition_nothing_is_said_to_be_cancelled(
 
 
 async def test_cancelling_and_giving_up_at_once_say_one_of_both(
-    gateway_on_both: Any, reason: Callable[..., Any]
+    gateway_on_both: Gateway, reason: Callable[..., Any]
 ) -> None:
     gateway = gateway_on_both
     gateway.composition.reasons = [reason("OUT_OF_RANGE", is_temporary=False)]
@@ -267,7 +279,7 @@ async def test_cancelling_and_giving_up_at_once_say_one_of_both(
     assert (answer.status_code == 200) == (delivery["state"] == "CANCELLED")
 
 
-async def test_who_cancels_first_is_not_told_that_nobody_flies_it(gateway: Any) -> None:
+async def test_who_cancels_first_is_not_told_that_nobody_flies_it(gateway: Gateway) -> None:
     """The customer has closed it; the round that finds it closed leaves the last word to them."""
     delivery_id = await gateway.accepted()
     queued = await _claimed(gateway)
@@ -295,7 +307,7 @@ def _until_wait(call: Coroutine[Any, Any, Any], wait: int) -> Generator[Any, Any
 
 
 async def test_a_cancellation_that_is_killed_anywhere_is_ended_or_never_began(
-    gateway: Any,
+    gateway: Gateway,
 ) -> None:
     from skyway_gateway.deliveries.cancelling.cancel_request import CancelRequest
 
@@ -321,7 +333,7 @@ async def test_a_cancellation_that_is_killed_anywhere_is_ended_or_never_began(
     assert set(ends) == {"PLANNED", "CANCELLED"}
 
 
-async def test_only_whose_delivery_it_is_and_operators_cancel(gateway: Any) -> None:
+async def test_only_whose_delivery_it_is_and_operators_cancel(gateway: Gateway) -> None:
     delivery_id = await gateway.accepted()
     path = f"/v1/deliveries/{delivery_id}/cancel"
     for headers, status in (({}, 401), (gateway.other, 404), (gateway.provider, 403)):
@@ -341,7 +353,7 @@ async def test_only_whose_delivery_it_is_and_operators_cancel(gateway: Any) -> N
     ],
 )
 async def test_a_bad_cancellation_is_a_problem(
-    gateway: Any, body: dict[str, Any], field: str
+    gateway: Gateway, body: dict[str, Any], field: str
 ) -> None:
     delivery_id = await gateway.accepted()
     answer = await cancel(gateway, delivery_id, **body)
@@ -349,23 +361,23 @@ async def test_a_bad_cancellation_is_a_problem(
     assert [error["field"] for error in answer.json()["errors"]] == [field]
 
 
-async def _claimed(gateway: Any) -> Any:
+async def _claimed(gateway: Gateway) -> Any:
     [queued] = await gateway.parts.booker.claim(limit=1)
     return queued
 
 
-async def _booked_in_composition(gateway: Any) -> None:
+async def _booked_in_composition(gateway: Gateway) -> None:
     """A round of booking that died before it wrote anything down."""
-    from skyway_gateway.deliveries.booking.booking_request import wanted_missions
+    from skyway_gateway.deliveries.booking.booking_request import booking_request
 
     from skyway.contracts.shortlist import Shortlist
 
     delivery = (await _claimed(gateway)).delivery
-    wanted = wanted_missions(delivery, Shortlist.of(gateway.registry.candidates_now))
+    wanted = booking_request(delivery, Shortlist.of(gateway.registry.candidates_now))
     await gateway.composition.book(delivery.delivery_id, wanted)
 
 
-async def _wanted(gateway: Any, delivery_id: str) -> Any:
+async def _wanted(gateway: Gateway, delivery_id: str) -> Any:
     from skyway.contracts.mission import BookMissions
     from skyway.contracts.shortlist import Shortlist
     from skyway.delivery.request import DeliveryRequest
@@ -375,7 +387,7 @@ async def _wanted(gateway: Any, delivery_id: str) -> Any:
     return BookMissions(attempt=1, request=request, shortlist=shortlist)
 
 
-async def _told_to_composition(gateway: Any) -> list[dict[str, Any]]:
+async def _told_to_composition(gateway: Gateway) -> list[dict[str, Any]]:
     """What waits in the outbox to be posted to composition."""
     import json
 

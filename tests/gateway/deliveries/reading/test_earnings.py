@@ -5,8 +5,10 @@ from typing import Any
 
 import pytest
 
+from tests.gateway.whole_gateway import Gateway
 
-async def completed(gateway: Any, *, state: str = "COMPLETED") -> None:
+
+async def completed(gateway: Gateway, *, state: str = "COMPLETED") -> None:
     delivery_id = await gateway.planned()
     for seq, kind in enumerate(("ACCEPTED", "LOADING", "LOADED"), start=1):
         await gateway.report(delivery_id, kind, seq=seq)
@@ -14,7 +16,7 @@ async def completed(gateway: Any, *, state: str = "COMPLETED") -> None:
     await gateway.report(delivery_id, "ENDED", seq=5, mission_state=state)
 
 
-async def earnings(gateway: Any, query: str = "") -> dict[str, Any]:
+async def earnings(gateway: Gateway, query: str = "") -> dict[str, Any]:
     path = f"/v1/providers/prv_1/earnings{query}"
     answer = await gateway.http.get(path, headers=gateway.provider)
     assert answer.status_code == 200, answer.text
@@ -22,7 +24,7 @@ async def earnings(gateway: Any, query: str = "") -> dict[str, Any]:
     return found
 
 
-async def test_completed_missions_are_added_up_by_day(gateway_on_both: Any) -> None:
+async def test_completed_missions_are_added_up_by_day(gateway_on_both: Gateway) -> None:
     gateway = gateway_on_both
     await completed(gateway)
     await completed(gateway)
@@ -38,7 +40,7 @@ async def test_completed_missions_are_added_up_by_day(gateway_on_both: Any) -> N
     ]
 
 
-async def test_from_and_to_bound_the_moments_of_the_ends(gateway_on_both: Any) -> None:
+async def test_from_and_to_bound_the_moments_of_the_ends(gateway_on_both: Gateway) -> None:
     gateway = gateway_on_both
     await completed(gateway)
     gateway.clock.advance(timedelta(days=1))
@@ -53,12 +55,12 @@ async def test_from_and_to_bound_the_moments_of_the_ends(gateway_on_both: Any) -
     assert await amount("?from=2026-03-03T00:00:00Z") == 0
 
 
-async def test_a_provider_without_missions_has_earned_nothing(gateway: Any) -> None:
+async def test_a_provider_without_missions_has_earned_nothing(gateway: Gateway) -> None:
     found = await earnings(gateway)
     assert (found["currency"], found["amount"], found["by_day"]) == (None, 0, [])
 
 
-async def test_what_was_earned_before_the_currency_changed_is_listed_only(gateway: Any) -> None:
+async def test_what_was_earned_before_the_currency_changed_is_listed_only(gateway: Gateway) -> None:
     await completed(gateway)
     await gateway.execute("UPDATE missions SET currency = 'EUR'")
     gateway.clock.advance(timedelta(days=1))
@@ -68,7 +70,7 @@ async def test_what_was_earned_before_the_currency_changed_is_listed_only(gatewa
     assert [day["currency"] for day in found["by_day"]] == ["EUR", "USD"]
 
 
-async def test_only_its_own_earnings_are_a_providers_to_see(gateway: Any) -> None:
+async def test_only_its_own_earnings_are_a_providers_to_see(gateway: Gateway) -> None:
     path = "/v1/providers/prv_2/earnings"
     assert (await gateway.http.get(path, headers=gateway.provider)).status_code == 404
     assert (await gateway.http.get(path, headers=gateway.operator)).status_code == 200
@@ -76,6 +78,6 @@ async def test_only_its_own_earnings_are_a_providers_to_see(gateway: Any) -> Non
 
 
 @pytest.mark.parametrize("query", ["?from=yesterday", "?to=2026-03-01T00:00:00", "?until=1"])
-async def test_a_bad_period_is_a_problem(gateway: Any, query: str) -> None:
+async def test_a_bad_period_is_a_problem(gateway: Gateway, query: str) -> None:
     path = f"/v1/providers/prv_1/earnings{query}"
     assert (await gateway.http.get(path, headers=gateway.provider)).status_code == 422

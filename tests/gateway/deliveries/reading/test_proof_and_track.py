@@ -7,16 +7,17 @@ import pytest
 
 from skyway.contracts.track import Track, TrackedMission, TrackedStep
 from skyway.geo import Position
+from tests.gateway.whole_gateway import Gateway
 
 PICKUP, MIDDLE, END = Position(-97.9, 29.8), Position(-98.0, 29.7), Position(-98.1, 29.6)
 
 
-async def read(gateway: Any, delivery_id: str, what: str) -> Any:
+async def read(gateway: Gateway, delivery_id: str, what: str) -> Any:
     path = f"/v1/deliveries/{delivery_id}/{what}"
     return await gateway.http.get(path, headers=gateway.customer)
 
 
-async def test_a_hand_over_leaves_its_proof(gateway_on_both: Any) -> None:
+async def test_a_hand_over_leaves_its_proof(gateway_on_both: Gateway) -> None:
     gateway = gateway_on_both
     delivery_id = await gateway.planned(packages=2)
     for seq, kind in enumerate(("ACCEPTED", "LOADING", "LOADED"), start=1):
@@ -61,7 +62,7 @@ async def test_a_hand_over_leaves_its_proof(gateway_on_both: Any) -> None:
     [{}, {"mass_kg": "heavy", "place": "here"}, {"place": {"position": "x"}, "mass_kg": {}}],
 )
 async def test_evidence_that_cannot_be_read_holds_nothing_up(
-    gateway: Any, data: dict[str, Any]
+    gateway: Gateway, data: dict[str, Any]
 ) -> None:
     delivery_id = await gateway.planned()
     for seq, kind in enumerate(("ACCEPTED", "LOADING", "LOADED"), start=1):
@@ -74,7 +75,7 @@ async def test_evidence_that_cannot_be_read_holds_nothing_up(
 
 
 @pytest.mark.parametrize("what", ["proof", "track"])
-async def test_proof_and_track_are_the_customers_own(gateway: Any, what: str) -> None:
+async def test_proof_and_track_are_the_customers_own(gateway: Gateway, what: str) -> None:
     delivery_id = await gateway.planned()
     path = f"/v1/deliveries/{delivery_id}/{what}"
     for headers, status in (
@@ -86,7 +87,7 @@ async def test_proof_and_track_are_the_customers_own(gateway: Any, what: str) ->
         assert (await gateway.http.get(path, headers=headers)).status_code == status
 
 
-def _step(gateway: Any, kind: str, status: str, *, number: int, way: tuple[Any, Any]) -> Any:
+def _step(gateway: Gateway, kind: str, status: str, *, number: int, way: tuple[Any, Any]) -> Any:
     start_at = gateway.clock.now() + timedelta(minutes=10 * number)
     return TrackedStep(
         kind=kind,
@@ -101,7 +102,7 @@ def _step(gateway: Any, kind: str, status: str, *, number: int, way: tuple[Any, 
 
 
 async def test_the_track_shows_what_was_flown_what_will_be_and_where_the_drone_is(
-    gateway: Any,
+    gateway: Gateway,
 ) -> None:
     delivery_id = await gateway.planned()
     here = Position(-98.05, 29.65)
@@ -141,7 +142,7 @@ async def test_the_track_shows_what_was_flown_what_will_be_and_where_the_drone_i
     assert [stop["kind"] for stop in stations[2]["properties"]["stops"]] == ["DELIVER"]
 
 
-async def test_a_drone_that_stands_has_flown_up_to_where_it_is(gateway: Any) -> None:
+async def test_a_drone_that_stands_has_flown_up_to_where_it_is(gateway: Gateway) -> None:
     delivery_id = await gateway.planned()
     steps = (
         _step(gateway, "FLY", "ENDED", number=0, way=(PICKUP, MIDDLE)),
@@ -163,7 +164,7 @@ async def test_a_drone_that_stands_has_flown_up_to_where_it_is(gateway: Any) -> 
     assert planned["geometry"]["coordinates"] == [list(MIDDLE), list(END)]
 
 
-async def test_before_the_booking_there_is_an_empty_track(gateway: Any) -> None:
+async def test_before_the_booking_there_is_an_empty_track(gateway: Gateway) -> None:
     delivery_id = await gateway.accepted()
     gateway.composition.is_away = True
     track = (await read(gateway, delivery_id, "track")).json()

@@ -7,26 +7,30 @@ from typing import Any
 
 import pytest
 
+from skyway.ids import DeliveryId
 from skyway.runtime.errors import Conflict
+from tests.gateway.whole_gateway import Gateway
 
 
 @pytest.fixture
-def replica(gateway_on_both: Any) -> Any:
+def replica(gateway_on_both: Gateway) -> Any:
     """The same gateway in another process, on the same database: it remembers nothing of ours."""
-    from skyway_gateway.deliveries.records.stored_delivery import KnownDeliveries
+    from skyway_gateway.deliveries.records.stored_delivery import DeliveryCache
 
     parts = gateway_on_both.parts
-    writer = replace(parts.writer, known=KnownDeliveries())
+    writer = replace(parts.writer, cache=DeliveryCache())
     return replace(gateway_on_both, parts=replace(parts, writer=writer))
 
 
-async def _follow(gateway: Any, delivery_id: str, kind: str, *, seq: int, **fields: object) -> None:
+async def _follow(
+    gateway: Gateway, delivery_id: str, kind: str, *, seq: int, **fields: Any
+) -> None:
     """Have this replica, and no other, follow a report."""
     report = gateway.mission_report(delivery_id, kind, seq=seq, **fields)
-    await gateway.parts.follower.follow(report)
+    await gateway.parts.applier.apply(report)
 
 
-async def test_what_was_just_written_is_not_read_again(gateway: Any, statements: Any) -> None:
+async def test_what_was_just_written_is_not_read_again(gateway: Gateway, statements: Any) -> None:
     with statements() as seen:
         delivery_id = await gateway.accepted()
         await gateway.book_next()
@@ -40,7 +44,7 @@ async def test_what_was_just_written_is_not_read_again(gateway: Any, statements:
 
 
 async def test_what_another_replica_accepted_is_booked_here(
-    gateway_on_both: Any, replica: Any
+    gateway_on_both: Gateway, replica: Gateway
 ) -> None:
     delivery_id = await gateway_on_both.accepted(packages=2)
     assert await replica.book_next()
@@ -50,7 +54,7 @@ async def test_what_another_replica_accepted_is_booked_here(
 
 
 async def test_a_plan_takes_account_of_a_cancellation_since_the_claim(
-    gateway_on_both: Any, replica: Any
+    gateway_on_both: Gateway, replica: Gateway
 ) -> None:
     """Cancelled here or by another replica: the package is not planned, and called off."""
     for canceller in (gateway_on_both, replica):
@@ -72,7 +76,7 @@ async def test_a_plan_takes_account_of_a_cancellation_since_the_claim(
 
 
 async def test_a_plan_of_an_older_attempt_is_not_written(
-    gateway_on_both: Any, replica: Any, candidate: Callable[..., Any]
+    gateway_on_both: Gateway, replica: Gateway, candidate: Callable[..., Any]
 ) -> None:
     """Another replica has planned it meanwhile, and its drone has refused."""
     gateway = gateway_on_both
@@ -89,7 +93,7 @@ async def test_a_plan_of_an_older_attempt_is_not_written(
 
 
 async def test_reports_to_two_replicas_are_applied_once_each(
-    gateway_on_both: Any, replica: Any
+    gateway_on_both: Gateway, replica: Gateway
 ) -> None:
     gateway = gateway_on_both
     delivery_id = await gateway.planned()
@@ -116,7 +120,7 @@ async def test_reports_to_two_replicas_are_applied_once_each(
     ]
 
 
-async def _follow_all(gateway: Any, kind: str, reports: dict[str, int]) -> None:
+async def _follow_all(gateway: Gateway, kind: str, reports: dict[str, int]) -> None:
     """Have this replica follow reports that came in one request, by delivery their numbers."""
     from skyway.contracts.mission_reports import TracedReport
 
@@ -127,11 +131,11 @@ async def _follow_all(gateway: Any, kind: str, reports: dict[str, int]) -> None:
         )
         for number, (delivery_id, seq) in enumerate(reports.items(), start=1)
     ]
-    await gateway.parts.follower.follow_all(traced)
+    await gateway.parts.applier.apply_all(traced)
 
 
 async def test_reports_in_one_request_are_applied_without_reading(
-    gateway: Any, statements: Any
+    gateway: Gateway, statements: Any
 ) -> None:
     planned = [await gateway.planned() for _ in range(3)]
     with statements() as seen:
@@ -144,7 +148,7 @@ async def test_reports_in_one_request_are_applied_without_reading(
 
 
 async def test_reports_in_one_request_are_applied_although_one_delivery_was_written_elsewhere(
-    gateway_on_both: Any, replica: Any
+    gateway_on_both: Gateway, replica: Gateway
 ) -> None:
     gateway = gateway_on_both
     first, second, third = [await gateway.planned() for _ in range(3)]
@@ -159,7 +163,7 @@ async def test_reports_in_one_request_are_applied_although_one_delivery_was_writ
         assert (await gateway.told(delivery_id))[2:] == ["delivery.dispatched"]
 
 
-async def test_a_report_that_comes_too_early_refuses_those_after_it(gateway: Any) -> None:
+async def test_a_report_that_comes_too_early_refuses_those_after_it(gateway: Gateway) -> None:
     first, second = [await gateway.planned() for _ in range(2)]
     with pytest.raises(Conflict, match="NOT_YET"):
         await _follow_all(gateway, "LOADING", {first: 1, second: 2})
@@ -168,7 +172,7 @@ async def test_a_report_that_comes_too_early_refuses_those_after_it(gateway: Any
 
 
 async def test_a_report_sees_what_was_cancelled_elsewhere(
-    gateway_on_both: Any, replica: Any
+    gateway_on_both: Gateway, replica: Gateway
 ) -> None:
     """The drone loads what is left: p1 stays at the pickup, although we remember it planned."""
     gateway = gateway_on_both
@@ -180,7 +184,7 @@ async def test_a_report_sees_what_was_cancelled_elsewhere(
     assert [one["state"] for one in delivery["packages"]] == ["CANCELLED", "LOADED"]
 
 
-async def _cancel(gateway: Any, delivery_id: str, package_ids: list[str]) -> Any:
+async def _cancel(gateway: Gateway, delivery_id: DeliveryId, package_ids: list[str]) -> Any:
     from skyway_gateway.deliveries.cancelling.cancel_request import CancelRequest
 
     from skyway.runtime.http.identity import Caller
@@ -190,18 +194,20 @@ async def _cancel(gateway: Any, delivery_id: str, package_ids: list[str]) -> Any
     return await gateway.parts.canceller.cancel(caller, delivery_id, wanted)
 
 
-async def test_only_the_youngest_are_remembered(gateway: Any) -> None:
-    from skyway_gateway.deliveries.records.stored_delivery import Known, KnownDeliveries
+async def test_only_the_youngest_are_remembered(gateway: Gateway) -> None:
+    from skyway_gateway.deliveries.records.stored_delivery import DeliveryCache, StoredDelivery
 
     await gateway.accepted()
     [queued] = await gateway.parts.booker.claim(limit=1)
-    known = KnownDeliveries()
+    cache = DeliveryCache()
     for number in range(501):
         other = queued.delivery.model_copy(update={"delivery_id": f"dlv_{number}"})
-        known.note(Known(other, version=1, last_sequence=1))
-    assert known.take("dlv_0") is None
-    assert known.take("dlv_1") is not None
-    assert known.take("dlv_1") is None, "remembered although it was about to be written"
-    known.note(Known(queued.delivery, version=3, last_sequence=3))
-    known.note(Known(queued.delivery, version=2, last_sequence=2))
-    assert known.take(queued.delivery.delivery_id).version == 3
+        cache.remember(StoredDelivery(other, version=1, last_sequence=1))
+    assert cache.pop(DeliveryId("dlv_0")) is None
+    assert cache.pop(DeliveryId("dlv_1")) is not None
+    assert cache.pop(DeliveryId("dlv_1")) is None, "remembered although it was about to be written"
+    cache.remember(StoredDelivery(queued.delivery, version=3, last_sequence=3))
+    cache.remember(StoredDelivery(queued.delivery, version=2, last_sequence=2))
+    newest = cache.pop(queued.delivery.delivery_id)
+    assert newest is not None
+    assert newest.version == 3

@@ -7,14 +7,16 @@ from typing import Any
 
 import pytest
 
+from tests.gateway.whole_gateway import Gateway
 
-async def _reports(gateway: Any, delivery_id: str, *kinds: str, first: int = 1) -> None:
+
+async def _reports(gateway: Gateway, delivery_id: str, *kinds: str, first: int = 1) -> None:
     for seq, kind in enumerate(kinds, start=first):
         answer = await gateway.report(delivery_id, kind, seq=seq)
         assert answer.status_code == 204, answer.text
 
 
-async def test_a_delivery_goes_from_dispatch_to_its_last_package(gateway_on_both: Any) -> None:
+async def test_a_delivery_goes_from_dispatch_to_its_last_package(gateway_on_both: Gateway) -> None:
     gateway = gateway_on_both
     delivery_id = await gateway.planned(packages=2)
 
@@ -91,7 +93,7 @@ async def test_a_delivery_goes_from_dispatch_to_its_last_package(gateway_on_both
 
 
 async def test_a_report_that_comes_before_its_turn_is_asked_for_again(
-    gateway_on_both: Any,
+    gateway_on_both: Gateway,
 ) -> None:
     gateway = gateway_on_both
     delivery_id = await gateway.planned()
@@ -103,7 +105,7 @@ async def test_a_report_that_comes_before_its_turn_is_asked_for_again(
     assert (await gateway.get(delivery_id))["state"] == "IN_PROGRESS"
 
 
-async def test_a_repeated_report_changes_nothing(gateway_on_both: Any) -> None:
+async def test_a_repeated_report_changes_nothing(gateway_on_both: Gateway) -> None:
     gateway = gateway_on_both
     delivery_id = await gateway.planned()
     answers = await asyncio.gather(
@@ -118,9 +120,9 @@ async def test_a_repeated_report_changes_nothing(gateway_on_both: Any) -> None:
     assert (await gateway.told(delivery_id)).count("delivery.dispatched") == 1
 
 
-async def test_reports_in_every_wrong_order_end_alike(gateway: Any) -> None:
+async def test_reports_in_every_wrong_order_end_alike(gateway: Gateway) -> None:
     delivery_id = await gateway.planned()
-    waiting = [
+    waiting: list[tuple[int, str, dict[str, Any]]] = [
         (4, "DELIVERED", {"package_ids": ["p1"]}),
         (2, "LOADING", {}),
         (1, "ACCEPTED", {}),
@@ -144,7 +146,7 @@ async def test_reports_in_every_wrong_order_end_alike(gateway: Any) -> None:
 
 
 async def test_a_report_that_overtakes_the_booking_waits_for_it(
-    gateway: Any, mission: Callable[..., Any]
+    gateway: Gateway, mission: Callable[..., Any]
 ) -> None:
     delivery_id = await gateway.accepted()
     from skyway.delivery.request import DeliveryRequest
@@ -164,7 +166,7 @@ async def test_a_report_that_overtakes_the_booking_waits_for_it(
     assert (await gateway.get(delivery_id))["state"] == "DISPATCHED"
 
 
-async def test_a_report_about_a_delivery_that_is_none_of_ours_is_dropped(gateway: Any) -> None:
+async def test_a_report_about_a_delivery_that_is_none_of_ours_is_dropped(gateway: Gateway) -> None:
     delivery_id = await gateway.planned()
     booked = gateway.composition.booked[delivery_id, 1]
     gateway.composition.booked["dlv_other", 1] = booked
@@ -172,7 +174,7 @@ async def test_a_report_about_a_delivery_that_is_none_of_ours_is_dropped(gateway
 
 
 async def test_late_words_about_a_refused_mission_change_nothing(
-    gateway: Any, candidate: Callable[..., Any]
+    gateway: Gateway, candidate: Callable[..., Any]
 ) -> None:
     gateway.registry.candidates_now = [candidate("drn_1"), candidate("drn_2")]
     delivery_id = await gateway.planned()
@@ -184,7 +186,7 @@ async def test_late_words_about_a_refused_mission_change_nothing(
 
 
 async def test_refusing_again_after_a_long_time_leaves_patience_to_ask_others(
-    gateway: Any, candidate: Callable[..., Any]
+    gateway: Gateway, candidate: Callable[..., Any]
 ) -> None:
     gateway.registry.candidates_now = [candidate("drn_1"), candidate("drn_2")]
     delivery_id = await gateway.planned()
@@ -194,7 +196,7 @@ async def test_refusing_again_after_a_long_time_leaves_patience_to_ask_others(
     assert (await gateway.get(delivery_id))["state"] == "PLANNED"
 
 
-async def test_a_mission_that_is_aborted_strands_what_it_carries(gateway_on_both: Any) -> None:
+async def test_a_mission_that_is_aborted_strands_what_it_carries(gateway_on_both: Gateway) -> None:
     gateway = gateway_on_both
     delivery_id = await gateway.planned(packages=3)
     await _reports(gateway, delivery_id, "ACCEPTED", "LOADING", "LOADED")
@@ -224,7 +226,7 @@ async def test_a_mission_that_is_aborted_strands_what_it_carries(gateway_on_both
     assert last["type"] == "delivery.partially_completed"
 
 
-async def test_a_mission_that_ends_before_loading_fails_the_delivery(gateway: Any) -> None:
+async def test_a_mission_that_ends_before_loading_fails_the_delivery(gateway: Gateway) -> None:
     delivery_id = await gateway.planned()
     await _reports(gateway, delivery_id, "ACCEPTED", "LOADING")
     await gateway.report(delivery_id, "ENDED", seq=3, mission_state="ABORTED", code="LOST")
@@ -235,7 +237,7 @@ async def test_a_mission_that_ends_before_loading_fails_the_delivery(gateway: An
     assert (await gateway.told(delivery_id))[-1] == "delivery.failed"
 
 
-async def test_packages_that_went_down_with_a_drone_stay_in_its_custody(gateway: Any) -> None:
+async def test_packages_that_went_down_with_a_drone_stay_in_its_custody(gateway: Gateway) -> None:
     delivery_id = await gateway.planned()
     await _reports(gateway, delivery_id, "ACCEPTED", "LOADING", "LOADED")
     await gateway.report(
@@ -258,7 +260,7 @@ async def test_packages_that_went_down_with_a_drone_stay_in_its_custody(gateway:
 
 @pytest.mark.parametrize(("late_s", "is_told"), [(59, False), (61, True)])
 async def test_a_delay_is_told_when_it_is_more_than_a_minute(
-    gateway: Any, late_s: int, is_told: bool
+    gateway: Gateway, late_s: int, is_told: bool
 ) -> None:
     delivery_id = await gateway.planned(packages=2)
     await _reports(gateway, delivery_id, "ACCEPTED", "LOADING", "LOADED")
@@ -282,7 +284,7 @@ async def test_a_delay_is_told_when_it_is_more_than_a_minute(
         assert [one["late_s"] for one in told["data"]["packages"]] == [61, 61]
 
 
-async def test_a_new_plan_is_told_with_its_etas(gateway: Any) -> None:
+async def test_a_new_plan_is_told_with_its_etas(gateway: Gateway) -> None:
     delivery_id = await gateway.planned()
     await _reports(gateway, delivery_id, "ACCEPTED", "LOADING", "LOADED")
     mission = gateway.composition.booked[delivery_id, 1]
@@ -298,7 +300,7 @@ async def test_a_new_plan_is_told_with_its_etas(gateway: Any) -> None:
     assert (await gateway.told(delivery_id))[-2:] == ["delivery.replanned", "delivery.delayed"]
 
 
-async def test_reports_of_several_missions_come_in_one_request(gateway: Any) -> None:
+async def test_reports_of_several_missions_come_in_one_request(gateway: Gateway) -> None:
     delivery_ids = [await gateway.planned(), await gateway.planned()]
     reports = [gateway.mission_report(one, "ACCEPTED", seq=1) for one in delivery_ids]
 
@@ -309,7 +311,7 @@ async def test_reports_of_several_missions_come_in_one_request(gateway: Any) -> 
         assert (await gateway.get(delivery_id))["state"] == "DISPATCHED"
 
 
-async def test_reports_that_come_together_are_refused_when_one_is(gateway: Any) -> None:
+async def test_reports_that_come_together_are_refused_when_one_is(gateway: Gateway) -> None:
     first, second = await gateway.planned(), await gateway.planned()
     too_early = gateway.mission_report(second, "LOADING", seq=2)
 
@@ -323,7 +325,7 @@ async def test_reports_that_come_together_are_refused_when_one_is(gateway: Any) 
     assert (await gateway.told(first)).count("delivery.dispatched") == 1
 
 
-async def test_only_a_service_reports(gateway: Any) -> None:
+async def test_only_a_service_reports(gateway: Gateway) -> None:
     for path in ("/internal/mission-reports", "/internal/mission-reports/many"):
         for headers in (dict[str, str](), gateway.operator):
             answer = await gateway.http.post(path, json={}, headers=headers)

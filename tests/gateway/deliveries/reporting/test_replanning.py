@@ -4,8 +4,10 @@ from collections.abc import Callable
 from datetime import timedelta
 from typing import Any
 
+from tests.gateway.whole_gateway import Gateway
 
-async def under_way(gateway: Any, *, packages: int = 1, **changes: object) -> str:
+
+async def under_way(gateway: Gateway, *, packages: int = 1, **changes: object) -> str:
     delivery_id = str(await gateway.accepted(packages=packages, **changes))
     await gateway.book_next()
     for seq, kind in enumerate(("ACCEPTED", "LOADING", "LOADED"), start=1):
@@ -23,7 +25,7 @@ def later(mission: Any, **by: float) -> Any:
 
 
 async def test_a_plan_that_does_not_hold_is_flagged_until_there_is_another(
-    gateway_on_both: Any,
+    gateway_on_both: Gateway,
 ) -> None:
     gateway = gateway_on_both
     delivery_id = await under_way(gateway)
@@ -47,7 +49,7 @@ async def test_a_plan_that_does_not_hold_is_flagged_until_there_is_another(
     assert told["promised_at"] < told["eta_at"]
 
 
-async def test_what_a_new_plan_leaves_behind_has_no_eta_and_is_told_so(gateway: Any) -> None:
+async def test_what_a_new_plan_leaves_behind_has_no_eta_and_is_told_so(gateway: Gateway) -> None:
     delivery_id = await under_way(gateway)
     mission = gateway.composition.booked[delivery_id, 1]
     given_up = later(mission).model_copy(update={"packages": (), "given_up": "OUT_OF_RANGE"})
@@ -63,7 +65,7 @@ async def test_what_a_new_plan_leaves_behind_has_no_eta_and_is_told_so(gateway: 
     assert (await gateway.get(delivery_id))["packages"][0]["eta_at"] is None
 
 
-async def test_times_count_from_the_start_that_was_booked_first(gateway: Any) -> None:
+async def test_times_count_from_the_start_that_was_booked_first(gateway: Gateway) -> None:
     """Ten minutes were promised; the new plan begins when these are over."""
     delivery_id = await under_way(gateway)
     mission = gateway.composition.booked[delivery_id, 1]
@@ -80,7 +82,7 @@ async def test_times_count_from_the_start_that_was_booked_first(gateway: Any) ->
 
 
 async def test_of_two_plans_that_do_not_hold_one_is_not_enough(
-    gateway: Any, candidate: Callable[..., Any]
+    gateway: Gateway, candidate: Callable[..., Any]
 ) -> None:
     gateway.composition.packages_per_trip = 1
     gateway.registry.candidates_now = [candidate("drn_1"), candidate("drn_2")]
@@ -101,7 +103,7 @@ async def test_of_two_plans_that_do_not_hold_one_is_not_enough(
 
 
 async def test_a_mission_that_ends_is_not_planned_anew_any_more(
-    gateway: Any, candidate: Callable[..., Any]
+    gateway: Gateway, candidate: Callable[..., Any]
 ) -> None:
     gateway.composition.packages_per_trip = 1
     gateway.registry.candidates_now = [candidate("drn_1"), candidate("drn_2")]
@@ -113,7 +115,7 @@ async def test_a_mission_that_ends_is_not_planned_anew_any_more(
     assert not (await gateway.get(delivery_id))["flags"]["replanning"]
 
 
-async def test_an_eta_behind_the_deadline_is_told_at_once(gateway: Any) -> None:
+async def test_an_eta_behind_the_deadline_is_told_at_once(gateway: Gateway) -> None:
     """Ten minutes of flight from 12:01 on, and one second to spare."""
     delivery_id = await under_way(gateway, qos={"deadline_at": "2026-03-01T12:11:01Z"})
     mission = gateway.composition.booked[delivery_id, 1]
@@ -126,10 +128,10 @@ async def test_an_eta_behind_the_deadline_is_told_at_once(gateway: Any) -> None:
     assert (told["late_s"], told["deadline_at"]) == (2, "2026-03-01T12:11:01.000Z")
 
 
-async def test_silence_behind_the_eta_is_told_as_a_delay_once(gateway_on_both: Any) -> None:
+async def test_silence_behind_the_eta_is_told_as_a_delay_once(gateway_on_both: Gateway) -> None:
     gateway = gateway_on_both
     delivery_id = await under_way(gateway)
-    watch = gateway.parts.overdue_watch
+    watch = gateway.parts.overdue_notifier
     gateway.clock.advance(timedelta(minutes=11, seconds=59))
     await watch.step()
     assert not (await gateway.get(delivery_id))["flags"]["delayed"]
@@ -146,19 +148,19 @@ async def test_silence_behind_the_eta_is_told_as_a_delay_once(gateway_on_both: A
     assert (await gateway.get(delivery_id))["state"] == "COMPLETED"
 
 
-async def test_what_is_delivered_or_over_is_never_overdue(gateway: Any) -> None:
+async def test_what_is_delivered_or_over_is_never_overdue(gateway: Gateway) -> None:
     delivery_id = await under_way(gateway, packages=2)
     await gateway.report(delivery_id, "DELIVERED", seq=4, package_ids=["p1"])
     gateway.clock.advance(timedelta(minutes=15))
-    await gateway.parts.overdue_watch.step()
+    await gateway.parts.overdue_notifier.step()
     assert not (await gateway.get(delivery_id))["flags"]["delayed"]
     await gateway.report(delivery_id, "DELIVERED", seq=5, package_ids=["p2"])
     gateway.clock.advance(timedelta(hours=1))
-    await gateway.parts.overdue_watch.step()
+    await gateway.parts.overdue_notifier.step()
     assert "delivery.delayed" not in await gateway.told(delivery_id)
 
 
-async def test_nobody_there_brings_the_package_to_the_alternative(gateway: Any) -> None:
+async def test_nobody_there_brings_the_package_to_the_alternative(gateway: Gateway) -> None:
     delivery_id = await under_way(gateway)
     mission = gateway.composition.booked[delivery_id, 1]
     await gateway.report(delivery_id, "REPLANNING", seq=4, code="RECIPIENT_ABSENT")
@@ -174,9 +176,11 @@ async def test_nobody_there_brings_the_package_to_the_alternative(gateway: Any) 
     assert package["proof"]["station_id"] == "san-antonio"
 
 
-async def test_nobody_there_and_no_alternative_says_why_the_delivery_failed(gateway: Any) -> None:
+async def test_nobody_there_and_no_alternative_says_why_the_delivery_failed(
+    gateway: Gateway,
+) -> None:
     delivery_id = await under_way(gateway)
-    why = {"code": "RECIPIENT_ABSENT", "detail": "nobody took p1"}
+    why: dict[str, Any] = {"code": "RECIPIENT_ABSENT", "detail": "nobody took p1"}
     await gateway.report(delivery_id, "RETURNING", seq=4, package_ids=["p1"], **why)
     await gateway.report(
         delivery_id, "RETURNED", seq=5, package_ids=["p1"], station_id="san-marcos"
@@ -186,7 +190,7 @@ async def test_nobody_there_and_no_alternative_says_why_the_delivery_failed(gate
     assert {name: failed["data"][name] for name in why} == why
 
 
-async def test_what_is_delivered_stays_delivered_whatever_is_said_later(gateway: Any) -> None:
+async def test_what_is_delivered_stays_delivered_whatever_is_said_later(gateway: Gateway) -> None:
     delivery_id = await under_way(gateway, packages=2)
     await gateway.report(delivery_id, "DELIVERED", seq=4, package_ids=["p1"])
     for seq, kind in enumerate(("RETURNING", "RETURNED", "DELIVERED", "RELEASED"), start=5):
@@ -198,7 +202,9 @@ async def test_what_is_delivered_stays_delivered_whatever_is_said_later(gateway:
     assert (package["state"], package["custodian"]["id"]) == ("DELIVERED", "mcqueeney")
 
 
-async def test_what_was_on_its_way_back_when_its_drone_was_lost_is_stranded(gateway: Any) -> None:
+async def test_what_was_on_its_way_back_when_its_drone_was_lost_is_stranded(
+    gateway: Gateway,
+) -> None:
     delivery_id = await under_way(gateway)
     await gateway.report(delivery_id, "RETURNING", seq=4, package_ids=["p1"], code="ABSENT")
     await gateway.report(delivery_id, "ENDED", seq=5, mission_state="ABORTED", code="LOST")

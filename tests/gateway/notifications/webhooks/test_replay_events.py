@@ -11,27 +11,28 @@ from skyway_gateway.notifications.webhooks.sending_store import claim_due
 from sqlalchemy import text
 
 from skyway.ids import WebhookId
+from tests.gateway.whole_gateway import Gateway
 
 
-async def make_webhook(gateway: Any, **fields: object) -> str:
+async def make_webhook(gateway: Gateway, **fields: object) -> str:
     wanted = {"url": "http://127.0.0.1:9/in", **fields}
     answer = await gateway.http.post("/v1/webhooks", json=wanted, headers=gateway.customer)
     return str(answer.json()["webhook_id"])
 
 
-async def replay(gateway: Any, webhook_id: str, **wanted: object) -> httpx.Response:
+async def replay(gateway: Gateway, webhook_id: str, **wanted: object) -> httpx.Response:
     answer: httpx.Response = await gateway.http.post(
         f"/v1/webhooks/{webhook_id}/replay", json=wanted, headers=gateway.customer
     )
     return answer
 
 
-async def all_are(gateway: Any, state: str) -> None:
+async def all_are(gateway: Gateway, state: str) -> None:
     """Have every notification in this state, as a sender would have left it."""
     await gateway.execute("UPDATE notifications SET state = :state, attempts = 10", state=state)
 
 
-async def due(gateway: Any, webhook_id: str) -> list[tuple[str, int]]:
+async def due(gateway: Gateway, webhook_id: str) -> list[tuple[str, int]]:
     """What is sent there next: the event of each delivery, and how often it was tried."""
     found = await claim_due(
         gateway.parts.db, WebhookId(webhook_id), limit=9, claimant="test", clock=gateway.clock
@@ -40,14 +41,16 @@ async def due(gateway: Any, webhook_id: str) -> list[tuple[str, int]]:
     return [(one.event_id, one.attempts) for one in found]
 
 
-async def states(gateway: Any) -> list[tuple[str, str]]:
+async def states(gateway: Gateway) -> list[tuple[str, str]]:
     statement = text("SELECT event_id, state FROM notifications ORDER BY sequence")
     async with gateway.parts.db.read() as connection:
         return [(row.event_id, row.state) for row in await connection.execute(statement)]
 
 
 @pytest.mark.parametrize("was", ["DELIVERED", "GIVEN_UP"])
-async def test_a_deliverys_events_are_due_again_in_sequence(gateway_on_both: Any, was: str) -> None:
+async def test_a_deliverys_events_are_due_again_in_sequence(
+    gateway_on_both: Gateway, was: str
+) -> None:
     gateway = gateway_on_both
     webhook_id = await make_webhook(gateway)
     delivery_id = await gateway.planned()
@@ -61,7 +64,7 @@ async def test_a_deliverys_events_are_due_again_in_sequence(gateway_on_both: Any
     assert await states(gateway) == [(first, "PENDING"), (second, "PENDING")]
 
 
-async def test_an_event_may_be_told_again_after_later_ones(gateway_on_both: Any) -> None:
+async def test_an_event_may_be_told_again_after_later_ones(gateway_on_both: Gateway) -> None:
     gateway = gateway_on_both
     webhook_id = await make_webhook(gateway)
     delivery_id = await gateway.planned()
@@ -74,7 +77,7 @@ async def test_an_event_may_be_told_again_after_later_ones(gateway_on_both: Any)
     assert await gateway.verified() == []
 
 
-async def test_a_new_webhook_can_be_told_what_was_before_it(gateway_on_both: Any) -> None:
+async def test_a_new_webhook_can_be_told_what_was_before_it(gateway_on_both: Gateway) -> None:
     gateway = gateway_on_both
     delivery_id = await gateway.planned()
     webhook_id = await make_webhook(gateway, event_types=["delivery.planned"])
@@ -87,7 +90,7 @@ async def test_a_new_webhook_can_be_told_what_was_before_it(gateway_on_both: Any
     assert await due(gateway, webhook_id) == [(first, 0)]
 
 
-async def test_what_is_on_its_way_is_left_alone(gateway_on_both: Any) -> None:
+async def test_what_is_on_its_way_is_left_alone(gateway_on_both: Gateway) -> None:
     gateway = gateway_on_both
     webhook_id = await make_webhook(gateway)
     delivery_id = await gateway.accepted()
@@ -97,7 +100,7 @@ async def test_what_is_on_its_way_is_left_alone(gateway_on_both: Any) -> None:
     assert [attempts for _, attempts in await due(gateway, webhook_id)] == [3]
 
 
-async def test_a_span_takes_what_was_recorded_in_it(gateway_on_both: Any) -> None:
+async def test_a_span_takes_what_was_recorded_in_it(gateway_on_both: Gateway) -> None:
     gateway = gateway_on_both
     webhook_id = await make_webhook(gateway)
     moments, deliveries = [], []
@@ -115,7 +118,7 @@ async def test_a_span_takes_what_was_recorded_in_it(gateway_on_both: Any) -> Non
 
 
 async def test_a_span_of_too_many_events_is_refused(
-    gateway: Any, monkeypatch: pytest.MonkeyPatch
+    gateway: Gateway, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(replay_events, "MOST_EVENTS", 2)
     webhook_id = await make_webhook(gateway)
@@ -128,7 +131,7 @@ async def test_a_span_of_too_many_events_is_refused(
 
 
 async def test_nothing_of_others_is_told(
-    gateway_on_both: Any, request_body: Callable[..., Any]
+    gateway_on_both: Gateway, request_body: Callable[..., Any]
 ) -> None:
     gateway = gateway_on_both
     webhook_id = await make_webhook(gateway)
@@ -148,7 +151,7 @@ async def test_nothing_of_others_is_told(
     assert by_other.status_code == 404
 
 
-async def test_a_disabled_webhook_is_told_nothing(gateway: Any) -> None:
+async def test_a_disabled_webhook_is_told_nothing(gateway: Gateway) -> None:
     webhook_id = await make_webhook(gateway)
     delivery_id = await gateway.accepted()
     await gateway.http.patch(
@@ -168,5 +171,5 @@ async def test_a_disabled_webhook_is_told_nothing(gateway: Any) -> None:
         {"from": "2026-03-01T12:00:00Z", "to": "2026-03-01T12:00:00Z"},
     ],
 )
-async def test_it_must_be_said_what_to_tell(gateway: Any, wanted: dict[str, Any]) -> None:
+async def test_it_must_be_said_what_to_tell(gateway: Gateway, wanted: dict[str, Any]) -> None:
     assert (await replay(gateway, await make_webhook(gateway), **wanted)).status_code == 422

@@ -10,6 +10,8 @@ from typing import Any
 import pytest
 from standardwebhooks import Webhook
 
+from tests.gateway.whole_gateway import Gateway
+
 Handler = Callable[[dict[str, str], bytes], Any]
 
 
@@ -68,7 +70,7 @@ async def receiver() -> AsyncIterator[Receiver]:
         yield opened
 
 
-async def _webhook(gateway: Any, url: str, **fields: object) -> dict[str, Any]:
+async def _webhook(gateway: Gateway, url: str, **fields: object) -> dict[str, Any]:
     answer = await gateway.http.post(
         "/v1/webhooks", json={"url": url, **fields}, headers=gateway.customer
     )
@@ -77,7 +79,7 @@ async def _webhook(gateway: Any, url: str, **fields: object) -> dict[str, Any]:
     return made
 
 
-async def _notify(gateway: Any) -> int:
+async def _notify(gateway: Gateway) -> int:
     """Send what is due now; how many."""
     from skyway_gateway.notifications.webhooks.sending_store import due_endpoints
 
@@ -91,7 +93,7 @@ async def _notify(gateway: Any) -> int:
             sent += await gateway.parts.sender.notify(endpoint)
 
 
-async def _attempts(gateway: Any, webhook: dict[str, Any]) -> list[dict[str, Any]]:
+async def _attempts(gateway: Gateway, webhook: dict[str, Any]) -> list[dict[str, Any]]:
     path = f"/v1/webhooks/{webhook['webhook_id']}/attempts?limit=200"
     answer = await gateway.http.get(path, headers=gateway.customer)
     found: list[dict[str, Any]] = answer.json()["items"]
@@ -99,7 +101,7 @@ async def _attempts(gateway: Any, webhook: dict[str, Any]) -> list[dict[str, Any
 
 
 async def test_each_event_arrives_signed_in_sequence_under_its_id(
-    gateway_on_both: Any, receiver: Receiver
+    gateway_on_both: Gateway, receiver: Receiver
 ) -> None:
     gateway = gateway_on_both
     # Receivers check the age of a signature against their own clock.
@@ -119,7 +121,7 @@ async def test_each_event_arrives_signed_in_sequence_under_its_id(
 
 
 async def test_a_failed_notification_comes_again_under_the_same_id(
-    gateway_on_both: Any, receiver: Receiver
+    gateway_on_both: Gateway, receiver: Receiver
 ) -> None:
     gateway = gateway_on_both
     webhook = await _webhook(gateway, receiver.url)
@@ -144,7 +146,7 @@ async def test_a_failed_notification_comes_again_under_the_same_id(
 
 
 async def test_later_events_of_a_delivery_wait_for_the_earlier_ones(
-    gateway: Any, receiver: Receiver
+    gateway: Gateway, receiver: Receiver
 ) -> None:
     await _webhook(gateway, receiver.url)
     receiver.answers = [503]
@@ -160,7 +162,7 @@ async def test_later_events_of_a_delivery_wait_for_the_earlier_ones(
 
 
 async def test_a_notification_is_given_up_after_the_schedule_and_says_so(
-    gateway: Any, receiver: Receiver
+    gateway: Gateway, receiver: Receiver
 ) -> None:
     webhook = await _webhook(gateway, receiver.url)
     receiver.answers = [500] * 10
@@ -180,7 +182,9 @@ async def test_a_notification_is_given_up_after_the_schedule_and_says_so(
     assert receiver.types[-1] == "delivery.planned"
 
 
-async def test_a_receiver_that_is_gone_is_told_no_more(gateway: Any, receiver: Receiver) -> None:
+async def test_a_receiver_that_is_gone_is_told_no_more(
+    gateway: Gateway, receiver: Receiver
+) -> None:
     webhook = await _webhook(gateway, receiver.url)
     receiver.answers = [410]
     await gateway.planned()
@@ -198,7 +202,7 @@ async def test_a_receiver_that_is_gone_is_told_no_more(gateway: Any, receiver: R
     assert await _notify(gateway) == 1
 
 
-async def test_a_redirect_is_not_followed(gateway: Any, receiver: Receiver) -> None:
+async def test_a_redirect_is_not_followed(gateway: Gateway, receiver: Receiver) -> None:
     webhook = await _webhook(gateway, receiver.url)
     receiver.answers = [302]
     await gateway.accepted()
@@ -209,7 +213,7 @@ async def test_a_redirect_is_not_followed(gateway: Any, receiver: Receiver) -> N
 
 
 async def test_a_name_that_leads_inside_later_is_not_called(
-    gateway: Any, receiver: Receiver
+    gateway: Gateway, receiver: Receiver
 ) -> None:
     webhook = await _webhook(gateway, receiver.url)
     await gateway.execute("UPDATE webhooks SET url = 'http://10.0.0.1/in'")
@@ -220,14 +224,14 @@ async def test_a_name_that_leads_inside_later_is_not_called(
     assert "not a public address" in attempt["detail"]
 
 
-async def test_only_wanted_types_are_told(gateway: Any, receiver: Receiver) -> None:
+async def test_only_wanted_types_are_told(gateway: Gateway, receiver: Receiver) -> None:
     await _webhook(gateway, receiver.url, event_types=["delivery.planned"])
     await gateway.planned()
     await _notify(gateway)
     assert receiver.types == ["delivery.planned"]
 
 
-async def test_others_deliveries_are_not_told(gateway: Any, receiver: Receiver) -> None:
+async def test_others_deliveries_are_not_told(gateway: Gateway, receiver: Receiver) -> None:
     answer = await gateway.http.post(
         "/v1/webhooks", json={"url": receiver.url}, headers=gateway.other
     )
@@ -237,7 +241,7 @@ async def test_others_deliveries_are_not_told(gateway: Any, receiver: Receiver) 
 
 
 async def test_two_replicas_send_a_notification_once(
-    gateway_on_both: Any, receiver: Receiver
+    gateway_on_both: Gateway, receiver: Receiver
 ) -> None:
     gateway = gateway_on_both
     await _webhook(gateway, receiver.url)
@@ -246,7 +250,7 @@ async def test_two_replicas_send_a_notification_once(
     assert len(receiver.received) == 1
 
 
-async def test_what_a_dead_sender_held_is_sent_again(gateway: Any, receiver: Receiver) -> None:
+async def test_what_a_dead_sender_held_is_sent_again(gateway: Gateway, receiver: Receiver) -> None:
     await _webhook(gateway, receiver.url)
     await gateway.accepted()
     receiver.answers = ["hang"]
@@ -261,7 +265,9 @@ async def test_what_a_dead_sender_held_is_sent_again(gateway: Any, receiver: Rec
     assert first[0]["webhook-id"] == second[0]["webhook-id"]
 
 
-async def test_an_endpoint_that_hangs_delays_nobody_else(gateway: Any, receiver: Receiver) -> None:
+async def test_an_endpoint_that_hangs_delays_nobody_else(
+    gateway: Gateway, receiver: Receiver
+) -> None:
     """With the loop running: a healthy receiver is told while another one hangs."""
     async with receiving() as hanging:
         hanging.answers = ["hang"] * 10
@@ -282,7 +288,7 @@ async def test_an_endpoint_that_hangs_delays_nobody_else(gateway: Any, receiver:
             await asyncio.gather(running, return_exceptions=True)
 
 
-async def test_a_customer_can_try_a_webhook(gateway: Any, receiver: Receiver) -> None:
+async def test_a_customer_can_try_a_webhook(gateway: Gateway, receiver: Receiver) -> None:
     webhook = await _webhook(gateway, receiver.url)
     path = f"/v1/webhooks/{webhook['webhook_id']}/test"
     answer = await gateway.http.post(path, headers=gateway.customer)
@@ -296,7 +302,7 @@ async def test_a_customer_can_try_a_webhook(gateway: Any, receiver: Receiver) ->
 
 
 async def test_a_replay_arrives_under_the_same_ids_in_sequence(
-    gateway_on_both: Any, receiver: Receiver
+    gateway_on_both: Gateway, receiver: Receiver
 ) -> None:
     gateway = gateway_on_both
     webhook = await _webhook(gateway, receiver.url)

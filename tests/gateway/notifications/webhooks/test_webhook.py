@@ -5,10 +5,12 @@ from typing import Any
 import pytest
 from sqlalchemy import text
 
+from tests.gateway.whole_gateway import Gateway
+
 URL = "http://127.0.0.1:9/in"
 
 
-async def _made(gateway: Any, **headers: str) -> dict[str, Any]:
+async def _made(gateway: Gateway, **headers: str) -> dict[str, Any]:
     answer = await gateway.http.post(
         "/v1/webhooks", json={"url": URL}, headers={**gateway.customer, **headers}
     )
@@ -17,7 +19,7 @@ async def _made(gateway: Any, **headers: str) -> dict[str, Any]:
     return made
 
 
-async def test_the_secret_is_shown_once(gateway: Any) -> None:
+async def test_the_secret_is_shown_once(gateway: Gateway) -> None:
     made = await _made(gateway)
     assert made["secret"].startswith("whsec_")
     path = f"/v1/webhooks/{made['webhook_id']}"
@@ -27,7 +29,7 @@ async def test_the_secret_is_shown_once(gateway: Any) -> None:
     assert listed["items"] == [shown]
 
 
-async def test_the_same_key_makes_one_webhook_with_one_secret(gateway: Any) -> None:
+async def test_the_same_key_makes_one_webhook_with_one_secret(gateway: Gateway) -> None:
     first = await _made(gateway, **{"Idempotency-Key": "k"})
     assert await _made(gateway, **{"Idempotency-Key": "k"}) == first
 
@@ -42,7 +44,7 @@ async def test_the_same_key_makes_one_webhook_with_one_secret(gateway: Any) -> N
         ("http://127.0.0.1/" + "x" * 2000, "at most 2000"),
     ],
 )
-async def test_a_bad_target_is_refused_by_field(gateway: Any, url: str, detail: str) -> None:
+async def test_a_bad_target_is_refused_by_field(gateway: Gateway, url: str, detail: str) -> None:
     made = await _made(gateway)
     for method, path in (("POST", "/v1/webhooks"), ("PATCH", f"/v1/webhooks/{made['webhook_id']}")):
         answer = await gateway.http.request(
@@ -54,7 +56,7 @@ async def test_a_bad_target_is_refused_by_field(gateway: Any, url: str, detail: 
         assert detail in error["detail"]
 
 
-async def test_another_customers_webhook_looks_like_none(gateway: Any) -> None:
+async def test_another_customers_webhook_looks_like_none(gateway: Gateway) -> None:
     path = f"/v1/webhooks/{(await _made(gateway))['webhook_id']}"
     for method, url in (
         ("GET", path),
@@ -70,7 +72,7 @@ async def test_another_customers_webhook_looks_like_none(gateway: Any) -> None:
     assert listed.json()["items"] == []
 
 
-async def test_a_webhook_is_changed_disabled_and_deleted(gateway: Any) -> None:
+async def test_a_webhook_is_changed_disabled_and_deleted(gateway: Gateway) -> None:
     path = f"/v1/webhooks/{(await _made(gateway))['webhook_id']}"
 
     async def change(**fields: object) -> dict[str, Any]:
@@ -90,13 +92,13 @@ async def test_a_webhook_is_changed_disabled_and_deleted(gateway: Any) -> None:
 
 
 @pytest.mark.parametrize("field", ["url", "state"])
-async def test_what_cannot_be_nothing_is_not_set_to_null(gateway: Any, field: str) -> None:
+async def test_what_cannot_be_nothing_is_not_set_to_null(gateway: Gateway, field: str) -> None:
     path = f"/v1/webhooks/{(await _made(gateway))['webhook_id']}"
     answer = await gateway.http.patch(path, json={field: None}, headers=gateway.customer)
     assert answer.status_code == 422
 
 
-async def test_the_clock_tells_fleet_time_to_any_key(gateway: Any) -> None:
+async def test_the_clock_tells_fleet_time_to_any_key(gateway: Gateway) -> None:
     answer = await gateway.http.get("/v1/clock", headers=gateway.provider)
     assert answer.json()["rate"] == 1.0
     assert set(answer.json()) == {"fleet_at", "wall_at", "rate", "now"}
@@ -104,7 +106,7 @@ async def test_the_clock_tells_fleet_time_to_any_key(gateway: Any) -> None:
 
 
 async def test_what_happens_while_a_webhook_is_disabled_is_not_told_to_it(
-    gateway_on_both: Any,
+    gateway_on_both: Gateway,
 ) -> None:
     gateway = gateway_on_both
     path = f"/v1/webhooks/{(await _made(gateway))['webhook_id']}"
