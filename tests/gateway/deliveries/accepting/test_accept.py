@@ -94,7 +94,7 @@ BAD_REQUESTS: list[tuple[str, dict[str, Any], str, str]] = [
         "deadline in the past",
         {"qos": {"deadline_at": "2026-03-01T11:59:59Z"}},
         "qos.deadline_at",
-        "is past",
+        "is in the past",
     ),
     (
         "deadline before the pickup",
