@@ -6,8 +6,17 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated
+
+import typer
 
 from skyway.errors import SkywayError
+
+#: The option of every command that reads or writes the data folder.
+DataOption = Annotated[
+    Path | None,
+    typer.Option("--data", help="The data folder; else SKYWAY_DATA names it, else .skyway."),
+]
 
 #: The services that keep a database and hold a service credential.
 CLOUD_SERVICES = ("registry", "composition", "gateway")

@@ -4,49 +4,62 @@ import json
 import uuid
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 import httpx
 import typer
 from rich.console import Console
 
-from skyway.cli.data_folder import DataFolder, data_folder
+from skyway.cli.data_folder import DataFolder, DataOption, data_folder
 from skyway.cli.gateway import call_gateway, fail, read_keys
-from skyway.cli.system.up import DataOption
 
-_CUSTOMER_KEY = "SKYWAY_CUSTOMER_KEY"
+_CUSTOMER_KEY: Final = "SKYWAY_CUSTOMER_KEY"
 
-#: After these a delivery says no more.
-_LAST_WORDS = frozenset(
-    f"delivery.{end}"
-    for end in ("completed", "partially_completed", "failed", "rejected", "cancelled")
+#: The last event of a delivery, and the exit code of the command that followed it.
+_EXIT_CODES: Final = {
+    "delivery.completed": 0,
+    "delivery.partially_completed": 3,
+    "delivery.rejected": 1,
+    "delivery.failed": 1,
+    "delivery.cancelled": 1,
+}
+_EXIT_CODES_IN_WORDS: Final = (
+    "Exit code: 0 COMPLETED, 3 PARTIALLY_COMPLETED, 1 REJECTED, FAILED or CANCELLED."
 )
 
-#: After these there is a plan to look at.
-_PLANS = frozenset({"delivery.planned", "delivery.replanned"})
+#: After these events there is a plan to show.
+_PLAN_EVENTS: Final = frozenset({"delivery.planned", "delivery.replanned"})
 
 
 def request_command(
     pickup: Annotated[str | None, typer.Argument(help="The pickup station.")] = None,
     package: Annotated[
         list[str] | None,
-        typer.Option("--package", "-p", help="DESTINATION=MASS_KG; once for each package."),
+        typer.Option(
+            "--package",
+            "-p",
+            metavar="STATION=KG",
+            help="The destination and the mass of a package; repeat it for each package.",
+        ),
     ] = None,
     file: Annotated[
         Path | None, typer.Option(help="A delivery request as JSON, instead of the above.")
     ] = None,
     objective: Annotated[str, typer.Option(help="fastest, cheapest or greenest.")] = "fastest",
-    follow: Annotated[bool, typer.Option("--follow", help="Track it to its end.")] = False,
+    follow: Annotated[
+        bool, typer.Option("--follow", help=f"Track it to its end. {_EXIT_CODES_IN_WORDS}")
+    ] = False,
     data: DataOption = None,
 ) -> None:
-    """Request a delivery, and print its id."""
+    """Request a delivery and print its id."""
     folder = data_folder(data)
     if file is not None:
         body = file.read_bytes()
     else:
         if not pickup or not package:
-            fail("give a pickup station and at least one --package DESTINATION=MASS_KG, or --file")
+            fail("give a pickup station and at least one --package STATION=KG, or --file")
         body = json.dumps(_request(pickup, package, objective)).encode()
+    _name_what_is_missing(folder)
     answer = _create(folder, body)
     typer.echo(answer["delivery_id"])
     if follow:
@@ -54,19 +67,37 @@ def request_command(
 
 
 def track_command(
-    delivery_id: Annotated[str, typer.Argument(help="As `skyway request` printed it.")],
+    delivery_id: Annotated[str, typer.Argument(help="The id that `skyway request` printed.")],
     data: DataOption = None,
 ) -> None:
-    """Print a delivery's events as they happen, until it ends."""
+    """Print a delivery's events as they happen, until it ends.
+
+    Exit code: 0 COMPLETED, 3 PARTIALLY_COMPLETED, 1 REJECTED, FAILED or CANCELLED.
+    """
     _follow(data_folder(data), delivery_id)
 
 
+def proof_of(plan: Mapping[str, Any]) -> str:  # a plan as JSON
+    """Whether the plan is proven to deliver earliest, or how much earlier another plan could be."""
+    delivered_s, bound_s = plan.get("delivery_time_s"), plan.get("lower_bound_s")
+    if plan.get("status") == "optimal":
+        return "proven optimal: no plan delivers earlier"
+    if delivered_s is None or bound_s is None:
+        return "not proven optimal"
+    earlier_s = delivered_s - bound_s
+    return f"not proven optimal: another plan could be up to {earlier_s:,.0f} s earlier"
+
+
 def _request(pickup: str, packages: list[str], objective: str) -> dict[str, Any]:
+    """The JSON of a delivery request."""
     asked = []
     for number, text in enumerate(packages, start=1):
         destination, equals, mass = text.partition("=")
+        if not destination or not equals:
+            name = destination or "STATION"
+            fail(f"--package {text}: the mass is missing; write --package {name}=KG")
         try:
-            mass_kg = float(mass) if equals else 1.0
+            mass_kg = float(mass)
         except ValueError:
             fail(f"--package {text}: {mass!r} is not a mass in kg")
         place = {"station_id": destination}
@@ -76,6 +107,27 @@ def _request(pickup: str, packages: list[str], objective: str) -> dict[str, Any]
         "packages": asked,
         "qos": {"objective": objective},
     }
+
+
+def _name_what_is_missing(folder: DataFolder) -> None:
+    """Say what an empty system lacks.
+
+    Without a network the command ends. Without a provider it goes on: the delivery waits for one.
+    """
+    if not _list(folder, "/v1/networks"):
+        fail("no network is published: skyway network import bundled")
+    if not _list(folder, "/v1/providers"):
+        typer.echo(
+            "no provider is registered yet, so no drone can fly this: skyway fleet --drones 10",
+            err=True,
+        )
+
+
+def _list(folder: DataFolder, path: str) -> list[Any]:
+    """The first item of a list; Any: an item is whatever JSON the route documents."""
+    page = call_gateway("GET", f"{path}?limit=1", key_name=_CUSTOMER_KEY, folder=folder)
+    items: list[Any] = page["items"]
+    return items
 
 
 def _create(folder: DataFolder, body: bytes) -> dict[str, Any]:
@@ -91,27 +143,30 @@ def _create(folder: DataFolder, body: bytes) -> dict[str, Any]:
 
 
 def _follow(folder: DataFolder, delivery_id: str) -> None:
+    """Print events until the delivery ends; ends the command unless the delivery COMPLETED."""
     console = Console()
     call_gateway("GET", f"/v1/deliveries/{delivery_id}", key_name=_CUSTOMER_KEY, folder=folder)
     settings = read_keys(folder)
     url = f"{settings['SKYWAY_GATEWAY_URL']}/v1/deliveries/{delivery_id}/events"
     headers = {"Authorization": f"Bearer {settings[_CUSTOMER_KEY]}"}
     last_type = ""
-    while last_type not in _LAST_WORDS:
+    while last_type not in _EXIT_CODES:
         try:
             for event_type in _print_events(console, url, headers):
                 last_type = event_type
-                if last_type in _PLANS:
+                if last_type in _PLAN_EVENTS:
                     _print_proofs(console, folder, delivery_id)
         except httpx.TransportError as error:
-            # The stream broke; the next one goes on after the last event that was printed.
+            # The next stream continues after the last event that was printed.
             console.print(f"[dim]{error}; connecting again[/]")
+    if exit_code := _EXIT_CODES[last_type]:
+        raise typer.Exit(exit_code)
 
 
 def _print_events(console: Console, url: str, headers: dict[str, str]) -> Iterator[str]:
-    """Print what comes until the stream ends, and give the type of each event.
+    """Print the events of one stream, and yield the type of each.
 
-    Remembers the place in `headers` for the next stream.
+    `headers` keep the id of the last event, so that the next stream continues there.
     """
     with httpx.stream("GET", url, headers=headers, timeout=httpx.Timeout(10, read=None)) as lines:
         for line in lines.iter_lines():
@@ -123,25 +178,14 @@ def _print_events(console: Console, url: str, headers: dict[str, str]) -> Iterat
                 event_type: str = event["type"]
                 console.print(f"{event['occurred_at']}  {event_type}  {json.dumps(event['data'])}")
                 yield event_type
-                if event_type in _LAST_WORDS:
+                if event_type in _EXIT_CODES:
                     break
 
 
 def _print_proofs(console: Console, folder: DataFolder, delivery_id: str) -> None:
-    """Say of each mission's plan whether it is proven to be the earliest."""
+    """Say of each mission's plan whether it is proven to deliver earliest."""
     path = f"/v1/deliveries/{delivery_id}/plan"
     planned = call_gateway("GET", path, key_name=_CUSTOMER_KEY, folder=folder)
     for mission in planned["missions"]:
         plan = mission["plan"]
         console.print(f"  plan of {mission['drone_id']}: {proof_of(plan)}", highlight=False)
-
-
-def proof_of(plan: Mapping[str, Any]) -> str:  # a plan as JSON
-    """Whether the plan's time is proven to be the earliest, or how much earlier one could be."""
-    delivered_s, bound_s = plan.get("delivery_time_s"), plan.get("lower_bound_s")
-    if plan.get("status") == "optimal":
-        return "proven optimal: no plan delivers earlier"
-    if delivered_s is None or bound_s is None:
-        return "not proven optimal"
-    earlier_s = delivered_s - bound_s
-    return f"not proven optimal: another plan could be up to {earlier_s:,.0f} s earlier"

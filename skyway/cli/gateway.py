@@ -1,4 +1,4 @@
-"""One call to the running gateway, with a key, told in words when it fails."""
+"""Calls to a running gateway, and where the command line finds the gateway and its keys."""
 
 import os
 import shlex
@@ -14,10 +14,10 @@ from skyway.errors import SkywayError
 
 _URL = "SKYWAY_GATEWAY_URL"
 
-#: Networks of many thousand stations take the gateway a while to check and store, seconds.
+#: Seconds; the gateway needs a while to check and store a network of many thousand stations.
 _TIMEOUT_S = 120.0
 
-#: Exit code when the gateway cannot be reached or says no.
+#: Exit code when the gateway cannot be reached or refuses the call.
 EXIT_REFUSED = 1
 
 
@@ -30,15 +30,12 @@ def call_gateway(
     body: bytes | None = None,
     idempotency_key: str | None = None,
 ) -> Any:
-    """The JSON that the gateway answers; any JSON value, as the caller's route documents it.
+    """The JSON that the gateway answers: any JSON value, which the route documents.
 
-    Ends the command with a message on standard error when a setting is missing, the gateway cannot
-    be reached, or it answers with a problem.
+    The command ends with a message on standard error when a setting is missing, when the gateway
+    cannot be reached, and when it answers with a problem.
     """
-    settings = read_keys(folder)
-    for name in (_URL, key_name):
-        if not settings.get(name):
-            fail(f"{name} is not set, neither in the environment nor in {folder.keys_file}")
+    settings = needed_settings(folder, _URL, key_name)
     headers = {"Authorization": f"Bearer {settings[key_name]}"}
     if body is not None:
         headers["Content-Type"] = "application/json"
@@ -56,35 +53,52 @@ def call_gateway(
 
 
 def fail(message: str) -> NoReturn:
-    """Ends the command: the message on standard error."""
+    """End the command with this message on standard error."""
     typer.echo(message, err=True)
     raise typer.Exit(EXIT_REFUSED)
 
 
 def _problem(answer: httpx.Response) -> str:
-    """The problem document in words, each field at fault on a line of its own."""
+    """The problem document in words.
+
+    Several wrong fields have a line each. A field that the detail names is not printed twice.
+    """
     try:
         problem = answer.json()
-        lines = [str(problem.get("detail") or problem.get("title") or problem)]
-        lines += [f"  {error.get('field')}: {error.get('detail')}" for error in problem["errors"]]
-    except (ValueError, AttributeError):
+        detail = str(problem.get("detail") or problem.get("title") or problem)
+        errors = problem.get("errors") or ()
+        fields = [f"{error['field']}: {error['detail']}" for error in errors]
+    except (ValueError, AttributeError, KeyError, TypeError):
         return answer.text
-    except (KeyError, TypeError):
-        return lines[0]
-    return "\n".join(lines)
+    if fields == [detail] or not fields:
+        return detail
+    is_detail_of_fields = all(field in detail for field in fields)
+    return "\n  ".join(["" if is_detail_of_fields else detail, *fields])
 
 
 def read_keys(folder: DataFolder) -> dict[str, str]:
-    """The `SKYWAY_...` settings of the folder's keys.env; the environment's own ones win.
+    """The `SKYWAY_...` settings of the folder's keys.env; those of the environment come first.
 
-    A missing file holds nothing. Lines are ``NAME=value`` or ``export NAME=value``, as a shell
-    reads them; anything else is passed over.
+    Lines are ``NAME=value`` or ``export NAME=value``, as a shell reads them. Other lines are
+    ignored. A missing file holds no settings.
     """
     try:
         text = folder.keys_file.read_text(encoding="utf-8")
     except FileNotFoundError:
         text = ""
     return _assignments(text) | _settings(os.environ)
+
+
+def needed_settings(folder: DataFolder, *names: str) -> dict[str, str]:
+    """All settings; the command ends with a message when one of these is missing."""
+    settings = read_keys(folder)
+    for name in names:
+        if not settings.get(name):
+            fail(
+                f"{name} is not set, neither in the environment nor in {folder.keys_file}; "
+                "skyway up writes that file"
+            )
+    return settings
 
 
 def _settings(variables: Mapping[str, str]) -> dict[str, str]:
@@ -101,7 +115,7 @@ def _assignments(text: str) -> dict[str, str]:
 
 
 class GatewayApi:
-    """Calls to a running gateway; an answer that is not 2xx is a `SkywayError` with its words."""
+    """Asynchronous calls to a running gateway; an answer that is not 2xx is a `SkywayError`."""
 
     def __init__(self, url: str) -> None:
         self._client = httpx.AsyncClient(base_url=url, timeout=30.0)
@@ -114,7 +128,7 @@ class GatewayApi:
         await self._client.aclose()
 
     async def call(self, method: str, path: str, *, key: str, body: object = None) -> Any:
-        """The JSON that the gateway answers; what it is, the route documents."""
+        """The JSON that the gateway answers; the route documents it."""
         headers = {"Authorization": f"Bearer {key}"}
         if method == "POST":
             headers["Idempotency-Key"] = str(uuid.uuid4())

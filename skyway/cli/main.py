@@ -1,7 +1,7 @@
 """The `skyway` command: one line per subcommand."""
 
 import sys
-from typing import NoReturn
+from typing import Annotated, NoReturn
 
 import typer
 
@@ -20,7 +20,6 @@ from skyway.cli.verify import verify_command
 from skyway.errors import SkywayError
 
 app = typer.Typer(
-    help="The open backend for drone-based multi-package delivery.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -40,10 +39,35 @@ app.command("doctor")(doctor_command)
 app.add_typer(network_app, name="network")
 
 
-def main() -> None:
-    """Run a subcommand; what Skyway itself reports ends it with a message and code 1.
+def _print_version(is_asked: bool) -> None:
+    if is_asked:
+        # Imported here: no other command needs it.
+        from importlib.metadata import version
 
-    So does a file that cannot be used: a wrong path is the commonest mistake of all.
+        typer.echo(f"skyway {version('skyway')}")
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    _version: Annotated[
+        bool,
+        typer.Option(
+            "--version",
+            callback=_print_version,
+            is_eager=True,
+            help="Print the version and exit.",
+        ),
+    ] = False,
+) -> None:
+    """The open backend for drone-based multi-package delivery."""
+
+
+def main() -> None:
+    """Run a subcommand.
+
+    An error that Skyway reports ends it with a message and exit code 1. So does a file that cannot
+    be used, because a wrong path is the most frequent mistake.
     """
     try:
         app()

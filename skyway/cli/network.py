@@ -1,4 +1,4 @@
-"""`skyway network`: build a network, look at it, publish it, fetch it."""
+"""`skyway network`: builds, shows, publishes and fetches networks."""
 
 import json
 import sys
@@ -10,9 +10,8 @@ from urllib.parse import quote
 
 import typer
 
-from skyway.cli.data_folder import data_folder
+from skyway.cli.data_folder import DataOption, data_folder
 from skyway.cli.gateway import call_gateway
-from skyway.cli.system.up import DataOption
 from skyway.errors import SkywayError
 from skyway.network.bundled import texas_corridor
 from skyway.network.components import component_sizes
@@ -23,11 +22,14 @@ from skyway.units import km_to_m, m_to_km
 
 network_app = typer.Typer(help="Build, show, publish and fetch skyway networks.")
 
-#: Exit code when a file or an option cannot be read, as `skyway compose` has it.
+#: Exit code when a file or an option cannot be read, as in `skyway compose`.
 EXIT_UNREADABLE = 2
 
-#: What stands for the network that comes with Skyway where a file is asked for.
+#: The name to give instead of a file for the network that comes with Skyway.
 BUNDLED = "bundled"
+
+#: The id under which the bundled network is published when no id is given.
+BUNDLED_NETWORK_ID = "texas-corridor"
 
 _SEGMENT_KM = 20.0
 _CITY_STATIONS = 100
@@ -36,9 +38,13 @@ _CITY_SEED = 1
 _OPERATOR_KEY = "SKYWAY_OPERATOR_KEY"
 
 _FileArgument = Annotated[
-    str, typer.Argument(metavar="FILE", help="GeoJSON; - is standard input, 'bundled' our own.")
+    str,
+    typer.Argument(
+        metavar="FILE",
+        help="GeoJSON; - is standard input; 'bundled' is the network that comes with Skyway.",
+    ),
 ]
-_NetworkIdOption = Annotated[str, typer.Option("--network-id", help="The network's name.")]
+_NetworkIdOption = Annotated[str, typer.Option("--network-id", help="The network's id.")]
 
 
 class Kind(StrEnum):
@@ -51,7 +57,7 @@ class Kind(StrEnum):
 @network_app.command()
 def build(
     kind: Annotated[
-        Kind, typer.Option(help="The bundled corridor or a made-up city.")
+        Kind, typer.Option(help="texas: the bundled corridor; city: a synthetic city.")
     ] = Kind.TEXAS,
     max_segment_km: Annotated[
         float | None,
@@ -61,7 +67,7 @@ def build(
         int | None, typer.Option(help=f"city: how many stations (default {_CITY_STATIONS})")
     ] = None,
     seed: Annotated[
-        int | None, typer.Option(help=f"city: another seed, another city (default {_CITY_SEED})")
+        int | None, typer.Option(help=f"city: each seed gives another city (default {_CITY_SEED})")
     ] = None,
 ) -> None:
     """Write a network to standard output as GeoJSON."""
@@ -95,8 +101,21 @@ def show(file: _FileArgument = BUNDLED) -> None:
 
 
 @network_app.command("import")
-def publish(file: _FileArgument, network_id: _NetworkIdOption, data: DataOption = None) -> None:
+def publish(
+    file: _FileArgument,
+    network_id: Annotated[
+        str | None,
+        typer.Option(
+            "--network-id", help=f"The network's id; 'bundled' needs none ({BUNDLED_NETWORK_ID})."
+        ),
+    ] = None,
+    data: DataOption = None,
+) -> None:
     """Publish a network on the running Skyway as a new version (needs the operator's key)."""
+    if network_id is None:
+        if file != BUNDLED:
+            raise typer.BadParameter("a FILE needs an id", param_hint="--network-id")
+        network_id = BUNDLED_NETWORK_ID
     text = network_text(_read(file))
     answer = call_gateway(
         "PUT",
@@ -131,7 +150,7 @@ def _path(network_id: str) -> str:
 
 
 def _read(file: str) -> Network:
-    """The network in this file; a file that holds none ends the command."""
+    """The network in this file; the command ends when the file holds none."""
     if file == BUNDLED:
         return texas_corridor()
     try:

@@ -8,11 +8,10 @@ from pathlib import Path
 
 import typer
 
-from skyway.cli.data_folder import CLOUD_SERVICES, data_folder
+from skyway.cli.data_folder import CLOUD_SERVICES, DataOption, data_folder
 from skyway.cli.gateway import fail
 from skyway.cli.system.children import PACKAGES
 from skyway.cli.system.databases import database_urls
-from skyway.cli.system.up import DataOption
 
 #: A service checks a database of millions of rows in minutes, not hours.
 _WITHIN_S = 600.0

@@ -8,7 +8,7 @@ from typing import Any
 
 from skyway.cli.demo.flown import Flown
 from skyway.cli.demo.screen import DemoScreen
-from skyway.cli.demo.webhook_receiver import WebhookReceiver
+from skyway.cli.demo.webhook_receiver import NotificationOrder, WebhookReceiver
 from skyway.cli.demo.world import (
     OTHER_REQUESTS,
     PACKAGES,
@@ -34,6 +34,10 @@ _READY_WITHIN_S = 90.0
 _ENDED_WITHIN_S = 300.0
 
 _TERMINAL = frozenset({"COMPLETED", "PARTIALLY_COMPLETED", "CANCELLED", "FAILED", "REJECTED"})
+_LAST_EVENTS = frozenset(f"delivery.{state.lower()}" for state in _TERMINAL)
+
+#: How long a webhook is held so that one of an earlier moment can be shown first, wall seconds.
+_HOLD_S = 1.0
 
 
 async def play(system: System, screen: DemoScreen) -> None:
@@ -164,8 +168,9 @@ async def _follow(
     watch: _Watch,
     screen: DemoScreen,
 ) -> dict[str, Any]:
-    """The delivery's last JSON, once its last notification has arrived."""
+    """The delivery's JSON at its end, once its last webhook has arrived."""
     planned_revision: tuple[str, int] | None = None
+    order, has_ended = NotificationOrder(hold_s=_HOLD_S), False
     while True:
         delivery: dict[str, Any] = await api.call("GET", path, key=world.customer_key)
         for mission in delivery["missions"][-1:]:
@@ -177,8 +182,12 @@ async def _follow(
                 screen.progress(delivery, watch.states[drone_id], charge=watch.charges[drone_id])
         while not receiver.notifications.empty():
             notification = receiver.notifications.get_nowait()
+            order.add(notification, arrived_s=time.monotonic())
+            has_ended = has_ended or notification.event["type"] in _LAST_EVENTS
+        for notification in order.due(time.monotonic()):
             screen.notified(notification)
-            last_word = f"delivery.{delivery['state'].lower()}"
-            if delivery["state"] in _TERMINAL and notification.event["type"] == last_word:
-                return delivery
+        if has_ended and delivery["state"] in _TERMINAL:
+            for notification in order.remaining():
+                screen.notified(notification)
+            return delivery
         await asyncio.sleep(0.1)  # the screen's pace

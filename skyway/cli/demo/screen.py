@@ -9,7 +9,7 @@ from rich.table import Table
 from rich.text import Text
 
 from skyway.cli.delivery import proof_of
-from skyway.cli.demo.flown import Flown
+from skyway.cli.demo.flown import HANDLING_STEPS, Flown
 from skyway.cli.demo.webhook_receiver import Notification
 from skyway.contracts.drone_report import DroneState
 
@@ -163,16 +163,23 @@ def _plan_table(plan: dict[str, Any]) -> Table:
 
 
 def _comparison_table(mission: dict[str, Any], flown: Flown) -> Table:
-    plan, actual = mission["plan"], flown.of(mission["mission_id"])
+    start_at = datetime.fromisoformat(mission["start_at"])
+    plan, actual = mission["plan"], flown.of(mission["mission_id"], start_at=start_at)
+    handling_s = sum(
+        step["end_s"] - step["start_s"] for step in plan["steps"] if step["kind"] in HANDLING_STEPS
+    )
     table = Table(title=f"Planned against flown, drone {mission['drone_id']}")
     for heading in ("", "planned", "flown"):
         table.add_column(heading, justify="left" if not heading else "right")
-    start_at = datetime.fromisoformat(mission["start_at"])
-    took_s = (actual.delivered_at - start_at).total_seconds() if actual.delivered_at else 0.0
-    table.add_row("delivery time", _duration(plan["delivery_time_s"]), _duration(took_s))
-    table.add_row("flying", _duration(plan["flight_s"]), _duration(actual.flight_s))
-    table.add_row("recharging", _duration(plan["recharging_s"]), _duration(actual.recharging_s))
-    table.add_row("waiting", _duration(plan["waiting_s"]), _duration(actual.waiting_s))
+    durations = (
+        ("flying", plan["flight_s"], actual.flight_s),
+        ("recharging", plan["recharging_s"], actual.recharging_s),
+        ("loading and handing over", handling_s, actual.handling_s),
+        ("waiting", plan["waiting_s"], actual.waiting_s),
+        ("delivery time", plan["delivery_time_s"], actual.delivery_time_s),
+    )
+    for name, planned_s, flown_s in durations:
+        table.add_row(name, _duration(planned_s), _duration(flown_s))
     energy = (f"{joules / 3.6e6:.3f} kWh" for joules in (plan["energy_j"], actual.energy_j))
     table.add_row("energy", *energy)
     return table

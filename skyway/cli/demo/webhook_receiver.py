@@ -1,4 +1,4 @@
-"""A customer's webhook receiver for the demo: checks each signature, keeps what arrived."""
+"""A customer's webhook receiver for the demo: checks signatures and puts webhooks in order."""
 
 import asyncio
 import base64
@@ -20,8 +20,42 @@ class Notification:
     is_signed: bool
 
 
+class NotificationOrder:
+    """Puts webhooks in the order of their moments.
+
+    A webhook can arrive after one of a later moment: a drone reports the end of a step a little
+    after composition has changed the plan. So each is held for `hold_s` seconds after its arrival.
+    """
+
+    def __init__(self, *, hold_s: float) -> None:
+        self._hold_s = hold_s
+        self._held: list[tuple[str, int, float, Notification]] = []
+
+    def add(self, notification: Notification, *, arrived_s: float) -> None:
+        """Hold a webhook that arrived at this moment of a monotonic clock."""
+        event = notification.event
+        self._held.append((event["occurred_at"], event["sequence"], arrived_s, notification))
+        self._held.sort(key=lambda held: held[:2])
+
+    def due(self, now_s: float) -> list[Notification]:
+        """The webhooks that were held long enough, and all of earlier moments; they are let go."""
+        due = 0
+        for place, (_, _, arrived_s, _) in enumerate(self._held, start=1):
+            if now_s - arrived_s >= self._hold_s:
+                due = place
+        return self._release(due)
+
+    def remaining(self) -> list[Notification]:
+        """All webhooks that are still held; they are let go."""
+        return self._release(len(self._held))
+
+    def _release(self, number: int) -> list[Notification]:
+        released, self._held = self._held[:number], self._held[number:]
+        return [notification for *_, notification in released]
+
+
 class WebhookReceiver:
-    """An HTTP server on loopback; what arrives waits in `notifications`."""
+    """An HTTP server on loopback; webhooks that arrived wait in `notifications`."""
 
     def __init__(self) -> None:
         self.notifications: asyncio.Queue[Notification] = asyncio.Queue()
@@ -37,18 +71,18 @@ class WebhookReceiver:
                 self.end_headers()
 
             def log_message(self, *_: object) -> None:
-                """Say nothing: the terminal belongs to the demo."""
+                """Print nothing: the terminal belongs to the demo."""
 
         self._server = ThreadingHTTPServer(("127.0.0.1", 0), Handler)
         self._thread = threading.Thread(target=self._server.serve_forever, daemon=True)
 
     @property
     def url(self) -> str:
-        """Where the customer wants to be told."""
+        """The address to which the gateway sends webhooks."""
         return f"http://127.0.0.1:{self._server.server_port}/skyway"
 
     def accept(self, headers: dict[str, str], body: bytes) -> None:
-        """Check and keep one notification; called on a thread of the server."""
+        """Check a webhook and put it into the queue; the server's threads call this."""
         lowered = {name.lower(): value for name, value in headers.items()}
         webhook_id = lowered.get("webhook-id", "")
         signed = f"{webhook_id}.{lowered.get('webhook-timestamp', '')}.".encode() + body

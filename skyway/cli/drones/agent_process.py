@@ -1,54 +1,45 @@
-"""Becoming the drone agent: this process goes on as `python -m skyway_drone_agent`."""
+"""The drone agent's process: files of drones for it, and this process that becomes it."""
 
 import json
 import os
+import subprocess
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, NoReturn, TypeGuard
+from typing import Any, Final, NoReturn, TypeGuard
 
 import typer
 
 from skyway.cli.data_folder import DataFolder
-from skyway.cli.gateway import fail, read_keys
+from skyway.cli.gateway import fail, needed_settings
 
-_NEEDED = "SKYWAY_MQTT_URL"
+_BROKER: Final = "SKYWAY_MQTT_URL"
 
-#: Where the agent finds the cloud, if it has anything to ask there.
-_PASSED = (_NEEDED, "SKYWAY_GATEWAY_URL")
+#: Settings of keys.env that the agent needs too.
+_PASSED: Final[tuple[str, ...]] = (_BROKER, "SKYWAY_GATEWAY_URL")
 
+#: Reads arguments as the agent reads them, and prints what is wrong with them.
+_CHECK: Final = """
+import os, sys
+from skyway.errors import SkywayError
+from skyway_drone_agent.settings import read_settings
+try:
+    read_settings(sys.argv[1:], os.environ)
+except (SkywayError, OSError) as error:
+    sys.exit(str(error))
+"""
 
-def become_agent(
-    folder: DataFolder, arguments: Sequence[str], *, told: Mapping[str, str] | None = None
-) -> NoReturn:
-    """Become the agent with these arguments, its journals in the data folder.
-
-    `told` comes on top of the environment, which nobody else can read: secrets are no arguments.
-    """
-    folder.make()
-    settings = read_keys(folder)
-    if _NEEDED not in settings:
-        fail(f"{_NEEDED} is not set, neither in the environment nor in {folder.keys_file}")
-    environment = {
-        **os.environ,
-        **{name: settings[name] for name in _PASSED if name in settings},
-        "SKYWAY_AGENT_JOURNAL": str(folder.journals),
-        **(told or {}),
-    }
-    command = [sys.executable, "-m", "skyway_drone_agent", *arguments]
-    # In place of this process, so that who ends this one ends the agent.
-    os.execve(sys.executable, command, environment)  # noqa: S606 - there is no shell to want
-
-
-#: Drones as the registry answers them in JSON: Any, since only it knows their members.
+#: Drones as the registry answers them in JSON: Any, since only the registry defines the members.
 Drones = list[dict[str, Any]]
 
 
 def read_drones(file: Path) -> Drones:
-    """The drones in a file; ends the command when it holds none."""
+    """The drones in a file; the command ends when the file holds none."""
     try:
         content = json.loads(file.read_text())
-    except (OSError, ValueError) as error:
+    except OSError as error:
+        fail(f"{file} cannot be read: {error.strerror}")
+    except ValueError as error:
         fail(f"{file} cannot be read: {error}")
     if isinstance(content, dict):
         content = content.get("items", [content])
@@ -66,10 +57,23 @@ def _are_drones(content: object) -> TypeGuard[Drones]:
 
 
 def write_drones(file: Path, drones: Drones) -> None:
-    """Write drones with their broker passwords, for this user's eyes only."""
+    """Write drones with their broker passwords; only this user can read the file."""
     descriptor = os.open(file, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
     with os.fdopen(descriptor, "w") as output:
         json.dump({"items": drones}, output)
+
+
+def check_agent_arguments(folder: DataFolder, arguments: Sequence[str]) -> None:
+    """End the command when the agent would refuse these arguments or lacks a setting."""
+    checked = subprocess.run(
+        [sys.executable, "-c", _CHECK, *arguments],
+        env=_environment(folder),
+        stderr=subprocess.PIPE,
+        text=True,
+        check=False,
+    )
+    if checked.returncode:
+        fail(checked.stderr.strip())
 
 
 def fly(folder: DataFolder, drones: Drones, arguments: list[str]) -> NoReturn:
@@ -79,3 +83,25 @@ def fly(folder: DataFolder, drones: Drones, arguments: list[str]) -> NoReturn:
     write_drones(fleet_file, drones)
     typer.echo(f"{len(drones)} drones fly until Ctrl-C", err=True)
     become_agent(folder, ["--fleet", str(fleet_file), *arguments])
+
+
+def become_agent(
+    folder: DataFolder, arguments: Sequence[str], *, secrets: Mapping[str, str] | None = None
+) -> NoReturn:
+    """Become the agent with these arguments; its journals are in the data folder.
+
+    `secrets` are passed in the environment: other users of the machine can read arguments, but not
+    the environment of this user's process.
+    """
+    folder.make()
+    environment = {**_environment(folder), **(secrets or {})}
+    command = [sys.executable, "-m", "skyway_drone_agent", *arguments]
+    # The agent replaces this process: a signal that ends this process ends the agent.
+    os.execve(sys.executable, command, environment)  # noqa: S606 - no shell is needed
+
+
+def _environment(folder: DataFolder) -> dict[str, str]:
+    """The agent's environment; the command ends when no broker is named."""
+    settings = needed_settings(folder, _BROKER)
+    passed = {name: settings[name] for name in _PASSED if name in settings}
+    return {**os.environ, **passed, "SKYWAY_AGENT_JOURNAL": str(folder.journals)}

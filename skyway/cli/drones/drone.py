@@ -4,7 +4,7 @@ from typing import Annotated, NoReturn
 
 import typer
 
-from skyway.cli.data_folder import DataFolder, data_folder
+from skyway.cli.data_folder import DataFolder, DataOption, data_folder
 from skyway.cli.drones.agent_options import (
     AbsentOption,
     AltitudeOption,
@@ -23,7 +23,6 @@ from skyway.cli.drones.agent_options import (
 )
 from skyway.cli.drones.agent_process import become_agent, fly, read_drones
 from skyway.cli.gateway import fail
-from skyway.cli.system.up import DataOption
 
 
 def drone_command(
@@ -79,5 +78,5 @@ def _wishes(drone_id: str | None, api: str | None, rotate: bool) -> list[str]:
 
 def _run_enrolled(folder: DataFolder, token: str | None, arguments: list[str]) -> NoReturn:
     """Become the agent of drones that enrolled with this data folder."""
-    told = {} if token is None else {"SKYWAY_ENROLMENT_TOKEN": token}
-    become_agent(folder, arguments, told=told)
+    secrets = {} if token is None else {"SKYWAY_ENROLMENT_TOKEN": token}
+    become_agent(folder, arguments, secrets=secrets)

@@ -1,12 +1,16 @@
 """`skyway fleet`: many simulated drones in one agent process."""
 
 import json
+import os
+from collections.abc import Iterable
 from itertools import cycle, islice
+from pathlib import Path
 from typing import Annotated, Any, Final
+from urllib.parse import quote
 
 import typer
 
-from skyway.cli.data_folder import DataFolder, data_folder
+from skyway.cli.data_folder import DataFolder, DataOption, data_folder
 from skyway.cli.drones.agent_options import (
     AbsentOption,
     ChargeTimeOption,
@@ -17,29 +21,38 @@ from skyway.cli.drones.agent_options import (
     SeedOption,
     agent_arguments,
 )
-from skyway.cli.drones.agent_process import Drones, fly, read_drones, write_drones
+from skyway.cli.drones.agent_process import (
+    Drones,
+    check_agent_arguments,
+    fly,
+    read_drones,
+    write_drones,
+)
 from skyway.cli.gateway import call_gateway, fail
-from skyway.cli.system.up import DataOption
 
 _OPERATOR_KEY: Final = "SKYWAY_OPERATOR_KEY"
 
-#: The gateway answers lists in pages of at most this many.
+#: Items of one page of the gateway's lists.
 _PAGE: Final = 200
 
 
 def fleet_command(
     file: FileArgument = None,
     drones: Annotated[
-        int | None, typer.Option(min=1, max=5_000, help="Register this many ourselves.")
+        int | None, typer.Option(min=1, max=5_000, help="Register this many new drones.")
     ] = None,
     model_id: Annotated[
-        str, typer.Option("--model", help="With --drones: their model.")
+        str, typer.Option("--model", help="With --drones: their drone model.")
     ] = "paper-scenario",
     home: Annotated[
-        list[str] | None, typer.Option(help="With --drones: home stations, taken in turn.")
+        list[str] | None,
+        typer.Option(
+            help="With --drones: a home station; repeat it, and the drones take turns."
+            " Without it: all stations of the first network."
+        ),
     ] = None,
     provider_id: Annotated[
-        str | None, typer.Option(help="With --drones: whose; a new provider if not given.")
+        str | None, typer.Option(help="With --drones: their provider; without it a new one.")
     ] = None,
     scenario: ScenarioOption = None,
     seed: SeedOption = None,
@@ -51,10 +64,10 @@ def fleet_command(
 ) -> None:
     """Run many simulated drones in one agent process until Ctrl-C.
 
-    With FILE and --drones both, the drones are registered once and remembered in FILE.
+    With both FILE and --drones, the drones are registered once and stored in FILE.
     """
     folder = data_folder(data)
-    disturbed = agent_arguments(
+    arguments = agent_arguments(
         {
             "scenario": scenario,
             "seed": seed,
@@ -65,21 +78,44 @@ def fleet_command(
         absent_station,
     )
     if file is not None and (drones is None or file.exists()):
-        fly(folder, read_drones(file), disturbed)
+        fly(folder, read_drones(file), arguments)
     if drones is None:
         fail("give FILE, or --drones N, or both")
+    # All checks come first: a provider that is registered cannot be removed again.
+    check_agent_arguments(folder, arguments)
+    if file is not None:
+        _must_be_writable(file)
+    _operate(folder, "GET", f"/v1/drone-models/{quote(model_id, safe='')}")
+    if home:
+        _must_exist(folder, home)
     homes = home or _all_stations(folder)
-    owner = provider_id or _new_provider(folder)
-    hosted = _register(folder, owner, model_id, list(islice(cycle(homes), drones)))
+    new_drones = [
+        {"model_id": model_id, "home_station_id": station}
+        for station in islice(cycle(homes), drones)
+    ]
+    hosted = _register(folder, provider_id, new_drones)
     if file is not None:
         write_drones(file, hosted)
-    fly(folder, hosted, disturbed)
+    fly(folder, hosted, arguments)
+
+
+def _must_be_writable(file: Path) -> None:
+    """End the command when FILE cannot be written."""
+    if not os.access(file.parent, os.W_OK):
+        fail(f"{file} cannot be written: there is no writable folder {file.parent}")
+
+
+def _must_exist(folder: DataFolder, station_ids: Iterable[str]) -> None:
+    """End the command when one of these stations does not exist."""
+    for station_id in dict.fromkeys(station_ids):
+        _operate(folder, "GET", f"/v1/stations/{quote(station_id, safe='')}/pads")
 
 
 def _all_stations(folder: DataFolder) -> list[str]:
+    """The stations of the first network."""
     networks = _operate(folder, "GET", "/v1/networks")["items"]
     if not networks:
-        fail("there is no network yet: skyway network import bundled --network-id texas")
+        fail("no network is published: skyway network import bundled")
     path = f"/v1/networks/{networks[0]['network_id']}/stations?limit={_PAGE}"
     stations: list[str] = []
     cursor: str | None = ""
@@ -90,20 +126,32 @@ def _all_stations(folder: DataFolder) -> list[str]:
     return stations
 
 
+def _register(
+    folder: DataFolder, provider_id: str | None, new_drones: list[dict[str, str]]
+) -> Drones:
+    """Register the drones, without `provider_id` for a new provider.
+
+    A new provider whose drones are refused is suspended: it must not look as if it could fly.
+    """
+    owner = provider_id or _new_provider(folder)
+    try:
+        answer = _operate(folder, "POST", f"/v1/providers/{owner}/drones", new_drones)
+    except typer.Exit:
+        if provider_id is None:
+            _operate(folder, "PATCH", f"/v1/providers/{owner}", {"state": "SUSPENDED"})
+            typer.echo(f"the new provider {owner} has no drones and is suspended", err=True)
+        raise
+    registered: Drones = answer["items"]
+    typer.echo(f"{len(registered)} drones registered with provider {owner}", err=True)
+    return registered
+
+
 def _new_provider(folder: DataFolder) -> str:
     body = {"name": "Simulated fleet", "tariff": {"currency": "USD", "base": 500, "per_km": 20}}
     return str(_operate(folder, "POST", "/v1/providers", body)["provider_id"])
 
 
-def _register(folder: DataFolder, provider_id: str, model_id: str, homes: list[str]) -> Drones:
-    body = [{"model_id": model_id, "home_station_id": station} for station in homes]
-    answer = _operate(folder, "POST", f"/v1/providers/{provider_id}/drones", body)
-    registered: Drones = answer["items"]
-    typer.echo(f"{len(registered)} drones registered with provider {provider_id}", err=True)
-    return registered
-
-
 def _operate(folder: DataFolder, method: str, path: str, body: object = None) -> Any:
-    """One call with the operator's key; its answer is whatever JSON the route documents."""
+    """One call with the operator's key; Any: the answer is whatever JSON the route documents."""
     encoded = None if body is None else json.dumps(body).encode()
     return call_gateway(method, path, key_name=_OPERATOR_KEY, folder=folder, body=encoded)

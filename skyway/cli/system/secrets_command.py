@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from skyway.cli.data_folder import data_folder
+from skyway.cli.data_folder import DataOption, data_folder
 from skyway.cli.gateway import fail
 from skyway.cli.system.broker_files import make_drone_ca, write_mosquitto_files
 from skyway.cli.system.secrets import (
@@ -13,7 +13,6 @@ from skyway.cli.system.secrets import (
     make_secrets,
     write_keys_file,
 )
-from skyway.cli.system.up import DataOption
 
 
 def secrets_command(

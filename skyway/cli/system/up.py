@@ -4,20 +4,16 @@ import asyncio
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Console
 
-from skyway.cli.data_folder import DataFolder, data_folder
+from skyway.cli.data_folder import DataFolder, DataOption, data_folder
 from skyway.cli.system.children import Ports
 from skyway.cli.system.running_system import System, running_system
 from skyway.cli.system.supervisor import first_of
 
-DataOption = Annotated[
-    Path | None, typer.Option("--data", help="Data folder; else SKYWAY_DATA, else .skyway.")
-]
 RateOption = Annotated[
     float, typer.Option(min=1.0, max=100_000.0, help="Fleet seconds per wall second.")
 ]

@@ -7,9 +7,8 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from skyway.cli.data_folder import data_folder
+from skyway.cli.data_folder import DataOption, data_folder
 from skyway.cli.gateway import fail, read_keys
-from skyway.cli.system.up import DataOption
 from skyway.cli.top.reader import NoAnswer, TopReader
 from skyway.cli.top.screen import TopScreen
 

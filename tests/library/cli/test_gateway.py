@@ -1,9 +1,14 @@
+"""Calls to the gateway, their problems in words, and the keys of the command line."""
+
 from pathlib import Path
+from typing import Any
 
 import pytest
+import typer
 
 from skyway.cli.data_folder import DataFolder
-from skyway.cli.gateway import read_keys
+from skyway.cli.gateway import call_gateway, read_keys
+from tests.library.cli.conftest import Gateway
 
 
 @pytest.fixture(autouse=True)
@@ -37,3 +42,39 @@ def test_the_environment_wins(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 
 def test_a_missing_file_holds_no_keys(tmp_path: Path) -> None:
     assert "SKYWAY_OPERATOR_KEY" not in read_keys(DataFolder(tmp_path))
+
+
+@pytest.mark.parametrize(
+    ("problem", "printed"),
+    [
+        ({"detail": "no delivery 'dlv_1'"}, "404: no delivery 'dlv_1'\n"),
+        (
+            {"detail": "mass: too heavy", "errors": [{"field": "mass", "detail": "too heavy"}]},
+            "404: mass: too heavy\n",
+        ),
+        (
+            {
+                "detail": "0.a: no; 1.a: no",
+                "errors": [{"field": "0.a", "detail": "no"}, {"field": "1.a", "detail": "no"}],
+            },
+            "404: \n  0.a: no\n  1.a: no\n",
+        ),
+        (
+            {"detail": "two limits", "errors": [{"field": "a", "detail": "no"}]},
+            "404: two limits\n  a: no\n",
+        ),
+    ],
+)
+def test_each_error_of_a_problem_is_printed_once(
+    answering_gateway: Gateway,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    problem: dict[str, Any],
+    printed: str,
+) -> None:
+    answering_gateway.answers["GET", "/v1/x"] = (404, problem)
+
+    with pytest.raises(typer.Exit):
+        call_gateway("GET", "/v1/x", key_name="SKYWAY_CUSTOMER_KEY", folder=DataFolder(tmp_path))
+
+    assert capsys.readouterr().err == f"GET /v1/x was answered {printed}"

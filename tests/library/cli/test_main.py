@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Callable
+from importlib.metadata import version
 from pathlib import Path
 from typing import NamedTuple
 
@@ -50,6 +51,13 @@ def test_a_request_s_file_that_is_not_there_is_named(skyway: Skyway, tmp_path: P
 
     assert (ended.returncode, ended.stdout) == (1, "")
     assert ended.stderr == f"skyway: {tmp_path / 'nofile'}: No such file or directory\n"
+
+
+def test_the_version_is_printed(skyway: Skyway) -> None:
+    ended = skyway("--version")
+
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert ended.stdout == f"skyway {version('skyway')}\n"
 
 
 def test_verify_of_an_empty_folder_names_the_database_and_makes_none(

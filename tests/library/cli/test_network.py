@@ -136,6 +136,21 @@ def test_import_puts_the_network_with_the_operators_key(gateway: Gateway) -> Non
     assert len(read_network(json.loads(body)).stations) == 56
 
 
+@pytest.mark.parametrize("gateway", [(200, {"version": 1})], indirect=True)
+def test_the_bundled_network_is_published_without_further_options(gateway: Gateway) -> None:
+    result = runner.invoke(network_app, ["import", "bundled"])
+
+    assert result.exit_code == 0
+    assert [call[:2] for call in gateway.calls] == [("PUT", "/v1/networks/texas-corridor")]
+
+
+def test_a_file_is_not_published_without_an_id(tmp_path: Path) -> None:
+    result = runner.invoke(network_app, ["import", str(tmp_path / "network.json")])
+
+    assert result.exit_code == 2
+    assert "--network-id" in result.stderr
+
+
 @pytest.mark.parametrize(
     "gateway", [(200, {"type": "FeatureCollection", "features": []})], indirect=True
 )

@@ -1,0 +1,83 @@
+"""`skyway fleet --drones` checks everything before it registers anything."""
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from skyway.cli.drones import fleet
+from skyway.cli.main import app
+from tests.library.cli.conftest import Gateway
+
+runner = CliRunner()
+
+REGISTER_PROVIDER = ("POST", "/v1/providers")
+REGISTER_DRONES = ("POST", "/v1/providers/prv_1/drones")
+
+
+@pytest.fixture
+def gateway(answering_gateway: Gateway) -> Gateway:
+    """A gateway with one drone model and one station, where fleets can be registered."""
+    answering_gateway.answers |= {
+        ("GET", "/v1/drone-models/paper-scenario"): (200, {}),
+        ("GET", "/v1/stations/home/pads"): (200, {}),
+        REGISTER_PROVIDER: (201, {"provider_id": "prv_1"}),
+        REGISTER_DRONES: (201, {"items": [{"drone_id": "drn_1"}]}),
+        ("PATCH", "/v1/providers/prv_1"): (200, {}),
+    }
+    return answering_gateway
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (["--model", "nope", "--home", "home"], "no route"),
+        (["--home", "nowhere"], "no route"),
+        (["--home", "home", "--charge-time-factor=-2"], "charge_time_factor: Input should be"),
+        (["--home", "home", "--scenario", "nope"], "scenario: nope is no file"),
+        (["missing-folder/fleet.json", "--home", "home"], "cannot be written"),
+    ],
+)
+def test_a_fleet_that_cannot_fly_registers_no_provider(
+    gateway: Gateway, options: list[str], message: str
+) -> None:
+    result = runner.invoke(app, ["fleet", "--drones", "2", *options])
+
+    assert result.exit_code == 1
+    assert message in result.stderr
+    assert [call for call in gateway.called if call[0] != "GET"] == []
+
+
+def test_a_fleet_without_a_network_says_how_to_publish_one(gateway: Gateway) -> None:
+    gateway.answers["GET", "/v1/networks"] = (200, {"items": []})
+
+    result = runner.invoke(app, ["fleet", "--drones", "2"])
+
+    assert result.exit_code == 1
+    assert "no network is published: skyway network import bundled" in result.stderr
+    assert REGISTER_PROVIDER not in gateway.called
+
+
+def test_a_new_provider_whose_drones_are_refused_is_suspended(gateway: Gateway) -> None:
+    gateway.answers[REGISTER_DRONES] = (503, {"detail": "composition is unavailable"})
+
+    result = runner.invoke(app, ["fleet", "--drones", "2", "--home", "home"])
+
+    assert result.exit_code == 1
+    assert gateway.calls[-1] == ("PATCH", "/v1/providers/prv_1", {"state": "SUSPENDED"})
+    assert "the new provider prv_1 has no drones and is suspended" in result.stderr
+
+
+def test_a_fleet_that_can_fly_is_registered_and_stored(
+    gateway: Gateway, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    flown: list[object] = []
+    monkeypatch.setattr(fleet, "fly", lambda _folder, drones, _arguments: flown.append(drones))
+    file = tmp_path / "fleet.json"
+
+    result = runner.invoke(app, ["fleet", str(file), "--drones", "2", "--home", "home"])
+
+    assert result.exit_code == 0, result.stderr
+    assert gateway.calls[-1][2] == [{"model_id": "paper-scenario", "home_station_id": "home"}] * 2
+    assert flown == [[{"drone_id": "drn_1"}]]
+    assert "drn_1" in file.read_text()
