@@ -71,7 +71,7 @@ def fly(scenario: str, *, seed: int) -> Saving:
     taken = 0
     for moment in flown.moments():
         began_s = time.process_time()
-        assessment = analysis.take(moment.reading, moment.logbook)
+        assessment = analysis.assess(moment.reading, moment.logbook)
         cpu_s += time.process_time() - began_s
         taken += 1
         if moment.run.step.kind not in ("FLY", "RECHARGE"):

@@ -31,7 +31,7 @@ def main() -> int:
             crew.settle()
             if settings.placed is not None:
                 place(crew.drones, folder, settings.placed)
-            if settings.enrolment.wants_rotation:
+            if settings.enrolment.is_rotation_requested:
                 crew.rotate()
             keep_what_is_loaded()
             with _runner(len(crew.drones)) as runner:
@@ -45,10 +45,10 @@ def main() -> int:
 def _crew(settings: AgentSettings) -> Crew:
     if settings.fleet is not None:
         return RegisteredCrew(read_fleet(settings.fleet))
-    folder, wanted = CredentialsFolder(settings.journal), settings.enrolment
-    if wanted.token is None:
-        return EnrolledCrew(enrolled(folder, drone_id=wanted.drone_id), folder)
-    return EnrolledCrew([enrol(wanted.token, api_url=wanted.api_url, folder=folder)], folder)
+    folder, enrolment = CredentialsFolder(settings.journal), settings.enrolment
+    if enrolment.token is None:
+        return EnrolledCrew(enrolled(folder, drone_id=enrolment.drone_id), folder)
+    return EnrolledCrew([enrol(enrolment.token, api_url=enrolment.api_url, folder=folder)], folder)
 
 
 def _runner(drones: int) -> asyncio.Runner:

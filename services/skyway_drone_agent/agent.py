@@ -14,7 +14,7 @@ from skyway.runtime.errors import MqttUnavailable
 from skyway.runtime.loops import Loops
 from skyway.runtime.minting import Mint
 from skyway.runtime.mqtt.client import Received, Will
-from skyway_drone_agent.analysis.landings import NO_BOOK, LandingBook
+from skyway_drone_agent.analysis.landings import NO_LANDINGS, LandingSource
 from skyway_drone_agent.clock_keeper import ClockFromCloud
 from skyway_drone_agent.cockpit import Cockpit
 from skyway_drone_agent.enrolled_drone import EnrolledDrone
@@ -47,15 +47,15 @@ class OpenableLink(Link, Protocol):
     ) -> None: ...
 
 
-class HeardBook(LandingBook, Protocol):
+class VersionedLandings(LandingSource, Protocol):
     """A landing book that reads what is new once a network has another version."""
 
     @property
-    def wants_versions(self) -> bool:
+    def uses_versions(self) -> bool:
         """Whether it can do anything with them."""
         ...
 
-    def heard(self, version: NetworkVersion) -> None:
+    def note_version(self, version: NetworkVersion) -> None:
         """A network has this version now."""
         ...
 
@@ -76,7 +76,7 @@ class DroneAgent:
         clock: ClockFromCloud,
         make_link: MakeLink,
         mint: Mint,
-        book: HeardBook | None = None,
+        book: VersionedLandings | None = None,
     ) -> None:
         self._drone = drone
         self._book = book
@@ -100,16 +100,16 @@ class DroneAgent:
         here = (self._drone.provider_id, self._drone.drone_id)
         anchors = self._link.batches(CLOCK())
         instructions = self._link.batches(RAW_INSTRUCTIONS(*here))
-        book = self._book if self._book is not None and self._book.wants_versions else None
+        book = self._book if self._book is not None and self._book.uses_versions else None
         versions = None if book is None else self._link.batches(NETWORK_VERSION)
         async with contextlib.AsyncExitStack() as linked, Loops() as loops:
             loops.start("link", self._connect(linked))
             loops.start("clock", self._keep_time(anchors))
             if book is not None and versions is not None:
-                loops.start("landing book", _tell(book, versions))
+                loops.start("landing book", _note_versions(book, versions))
             try:
                 # Without fleet time nothing can be judged; what arrives meanwhile waits.
-                await self._clock.wait_known()
+                await self._clock.wait_until_set()
                 await self._fly(instructions, loops)
             finally:
                 await self._say_goodbye()
@@ -145,28 +145,28 @@ class DroneAgent:
             link=self._link,
             uplink=uplink,
             drone_id=drone_id,
-            book=self._book or NO_BOOK,
+            book=self._book or NO_LANDINGS,
         )
         if self._link.is_connected:
             await self._say_online()
         for part in cockpit.parts:
             loops.start(type(part).__name__, part.run())
-        loops.start("inbox", _take(instructions, cockpit))
+        loops.start("inbox", _handle_instructions(instructions, cockpit))
         await cockpit.pilot.run()
 
     async def _keep_time(self, batches: AsyncIterator[list[Received[ClockAnchor]]]) -> None:
         async for batch in batches:
             self._clock.keep(batch[-1].message)
             if self._cockpit is not None:
-                self._cockpit.cloud.heard_clock(is_repeated=not batch[-1].retained)
+                self._cockpit.cloud_monitor.note_clock(is_repeated=not batch[-1].retained)
 
     async def _connected(self) -> None:
         """Be present, once instructions can be taken."""
         cockpit = self._cockpit
         if cockpit is None:
             return
-        cockpit.cloud.heard()
-        cockpit.watch.came_up()
+        cockpit.cloud_monitor.note_message()
+        cockpit.link_monitor.came_up()
         # Before the broker confirms anything: a state that waited for the connection is the one.
         cockpit.state.send_anew()
         await self._say_online()
@@ -181,15 +181,19 @@ class DroneAgent:
             await self._link.publish(address, self._presence.offline(), timeout_s=_FAREWELL_S)
 
 
-async def _tell(book: HeardBook, batches: AsyncIterator[list[Received[NetworkVersion]]]) -> None:
+async def _note_versions(
+    book: VersionedLandings, batches: AsyncIterator[list[Received[NetworkVersion]]]
+) -> None:
     async for batch in batches:
         for received in batch:
-            book.heard(received.message)
+            book.note_version(received.message)
 
 
-async def _take(batches: AsyncIterator[list[Received[Any]]], cockpit: Cockpit) -> None:
+async def _handle_instructions(
+    batches: AsyncIterator[list[Received[Any]]], cockpit: Cockpit
+) -> None:
     """Any: instructions are read by the inbox itself."""
     async for batch in batches:
-        cockpit.cloud.heard()
+        cockpit.cloud_monitor.note_message()
         for received in batch:
-            cockpit.inbox.take(received.message)
+            cockpit.inbox.handle(received.message)

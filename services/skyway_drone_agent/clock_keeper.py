@@ -41,7 +41,7 @@ class ClockFromCloud(FleetClock, Protocol):
         """Go by this anchor from now on."""
         ...
 
-    async def wait_known(self) -> None:
+    async def wait_until_set(self) -> None:
         """Return once fleet time is known; until then the clock shows wall time."""
         ...
 
@@ -52,10 +52,10 @@ class KeptClock:
     def __init__(self, path: Path, *, patience_s: float = PATIENCE_S) -> None:
         self._path = path
         self._patience_s = patience_s
-        self._told = AnchoredClock.plain()
+        self._newest = AnchoredClock.plain()
         #: Slower than the clock told, and ahead of it; None once that has caught up.
         self._waiting: AnchoredClock | None = None
-        self._is_known = asyncio.Event()
+        self._is_set = asyncio.Event()
         self._napping: set[asyncio.Future[None]] = set()
 
     @property
@@ -69,15 +69,15 @@ class KeptClock:
 
     def wall_now(self) -> datetime:
         """Wall time, UTC."""
-        return self._told.wall_now()
+        return self._newest.wall_now()
 
     def _ahead(self) -> AnchoredClock:
         """The clock that is furthest on: once caught up with, the slower one is forgotten."""
         if self._waiting is None:
-            return self._told
-        if self._told.now() >= self._waiting.now():
+            return self._newest
+        if self._newest.now() >= self._waiting.now():
             self._waiting = None
-            return self._told
+            return self._newest
         return self._waiting
 
     async def sleep_until(self, fleet_moment: datetime) -> None:
@@ -90,7 +90,7 @@ class KeptClock:
 
     def _wall_s_until(self, fleet_moment: datetime) -> float:
         """How long it takes until the first of the two clocks shows this moment."""
-        clocks = (self._told,) if self._waiting is None else (self._told, self._waiting)
+        clocks = (self._newest,) if self._waiting is None else (self._newest, self._waiting)
         return min((fleet_moment - clock.now()).total_seconds() / clock.rate for clock in clocks)
 
     async def _nap(self, wall_s: float) -> None:
@@ -108,20 +108,20 @@ class KeptClock:
             timer.cancel()
             self._napping.discard(awake)
 
-    async def wait_known(self) -> None:
+    async def wait_until_set(self) -> None:
         """Return once the cloud has told the anchor, or nearly so: the kept one, after a while."""
-        if self._path.exists() and not self._is_known.is_set():
+        if self._path.exists() and not self._is_set.is_set():
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(self._patience_s):
-                    await self._is_known.wait()
-            if not self._is_known.is_set():
+                    await self._is_set.wait()
+            if not self._is_set.is_set():
                 self._go_by(load_clock(self._path))
-        await self._is_known.wait()
+        await self._is_set.wait()
 
     def keep(self, anchor: ClockAnchor) -> None:
         """Go by this anchor from now on, and after a restart too."""
         clock = AnchoredClock(anchor.fleet_at, anchor.wall_at, anchor.rate)
-        if self._is_known.is_set() and clock == self._told:
+        if self._is_set.is_set() and clock == self._newest:
             return
         self._go_by(clock)
         try:
@@ -137,11 +137,11 @@ class KeptClock:
         beside.replace(self._path)
 
     def _go_by(self, clock: AnchoredClock) -> None:
-        if self._is_known.is_set():
+        if self._is_set.is_set():
             reached, wall_at = self.now(), self.wall_now()
             self._waiting = AnchoredClock(reached, wall_at, clock.rate * _WAITING_PACE)
-        self._told = clock
-        self._is_known.set()
+        self._newest = clock
+        self._is_set.set()
         for awake in tuple(self._napping):
             _wake(awake)
 

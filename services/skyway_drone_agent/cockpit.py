@@ -7,7 +7,7 @@ from typing import Any, Protocol, Self
 
 from skyway.ids import DroneId
 from skyway.runtime.clock import FleetClock
-from skyway_drone_agent.analysis.landings import LandingBook
+from skyway_drone_agent.analysis.landings import LandingSource
 from skyway_drone_agent.analysis.lookout import Lookout
 from skyway_drone_agent.failsafes.guard import Guard
 from skyway_drone_agent.flying.mission import Gates
@@ -17,7 +17,7 @@ from skyway_drone_agent.instructions.inbox import Inbox
 from skyway_drone_agent.journal.flight_recorder import FlightRecorder
 from skyway_drone_agent.link.event_writer import EventWriter
 from skyway_drone_agent.link.heartbeat import Heartbeat
-from skyway_drone_agent.link.link_monitor import CloudWatch, LinkWatch
+from skyway_drone_agent.link.link_monitor import CloudMonitor, LinkMonitor
 from skyway_drone_agent.link.uplink import Link, Uplink
 from skyway_drone_agent.reports.report import EventSender, StateSender
 from skyway_drone_agent.reports.telemetry import TelemetrySender
@@ -39,8 +39,8 @@ class Cockpit:
     pilot: Pilot
     parts: tuple[Part, ...]
     inbox: Inbox
-    watch: LinkWatch
-    cloud: CloudWatch
+    link_monitor: LinkMonitor
+    cloud_monitor: CloudMonitor
     state: StateSender
 
     @classmethod
@@ -53,13 +53,13 @@ class Cockpit:
         link: Link,
         uplink: Uplink,
         drone_id: DroneId,
-        book: LandingBook,
+        book: LandingSource,
     ) -> Self:
         """The cockpit of a drone for the recorder's session; fleet time is known."""
         acks, events = AckQueue(uplink, recorder, clock), EventSender(uplink, recorder)
         writer = EventWriter(recorder, uplink)
-        watch = LinkWatch(link, clock, on_change=recorder.tell_watchers)
-        cloud = CloudWatch(link, clock, on_change=recorder.tell_watchers)
+        watch = LinkMonitor(link, clock, on_change=recorder.notify_watchers)
+        cloud = CloudMonitor(link, clock, on_change=recorder.notify_watchers)
         heartbeat = Heartbeat(drone_id, watch, clock)
         lookout = Lookout(recorder, vehicle, clock, book=book)
         state = StateSender(
@@ -96,15 +96,17 @@ class Cockpit:
         return cls(pilot, parts, inbox, watch, cloud, state)
 
 
-def _gates(recorder: FlightRecorder, watch: LinkWatch, cloud: CloudWatch, *, guard: Guard) -> Gates:
+def _gates(
+    recorder: FlightRecorder, watch: LinkMonitor, cloud: CloudMonitor, *, guard: Guard
+) -> Gates:
     """Since when the drone may take off, begin a step and load, as far as it may."""
     mission = recorder.logbook.mission
-    told_at = mission.told_at if mission else None
+    acceptance_sent_at = mission.acceptance_sent_at if mission else None
     up_since = watch.up_since
     return Gates(
         take_off_at=_latest(watch.not_lost_since, cloud.not_silent_since, guard.takes_off_since),
         begin_at=guard.begins_since,
-        loading_at=max(told_at, up_since) if told_at and up_since else None,
+        loading_at=max(acceptance_sent_at, up_since) if acceptance_sent_at and up_since else None,
     )
 
 

@@ -18,7 +18,7 @@ from skyway_drone_agent.enrolment.cloud import CloudAccess
 from skyway_drone_agent.enrolment.credentials import client_tls
 from skyway_drone_agent.journal.journal_folder import JournalFolder
 from skyway_drone_agent.landing_book.book import LandingBook
-from skyway_drone_agent.landing_book.station_cache_file import ExtractFile
+from skyway_drone_agent.landing_book.station_cache_file import StationCacheFile
 from skyway_drone_agent.landing_book.station_reader import StationReader
 from skyway_drone_agent.mavlink.settings import MavlinkSettings
 from skyway_drone_agent.simulated.disturbances import UNDISTURBED, Disturbances
@@ -78,7 +78,7 @@ async def _landing_book(
     folder: JournalFolder, accesses: tuple[CloudAccess, ...]
 ) -> AsyncIterator[LandingBook]:
     """The book of this process, which reads on until its drones are left."""
-    book = LandingBook(StationReader(accesses), ExtractFile(folder.landing_book_file))
+    book = LandingBook(StationReader(accesses), StationCacheFile(folder.landing_book_file))
     reading = asyncio.create_task(_keep_reading(book), name="landing book")
     try:
         yield book

@@ -32,7 +32,7 @@ class EnrolmentSettings:
     token: str | None = field(repr=False)
     api_url: str
     drone_id: DroneId | None
-    wants_rotation: bool
+    is_rotation_requested: bool
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,7 +113,7 @@ def _enrolment(given: argparse.Namespace, environment: Mapping[str, str]) -> Enr
         token or None,
         api_url or "",
         drone_id=None if given.drone_id is None else DroneId(given.drone_id),
-        wants_rotation=given.rotate,
+        is_rotation_requested=given.rotate,
     )
 
 

@@ -61,7 +61,7 @@ class ToldClock:
     def keep(self, anchor: ClockAnchor) -> None:
         raise AssertionError(f"nobody tells the time here: {anchor}")
 
-    async def wait_known(self) -> None:
+    async def wait_until_set(self) -> None:
         return
 
 

@@ -79,8 +79,8 @@ class VirtualClock:
         self._now = self._wall = START
         self._sleepers: list[tuple[datetime, int, asyncio.Future[None]]] = []
         self._count = 0
-        self.is_known = asyncio.Event()
-        self.is_known.set()
+        self.is_set = asyncio.Event()
+        self.is_set.set()
 
     def now(self) -> datetime:
         return self._now
@@ -91,8 +91,8 @@ class VirtualClock:
     def keep(self, anchor: ClockAnchor) -> None:
         """Time is moved by the tests alone."""
 
-    async def wait_known(self) -> None:
-        await self.is_known.wait()
+    async def wait_until_set(self) -> None:
+        await self.is_set.wait()
 
     async def sleep_until(self, fleet_moment: datetime) -> None:
         if fleet_moment <= self._now:
@@ -316,14 +316,14 @@ class Desk:
     def resend_after(self, seq: int) -> None:
         self.resent_after.append(seq)
 
-    def take(self, instruction: Any) -> Answer:
-        self.inbox.take(json.loads(instruction.model_dump_json()))
+    def send(self, instruction: Any) -> Answer:
+        self.inbox.handle(json.loads(instruction.model_dump_json()))
         return self.answers[-1]
 
-    def take_raw(self, instruction: Any, change: Callable[[dict[str, Any]], object]) -> Answer:
+    def send_raw(self, instruction: Any, change: Callable[[dict[str, Any]], object]) -> Answer:
         raw = json.loads(instruction.model_dump_json())
         change(raw)
-        self.inbox.take(raw)
+        self.inbox.handle(raw)
         return self.answers[-1]
 
     def drone_is(self, **changes: Any) -> None:

@@ -18,7 +18,7 @@ def anchor(rate: float, fleet_at: datetime = NOON) -> ClockAnchor:
 
 
 async def test_without_a_word_from_the_cloud_fleet_time_is_unknown(tmp_path: Path) -> None:
-    waiting = asyncio.ensure_future(KeptClock(tmp_path / "clock.json").wait_known())
+    waiting = asyncio.ensure_future(KeptClock(tmp_path / "clock.json").wait_until_set())
 
     done, _ = await asyncio.wait([waiting], timeout=0.02)
 
@@ -31,7 +31,7 @@ async def test_fleet_time_is_the_anchors(tmp_path: Path) -> None:
 
     clock.keep(anchor(rate=600.0))
 
-    await clock.wait_known()
+    await clock.wait_until_set()
     assert clock.rate == 600.0
     assert NOON <= clock.now() < NOON + timedelta(hours=1)
 
@@ -40,7 +40,7 @@ async def test_after_a_restart_without_the_cloud_the_kept_anchor_counts(tmp_path
     KeptClock(tmp_path / "clock.json").keep(anchor(rate=60.0))
 
     restarted = KeptClock(tmp_path / "clock.json", patience_s=0.01)
-    await restarted.wait_known()
+    await restarted.wait_until_set()
 
     assert restarted.rate == 60.0
     assert NOON <= restarted.now() < NOON + timedelta(hours=1)
@@ -50,7 +50,7 @@ async def test_the_clouds_word_comes_before_the_kept_anchor(tmp_path: Path) -> N
     KeptClock(tmp_path / "clock.json").keep(anchor(rate=60.0))
 
     restarted = KeptClock(tmp_path / "clock.json", patience_s=60.0)
-    waiting = asyncio.ensure_future(restarted.wait_known())
+    waiting = asyncio.ensure_future(restarted.wait_until_set())
     await asyncio.sleep(0)
     restarted.keep(anchor(rate=1.0, fleet_at=NOON + timedelta(days=1)))
     await waiting
@@ -103,5 +103,5 @@ async def test_a_full_disk_does_not_stop_the_clock(tmp_path: Path) -> None:
 
     clock.keep(anchor(rate=600.0))
 
-    await clock.wait_known()
+    await clock.wait_until_set()
     assert clock.rate == 600.0

@@ -16,7 +16,7 @@ from skyway.contracts.drone_report import DroneEvent, RefusalCode
 @pytest.fixture
 def over(desk: Any, trip: Any) -> Any:
     """A drone over the station that it flies over: one flight has ended, none has begun."""
-    desk.take(desk.cloud.mission(trip))
+    desk.send(desk.cloud.mission(trip))
     mission = desk.recorder.logbook.mission
     between = {
         "steps": tuple(trip[2:]),
@@ -38,7 +38,7 @@ def test_over_a_station_a_drone_turns_without_standing_still(over: Any, steps: A
     before = mission_of(over)
     turn = steps(first_step=3).fly("over", "farm", length_m=4000, duration_s=300)
 
-    assert over.take(over.cloud.divert(turn.made)).status == "ACCEPTED"
+    assert over.send(over.cloud.divert(turn.made)).status == "ACCEPTED"
 
     assert mission_of(over).free_at == before.free_at
     assert (mission_of(over).steps, mission_of(over).released_through) == (tuple(turn.made), 3)
@@ -47,13 +47,13 @@ def test_over_a_station_a_drone_turns_without_standing_still(over: Any, steps: A
 def test_over_a_station_a_drone_cannot_stand(over: Any, steps: Any) -> None:
     wait = steps(first_step=3).wait("over", duration_s=60)
 
-    assert over.take(over.cloud.divert(wait.made)).code == RefusalCode.MALFORMED
+    assert over.send(over.cloud.divert(wait.made)).code == RefusalCode.MALFORMED
 
 
 def test_over_a_station_a_drone_cannot_turn_from_another_one(over: Any, steps: Any) -> None:
     elsewhere = steps(first_step=3).fly("home", "farm", length_m=4000, duration_s=300)
 
-    answer = over.take(over.cloud.divert(elsewhere.made))
+    answer = over.send(over.cloud.divert(elsewhere.made))
 
     assert (answer.code, answer.data) == (RefusalCode.NOT_AT_START, {"station_id": "over"})
 
@@ -62,13 +62,13 @@ def test_a_step_that_had_ended_by_itself_is_cut_then_but_nothing_begins_before_t
     desk: Any, drone: Any, steps: Any
 ) -> None:
     wait = steps(at=desk.clock.now()).wait("home", duration_s=60)
-    desk.take(desk.cloud.mission(wait.made))
+    desk.send(desk.cloud.mission(wait.made))
     begun = {"began_at": desk.clock.now(), "released_through": 1}
     desk.drone_is(mission=mission_of(desk).model_copy(update=begun))
     desk.clock.move_to(desk.clock.now() + timedelta(hours=1))
 
     hop = steps(at=desk.clock.now()).fly("home", "farm", length_m=4000, duration_s=230)
-    desk.take(desk.cloud.divert(hop.made))
+    desk.send(desk.cloud.divert(hop.made))
     vehicle = SimulatedVehicle(drone.model, desk.clock)
     act = next_act(
         desk.recorder.logbook,

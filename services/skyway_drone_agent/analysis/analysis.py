@@ -10,9 +10,9 @@ from skyway.drone.model import DroneModel
 from skyway.geo import Position
 from skyway_drone_agent.analysis.battery_charge import BatteryEstimate, first_charge
 from skyway_drone_agent.analysis.battery_health import BatteryHealth
-from skyway_drone_agent.analysis.energy_use import EnergyWatch
-from skyway_drone_agent.analysis.landings import NO_BOOK, KnownLandings, LandingBook
-from skyway_drone_agent.analysis.leg import KnownLegs, Leg, off_course_m
+from skyway_drone_agent.analysis.energy_use import EnergyUseMonitor
+from skyway_drone_agent.analysis.landings import NO_LANDINGS, LandingSource, RememberedLandings
+from skyway_drone_agent.analysis.leg import Leg, LegCache, off_course_m
 from skyway_drone_agent.analysis.reach import EnergyToLand, LandingInReach, NextLanding, Reach
 from skyway_drone_agent.analysis.wind import Velocity, WindEstimate
 from skyway_drone_agent.battery_pack import BatteryPack
@@ -89,28 +89,28 @@ class Analysis:
         pack: BatteryPack = _PACK,
         *,
         state_of_health: float = 1.0,
-        book: LandingBook = NO_BOOK,
+        book: LandingSource = NO_LANDINGS,
     ) -> None:
         self._model = model
         self._pack = pack
         self._charge: BatteryEstimate | None = None
         self._health = BatteryHealth(pack, rated_j=model.battery_j, state_of_health=state_of_health)
-        self._energy = EnergyWatch(power_w=model.power_empty_w)
+        self._energy = EnergyUseMonitor(power_w=model.power_empty_w)
         self._wind = WindEstimate()
-        self._landings = KnownLandings(book)
-        self._legs = KnownLegs(model)
+        self._landings = RememberedLandings(book)
+        self._legs = LegCache(model)
         self._needs = EnergyToLand()
 
-    def take(self, reading: Reading, logbook: Logbook) -> Assessment:
+    def assess(self, reading: Reading, logbook: Logbook) -> Assessment:
         """What this reading says, to a drone that does what its logbook says."""
         run = run_under_way(logbook)
         step = run.step if run is not None and isinstance(run.step, FlyStep) else None
         leg = self._legs.leg(step, load_kg=logbook.load_kg) if step else None
         charge = self._learn(reading, run, leg, soc=logbook.soc)
-        wind_mps = self._wind.take(reading, is_flying=leg is not None)
+        wind_mps = self._wind.update(reading, is_flying=leg is not None)
         if logbook.mission is not None:
             self._energy.begin(logbook.mission.mission_id, reading.at)
-        self._energy.take(reading, leg, wind_mps=wind_mps)
+        self._energy.update(reading, leg, wind_mps=wind_mps)
         reach = Reach(
             model=self._model,
             soc=charge.soc,
@@ -132,12 +132,12 @@ class Analysis:
                 reading, run, leg, model=self._model, soc=soc, capacity_j=capacity_j
             )
             charge = self._charge = BatteryEstimate(self._pack, soc=soc, error=error)
-        charge.take(
+        charge.update(
             reading,
             capacity_j=capacity_j,
             capacity_error=health.error / health.state_of_health,
         )
-        health.take(reading, resistance_ohm=charge.resistance_ohm)
+        health.update(reading, resistance_ohm=charge.resistance_ohm)
         return charge
 
     def _assess(

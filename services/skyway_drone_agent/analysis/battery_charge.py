@@ -40,7 +40,7 @@ class ResistanceEstimate:
         self._rated_ohm = self.ohm = pack.resistance_ohm
         self.error_ohm = _FIRST_RESISTANCE_ERROR * pack.resistance_ohm
 
-    def take(self, before: Reading, after: Reading, *, soc_before: float, soc: float) -> None:
+    def update(self, before: Reading, after: Reading, *, soc_before: float, soc: float) -> None:
         """Learn from two readings between which the load changed."""
         change_a = after.current_a - before.current_a
         if abs(change_a) < _LEAST_CHANGE_A:
@@ -98,7 +98,7 @@ class BatteryEstimate:
         """The pack's inner resistance, as seen whenever the load changed."""
         return self._resistance.ohm
 
-    def take(self, reading: Reading, *, capacity_j: float, capacity_error: float) -> None:
+    def update(self, reading: Reading, *, capacity_j: float, capacity_error: float) -> None:
         """Count what was used since the reading before, then hear what the voltage says.
 
         `capacity_error` is the standard deviation of the capacity, as a share of it.
@@ -109,7 +109,7 @@ class BatteryEstimate:
             before, soc_before = self._last
             used = (reading.consumed_j - before.consumed_j) / capacity_j
             self._count(used, error=math.hypot(_COUNTING_ERROR, capacity_error))
-            self._resistance.take(before, reading, soc_before=soc_before, soc=self.soc)
+            self._resistance.update(before, reading, soc_before=soc_before, soc=self.soc)
             self._correct(reading, seconds=(reading.at - before.at).total_seconds())
         self._last = (reading, self.soc)
 

@@ -17,8 +17,8 @@ _REST_USE: Final = 0.005
 #: How far a voltage at rest may lie off the curve.
 _VOLTAGE_ERROR_V: Final = 0.1
 
-#: A charge is well known if the curve is so steep there that it is known to this.
-_WELL_KNOWN: Final = 0.03
+#: The charge at rest is precise when its standard deviation is at most this.
+_PRECISE: Final = 0.03
 
 #: Two charges that are closer together say little about the capacity between them.
 _LEAST_BETWEEN: Final = 0.25
@@ -52,9 +52,9 @@ class BatteryHealth:
     """
 
     __slots__ = (
-        "_known",
         "_pack",
         "_rated_j",
+        "_reference",
         "_rest",
         "_seen_at",
         "cell_spread_v",
@@ -69,10 +69,10 @@ class BatteryHealth:
         self._rated_j = rated_j
         self.error = _FIRST_ERROR if state_of_health == 1.0 else _KEPT_ERROR
         self._rest: _Rest | None = None
-        self._known: _Rest | None = None
+        self._reference: _Rest | None = None
         self._seen_at: datetime | None = None
 
-    def take(self, reading: Reading, *, resistance_ohm: float) -> None:
+    def update(self, reading: Reading, *, resistance_ohm: float) -> None:
         """Learn from this reading."""
         self._smooth_spread(reading)
         rest = self._rest
@@ -97,21 +97,21 @@ class BatteryHealth:
 
     def _compare(self, rest: _Rest) -> None:
         """Weigh what was counted between two rests against the charges that they showed."""
-        if self._error_of(rest) > _WELL_KNOWN:
+        if self._error_of(rest) > _PRECISE:
             return
-        known = self._known
-        if known is None:
-            self._known = rest
+        reference = self._reference
+        if reference is None:
+            self._reference = rest
             return
-        between = self._soc_of(known) - self._soc_of(rest)
+        between = self._soc_of(reference) - self._soc_of(rest)
         if abs(between) < _LEAST_BETWEEN:
             return
-        self._known = rest
-        seen = (rest.consumed_j - known.consumed_j) / (between * self._rated_j)
+        self._reference = rest
+        seen = (rest.consumed_j - reference.consumed_j) / (between * self._rated_j)
         if not 0.0 < seen < 2.0:
             # The counter has begun anew meanwhile.
             return
-        error = math.hypot(self._error_of(known), self._error_of(rest)) * seen / abs(between)
+        error = math.hypot(self._error_of(reference), self._error_of(rest)) * seen / abs(between)
         variance = self.error * self.error
         gain = variance / (variance + error * error)
         health = self.state_of_health + gain * (seen - self.state_of_health)

@@ -23,7 +23,7 @@ _FORGOTTEN_OVER_S: Final = 4 * 3_600.0
 _LEAST, _MOST = 0.5, 4.0
 
 
-class EnergyWatch:
+class EnergyUseMonitor:
     """Used energy against what the model says of the same flights in the wind there was.
 
     Only the way counts: between two readings on the same leg, before its landing.
@@ -55,7 +55,7 @@ class EnergyWatch:
         self._planned_j = self._belief_j
         self._mission_id, self._mark, self._flown_at = mission_id, None, at
 
-    def take(self, reading: Reading, leg: Leg | None, *, wind_mps: Velocity | None) -> None:
+    def update(self, reading: Reading, leg: Leg | None, *, wind_mps: Velocity | None) -> None:
         """Compare since the reading before; without a leg nothing is flown."""
         before, self._mark = self._mark, None
         if leg is None or not reading.has_gps or not leg.is_on_the_way(reading):

@@ -36,7 +36,7 @@ def landings_of(logbook: Logbook) -> tuple[Landing, ...]:
     return tuple(Landing(station_id, position) for station_id, position in found.items())
 
 
-class Surroundings(Protocol):
+class LandingsAround(Protocol):
     """The stations around a flight; `edition` is another number when they are others."""
 
     @property
@@ -53,20 +53,20 @@ class Surroundings(Protocol):
         ...
 
 
-class LandingBook(Protocol):
+class LandingSource(Protocol):
     """Knows stations that are on no step of a mission."""
 
-    def around(self, flight: FlyStep) -> Surroundings:
+    def around(self, flight: FlyStep) -> LandingsAround:
         """What it knows around this flight; it may find out more."""
         ...
 
 
-class NoBook:
+class NoLandings:
     """Knows no station."""
 
     edition = 0
 
-    def around(self, flight: FlyStep) -> Surroundings:
+    def around(self, flight: FlyStep) -> LandingsAround:
         """Nothing."""
         return self
 
@@ -80,20 +80,20 @@ class NoBook:
 
 
 #: The book of a drone that knows no more than its missions say.
-NO_BOOK: Final = NoBook()
+NO_LANDINGS: Final = NoLandings()
 
 
-class KnownLandings:
+class RememberedLandings:
     """All landings of the mission so far, those its steps forget too, and those of the book."""
 
     __slots__ = ("_answer", "_around", "_book", "_edition", "_flight", "_known", "_seen")
 
-    def __init__(self, book: LandingBook) -> None:
+    def __init__(self, book: LandingSource) -> None:
         self._book = book
         self._known: dict[StationId, Landing] = {}
         self._seen: tuple[object, object] = (None, None)
         self._flight: FlyStep | None = None
-        self._around: Surroundings | None = None
+        self._around: LandingsAround | None = None
         self._edition = 0
         self._answer: tuple[Landing, ...] = ()
 

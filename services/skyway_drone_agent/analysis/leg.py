@@ -97,7 +97,7 @@ def off_course_m(leg: Leg, position: Position) -> float:
     return abs(across) * EARTH_RADIUS_M
 
 
-class KnownLegs:
+class LegCache:
     """Remembers the leg under way and those ahead until the logbook says otherwise."""
 
     __slots__ = ("_ahead", "_leg", "_load_kg", "_model", "_seen")

@@ -5,7 +5,7 @@ from typing import Final
 
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway_drone_agent.analysis.analysis import Analysis, Assessment
-from skyway_drone_agent.analysis.landings import NO_BOOK, LandingBook
+from skyway_drone_agent.analysis.landings import NO_LANDINGS, LandingSource
 from skyway_drone_agent.journal.flight_recorder import FlightRecorder
 from skyway_drone_agent.journal.logbook import Logbook, doing_now
 from skyway_drone_agent.vehicle import Vehicle
@@ -34,7 +34,7 @@ class Lookout:
         vehicle: Vehicle,
         clock: FleetClock,
         *,
-        book: LandingBook = NO_BOOK,
+        book: LandingSource = NO_LANDINGS,
     ) -> None:
         self._recorder = recorder
         self._vehicle = vehicle
@@ -64,7 +64,7 @@ class Lookout:
         if newest is not None and abs(now - newest.at) <= age and self._doing == doing:
             return newest
         reading = self._vehicle.read(doing_now(logbook), now)
-        self._newest, self._doing = self._analysis.take(reading, logbook), doing
+        self._newest, self._doing = self._analysis.assess(reading, logbook), doing
         return self._newest
 
 

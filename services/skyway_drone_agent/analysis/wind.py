@@ -44,7 +44,7 @@ class WindEstimate:
         self._weight_s = 0.0
         self._felt_at: datetime | None = None
 
-    def take(self, reading: Reading, *, is_flying: bool) -> Velocity | None:
+    def update(self, reading: Reading, *, is_flying: bool) -> Velocity | None:
         """The wind after this reading; None while it is not known."""
         since_s = self._since_s(reading.at)
         if since_s > _FORGOTTEN_AFTER_S:

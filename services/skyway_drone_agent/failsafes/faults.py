@@ -147,7 +147,7 @@ SYMPTOMS: Final[dict[Fault, Symptom]] = {
 }
 
 
-class FaultWatch:
+class FaultMonitor:
     """Remembers which faults there are, and since when others show."""
 
     __slots__ = ("_faults", "_shown_since")
@@ -156,7 +156,7 @@ class FaultWatch:
         self._faults = frozenset(faults)
         self._shown_since: dict[Fault, datetime] = {}
 
-    def take(self, signs: Signs) -> tuple[Fault, ...]:
+    def update(self, signs: Signs) -> tuple[Fault, ...]:
         """The faults there are now, the most dangerous first."""
         at = signs.assessment.at
         self._shown_since = {

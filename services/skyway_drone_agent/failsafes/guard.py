@@ -19,7 +19,7 @@ from skyway_drone_agent.failsafes.failsafe import (
     severest,
     situation_of,
 )
-from skyway_drone_agent.failsafes.faults import FaultWatch, Signs
+from skyway_drone_agent.failsafes.faults import FaultMonitor, Signs
 from skyway_drone_agent.failsafes.rescue import Rescue
 from skyway_drone_agent.journal.flight_recorder import FlightRecorder
 from skyway_drone_agent.journal.logbook import run_under_way
@@ -27,7 +27,7 @@ from skyway_drone_agent.journal.records import FaultEnded, HealthLearned
 from skyway_drone_agent.journal.waiting import NewsOrMoment
 from skyway_drone_agent.link.event_writer import EventWriter
 from skyway_drone_agent.link.heartbeat import Heartbeat
-from skyway_drone_agent.link.link_monitor import CloudWatch, LinkWatch
+from skyway_drone_agent.link.link_monitor import CloudMonitor, LinkMonitor
 from skyway_drone_agent.vehicle import Vehicle
 
 #: Between two looks in the air: seconds of fleet time, or of wall time if longer.
@@ -40,7 +40,7 @@ _GROUND_EVERY_S: Final = 5.0
 _HEALTH_STEP: Final = 0.01
 
 #: Faults that the watches over link and cloud know of at once: those open the gates themselves.
-_TOLD_LIVE: Final = frozenset({Fault.LINK_LOST, Fault.CLOUD_SILENT})
+_MONITORED_FAULTS: Final = frozenset({Fault.LINK_LOST, Fault.CLOUD_SILENT})
 
 
 class Guard:
@@ -54,8 +54,8 @@ class Guard:
         *,
         lookout: Lookout,
         events: EventWriter,
-        link: LinkWatch,
-        cloud: CloudWatch,
+        link: LinkMonitor,
+        cloud: CloudMonitor,
         heartbeat: Heartbeat,
     ) -> None:
         self._recorder = recorder
@@ -67,7 +67,7 @@ class Guard:
         self._rescue = Rescue(recorder, vehicle, events)
         self._reserve_soc = vehicle.model.reserve_soc
         self._begins = NewsOrMoment(recorder.watch(), clock)
-        self._watch = FaultWatch(recorder.logbook.faults)
+        self._monitor = FaultMonitor(recorder.logbook.faults)
         self._heartbeat = heartbeat
         self._cleared_at = clock.now()
         self.faults = recorder.logbook.faults
@@ -101,12 +101,12 @@ class Guard:
         self._keep_health(assessment.state_of_health)
         situation = situation_of(self._recorder.logbook)
         was_kept = self.takes_off_since is None
-        self.faults = self._watch.take(self._signs(assessment, situation))
+        self.faults = self._monitor.update(self._signs(assessment, situation))
         if was_kept and self.takes_off_since is not None:
             self._cleared_at = assessment.at
-            self._recorder.tell_watchers()
+            self._recorder.notify_watchers()
         if self.faults or self._recorder.logbook.faults:
-            self._tell(assessment, situation)
+            self._raise_alarms(assessment, situation)
             self._act(assessment, situation)
 
     def _keep_health(self, state_of_health: float) -> None:
@@ -134,7 +134,7 @@ class Guard:
         """What the faults come to once the drone stands, as it may do at any moment."""
         if not self.faults:
             return set()
-        faults = set(not_ignored(self.faults, self._recorder.logbook)) - _TOLD_LIVE
+        faults = set(not_ignored(self.faults, self._recorder.logbook)) - _MONITORED_FAULTS
         return {failsafe_for(Situation.STANDING, fault) for fault in faults}
 
     def _signs(self, assessment: Assessment, situation: Situation) -> Signs:
@@ -149,7 +149,7 @@ class Guard:
             is_expired=logbook.mission is not None and logbook.mission.has_expired,
         )
 
-    def _tell(self, assessment: Assessment, situation: Situation) -> None:
+    def _raise_alarms(self, assessment: Assessment, situation: Situation) -> None:
         """An alarm when a fault begins to matter, a record when one is over."""
         logbook = self._recorder.logbook
         for fault in logbook.faults:

@@ -167,8 +167,8 @@ def _not_before(step: FlightStep) -> datetime:
 def _load_or_not(
     mission: CurrentMission, step: PickUpStep, earliest: datetime, *, gates: Gates
 ) -> Act:
-    if mission.told_at is not None and mission.has_expired:
-        return Fail(step, max(earliest, mission.told_at), code="EXPIRED")
+    if mission.acceptance_sent_at is not None and mission.has_expired:
+        return Fail(step, max(earliest, mission.acceptance_sent_at), code="EXPIRED")
     if gates.loading_at is None:
         return Stand(until=None)
     return Begin(step, max(earliest, gates.loading_at), step.step_id)

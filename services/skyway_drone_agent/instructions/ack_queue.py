@@ -9,7 +9,7 @@ from skyway.contracts.drone_report import Ack
 from skyway.contracts.topics import ACKS
 from skyway.runtime.clock import FleetClock
 from skyway_drone_agent.journal.flight_recorder import FlightRecorder
-from skyway_drone_agent.journal.records import AcceptanceTold, Answer
+from skyway_drone_agent.journal.records import AcceptanceSent, Answer
 from skyway_drone_agent.link.uplink import Uplink
 
 _Status = Literal["RECEIVED", "ACCEPTED", "REJECTED"]
@@ -47,7 +47,7 @@ class AckQueue:
             for status, answer in together:
                 self._waiting.popleft()
                 if status == "ACCEPTED":
-                    self._note_told(answer)
+                    self._note_acceptance(answer)
             if not self._waiting:
                 self._has_some.clear()
                 self._all_sent.set()
@@ -66,10 +66,11 @@ class AckQueue:
         self._has_some.set()
         self._all_sent.clear()
 
-    def _note_told(self, answer: Answer) -> None:
+    def _note_acceptance(self, answer: Answer) -> None:
         mission = self._recorder.logbook.mission
-        if mission is not None and answer == mission.accepted_by and mission.told_at is None:
-            self._recorder.note(AcceptanceTold(told_at=self._clock.now()))
+        is_new = mission is not None and mission.acceptance_sent_at is None
+        if mission is not None and is_new and answer == mission.accepted_by:
+            self._recorder.note(AcceptanceSent(acceptance_sent_at=self._clock.now()))
 
     def _ack(self, status: _Status, answer: Answer) -> Ack:
         is_final = status != "RECEIVED"

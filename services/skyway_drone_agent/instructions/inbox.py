@@ -81,7 +81,7 @@ class Inbox:
         self._events = events
         self._consumption_factor = consumption_factor
 
-    def take(self, raw: dict[str, Any]) -> None:
+    def handle(self, raw: dict[str, Any]) -> None:
         """Answer an instruction as it came from the wire; the answer is journaled first."""
         try:
             envelope = _Envelope.model_validate(raw)
@@ -124,11 +124,11 @@ class Inbox:
         except JournalUnwritable:
             # What is not in the journal gets no ack: the cloud sends it again.
             return
-        self._tell(answer)
+        self._send_answer(answer)
         if refusal is None and isinstance(instruction, ReportInstruction):
             self._events.resend_after(instruction.events_after_seq)
 
-    def _tell(self, answer: Answer) -> None:
+    def _send_answer(self, answer: Answer) -> None:
         log.info(
             "instruction answered",
             extra={

@@ -1,11 +1,13 @@
 """The accepted mission: the steps that are left, and the step under way."""
 
+from pydantic import Field
+
 from skyway.contracts.drone_health import Failsafe, Fault
 from skyway.contracts.flight_step import FlightStep, FlyStep, PickUpStep
 from skyway.contracts.message import FleetMoment
 from skyway.ids import DeliveryId, MissionId, StationId
 from skyway.json_model import WireModel
-from skyway_drone_agent.journal.records import Answer
+from skyway_drone_agent.journal.records import ACCEPTANCE_SENT_AT, Answer
 
 
 class CutStep(WireModel):
@@ -35,7 +37,8 @@ class FlownBefore(WireModel):
 class CurrentMission(WireModel):
     """The accepted mission: the steps that have not ended, and where the drone is in them.
 
-    `expires_at` is the accepted instruction's; `told_at` is when the broker had its ACCEPTED.
+    `expires_at` is that of the accepted instruction. `acceptance_sent_at` is when the broker
+    confirmed its ACCEPTED.
     `first_step` is the mission's, not the revision's; `free_at` is when the step before ended;
     `began_at` when the first of `steps` began, or None; `changed_at` when an instruction last
     changed that step. After a failure nothing is flown until a new revision comes. A mission that
@@ -50,7 +53,9 @@ class CurrentMission(WireModel):
     delivery_id: DeliveryId
     accepted_by: Answer
     expires_at: FleetMoment
-    told_at: FleetMoment | None = None
+    acceptance_sent_at: FleetMoment | None = Field(
+        default=None, validation_alias=ACCEPTANCE_SENT_AT
+    )
     first_step: int
     steps: tuple[FlightStep, ...]
     released_through: int
@@ -73,10 +78,10 @@ class CurrentMission(WireModel):
     @property
     def has_expired(self) -> bool:
         """Whether the cloud was told too late that the drone loads: it may have sent another."""
-        if self.told_at is None or self.began_at is not None or self.has_failed:
+        if self.acceptance_sent_at is None or self.began_at is not None or self.has_failed:
             return False
         is_next = bool(self.steps) and isinstance(self.steps[0], PickUpStep)
-        return is_next and self.told_at > self.expires_at
+        return is_next and self.acceptance_sent_at > self.expires_at
 
     @property
     def next_step_id(self) -> int:

@@ -37,7 +37,7 @@ class FlightRecorder:
         return self._written.events
 
     @property
-    def told_logbook(self) -> Logbook:
+    def reported_logbook(self) -> Logbook:
         """What the cloud may hear: where the drone is, but of no event that is not written yet.
 
         After a power cut the number of such an event would be another one's.
@@ -101,7 +101,7 @@ class FlightRecorder:
         if self.is_full:
             self.is_full = False
             log.info("journal written again", extra={"drone_id": self.drone_id})
-            self.tell_watchers()
+            self.notify_watchers()
 
     def watch(self) -> asyncio.Event:
         """An event that is set whenever there is something new; the watcher clears it."""
@@ -109,7 +109,7 @@ class FlightRecorder:
         self._watchers.append(watcher)
         return watcher
 
-    def tell_watchers(self) -> None:
+    def notify_watchers(self) -> None:
         """Have all watchers look again, for what changed outside the journal."""
         for watcher in self._watchers:
             watcher.set()
@@ -125,10 +125,10 @@ class FlightRecorder:
     def _count(self, records: tuple[Record, ...]) -> None:
         for record in records:
             self.logbook = logbook_after(self.logbook, record)
-        self.tell_watchers()
+        self.notify_watchers()
 
     def _note_full(self) -> None:
         if not self.is_full:
             self.is_full = True
             log.error("journal cannot be written", extra={"drone_id": self.drone_id})
-            self.tell_watchers()
+            self.notify_watchers()

@@ -19,7 +19,7 @@ from skyway_drone_agent.journal.current_mission import CurrentMission
 from skyway_drone_agent.journal.escape import mission_escaping, mission_overridden
 from skyway_drone_agent.journal.logbook import Logbook
 from skyway_drone_agent.journal.records import (
-    AcceptanceTold,
+    AcceptanceSent,
     Answer,
     EventRecorded,
     FailsafeBegun,
@@ -39,8 +39,8 @@ def logbook_after(logbook: Logbook, record: Record) -> Logbook:
     match record:
         case InstructionAnswered():
             return answered(logbook, record)
-        case AcceptanceTold():
-            return _told(logbook, record)
+        case AcceptanceSent():
+            return _acceptance_sent(logbook, record)
         case StepBegun():
             return _begun(logbook, record)
         case EventRecorded():
@@ -58,10 +58,10 @@ def logbook_after(logbook: Logbook, record: Record) -> Logbook:
             return _placed(logbook, record)
 
 
-def _told(logbook: Logbook, record: AcceptanceTold) -> Logbook:
+def _acceptance_sent(logbook: Logbook, record: AcceptanceSent) -> Logbook:
     if logbook.mission is None:
         return logbook
-    mission = logbook.mission.model_copy(update={"told_at": record.told_at})
+    mission = logbook.mission.model_copy(update={"acceptance_sent_at": record.acceptance_sent_at})
     return logbook.model_copy(update={"mission": mission})
 
 

@@ -1,8 +1,8 @@
 """What a drone writes down before it acts or answers: the lines of its journal."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
-from pydantic import Field
+from pydantic import AliasChoices, Field
 
 from skyway.contracts.drone_health import Failsafe, Fault
 from skyway.contracts.drone_report import DroneEvent, RefusalCode
@@ -12,6 +12,9 @@ from skyway.contracts.message import FleetMoment, Soc
 from skyway.geo import Position
 from skyway.ids import InstructionId, StationId
 from skyway.json_model import WireModel
+
+#: Journals of earlier versions say `told_at`.
+ACCEPTANCE_SENT_AT: Final = AliasChoices("acceptance_sent_at", "told_at")
 
 
 class Answer(WireModel):
@@ -36,11 +39,11 @@ class InstructionAnswered(WireModel):
     instruction: Instruction | None
 
 
-class AcceptanceTold(WireModel):
-    """The broker has the ACCEPTED of the current mission's present revision."""
+class AcceptanceSent(WireModel):
+    """The broker has confirmed the ACCEPTED of the current mission's current revision."""
 
     kind: Literal["TOLD"] = "TOLD"
-    told_at: FleetMoment
+    acceptance_sent_at: FleetMoment = Field(validation_alias=ACCEPTANCE_SENT_AT)
 
 
 class StepBegun(WireModel):
@@ -114,7 +117,7 @@ class Placed(WireModel):
 
 Record = (
     InstructionAnswered
-    | AcceptanceTold
+    | AcceptanceSent
     | StepBegun
     | EventRecorded
     | FailsafeBegun

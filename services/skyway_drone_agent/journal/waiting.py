@@ -67,9 +67,9 @@ class NewsOrMoment:
 
 async def wait_for_end_or_news(performing: asyncio.Future[Any], news: asyncio.Event) -> None:
     """Return when that is done, or when there is news, which is then taken as read."""
-    hearing = asyncio.ensure_future(news.wait())
+    receiving = asyncio.ensure_future(news.wait())
     try:
-        await asyncio.wait((performing, hearing), return_when=asyncio.FIRST_COMPLETED)
+        await asyncio.wait((performing, receiving), return_when=asyncio.FIRST_COMPLETED)
     finally:
-        hearing.cancel()
+        receiving.cancel()
     news.clear()

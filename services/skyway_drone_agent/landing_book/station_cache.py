@@ -21,7 +21,7 @@ _FURTHEST: Final = 4
 
 
 @dataclass(frozen=True, slots=True)
-class KnownStation:
+class CachedStation:
     """A station of a network; one that `is_closed` is no landing."""
 
     network_id: NetworkId
@@ -30,24 +30,24 @@ class KnownStation:
 
 
 @dataclass(frozen=True, slots=True)
-class ReadTile:
+class CachedTile:
     """The stations of a tile, and when they were read (of a clock that only this process has)."""
 
-    stations: tuple[KnownStation, ...]
+    stations: tuple[CachedStation, ...]
     at_s: float
 
 
-class Extract:
+class StationCache:
     """The stations of the tiles read so far, the newest read at the end."""
 
     def __init__(self, *, most_stations: int = MOST_STATIONS, most_tiles: int = MOST_TILES) -> None:
         self._most_stations = most_stations
         self._most_tiles = most_tiles
-        self._tiles: dict[tuple[NetworkId, Tile], ReadTile] = {}
+        self._tiles: dict[tuple[NetworkId, Tile], CachedTile] = {}
         self._networks: dict[NetworkId, int] = {}
         self._stations = 0
 
-    def __iter__(self) -> Iterator[tuple[NetworkId, Tile, tuple[KnownStation, ...]]]:
+    def __iter__(self) -> Iterator[tuple[NetworkId, Tile, tuple[CachedStation, ...]]]:
         """All tiles with their stations, those read longest ago first."""
         for (network_id, tile), known in self._tiles.items():
             yield network_id, tile, known.stations
@@ -61,34 +61,34 @@ class Extract:
         self,
         network_id: NetworkId,
         tiles: Iterable[Tile],
-        found: Iterable[KnownStation],
+        found: Iterable[CachedStation],
         *,
         at_s: float,
     ) -> None:
         """Know these stations, and no others, in these tiles."""
-        by_tile: dict[Tile, list[KnownStation]] = {tile: [] for tile in tiles}
+        by_tile: dict[Tile, list[CachedStation]] = {tile: [] for tile in tiles}
         for station in found:
             # Others lie outside, in a tile that is read for itself.
             by_tile.get(tile_of(station.landing.position), []).append(station)
         for tile, stations in by_tile.items():
             self._forget((network_id, tile))
-            self._tiles[network_id, tile] = ReadTile(tuple(stations), at_s)
+            self._tiles[network_id, tile] = CachedTile(tuple(stations), at_s)
             self._networks[network_id] = self._networks.get(network_id, 0) + 1
             self._stations += len(stations)
         while self._stations > self._most_stations or len(self._tiles) > self._most_tiles:
             self._forget(next(iter(self._tiles)))
 
-    def nearest(self, here: Position, *, count: int) -> list[KnownStation]:
+    def nearest(self, here: Position, *, count: int) -> list[CachedStation]:
         """The nearest open stations of all networks, up to some 20 km away, nearest first."""
         middle, narrowing = tile_of(here), cos(radians(here.latitude_deg))
 
-        def flat_deg(station: KnownStation) -> tuple[float, StationId]:
+        def flat_deg(station: CachedStation) -> tuple[float, StationId]:
             position = station.landing.position
             east = (position.longitude_deg - here.longitude_deg + 180.0) % 360.0 - 180.0
             north = position.latitude_deg - here.latitude_deg
             return hypot(east * narrowing, north), station.landing.station_id
 
-        found: list[tuple[tuple[float, StationId], KnownStation]] = []
+        found: list[tuple[tuple[float, StationId], CachedStation]] = []
         for distance in range(_FURTHEST + 1):
             for tile in ring(middle, distance):
                 found += [(flat_deg(one), one) for one in self._in(tile) if not one.is_closed]
@@ -99,14 +99,14 @@ class Extract:
                 break
         return [station for _, station in found]
 
-    def station(self, landing: Landing) -> KnownStation | None:
+    def station(self, landing: Landing) -> CachedStation | None:
         """What is known of this station; None if that is nothing."""
         for station in self._in(tile_of(landing.position)):
             if station.landing.station_id == landing.station_id:
                 return station
         return None
 
-    def _in(self, tile: Tile) -> Iterator[KnownStation]:
+    def _in(self, tile: Tile) -> Iterator[CachedStation]:
         for network_id in self._networks:
             known = self._tiles.get((network_id, tile))
             if known is not None:
@@ -130,16 +130,16 @@ _LANDINGS: Final = 4
 class Surroundings:
     """What is known around a flight; `edition` is another number when that has changed."""
 
-    __slots__ = ("_extract", "edition")
+    __slots__ = ("_cache", "edition")
 
-    def __init__(self, extract: Extract) -> None:
+    def __init__(self, cache: StationCache) -> None:
         self.edition = 0
-        self._extract = extract
+        self._cache = cache
 
     def landings_along(self, flight: FlyStep) -> tuple[Landing, ...]:
         """The open stations of this flight's network that are nearest to places along it."""
         start, end = flight.from_position, flight.to_position
-        station = self._extract.station(Landing(flight.to_id, end)) or self._extract.station(
+        station = self._cache.station(Landing(flight.to_id, end)) or self._cache.station(
             Landing(flight.from_id, start)
         )
         if station is None:
@@ -147,12 +147,12 @@ class Surroundings:
         found: dict[Landing, None] = {}
         for place in range(_PLACES):
             here = point_between(start, end, fraction=place / (_PLACES - 1))
-            for one in self._extract.nearest(here, count=_LANDINGS):
+            for one in self._cache.nearest(here, count=_LANDINGS):
                 if one.network_id == station.network_id:
                     found[one.landing] = None
         return tuple(found)
 
     def is_closed(self, landing: Landing) -> bool:
         """Whether this station was closed when its surroundings were read."""
-        station = self._extract.station(landing)
+        station = self._cache.station(landing)
         return station is not None and station.is_closed

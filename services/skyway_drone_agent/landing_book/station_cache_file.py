@@ -11,7 +11,7 @@ from skyway.geo import Position
 from skyway.ids import NetworkId, StationId
 from skyway.json_model import WireModel
 from skyway_drone_agent.analysis.landings import Landing
-from skyway_drone_agent.landing_book.station_cache import Extract, KnownStation
+from skyway_drone_agent.landing_book.station_cache import CachedStation, StationCache
 from skyway_drone_agent.landing_book.tiles import Tile
 
 log = logging.getLogger(__name__)
@@ -27,36 +27,36 @@ class _Kept(WireModel):
     tiles: tuple[_KeptTile, ...]
 
 
-class ExtractFile:
+class StationCacheFile:
     """Reads and replaces it; it helps, but nothing depends on it."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
 
-    def read(self) -> Extract:
+    def read(self) -> StationCache:
         """What was kept last; nothing if there is none, or none that can be read."""
-        extract = Extract()
+        cache = StationCache()
         try:
             kept = _Kept.read(self._path.read_bytes())
         except FileNotFoundError:
-            return extract
+            return cache
         except (OSError, ValidationError) as error:
             log.warning("landing book not read", extra={"error": type(error).__name__})
-            return extract
+            return cache
         for one in kept.tiles:
-            extract.put(
+            cache.put(
                 one.network_id,
                 [one.tile],
                 (
-                    KnownStation(one.network_id, Landing(station_id, position), is_closed)
+                    CachedStation(one.network_id, Landing(station_id, position), is_closed)
                     for station_id, position, is_closed in one.stations
                 ),
                 # Better than nothing, but to be read again.
                 at_s=float("-inf"),
             )
-        return extract
+        return cache
 
-    def write(self, tiles: Iterable[tuple[NetworkId, Tile, tuple[KnownStation, ...]]]) -> None:
+    def write(self, tiles: Iterable[tuple[NetworkId, Tile, tuple[CachedStation, ...]]]) -> None:
         """Replace what is kept, whole or not at all."""
         text = _Kept(tiles=tuple(_kept(*one) for one in tiles)).model_dump_json()
         # A name of its own: agents of other drones may share the folder.
@@ -72,7 +72,7 @@ class ExtractFile:
             log.warning("landing book not kept", extra={"error": str(error)})
 
 
-def _kept(network_id: NetworkId, tile: Tile, stations: tuple[KnownStation, ...]) -> _KeptTile:
+def _kept(network_id: NetworkId, tile: Tile, stations: tuple[CachedStation, ...]) -> _KeptTile:
     return _KeptTile(
         network_id=network_id,
         tile=tile,

@@ -12,7 +12,7 @@ from skyway.ids import NetworkId, StationId
 from skyway.json_model import WireModel
 from skyway_drone_agent.analysis.landings import Landing
 from skyway_drone_agent.enrolment.cloud import Cloud, CloudAccess, CloudRefused, CloudUnreachable
-from skyway_drone_agent.landing_book.station_cache import MOST_STATIONS, KnownStation
+from skyway_drone_agent.landing_book.station_cache import MOST_STATIONS, CachedStation
 from skyway_drone_agent.landing_book.tiles import TileBox
 
 #: The most that the cloud puts on a page.
@@ -43,7 +43,7 @@ class StationReader:
         """Whether there is a key that was not refused."""
         return bool(self._accesses)
 
-    async def stations_in(self, box: TileBox, network_id: NetworkId) -> list[KnownStation]:
+    async def stations_in(self, box: TileBox, network_id: NetworkId) -> list[CachedStation]:
         """The stations of a network in a box, as they are now.
 
         Raises
@@ -53,12 +53,12 @@ class StationReader:
         CloudRefused
             There is no such network, or no key is left to ask with.
         """
-        found: list[KnownStation] = []
+        found: list[CachedStation] = []
         cursor: str | None = None
         while len(found) < MOST_STATIONS:
             page = await self._page(box, network_id, cursor)
             found += (
-                KnownStation(network_id, Landing(each.station_id, each.position), each.is_closed)
+                CachedStation(network_id, Landing(each.station_id, each.position), each.is_closed)
                 for each in page.items
             )
             cursor = page.next_cursor

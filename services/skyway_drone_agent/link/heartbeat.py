@@ -6,7 +6,7 @@ from zlib import crc32
 
 from skyway.ids import DroneId
 from skyway.runtime.clock import FleetClock, fleet_margin
-from skyway_drone_agent.link.link_monitor import LinkWatch
+from skyway_drone_agent.link.link_monitor import LinkMonitor
 
 #: Wall seconds between two beats.
 EVERY_S: Final = 30.0
@@ -24,7 +24,7 @@ class Heartbeat:
     beat of a connection comes after a part of the time that is the drone's own.
     """
 
-    def __init__(self, drone_id: DroneId, link: LinkWatch, clock: FleetClock) -> None:
+    def __init__(self, drone_id: DroneId, link: LinkMonitor, clock: FleetClock) -> None:
         self._share = crc32(drone_id.encode()) / 2**32
         self._link = link
         self._clock = clock

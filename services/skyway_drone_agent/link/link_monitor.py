@@ -10,7 +10,7 @@ from skyway_drone_agent.link.uplink import Link
 LINK_LOST_AFTER = timedelta(seconds=10)
 
 
-class LinkWatch:
+class LinkMonitor:
     """Remembers when the link went and came."""
 
     def __init__(self, link: Link, clock: FleetClock, *, on_change: Callable[[], None]) -> None:
@@ -58,7 +58,7 @@ class LinkWatch:
 SILENT_AFTER = timedelta(seconds=90)
 
 
-class CloudWatch:
+class CloudMonitor:
     """Remembers when something last came from the cloud.
 
     A cloud that has never repeated its clock is not expected to: the retained clock comes from
@@ -70,31 +70,31 @@ class CloudWatch:
         self._clock = clock
         self._on_change = on_change
         self._repeats = False
-        self._heard_at_wall = clock.wall_now()
-        self._heard_again_at = clock.now()
+        self._last_message_wall_at = clock.wall_now()
+        self._back_since = clock.now()
 
     @property
     def not_silent_since(self) -> datetime | None:
         """The fleet moment when the cloud was last heard again; None while it is silent."""
-        return None if self.is_silent else self._heard_again_at
+        return None if self.is_silent else self._back_since
 
     @property
     def is_silent(self) -> bool:
         """Whether the link is up and nothing has come for long."""
         if not self._repeats or not self._link.is_connected:
             return False
-        return self._clock.wall_now() - self._heard_at_wall >= SILENT_AFTER
+        return self._clock.wall_now() - self._last_message_wall_at >= SILENT_AFTER
 
-    def heard_clock(self, *, is_repeated: bool) -> None:
+    def note_clock(self, *, is_repeated: bool) -> None:
         """Note that the clock has come, from the cloud itself when it `is_repeated`."""
         if is_repeated:
             self._repeats = True
-            self.heard()
+            self.note_message()
 
-    def heard(self) -> None:
+    def note_message(self) -> None:
         """Note that something has come from the cloud, or may come again from now on."""
         was_silent = self.is_silent
-        self._heard_at_wall = self._clock.wall_now()
+        self._last_message_wall_at = self._clock.wall_now()
         if was_silent:
-            self._heard_again_at = self._clock.now()
+            self._back_since = self._clock.now()
             self._on_change()

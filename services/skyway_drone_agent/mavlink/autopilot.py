@@ -56,7 +56,7 @@ class Autopilot:
         self.item_now: int | None = None
         self.item_reached = -1
 
-    def take(self, message: MavlinkMessage) -> None:
+    def handle(self, message: MavlinkMessage) -> None:
         """Take in what it says; messages of other kinds say nothing of interest."""
         reading = _READERS.get(message.get_type())
         if reading is not None:
@@ -73,7 +73,7 @@ class Autopilot:
         return claim()
 
     @property
-    def is_known(self) -> bool:
+    def has_reported(self) -> bool:
         """Whether it has said what it is, where, and if it stands."""
         return None not in (self.kind, self.position, self.landed_state)
 

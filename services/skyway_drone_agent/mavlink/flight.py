@@ -105,7 +105,7 @@ async def _arm(link: MavlinkLink, autopilot: Autopilot) -> None:
 
 async def _start(link: MavlinkLink, autopilot: Autopilot, plan: FlightPlan) -> None:
     """From the first item on: an autopilot in the air may be at any other."""
-    target = await link.target_known()
+    target = await link.target()
     for _ in range(_TRIES):
         link.mav.mission_set_current_send(*target, plan.first)
         if await autopilot.until(lambda: autopilot.item_now is not None, timeout_s=_AGAIN_S):

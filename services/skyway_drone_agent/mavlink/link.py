@@ -30,22 +30,22 @@ class NoMavlink(SkywayError):
     """MAVLink cannot be spoken: the extra is missing, or the address is wrong."""
 
 
-class Ear:
+class MessageQueue:
     """Hears messages of some types, from its making on."""
 
     def __init__(self, types: frozenset[str]) -> None:
         self.types = types
-        self._heard: asyncio.Queue[MavlinkMessage] = asyncio.Queue()
+        self._queue: asyncio.Queue[MavlinkMessage] = asyncio.Queue()
 
-    def hear(self, message: MavlinkMessage) -> None:
+    def put(self, message: MavlinkMessage) -> None:
         """Take in a message of these types."""
-        self._heard.put_nowait(message)
+        self._queue.put_nowait(message)
 
     async def next(self, timeout_s: float) -> MavlinkMessage | None:
         """The next message; None when none has come in time."""
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(timeout_s):
-                return await self._heard.get()
+                return await self._queue.get()
         return None
 
 
@@ -54,7 +54,7 @@ class MavlinkLink:
 
     def __init__(self, connection: Any, dialect: Any) -> None:  # pymavlink has no types
         self._connection = connection
-        self._ears: list[Ear] = []
+        self._queues: list[MessageQueue] = []
         self._listeners: list[Callable[[MavlinkMessage], None]] = []
         self.dialect = dialect
         self.mav = connection.mav
@@ -65,17 +65,17 @@ class MavlinkLink:
         self._listeners.append(listener)
 
     @contextlib.contextmanager
-    def hearing(self, *types: str) -> Iterator[Ear]:
+    def receiving(self, *types: str) -> Iterator[MessageQueue]:
         """Hear the autopilot's messages of these types meanwhile."""
-        ear = Ear(frozenset(types))
-        self._ears.append(ear)
+        queue = MessageQueue(frozenset(types))
+        self._queues.append(queue)
         try:
-            yield ear
+            yield queue
         finally:
-            self._ears.remove(ear)
+            self._queues.remove(queue)
 
-    async def target_known(self) -> tuple[int, int]:
-        """The autopilot's system and component, once its first heartbeat was heard."""
+    async def target(self) -> tuple[int, int]:
+        """The autopilot's system and component, once its first heartbeat has arrived."""
         return await asyncio.shield(self._target)
 
     def read(self) -> None:
@@ -91,9 +91,9 @@ class MavlinkLink:
                 continue
             for listener in self._listeners:
                 listener(message)
-            for ear in self._ears:
-                if kind in ear.types:
-                    ear.hear(message)
+            for queue in self._queues:
+                if kind in queue.types:
+                    queue.put(message)
 
     def _found(self, source: tuple[int, int]) -> None:
         if not self._target.done():
@@ -185,11 +185,11 @@ async def _sent(
     confirmation: int,
     timeout_s: float,
 ) -> int | None:
-    target = await link.target_known()
+    target = await link.target()
     seven = (*params, *[0.0] * 7)[:7]
-    with link.hearing("COMMAND_ACK") as heard:
+    with link.receiving("COMMAND_ACK") as answers:
         link.mav.command_long_send(*target, command_id, confirmation, *seven)
-        while (answer := await heard.next(timeout_s)) is not None:
+        while (answer := await answers.next(timeout_s)) is not None:
             if answer.command != command_id:
                 continue
             if answer.result != link.dialect.MAV_RESULT_IN_PROGRESS:

@@ -8,7 +8,7 @@ from typing import Any, Final
 from skyway.contracts.flight_step import FlyStep
 from skyway.errors import SkywayError
 from skyway.geo import Position
-from skyway_drone_agent.mavlink.link import Ear, MavlinkLink, MavlinkMessage
+from skyway_drone_agent.mavlink.link import MavlinkLink, MavlinkMessage, MessageQueue
 
 log = logging.getLogger(__name__)
 
@@ -116,15 +116,15 @@ async def upload(link: MavlinkLink, items: Sequence[MissionItem]) -> None:
 
 async def _uploaded(link: MavlinkLink, items: Sequence[MissionItem]) -> int | None:
     """The MAV_MISSION_RESULT of one upload; None when the autopilot fell silent."""
-    target = await link.target_known()
+    target = await link.target()
     asked_for: int | None = None
-    with link.hearing("MISSION_REQUEST_INT", "MISSION_REQUEST", "MISSION_ACK") as heard:
+    with link.receiving("MISSION_REQUEST_INT", "MISSION_REQUEST", "MISSION_ACK") as answers:
         for _ in range(_TIMES):
             if asked_for is None:
                 link.mav.mission_count_send(*target, len(items))
             else:
                 _send_item(link, target, items, asked_for)
-            while (message := await _next(heard)) is not None:
+            while (message := await _next(answers)) is not None:
                 if message.get_type() == "MISSION_ACK":
                     return int(message.type)
                 if message.seq >= len(items):
@@ -135,9 +135,9 @@ async def _uploaded(link: MavlinkLink, items: Sequence[MissionItem]) -> int | No
     return None
 
 
-async def _next(heard: Ear) -> MavlinkMessage | None:
+async def _next(answers: MessageQueue) -> MavlinkMessage | None:
     """The next message about a mission, not about fences or rally points."""
-    while (message := await heard.next(_TIMEOUT_S)) is not None:
+    while (message := await answers.next(_TIMEOUT_S)) is not None:
         if getattr(message, "mission_type", 0) == 0:
             return message
     return None

@@ -22,14 +22,14 @@ class Releases:
         self._settings = settings
         self._newest: tuple[tuple[int, datetime], asyncio.Task[bool | None]] | None = None
 
-    async def done(self, run: StepRun) -> bool | None:
+    async def release(self, run: StepRun) -> bool | None:
         """Whether the autopilot has let go for this step; None when nobody knows."""
         if self._newest is None or self._newest[0] != _key(run):
             self._newest = (_key(run), asyncio.create_task(self._let_go()))
         # Shielded: a step that is taken up again goes on with the same release.
         return await asyncio.shield(self._newest[1])
 
-    def known(self, run: StepRun) -> bool | None:
+    def result_of(self, run: StepRun) -> bool | None:
         """Whether this process has seen it done; autopilots do not remember it."""
         if self._newest is None or self._newest[0] != _key(run) or not self._newest[1].done():
             return None

@@ -60,7 +60,7 @@ class MavlinkVehicle:
         self._settings = settings
         now_s = asyncio.get_running_loop().time
         self._autopilot = Autopilot(model, link.dialect, now_s=now_s)
-        link.listen(self._autopilot.take)
+        link.listen(self._autopilot.handle)
         self._flight: MavlinkFlight | None = None
         self._releases = Releases(link, clock, settings)
 
@@ -71,7 +71,7 @@ class MavlinkVehicle:
 
     async def ready(self) -> None:
         """Return once the autopilot was heard, and has been asked to say what we need."""
-        await self._link.target_known()
+        await self._link.target()
         dialect = self._link.dialect
         for message_id in (
             dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT,
@@ -86,7 +86,7 @@ class MavlinkVehicle:
             # Some autopilots do not have them all: whatever they answer, we go on.
             interval = dialect.MAV_CMD_SET_MESSAGE_INTERVAL
             await command_once(self._link, interval, message_id, _EVERY_US, timeout_s=_ASKED_S)
-        await self._autopilot.until(lambda: self._autopilot.is_known)
+        await self._autopilot.until(lambda: self._autopilot.has_reported)
 
     async def perform(self, run: StepRun) -> Outcome:
         """Do the step and return at its end; the same run again goes on with it."""
@@ -137,7 +137,7 @@ class MavlinkVehicle:
 
     def recall(self, run: StepRun) -> bool | None:
         """Whether this process has seen the hand-over done."""
-        return self._releases.known(run)
+        return self._releases.result_of(run)
 
     async def _fly(self, run: StepRun, step: FlyStep) -> Outcome:
         route = (step, *run.onward)
@@ -197,7 +197,7 @@ class MavlinkVehicle:
         return Outcome(max(self._clock.now(), run.started_at), self._soc(run), 0.0, code)
 
     async def _hand_over(self, run: StepRun) -> Outcome:
-        was_done = await self._releases.done(run)
+        was_done = await self._releases.release(run)
         if was_done is None:
             return _failed(self._ended(run), code="UNKNOWN")
         if not was_done:

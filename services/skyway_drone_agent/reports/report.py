@@ -112,7 +112,7 @@ class StateSender:
         due_at = self._clock.now()
         with NewsOrMoment(self._news, self._clock) as change:
             while True:
-                await self._rest_told()
+                await self._wait_for_earlier_messages()
                 self._news.clear()
                 state = self._state()
                 if self._is_due or last is None or _meaning(state) != _meaning(last):
@@ -131,12 +131,12 @@ class StateSender:
                 await self._uplink.send(STATE, state)
             except MqttUnavailable:
                 await self._uplink.wait_to_retry()
-                await self._rest_told()
+                await self._wait_for_earlier_messages()
                 state = self._state()
             else:
                 return state
 
-    async def _rest_told(self) -> None:
+    async def _wait_for_earlier_messages(self) -> None:
         """Return once all is told that comes first, and done what follows from it at once.
 
         A mission is accepted, the broker has that, and the first step begins: one state tells of
@@ -151,5 +151,5 @@ class StateSender:
         # What the guard has just seen is as good: `at` says when that was.
         assessment = self._lookout.newest()
         return snapshot_of(
-            self._recorder.told_logbook, assessment, envelope=self._uplink.envelope(STATE)
+            self._recorder.reported_logbook, assessment, envelope=self._uplink.envelope(STATE)
         )

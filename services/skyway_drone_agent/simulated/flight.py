@@ -117,7 +117,7 @@ def flight_of(
     still_s = flight_time_s(model, length_m=step.length_m, load_kg=load_kg)
     still_s *= disturbed.flight_time_factor
     still_j = flight_energy_j(model, length_m=step.length_m, load_kg=load_kg)
-    still_j *= disturbed.flight_energy_factor * _thirst(disturbed, drone_id, started_at)
+    still_j *= disturbed.flight_energy_factor * _energy_factor(disturbed, drone_id, started_at)
     motor, gps, drift = disturbed.motor, disturbed.gps, disturbed.drift
 
     def befalls(fault: FlightFault, name: str) -> bool:
@@ -137,7 +137,7 @@ def flight_of(
     )
 
 
-def _thirst(disturbed: Disturbances, drone_id: DroneId, started_at: datetime) -> float:
+def _energy_factor(disturbed: Disturbances, drone_id: DroneId, started_at: datetime) -> float:
     """How many times the model's power this flight takes: half the drone's own, half chance."""
     if disturbed.power_noise == 0.0:
         return 1.0

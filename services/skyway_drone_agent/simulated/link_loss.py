@@ -111,7 +111,7 @@ class LinkWithOutages:
         return self._client.batches(*subscriptions)
 
     async def _lose_and_find(self) -> None:
-        await self._clock.wait_known()
+        await self._clock.wait_until_set()
         for outage in outages(self._now(), disturbed=self._disturbed, drone_id=self._drone_id):
             await self._sleep_until(outage.from_at)
             self._client.drop()

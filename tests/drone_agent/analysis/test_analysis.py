@@ -43,7 +43,7 @@ def test_without_disturbances_all_is_exactly_as_the_model_says() -> None:
     analysis = Analysis(MODEL)
 
     for moment in undisturbed_moments():
-        found = analysis.take(moment.reading, moment.logbook)
+        found = analysis.assess(moment.reading, moment.logbook)
         assert found.soc == pytest.approx(moment.true_soc, abs=1e-9)
         assert found.consumption_factor == pytest.approx(1.0, abs=1e-9)
         assert found.state_of_health == 1.0
@@ -57,7 +57,7 @@ def test_without_disturbances_the_charge_at_landing_is_known_all_the_way() -> No
     landed: list[float] = []
 
     for moment in undisturbed_moments():
-        found = analysis.take(moment.reading, moment.logbook)
+        found = analysis.assess(moment.reading, moment.logbook)
         step = moment.run.step
         if found.landing is not None and isinstance(step, FlyStep) and step.lands:
             expected.append(found.landing.soc_at_landing)
@@ -73,7 +73,7 @@ def test_an_agent_that_starts_in_the_middle_of_a_step_knows_the_charge(share: fl
     moments = undisturbed_moments()
     moment = moments[int(share * len(moments))]
 
-    found = Analysis(MODEL).take(moment.reading, moment.logbook)
+    found = Analysis(MODEL).assess(moment.reading, moment.logbook)
 
     assert found.soc == pytest.approx(moment.true_soc, abs=1e-9)
 
@@ -82,7 +82,9 @@ def test_an_agent_that_starts_against_the_wind_knows_what_the_flight_has_taken()
     disturbances = changed(UNDISTURBED, {"wind": {"mean_mps": 8.0, "from_deg": 250.0}})
     moments = list(flown(disturbances).moments(every_s=20.0))
 
-    errors = [Analysis(MODEL).take(one.reading, one.logbook).soc - one.true_soc for one in moments]
+    errors = [
+        Analysis(MODEL).assess(one.reading, one.logbook).soc - one.true_soc for one in moments
+    ]
 
     assert max(map(abs, errors)) < 0.005
 
@@ -96,7 +98,7 @@ def test_what_is_known_of_a_worn_battery_counts_from_the_first_look_after_a_rest
     ]
 
     found = [
-        Analysis(MODEL, state_of_health=0.75).take(one.reading, one.logbook) for one in in_flight
+        Analysis(MODEL, state_of_health=0.75).assess(one.reading, one.logbook) for one in in_flight
     ]
 
     assert {one.state_of_health for one in found} == {0.75}
@@ -109,7 +111,7 @@ def test_flights_that_take_more_show_in_the_consumption(factor: float) -> None:
     analysis = Analysis(MODEL)
     first_flight = (one for one in flown(Disturbances(flight_energy_factor=factor)).moments())
     factors = [
-        analysis.take(moment.reading, moment.logbook).consumption_factor
+        analysis.assess(moment.reading, moment.logbook).consumption_factor
         for moment, _ in zip(first_flight, range(1_000), strict=False)
     ]
 
@@ -124,7 +126,7 @@ def test_a_head_wind_ahead_counts_before_it_is_flown_against() -> None:
     ahead = []
 
     for moment in flown(disturbances).moments():
-        found = analysis.take(moment.reading, moment.logbook)
+        found = analysis.assess(moment.reading, moment.logbook)
         if moment.run.step.kind == "DELIVER":
             ahead.append((found.consumption_factor, found.reach.still_air_factor))
 
@@ -150,7 +152,7 @@ def test_a_landing_called_safe_can_be_reached_in_that_wind(
     analysis, physics, judged = Analysis(MODEL), plan.physics, 0
 
     for count, moment in enumerate(plan.moments(every_s=3.0)):
-        found = analysis.take(moment.reading, moment.logbook)
+        found = analysis.assess(moment.reading, moment.logbook)
         step = moment.run.step
         if moment.true_soc <= 0.0:
             break
@@ -198,7 +200,7 @@ def test_noise_never_makes_the_range_grow_without_bound(noise: list[tuple[float,
             cell_high_v=true.cell_high_v - volts,
             temperature_c=volts,
         )
-        found = analysis.take(wrong, moment.logbook)
+        found = analysis.assess(wrong, moment.logbook)
         assert 0.0 <= found.range_m <= most_m
         assert 0.0 <= found.soc <= 1.0
         assert 0.0 < found.soc_error < math.inf
@@ -212,7 +214,7 @@ def test_a_drone_that_strays_is_told_how_far_it_is_off_its_leg() -> None:
     analysis = Analysis(MODEL)
 
     off = [
-        analysis.take(moment.reading, moment.logbook).off_course_m
+        analysis.assess(moment.reading, moment.logbook).off_course_m
         for moment in flown(changed(UNDISTURBED, {"drift": drift})).moments(every_s=10.0)
     ]
 
@@ -223,7 +225,7 @@ def test_the_landings_of_a_mission_are_known_after_they_were_passed() -> None:
     analysis, known = Analysis(MODEL), set()
 
     for moment in undisturbed_moments():
-        found = analysis.take(moment.reading, moment.logbook)
+        found = analysis.assess(moment.reading, moment.logbook)
         if moment.run.step.step_id == 5:
             known = {landing.station_id for landing in found.landings_in_reach}
 
@@ -233,7 +235,7 @@ def test_the_landings_of_a_mission_are_known_after_they_were_passed() -> None:
 def test_range_and_charge_at_landing_fall_together_with_the_charge() -> None:
     analysis = Analysis(MODEL)
     flights = [one for one in undisturbed_moments() if one.run.step.step_id == 2]
-    ranges = [analysis.take(one.reading, one.logbook).range_m for one in flights]
+    ranges = [analysis.assess(one.reading, one.logbook).range_m for one in flights]
 
     assert ranges == sorted(ranges, reverse=True)
     flown_m = MODEL.speed_empty_mps * timedelta(seconds=5).total_seconds()

@@ -54,8 +54,8 @@ def flight(seconds: int) -> Iterator[tuple[int, float, float]]:
         soc -= power_w / CAPACITY_J
 
 
-def take(estimate: BatteryEstimate, reading: Reading) -> None:
-    estimate.take(reading, capacity_j=CAPACITY_J, capacity_error=0.0)
+def update(estimate: BatteryEstimate, reading: Reading) -> None:
+    estimate.update(reading, capacity_j=CAPACITY_J, capacity_error=0.0)
 
 
 def test_without_errors_the_estimate_is_the_charge() -> None:
@@ -63,7 +63,7 @@ def test_without_errors_the_estimate_is_the_charge() -> None:
 
     wrong = []
     for at_s, soc, power_w in flight(1_200):
-        take(estimate, make_reading(at_s, soc, power_w=power_w))
+        update(estimate, make_reading(at_s, soc, power_w=power_w))
         wrong.append(abs(estimate.soc - soc))
 
     assert max(wrong) < 1e-9
@@ -75,7 +75,7 @@ def test_at_rest_the_estimate_finds_the_charge_from_any_start(soc: float, believ
     estimate = BatteryEstimate(PACK, soc=believed, error=0.3)
 
     for at_s in range(0, 14_400, 30):
-        take(estimate, make_reading(at_s, soc))
+        update(estimate, make_reading(at_s, soc))
 
     assert estimate.soc == pytest.approx(soc, abs=0.01)
 
@@ -93,7 +93,7 @@ def test_the_charge_stays_within_three_deviations_of_the_estimate(
         reading = make_reading(
             at_s, soc, power_w=power_w, gain=gain, noise_v=noise_v, resistance_ohm=0.03
         )
-        take(estimate, reading)
+        update(estimate, reading)
         assert abs(estimate.soc - soc) <= 3 * estimate.error
 
 
@@ -101,11 +101,11 @@ def test_a_wrong_counter_is_corrected_once_the_drone_rests() -> None:
     estimate = BatteryEstimate(PACK, soc=1.0, error=0.02)
     soc = 1.0
     for at_s, soc, power_w in flight(600):
-        take(estimate, make_reading(at_s, soc, power_w=power_w, gain=0.9))
+        update(estimate, make_reading(at_s, soc, power_w=power_w, gain=0.9))
     after_flight = abs(estimate.soc - soc)
 
     for at_s in range(600, 7_800, 30):
-        take(estimate, make_reading(at_s, soc, gain=0.9))
+        update(estimate, make_reading(at_s, soc, gain=0.9))
 
     assert after_flight > 0.02
     assert abs(estimate.soc - soc) < 0.005
@@ -113,10 +113,10 @@ def test_a_wrong_counter_is_corrected_once_the_drone_rests() -> None:
 
 def test_a_counter_that_begins_anew_uses_nothing_and_is_told_by_the_error() -> None:
     estimate = BatteryEstimate(PACK, soc=0.5, error=0.01)
-    take(estimate, make_reading(0, 0.5))
+    update(estimate, make_reading(0, 0.5))
     away = make_reading(1, 0.5)
 
-    take(
+    update(
         estimate,
         Reading(
             **{name: getattr(away, name) for name in Reading.__slots__}
@@ -134,6 +134,6 @@ def test_the_resistance_shows_when_the_load_changes() -> None:
     estimate = BatteryEstimate(PACK, soc=1.0, error=0.02)
 
     for at_s, soc, power_w in flight(120):
-        take(estimate, make_reading(at_s, soc, power_w=power_w, resistance_ohm=0.06))
+        update(estimate, make_reading(at_s, soc, power_w=power_w, resistance_ohm=0.06))
 
     assert estimate.resistance_ohm == pytest.approx(0.06, rel=0.1)

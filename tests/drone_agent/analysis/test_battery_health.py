@@ -46,7 +46,7 @@ def cycle(health: BatteryHealth, *, capacity: float, low: float, from_s: float) 
         (3_600, 0.99, -20.0),
     ):
         reading = make_reading(from_s + at_s, soc, capacity=capacity, current_a=current_a)
-        health.take(reading, resistance_ohm=PACK.resistance_ohm)
+        health.update(reading, resistance_ohm=PACK.resistance_ohm)
 
 
 def test_a_battery_that_holds_what_it_should_is_exactly_well() -> None:
@@ -85,6 +85,6 @@ def test_charges_on_the_flat_of_the_curve_say_nothing() -> None:
 def test_the_difference_of_the_cells_is_smoothed() -> None:
     health = BatteryHealth(PACK, rated_j=RATED_J)
 
-    health.take(make_reading(0, 0.9, capacity=1.0), resistance_ohm=0.02)
+    health.update(make_reading(0, 0.9, capacity=1.0), resistance_ohm=0.02)
 
     assert health.cell_spread_v == pytest.approx(0.1)

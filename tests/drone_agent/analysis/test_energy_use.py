@@ -4,7 +4,7 @@ from datetime import timedelta
 from typing import Any
 
 import pytest
-from skyway_drone_agent.analysis.energy_use import EnergyWatch
+from skyway_drone_agent.analysis.energy_use import EnergyUseMonitor
 from skyway_drone_agent.analysis.leg import Leg, leg_of
 from skyway_drone_agent.vehicle import Reading
 
@@ -35,14 +35,16 @@ def on_the_leg(leg: Leg, at_s: float, *, factor: float, share: float) -> Reading
     )
 
 
-def flown(leg: Leg, *, factor: float, wind_mps: tuple[float, float] | None = None) -> EnergyWatch:
-    """The watch of a drone that has flown the leg so."""
-    watch = EnergyWatch(power_w=100.0)
-    watch.begin(MissionId("msn_1"), leg.step.planned_start_at)
+def flown(
+    leg: Leg, *, factor: float, wind_mps: tuple[float, float] | None = None
+) -> EnergyUseMonitor:
+    """The monitor of a drone that has flown the leg so."""
+    monitor = EnergyUseMonitor(power_w=100.0)
+    monitor.begin(MissionId("msn_1"), leg.step.planned_start_at)
     for at_s in range(480):
         reading = on_the_leg(leg, at_s, factor=factor, share=at_s / 481)
-        watch.take(reading, leg, wind_mps=wind_mps)
-    return watch
+        monitor.update(reading, leg, wind_mps=wind_mps)
+    return monitor
 
 
 def test_what_is_used_against_the_plan_is_found_within_minutes(leg: Leg) -> None:
@@ -54,15 +56,15 @@ def test_what_is_used_against_the_plan_is_found_within_minutes(leg: Leg) -> None
 def test_what_the_wind_takes_is_not_the_drones(leg: Leg) -> None:
     landed_at = leg.step.planned_start_at + timedelta(seconds=480)
 
-    watch = flown(leg, factor=20.0 / 15.0, wind_mps=(-5.0, 0.0))
+    monitor = flown(leg, factor=20.0 / 15.0, wind_mps=(-5.0, 0.0))
 
-    assert watch.factor(landed_at) == pytest.approx(1.0, abs=0.01)
+    assert monitor.factor(landed_at) == pytest.approx(1.0, abs=0.01)
 
 
 def test_what_was_used_is_forgotten_while_the_drone_stands(leg: Leg) -> None:
-    watch, landed_at = flown(leg, factor=1.5), leg.step.planned_start_at + timedelta(seconds=480)
+    monitor, landed_at = flown(leg, factor=1.5), leg.step.planned_start_at + timedelta(seconds=480)
 
-    believed = [watch.factor(landed_at + timedelta(hours=hours)) for hours in (0, 1, 12)]
+    believed = [monitor.factor(landed_at + timedelta(hours=hours)) for hours in (0, 1, 12)]
 
     assert believed == sorted(believed, reverse=True)
     assert 1.3 < believed[1] < 1.49
@@ -70,42 +72,42 @@ def test_what_was_used_is_forgotten_while_the_drone_stands(leg: Leg) -> None:
 
 
 def test_the_next_mission_begins_with_what_the_last_one_showed(leg: Leg) -> None:
-    watch, landed_at = flown(leg, factor=1.5), leg.step.planned_start_at + timedelta(seconds=480)
-    before = watch.factor(landed_at)
+    monitor, landed_at = flown(leg, factor=1.5), leg.step.planned_start_at + timedelta(seconds=480)
+    before = monitor.factor(landed_at)
 
-    watch.begin(MissionId("msn_2"), landed_at)
+    monitor.begin(MissionId("msn_2"), landed_at)
 
-    assert watch.factor(landed_at) == pytest.approx(before)
+    assert monitor.factor(landed_at) == pytest.approx(before)
 
 
 def test_a_landing_does_not_count(leg: Leg) -> None:
-    watch, landed_at = flown(leg, factor=1.0), leg.step.planned_start_at + timedelta(seconds=480)
-    before = watch.factor(landed_at)
+    monitor, landed_at = flown(leg, factor=1.0), leg.step.planned_start_at + timedelta(seconds=480)
+    before = monitor.factor(landed_at)
 
-    watch.take(on_the_leg(leg, 480, factor=5.0, share=1.0), leg, wind_mps=None)
-    watch.take(on_the_leg(leg, 481, factor=9.0, share=1.0), leg, wind_mps=None)
+    monitor.update(on_the_leg(leg, 480, factor=5.0, share=1.0), leg, wind_mps=None)
+    monitor.update(on_the_leg(leg, 481, factor=9.0, share=1.0), leg, wind_mps=None)
 
-    assert watch.factor(landed_at) == pytest.approx(before, abs=1e-9)
+    assert monitor.factor(landed_at) == pytest.approx(before, abs=1e-9)
 
 
 def test_what_is_flown_without_positions_does_not_count(leg: Leg) -> None:
-    watch, landed_at = flown(leg, factor=1.0), leg.step.planned_start_at + timedelta(seconds=480)
-    before = watch.factor(landed_at)
+    monitor, landed_at = flown(leg, factor=1.0), leg.step.planned_start_at + timedelta(seconds=480)
+    before = monitor.factor(landed_at)
     lost = on_the_leg(leg, 480, factor=5.0, share=0.99)
     blind = {name: getattr(lost, name) for name in Reading.__slots__} | {"has_gps": False}
 
-    watch.take(Reading(**blind), leg, wind_mps=None)
+    monitor.update(Reading(**blind), leg, wind_mps=None)
 
-    assert watch.factor(landed_at) == pytest.approx(before, abs=1e-9)
+    assert monitor.factor(landed_at) == pytest.approx(before, abs=1e-9)
 
 
 def test_a_drone_that_is_blown_back_is_believed_to_need_the_most(leg: Leg) -> None:
-    watch = EnergyWatch(power_w=100.0)
+    monitor = EnergyUseMonitor(power_w=100.0)
     for at_s in range(400):
         share = 0.5 - at_s / 1_000
         reading = on_the_leg(leg, at_s, factor=1.0, share=share)
         used_j = 100.0 * at_s
         fields = {name: getattr(reading, name) for name in Reading.__slots__}
-        watch.take(Reading(**fields | {"consumed_j": used_j}), leg, wind_mps=None)
+        monitor.update(Reading(**fields | {"consumed_j": used_j}), leg, wind_mps=None)
 
-    assert watch.factor(leg.step.planned_start_at) == 4.0
+    assert monitor.factor(leg.step.planned_start_at) == 4.0

@@ -2,7 +2,12 @@
 
 from typing import Any
 
-from skyway_drone_agent.analysis.landings import NO_BOOK, KnownLandings, Landing, landings_of
+from skyway_drone_agent.analysis.landings import (
+    NO_LANDINGS,
+    Landing,
+    RememberedLandings,
+    landings_of,
+)
 from skyway_drone_agent.journal.current_mission import CurrentMission, Escape, FlownBefore
 from skyway_drone_agent.journal.logbook import Logbook
 from skyway_drone_agent.journal.records import Answer
@@ -89,7 +94,7 @@ def test_straight_down_is_no_landing_but_the_flight_instead_of_it_was_for_one(tr
 
 
 def test_landings_that_were_passed_stay_known(trip: Any) -> None:
-    known = KnownLandings(NO_BOOK)
+    known = RememberedLandings(NO_LANDINGS)
     known.after(logbook_of(trip))
 
     after = known.after(logbook_of(trip[-1:], station=None))
@@ -98,7 +103,7 @@ def test_landings_that_were_passed_stay_known(trip: Any) -> None:
 
 
 def test_only_so_many_landings_are_kept_the_newest(trip: Any) -> None:
-    known = KnownLandings(NO_BOOK)
+    known = RememberedLandings(NO_LANDINGS)
 
     for number in range(100):
         flight = trip[1].model_copy(update={"to_id": StationId(f"stn_{number}")})
@@ -112,7 +117,7 @@ def test_only_so_many_landings_are_kept_the_newest(trip: Any) -> None:
 def test_the_book_is_asked_ahead_for_all_flights_of_a_mission(trip: Any) -> None:
     book = Notes()
 
-    KnownLandings(book).after(logbook_of(trip))
+    RememberedLandings(book).after(logbook_of(trip))
 
     assert book.asked == ["over", "shop", "farm", "home"]
 
@@ -120,7 +125,7 @@ def test_the_book_is_asked_ahead_for_all_flights_of_a_mission(trip: Any) -> None
 def test_the_book_is_read_once_for_a_flight(trip: Any) -> None:
     book, logbook = Notes(), logbook_of(trip[1:])
     book.landings = (BARN,)
-    known = KnownLandings(book)
+    known = RememberedLandings(book)
 
     found = [known.after(logbook, trip[1]) for _ in range(100)]
 
@@ -130,7 +135,7 @@ def test_the_book_is_read_once_for_a_flight(trip: Any) -> None:
 
 def test_what_is_read_during_a_flight_is_known_at_once(trip: Any) -> None:
     book, logbook = Notes(), logbook_of(trip[1:])
-    known = KnownLandings(book)
+    known = RememberedLandings(book)
     before = names(known.after(logbook, trip[1]))
 
     book.landings, book.edition = (BARN,), 1
@@ -143,7 +148,7 @@ def test_on_the_ground_only_stations_of_missions_are_told(trip: Any) -> None:
     book, logbook = Notes(), logbook_of(trip[1:])
     book.landings = (BARN,)
 
-    assert "barn" not in names(KnownLandings(book).after(logbook))
+    assert "barn" not in names(RememberedLandings(book).after(logbook))
 
 
 def test_a_closed_station_of_a_mission_is_passed_over_but_not_where_it_flies_to(
@@ -152,4 +157,4 @@ def test_a_closed_station_of_a_mission_is_passed_over_but_not_where_it_flies_to(
     book, logbook = Notes(), logbook_of(trip[1:])
     book.closed = {"home", "over"}
 
-    assert names(KnownLandings(book).after(logbook, trip[1])) == {"over", "shop", "farm"}
+    assert names(RememberedLandings(book).after(logbook, trip[1])) == {"over", "shop", "farm"}

@@ -47,7 +47,7 @@ def test_a_steady_wind_is_found_through_noise(seed: int, east: float, north: flo
 
     for at_s in range(300):
         felt = (east + chance.gauss(0.0, 1.0), north + chance.gauss(0.0, 1.0))
-        found = estimate.take(make_reading(at_s, wind_mps=felt), is_flying=True)
+        found = estimate.update(make_reading(at_s, wind_mps=felt), is_flying=True)
 
     assert found is not None
     assert math.dist(found, (east, north)) < 0.8
@@ -56,10 +56,10 @@ def test_a_steady_wind_is_found_through_noise(seed: int, east: float, north: flo
 def test_the_wind_is_followed_when_it_turns() -> None:
     estimate = WindEstimate()
     for at_s in range(300):
-        estimate.take(make_reading(at_s, wind_mps=(8.0, 0.0)), is_flying=True)
+        estimate.update(make_reading(at_s, wind_mps=(8.0, 0.0)), is_flying=True)
 
     for at_s in range(300, 600):
-        found = estimate.take(make_reading(at_s, wind_mps=(0.0, 8.0)), is_flying=True)
+        found = estimate.update(make_reading(at_s, wind_mps=(0.0, 8.0)), is_flying=True)
 
     assert found == pytest.approx((0.0, 8.0), abs=0.1)
 
@@ -67,18 +67,18 @@ def test_the_wind_is_followed_when_it_turns() -> None:
 def test_nothing_is_felt_on_the_ground_nor_without_positions() -> None:
     estimate = WindEstimate()
 
-    standing = estimate.take(make_reading(0, wind_mps=(5.0, 0.0)), is_flying=False)
-    blind = estimate.take(make_reading(1, wind_mps=(5.0, 0.0), has_gps=False), is_flying=True)
+    standing = estimate.update(make_reading(0, wind_mps=(5.0, 0.0)), is_flying=False)
+    blind = estimate.update(make_reading(1, wind_mps=(5.0, 0.0), has_gps=False), is_flying=True)
 
     assert (standing, blind) == (None, None)
 
 
 def test_a_wind_felt_long_ago_is_forgotten() -> None:
     estimate = WindEstimate()
-    estimate.take(make_reading(0, wind_mps=(5.0, 0.0)), is_flying=True)
+    estimate.update(make_reading(0, wind_mps=(5.0, 0.0)), is_flying=True)
 
-    soon = estimate.take(make_reading(1_700), is_flying=False)
-    late = estimate.take(make_reading(1_900), is_flying=False)
+    soon = estimate.update(make_reading(1_700), is_flying=False)
+    late = estimate.update(make_reading(1_900), is_flying=False)
 
     assert (soon, late) == ((5.0, 0.0), None)
 

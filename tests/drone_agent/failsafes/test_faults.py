@@ -8,7 +8,7 @@ import pytest
 from skyway_drone_agent.analysis.analysis import Analysis
 from skyway_drone_agent.analysis.reach import LandingInReach, NextLanding
 from skyway_drone_agent.failsafes.failsafe import Situation
-from skyway_drone_agent.failsafes.faults import SYMPTOMS, FaultWatch, Signs, empty_soc
+from skyway_drone_agent.failsafes.faults import SYMPTOMS, FaultMonitor, Signs, empty_soc
 from skyway_drone_agent.journal.logbook import doing_now
 from skyway_drone_agent.simulated.vehicle import SimulatedVehicle
 
@@ -33,7 +33,7 @@ def signs(drone: Any, virtual_clock: Any) -> Signs:
     """A drone in flight with which nothing is wrong."""
     vehicle, logbook = SimulatedVehicle(drone.model, virtual_clock), drone.at_first()
     reading = vehicle.read(doing_now(logbook), virtual_clock.now())
-    assessment = Analysis(drone.model).take(reading, logbook)
+    assessment = Analysis(drone.model).assess(reading, logbook)
     return Signs(assessment=assessment, situation=Situation.FLYING, reserve_soc=0.1)
 
 
@@ -53,34 +53,34 @@ def landing(soc: float, *others: float) -> dict[str, Any]:
 
 
 def test_with_nothing_wrong_there_is_no_fault(signs: Signs) -> None:
-    watch = FaultWatch(())
+    monitor = FaultMonitor(())
 
-    assert [watch.take(at(signs, seconds)) for seconds in range(100)] == [()] * 100
+    assert [monitor.update(at(signs, seconds)) for seconds in range(100)] == [()] * 100
 
 
 @pytest.mark.parametrize(("fault", "name", "begins", "keeps", "ends"), LIMITS)
 def test_a_fault_must_last_lingers_and_ends_beyond_its_margin(
     signs: Signs, fault: Fault, name: str, begins: float, keeps: float, ends: float
 ) -> None:
-    watch, lasts_s = FaultWatch(()), SYMPTOMS[fault].lasts_s
+    monitor, lasts_s = FaultMonitor(()), SYMPTOMS[fault].lasts_s
 
-    assert fault not in watch.take(at(signs, 0, **{name: keeps}))
-    assert fault not in watch.take(at(signs, 1, **{name: begins}))
-    assert fault not in watch.take(at(signs, lasts_s, **{name: begins}))
-    assert fault in watch.take(at(signs, 1 + lasts_s, **{name: begins}))
-    assert fault in watch.take(at(signs, 2 + lasts_s, **{name: keeps}))
-    assert fault not in watch.take(at(signs, 3 + lasts_s, **{name: ends}))
+    assert fault not in monitor.update(at(signs, 0, **{name: keeps}))
+    assert fault not in monitor.update(at(signs, 1, **{name: begins}))
+    assert fault not in monitor.update(at(signs, lasts_s, **{name: begins}))
+    assert fault in monitor.update(at(signs, 1 + lasts_s, **{name: begins}))
+    assert fault in monitor.update(at(signs, 2 + lasts_s, **{name: keeps}))
+    assert fault not in monitor.update(at(signs, 3 + lasts_s, **{name: ends}))
 
 
 @pytest.mark.parametrize(("fault", "name", "begins", "keeps", "ends"), LIMITS)
 def test_a_fault_that_shows_now_and_then_is_none(
     signs: Signs, fault: Fault, name: str, begins: float, keeps: float, ends: float
 ) -> None:
-    watch = FaultWatch(())
+    monitor = FaultMonitor(())
 
     for seconds in range(0, 300, 2):
-        assert watch.take(at(signs, seconds, **{name: begins})) == ()
-        assert watch.take(at(signs, seconds + 1, **{name: ends})) == ()
+        assert monitor.update(at(signs, seconds, **{name: begins})) == ()
+        assert monitor.update(at(signs, seconds + 1, **{name: ends})) == ()
 
 
 @pytest.mark.parametrize(
@@ -101,20 +101,20 @@ def test_a_fault_that_shows_now_and_then_is_none(
 def test_the_three_battery_levels(
     signs: Signs, predicted: float, others: tuple[float, ...], faults: tuple[Fault, ...]
 ) -> None:
-    watch = FaultWatch(())
+    monitor = FaultMonitor(())
 
-    watch.take(at(signs, 0, **landing(predicted, *others)))
-    assert watch.take(at(signs, 5, **landing(predicted, *others))) == faults
+    monitor.update(at(signs, 0, **landing(predicted, *others)))
+    assert monitor.update(at(signs, 5, **landing(predicted, *others))) == faults
 
 
 @pytest.mark.parametrize("reserve_soc", [0.0, 0.01, 0.1, 0.3])
 def test_a_plan_that_lands_with_exactly_its_reserve_is_none_of_them(
     signs: Signs, reserve_soc: float
 ) -> None:
-    watch, close = FaultWatch(()), replace(signs, reserve_soc=reserve_soc)
+    monitor, close = FaultMonitor(()), replace(signs, reserve_soc=reserve_soc)
 
     for seconds in range(20):
-        assert watch.take(at(close, seconds, **landing(reserve_soc - 1e-9, 0.9))) == ()
+        assert monitor.update(at(close, seconds, **landing(reserve_soc - 1e-9, 0.9))) == ()
 
 
 def test_a_drone_without_a_reserve_lands_at_once_only_when_it_would_fall() -> None:
@@ -123,26 +123,26 @@ def test_a_drone_without_a_reserve_lands_at_once_only_when_it_would_fall() -> No
 
 
 def test_on_the_ground_no_prediction_is_a_fault(signs: Signs) -> None:
-    watch, standing = FaultWatch(()), replace(signs, situation=Situation.STANDING)
+    monitor, standing = FaultMonitor(()), replace(signs, situation=Situation.STANDING)
 
-    watch.take(at(standing, 0, **landing(-1.0)))
-    assert watch.take(at(standing, 60, **landing(-1.0))) == ()
+    monitor.update(at(standing, 0, **landing(-1.0)))
+    assert monitor.update(at(standing, 60, **landing(-1.0))) == ()
 
 
 def test_a_motor_counts_at_once_a_lost_position_after_half_a_minute(signs: Signs) -> None:
-    watch = FaultWatch(())
+    monitor = FaultMonitor(())
 
-    assert watch.take(at(signs, 0, motors_work=False, has_gps=False)) == (Fault.MOTOR_FAILURE,)
-    assert watch.take(at(signs, 29, has_gps=False)) == ()
-    assert watch.take(at(signs, 30, has_gps=False)) == (Fault.GPS_LOST,)
-    assert watch.take(at(signs, 31)) == ()
+    assert monitor.update(at(signs, 0, motors_work=False, has_gps=False)) == (Fault.MOTOR_FAILURE,)
+    assert monitor.update(at(signs, 29, has_gps=False)) == ()
+    assert monitor.update(at(signs, 30, has_gps=False)) == (Fault.GPS_LOST,)
+    assert monitor.update(at(signs, 31)) == ()
 
 
 def test_a_drone_that_does_not_know_where_it_is_is_not_off_its_course(signs: Signs) -> None:
-    watch = FaultWatch(())
+    monitor = FaultMonitor(())
 
     for seconds in range(10):
-        assert watch.take(at(signs, seconds, off_course_m=900.0, has_gps=False)) == ()
+        assert monitor.update(at(signs, seconds, off_course_m=900.0, has_gps=False)) == ()
 
 
 @pytest.mark.parametrize(
@@ -155,22 +155,22 @@ def test_a_drone_that_does_not_know_where_it_is_is_not_off_its_course(signs: Sig
     ],
 )
 def test_what_others_have_found_out_counts_at_once(signs: Signs, sign: str, fault: Fault) -> None:
-    watch = FaultWatch(())
+    monitor = FaultMonitor(())
     changes: dict[str, Any] = {sign: True}
 
-    assert watch.take(replace(signs, **changes)) == (fault,)
-    assert watch.take(signs) == ()
+    assert monitor.update(replace(signs, **changes)) == (fault,)
+    assert monitor.update(signs) == ()
 
 
 def test_a_pad_matters_only_to_a_drone_that_would_charge_on_it(signs: Signs) -> None:
-    watch = FaultWatch(())
+    monitor = FaultMonitor(())
 
-    assert watch.take(at(signs, 0, pad_is_free=False)) == ()
+    assert monitor.update(at(signs, 0, pad_is_free=False)) == ()
     charging = replace(signs, situation=Situation.RECHARGING)
-    assert watch.take(at(charging, 1, pad_is_free=False)) == (Fault.PAD_OCCUPIED,)
+    assert monitor.update(at(charging, 1, pad_is_free=False)) == (Fault.PAD_OCCUPIED,)
 
 
 def test_after_a_restart_a_fault_lingers(signs: Signs) -> None:
-    watch = FaultWatch([Fault.BATTERY_HOT])
+    monitor = FaultMonitor([Fault.BATTERY_HOT])
 
-    assert watch.take(at(signs, 0, temperature_c=56.0)) == (Fault.BATTERY_HOT,)
+    assert monitor.update(at(signs, 0, temperature_c=56.0)) == (Fault.BATTERY_HOT,)

@@ -11,7 +11,7 @@ from types import TracebackType
 from typing import Any, Self
 
 import pytest
-from skyway_drone_agent.agent import DroneAgent, HeardBook
+from skyway_drone_agent.agent import DroneAgent, VersionedLandings
 from skyway_drone_agent.enrolled_drone import EnrolledDrone
 from skyway_drone_agent.journal.journal import Journal, JournalUnwritable, MemoryJournal
 from skyway_drone_agent.journal.logbook import Logbook
@@ -110,12 +110,12 @@ class FakeLink:
         while True:
             yield [await queue.get()]
 
-    def tell_version(self, message: NetworkVersion) -> None:
+    def deliver_version(self, message: NetworkVersion) -> None:
         """Deliver a network's version."""
         ids = (message.network_id,)
         self._versions.put_nowait(Received(NETWORK_VERSION, ids, message, True))
 
-    def tell_time(self, *, retained: bool) -> None:
+    def deliver_time(self, *, retained: bool) -> None:
         """Deliver the clock's anchor, of which nothing but its coming matters here."""
         self._ticks.put_nowait(Received(CLOCK, (), None, retained))
 
@@ -181,7 +181,7 @@ class World:
         self.clock = clock
         self.disturbances = UNDISTURBED
         self.vehicle_type = SimulatedVehicle
-        self.book: HeardBook | None = None
+        self.book: VersionedLandings | None = None
         self.mint = CountingMint()
         self.trace: list[str] = []
         self.published: list[tuple[Topic[Any], Any]] = []

@@ -78,14 +78,16 @@ async def test_a_drone_that_is_landing_already_goes_on_no_earlier_than_it_was_to
     await world.pass_until(lambda: world.events[-1].step_id == 2)
     over_shop_at = world.events[-1].ended_at + timedelta(seconds=400)
     await world.pass_time(over_shop_at + timedelta(seconds=15) - world.clock.now())
-    told_at = world.clock.now()
+    acceptance_sent_at = world.clock.now()
 
-    farm = steps(at=told_at, first_step=4).fly("shop", "farm", length_m=3000, duration_s=230)
+    farm = steps(at=acceptance_sent_at, first_step=4).fly(
+        "shop", "farm", length_m=3000, duration_s=230
+    )
     await world.send(cloud.divert(farm.deliver("farm", "p1").made))
     await world.pass_until(lambda: world.is_over)
 
     passed = world.events[2]
-    assert passed.ended_at == told_at
+    assert passed.ended_at == acceptance_sent_at
     assert passed.energy_j == pytest.approx(400 * 100 * 1.25**1.5 + 15 / 30 * 1000)
 
 

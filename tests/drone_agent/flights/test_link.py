@@ -131,12 +131,12 @@ async def test_a_state_that_was_not_confirmed_is_sent_as_it_is_then(
 async def test_an_instruction_waits_until_fleet_time_is_known(
     world: Any, cloud: Any, trip: Any
 ) -> None:
-    world.clock.is_known.clear()
+    world.clock.is_set.clear()
     await world.start()
     await world.send(cloud.mission(trip))
     assert world.published == []
 
-    world.clock.is_known.set()
+    world.clock.is_set.set()
     await world.settle()
 
     assert [one.status for one in world.messages(CONNECTION)] == ["ONLINE"]

@@ -5,7 +5,7 @@ from itertools import pairwise
 from typing import Any
 
 from skyway_drone_agent.link.heartbeat import Heartbeat
-from skyway_drone_agent.link.link_monitor import LinkWatch
+from skyway_drone_agent.link.link_monitor import LinkMonitor
 
 from skyway.contracts.topics import ACKS, EVENTS, STATE, TELEMETRY
 
@@ -25,7 +25,7 @@ async def test_the_first_beat_is_one_state_though_the_sensors_were_read_shortly_
     world: Any, cloud: Any, trip: Any
 ) -> None:
     await world.start()
-    connected = LinkWatch(world.link, world.clock, on_change=lambda: None)
+    connected = LinkMonitor(world.link, world.clock, on_change=lambda: None)
     beat = Heartbeat(world.drone.drone_id, connected, world.clock).after(world.clock.now())
     moment = timedelta(seconds=1)
     await world.pass_time(beat - moment - world.clock.now())

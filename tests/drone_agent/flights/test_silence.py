@@ -7,7 +7,7 @@ from typing import Any
 async def fly(world: Any, cloud: Any, trip: Any) -> None:
     world.clock.rate = 10.0
     await world.start()
-    world.link.tell_time(retained=True)
+    world.link.deliver_time(retained=True)
     await world.send(cloud.mission(trip))
     await world.pass_until(lambda: bool(world.states) and world.states[-1].activity == "FLYING")
 
@@ -16,7 +16,7 @@ async def test_a_drone_that_heard_the_cloud_and_hears_it_no_more_lands_and_waits
     world: Any, cloud: Any, trip: Any
 ) -> None:
     await fly(world, cloud, trip)
-    world.link.tell_time(retained=False)
+    world.link.deliver_time(retained=False)
     await world.pass_time(timedelta(hours=2))
 
     ends = [event for event in world.events if event.event != "ALARM"]
@@ -25,7 +25,7 @@ async def test_a_drone_that_heard_the_cloud_and_hears_it_no_more_lands_and_waits
     assert alarms == [("CLOUD_SILENT", "WARNING")]
 
     back_at = world.clock.now()
-    world.link.tell_time(retained=False)
+    world.link.deliver_time(retained=False)
     await world.pass_until(lambda: any(event.step_id == 6 for event in world.events))
 
     assert next(one for one in world.events if one.step_id == 6).started_at == back_at
@@ -35,7 +35,7 @@ async def test_an_instruction_is_a_word_from_the_cloud_too(
     world: Any, cloud: Any, trip: Any
 ) -> None:
     await fly(world, cloud, trip)
-    world.link.tell_time(retained=False)
+    world.link.deliver_time(retained=False)
     await world.pass_time(timedelta(hours=2))
 
     await world.send(cloud.report_request(0))
@@ -60,7 +60,7 @@ async def test_a_cloud_that_goes_on_telling_the_time_delays_nothing(
     await fly(world, cloud, trip)
 
     while not world.is_over:
-        world.link.tell_time(retained=False)
+        world.link.deliver_time(retained=False)
         await world.pass_time(timedelta(seconds=300))
 
     assert abs(world.events[-1].ended_at - trip[-1].planned_end_at) < timedelta(milliseconds=1)

@@ -4,10 +4,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from skyway_drone_agent.analysis.landings import Landing, NoBook
+from skyway_drone_agent.analysis.landings import Landing, NoLandings
 from skyway_drone_agent.landing_book.book import LandingBook
-from skyway_drone_agent.landing_book.station_cache import KnownStation
-from skyway_drone_agent.landing_book.station_cache_file import ExtractFile
+from skyway_drone_agent.landing_book.station_cache import CachedStation
+from skyway_drone_agent.landing_book.station_cache_file import StationCacheFile
 from skyway_drone_agent.landing_book.station_reader import StationReader
 from skyway_drone_agent.landing_book.tiles import tile_of
 from skyway_drone_agent.simulated.disturbances import Disturbances
@@ -25,10 +25,10 @@ FARM = Position(-97.7, 30.0)
 
 def book_with(folder: Path, **stations: tuple[Position, bool]) -> LandingBook:
     """What a drone that flew here before has left on its disk."""
-    file = ExtractFile(folder / "landing-book.json")
-    by_tile: dict[Any, tuple[KnownStation, ...]] = {}
+    file = StationCacheFile(folder / "landing-book.json")
+    by_tile: dict[Any, tuple[CachedStation, ...]] = {}
     for name, (position, is_closed) in stations.items():
-        station = KnownStation(TEXAS, Landing(StationId(name), position), is_closed)
+        station = CachedStation(TEXAS, Landing(StationId(name), position), is_closed)
         by_tile[tile_of(position)] = (*by_tile.get(tile_of(position), ()), station)
     file.write((TEXAS, tile, found) for tile, found in by_tile.items())
     return LandingBook(StationReader(()), file)
@@ -66,16 +66,16 @@ async def test_a_short_battery_takes_the_drone_to_a_station_that_no_step_names(
     assert (failed.step_id, failed.code, failed.station_id) == (2, "BATTERY_SHORT", landed_at)
 
 
-class Listener(NoBook):
+class Listener(NoLandings):
     """A book that only listens."""
 
-    wants_versions = True
+    uses_versions = True
 
     def __init__(self) -> None:
-        self.heard_of: list[int] = []
+        self.noted: list[int] = []
 
-    def heard(self, version: NetworkVersion) -> None:
-        self.heard_of.append(version.version)
+    def note_version(self, version: NetworkVersion) -> None:
+        self.noted.append(version.version)
 
 
 async def test_the_book_hears_of_each_version_of_the_network(world: Any) -> None:
@@ -83,7 +83,7 @@ async def test_the_book_hears_of_each_version_of_the_network(world: Any) -> None
     await world.start()
 
     for number in (1, 2):
-        world.link.tell_version(
+        world.link.deliver_version(
             NetworkVersion(
                 message_id=f"msg_{number}",
                 sent_at=world.clock.now(),
@@ -95,7 +95,7 @@ async def test_the_book_hears_of_each_version_of_the_network(world: Any) -> None
         )
     await world.settle()
 
-    assert world.book.heard_of == [1, 2]
+    assert world.book.noted == [1, 2]
 
 
 async def test_from_there_the_clouds_new_plan_is_flown(

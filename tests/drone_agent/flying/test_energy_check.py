@@ -64,12 +64,12 @@ def test_flights_that_are_flown_anyway_count_but_are_not_judged(drone: Any, step
 
     assert short(soc=0.3, judged_from=1).step == made[0]
     assert short(soc=0.3, judged_from=2) is None
-    assert (
-        shortfall_of(
-            [made[0], *made[2:]], model=drone.model, soc=0.3, packages=(), judged_from=3
-        ).step
-        == made[2]
+    without_recharge = [made[0], *made[2:]]
+    shortfall = shortfall_of(
+        without_recharge, model=drone.model, soc=0.3, packages=(), judged_from=3
     )
+    assert shortfall is not None
+    assert shortfall.step == made[2]
 
 
 def test_a_stretch_ends_before_the_next_recharge(steps: Any) -> None:

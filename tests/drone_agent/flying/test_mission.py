@@ -27,7 +27,7 @@ def logbook(drone: Any, trip: Any) -> Logbook:
         delivery_id="dlv_1",
         accepted_by=ANSWER,
         expires_at=START + timedelta(minutes=1),
-        told_at=START,
+        acceptance_sent_at=START,
         first_step=1,
         steps=tuple(trip),
         released_through=0,
@@ -109,7 +109,7 @@ def test_a_flight_over_a_station_goes_on_without_the_link(
 def test_nothing_is_loaded_when_the_cloud_was_told_after_the_expiry(
     drone: Any, logbook: Logbook, trip: Any
 ) -> None:
-    told_late = with_mission(logbook, told_at=START + timedelta(minutes=2))
+    told_late = with_mission(logbook, acceptance_sent_at=START + timedelta(minutes=2))
 
     act = decide(drone, told_late, at=trip[0].planned_start_at)
 

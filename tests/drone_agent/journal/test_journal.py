@@ -2,11 +2,12 @@
 
 import contextlib
 import errno
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
 import pytest
+from skyway_drone_agent.journal.current_mission import CurrentMission
 from skyway_drone_agent.journal.flight_recorder import FlightRecorder
 from skyway_drone_agent.journal.journal import (
     DamagedJournal,
@@ -20,7 +21,7 @@ from skyway_drone_agent.journal.records import Answer, EventRecorded, Instructio
 
 from skyway.contracts.drone_report import DroneEvent
 from skyway.geo import Position
-from skyway.ids import DroneId, InstructionId, StationId
+from skyway.ids import DeliveryId, DroneId, InstructionId, MissionId, StationId
 
 NOON = datetime(2026, 3, 1, 12, tzinfo=UTC)
 HOME = Logbook(station_id=StationId("home"), position=Position(-98.0, 30.0), soc=1.0)
@@ -76,6 +77,32 @@ def test_compacting_changes_nothing_that_is_known(journal: Journal) -> None:
     journal.append([make_event(2)])
 
     assert [event.seq for event in journal.read(at_first=HOME).events] == [1, 2]
+
+
+def test_the_acceptance_in_a_journal_of_an_earlier_version_is_read(tmp_path: Path) -> None:
+    mission = CurrentMission(
+        mission_id=MissionId("msn_1"),
+        revision=1,
+        delivery_id=DeliveryId("dlv_1"),
+        accepted_by=make_answer(1).answer,
+        expires_at=NOON,
+        acceptance_sent_at=NOON,
+        first_step=1,
+        steps=(),
+        released_through=0,
+        free_at=NOON,
+    )
+    path = tmp_path / "drn_1.jsonl"
+    journal = FileJournal(path)
+    journal.compact(HOME.model_copy(update={"mission": mission}))
+    path.write_text(path.read_text().replace("acceptance_sent_at", "told_at"))
+    with path.open("a") as lines:
+        lines.write('{"kind":"TOLD","told_at":"2026-03-01T12:00:01Z"}\n')
+
+    read = journal.read(at_first=HOME).mission
+
+    assert read is not None
+    assert read.acceptance_sent_at == NOON + timedelta(seconds=1)
 
 
 def test_a_new_journal_begins_as_the_drone_was_enrolled(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from urllib.parse import parse_qs, urlsplit
 import pytest
 from skyway_drone_agent.enrolment.cloud import CloudAccess
 from skyway_drone_agent.landing_book.book import LandingBook
-from skyway_drone_agent.landing_book.station_cache_file import ExtractFile
+from skyway_drone_agent.landing_book.station_cache_file import StationCacheFile
 from skyway_drone_agent.landing_book.station_reader import StationReader
 
 from skyway.contracts.flight_step import FlyStep
@@ -125,7 +125,7 @@ def make_book(cloud: FakeCloud, tmp_path: Path) -> MakeBook:
     def make(*keys: str, **settings: Any) -> LandingBook:
         accesses = [CloudAccess(cloud.url, key) for key in keys or ("dk_1",)]
         return LandingBook(
-            StationReader(accesses), ExtractFile(tmp_path / "landing-book.json"), **settings
+            StationReader(accesses), StationCacheFile(tmp_path / "landing-book.json"), **settings
         )
 
     return make

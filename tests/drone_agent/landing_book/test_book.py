@@ -19,7 +19,7 @@ def read(make_book: Any, flight: Any, version: Any, reads: Any) -> Any:
 
     async def make(*keys: str, **settings: Any) -> Any:
         book = make_book(*keys, **settings)
-        book.heard(version())
+        book.note_version(version())
         around = book.around(flight())
         await reads(book, lambda: around.edition == 1)
         return book
@@ -49,7 +49,7 @@ async def test_nothing_is_read_before_the_networks_version_is_heard(
     asked_before = list(cloud.asked)
     reading.cancel()
 
-    book.heard(version())
+    book.note_version(version())
     await reads(book, lambda: around.edition == 1)
 
     assert (asked_before, len(cloud.asked)) == ([], 2)
@@ -75,10 +75,10 @@ async def test_another_version_is_read_again_and_the_same_one_is_not(
     cloud.places.pop("barn")
     cloud.places["mill"] = (-97.96, 30.01)
 
-    book.heard(version(1))
+    book.note_version(version(1))
     around = book.around(flight())
     before = names(book, flight())
-    book.heard(version(2))
+    book.note_version(version(2))
     await reads(book, lambda: around.edition == 2)
 
     assert (before, names(book, flight())) == ({"home", "shop", "barn"}, {"home", "shop", "mill"})
@@ -103,7 +103,7 @@ async def test_stations_of_another_network_are_no_landings(
     moor = {"moor": (-97.97, 30.01), "fen": (-97.93, 30.01)}
     cloud.places, cloud.network_id = moor, "louisiana"
 
-    book.heard(version(1, "louisiana"))
+    book.note_version(version(1, "louisiana"))
     around = book.around(flight())
     await reads(book, lambda: around.edition == 2)
 
@@ -116,7 +116,7 @@ async def test_a_network_that_is_no_more_keeps_no_other_from_being_read(
 ) -> None:
     book = make_book()
     for network_id in ("gone", "texas", "lost"):
-        book.heard(version(1, network_id))
+        book.note_version(version(1, network_id))
 
     around = book.around(flight())
     await reads(book, lambda: around.edition == 1)
@@ -171,13 +171,13 @@ async def test_without_a_key_the_book_reads_nothing_and_is_over(
 ) -> None:
     cloud.keys.clear()
     book = make_book("dk_1", "dk_2")
-    book.heard(version())
+    book.note_version(version())
     book.around(flight())
 
     await asyncio.wait_for(book.run(), 10)
 
     assert cloud.asked == [PATH] * 2
-    assert not book.wants_versions
+    assert not book.uses_versions
     assert names(book, flight()) == set()
 
 
@@ -196,7 +196,7 @@ async def test_a_cloud_that_is_down_is_asked_again(
 ) -> None:
     cloud.is_down = True
     book = make_book(again_after_s=0.01)
-    book.heard(version())
+    book.note_version(version())
     around = book.around(flight())
 
     await reads(book, lambda: len(cloud.asked) >= 3)

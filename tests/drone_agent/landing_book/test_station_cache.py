@@ -4,7 +4,7 @@ import random
 from typing import Any
 
 from skyway_drone_agent.analysis.landings import Landing
-from skyway_drone_agent.landing_book.station_cache import Extract, KnownStation
+from skyway_drone_agent.landing_book.station_cache import CachedStation, StationCache
 from skyway_drone_agent.landing_book.tiles import Tile, TileBox, tile_of
 
 from skyway.geo import Position, distance_m
@@ -13,11 +13,11 @@ from skyway.ids import NetworkId, StationId
 TEXAS = NetworkId("texas")
 
 
-def station(name: str, longitude: float, latitude: float) -> KnownStation:
-    return KnownStation(TEXAS, Landing(StationId(name), Position(longitude, latitude)))
+def station(name: str, longitude: float, latitude: float) -> CachedStation:
+    return CachedStation(TEXAS, Landing(StationId(name), Position(longitude, latitude)))
 
 
-def put(extract: Extract, *stations: KnownStation) -> None:
+def put(extract: StationCache, *stations: CachedStation) -> None:
     for one in stations:
         extract.put(TEXAS, [tile_of(one.landing.position)], [one], at_s=0.0)
 
@@ -32,7 +32,7 @@ def test_the_nearest_are_those_of_a_search_through_all() -> None:
         station(f"stn_{number:03}", dice.uniform(-98.1, -97.9), dice.uniform(29.9, 30.1))
         for number in range(300)
     ]
-    extract = Extract()
+    extract = StationCache()
     box = TileBox.around(Position(-98.1, 29.9), Position(-97.9, 30.1))
     extract.put(TEXAS, box.tiles, every, at_s=0.0)
 
@@ -43,14 +43,14 @@ def test_the_nearest_are_those_of_a_search_through_all() -> None:
 
 
 def test_stations_are_found_over_the_date_line() -> None:
-    extract = Extract()
+    extract = StationCache()
     put(extract, station("east", 179.99, -17.0), station("west", -179.99, -17.0))
 
     assert names(extract.nearest(Position(179.999, -17.0), count=2)) == ["east", "west"]
 
 
 def test_a_tile_that_is_read_again_holds_what_was_read_last() -> None:
-    extract = Extract()
+    extract = StationCache()
     put(extract, station("old", -98.0, 30.0))
     put(extract, station("new", -98.0, 30.0))
 
@@ -58,7 +58,7 @@ def test_a_tile_that_is_read_again_holds_what_was_read_last() -> None:
 
 
 def test_stations_outside_of_what_was_asked_for_are_left_out() -> None:
-    extract = Extract()
+    extract = StationCache()
 
     extract.put(TEXAS, [Tile(0, 0)], [station("stray", -98.0, 30.0)], at_s=0.0)
 
@@ -66,7 +66,7 @@ def test_stations_outside_of_what_was_asked_for_are_left_out() -> None:
 
 
 def test_the_tiles_read_longest_ago_are_forgotten_first() -> None:
-    by_stations, by_tiles = Extract(most_stations=3), Extract(most_tiles=3)
+    by_stations, by_tiles = StationCache(most_stations=3), StationCache(most_tiles=3)
     line = [station(f"stn_{number}", -98.0 + number / 10, 30.0) for number in range(5)]
 
     put(by_stations, *line)

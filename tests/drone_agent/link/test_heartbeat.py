@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 from skyway_drone_agent.link.heartbeat import Heartbeat
-from skyway_drone_agent.link.link_monitor import LinkWatch
+from skyway_drone_agent.link.link_monitor import LinkMonitor
 
 from skyway.ids import DroneId
 from skyway.runtime.clock import ManualClock
@@ -27,13 +27,13 @@ def clock() -> ManualClock:
 
 
 @pytest.fixture
-def watch(clock: ManualClock) -> LinkWatch:
+def watch(clock: ManualClock) -> LinkMonitor:
     link: Any = Connected()
-    return LinkWatch(link, clock, on_change=lambda: None)
+    return LinkMonitor(link, clock, on_change=lambda: None)
 
 
 def test_only_the_first_beat_of_a_connection_comes_early(
-    watch: LinkWatch, clock: ManualClock
+    watch: LinkMonitor, clock: ManualClock
 ) -> None:
     heartbeat = Heartbeat(DroneId("drn_1"), watch, clock)
     first = heartbeat.after(NOON)
@@ -47,7 +47,7 @@ def test_only_the_first_beat_of_a_connection_comes_early(
 
 
 def test_what_happens_before_the_first_beat_does_not_put_it_off(
-    watch: LinkWatch, clock: ManualClock
+    watch: LinkMonitor, clock: ManualClock
 ) -> None:
     heartbeat = Heartbeat(DroneId("drn_1"), watch, clock)
     first = heartbeat.after(NOON)
@@ -55,7 +55,7 @@ def test_what_happens_before_the_first_beat_does_not_put_it_off(
     assert heartbeat.after(NOON + 0.5 * (first - NOON)) == first
 
 
-def test_a_fleet_that_connects_at_once_beats_evenly(watch: LinkWatch, clock: ManualClock) -> None:
+def test_a_fleet_that_connects_at_once_beats_evenly(watch: LinkMonitor, clock: ManualClock) -> None:
     fleet = [Heartbeat(DroneId(f"drn_{n:05}"), watch, clock) for n in range(1000)]
 
     in_second = Counter(int((one.after(NOON) - NOON).total_seconds()) for one in fleet)
@@ -64,7 +64,7 @@ def test_a_fleet_that_connects_at_once_beats_evenly(watch: LinkWatch, clock: Man
     assert max(in_second.values()) < 60
 
 
-def test_drones_that_are_due_in_the_same_second_beat_together(watch: LinkWatch) -> None:
+def test_drones_that_are_due_in_the_same_second_beat_together(watch: LinkMonitor) -> None:
     heartbeat = Heartbeat(DroneId("drn_1"), watch, ManualClock(NOON))
     later = NOON + MINUTE
 
@@ -74,7 +74,7 @@ def test_drones_that_are_due_in_the_same_second_beat_together(watch: LinkWatch) 
 
 
 @pytest.mark.parametrize("rate", [0.01, 1.0, 600.0])
-def test_beats_and_their_seconds_are_of_wall_time(watch: LinkWatch, rate: float) -> None:
+def test_beats_and_their_seconds_are_of_wall_time(watch: LinkMonitor, rate: float) -> None:
     heartbeat = Heartbeat(DroneId("drn_1"), watch, ManualClock(NOON, rate=rate))
     later = NOON + rate * MINUTE
 

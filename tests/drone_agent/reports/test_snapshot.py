@@ -28,7 +28,7 @@ def flying(**changes: Any) -> tuple[Logbook, DroneState]:
     plan = Flown(model, round_trip(model, start_at=START), disturbed, drone_id=DroneId("drn_1"))
     analysis = Analysis(model)
     for moment in plan.moments(every_s=10.0):
-        found = analysis.take(moment.reading, moment.logbook)
+        found = analysis.assess(moment.reading, moment.logbook)
         if moment.reading.at >= START + timedelta(minutes=10):
             break
     logbook = moment.logbook.model_copy(update=changes)

@@ -24,7 +24,7 @@ def in_flight() -> Assessment:
     steps = round_trip(model, start_at=START)
     moments = Flown(model, steps, UNDISTURBED, drone_id=DroneId("drn_1")).moments(every_s=20.0)
     moment = next(one for one in moments if one.run.step.kind == "FLY" and one.true_soc < 0.98)
-    return Analysis(model).take(moment.reading, moment.logbook)
+    return Analysis(model).assess(moment.reading, moment.logbook)
 
 
 def later(assessment: Assessment, seconds: float, **changes: Any) -> Assessment:

@@ -24,7 +24,7 @@ class SetClock(ManualClock):
     def keep(self, anchor: ClockAnchor) -> None:
         raise AssertionError(f"unexpected clock anchor: {anchor}")
 
-    async def wait_known(self) -> None:
+    async def wait_until_set(self) -> None:
         return
 
 

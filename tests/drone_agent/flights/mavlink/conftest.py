@@ -42,7 +42,7 @@ class LiveClock:
     def keep(self, anchor: ClockAnchor) -> None:
         raise AssertionError(f"nobody tells the time here: {anchor}")
 
-    async def wait_known(self) -> None:
+    async def wait_until_set(self) -> None:
         return
 
 

@@ -138,10 +138,10 @@ class FakeCloud:
             if not self.mail.is_silent:
                 self._look()
 
-    async def tell_time(self) -> None:
+    async def deliver_time(self) -> None:
         while True:
             if not self.mail.is_silent:
-                self._air.tell_time()
+                self._air.deliver_time()
             await self._clock.sleep_wall(_CLOCK_EVERY_S)
 
     def _look(self) -> None:

@@ -77,9 +77,9 @@ class Air:
         if self.link is not None:
             self.link.deliver(payload)
 
-    def tell_time(self) -> None:
+    def deliver_time(self) -> None:
         if self.link is not None:
-            self.link.tell_time()
+            self.link.deliver_time()
 
     def set_reception(self, is_up: bool) -> None:
         self.is_up = is_up
@@ -180,7 +180,7 @@ class DroneLink:
         if self._up.is_set():
             self._instructions.put_nowait(json.loads(payload))
 
-    def tell_time(self) -> None:
+    def deliver_time(self) -> None:
         """The clock's anchor comes again, of which nothing but its coming matters here."""
         if self._up.is_set():
             self._ticks.put_nowait(Received(CLOCK, (), None, False))

@@ -25,7 +25,7 @@ def unsaid(events: Iterable[DroneEvent], absences: Sequence[datetime]) -> Iterat
         elif event.step_kind != "FLY":
             has_said, took_off_at = False, None
         elif event.event == "STEP_ENDED":
-            took_off_at = took_off_at or event.started_at
+            took_off_at = took_off_at or event.started_at or event.ended_at
             is_low = event.soc < MODEL.reserve_soc - _UNSEEN_SOC
             was_absent = any(took_off_at <= moment <= event.ended_at for moment in absences)
             if is_low and not has_said and not was_absent:

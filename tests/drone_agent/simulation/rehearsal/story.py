@@ -173,7 +173,7 @@ class Stage:
             self._keep_alive(),
             self.cloud.run(),
             self.cloud.mail.repeat(),
-            self.cloud.tell_time(),
+            self.cloud.deliver_time(),
             self._lose_link(),
             *(whim.befall(self) for whim in self.whims),
         ]

@@ -47,7 +47,7 @@ def stories_of(seed: int, scenario: str, *, how_many: int | None) -> Iterator[En
     yield first
     luck = Random(seed)
     for crash in crashes_of(first, how_many=how_many):
-        others = ()
+        others: tuple[Crash, ...] = ()
         if luck.random() < 0.2:
             others = (Crash(crash.at_write + luck.randrange(1, 6), crash.moment),)
         yield tell(Story(seed, scenario, crashes=(crash, *others)))

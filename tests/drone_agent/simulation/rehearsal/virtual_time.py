@@ -41,7 +41,7 @@ class VirtualClock:
     def keep(self, anchor: ClockAnchor) -> None:
         """The story alone moves time."""
 
-    async def wait_known(self) -> None:
+    async def wait_until_set(self) -> None:
         return
 
     async def sleep_until(self, fleet_moment: datetime) -> None:

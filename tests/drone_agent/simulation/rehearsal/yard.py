@@ -104,8 +104,9 @@ class Yard:
     def end(self) -> None:
         """The story is over."""
         self.settle()
-        if isinstance(self.doing and self.doing.step, FlyStep):
-            self._check_charge(self.doing, until=self._clock.now())
+        run = self.doing
+        if run is not None and isinstance(run.step, FlyStep):
+            self._check_charge(run, until=self._clock.now())
 
     def was_begun(self, run: StepRun) -> bool:
         """Whether the drone has truly begun this, or only its journal says so."""
