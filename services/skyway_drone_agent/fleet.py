@@ -99,11 +99,13 @@ async def _host_real_drone(
     if len(drones) != 1:
         raise InvalidSettings(f"--vehicle is one drone's, and there are {len(drones)}")
     # Only now, so that agents of simulated drones do without it.
-    from skyway_drone_agent.mavlink.vehicle import mavlink_vehicle
+    from skyway_drone_agent.mavlink.link import mavlink_link
+    from skyway_drone_agent.mavlink.vehicle import ready_vehicle
 
     (drone,) = drones
     make_link = _link_maker(drone, folder, clock=clock, mqtt_url=mqtt_url, disturbances=UNDISTURBED)
-    async with mavlink_vehicle(drone.model, clock, mavlink) as vehicle:
+    async with mavlink_link(mavlink.address, clock) as link:
+        vehicle = await ready_vehicle(drone.model, clock, link, mavlink)
         await _keep_flying(
             drone, folder, vehicle=vehicle, clock=clock, book=book, make_link=make_link
         )

@@ -1,10 +1,13 @@
 """Waiting for whichever comes first: news, or a moment of fleet time."""
 
 import asyncio
+from collections.abc import Coroutine
 from datetime import datetime
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
-from skyway.runtime.clock import FleetClock
+from skyway.runtime.clock import FleetClock, sleep_wall
+
+T = TypeVar("T")
 
 
 class NewsOrMoment:
@@ -73,3 +76,21 @@ async def wait_for_end_or_news(performing: asyncio.Future[Any], news: asyncio.Ev
     finally:
         receiving.cancel()
     news.clear()
+
+
+async def finished_within(
+    clock: FleetClock, wall_s: float | None, work: Coroutine[Any, Any, T]
+) -> T | None:
+    """The result of the work; None when it takes longer than so many seconds of wall time.
+
+    The clock measures the time, so that tests can move it. Without `wall_s` there is no limit.
+    """
+    if wall_s is None:
+        return await work
+    working, alarm = asyncio.ensure_future(work), asyncio.ensure_future(sleep_wall(clock, wall_s))
+    try:
+        await asyncio.wait((working, alarm), return_when=asyncio.FIRST_COMPLETED)
+        return working.result() if working.done() else None
+    finally:
+        working.cancel()
+        alarm.cancel()

@@ -1,20 +1,21 @@
 """What an autopilot last said of itself, over MAVLink."""
 
 import asyncio
-import contextlib
 import math
 from collections.abc import Callable
-from datetime import datetime
+from datetime import datetime, timedelta
 from typing import Any, Final
 
 from skyway.drone.model import DroneModel
 from skyway.geo import Position, distance_m
+from skyway.runtime.clock import FleetClock
 from skyway_drone_agent.battery_pack import BatteryPack
+from skyway_drone_agent.journal.waiting import finished_within
 from skyway_drone_agent.mavlink.link import MavlinkMessage
 from skyway_drone_agent.vehicle import Reading
 
-#: Wall seconds after which a position counts as lost.
-_FRESH_S: Final = 5.0
+#: Wall time after which a position counts as lost.
+_FRESH: Final = timedelta(seconds=5)
 
 #: GPS_RAW_INT: the least fix that is a position in space.
 _FIX_3D: Final = 3
@@ -28,13 +29,13 @@ _C_PER_MAH, _J_PER_HJ = 3.6, 100.0
 class Autopilot:
     """The newest of each value; `None` and NaN-like numbers of MAVLink are read as unknown."""
 
-    def __init__(self, model: DroneModel, dialect: Any, *, now_s: Callable[[], float]) -> None:
+    def __init__(self, model: DroneModel, dialect: Any, clock: FleetClock) -> None:
         self._model = model
         self._dialect = dialect
-        self._now_s = now_s
+        self._clock = clock
         self._news = asyncio.Event()
         self._pack = BatteryPack()
-        self._position_s = -math.inf
+        self._position_wall_at: datetime | None = None
         self._has_fix = True
         self._voltage_v: float | None = None
         self._current_a: float | None = None
@@ -65,12 +66,14 @@ class Autopilot:
 
     async def until(self, claim: Callable[[], bool], *, timeout_s: float | None = None) -> bool:
         """Whether the claim has come to hold, at the latest after so many seconds of wall time."""
-        with contextlib.suppress(TimeoutError):
-            async with asyncio.timeout(timeout_s):
-                while not claim():
-                    self._news.clear()
-                    await self._news.wait()
+        if not claim():
+            await finished_within(self._clock, timeout_s, self._hold(claim))
         return claim()
+
+    async def _hold(self, claim: Callable[[], bool]) -> None:
+        while not claim():
+            self._news.clear()
+            await self._news.wait()
 
     @property
     def has_reported(self) -> bool:
@@ -129,7 +132,7 @@ class Autopilot:
             cell_low_v=min(cells_v),
             cell_high_v=max(cells_v),
             temperature_c=self._temperature_c,
-            has_gps=self._has_fix and self._now_s() - self._position_s <= _FRESH_S,
+            has_gps=self._has_fix and self._is_position_fresh(),
             motors_work=self._motors_work(),
         )
 
@@ -142,6 +145,10 @@ class Autopilot:
             return self.ground_mps
         nose = math.radians(self._heading_deg)
         return self._air_speed_mps * math.sin(nose), self._air_speed_mps * math.cos(nose)
+
+    def _is_position_fresh(self) -> bool:
+        seen_at = self._position_wall_at
+        return seen_at is not None and self._clock.wall_now() - seen_at <= _FRESH
 
     def _motors_work(self) -> bool:
         return self._sensors_work and self.state != self._dialect.MAV_STATE_EMERGENCY
@@ -156,7 +163,7 @@ class Autopilot:
     def _global_position_int(self, message: MavlinkMessage) -> None:
         self.position = Position(message.lon / 1e7, message.lat / 1e7)
         self.ground_mps = (message.vy / 100, message.vx / 100)  # vx is to the north
-        self._position_s = self._now_s()
+        self._position_wall_at = self._clock.wall_now()
 
     def _gps_raw_int(self, message: MavlinkMessage) -> None:
         self._has_fix = message.fix_type >= _FIX_3D

@@ -1,10 +1,10 @@
 """One flight of a real autopilot, up to its landing: upload, arm, start, and follow."""
 
-import asyncio
 from collections.abc import Sequence
 from typing import Final
 
 from skyway.contracts.flight_step import FlyStep
+from skyway.runtime.clock import sleep_wall
 from skyway_drone_agent.mavlink.autopilot import Autopilot
 from skyway_drone_agent.mavlink.link import MavlinkLink, command
 from skyway_drone_agent.mavlink.mission import FlightPlan, MissionRefused, flight_plan, upload
@@ -133,6 +133,6 @@ async def _insist(link: MavlinkLink, what: str, command_id: int, *params: float)
             return
         if result not in (None, dialect.MAV_RESULT_TEMPORARILY_REJECTED):
             break
-        await asyncio.sleep(_AGAIN_S)
+        await sleep_wall(link.clock, _AGAIN_S)
     name = "nothing" if result is None else dialect.enums["MAV_RESULT"][result].name
     raise FlightRefused(f"the autopilot answers {name} when told to {what}")

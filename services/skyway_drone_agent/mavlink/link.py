@@ -13,6 +13,8 @@ from collections.abc import AsyncIterator, Callable, Iterator
 from typing import Any, Final, Never
 
 from skyway.errors import SkywayError
+from skyway.runtime.clock import FleetClock, sleep_wall
+from skyway_drone_agent.journal.waiting import finished_within
 
 log = logging.getLogger(__name__)
 
@@ -31,29 +33,35 @@ class NoMavlink(SkywayError):
 
 
 class MessageQueue:
-    """Hears messages of some types, from its making on."""
+    """Collects the autopilot's messages of some types."""
 
-    def __init__(self, types: frozenset[str]) -> None:
+    def __init__(self, types: frozenset[str], clock: FleetClock) -> None:
         self.types = types
+        self._clock = clock
         self._queue: asyncio.Queue[MavlinkMessage] = asyncio.Queue()
 
     def put(self, message: MavlinkMessage) -> None:
-        """Take in a message of these types."""
+        """Add a message of these types."""
         self._queue.put_nowait(message)
 
     async def next(self, timeout_s: float) -> MavlinkMessage | None:
-        """The next message; None when none has come in time."""
-        with contextlib.suppress(TimeoutError):
-            async with asyncio.timeout(timeout_s):
-                return await self._queue.get()
-        return None
+        """The next message; None when none arrives in so many seconds of wall time."""
+        if not self._queue.empty():
+            return self._queue.get_nowait()
+        return await finished_within(self._clock, timeout_s, self._queue.get())
 
 
 class MavlinkLink:
     """Messages from and to one autopilot; `mav` sends, with pymavlink's own methods."""
 
-    def __init__(self, connection: Any, dialect: Any) -> None:  # pymavlink has no types
+    def __init__(
+        self,
+        connection: Any,  # pymavlink has no types
+        dialect: Any,
+        clock: FleetClock,
+    ) -> None:
         self._connection = connection
+        self.clock = clock
         self._queues: list[MessageQueue] = []
         self._listeners: list[Callable[[MavlinkMessage], None]] = []
         self.dialect = dialect
@@ -61,13 +69,13 @@ class MavlinkLink:
         self._target: asyncio.Future[tuple[int, int]] = asyncio.get_running_loop().create_future()
 
     def listen(self, listener: Callable[[MavlinkMessage], None]) -> None:
-        """Have every message of the autopilot from now on."""
+        """Call the listener with every message of the autopilot from now on."""
         self._listeners.append(listener)
 
     @contextlib.contextmanager
     def receiving(self, *types: str) -> Iterator[MessageQueue]:
-        """Hear the autopilot's messages of these types meanwhile."""
-        queue = MessageQueue(frozenset(types))
+        """Collect the autopilot's messages of these types in the block."""
+        queue = MessageQueue(frozenset(types), self.clock)
         self._queues.append(queue)
         try:
             yield queue
@@ -79,7 +87,7 @@ class MavlinkLink:
         return await asyncio.shield(self._target)
 
     def read(self) -> None:
-        """Pass on whatever has arrived."""
+        """Pass on every message that has arrived."""
         while (message := self._connection.recv_msg()) is not None:
             kind = message.get_type()
             if kind == "BAD_DATA":
@@ -101,16 +109,16 @@ class MavlinkLink:
             log.info("autopilot found", extra={"system": source[0], "component": source[1]})
 
     async def beat(self) -> Never:
-        """Say for ever that we are here."""
+        """Send our heartbeat for ever."""
         kind = self.dialect.MAV_TYPE_ONBOARD_CONTROLLER
         nothing, active = self.dialect.MAV_AUTOPILOT_INVALID, self.dialect.MAV_STATE_ACTIVE
         while True:
             self.mav.heartbeat_send(kind, nothing, 0, 0, active)
-            await asyncio.sleep(_HEARTBEAT_S)
+            await sleep_wall(self.clock, _HEARTBEAT_S)
 
 
 @contextlib.asynccontextmanager
-async def mavlink_link(address: str) -> AsyncIterator[MavlinkLink]:
+async def mavlink_link(address: str, clock: FleetClock) -> AsyncIterator[MavlinkLink]:
     """The connection at an address in pymavlink's form: ``udpin:127.0.0.1:14550``.
 
     Raises
@@ -119,7 +127,7 @@ async def mavlink_link(address: str) -> AsyncIterator[MavlinkLink]:
         pymavlink is not installed, or cannot open the address.
     """
     connection, dialect = await asyncio.to_thread(_opened, address)
-    link = MavlinkLink(connection, dialect)
+    link = MavlinkLink(connection, dialect, clock)
     loop, descriptor = asyncio.get_running_loop(), connection.fd
     loop.add_reader(descriptor, link.read)
     beating = asyncio.create_task(link.beat())

@@ -2,8 +2,6 @@
 
 import asyncio
 import logging
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
 from dataclasses import replace
 from datetime import datetime
 from typing import Final
@@ -21,7 +19,7 @@ from skyway.drone.model import DroneModel
 from skyway.runtime.clock import FleetClock, sleep_wall
 from skyway_drone_agent.mavlink.autopilot import Autopilot
 from skyway_drone_agent.mavlink.flight import MavlinkFlight, begin_flight
-from skyway_drone_agent.mavlink.link import MavlinkLink, command, command_once, mavlink_link
+from skyway_drone_agent.mavlink.link import MavlinkLink, command, command_once
 from skyway_drone_agent.mavlink.mission import MissionRefused
 from skyway_drone_agent.mavlink.releases import Releases
 from skyway_drone_agent.mavlink.settings import MavlinkSettings
@@ -58,8 +56,7 @@ class MavlinkVehicle:
         self._clock = clock
         self._link = link
         self._settings = settings
-        now_s = asyncio.get_running_loop().time
-        self._autopilot = Autopilot(model, link.dialect, now_s=now_s)
+        self._autopilot = Autopilot(model, link.dialect, clock)
         link.listen(self._autopilot.handle)
         self._flight: MavlinkFlight | None = None
         self._releases = Releases(link, clock, settings)
@@ -218,22 +215,14 @@ class MavlinkVehicle:
         return run.soc if self._autopilot.soc is None else self._autopilot.soc
 
 
-@asynccontextmanager
-async def mavlink_vehicle(
-    model: DroneModel, clock: FleetClock, settings: MavlinkSettings
-) -> AsyncIterator[MavlinkVehicle]:
-    """The drone whose autopilot is at this address, once it has said where it is.
-
-    Raises
-    ------
-    NoMavlink
-        pymavlink is not installed, or cannot open the address.
-    """
-    async with mavlink_link(settings.address) as link:
-        log.info("waiting for the autopilot", extra={"address": settings.address})
-        vehicle = MavlinkVehicle(model, clock, link, settings)
-        await vehicle.ready()
-        yield vehicle
+async def ready_vehicle(
+    model: DroneModel, clock: FleetClock, link: MavlinkLink, settings: MavlinkSettings
+) -> MavlinkVehicle:
+    """The drone whose autopilot is at the other end, once it has reported its position."""
+    log.info("waiting for the autopilot", extra={"address": settings.address})
+    vehicle = MavlinkVehicle(model, clock, link, settings)
+    await vehicle.ready()
+    return vehicle
 
 
 def _failed(ended: Outcome, *, code: str, elsewhere: Elsewhere | None = None) -> Outcome:

@@ -6,17 +6,16 @@ import os
 import socket
 from collections import Counter
 from collections.abc import AsyncIterator, Callable
-from datetime import UTC, datetime
 from typing import Any
 
 import pytest
 from skyway_drone_agent.battery_pack import BatteryPack
+from skyway_drone_agent.mavlink.link import MavlinkLink, mavlink_link
 from skyway_drone_agent.mavlink.settings import MavlinkSettings, PayloadRelease
-from skyway_drone_agent.mavlink.vehicle import mavlink_vehicle
+from skyway_drone_agent.mavlink.vehicle import ready_vehicle
 
-from skyway.contracts.world import ClockAnchor
 from skyway.geo import Position, point_between
-from skyway.runtime.clock import AnchoredClock
+from skyway.runtime.clock import FleetClock, sleep_wall
 
 os.environ.setdefault("MAVLINK20", "1")
 os.environ.setdefault("MAVLINK_DIALECT", "common")
@@ -24,32 +23,19 @@ os.environ.setdefault("MAVLINK_DIALECT", "common")
 mavutil = pytest.importorskip("pymavlink.mavutil")
 mavlink = mavutil.mavlink
 
-#: The autopilot thinks so often, and flies an item in so many thoughts.
-TICK_S, TICKS_PER_ITEM = 0.02, 15
+#: Wall seconds between two ticks of the autopilot, and ticks that it needs to fly an item.
+TICK_S, TICKS_PER_ITEM = 0.1, 15
 
-START = datetime(2026, 3, 1, 12, tzinfo=UTC)
-
-
-class LiveClock:
-    """Fleet time at 600 times the wall's."""
-
-    def __init__(self) -> None:
-        self.clock = AnchoredClock(START, datetime.now(UTC), 600.0)
-        self.rate = self.clock.rate
-        self.now, self.wall_now = self.clock.now, self.clock.wall_now
-        self.sleep_until = self.clock.sleep_until
-
-    def keep(self, anchor: ClockAnchor) -> None:
-        raise AssertionError(f"nobody tells the time here: {anchor}")
-
-    async def wait_until_set(self) -> None:
-        return
+#: Turns of the event loop in which everybody reacts to what has arrived,
+#: and the most of them in which the socket may become quiet.
+TURNS, MOST_TURNS = 40, 20_000
 
 
 class Peer:
     """A second end of pymavlink: what it is told to lose, repeat or refuse, it does."""
 
-    def __init__(self, port: int, *, kind: int, position: Position) -> None:
+    def __init__(self, port: int, clock: FleetClock, *, kind: int, position: Position) -> None:
+        self.clock = clock
         self.connection = mavutil.mavlink_connection(
             f"udpout:127.0.0.1:{port}", source_system=1, source_component=1
         )
@@ -104,7 +90,7 @@ class Peer:
             self.say_how_it_is()
             if self.is_armed and self.is_flying_mission and self.missions:
                 self.fly()
-            await asyncio.sleep(TICK_S)
+            await sleep_wall(self.clock, TICK_S)
 
     def say_how_it_is(self) -> None:
         mode = mavlink.MAV_MODE_FLAG_SAFETY_ARMED if self.is_armed else 0
@@ -209,9 +195,9 @@ def port() -> int:
 
 
 @pytest.fixture
-async def peer(port: int, kind: int, drone: Any) -> AsyncIterator[Peer]:
+async def peer(port: int, kind: int, drone: Any, world: Any) -> AsyncIterator[Peer]:
     """An autopilot that stands at home and talks to this port."""
-    made = Peer(port, kind=kind, position=drone.home_position)
+    made = Peer(port, world.clock, kind=kind, position=drone.home_position)
     loop = asyncio.get_running_loop()
     loop.add_reader(made.connection.fd, made.read)
     living = asyncio.create_task(made.live())
@@ -223,13 +209,39 @@ async def peer(port: int, kind: int, drone: Any) -> AsyncIterator[Peer]:
     made.connection.close()
 
 
+class Wire:
+    """The two ends of the socket; it is quiet when each end has read what the other sent."""
+
+    def __init__(self, peer: Peer, link: MavlinkLink) -> None:
+        self._ends = (peer.connection.mav, link.mav)
+        #: Packets that were sent before the other end was there.
+        self._lost = self._unread()
+
+    def _unread(self) -> tuple[int, int]:
+        one, other = self._ends
+        return (
+            one.total_packets_sent - other.total_packets_received,
+            other.total_packets_sent - one.total_packets_received,
+        )
+
+    async def settle(self) -> None:
+        """Let everything run that can run now, and let every message arrive."""
+        quiet_turns = 0
+        for _ in range(MOST_TURNS):
+            await asyncio.sleep(0)
+            quiet_turns = quiet_turns + 1 if self._unread() == self._lost else 0
+            if quiet_turns == TURNS:
+                return
+        # The kernel has dropped a packet, as it may with UDP.
+        self._lost = self._unread()
+
+
 @pytest.fixture
 async def vehicle(peer: Peer, port: int, drone: Any, world: Any) -> AsyncIterator[Any]:
     """The drone that the peer flies; calling it makes it anew, as a new process would.
 
     `world` starts its agents with the one made last.
     """
-    world.clock = LiveClock()
     settings = MavlinkSettings(
         f"udpin:127.0.0.1:{port}", PayloadRelease(1), altitude_m=60.0, release_s=1.0
     )
@@ -237,9 +249,18 @@ async def vehicle(peer: Peer, port: int, drone: Any, world: Any) -> AsyncIterato
 
         async def anew() -> None:
             await stack.aclose()
-            made = await stack.enter_async_context(
-                mavlink_vehicle(drone.model, world.clock, settings)
+            link = await stack.enter_async_context(mavlink_link(settings.address, world.clock))
+            peer.say_how_it_is()
+            await link.target()
+            wire = Wire(peer, link)
+            getting_ready = asyncio.create_task(
+                ready_vehicle(drone.model, world.clock, link, settings)
             )
+            while not getting_ready.done():
+                peer.say_how_it_is()
+                await wire.settle()
+            made = await getting_ready
+            world.settle = wire.settle
             world.vehicle_type = lambda *_model, **_disturbances: made
 
         await anew()
@@ -248,12 +269,10 @@ async def vehicle(peer: Peer, port: int, drone: Any, world: Any) -> AsyncIterato
 
 
 @pytest.fixture
-def until() -> Callable[[Callable[[], bool]], Any]:
-    """Wait until a claim holds, at most half a minute."""
+def until(world: Any) -> Callable[[Callable[[], bool]], Any]:
+    """Let time pass until a claim holds."""
 
     async def wait(holds: Callable[[], bool]) -> None:
-        async with asyncio.timeout(30):
-            while not holds():  # noqa: ASYNC110 - an autopilot has no events of ours
-                await asyncio.sleep(TICK_S)
+        await world.pass_until(holds)
 
     return wait

@@ -33,20 +33,24 @@ async def test_a_recharge_ends_when_the_autopilot_says_so(
     assert not charging.done()
 
     peer.soc = 0.8
+    await until(charging.done)
     outcome = await charging
 
     assert (outcome.soc, outcome.code) == (0.8, None)
 
 
 async def test_a_recharge_that_is_cut_by_its_reservation_is_short(
-    world: Any, drone_itself: Any, peer: Any, steps: Any
+    world: Any, drone_itself: Any, peer: Any, steps: Any, until: Any
 ) -> None:
     peer.soc = 0.4
     at = world.clock.now()
     (step,) = steps(at).recharge("home", until_soc=0.8, duration_s=300).made
-    await drone_itself.perform(run_of(steps(at).wait("home", duration_s=120).made[0], world))
+    wait = run_of(steps(at).wait("home", duration_s=120).made[0], world)
+    await until(asyncio.create_task(drone_itself.perform(wait)).done)
 
-    outcome = await drone_itself.perform(run_of(step, world, soc=0.4))
+    charging = asyncio.create_task(drone_itself.perform(run_of(step, world, soc=0.4)))
+    await until(charging.done)
+    outcome = await charging
 
     assert (outcome.soc, outcome.code) == (0.4, "SHORT_CHARGE")
     assert outcome.ended_at - step.not_after_at < timedelta(seconds=300)
@@ -61,7 +65,9 @@ async def test_a_drone_told_to_land_now_lands_where_it_is(
     await until(lambda: peer.is_in_air and peer.position != Position(-98.0, 30.0))
     flying.cancel()
 
-    outcome = await drone_itself.land(run)
+    landing = asyncio.create_task(drone_itself.land(run))
+    await until(landing.done)
+    outcome = await landing
 
     assert not peer.is_in_air
     assert outcome.elsewhere.position == pytest.approx(peer.position, abs=1e-3)
