@@ -2,31 +2,45 @@
 
 from typing import Annotated, NewType
 
-from pydantic import StringConstraints
+from pydantic import Field, StringConstraints
 
-#: What every identifier looks like on every wire (docs/reference/rest.md).
-_Identifier = Annotated[
-    str, StringConstraints(min_length=1, max_length=64, pattern=r"^[A-Za-z0-9_-]+$")
-]
+#: The form of every identifier: 1 to 64 letters, digits, underscores and hyphens.
+_FORM = StringConstraints(min_length=1, max_length=64, pattern=r"^[A-Za-z0-9_-]+$")
 
-StationId = NewType("StationId", _Identifier)
-NetworkId = NewType("NetworkId", _Identifier)
-ZoneId = NewType("ZoneId", _Identifier)
-DroneModelId = NewType("DroneModelId", _Identifier)
-ProviderId = NewType("ProviderId", _Identifier)
-DroneId = NewType("DroneId", _Identifier)
-DeliveryId = NewType("DeliveryId", _Identifier)
-MissionId = NewType("MissionId", _Identifier)
-InstructionId = NewType("InstructionId", _Identifier)
-PackageId = NewType("PackageId", _Identifier)
-KeyId = NewType("KeyId", _Identifier)
-SubjectId = NewType("SubjectId", _Identifier)
-WebhookId = NewType("WebhookId", _Identifier)
-EventId = NewType("EventId", _Identifier)
-QuoteId = NewType("QuoteId", _Identifier)
-OfferId = NewType("OfferId", _Identifier)
-ClosureId = NewType("ClosureId", _Identifier)
-AlarmId = NewType("AlarmId", _Identifier)
+StationId = NewType("StationId", Annotated[str, _FORM, Field(description="Id of a station.")])
+NetworkId = NewType(
+    "NetworkId", Annotated[str, _FORM, Field(description="Id of a skyway network.")]
+)
+ZoneId = NewType("ZoneId", Annotated[str, _FORM, Field(description="Id of a zone.")])
+DroneModelId = NewType(
+    "DroneModelId", Annotated[str, _FORM, Field(description="Id of a drone model.")]
+)
+ProviderId = NewType("ProviderId", Annotated[str, _FORM, Field(description="Id of a provider.")])
+DroneId = NewType("DroneId", Annotated[str, _FORM, Field(description="Id of a drone.")])
+DeliveryId = NewType("DeliveryId", Annotated[str, _FORM, Field(description="Id of a delivery.")])
+MissionId = NewType("MissionId", Annotated[str, _FORM, Field(description="Id of a mission.")])
+InstructionId = NewType(
+    "InstructionId", Annotated[str, _FORM, Field(description="Id of an instruction.")]
+)
+PackageId = NewType(
+    "PackageId",
+    Annotated[str, _FORM, Field(description="Id of a package, unique within its request.")],
+)
+KeyId = NewType("KeyId", Annotated[str, _FORM, Field(description="Id of an API key.")])
+SubjectId = NewType(
+    "SubjectId",
+    Annotated[
+        str,
+        _FORM,
+        Field(description="Name of a customer or an operator, or id of a provider or a drone."),
+    ],
+)
+WebhookId = NewType("WebhookId", Annotated[str, _FORM, Field(description="Id of a webhook.")])
+EventId = NewType("EventId", Annotated[str, _FORM, Field(description="Id of an event.")])
+QuoteId = NewType("QuoteId", Annotated[str, _FORM, Field(description="Id of a quote.")])
+OfferId = NewType("OfferId", Annotated[str, _FORM, Field(description="Id of an offer.")])
+ClosureId = NewType("ClosureId", Annotated[str, _FORM, Field(description="Id of a closure.")])
+AlarmId = NewType("AlarmId", Annotated[str, _FORM, Field(description="Id of an alarm.")])
 
 _CROCKFORD = "0123456789abcdefghjkmnpqrstvwxyz"
 

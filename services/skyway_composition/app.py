@@ -35,6 +35,7 @@ from skyway_composition.parts import SERVICE, Parts, parts_of
 from skyway_composition.planning.problem_reader import ProblemReader
 from skyway_composition.planning.routes import (
     COMPOSITION_LIMIT_BYTES,
+    CompositionProblem,
     composition_routes,
     quote_routes,
 )
@@ -54,6 +55,7 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
         service=SERVICE,
         title="Skyway composition",
         description="What is flown: networks, pads, planning, missions.",
+        models=(CompositionProblem,),
         # A path is looked for in their order: first what every delivery asks for.
         routers=[
             mission_routes(db=db, gate=gate, bookings=parts.bookings),

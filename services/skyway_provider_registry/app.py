@@ -41,6 +41,7 @@ from skyway_provider_registry.presence.mission_reports import ReportKeeper
 from skyway_provider_registry.presence.routes import presence_routes
 from skyway_provider_registry.providers.routes import provider_routes
 from skyway_provider_registry.settings import RegistrySettings
+from skyway_provider_registry.telemetry.geojson_schema import TelemetryGeoJson
 from skyway_provider_registry.telemetry.recorder import TelemetryRecorder
 from skyway_provider_registry.telemetry.routes import telemetry_routes
 from skyway_provider_registry.telemetry.thinning import Keeping, Thinning
@@ -70,6 +71,7 @@ def registry_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> F
         service=SERVICE,
         title="Skyway provider registry",
         description="Who could fly: providers, drone models, fleets, presence, candidates.",
+        models=(TelemetryGeoJson,),
         # A path is looked for in their order: first what every delivery asks for.
         routers=[
             candidate_routes(view=view, gate=gate, clock=clock),

@@ -74,10 +74,11 @@ def channel_name(topic: Topic[Any]) -> str:
 
 
 def _messages_of(topics: Iterable[Topic[Any]]) -> list[type[BaseModel]]:
-    return list(dict.fromkeys(model for topic in topics for model in _models_of(topic.message)))
+    return list(dict.fromkeys(model for topic in topics for model in _models_of(topic)))
 
 
-def _models_of(message: Any) -> Iterator[type[BaseModel]]:  # a model, or an annotated union
+def _models_of(topic: Topic[Any]) -> Iterator[type[BaseModel]]:
+    message = topic.forms or topic.message
     if get_origin(message) is Annotated:
         yield from get_args(get_args(message)[0])
     else:
@@ -102,7 +103,7 @@ def _channel(topic: Topic[Any]) -> Document:
         "description": topic.about,
         "messages": {
             model.__name__: {"$ref": f"#/components/messages/{model.__name__}"}
-            for model in _models_of(topic.message)
+            for model in _models_of(topic)
         },
     }
     if names:
@@ -121,7 +122,7 @@ def _operation(topic: Topic[Any]) -> Document:
         f"It lets read: {readers}.",
         "messages": [
             {"$ref": f"#/channels/{channel}/messages/{model.__name__}"}
-            for model in _models_of(topic.message)
+            for model in _models_of(topic)
         ],
         "bindings": {
             "mqtt": {"qos": topic.mqtt_qos, "retain": topic.retained, "bindingVersion": "0.2.0"}
@@ -154,7 +155,19 @@ def _schemas_of(models: list[type[BaseModel]], reference: str) -> Document:
     _, defined = models_json_schema(
         [(model, "serialization") for model in models], ref_template=reference
     )
-    return dict(sorted(defined["$defs"].items()))
+    return {name: _with_names(schema) for name, schema in sorted(defined["$defs"].items())}
+
+
+def _with_names(value: Any) -> Any:
+    """The JSON value with each discriminator by its name alone, as AsyncAPI has it. Any: JSON."""
+    if isinstance(value, list):
+        return [_with_names(each) for each in value]
+    if not isinstance(value, dict):
+        return value
+    named = {name: _with_names(each) for name, each in value.items()}
+    if isinstance(named.get("discriminator"), dict):
+        named["discriminator"] = named["discriminator"]["propertyName"]
+    return named
 
 
 def _json_of(example: BaseModel) -> Document:

@@ -2,21 +2,19 @@
 
 from typing import Final
 
-from skyway.contracts.delivery_event import DeliveryEvent, DeliveryEventType
+from skyway.contracts.delivery_event_examples import delivery_event_examples
 from skyway.contracts.drone_report import Ack, Connection, DroneEvent, DroneState, Telemetry
 from skyway.contracts.instruction_examples import (
     AT_MCQUEENEY,
-    DELIVERY,
     MCQUEENEY,
     MISSION,
-    TRACEPARENT,
     after,
     instruction_examples,
 )
 from skyway.contracts.message import Message
 from skyway.contracts.world import ClockAnchor, NetworkVersion, StationState
 from skyway.geo import Position
-from skyway.ids import EventId, InstructionId, NetworkId, PackageId
+from skyway.ids import InstructionId, NetworkId, PackageId
 
 _SESSION: Final = 1_772_438_400
 _ON_THE_WAY: Final = Position(-97.9873, 29.7376)
@@ -31,7 +29,7 @@ def message_examples() -> dict[str, Message]:
         _state(),
         _telemetry(),
         _connection(),
-        _delivered(),
+        *delivery_event_examples(),
         _pads(),
         _network(),
         _clock(),
@@ -117,20 +115,6 @@ def _connection() -> Connection:
         session=_SESSION,
         connection_number=1,
         status="ONLINE",
-    )
-
-
-def _delivered() -> DeliveryEvent:
-    return DeliveryEvent(
-        message_id="msg_09",
-        sent_at=after(76),
-        traceparent=TRACEPARENT,
-        event_id=EventId("evt_01"),
-        type=DeliveryEventType.PACKAGE_DELIVERED,
-        delivery_id=DELIVERY,
-        sequence=6,
-        occurred_at=after(76),
-        data={"package_id": "p1", "station_id": MCQUEENEY},
     )
 
 

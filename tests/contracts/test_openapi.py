@@ -165,13 +165,13 @@ def test_every_message_has_a_valid_schema_and_an_example_that_fits_it() -> None:
 @pytest.mark.parametrize("topic", TOPICS, ids=lambda topic: str(topic.template))
 def test_the_examples_of_a_topic_are_read_back_as_themselves(topic: Topic[Any]) -> None:
     # The repr of a message type names the model, or each model of a union.
-    examples = [
-        example for name, example in message_examples().items() if f".{name}" in repr(topic.message)
-    ]
+    forms = repr(topic.forms or topic.message)
+    examples = [example for name, example in message_examples().items() if f".{name}" in forms]
 
     assert examples
     for example in examples:
-        assert topic.read(example.model_dump_json().encode()) == example
+        written = example.model_dump_json()
+        assert json.loads(topic.read(written.encode()).model_dump_json()) == json.loads(written)
 
 
 def test_the_document_does_not_depend_on_when_it_is_made() -> None:

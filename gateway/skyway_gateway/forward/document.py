@@ -13,6 +13,7 @@ from pydantic import Field
 
 from skyway.ids import KeyId
 from skyway.json_model import JsonModel
+from skyway.runtime.http.openapi_document import tags_of
 from skyway.runtime.http.openapi_examples import example_of
 from skyway_gateway.forward.call import Forwarded, Service
 from skyway_gateway.forward.table import FORWARDED, PROVIDER_CREATION
@@ -79,7 +80,7 @@ def whole_document(own: Document, forwarded: Document) -> Document:
     }
     needed = _needed_schemas([parts, own["components"]["responses"]], schemas)
     components = {**own["components"], "schemas": dict(sorted(needed.items()))}
-    return {**own, **parts, "components": components}
+    return {**own, "tags": tags_of(parts), **parts, "components": components}
 
 
 def _for_callers(row: Forwarded, operation: Document) -> Document:

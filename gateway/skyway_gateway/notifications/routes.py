@@ -8,6 +8,7 @@ from skyway.ids import SubjectId, WebhookId
 from skyway.runtime.clock import AnchoredClock, FleetClock
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import Page, PageQuery, page_of
+from skyway.runtime.http.problem_answers import conflicts
 from skyway.runtime.http.repeatable import IdempotencyKey, response_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.idempotency.answer import Answer
@@ -149,7 +150,11 @@ def webhook_routes(
             endpoint = await webhook_store.endpoint_of(connection, caller, webhook_id)
         return await sender.send_trial(endpoint)
 
-    @router.post("/v1/webhooks/{webhook_id}/replay", status_code=202)
+    @router.post(
+        "/v1/webhooks/{webhook_id}/replay",
+        status_code=202,
+        responses=conflicts("WEBHOOK_DISABLED"),
+    )
     async def replay_webhook(
         webhook_id: WebhookId, caller: Annotated[Caller, Depends(gate)], wanted: ReplayRequest
     ) -> Replay:

@@ -9,6 +9,7 @@ from skyway.network.network import MAX_PADS
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.paging import Page
+from skyway.runtime.http.problem_answers import NOT_FOUND
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway_composition.closures.close import Closings
 from skyway_composition.closures.handle import (
@@ -173,7 +174,7 @@ def area_routes(*, gate: ServiceGate, closings: Closings) -> ServiceRouter:
 
 
 def _add_zones(router: ServiceRouter, gate: ServiceGate, closings: Closings) -> None:
-    @router.post("/v1/zones", response_model=ClosureMade, responses=MADE)
+    @router.post("/v1/zones", response_model=ClosureMade, responses={**MADE, **NOT_FOUND})
     async def create_zone(
         order: ZoneOrder,
         caller: Annotated[Caller, Depends(gate)],
@@ -200,7 +201,7 @@ def _add_zones(router: ServiceRouter, gate: ServiceGate, closings: Closings) -> 
 
 
 def _add_ground_stops(router: ServiceRouter, gate: ServiceGate, closings: Closings) -> None:
-    @router.post("/v1/ground-stops", response_model=ClosureMade, responses=MADE)
+    @router.post("/v1/ground-stops", response_model=ClosureMade, responses={**MADE, **NOT_FOUND})
     async def create_ground_stop(
         order: GroundStopOrder,
         caller: Annotated[Caller, Depends(gate)],

@@ -1,7 +1,7 @@
 """Networks and their versions over REST: operators publish them, everybody reads them."""
 
 from datetime import datetime
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Final, Literal
 
 from fastapi import Depends, Header, Query, Request, Response
 from pydantic import Field
@@ -10,11 +10,15 @@ from skyway.errors import InvalidNetwork
 from skyway.geo import Position
 from skyway.ids import NetworkId, StationId, ZoneId
 from skyway.json_model import JsonModel
+from skyway.network.geojson_schema import NetworkGeoJson
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.app import read_json
+from skyway.runtime.http.geojson import GEOJSON, GeoJsonResponse
 from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.openapi_document import body_of
 from skyway.runtime.http.paging import Page, PageQuery, page_of
+from skyway.runtime.http.problem_answers import conflicts
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.loops import Wake
 from skyway.runtime.sql.database import Database
@@ -29,14 +33,6 @@ from skyway_composition.networks.store import VersionRow
 NETWORK_LIMIT_BYTES: Final = 256 * 1024 * 1024
 #: The last version that the database can number.
 MAX_VERSION: Final = 2**31 - 1
-
-_GEOJSON: Final = "application/geo+json"
-_GEOJSON_BODY: Final[dict[str, Any]] = {  # a part of the OpenAPI document
-    "requestBody": {
-        "required": True,
-        "content": {"application/json": {"schema": {"type": "object"}}},
-    }
-}
 
 
 class NetworkInfo(JsonModel):
@@ -69,8 +65,11 @@ def network_routes(
     @router.put(
         "/v1/networks/{network_id}",
         response_model=NetworkInfo,
-        responses={201: {"model": NetworkInfo}},
-        openapi_extra=_GEOJSON_BODY,
+        responses={
+            201: {"model": NetworkInfo, "description": "The content is new: another version"},
+            **conflicts("STATION_ELSEWHERE", "STATION_RESERVED"),
+        },
+        openapi_extra=body_of(NetworkGeoJson),
     )
     async def publish_network(
         network_id: NetworkId,
@@ -114,8 +113,8 @@ def network_routes(
 
     @router.get(
         "/v1/networks/{network_id}",
-        response_class=Response,
-        responses={200: {"content": {_GEOJSON: {"schema": {"type": "object"}}}}},
+        response_class=GeoJsonResponse,
+        response_model=NetworkGeoJson,
     )
     async def get_network(
         network_id: NetworkId,
@@ -131,7 +130,7 @@ def network_routes(
             rows = await store.versions_before(connection, network_id, before=version + 1, limit=1)
         if content is None:
             raise NotFound("network version", f"{network_id}/{version}")
-        return Response(content, media_type=_GEOJSON, headers={"ETag": etag(rows[0])})
+        return Response(content, media_type=GEOJSON, headers={"ETag": etag(rows[0])})
 
     @router.get("/v1/networks/{network_id}/versions")
     async def list_network_versions(

@@ -1,16 +1,21 @@
 """POST /v1/compositions and quotes: pure planning, with no side effect."""
 
 import asyncio
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
 from fastapi import Depends, Request
+from pydantic import Field, create_model
 
 from skyway.contracts.quote import QuoteAnswer, QuoteQuery
 from skyway.delivery.plan import Plan
+from skyway.network.geojson_schema import NetworkGeoJson
+from skyway.planner.problem import Problem
 from skyway.planner.problem_document import read_problem
 from skyway.runtime.http.abandonment import while_wanted
 from skyway.runtime.http.app import internal_body, read_json
 from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.openapi_document import body_of
+from skyway.runtime.http.problem_answers import NOT_FOUND
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway_composition.planning.compose_in import compose_in
 from skyway_composition.planning.problem_reader import NetworkReference, ProblemReader
@@ -20,21 +25,16 @@ from skyway_composition.planning.solver_pool import SolverPool
 #: The most bytes of a problem with its network (docs/reference/rest.md).
 COMPOSITION_LIMIT_BYTES: Final = 256 * 1024 * 1024
 
-_PROBLEM_BODY: Final[dict[str, Any]] = {  # a part of the OpenAPI document
-    "requestBody": {
-        "required": True,
-        "content": {
-            "application/json": {
-                "schema": {
-                    "type": "object",
-                    "description": "a planner problem; `network` is GeoJSON, or "
-                    "{network_id, version} of a published one",
-                    "required": ["network", "drone", "source", "packages"],
-                }
-            }
-        },
-    }
-}
+#: The body of POST /v1/compositions; `read_problem` reads it.
+CompositionProblem: Final = create_model(
+    "CompositionProblem",
+    __doc__="A problem of the planner: its network is GeoJSON, or one that is published.",
+    __base__=Problem,
+    network=Annotated[
+        NetworkReference | NetworkGeoJson,
+        Field(description="The network: a published one by its id, or GeoJSON."),
+    ],
+)
 
 
 def quote_routes(*, gate: ServiceGate, quotes: Quotes) -> ServiceRouter:
@@ -59,7 +59,12 @@ def composition_routes(
     """POST /v1/compositions."""
     router = ServiceRouter(tags=("compositions",))
 
-    @router.post("/v1/compositions", response_model=Plan, openapi_extra=_PROBLEM_BODY)
+    @router.post(
+        "/v1/compositions",
+        response_model=Plan,
+        responses=NOT_FOUND,
+        openapi_extra=body_of(CompositionProblem),
+    )
     async def compose_plan(request: Request, caller: Annotated[Caller, Depends(gate)]) -> Plan:
         """The plan for a problem; that there is none is an answer too."""
         caller.must_be("customer", "provider", "operator", "service")

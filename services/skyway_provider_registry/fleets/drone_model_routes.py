@@ -10,6 +10,7 @@ from skyway.ids import DroneModelId
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.paging import Page, PageQuery, page_of
+from skyway.runtime.http.problem_answers import conflicts
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry.fleets import drone_model_store
@@ -17,7 +18,7 @@ from skyway_provider_registry.fleets import drone_model_store
 
 def drone_model_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
     """GET /v1/drone-models, GET and PUT /v1/drone-models/{model_id}."""
-    router = ServiceRouter(tags=("drone models",))
+    router = ServiceRouter(tags=("drone-models",))
 
     @router.get("/v1/drone-models")
     async def list_drone_models(
@@ -44,7 +45,10 @@ def drone_model_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
 
     @router.put(
         "/v1/drone-models/{model_id}",
-        responses={201: {"model": DroneModel, "description": "The model is new"}},
+        responses={
+            201: {"model": DroneModel, "description": "The model is new"},
+            **conflicts("MODEL_IN_USE", "NAMED_MODEL"),
+        },
     )
     async def put_drone_model(
         model_id: DroneModelId,

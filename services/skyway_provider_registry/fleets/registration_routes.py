@@ -11,6 +11,7 @@ from pydantic import Discriminator, Field, Tag
 from skyway.ids import ProviderId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.problem_answers import conflicts
 from skyway.runtime.http.repeatable import IdempotencyKey, response_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.idempotency.answer import Answer
@@ -87,6 +88,7 @@ def registration_routes(
         "/v1/providers/{provider_id}/drones",
         status_code=201,
         response_model=RegisteredDrone | RegisteredDrones,
+        responses=conflicts("REGISTRATION_TAKEN"),
     )
     async def register_drones(
         provider_id: ProviderId,

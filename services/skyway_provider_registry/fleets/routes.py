@@ -10,6 +10,7 @@ from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.paging import Page, PageQuery, page_of
+from skyway.runtime.http.problem_answers import conflicts
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry.enrolment import account_store as accounts
@@ -64,7 +65,7 @@ def fleet_routes(
             )
         return drone.shown(clock.wall_now())
 
-    @router.patch("/{drone_id}")
+    @router.patch("/{drone_id}", responses=conflicts("REGISTRATION_TAKEN"))
     async def update_drone(
         provider_id: ProviderId,
         drone_id: DroneId,
@@ -83,7 +84,7 @@ def fleet_routes(
             )
         return drone.shown(clock.wall_now())
 
-    @router.delete("/{drone_id}", status_code=204)
+    @router.delete("/{drone_id}", status_code=204, responses=conflicts("ON_MISSION"))
     async def delete_drone(
         provider_id: ProviderId, drone_id: DroneId, caller: Annotated[Caller, Depends(gate)]
     ) -> Response:

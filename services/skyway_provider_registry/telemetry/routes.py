@@ -3,27 +3,23 @@
 from typing import Annotated, Any, Final
 
 from fastapi import Depends, Header, Query, Response
-from fastapi.responses import JSONResponse
 
 from skyway.ids import DroneId, ProviderId
+from skyway.runtime.http.geojson import GeoJsonResponse
 from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.openapi_document import schema_of
 from skyway.runtime.http.paging import Page
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry.fleets import store as fleets
+from skyway_provider_registry.telemetry.geojson_schema import TelemetryGeoJson
 from skyway_provider_registry.telemetry.measured import GEOJSON, Measured, feature_collection
 from skyway_provider_registry.telemetry.query import TelemetryQuery, page_of_telemetry
 
 #: A part of the OpenAPI document.
 _ANSWERS: Final[dict[int | str, dict[str, Any]]] = {
-    200: {"content": {GEOJSON: {"schema": {"type": "object"}}}}
+    200: {"content": {GEOJSON: {"schema": schema_of(TelemetryGeoJson)}}}
 }
-
-
-class GeoJsonResponse(JSONResponse):
-    """An answer in GeoJSON (RFC 7946)."""
-
-    media_type = GEOJSON
 
 
 def telemetry_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:

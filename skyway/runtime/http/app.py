@@ -6,7 +6,7 @@ from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from importlib.metadata import version
 from typing import Final
 
-from fastapi import FastAPI, Response
+from fastapi import APIRouter, FastAPI, Response
 from fastapi.responses import PlainTextResponse
 from pydantic import BaseModel
 from starlette.middleware import Middleware
@@ -68,13 +68,15 @@ def create_app(
     body_limit: BodyLimit | None = None,
     middleware: Sequence[Middleware] = (),
     models: Sequence[type[BaseModel]] = (),
+    webhooks: APIRouter | None = None,
     publish: Publish | None = None,
 ) -> FastAPI:
     """An app with these routers, and with everything that all services answer alike.
 
     Nothing is opened before the lifespan begins. Without `body_limit`, every body ends at 256 KiB.
-    `middleware` sees requests within their trace and their limit. `models` are those to which
-    routes refer in the OpenAPI document; `publish` changes that document before it is shown.
+    `middleware` sees requests within their trace and their limit. Of the OpenAPI document: `models`
+    are those to which routes refer, `webhooks` are the calls that the service makes, `publish`
+    changes it before it is shown.
     """
     boundary = Middleware(RequestBoundary, body_limit=body_limit or body_limits({}))
     app = ServiceApp(
@@ -87,6 +89,7 @@ def create_app(
         redirect_slashes=False,
         separate_input_output_schemas=False,
         middleware=[boundary, *middleware],
+        webhooks=webhooks,
     )
     app.models, app.publish = models, publish
     install_problems(app)

@@ -1,5 +1,7 @@
 """What FastAPI's OpenAPI document leaves out: bodies read by dependencies, problems, examples."""
 
+import json
+import re
 from collections.abc import Iterator, Sequence
 from typing import Any, Final
 
@@ -12,6 +14,7 @@ from starlette.routing import BaseRoute
 from skyway.contracts.problem_details import ProblemDetails
 from skyway.contracts.rest_tags import TAGS
 from skyway.runtime.http.json_bodies import InternalBody
+from skyway.runtime.http.openapi_descriptions import complete_descriptions
 from skyway.runtime.http.openapi_examples import add_examples
 from skyway.runtime.http.problem_answers import add_problem_answers, shared_problem_answers
 
@@ -19,6 +22,8 @@ from skyway.runtime.http.problem_answers import add_problem_answers, shared_prob
 Document = dict[str, Any]
 
 _REFERENCE: Final = "#/components/schemas/{model}"
+#: What pydantic calls the schema of `Page[Delivery]`: ``Page_Delivery_``.
+_PAGE: Final = re.compile(r"\bPage_(\w+?)_(?=\")")
 #: The document is read from the server that it describes.
 _SERVERS: Final = [{"url": "/", "description": "The server that shows this document"}]
 
@@ -50,9 +55,15 @@ def complete_document(
         for operation in operations.values():
             operation["summary"] = operation["summary"].capitalize()
             add_problem_answers(path, operation)
+    for calls in document.get("webhooks", {}).values():
+        for call in calls.values():
+            # The customer answers, and nobody says how an invalid event is answered.
+            call["responses"].pop("422", None)
     components = document.setdefault("components", {})
     components["responses"] = shared_problem_answers()
     _add_schemas(document, [*bodies.values(), *models, ProblemDetails])
+    document = _with_page_names(document)
+    complete_descriptions(document)
     add_examples(document)
     head = {name: document[name] for name in ("openapi", "info")}
     return {**head, "servers": _SERVERS, "tags": tags_of(document), **document}
@@ -98,6 +109,12 @@ def _add_schemas(document: Document, models: list[type[BaseModel]]) -> None:
     for name, schema in defined["$defs"].items():
         schemas.setdefault(name, _without_nulls(schema))
     document["components"]["schemas"] = dict(sorted(schemas.items()))
+
+
+def _with_page_names(document: Document) -> Document:
+    """The document in which the schema of a page of deliveries is called ``DeliveryPage``."""
+    named: Document = json.loads(_PAGE.sub(r"\1Page", json.dumps(document)))
+    return named
 
 
 def _without_nulls(value: Any) -> Any:

@@ -76,7 +76,8 @@ def _composed(schema: Schema, schemas: Mapping[str, Schema], name: str) -> Any:
             for each, inner in schema["properties"].items()
         }
     if isinstance(schema.get("additionalProperties"), dict):
-        return {"example": example_of(schema["additionalProperties"], schemas)}
+        name = example_of(schema.get("propertyNames", {"type": "string"}), schemas)
+        return {name: example_of(schema["additionalProperties"], schemas)}
     if kind == "array":
         if "prefixItems" in schema:
             return [example_of(each, schemas) for each in schema["prefixItems"]]

@@ -51,6 +51,10 @@ _DETAILS: Final[Mapping[str, str]] = {
 }
 
 
+#: For the `responses` of a route that may name something in its body that is not there.
+NOT_FOUND: Final[dict[int | str, Part]] = {HTTPStatus.NOT_FOUND.value: {}}
+
+
 def conflicts(*codes: str) -> dict[int | str, Part]:
     """The 409 answer of a route that can be refused with these codes, for its `responses`."""
     return {HTTPStatus.CONFLICT.value: {_CODES: list(codes)}}
@@ -62,7 +66,7 @@ def add_problem_answers(path: str, operation: Part) -> None:
     # FastAPI's own description of a 422 is not what we answer.
     if "HTTPValidationError" in str(responses.get("422")):
         del responses["422"]
-    if "409" in responses:
+    if _CODES in responses.get("409", {}):
         responses["409"] = _conflict(responses["409"][_CODES])
     for name in _names(path, operation):
         responses[_SHARED[name][0]] = {"$ref": f"#/components/responses/{name}"}
@@ -75,18 +79,16 @@ def shared_problem_answers() -> Part:
 
 
 def _names(path: str, operation: Part) -> Iterator[str]:
-    headers = {
-        each["name"].lower() for each in operation.get("parameters", ()) if each["in"] == "header"
-    }
+    parameters = {each["name"].lower() for each in operation.get("parameters", ())}
     if "requestBody" in operation:
         yield from ("BrokenJson", "TooLarge", "UnsupportedMediaType")
     if operation.get("security"):
         yield from ("Unauthenticated", "AccessDenied")
-    if "{" in path:
+    if "{" in path or "provider_id" in parameters or "404" in operation["responses"]:
         yield "NotFound"
-    if "if-match" in headers:
+    if "if-match" in parameters:
         yield "PreconditionFailed"
-    if "idempotency-key" in headers:
+    if "idempotency-key" in parameters:
         yield "InvalidInputOrReusedKey"
     elif "requestBody" in operation or "parameters" in operation:
         yield "InvalidInput"

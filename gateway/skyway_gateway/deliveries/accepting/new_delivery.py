@@ -2,11 +2,12 @@
 
 from datetime import datetime
 
+from skyway.contracts.delivery_event_forms import Custodian
 from skyway.contracts.mission import OfferLimits
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId, OfferId, QuoteId, SubjectId
 from skyway.json_model import JsonModel
-from skyway_gateway.deliveries.lifecycle.delivery import Custodian, Delivery, Flags, PackageStatus
+from skyway_gateway.deliveries.lifecycle.delivery import Delivery, Flags, PackageStatus
 
 
 class OfferChoice(JsonModel):

@@ -8,6 +8,7 @@ from pydantic import Discriminator, Tag
 
 from skyway.delivery.request import DeliveryRequest
 from skyway.runtime.http.identity import Caller
+from skyway.runtime.http.problem_answers import NOT_FOUND, conflicts
 from skyway.runtime.http.repeatable import IdempotencyKey, response_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway_gateway.access.routes import KeyGate
@@ -32,7 +33,12 @@ def delivery_routes(*, gate: KeyGate, acceptance: Acceptance) -> ServiceRouter:
     """POST /v1/deliveries."""
     router = ServiceRouter(tags=("deliveries",))
 
-    @router.post("/v1/deliveries", status_code=202, response_model=Delivery)
+    @router.post(
+        "/v1/deliveries",
+        status_code=202,
+        response_model=Delivery,
+        responses={**NOT_FOUND, **conflicts("QUOTE_EXPIRED", "QUOTE_TAKEN")},
+    )
     async def create_delivery(
         request: Request,
         caller: Annotated[Caller, Depends(gate)],

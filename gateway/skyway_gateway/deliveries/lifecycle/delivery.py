@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from skyway.contracts.candidate import ProviderReason
+from skyway.contracts.delivery_event_forms import Custodian
 from skyway.contracts.message import FleetMoment, Soc
 from skyway.contracts.mission import LIVE_MISSION_STATES, Mission, OfferLimits
 from skyway.delivery.offer import Price
@@ -30,13 +31,6 @@ from skyway_gateway.deliveries.lifecycle.states import (
 )
 
 Activity = Literal["FLYING", "WAITING", "RECHARGING", "DELIVERING"]
-
-
-class Custodian(JsonModel):
-    """Who holds a package: a station, a drone, or the recipient at a station."""
-
-    kind: Literal["STATION", "DRONE", "RECIPIENT"]
-    id: str
 
 
 class PackageStatus(JsonModel):

@@ -4,9 +4,10 @@ from collections.abc import Callable
 from typing import Any
 
 from skyway.contracts.delivery_event import DeliveryEventType
+from skyway.contracts.delivery_event_forms import Custodian
 from skyway.contracts.mission import Mission, MissionReport
 from skyway_gateway.deliveries.lifecycle import event_data
-from skyway_gateway.deliveries.lifecycle.delivery import Custodian, Delivery, PackageStatus
+from skyway_gateway.deliveries.lifecycle.delivery import Delivery, PackageStatus
 from skyway_gateway.deliveries.lifecycle.progress import Progress, changed, with_packages
 from skyway_gateway.deliveries.lifecycle.proof import Proof
 from skyway_gateway.notifications.record_events import Happening

@@ -3,12 +3,13 @@
 from typing import Annotated
 
 from fastapi import Depends, Header, Query, Response
-from fastapi.responses import JSONResponse, StreamingResponse
+from fastapi.responses import StreamingResponse
 from pydantic import Field
 
 from skyway.contracts.track import Track
 from skyway.ids import DeliveryId, ProviderId
 from skyway.runtime.errors import NotFound
+from skyway.runtime.http.geojson import GeoJsonResponse
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.service_router import ServiceRouter
@@ -30,12 +31,6 @@ from skyway_gateway.deliveries.records import delivery_store
 from skyway_gateway.notifications.stream_events import EventStream
 
 _SSE_HEADERS = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
-
-
-class GeoJsonResponse(JSONResponse):
-    """An answer in GeoJSON (RFC 7946)."""
-
-    media_type = "application/geo+json"
 
 
 class DeliveryListQuery(PageQuery):

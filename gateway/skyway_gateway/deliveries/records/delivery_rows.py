@@ -7,6 +7,7 @@ from typing import Final
 from pydantic import TypeAdapter
 
 from skyway.contracts.candidate import ProviderReason
+from skyway.contracts.delivery_event_forms import Custodian
 from skyway.contracts.mission import MissionReport, OfferLimits
 from skyway.delivery.request import DeliveryRequest, Place
 from skyway.geo import Position
@@ -14,7 +15,6 @@ from skyway.runtime.sql.connection import AnyRow
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_gateway.deliveries.lifecycle import event_data
 from skyway_gateway.deliveries.lifecycle.delivery import (
-    Custodian,
     Delivery,
     Flags,
     FlownMission,

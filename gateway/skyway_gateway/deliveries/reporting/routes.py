@@ -12,6 +12,7 @@ from skyway.contracts.mission_reports import (
 )
 from skyway.runtime.http.app import internal_body
 from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.problem_answers import conflicts
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway_gateway.deliveries.reporting.apply_reports import ReportApplier
 
@@ -20,7 +21,7 @@ def report_routes(*, gate: ServiceGate, applier: ReportApplier) -> ServiceRouter
     """POST /internal/mission-reports and /internal/mission-reports/many."""
     router = ServiceRouter(tags=("internal",))
 
-    @router.post(MISSION_REPORTS, status_code=204)
+    @router.post(MISSION_REPORTS, status_code=204, responses=conflicts("NOT_YET"))
     async def receive_mission_report(
         caller: Annotated[Caller, Depends(gate)],
         report: Annotated[MissionReport, Depends(internal_body(MissionReport))],
@@ -30,7 +31,7 @@ def report_routes(*, gate: ServiceGate, applier: ReportApplier) -> ServiceRouter
         await applier.apply(report)
         return Response(status_code=204)
 
-    @router.post(MANY_MISSION_REPORTS, status_code=204)
+    @router.post(MANY_MISSION_REPORTS, status_code=204, responses=conflicts("NOT_YET"))
     async def receive_mission_reports(
         caller: Annotated[Caller, Depends(gate)],
         reports: Annotated[MissionReports, Depends(internal_body(MissionReports))],

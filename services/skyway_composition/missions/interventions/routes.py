@@ -12,6 +12,7 @@ from skyway.ids import DeliveryId, MissionId, PackageId, ProviderId
 from skyway.json_model import JsonModel
 from skyway.runtime.http.app import internal_body
 from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.problem_answers import conflicts
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway_composition.missions.interventions.cancel import Cancellations
 from skyway_composition.missions.interventions.command import Command, CommandAnswer
@@ -39,7 +40,12 @@ def intervention_routes(
     """Loading and commands under /v1/missions, the gateway's cancellations under /internal."""
     router = ServiceRouter(tags=("missions",))
 
-    @router.post("/v1/missions/{mission_id}/loading")
+    @router.post(
+        "/v1/missions/{mission_id}/loading",
+        responses=conflicts(
+            "ALREADY_CONFIRMED", "HELD", "MISSION_OVER", "NOT_LOADING", "REPLANNING"
+        ),
+    )
     async def confirm_loading(
         mission_id: MissionId, caller: Annotated[Caller, Depends(gate)], loaded: Loaded
     ) -> LoadingAnswer:
@@ -52,7 +58,20 @@ def intervention_routes(
         ]
         return await loadings.confirm(mission_id, listed, provider_id=own)
 
-    @router.post("/v1/missions/{mission_id}/commands", status_code=202)
+    @router.post(
+        "/v1/missions/{mission_id}/commands",
+        status_code=202,
+        responses=conflicts(
+            "ALREADY_CALLED_HOME",
+            "ALREADY_HELD",
+            "BEING_LOADED",
+            "HELD",
+            "MISSION_OVER",
+            "NOTHING_ON_BOARD",
+            "NOT_HELD",
+            "TOO_LATE",
+        ),
+    )
     async def command_mission(
         mission_id: MissionId, caller: Annotated[Caller, Depends(gate)], command: Command
     ) -> CommandAnswer:

@@ -9,6 +9,7 @@ from skyway.ids import DroneId, ProviderId
 from skyway.json_model import JsonModel
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.problem_answers import conflicts
 from skyway.runtime.http.repeatable import IdempotencyKey, response_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.idempotency.answer import Answer
@@ -69,7 +70,12 @@ def credential_routes(
         response.headers["Cache-Control"] = "no-store"
         return response
 
-    @router.post("/v1/enrolments", status_code=201, response_model=Enrolment)
+    @router.post(
+        "/v1/enrolments",
+        status_code=201,
+        response_model=Enrolment,
+        responses=conflicts("TOKEN_EXPIRED", "TOKEN_USED"),
+    )
     async def enrol_drone(
         request: Request,
         caller: Annotated[Caller, Depends(gate)],
