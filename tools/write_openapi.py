@@ -14,6 +14,7 @@ from typing import Any, Final
 
 import yaml
 from skyway_gateway.forward.document import RESOURCE, forwarded_document, whole_document
+from skyway_gateway.notifications.received_routes import with_event_examples
 
 from skyway.contracts.asyncapi import asyncapi_document, message_schemas
 from skyway.contracts.topics import TOPICS
@@ -38,7 +39,7 @@ def service_files() -> Iterator[tuple[str, str]]:
     yield "openapi/composition.json", _json_text(composition)
     yield f"gateway/skyway_gateway/forward/{RESOURCE}", _json_text(forwarded)
     gateway = app_of("gateway")
-    gateway.publish = lambda own: whole_document(own, forwarded)
+    gateway.publish = lambda own: whole_document(with_event_examples(own), forwarded)
     yield "openapi/gateway.json", _json_text(gateway.openapi())
 
 

@@ -40,7 +40,7 @@ from skyway_gateway.forward.document import stored_document, whole_document
 from skyway_gateway.forward.routes import forward_routes, provider_routes
 from skyway_gateway.forward.table import larger_bodies
 from skyway_gateway.notifications.fleet_time import CLOCK_EVERY_S, publish_clock
-from skyway_gateway.notifications.received_routes import webhook_calls
+from skyway_gateway.notifications.received_routes import webhook_calls, with_event_examples
 from skyway_gateway.notifications.routes import clock_routes, webhook_routes
 from skyway_gateway.notifications.stream_events import EventStream
 from skyway_gateway.parts import SERVICE, Parts, running_parts
@@ -103,7 +103,7 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
         body_limit=body_limits(larger_bodies()),
         middleware=[Middleware(AuditTrail, db=db, clock=clock, mint=mint)],
         webhooks=webhook_calls(),
-        publish=lambda own: whole_document(own, stored_document()),
+        publish=lambda own: whole_document(with_event_examples(own), stored_document()),
     )
 
 

@@ -1,265 +1,31 @@
-"""One form for each type of delivery event: what its `data` holds.
+"""One form for each type of delivery event.
 
 The gateway writes `DeliveryEvent`, whose `data` is any JSON. These models describe the same JSON to
 customers; the documents and the JSON Schemas are made from them.
 """
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import Field
 
-from skyway.contracts.candidate import ProviderReason
+from skyway.contracts.delivery_event_data import (
+    CompletedData,
+    DelayedData,
+    DispatchedData,
+    EndedData,
+    LoadedData,
+    PackageCancelledData,
+    PackageDeliveredData,
+    PackageReturnedData,
+    PackageStrandedData,
+    PlannedData,
+    RejectedData,
+    ReplannedData,
+    RequestedData,
+    StartedData,
+)
 from skyway.contracts.message import FleetMoment, Message
-from skyway.delivery.offer import Price
-from skyway.delivery.request import DeliveryRequest
-from skyway.geo import Position
-from skyway.ids import DeliveryId, DroneId, EventId, MissionId, PackageId, ProviderId, StationId
-from skyway.json_model import JsonModel, WireModel
-
-_Code = Annotated[
-    str | None, Field(description="Why, for programs, in UPPER_SNAKE; null if there is no reason.")
-]
-_Detail = Annotated[str | None, Field(description="Why, for people; null if there is no reason.")]
-_Evidence = Annotated[
-    dict[str, Any],  # JSON of the drone's own sensors
-    Field(description="What the drone measured, such as the masses before and after."),
-]
-_Eta = Annotated[
-    FleetMoment | None,
-    Field(description="When it is expected to be delivered, fleet time; null if never."),
-]
-_PromisedAt = Annotated[
-    FleetMoment | None,
-    Field(description="The first expected moment that the customer was given, fleet time."),
-]
-_DeliveredAt = Annotated[
-    FleetMoment | None,
-    Field(description="When it was handed over, fleet time; null if it was not."),
-]
-_PackageState = Annotated[str, Field(description="The state of the package, such as ON_BOARD.")]
-
-
-class Custodian(JsonModel):
-    """Who holds a package: a station, a drone, or the recipient at a station."""
-
-    kind: Annotated[
-        Literal["STATION", "DRONE", "RECIPIENT"], Field(description="What kind of holder it is.")
-    ]
-    id: Annotated[
-        str, Field(description="Id of the drone or of the station; the recipient is at a station.")
-    ]
-
-
-class _FlownBy(WireModel):
-    mission_id: MissionId
-    provider_id: ProviderId
-    drone_id: DroneId
-
-
-class RequestedData(WireModel):
-    """What the customer asked for."""
-
-    reference: Annotated[str | None, Field(description="The customer's own word for the delivery.")]
-    request: Annotated[DeliveryRequest, Field(description="The request as it was accepted.")]
-
-
-class ExpectedPackage(WireModel):
-    """When a package is expected."""
-
-    package_id: PackageId
-    eta_at: Annotated[FleetMoment, Field(description="When it is expected, fleet time.")]
-
-
-class PlannedData(WireModel):
-    """Who flies it, for how much, and when each package is expected."""
-
-    attempt: Annotated[int, Field(ge=1, description="The number of this booking, from 1.")]
-    provider_id: ProviderId
-    drone_id: DroneId
-    mission_ids: Annotated[
-        tuple[MissionId, ...], Field(description="The missions of this booking.")
-    ]
-    price: Annotated[Price | None, Field(description="What all missions cost together.")]
-    pickup_at: Annotated[
-        FleetMoment, Field(description="When the first drone begins to load, fleet time.")
-    ]
-    delivery_time_s: Annotated[
-        float, Field(ge=0, description="Seconds from the pickup to the last delivery.")
-    ]
-    packages: Annotated[
-        tuple[ExpectedPackage, ...], Field(description="The packages that are booked.")
-    ]
-    waiting_package_ids: Annotated[
-        tuple[PackageId, ...], Field(description="The packages that wait for another mission.")
-    ]
-
-
-class DispatchedData(_FlownBy):
-    """Whose drone accepted the mission."""
-
-
-class LoadedData(_FlownBy):
-    """What the drone has on board."""
-
-    station_id: Annotated[StationId | None, Field(description="Where it was loaded.")]
-    package_ids: Annotated[tuple[PackageId, ...], Field(description="The packages on board.")]
-    evidence: _Evidence
-
-
-class StartedData(_FlownBy):
-    """Whose drone took the first package on board."""
-
-
-class LatePackage(WireModel):
-    """A package that comes later than it was promised."""
-
-    package_id: PackageId
-    eta_at: _Eta
-    promised_at: _PromisedAt
-    late_s: Annotated[float | None, Field(description="Seconds after the promised moment.")]
-    deadline_at: Annotated[
-        FleetMoment | None, Field(description="The deadline of the request; null without one.")
-    ]
-
-
-class DelayedData(WireModel):
-    """Which packages are late."""
-
-    packages: Annotated[tuple[LatePackage, ...], Field(description="The late packages.")]
-
-
-class ReplannedPackage(WireModel):
-    """A package of the new plan; without `eta_at` it is left where the drone can land."""
-
-    package_id: PackageId
-    state: _PackageState
-    eta_at: _Eta
-    promised_at: _PromisedAt
-    later_s: Annotated[
-        float | None, Field(description="Seconds after the promised moment; below 0 if earlier.")
-    ]
-
-
-class ReplannedData(_FlownBy):
-    """Why there is a new plan, and how much later than promised it delivers."""
-
-    revision: Annotated[int, Field(ge=1, description="The number of the new plan, from 2.")]
-    code: _Code
-    detail: _Detail
-    given_up: Annotated[
-        str | None,
-        Field(description="Why the new plan delivers nothing; null if it delivers."),
-    ]
-    packages: Annotated[
-        tuple[ReplannedPackage, ...], Field(description="The packages still on their way.")
-    ]
-
-
-class CompletionTimes(WireModel):
-    """When the last package was handed over, and how long that took."""
-
-    completed_at: Annotated[
-        FleetMoment | None, Field(description="The moment of the last hand-over, fleet time.")
-    ]
-    delivery_time_s: Annotated[
-        float | None, Field(description="Seconds from the start to that moment.")
-    ]
-
-
-class CompletedPackage(WireModel):
-    """When a package was promised, and when it was handed over."""
-
-    package_id: PackageId
-    promised_at: _PromisedAt
-    delivered_at: _DeliveredAt
-
-
-class CompletedData(WireModel):
-    """The planned and the actual times."""
-
-    planned: Annotated[CompletionTimes, Field(description="As it was promised.")]
-    actual: Annotated[CompletionTimes, Field(description="As it was.")]
-    packages: Annotated[
-        tuple[CompletedPackage, ...], Field(description="The times of each package.")
-    ]
-
-
-class EndedPackage(WireModel):
-    """Where a package is at the end, and why."""
-
-    package_id: PackageId
-    state: _PackageState
-    custodian: Annotated[Custodian, Field(description="Who holds the package.")]
-    position: Annotated[
-        Position | None,
-        Field(description="Where it lies, in degrees, away from every station; else null."),
-    ]
-    delivered_at: _DeliveredAt
-    code: _Code
-    detail: _Detail
-
-
-class EndedData(WireModel):
-    """How far the delivery came, and why not to the end."""
-
-    code: _Code
-    detail: _Detail
-    packages: Annotated[tuple[EndedPackage, ...], Field(description="Where each package is.")]
-
-
-class RejectedData(WireModel):
-    """Why nobody flies it."""
-
-    detail: Annotated[str, Field(description="Why, for people.")]
-    reasons: Annotated[
-        tuple[ProviderReason, ...], Field(description="Why each provider makes no offer.")
-    ]
-
-
-class PackageDeliveredData(_FlownBy):
-    """Where and when a package was handed over, with the drone's evidence."""
-
-    package_id: PackageId
-    station_id: StationId
-    delivered_at: _DeliveredAt
-    evidence: _Evidence
-
-
-class PackageReturnedData(_FlownBy):
-    """Where a package was handed back, and why."""
-
-    package_id: PackageId
-    station_id: Annotated[StationId | None, Field(description="Where it was handed back.")]
-    returned_at: Annotated[FleetMoment, Field(description="When, fleet time.")]
-    code: _Code
-    detail: _Detail
-    evidence: _Evidence
-
-
-class PackageStrandedData(WireModel):
-    """Where a package is that will not be delivered, and why."""
-
-    package_id: PackageId
-    station_id: Annotated[
-        StationId | None, Field(description="The station where it is; null away from stations.")
-    ]
-    position: Annotated[
-        Position | None,
-        Field(description="Where it lies, in degrees, away from every station; else null."),
-    ]
-    custodian: Annotated[Custodian, Field(description="Who holds the package.")]
-    code: _Code
-    detail: _Detail
-
-
-class PackageCancelledData(WireModel):
-    """Which package stays at the pickup, and why."""
-
-    package_id: PackageId
-    station_id: StationId
-    custodian: Annotated[Custodian, Field(description="Who holds the package.")]
-    code: _Code
-    detail: _Detail
+from skyway.ids import DeliveryId, EventId
 
 
 class _Event(Message):

@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable, Sequence
 from typing import Annotated, Any, Final, Generic, TypeVar
 
-from pydantic import Field
+from pydantic import ConfigDict, Field
 
 from skyway.errors import InvalidInput
 from skyway.json_model import JsonModel
@@ -39,6 +39,9 @@ class PageQuery(JsonModel):
 
 class Page(JsonModel, Generic[T]):
     """One page of a list; `next_cursor` is None on the last one."""
+
+    # Of the parametrised classes, which have no docstring of their own.
+    model_config = ConfigDict(json_schema_extra={"description": "One page of a list."})
 
     items: Annotated[tuple[T, ...], Field(description="The items of this page.")]
     next_cursor: Annotated[

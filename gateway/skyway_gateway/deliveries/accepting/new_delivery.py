@@ -2,7 +2,7 @@
 
 from datetime import datetime
 
-from skyway.contracts.delivery_event_forms import Custodian
+from skyway.contracts.delivery_event_data import Custodian
 from skyway.contracts.mission import OfferLimits
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DeliveryId, OfferId, QuoteId, SubjectId

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from skyway.contracts.candidate import ProviderReason
-from skyway.contracts.delivery_event_forms import Custodian
+from skyway.contracts.delivery_event_data import Custodian
 from skyway.contracts.message import FleetMoment, Soc
 from skyway.contracts.mission import LIVE_MISSION_STATES, Mission, OfferLimits
 from skyway.delivery.offer import Price

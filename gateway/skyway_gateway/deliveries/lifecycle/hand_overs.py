@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 from skyway.contracts.delivery_event import DeliveryEventType
-from skyway.contracts.delivery_event_forms import Custodian
+from skyway.contracts.delivery_event_data import Custodian
 from skyway.contracts.mission import Mission, MissionReport
 from skyway_gateway.deliveries.lifecycle import event_data
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery, PackageStatus

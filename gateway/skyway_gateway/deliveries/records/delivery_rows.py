@@ -7,7 +7,7 @@ from typing import Final
 from pydantic import TypeAdapter
 
 from skyway.contracts.candidate import ProviderReason
-from skyway.contracts.delivery_event_forms import Custodian
+from skyway.contracts.delivery_event_data import Custodian
 from skyway.contracts.mission import MissionReport, OfferLimits
 from skyway.delivery.request import DeliveryRequest, Place
 from skyway.geo import Position
