@@ -1,1 +1,5 @@
-"""The parts of booking (`book`): a look at everything, what an offer takes, engaging its drones."""
+"""Booking: the best offer for a delivery becomes its missions, in one transaction.
+
+`book` runs the rounds, `engage` claims drones and pads and adds the missions, `outcome` answers
+when no mission can be booked, `store` holds the SQL.
+"""

@@ -1,10 +1,10 @@
 """Booking: the best offer for a delivery becomes its missions, all or nothing.
 
-One round looks at the world (network, closures, pads, busy drones), makes offers in it without
-holding anything, and then takes the best one in a single transaction: drones, pads, missions and
-their first instructions. Whoever was faster made the database refuse one of these rows; then the
-next best offer is taken, or another round begins. The PUT behind this is keyed by (delivery,
-attempt), so asking again answers what was booked.
+One round reads the world (network, closures, pads, busy drones), plans offers without reserving
+anything, and then books the best offer in a single transaction: drones, pads, missions and their
+first instructions. If another booking was faster, the database refuses one of these rows. Then the
+next best offer is booked, or another round begins. The PUT request has the key (delivery, attempt),
+so a repeated request returns what was booked before.
 """
 
 import logging
@@ -37,23 +37,23 @@ from skyway_composition.planning.world import World
 
 log = logging.getLogger(__name__)
 
-#: Rounds until the customer is told that all is taken (docs/reference/booking.md).
+#: Rounds before the answer is that all drones or pads are taken (docs/reference/booking.md).
 _MOST_ROUNDS: Final = 5
 
-#: A drone's row in a database rule that refused it: the pads may still be free for another drone.
+#: The database rule that one drone has one mission. When it refuses, the pads may still be free.
 _DRONE_TAKEN: Final = "mission_drone"
 
 
 @dataclass(frozen=True, slots=True)
 class _Round:
-    """What one round books: trips of these drones, within these limits.
+    """What one round may book: trips of these drones within these limits.
 
-    Of a delivery that is not known nothing was booked, and it was not closed.
+    A delivery with `delivery_exists` False has no row yet: it was neither booked nor closed before.
     """
 
     delivery_id: DeliveryId
-    is_known: bool
-    wanted: BookMissions
+    delivery_exists: bool
+    requested: BookMissions
     shortlist: Shortlist
     finder: TripFinder
     limits: Limits
@@ -69,39 +69,39 @@ class Bookings:
     clock: FleetClock
     mint: Mint
 
-    async def book(self, delivery_id: DeliveryId, wanted: BookMissions) -> Booking:
-        """The missions of this attempt: those booked before, or those of the best offer."""
+    async def book(self, delivery_id: DeliveryId, requested: BookMissions) -> Booking:
+        """The missions of this attempt: booked before, or booked now from the best offer."""
         reasons: tuple[ProviderReason, ...] = ()
         for round_number in range(_MOST_ROUNDS):
             async with self.db.read() as connection:
                 seen = await first_look(
                     connection,
                     delivery_id,
-                    attempt=wanted.attempt,
-                    drone_ids=wanted.shortlist.drone_ids,
-                    pickup=wanted.request.pickup.station_id,
+                    attempt=requested.attempt,
+                    drone_ids=requested.shortlist.drone_ids,
+                    pickup=requested.request.pickup.station_id,
                 )
             if seen.booked:
                 return Booking(outcome="BOOKED", missions=seen.booked)
             if seen.around is None:
-                return pickup_unknown(wanted)
+                return pickup_unknown(requested)
             after_ms = moment_to_ms(self.clock.now())
             world = await World.at(seen.around, self.networks, db=self.db, after_ms=after_ms)
             this_round = self._round(
-                delivery_id, wanted, world, round_number, is_known=seen.is_known
+                delivery_id, requested, world, round_number, delivery_exists=seen.delivery_exists
             )
             booking, reasons = await self._book_in(this_round, seen.busy)
             if booking is not None:
                 return booking
-        return all_taken(wanted, reasons)
+        return all_taken(requested, reasons)
 
     async def busy_among(self, drone_ids: Collection[DroneId]) -> frozenset[DroneId]:
-        """Those of these drones that are on a mission, or may be."""
+        """Which of these drones have a mission, or may still fly one."""
         async with self.db.read() as connection:
             return await busy_among(connection, drone_ids)
 
     async def close(self, delivery_id: DeliveryId) -> ClosedDelivery:
-        """Book nothing more for this delivery, unless something is booked already."""
+        """Close this delivery, so that nothing is booked for it, unless it has missions."""
         async with self.db.write() as tx:
             if not await lock_delivery(tx, delivery_id):
                 missions = await store.live_missions_of(tx.connection, delivery_id)
@@ -113,28 +113,28 @@ class Bookings:
     def _round(
         self,
         delivery_id: DeliveryId,
-        wanted: BookMissions,
+        requested: BookMissions,
         world: World,
         round_number: int,
         *,
-        is_known: bool,
+        delivery_exists: bool,
     ) -> _Round:
-        offer = wanted.offer
+        offer = requested.offer
         begins_ms = start_ms(
             self.clock,
-            earliest_at=wanted.request.earliest_pickup_at,
-            # A round that came too late leaves the next one twice the time.
+            earliest_at=requested.request.earliest_pickup_at,
+            # After a round that came too late, the next round has twice the time.
             patience=2**round_number,
         )
-        limits = Limits.of(wanted.request.qos).within(offer, start_ms=begins_ms)
+        limits = Limits.of(requested.request.qos).within(offer, start_ms=begins_ms)
         return _Round(
             delivery_id,
-            is_known,
-            wanted,
+            delivery_exists,
+            requested,
             shortlist=(
-                wanted.shortlist
+                requested.shortlist
                 if offer is None
-                else wanted.shortlist.of_provider(offer.provider_id)
+                else requested.shortlist.of_provider(offer.provider_id)
             ),
             finder=TripFinder(self.solver, world, begins_ms, limits.latest_ms),
             limits=limits,
@@ -143,18 +143,18 @@ class Bookings:
     async def _book_in(
         self, this_round: _Round, busy: frozenset[DroneId]
     ) -> tuple[Booking | None, tuple[ProviderReason, ...]]:
-        """The booking of the best offer that nobody else has taken; None when a look is due."""
+        """The booking of the best offer that is still free; None when a new round is needed."""
         drone_ids = this_round.shortlist.drone_ids
         while True:
             offers = await plan_offers(
                 this_round.finder,
-                this_round.wanted.request,
+                this_round.requested.request,
                 shortlist=this_round.shortlist,
                 busy=busy,
                 limits=this_round.limits,
             )
             if not offers.ranked:
-                return without_offer(this_round.wanted, offers.reasons), offers.reasons
+                return without_offer(this_round.requested, offers.reasons), offers.reasons
             best = offers.ranked[0]
             try:
                 async with self.db.write() as tx:
@@ -175,24 +175,24 @@ class Bookings:
                 return None, offers.reasons
 
     async def _book_offer(self, tx: Tx, this_round: _Round, offer: Offer) -> Booking:
-        """Reserve the drones and the pads, and send the missions: one transaction.
+        """Reserve the drones and pads and send the missions, in one transaction.
 
-        The delivery is locked before anything else; one that nobody knew comes last, with all
-        that is added.
+        A delivery with a row is locked first. A delivery without a row is added at the end, with
+        all other new rows.
         """
-        delivery_id, wanted = this_round.delivery_id, this_round.wanted
-        if this_round.is_known:
+        delivery_id, requested = this_round.delivery_id, this_round.requested
+        if this_round.delivery_exists:
             if await lock_delivery(tx, delivery_id):
                 return Booking(outcome="CLOSED")
-            booked = await missions_of(tx.connection, delivery_id, attempt=wanted.attempt)
+            booked = await missions_of(tx.connection, delivery_id, attempt=requested.attempt)
             if booked:
                 return Booking(outcome="BOOKED", missions=booked)
         else:
-            # Whoever books or closes it meanwhile makes the database refuse it: then it is known.
+            # If another request books or closes it first, the database refuses this row.
             add_delivery(tx, delivery_id)
         if this_round.finder.start_ms < moment_to_ms(self.clock.now()):
             raise WorldChanged
-        # I11: the version is read inside the transaction, and cannot change before it ends.
+        # I11: the version is checked inside the transaction and cannot change before its end.
         world = this_round.finder.world
         places = await claim(tx, offer, world)
         missions = await engage(
@@ -201,7 +201,7 @@ class Bookings:
             world.skyway,
             places=places,
             delivery_id=delivery_id,
-            attempt=wanted.attempt,
+            attempt=requested.attempt,
             clock=self.clock,
             mint=self.mint,
         )
@@ -209,4 +209,4 @@ class Bookings:
 
 
 def _count_conflict(by: str) -> None:
-    count("skyway_booking_conflicts", "offers that could not be taken any more", by=by)
+    count("skyway_booking_conflicts", "offers that could not be booked any more", by=by)

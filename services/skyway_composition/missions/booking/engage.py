@@ -1,4 +1,8 @@
-"""Engaging the drones of an offer: their missions, steps, pads, packages and instructions."""
+"""Claims what an offer needs, and adds its missions, steps, custody and instructions.
+
+Every transaction locks contended rows in the same order: delivery, network, drones, missions,
+stations.
+"""
 
 from collections.abc import Mapping, Sequence
 
@@ -37,10 +41,10 @@ async def engage(
     clock: FleetClock,
     mint: Mint,
 ) -> tuple[Mission, ...]:
-    """Book all trips of an offer that is taken, and send their missions to these places.
+    """Add the missions of a claimed offer, and send them as instructions at these places.
 
-    What is added is added when the block ends; then a drone or a pad that is somebody else's
-    meanwhile is `Taken`.
+    The rows are added when the transaction ends. It then fails with `Taken` if another mission has
+    one of the drones or pads.
     """
     courier = Courier(clock, mint)
     expires_at = courier.expiry()
@@ -92,7 +96,7 @@ def _add_steps(
 
 
 async def _begin_custody(tx: Tx, records: Sequence[MissionRecord]) -> None:
-    """The pickup station holds what no earlier attempt has begun to carry."""
+    """Note that the pickup station holds the packages, unless an earlier attempt did so."""
     first = records[0].mission
     held = await held_packages(tx.connection, first.delivery_id) if first.attempt > 1 else {}
     for record in records:
@@ -106,16 +110,18 @@ async def _begin_custody(tx: Tx, records: Sequence[MissionRecord]) -> None:
 
 
 class WorldChanged(Exception):
-    """The world changed while offers were made: plan anew."""
+    """The world has changed since the offers were planned; plan again."""
 
 
 async def claim(tx: Tx, offer: Offer, world: World) -> dict[DroneId, InstructionPlace]:
-    """By drone the place of its mission's instruction; all is locked until the block ends.
+    """Lock what an offer needs; returns for each drone the place of its next instruction.
+
+    The locks on the network, the drones and the stations last until the transaction ends.
 
     Raises
     ------
     Outdated
-        Something was published, closed or lifted since the world was looked at (I11).
+        A network was published, or a closure made or lifted, since the world was read (I11).
     """
     drones = sorted((part.candidate for part in offer.parts), key=lambda each: each.drone_id)
     booked = [pad for part in offer.parts for pad in part.trip.booked_pads]

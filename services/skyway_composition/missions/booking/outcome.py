@@ -1,44 +1,45 @@
-"""What a booking answers when there is no mission: busy for now, or never."""
+"""The answer when no mission could be booked: BUSY for now, or INFEASIBLE for good."""
 
 from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.mission import Booking, BookMissions, OfferLimits
 from skyway_composition.planning.refusals import refused_for_all
 
 
-def without_offer(wanted: BookMissions, reasons: tuple[ProviderReason, ...]) -> Booking:
-    """BUSY while something may still change, else INFEASIBLE; an offer that was taken is lost.
+def without_offer(requested: BookMissions, reasons: tuple[ProviderReason, ...]) -> Booking:
+    """BUSY while a later attempt may succeed, else INFEASIBLE.
 
-    Without candidates nothing is known here; the registry's reasons tell the gateway.
+    A request for a quoted offer is INFEASIBLE: that offer is lost. Without candidates the answer
+    is BUSY; the gateway decides by the registry's reasons.
     """
-    if wanted.offer is not None:
-        return _offer_lost(wanted.offer, reasons)
-    may_change = wanted.shortlist.is_empty or any(reason.is_temporary for reason in reasons)
+    if requested.offer is not None:
+        return _offer_lost(requested.offer, reasons)
+    may_change = requested.shortlist.is_empty or any(reason.is_temporary for reason in reasons)
     return Booking(outcome="BUSY" if may_change else "INFEASIBLE", reasons=reasons)
 
 
-def pickup_unknown(wanted: BookMissions) -> Booking:
+def pickup_unknown(requested: BookMissions) -> Booking:
     """INFEASIBLE: the pickup station is in no network."""
-    detail = f"pickup station {wanted.request.pickup.station_id!r} is in no network"
-    reasons = refused_for_all(wanted.shortlist.provider_ids, "DESTINATION_UNREACHABLE", detail)
+    detail = f"pickup station {requested.request.pickup.station_id!r} is in no network"
+    reasons = refused_for_all(requested.shortlist.provider_ids, "DESTINATION_UNREACHABLE", detail)
     return Booking(outcome="INFEASIBLE", reasons=tuple(reasons))
 
 
-def all_taken(wanted: BookMissions, reasons: tuple[ProviderReason, ...]) -> Booking:
-    """BUSY: others were faster in every round; an offer that was taken is lost."""
-    told = {reason.provider_id for reason in reasons}
+def all_taken(requested: BookMissions, reasons: tuple[ProviderReason, ...]) -> Booking:
+    """BUSY because others were faster in every round; a quoted offer is lost."""
+    explained = {reason.provider_id for reason in reasons}
     detail = "others took its drones or their pads meanwhile"
     taken = [
         reason.model_copy(update={"is_temporary": True})
-        for reason in refused_for_all(wanted.shortlist.provider_ids, "TAKEN", detail)
-        if reason.provider_id not in told
+        for reason in refused_for_all(requested.shortlist.provider_ids, "TAKEN", detail)
+        if reason.provider_id not in explained
     ]
-    if wanted.offer is not None:
-        return _offer_lost(wanted.offer, (*reasons, *taken))
+    if requested.offer is not None:
+        return _offer_lost(requested.offer, (*reasons, *taken))
     return Booking(outcome="BUSY", reasons=(*reasons, *taken))
 
 
 def _offer_lost(offer: OfferLimits, reasons: tuple[ProviderReason, ...]) -> Booking:
-    """INFEASIBLE: an offer does not wait; what is gone meanwhile is named."""
+    """INFEASIBLE with OFFER_LOST: a quoted offer does not wait; the reason says what is gone."""
     own = [each for each in reasons if each.provider_id == offer.provider_id]
     gone = "; ".join(f"{each.code}: {each.detail}" for each in own) or "none of its drones is free"
     promised = (

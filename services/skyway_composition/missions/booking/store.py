@@ -1,4 +1,4 @@
-"""All SQL that a booking begins with: a look at everything, and taking what its offer needs."""
+"""All SQL of booking: one read of all it needs to know, and one claim of what an offer needs."""
 
 from collections import defaultdict
 from collections.abc import Collection
@@ -49,9 +49,9 @@ def _answer(
     number: ColumnElement[int] | None = None,
     large: ColumnElement[int] | None = None,
 ) -> Select[*tuple[Any, ...]]:
-    """An answer in rows of one shape, so that several questions are one statement.
+    """A query whose rows have one common shape, so that several queries form one statement.
 
-    Any: what a column holds is known by its question.
+    Any: the type of a column depends on the question.
     """
     return select(
         literal_column(f"'{question}'", Text).label("question"),
@@ -73,8 +73,8 @@ _FIRST_LOOK: Final = union_all(
     .where(stations.c.station_id == bindparam("pickup")),
 )
 
-# In this order: PostgreSQL asks whether there is a world before it counts, and whether it has
-# counted before it locks any station.
+# The order matters: PostgreSQL checks the network before it counts the instruction, and counts the
+# instruction before it locks any station.
 _world: Final = (
     select(networks.c.network_id)
     .where(
@@ -87,20 +87,20 @@ _world: Final = (
 )
 _counted: Final = COUNT_NEXT.where(exists(select(_world.c.network_id))).cte("counted")
 _locked: Final = LOCK_STATIONS.where(exists(select(_counted.c.drone_id))).cte("locked")
-_TAKE: Final = select(
+_CLAIM: Final = select(
     _counted, select(func.count()).select_from(_locked).scalar_subquery().label("stations")
 )
 
 
 @dataclass(frozen=True, slots=True)
 class FirstLook:
-    """What a booking knows when it begins to plan, all as it was at one moment.
+    """What a booking reads before it plans, all from one moment.
 
-    A delivery that is not known was neither booked nor closed; `around` is the network of the
+    A delivery that does not exist was neither booked nor closed. `around` is the network of the
     pickup station.
     """
 
-    is_known: bool
+    delivery_exists: bool
     booked: tuple[Mission, ...]
     busy: frozenset[DroneId]
     around: Present | None
@@ -114,22 +114,22 @@ async def first_look(
     drone_ids: Collection[DroneId],
     pickup: StationId,
 ) -> FirstLook:
-    """What there is to know for this attempt to book some of these drones."""
+    """All that this attempt needs to know before it plans for these drones."""
     asked = {
         "delivery_id": delivery_id,
         "attempt": attempt,
         "drone_ids": [*drone_ids],
         "pickup": pickup,
     }
-    told: dict[str, list[tuple[Any, ...]]] = defaultdict(list)
+    answers: dict[str, list[tuple[Any, ...]]] = defaultdict(list)
     for question, *answer in await connection.execute(_FIRST_LOOK, asked):
-        told[question].append(tuple(answer))
-    in_order = sorted(told["BOOKED"], key=lambda each: each[1])
+        answers[question].append(tuple(answer))
+    in_order = sorted(answers["BOOKED"], key=lambda each: each[1])
     return FirstLook(
-        is_known=bool(told["KNOWN"]),
+        delivery_exists=bool(answers["KNOWN"]),
         booked=tuple(Mission.read(body) for body, *_ in in_order),
-        busy=frozenset(drone_id for drone_id, *_ in told["BUSY"]),
-        around=Present(*told["NETWORK"][0]) if told["NETWORK"] else None,
+        busy=frozenset(drone_id for drone_id, *_ in answers["BUSY"]),
+        around=Present(*answers["NETWORK"][0]) if answers["NETWORK"] else None,
     )
 
 
@@ -137,17 +137,17 @@ async def missions_of(
     connection: AsyncConnection, delivery_id: DeliveryId, *, attempt: int
 ) -> tuple[Mission, ...]:
     """The missions that were booked for this attempt, in the order of their trips."""
-    wanted = {"delivery_id": delivery_id, "attempt": attempt}
-    found = await connection.execute(_MISSIONS, wanted)
+    values = {"delivery_id": delivery_id, "attempt": attempt}
+    found = await connection.execute(_MISSIONS, values)
     return tuple(Mission.read(body) for body in found.scalars())
 
 
 async def busy_among(
     connection: AsyncConnection, drone_ids: Collection[DroneId]
 ) -> frozenset[DroneId]:
-    """Those of these drones that are on a mission, or say so: given up on, they may still fly.
+    """Which of these drones are busy: they have a mission, or report that they still fly one.
 
-    So are those that are down away from every station, until people have fetched them.
+    A drone that has landed away from every station is busy until people have fetched it.
     """
     found = await connection.execute(_BUSY, {"drone_ids": [*drone_ids]})
     return frozenset(found.scalars())
@@ -161,13 +161,13 @@ async def claim_in_one_statement(
     *,
     station_ids: Collection[StationId],
 ) -> InstructionPlace | None:
-    """The place of the next instruction to a drone, in a network that is still as it was.
+    """The place of the next instruction to a drone, in an unchanged network.
 
-    The network, the drone's link and the stations are locked by that, in this order. None when
-    the network has changed or the link was never begun: then nothing of it is done. PostgreSQL's
-    statement; SQLite, which has no locks, needs several.
+    Locks the network, the drone's link and the stations, in this order. Returns None and does
+    nothing when the network has changed or the drone has no link yet. One statement, for
+    PostgreSQL only; SQLite needs several.
     """
-    wanted = {
+    values = {
         "of_network": present.network_id,
         "of_version": present.version,
         "of_conditions": present.conditions,
@@ -175,8 +175,8 @@ async def claim_in_one_statement(
         "of_provider": provider_id,
         "station_ids": sorted(set(station_ids)),
     }
-    taken = (await tx.execute(_TAKE, wanted)).one_or_none()
-    if taken is None:
+    claimed = (await tx.execute(_CLAIM, values)).one_or_none()
+    if claimed is None:
         return None
-    *place, _ = taken
+    *place, _ = claimed
     return InstructionPlace(*place)

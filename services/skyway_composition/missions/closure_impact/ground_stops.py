@@ -1,4 +1,4 @@
-"""Watching ground stops: which take-off comes next is known only as missions go on."""
+"""Enforces ground stops: the next take-off of a mission changes as the mission goes on."""
 
 from dataclasses import dataclass
 
@@ -13,14 +13,14 @@ from skyway_composition.missions.closure_impact import store
 
 @dataclass(frozen=True, slots=True)
 class GroundStopEnforcer:
-    """Strikes the missions whose next take-off is one that a ground stop forbids by now."""
+    """Requests other plans for missions whose next take-off a ground stop now forbids."""
 
     db: Database
     closings: Closings
     clock: FleetClock
 
     async def step(self) -> bool:
-        """Look at all ground stops that are in force."""
+        """Check all ground stops that are in force."""
         async with self.db.read() as connection:
             stops = await ground_stops(connection, at_ms=moment_to_ms(self.clock.now()))
         for stop in stops:

@@ -1,4 +1,4 @@
-"""What live missions have still to do, as far as closures look at it."""
+"""Where and when a closure meets what live missions still have to do."""
 
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping
@@ -13,7 +13,7 @@ from skyway_composition.missions.mission.record import Proposal
 
 @dataclass(frozen=True, slots=True)
 class Owner:
-    """A live mission, whose it is and what for."""
+    """A live mission with its drone, provider and delivery."""
 
     mission_id: MissionId
     drone_id: DroneId
@@ -23,7 +23,7 @@ class Owner:
 
 @dataclass(frozen=True, slots=True)
 class PlannedFlight:
-    """A flight that a mission has still to end: from where to where, and when by plan."""
+    """A planned flight of a mission that has not ended, with its planned times."""
 
     owner: Owner
     step_id: int
@@ -36,7 +36,7 @@ class PlannedFlight:
 
 @dataclass(frozen=True, slots=True)
 class HeldPad:
-    """A pad that a mission holds."""
+    """A pad that a mission has reserved."""
 
     owner: Owner
     station_id: StationId
@@ -46,7 +46,7 @@ class HeldPad:
 
 @dataclass(frozen=True, slots=True)
 class DroneActivity:
-    """What a drone last said that it does."""
+    """The last reported activity of a drone."""
 
     mission_id: MissionId | None
     step_id: int | None
@@ -70,7 +70,7 @@ def flights_of(owner: Owner, proposal: Proposal) -> Iterator[PlannedFlight]:
 
 @dataclass(frozen=True, slots=True)
 class Hit:
-    """The first thing of a mission that a closure makes impossible."""
+    """The first step of a mission that a closure makes impossible."""
 
     owner: Owner
     station_id: StationId
@@ -79,9 +79,9 @@ class Hit:
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """When something is closed, and what may still meet it.
+    """When something is closed, and what may still happen in that time.
 
-    A drone may be `late_ms` late without another plan, and what is overdue is still to come.
+    A drone may be `late_ms` late without another plan. An overdue step is still to come.
     """
 
     from_ms: float
@@ -91,7 +91,7 @@ class Span:
 
     @classmethod
     def of(cls, reach: Reach, *, now_ms: int) -> "Span":
-        """The time of a closure as seen now."""
+        """The time span of a closure as seen now."""
         closure = reach.closure
         until_ms = math.inf if closure.until_ms is None else closure.until_ms
         return cls(closure.from_ms, until_ms, now_ms, reach.late_ms)
@@ -110,7 +110,7 @@ def hits_of_flights(
 ) -> Iterator[Hit]:
     """The landings at stations of `reach`, and the flights on its segments.
 
-    What of a segment is flown already cannot be helped; where the flight lands, can.
+    A flight under way cannot leave its segment, but its landing can still be changed.
     """
     stations = reach.stations or frozenset()
     for flight in flights:
@@ -160,7 +160,7 @@ def first_hits(hits: Iterable[Hit]) -> tuple[Hit, ...]:
 
 
 def steps_under_way(doing: Mapping[DroneId, DroneActivity]) -> set[tuple[MissionId, int]]:
-    """The flights that drones say they fly, by mission and step."""
+    """The flights that drones report as under way, as pairs of mission and step."""
     return {
         (each.mission_id, each.step_id)
         for each in doing.values()

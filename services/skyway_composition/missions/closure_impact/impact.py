@@ -1,4 +1,4 @@
-"""What a closure does to the missions that are under way: they look for other plans."""
+"""What a closure does to live missions: those that it hits need other plans."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ from skyway_composition.missions.replanning.request_plan import request_plans
 
 @dataclass(frozen=True, slots=True)
 class HitMissions:
-    """The first hit of each mission, the earliest first, and what the drones of them do."""
+    """The first hit of each mission, the earliest first, and the activities of their drones."""
 
     hits: tuple[Hit, ...]
     doing: Mapping[DroneId, DroneActivity]
@@ -81,10 +81,10 @@ async def _pads(reader: Reader, reach: Reach, now_ms: int) -> HitMissions:
 
 
 async def _flights(reader: Reader, reach: Reach, now_ms: int) -> HitMissions:
-    """Landings and flights, of the plans that hold and of those that were proposed."""
+    """Hits on landings and flights, of present plans and of proposals."""
     closure, span = reach.closure, Span.of(reach, now_ms=now_ms)
     ends = (reach.stations or frozenset()) | {to_id for _, to_id in reach.segments}
-    # Proposals first: one that is accepted between the two reads is among the steps then.
+    # Proposals first: a proposal accepted between the two reads is found among the steps.
     proposed = await store.proposals(reader, closure.network_id)
     flights = [
         *(flight for owner, each in proposed for flight in flights_of(owner, each)),
@@ -126,20 +126,20 @@ _CODES: Final[Mapping[ClosureKind, str]] = {
 
 @dataclass(frozen=True, slots=True)
 class MissionImpact:
-    """`closures.impact.Impact` on missions; `stuck` is woken when some need other plans."""
+    """The impact of closures on missions; wakes `stuck` when some need other plans."""
 
     clock: FleetClock
     mint: Mint
     stuck: Wake
 
     async def preview(self, db: Database, reach: Reach) -> tuple[AffectedMission, ...]:
-        """The missions that it would hit, the first to be hit first."""
+        """The missions that a closure would hit, in the order of their hits."""
         async with db.read() as reader:
             found = await find_hits(reader, reach, now_ms=self._now_ms)
         return found.shown()
 
     async def apply(self, tx: Tx, reach: Reach) -> tuple[AffectedMission, ...]:
-        """The missions that it hits; they look for other plans from now on."""
+        """Request other plans for the missions that a closure hits, and return these missions."""
         found = await find_hits(tx.connection, reach, now_ms=self._now_ms)
         if not found.hits:
             return ()
@@ -151,7 +151,7 @@ class MissionImpact:
         return found.shown()
 
     async def retry(self, tx: Tx, reach: Reach) -> None:
-        """Have those that found no plan, or were held on the ground, look again."""
+        """Plan again for missions without a plan or held on the ground, after a closure ended."""
         await store.replan_waiting(tx, reach.closure.network_id)
         tx.after_commit(self.stuck.set)
 
@@ -163,7 +163,7 @@ class MissionImpact:
 async def _trouble_all(work: MissionUnitOfWork, reach: Reach, found: HitMissions) -> None:
     closure = reach.closure
     hit_ids = {hit.owner.mission_id for hit in found.hits}
-    # Whoever looks for another plan anyway finds a ground stop by itself.
+    # A mission that needs another plan anyway meets the ground stop when it is planned.
     records = [
         record
         for record in work.missions.values()

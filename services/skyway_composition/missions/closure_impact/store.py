@@ -1,4 +1,4 @@
-"""All SQL of what closures hit: by indexed columns of steps, whose JSON is not read."""
+"""All SQL of closure impact: it reads indexed columns of steps, not their JSON."""
 
 import json
 from collections.abc import Collection
@@ -24,13 +24,13 @@ from skyway_composition.tables import (
     pad_reservations,
 )
 
-#: What is read from, within a transaction or beside one.
+#: A connection to read from, inside or outside a transaction.
 Reader = AsyncConnection
 
-#: Stations above which all flights are read: naming each station takes longer.
+#: With more stations than this all flights are read: listing the stations takes longer.
 _MOST_NAMED: Final = 5_000
 
-# Written out, because an index of some rows is only used where the statement itself says which.
+# Written as text, because a partial index is used only if the statement has its exact condition.
 _is_to_fly = text("mission_steps.status = 'PLANNED' AND mission_steps.kind = 'FLY'")
 
 _WHOSE: Final = (
@@ -64,7 +64,7 @@ async def take_offs(
     network_id: NetworkId | None,
     provider_id: ProviderId | None,
 ) -> list[PlannedFlight]:
-    """The flights of live missions, of one provider or all, that do not follow another flight."""
+    """The flights of live missions that begin with a take-off, of one provider or of all."""
     before = mission_steps.alias("before")
     flies_through = (
         select(before.c.step_id)
@@ -96,7 +96,7 @@ async def pads_held(connection: Reader, station_id: StationId, pad: int) -> list
 async def proposals(
     connection: Reader, network_id: NetworkId | None
 ) -> list[tuple[Owner, Proposal]]:
-    """The revisions that were sent and not accepted yet."""
+    """The proposals that wait for their drones' answers."""
     query = select(*_WHOSE, missions.c.proposal).where(is_live, missions.c.proposal.is_not(None))
     if network_id is not None:
         query = query.where(missions.c.network_id == network_id)
@@ -107,7 +107,7 @@ async def proposals(
 async def drones_of_model(
     connection: Reader, drone_ids: Collection[DroneId], model_id: DroneModelId
 ) -> frozenset[DroneId]:
-    """Those of these drones on missions that are of a model."""
+    """Which of these drones on missions are of this model."""
     found = await connection.execute(
         select(missions.c.drone_id, missions.c.candidate).where(
             missions.c.drone_id.in_(drone_ids), is_live
@@ -120,13 +120,13 @@ async def drones_of_model(
 async def activities_of(
     connection: Reader, drone_ids: Collection[DroneId]
 ) -> dict[DroneId, DroneActivity]:
-    """What these drones last said that they do."""
+    """The last reported activities of these drones."""
     found = await connection.execute(
         select(drone_links.c.drone_id, drone_links.c.state).where(
             drone_links.c.drone_id.in_(drone_ids), drone_links.c.state.is_not(None)
         )
     )
-    # Three members of many states: reading them as models takes four times as long.
+    # Only three members are needed: reading states as models takes four times as long.
     states = {row.drone_id: json.loads(row.state) for row in found}
     return {
         drone_id: DroneActivity(
@@ -139,7 +139,7 @@ async def activities_of(
 
 
 async def replan_waiting(tx: Tx, network_id: NetworkId | None) -> None:
-    """Have the missions that wait for another plan be planned for at once."""
+    """Plan immediately for all missions that wait for another plan."""
     waits = missions.c.stuck.is_not(None) | missions.c.trouble.is_not(None)
     where = and_(is_live, waits)
     if network_id is not None:
@@ -150,7 +150,7 @@ async def replan_waiting(tx: Tx, network_id: NetworkId | None) -> None:
 async def without_trouble(
     connection: Reader, mission_ids: Collection[MissionId]
 ) -> frozenset[MissionId]:
-    """Those of these missions whose plan is not known to fail."""
+    """Which of these missions have no trouble."""
     found = await connection.execute(
         select(missions.c.mission_id).where(
             missions.c.mission_id.in_(mission_ids), missions.c.trouble.is_(None)

@@ -1,4 +1,7 @@
-"""Packages change hands: custody is passed on, and those who wait for them are told."""
+"""Advances a mission: accepted, begun, packages loaded, delivered, returned.
+
+Each change of custody is saved and reported.
+"""
 
 from collections.abc import Iterable
 from datetime import datetime
@@ -20,45 +23,47 @@ from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 async def record_loading(
     work: MissionUnitOfWork, record: MissionRecord, step: PickUpStep, event: DroneEvent
 ) -> MissionRecord:
-    """The record once the drone has its packages, and brings those back that were cancelled."""
-    wanted = {each.package_id for each in record.request.packages}
-    # A loader confirms the wanted ones only.
-    supposed = {each.package_id for each in step.packages}
-    taken = set(event.package_ids) or (supposed & wanted if step.awaits_confirmation else supposed)
+    """Note which packages are on board; cancelled packages are brought back."""
+    requested = {each.package_id for each in record.request.packages}
+    # A loader confirms only packages that are still requested.
+    planned = {each.package_id for each in step.packages}
+    default = planned & requested if step.awaits_confirmation else planned
+    taken = set(event.package_ids) or default
     package_ids = [each.package_id for each in step.packages if each.package_id in taken]
     drone = Custodian("DRONE", record.drone_id)
     passed = await _pass_on(work, record, package_ids, to=drone, event=event)
     if passed:
-        record = _told(work, record, "LOADED", event, passed)
-    astray = [each for each in step.packages if each.package_id in taken - wanted]
-    return await return_cancelled_packages(work, record, astray) if astray else record
+        record = _report(work, record, "LOADED", event, passed)
+    cancelled = [each for each in step.packages if each.package_id in taken - requested]
+    return await return_cancelled_packages(work, record, cancelled) if cancelled else record
 
 
 async def record_hand_over(
     work: MissionUnitOfWork, record: MissionRecord, step: DeliverStep, event: DroneEvent
 ) -> MissionRecord:
-    """The record once recipients have their packages, with what that took so far."""
+    """Note that recipients have their packages, and report the totals so far."""
     recipient = Custodian("RECIPIENT", step.station_id)
     passed = await _pass_on(work, record, step.package_ids, to=recipient, event=event)
     flown = flown_totals(await ended_events(work.tx.connection, record.mission_id))
-    return _told(work, record, "DELIVERED", event, passed, flown=flown)
+    return _report(work, record, "DELIVERED", event, passed, flown=flown)
 
 
 async def record_return(
     work: MissionUnitOfWork, record: MissionRecord, step: ReturnStep, event: DroneEvent
 ) -> MissionRecord:
-    """The record once a station has packages back; elsewhere than at the pickup they strand.
+    """Note that a station has packages back.
 
-    Those are told of at the mission's end.
+    Packages that are handed back elsewhere than at the pickup are stranded; the report at the end
+    of the mission names them.
     """
     station = Custodian("STATION", step.station_id)
     passed = await _pass_on(work, record, step.package_ids, to=station, event=event)
     if not passed or step.station_id != record.request.pickup.station_id:
         return record
-    return _told(work, record, "RETURNED", event, passed)
+    return _report(work, record, "RETURNED", event, passed)
 
 
-def _told(
+def _report(
     work: MissionUnitOfWork,
     record: MissionRecord,
     kind: str,
@@ -87,7 +92,7 @@ async def _pass_on(
     to: Custodian,
     event: DroneEvent,
 ) -> tuple[PackageId, ...]:
-    """Pass these packages on; those that were already there, or delivered, stay as they are."""
+    """Pass these packages on, except those that are delivered or with `to` already."""
     held = await held_packages(work.tx.connection, record.mission.delivery_id)
     passed = [each for each in package_ids if may_pass(held.get(each), to)]
     rows = [Held(each, held[each].seq + 1 if each in held else 1, to) for each in passed]
@@ -96,7 +101,7 @@ async def _pass_on(
 
 
 def accept(work: MissionUnitOfWork, record: MissionRecord) -> MissionRecord:
-    """The record once the drone has taken the mission; whoever flies it has accepted it."""
+    """Note that the drone has accepted the mission; a drone that flies it has accepted it."""
     if record.mission.state != "BOOKED":
         return record
     record = moved(record, "ACCEPTED")
@@ -104,7 +109,7 @@ def accept(work: MissionUnitOfWork, record: MissionRecord) -> MissionRecord:
 
 
 def begin(work: MissionUnitOfWork, record: MissionRecord, *, at: datetime) -> MissionRecord:
-    """The record once the drone has begun: it approaches the pickup, or loads there."""
+    """Note that the drone has begun: it approaches the pickup, or loads there."""
     record = accept(work, record)
     if record.mission.state != "ACCEPTED":
         return record

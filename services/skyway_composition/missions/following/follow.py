@@ -1,11 +1,11 @@
-"""Following missions: what drones say becomes what is known, one transaction per batch.
+"""Following missions: one transaction handles one batch of messages from drones.
 
-Messages come late, twice, out of order or not at all. Each kind has its own defence: acks answer
-an instruction once; events are taken in the order of their `seq`, and asked for again when one is
-missing; states and connections only ever replace older ones. So a batch may be taken again, and
-every replica may read everything.
+Messages come late, twice, out of order or not at all. Each kind has its own defence. An ack answers
+an instruction once. Events are handled in the order of their `seq`, and requested again when one is
+missing. States and connections only replace older ones. So a batch may be handled again, and every
+replica may read all messages.
 
-Drones that stand idle and say so again are not looked up at all (`links.last_heard`).
+An idle drone that repeats its state causes no transaction (`links.cached_links`).
 """
 
 import asyncio
@@ -38,24 +38,24 @@ from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 
 log = logging.getLogger(__name__)
 
-#: A batch that fails this often is let go: drones repeat what matters, others must not wait.
+#: A batch that fails this often is dropped: drones repeat what matters, and others must not wait.
 _TRIES = 3
 
-#: Seconds of wall time between two batches: what arrives meanwhile takes one transaction, and what
-#: a drone says of one thing, an acknowledgement and two states, comes together.
+#: Seconds of wall time between two batches: messages that arrive meanwhile share one transaction.
+#: A drone often sends an acknowledgement and two states about the same change.
 _PAUSE_S = 0.1
 
 
 class Subscriber(Protocol):
-    """What following needs of an MQTT client."""
+    """The part of an MQTT client that following needs."""
 
     def batches(self, *subscriptions: Topic[Any]) -> AsyncIterator[list[Received[Any]]]:
-        """Everything that arrives on these topics, whose messages have no common type."""
+        """All messages on these topics; they have no common type."""
         ...
 
 
 class Follower:
-    """Takes what drones say; `stuck` is woken when a mission needs a new revision."""
+    """Handles messages of drones; wakes `stuck` when a mission needs a new revision."""
 
     def __init__(
         self, db: Database, mqtt: Subscriber, *, clock: FleetClock, mint: Mint, stuck: Wake
@@ -70,11 +70,11 @@ class Follower:
         self._tries = 0
 
     async def run(self) -> None:
-        """Take batches for ever."""
+        """Handle batches until cancelled."""
         await repeat("follow", self.step, every_s=1.0)
 
     async def step(self) -> bool:
-        """Take the next batch; always True, since waiting for it is all the waiting there is."""
+        """Handle the next batch. Always True: this method itself waits for the next batch."""
         if not self._batch:
             self._batch, self._tries = await anext(self._batches), 0
         self._tries += 1
@@ -84,7 +84,7 @@ class Follower:
             else:
                 log.error("batch dropped", extra={"messages": len(self._batch)})
         except ServiceUnavailable:
-            self._tries -= 1  # that is not the batch's fault
+            self._tries -= 1  # The batch did not cause this error.
             raise
         is_full, self._batch = len(self._batch) >= BATCH_SIZE, []
         if not is_full:
@@ -92,7 +92,7 @@ class Follower:
         return True
 
     async def handle(self, batch: Sequence[Received[Any]]) -> None:
-        """Take messages of any kind, in the order in which they arrived."""
+        """Handle messages of any kind, in the order of their arrival."""
         batch = await self._without_repeated(batch)
         if not batch:
             return
@@ -100,7 +100,7 @@ class Follower:
         self._last_heard.forget(writers)
         async with self._db.write() as tx:
             work = await MissionUnitOfWork.lock(writers, tx=tx, clock=self._clock, mint=self._mint)
-            # In sorted order, as links are locked everywhere.
+            # In sorted order, as every transaction locks links.
             for drone_id in sorted(writers.keys() - work.links.keys()):
                 work.links[drone_id] = await lock_link(tx, drone_id, writers[drone_id])
             for received in _without_superseded(batch):
@@ -111,7 +111,7 @@ class Follower:
         self._last_heard.keep(work.links.values())
 
     async def _without_repeated(self, batch: Sequence[Received[Any]]) -> Sequence[Received[Any]]:
-        """The batch without the drones that only say again what they said last."""
+        """The batch without the drones that only repeat their last messages."""
         said: dict[DroneId, list[Received[Any]]] = defaultdict(list)
         for received in batch:
             said[DroneId(received.ids[1])].append(received)
@@ -119,14 +119,14 @@ class Follower:
         if not again:
             return batch
         async with self._db.read() as connection:
-            # Of a drone on a mission its silence counts: how new its last word is must be known.
+            # For a drone on a mission the time of its last message matters: it must be saved.
             again -= await store.live_among(connection, again)
         for drone_id in again:
             self._last_heard.note(drone_id, said[drone_id])
         return [each for each in batch if DroneId(each.ids[1]) not in again]
 
     async def ask_live_drones(self) -> None:
-        """Ask every drone on a mission for the events that we lack: what came meanwhile is lost."""
+        """Ask every drone on a mission for its missing events, after a connection was lost."""
         async with self._db.read() as connection:
             drone_ids = await store.live_drones(connection)
         for drone_id in drone_ids:
@@ -141,7 +141,7 @@ class Follower:
         provider_id, drone_id = ProviderId(received.ids[0]), DroneId(received.ids[1])
         link = work.links[drone_id]
         if link.provider_id != provider_id:
-            # A drone may write under any provider's name; only its own counts.
+            # The topic may name any provider; only the drone's own provider is accepted.
             count("skyway_foreign_provider", "messages under another provider's name")
             return
         match received.message:
@@ -156,7 +156,7 @@ class Follower:
 
 
 def _without_superseded(batch: Sequence[Received[Any]]) -> Iterator[Received[Any]]:
-    """The batch without the news that an instruction has come, where its answer follows."""
+    """The batch without each RECEIVED that is followed by the answer to the same instruction."""
     answered = {
         (*each.ids, each.message.instruction_id)
         for each in batch

@@ -1,4 +1,4 @@
-"""The drone's answer to an instruction: it counts once, and ends the repeating."""
+"""Handles a drone's answer to an instruction: it counts once and stops the repetition."""
 
 import logging
 from typing import Final
@@ -24,18 +24,18 @@ from skyway_composition.missions.replanning.store import plan_now, retry_stuck
 
 log = logging.getLogger(__name__)
 
-#: Instructions that bring steps.
+#: The kinds of instructions that carry steps.
 _REVISIONS: Final = ("MISSION", "DIVERT", "RETURN_HOME")
 
-#: Refusals of a drone that cannot fly with what was loaded.
+#: Refusals of a drone that cannot fly with its load.
 _NOT_WITH_THIS_LOAD: Final = (RefusalCode.OVERWEIGHT, RefusalCode.INSUFFICIENT_ENERGY)
 
-#: Wall time until another plan is looked for after a refusal. Our own choice.
+#: Wall time between a refusal and the next planning. Our own choice.
 _LOOK_AGAIN_MS: Final = 2_000
 
 
 async def handle_ack(work: MissionUnitOfWork, link: DroneLink, ack: Ack) -> None:
-    """RECEIVED is noted; ACCEPTED and REJECTED are final."""
+    """Handle an ack: RECEIVED is saved; ACCEPTED and REJECTED are final."""
     is_gap = ack.code is RefusalCode.SEQUENCE_GAP
     sent = None
     if not is_gap:
@@ -81,18 +81,19 @@ async def _handle_answer_to_proposal(
     if is_loading and code in _NOT_WITH_THIS_LOAD:
         await cancel(work, record, code=code, detail=ack.detail or "the drone refused its load")
     elif code is not RefusalCode.STEP_RELEASED:
-        # The same would be refused again, until the drone has said more of itself.
+        # The drone would refuse the same plan again, until it has reported a new state.
         at_wall_ms = moment_to_ms(work.clock.wall_now()) + _LOOK_AGAIN_MS
         await retry_stuck(work.tx, record.mission_id, at_wall_ms=at_wall_ms)
 
 
 async def _handle_gap(work: MissionUnitOfWork, link: DroneLink, ack: Ack) -> None:
-    """The outbox repeats from the instruction that the drone lacks, unless that was answered.
+    """Open a new stream if the drone misses an instruction that was answered before.
 
-    Then the drone runs on an old copy of its journal, and will never hear it again.
+    Such a drone runs on an old copy of its journal, and the instruction is not repeated. Otherwise
+    the outbox repeats the missing instruction, so nothing is to be done.
     """
     state, expected_seq = link.state, ack.data.get("expected_seq")
-    # Only a state of this session tells from where its events go on.
+    # Only a state of this session says with which number its events continue.
     is_of_now = state is not None and state.session == ack.session and ack.stream == link.stream
     if state is None or not is_of_now or not isinstance(expected_seq, int):
         return
@@ -106,13 +107,13 @@ async def _handle_acceptance(
     record = work.missions.get(link.drone_id)
     if record is not None and record.mission_id == sent.mission_id:
         work.stage(accept(work, record))
-        # What has come up meanwhile waited for this answer.
+        # Planning for later troubles has waited for this answer.
         if record.needs_plan:
             await plan_now(work.tx, record.mission_id)
         return
     if sent.mission_id is None or sent.mission_revision is None:
         return
-    # The mission was given up before the drone's word came: the drone must not fly it.
+    # The mission was given up before this answer arrived: the drone must not fly it.
     log.warning("late acceptance", extra={"mission_id": sent.mission_id})
     await call_off(
         work,

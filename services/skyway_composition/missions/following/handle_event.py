@@ -1,4 +1,4 @@
-"""Events: what a drone has done becomes custody, mission state and mission reports."""
+"""Handles events: a drone's deeds become custody, mission states and mission reports."""
 
 import logging
 from dataclasses import replace
@@ -31,7 +31,7 @@ log = logging.getLogger(__name__)
 
 
 async def handle_event(work: MissionUnitOfWork, link: DroneLink, event: DroneEvent) -> None:
-    """Take the next event of a drone; a repeated one is dropped, a gap is asked for."""
+    """Handle the next event of a drone; drop a repeated one, request missing ones."""
     is_of_lost_journal = event.stream < link.stream == link.acked_stream
     if is_of_lost_journal or event.seq <= link.last_event_seq:
         return
@@ -105,7 +105,7 @@ async def _handle_alarm(work: MissionUnitOfWork, link: DroneLink, event: DroneEv
 async def _handle_plan_request(
     work: MissionUnitOfWork, record: MissionRecord, event: DroneEvent
 ) -> None:
-    """A drone that cannot fly its plan may ask for another one."""
+    """A drone that cannot fly its plan may request another one with PLAN_WANTED."""
     if event.code == "PLAN_WANTED":
         detail = event.detail or "the drone asks for another plan"
         await request_plan(work, record, Trouble(code="PLAN_WANTED", detail=detail))

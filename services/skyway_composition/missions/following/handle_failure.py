@@ -1,4 +1,10 @@
-"""A drone that stands and waits: a step failed, it refused a revision, it lost its journal."""
+"""Handles failures after which a drone stands and waits for another plan.
+
+A step has failed, or the drone has refused a revision or lost its journal. After a restart during a
+hand-over the drone cannot say whether the hand-over was done. A package that may have been
+delivered is not delivered again: it goes back to the pickup, and people must check where it is. A
+package that may have been loaded counts as not loaded, unless the drone reports it on board.
+"""
 
 import logging
 from dataclasses import replace
@@ -30,10 +36,10 @@ log = logging.getLogger(__name__)
 async def handle_step_failure(
     work: MissionUnitOfWork, record: MissionRecord, event: DroneEvent
 ) -> None:
-    """The drone will not do this step: it waits for another plan where it stands.
+    """A step has failed: the drone waits for another plan where it stands.
 
-    That may be elsewhere than planned, when a failsafe led it there; without a station it is down
-    in the open, and flies no more. Packages that nobody was there to take go elsewhere from now on.
+    A failsafe may have led it to another station. Without a station it has landed in the open, and
+    its mission ends. Packages without a recipient get another aim.
     """
     step = await end_step(work.tx, record.mission_id, event, status="FAILED")
     record = begin(work, record, at=event.started_at or event.ended_at)
@@ -67,7 +73,7 @@ async def handle_step_failure(
 async def wait_for_revision(
     work: MissionUnitOfWork, record: MissionRecord, *, code: str, detail: str, last_step: int = 0
 ) -> None:
-    """Note that the drone stands and waits; `recompose` finds it, from where its state says."""
+    """Note that the drone stands and waits where its last state says; replanning finds it."""
     state = work.links[record.drone_id].state
     if state is not None and state.activity == "DOWN":
         await end_after_forced_landing(
@@ -81,8 +87,10 @@ async def wait_for_revision(
         )
         return
     if state is None or state.station_id is None:
-        # Not known where it stands: its next state or the end of its plan decides.
-        log.warning("stuck nowhere", extra={"mission_id": record.mission_id, "code": code})
+        # Its place is unknown: its next state or the end of its plan decides.
+        log.warning(
+            "stuck drone without a station", extra={"mission_id": record.mission_id, "code": code}
+        )
         return
     if state.mission_id == record.mission_id:
         last_step = max(last_step, state.released_through or 0, state.step_id or 0)
@@ -97,7 +105,7 @@ async def wait_for_revision(
 
 
 async def _keep_stuck(work: MissionUnitOfWork, record: MissionRecord, stuck: Stuck) -> None:
-    """Keep why the drone waits, and say that another plan is looked for unless that was said."""
+    """Save why the drone waits, and report REPLANNING unless that was reported before."""
     if record.stuck is None and record.trouble is None:
         record = report(
             work,
@@ -113,12 +121,12 @@ async def _keep_stuck(work: MissionUnitOfWork, record: MissionRecord, stuck: Stu
 
 
 def _in_words(event: DroneEvent, step: FlightStep | None) -> str:
-    """Why the step failed, and where that has left the drone if not at the step's end."""
+    """Why the step failed, and where the drone is if not at the end of the step."""
     match step:
         case DeliverStep() if event.code == "RECIPIENT_ABSENT" and event.detail is None:
             packages = ", ".join(step.package_ids)
             wait_s = step.recipient_wait_s
-            return f"nobody took {packages} at {step.station_id!r} within {wait_s:g} s"
+            return f"no recipient took {packages} at {step.station_id!r} within {wait_s:g} s"
         case FlyStep() if event.station_id not in (None, step.from_id, step.to_id):
             where = f"landed at {event.station_id!r} instead of {step.to_id!r}"
             return f"the drone {where}: {event.detail or event.code}"
@@ -132,7 +140,7 @@ def _in_words(event: DroneEvent, step: FlightStep | None) -> str:
 def _without_recipient(
     work: MissionUnitOfWork, record: MissionRecord, step: FlightStep | None, *, detail: str
 ) -> MissionRecord:
-    """The record with other aims for what could not be handed over."""
+    """The record with other aims for the packages that could not be handed over."""
     if not isinstance(step, DeliverStep):
         return record
     changed = [
@@ -154,7 +162,7 @@ UNKNOWN = "UNKNOWN"
 async def handle_unknown_hand_over(
     work: MissionUnitOfWork, record: MissionRecord, step: FlightStep | None, event: DroneEvent
 ) -> tuple[MissionRecord, str]:
-    """The record with what becomes of the packages, and what is told of it."""
+    """The record with new aims of the packages, and a description of what happened."""
     match step:
         case DeliverStep():
             detail = f"it is not known whether {_named(step.package_ids)} were handed over"
@@ -192,7 +200,7 @@ def _named(package_ids: tuple[PackageId, ...]) -> str:
 
 
 async def open_stream(work: MissionUnitOfWork, link: DroneLink, state: DroneState) -> None:
-    """Begin a new order of instructions; what was not answered in the old one is sent anew."""
+    """Start a new stream of instructions; unanswered ones of the old stream are sent again."""
     log.warning(
         "new stream", extra={"drone_id": link.drone_id, "stream": link.in_new_stream(state).stream}
     )

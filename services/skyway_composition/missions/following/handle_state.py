@@ -1,4 +1,4 @@
-"""States: the drone's own picture of its progress, which shows what messages were missed."""
+"""Handles states: a drone's own view of its progress, which shows missed messages."""
 
 from dataclasses import replace
 from typing import Final
@@ -21,14 +21,14 @@ from skyway_composition.missions.replanning.outlook.judge import check_plan
 from skyway_composition.missions.replanning.propose import accept_if_flown
 from skyway_composition.planning.problem_for import used_more
 
-#: What a customer is shown; loading is told by reports of its own.
+#: The activities that customers see; loading has its own reports.
 _REPORTED_ACTIVITIES: Final = ("FLYING", "WAITING", "RECHARGING", "DELIVERING")
-#: A drone doing this for a mission has begun it.
+#: A drone with one of these activities has started its mission.
 _ACTIVITIES_AFTER_START: Final = ("LOADING", "FLYING", "RECHARGING", "DELIVERING")
 
 
 async def handle_state(work: MissionUnitOfWork, link: DroneLink, state: DroneState) -> None:
-    """Take a newer state; see whether the drone lost its journal, or we lost its events."""
+    """Handle a newer state; check whether the drone has lost its journal, or we its events."""
     if not link.is_newer_state(state):
         return
     must_open_stream = link.needs_new_stream(state)
@@ -37,7 +37,7 @@ async def handle_state(work: MissionUnitOfWork, link: DroneLink, state: DroneSta
     if state.stream == link.stream:
         link = link.acked(state.stream, state.session)
     elif link.acked_stream < link.stream:
-        # It has not taken anything of ours yet, so none of its past events is about us.
+        # It has not accepted any instruction of this stream, so its past events do not matter.
         link = replace(link, last_event_seq=state.last_event_seq)
     if must_open_stream:
         await open_stream(work, link, state)
@@ -56,9 +56,10 @@ async def handle_state(work: MissionUnitOfWork, link: DroneLink, state: DroneSta
 
 
 def _is_news(before: DroneState | None, state: DroneState) -> bool:
-    """Whether a state may say more of the plan than its events, which were compared with it.
+    """Whether the plan must be checked against this state.
 
-    Only the end of a step was, by the plan that held then: not an alarm, nor what was cut.
+    The end of a step was checked when its event came, against the plan of that time. Alarms and
+    cut steps were not, so a state after them must be checked.
     """
     if before is None or before.last_event_seq == state.last_event_seq:
         return True
@@ -78,40 +79,40 @@ def _used_more(state: DroneState) -> float:
 async def _call_off_if_over(
     work: MissionUnitOfWork, drone_id: DroneId, mission_id: MissionId, state: DroneState
 ) -> None:
-    """Have the drone forget a mission of its own that ended here without its knowing."""
-    known = await store.get(work.tx.connection, mission_id, provider_id=None)
+    """Tell the drone to cancel a mission that ended here without its knowledge."""
+    ended = await store.get(work.tx.connection, mission_id, provider_id=None)
     sent = await last_cancel(work.tx, work.links[drone_id], mission_id)
-    # Told once, it answers with a state like this one, until it has landed or handed over.
+    # The drone answers a CANCEL with such a state, until it has landed or handed over.
     is_answered = (
         sent is not None
         and state.last_event_seq <= sent.events_confirmed_seq
         and work.clock.now() <= sent.expires_at
     )
-    if known is None or known.drone_id != drone_id:
+    if ended is None or ended.drone_id != drone_id:
         return
     if not is_answered:
-        revision = state.mission_revision or known.mission.revision
+        revision = state.mission_revision or ended.mission.revision
         await call_off(
             work,
             drone_id,
             mission_id=mission_id,
             revision=revision,
-            reason="the mission was given up without the drone's knowing",
+            reason="the mission was given up without the drone's knowledge",
         )
     if state.package_ids and state.activity != "DOWN":
         if sent is None:
-            await raise_flies_on(work, known, state)
-        await hold_and_unload(work, known, state)
+            await raise_flies_on(work, ended, state)
+        await hold_and_unload(work, ended, state)
 
 
 async def _with_progress(
     work: MissionUnitOfWork, record: MissionRecord, state: DroneState
 ) -> MissionRecord:
-    known = record
+    before = record
     if state.step_id is not None and state.activity in _ACTIVITIES_AFTER_START:
         record = begin(work, record, at=state.at)
     record = await _with_reported_activity(work, record, state)
-    if record is not known:
+    if record is not before:
         work.stage(record)
     return record
 
@@ -119,7 +120,7 @@ async def _with_progress(
 async def _with_reported_activity(
     work: MissionUnitOfWork, record: MissionRecord, state: DroneState
 ) -> MissionRecord:
-    """The record once the customer is told what the drone does with the packages, if it changed."""
+    """Report the drone's activity to the customer if it changed while packages are on board."""
     doing = f"{state.activity} {state.station_id or ''}"
     if state.activity not in _REPORTED_ACTIVITIES or doing == record.reported_activity:
         return record

@@ -1,7 +1,7 @@
-"""A drone that flies on with packages by a mission that was given up: it is brought to rest.
+"""Recovers packages from a drone that still flies a mission that was given up.
 
-It was silent for so long that its mission was ended, and its pads are others' by now. It holds at
-its next landing, and leaves there what it has on board; people are told.
+The drone was silent for so long that its mission was ended; other missions may have its pads now.
+It is told to hold at its next landing and to leave its packages there. Operators get an alarm.
 """
 
 from functools import partial
@@ -21,7 +21,7 @@ from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 
 
 async def raise_flies_on(work: MissionUnitOfWork, ended: MissionRecord, state: DroneState) -> None:
-    """Tell people of a drone that is back, with packages that were given up."""
+    """Raise an alarm about a drone that is back with packages that were given up."""
     await raise_alarm(
         work,
         ended,
@@ -37,9 +37,9 @@ async def raise_flies_on(work: MissionUnitOfWork, ended: MissionRecord, state: D
 
 
 async def hold_and_unload(work: MissionUnitOfWork, ended: MissionRecord, state: DroneState) -> None:
-    """Have it hold, and once it does, leave what is on board; each is said once."""
+    """Tell the drone to hold, and then to leave its packages; each instruction is sent once."""
     if (state.mission_revision or 0) > ended.mission.revision:
-        return  # it does what it was told here
+        return  # The drone follows the last revision that was sent here.
     sent = {
         each.kind
         for each in await open_instructions(work.tx, ended.drone_id)
@@ -53,7 +53,7 @@ async def hold_and_unload(work: MissionUnitOfWork, ended: MissionRecord, state: 
 
 
 async def record_late_return(work: MissionUnitOfWork, event: DroneEvent) -> None:
-    """Packages of a mission that was given up are at a station now."""
+    """Note that packages of a mission that was given up are at a station now."""
     if event.mission_id is None or event.station_id is None or event.step_kind != "RETURN":
         return
     ended = await store.get(work.tx.connection, event.mission_id, provider_id=None)
@@ -72,7 +72,7 @@ async def record_late_return(work: MissionUnitOfWork, event: DroneEvent) -> None
 async def _leave_all(
     work: MissionUnitOfWork, ended: MissionRecord, state: DroneState, *, station: str
 ) -> None:
-    """A last revision: everything off here, and the mission is over for the drone too."""
+    """Send a last revision: the drone leaves everything here and ends the mission."""
     now, mission = work.clock.now(), ended.mission
     first_step = (state.released_through or 0) + 1
     step = ReturnStep.model_validate(

@@ -1,4 +1,4 @@
-"""Cancelling packages of a delivery: once, in one transaction over all its missions."""
+"""Cancels packages of a delivery, in one transaction over all its missions."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -18,13 +18,13 @@ from skyway_composition.missions.mission.custody_store import held_packages
 from skyway_composition.missions.mission.store import lock_delivery
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 
-#: Told of whatever a customer has cancelled.
+#: The code in reports about packages that a customer has cancelled.
 CANCELLED = "CANCELLED"
 
 
 @dataclass(frozen=True, slots=True)
 class Cancellations:
-    """Cancels what can be cancelled; `stuck` is woken after it."""
+    """Cancels what can be cancelled; wakes `stuck` afterwards."""
 
     db: Database
     clock: FleetClock
@@ -32,16 +32,16 @@ class Cancellations:
     stuck: Wake
 
     async def cancel(self, delivery_id: DeliveryId, wanted: CancelMissions) -> Cancellation:
-        """What becomes of each package; the same cancellation again is answered the same.
+        """Cancel packages; says what becomes of each. A repeated request gets the same answer.
 
-        Locked in the order of everybody: the delivery, so that nothing is booked for it meanwhile,
-        then drones and their missions.
+        The order of locks is the same as everywhere: the delivery, so that nothing is booked for
+        it meanwhile, then the drones, then their missions.
         """
         async with self.db.write() as tx:
             await lock_delivery(tx, delivery_id)
-            known = await store.cancellation(tx, delivery_id, wanted.cancellation_id)
-            if known is not None:
-                return known
+            earlier = await store.cancellation(tx, delivery_id, wanted.cancellation_id)
+            if earlier is not None:
+                return earlier
             answer = await self._stop(tx, delivery_id, wanted)
             await store.add_cancellation(
                 tx,
@@ -59,7 +59,7 @@ class Cancellations:
         records = [
             work.missions[each]
             for each in drone_ids
-            # Meanwhile the drone may serve somebody else.
+            # The drone may have got a mission for another delivery since it was found.
             if each in work.missions and work.missions[each].mission.delivery_id == delivery_id
         ]
         held = await held_packages(tx.connection, delivery_id)
@@ -71,13 +71,13 @@ class Cancellations:
             await stop_packages(work, record, package_ids, code=CANCELLED, reason=wanted.reason)
             for record in records
         ]
-        # Of no live mission: never booked and free to go, or with somebody for good.
+        # Packages without a live mission: never left the pickup (True), or too late (False).
         others: dict[bool, list[PackageId]] = {True: [], False: []}
         for each in package_ids:
             if each not in under_way:
                 others[has_never_left(held.get(each))].append(each)
-        remainder = Cancellation(released=tuple(others[True]), too_late=tuple(others[False]))
-        return _together([*stopped, remainder])
+        without_mission = Cancellation(released=tuple(others[True]), too_late=tuple(others[False]))
+        return _together([*stopped, without_mission])
 
 
 def _together(parts: Iterable[Cancellation]) -> Cancellation:

@@ -1,4 +1,4 @@
-"""A command: what an operator wants a mission's drone to do, and what is answered."""
+"""A command: what an operator tells the drone of a mission to do, and the answer."""
 
 from typing import Annotated, Literal, Self
 

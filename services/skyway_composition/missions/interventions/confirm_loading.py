@@ -1,4 +1,4 @@
-"""Loading: what a loader has measured becomes the plan's masses, or the mission is over."""
+"""Confirms a loading: the measured masses go into the plan, or the mission ends."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -30,7 +30,11 @@ from skyway_composition.missions.replanning.request_plan import request_plan
 
 
 class LoadingAnswer(JsonModel):
-    """CONFIRMED: the drone takes off once its plan holds with these masses. REFUSED: never."""
+    """The answer to a loader.
+
+    CONFIRMED: the drone takes off once its plan holds with these masses. REFUSED: the mission
+    has ended.
+    """
 
     outcome: Literal["CONFIRMED", "REFUSED"]
     code: str | None = None
@@ -39,7 +43,7 @@ class LoadingAnswer(JsonModel):
 
 @dataclass(frozen=True, slots=True)
 class Loadings:
-    """Takes loaders' words; `stuck` is woken after each."""
+    """Handles loaders' confirmations; wakes `stuck` after each."""
 
     db: Database
     clock: FleetClock
@@ -53,15 +57,14 @@ class Loadings:
         *,
         provider_id: ProviderId | None,
     ) -> LoadingAnswer:
-        """Whether the drone may take off with these packages.
+        """Check whether the drone may take off with these packages.
 
         Raises
         ------
         NotFound
-            There is no such mission of this provider (None: of anybody).
+            There is no such mission of this provider (None: of any provider).
         Conflict
-            NOT_LOADING: the drone does not stand at the pickup and wait. ALREADY_CONFIRMED, HELD,
-            REPLANNING.
+            NOT_LOADING: the drone does not wait at the pickup. ALREADY_CONFIRMED, HELD, REPLANNING.
         InvalidInput
             A package is not of this mission, or is listed twice.
         """
@@ -83,7 +86,7 @@ class Loadings:
 async def refuse_loading(
     work: MissionUnitOfWork, record: MissionRecord, fault: LoadingFault
 ) -> None:
-    """End a mission that was not loaded as agreed, and have somebody look at it."""
+    """End a mission that was not loaded as agreed, and raise an alarm."""
     mission = record.mission
     await alarm_store.add(
         work.tx,
@@ -107,7 +110,7 @@ def _refuse_unless_loading(work: MissionUnitOfWork, record: MissionRecord) -> No
     if record.mission.is_held:
         raise Conflict("HELD", f"{record.mission_id} is held by an operator")
     if record.trouble is not None and record.trouble.code == PACKAGES_CANCELLED:
-        detail = f"{record.drone_id} has still to be told what was cancelled of {record.mission_id}"
+        detail = f"{record.drone_id} has not been told yet what was cancelled"
         raise Conflict("REPLANNING", detail)
     link, pickup = work.links.get(record.drone_id), record.request.pickup.station_id
     state = None if link is None else link.state
@@ -125,7 +128,7 @@ def _refuse_unless_loading(work: MissionUnitOfWork, record: MissionRecord) -> No
 async def _confirm(
     work: MissionUnitOfWork, record: MissionRecord, listed: Sequence[PackageOnBoard]
 ) -> None:
-    """Have the plan made anew with the measured masses, and the drone told to take off."""
+    """Request a new plan with the measured masses; it tells the drone to take off."""
     measured_kg = {each.package_id: each.mass_kg for each in listed}
     packages = tuple(
         each.model_copy(update={"mass_kg": measured_kg[each.package_id]})

@@ -1,4 +1,4 @@
-"""Carrying commands out: an operator's hands on the wheel of one mission."""
+"""Carries out an operator's commands to one mission."""
 
 from dataclasses import dataclass, replace
 from typing import Final
@@ -27,13 +27,13 @@ from skyway_composition.missions.replanning.failsafes import steering_failsafe
 from skyway_composition.missions.replanning.request_plan import request_plan
 from skyway_composition.networks.station_store import network_of
 
-#: Told of what an operator has cancelled, not the customer.
+#: The code in reports about packages that an operator has cancelled.
 _CANCELLED_BY_OPERATOR: Final = "CANCELLED_BY_OPERATOR"
 
 
 @dataclass(frozen=True, slots=True)
 class Commands:
-    """Carries commands out; `stuck` is woken after each."""
+    """Carries out commands; wakes `stuck` after each."""
 
     db: Database
     clock: FleetClock
@@ -41,7 +41,7 @@ class Commands:
     stuck: Wake
 
     async def give(self, mission_id: MissionId, command: Command) -> CommandAnswer:
-        """Do what can be done at once, and have the rest planned.
+        """Do immediately what can be done, and have the remainder planned.
 
         Raises
         ------
@@ -68,7 +68,7 @@ class Commands:
 
 
 def _obstacle(command: Command, record: MissionRecord, link: DroneLink) -> ActiveFailsafe | None:
-    """The failsafe that goes before this command; None when nothing does."""
+    """The active failsafe that delays this command; None when nothing delays it."""
     brings_steps = command.command in ("DIVERT", "RETURN_HOME", "CANCEL")
     if command.overrides_failsafe or not brings_steps:
         return None
@@ -102,7 +102,7 @@ async def _hold(work: MissionUnitOfWork, record: MissionRecord, reason: str) -> 
 
 
 async def _resume(work: MissionUnitOfWork, record: MissionRecord, reason: str) -> InstructionId:
-    """Go on, by a new plan: the old one's times are over. A diversion not flown yet is dropped."""
+    """Continue by a new plan, because the old times are over; drop a diversion not yet flown."""
     if not record.mission.is_held:
         raise Conflict("NOT_HELD", f"{record.mission_id} is not held")
     record = held(record, is_held=False)
@@ -117,13 +117,13 @@ async def _resume(work: MissionUnitOfWork, record: MissionRecord, reason: str) -
 async def _divert(
     work: MissionUnitOfWork, record: MissionRecord, command: Command
 ) -> InstructionId:
-    """Hold at once, in case there is no way; the diversion's own steps end with a wait for word."""
+    """Hold immediately, in case no way is found; the diversion ends with a wait for a command."""
     station_id, reason = command.station_id, command.reason
-    is_known = (
+    is_in_network = (
         station_id is not None
         and await network_of(work.tx.connection, station_id) == record.network_id
     )
-    if not is_known:
+    if not is_in_network:
         detail = f"{station_id!r} is not a station of network {record.network_id}"
         raise InvalidInput("station_id", detail)
     _refuse_while_loaded(record)
@@ -141,7 +141,7 @@ async def _divert(
 
 
 async def _return_home(work: MissionUnitOfWork, record: MissionRecord, command: Command) -> None:
-    """Bring back what is on board; an empty drone goes home anyway, or is cancelled."""
+    """Bring back the packages on board; an empty drone flies home anyway, or is cancelled."""
     reason = command.reason
     carried = on_board(await held_packages(work.tx.connection, record.mission.delivery_id))
     own = [each.package_id for each in record.packages(carried)]
@@ -159,7 +159,7 @@ async def _return_home(work: MissionUnitOfWork, record: MissionRecord, command: 
 
 
 async def _is_called_home(work: MissionUnitOfWork, record: MissionRecord) -> bool:
-    """Whether it flies by such a plan, has one proposed, or one is looked for."""
+    """Whether the mission flies home, was proposed to, or waits for a plan to do so."""
     mission, proposal, trouble = record.mission, record.proposal, record.trouble
     if CALLED_HOME in (proposal and proposal.code, trouble and trouble.code):
         return True
@@ -168,7 +168,7 @@ async def _is_called_home(work: MissionUnitOfWork, record: MissionRecord) -> boo
 
 
 async def _cancel(work: MissionUnitOfWork, record: MissionRecord, reason: str) -> None:
-    """Stop all packages of the mission, as if they were cancelled one by one."""
+    """Cancel all packages of the mission."""
     package_ids = [each.package_id for each in record.request.packages]
     stopped = await stop_packages(
         work, record, package_ids, code=_CANCELLED_BY_OPERATOR, reason=reason
@@ -179,6 +179,6 @@ async def _cancel(work: MissionUnitOfWork, record: MissionRecord, reason: str) -
 
 
 def _refuse_while_loaded(record: MissionRecord) -> None:
-    """The drone is told that it is loaded within seconds, and must not hear two things at once."""
+    """Refuse while a confirmed loading is on its way: the drone must not get two instructions."""
     if record.is_being_loaded:
         raise Conflict("BEING_LOADED", f"the loading of {record.mission_id} was just confirmed")

@@ -1,4 +1,4 @@
-"""What a loader says is on board, against what was to be loaded."""
+"""Compares what a loader has loaded with what was agreed."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -19,7 +19,7 @@ _ROUNDING_KG: Final = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class LoadingFault:
-    """Why a drone does not take off with what was brought: a code, a sentence, its numbers."""
+    """Why a drone does not take off with its load: a code, a sentence, the numbers."""
 
     code: str
     detail: str
@@ -27,7 +27,7 @@ class LoadingFault:
 
 
 def refuse_unknown_packages(record: MissionRecord, listed: Sequence[PackageOnBoard]) -> None:
-    """Go on only when each package is one of the mission's, and is listed once.
+    """Check that each listed package belongs to the mission and is listed once.
 
     Raises
     ------
@@ -43,7 +43,7 @@ def refuse_unknown_packages(record: MissionRecord, listed: Sequence[PackageOnBoa
 
 
 def loading_fault(record: MissionRecord, listed: Sequence[PackageOnBoard]) -> LoadingFault | None:
-    """The first thing that is wrong with what was loaded; None when all is as agreed."""
+    """The first fault of a loading; None when all is as agreed."""
     measured_kg = {each.package_id: each.mass_kg for each in listed}
     return (
         _missing(record, measured_kg)

@@ -1,4 +1,4 @@
-"""Stopping packages of a mission: left at the pickup, or brought back there."""
+"""Stops packages of a mission: they stay at the pickup, or are brought back there."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
@@ -24,15 +24,15 @@ from skyway_composition.missions.replanning.propose import with_aims
 from skyway_composition.missions.replanning.remainder.aims import with_changed_aims
 from skyway_composition.missions.replanning.request_plan import request_plan
 
-#: Longest time until a drone has heard us, seconds of wall time. Our own choice.
+#: Longest time until an instruction reaches a drone, seconds of wall time. Our own choice.
 _REACHES_DRONE_WITHIN_S: Final = 2.0
 
 
-#: The same for a plan that has to be made first.
+#: The same, with the time to make a plan first.
 _PLANNED_WITHIN_S: Final = 4.0
 
 
-#: Why a mission that carries fewer packages from now on needs another plan.
+#: The trouble code of a mission that needs another plan because it carries fewer packages.
 PACKAGES_CANCELLED: Final = "PACKAGES_CANCELLED"
 
 
@@ -44,11 +44,11 @@ async def stop_packages(
     code: str,
     reason: str,
 ) -> Cancellation:
-    """Do what can still be done about these packages of a live mission.
+    """Cancel these packages of a live mission, as far as possible.
 
-    Those at the pickup stay there, and without any left the mission is over. Those on board come
-    back. A drone that takes packages on board this very moment brings them back, too; one that has
-    not said yet that it flies the mission at all cannot be told anything now.
+    Packages at the pickup stay there; a mission with no package left ends. Packages on board come
+    back, also those that are being loaded now. A drone that has not accepted the mission yet cannot
+    be instructed in time: its packages are too late to cancel.
     """
     held = await held_packages(work.tx.connection, record.mission.delivery_id)
     own = [each.package_id for each in record.packages(frozenset(package_ids))]
@@ -83,13 +83,13 @@ async def return_packages(
     code: str,
     detail: str,
 ) -> MissionRecord:
-    """Have the drone hand these back at the pickup instead of delivering them."""
-    known = {aim.package_id for aim in record.aims if aim.kind == "RETURN"}
+    """Have the drone return these packages to the pickup instead of delivering them."""
+    returning = {aim.package_id for aim in record.aims if aim.kind == "RETURN"}
     pickup = record.request.pickup.station_id
     turned = [
         Aim(package_id=each, station_id=pickup, kind="RETURN")
         for each in package_ids
-        if each not in known
+        if each not in returning
     ]
     record = with_aims(
         work, record, with_changed_aims(record.aims, turned), code=code, detail=detail
@@ -105,7 +105,7 @@ async def _release(
     code: str,
     reason: str,
 ) -> None:
-    """Leave these at the pickup; a mission with nothing left to carry is over."""
+    """Leave these packages at the pickup; a mission with nothing left to carry ends."""
     record = report(
         work,
         record,
@@ -134,19 +134,17 @@ async def _release(
 async def return_cancelled_packages(
     work: MissionUnitOfWork, record: MissionRecord, packages: Sequence[PackageOnBoard]
 ) -> MissionRecord:
-    """The record that knows these packages again, and brings them back.
+    """Add cancelled packages to the mission again and have them brought back.
 
-    Word of the cancellation came while the drone loaded. What it has on board must be in its plan:
-    else it would deliver by the old one what the customer was told stays.
+    They were cancelled while the drone loaded them. Without a new plan the drone would deliver
+    packages of which the customer was told that they stay.
     """
     pickup = record.request.pickup
-    known_again = tuple(
+    added = tuple(
         Package(package_id=each.package_id, mass_kg=each.mass_kg, destination=pickup)
         for each in packages
     )
-    request = record.request.model_copy(
-        update={"packages": (*record.request.packages, *known_again)}
-    )
+    request = record.request.model_copy(update={"packages": (*record.request.packages, *added)})
     record = replace(record, request=request)
     await store.save_request(work.tx, record)
     package_ids = [each.package_id for each in packages]
@@ -162,11 +160,11 @@ def can_stay_at_pickup(
     link: DroneLink,
     needs_plan: bool,
 ) -> bool:
-    """Whether the drone surely hears of it before it takes the packages on board.
+    """Whether an instruction surely reaches the drone before it loads the packages.
 
-    A PICK_UP that has begun by itself cannot be stopped; one that waits for a loader can, until
-    the loader has confirmed. A drone that waits for a revision begins nothing. One that is out of
-    reach begins to load as soon as it is back, and hears of what was cancelled after that.
+    An automatic PICK_UP that has begun cannot be stopped. A PICK_UP that waits for a loader can be
+    stopped until the loader has confirmed. A drone that waits for a revision starts nothing. A
+    drone out of reach loads when its time comes, and learns of the cancellation afterwards.
     """
     if record.is_being_loaded:
         return False

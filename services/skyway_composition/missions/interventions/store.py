@@ -1,4 +1,4 @@
-"""All SQL of what people do to missions: cancellations, and whom they are about."""
+"""All SQL of interventions: cancellations, and the missions and packages they change."""
 
 from sqlalchemy import insert, select, update
 from sqlalchemy.ext.asyncio import AsyncConnection
@@ -13,7 +13,7 @@ from skyway_composition.tables import cancellations, is_live, missions
 async def cancellation(
     tx: Tx, delivery_id: DeliveryId, cancellation_id: str
 ) -> Cancellation | None:
-    """What a cancellation was answered with before; None when it comes for the first time."""
+    """The earlier answer to a cancellation; None when it comes for the first time."""
     found = await tx.execute(
         select(cancellations.c.answer).where(
             cancellations.c.delivery_id == delivery_id,
@@ -27,7 +27,7 @@ async def cancellation(
 async def add_cancellation(
     tx: Tx, delivery_id: DeliveryId, cancellation_id: str, *, answer: Cancellation, at_ms: int
 ) -> None:
-    """Keep what a cancellation is answered with, for when it comes again."""
+    """Save the answer to a cancellation, for repeated requests."""
     await tx.execute(
         insert(cancellations).values(
             delivery_id=delivery_id,
@@ -49,7 +49,7 @@ async def drones_serving(connection: AsyncConnection, delivery_id: DeliveryId) -
 
 
 async def save_request(tx: Tx, record: MissionRecord) -> None:
-    """Keep what a mission carries: fewer packages, or other masses."""
+    """Save the changed packages of a mission: fewer packages, or other masses."""
     await tx.execute(
         update(missions)
         .where(missions.c.mission_id == record.mission_id)

@@ -1,4 +1,7 @@
-"""Who holds each package: a chain from the pickup station to the recipient, never rewritten."""
+"""Who holds each package: a chain from the pickup station to the recipient.
+
+A chain only grows; its links are never changed.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -27,7 +30,10 @@ class Held:
 
 
 def may_pass(held: Held | None, to: Custodian) -> bool:
-    """Whether a package may go on to this custodian: never from the recipient, nor to itself."""
+    """Whether a package may pass to this custodian.
+
+    A recipient never passes a package on, and a package cannot pass to its present custodian.
+    """
     return held is None or (held.custodian.kind != "RECIPIENT" and held.custodian != to)
 
 
@@ -42,7 +48,7 @@ def delivered(held: Mapping[PackageId, Held]) -> frozenset[PackageId]:
 
 
 def returned(held: Mapping[PackageId, Held], pickup: StationId) -> frozenset[PackageId]:
-    """The packages that are back at the pickup station, having been on board."""
+    """The packages that were on board and are back at the pickup station."""
     station = Custodian("STATION", pickup)
     return frozenset(
         each.package_id for each in held.values() if each.custodian == station and each.seq > 1
@@ -50,7 +56,7 @@ def returned(held: Mapping[PackageId, Held], pickup: StationId) -> frozenset[Pac
 
 
 def left_behind(held: Mapping[PackageId, Held], pickup: StationId) -> frozenset[PackageId]:
-    """The packages that a drone had on board and left at some other station."""
+    """The packages that a drone has left at a station other than the pickup."""
     return frozenset(
         each.package_id
         for each in held.values()
@@ -63,5 +69,5 @@ def _held_by(held: Mapping[PackageId, Held], kind: CustodianKind) -> frozenset[P
 
 
 def has_never_left(held: Held | None) -> bool:
-    """Whether a package still lies where it was brought: the pickup is the first to hold it."""
+    """Whether a package has never left the pickup station."""
     return held is None or (held.custodian.kind == "STATION" and held.seq == 1)

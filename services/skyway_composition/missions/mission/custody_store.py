@@ -1,4 +1,4 @@
-"""All SQL of custody: chains of packages, to which links are only added."""
+"""All SQL of custody: links are added to the chains of packages, never changed."""
 
 from collections.abc import Iterable
 from typing import Any, Final
@@ -12,8 +12,8 @@ from skyway_composition.missions.mission.custody import Custodian, Held
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.tables import custody
 
-# Statements that each booking and each word of a drone needs: making them takes longer than
-# running them does.
+# Every booking and every message of a drone needs these statements. Building them takes longer
+# than running them, so they are built once.
 _CHAIN: Final = (
     select(custody).where(custody.c.delivery_id == bindparam("delivery_id")).order_by(custody.c.seq)
 )
@@ -34,12 +34,12 @@ async def held_packages(
 
 
 def begin_custody(tx: Tx, record: MissionRecord, rows: Iterable[Held], *, at_ms: int) -> None:
-    """Begin the chains of packages when the block ends."""
+    """Add the first links of the packages' chains when the transaction ends."""
     tx.add(custody, _custody_rows(record, rows, at_ms=at_ms))
 
 
 async def add_custody(tx: Tx, record: MissionRecord, rows: Iterable[Held], *, at_ms: int) -> None:
-    """Pass packages on; a chain has each number once."""
+    """Add links to the packages' chains; each number occurs once in a chain."""
     added = _custody_rows(record, rows, at_ms=at_ms)
     if added:
         await tx.execute(_ADD_CUSTODY, added)

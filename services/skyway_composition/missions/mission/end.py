@@ -1,4 +1,4 @@
-"""The end of a mission: drone and pads are free in the same transaction (I3)."""
+"""The end of a mission: its drone and pads become free in the same transaction (I3)."""
 
 from dataclasses import replace
 from datetime import datetime
@@ -21,7 +21,7 @@ from skyway_composition.pads.store import free
 async def refuse(
     work: MissionUnitOfWork, record: MissionRecord, *, code: str, detail: str | None
 ) -> None:
-    """End a mission that its drone will not fly."""
+    """End a mission that its drone has refused or did not answer."""
     record = replace(moved(record, "REFUSED"), stuck=None, trouble=None, proposal=None)
     await free(work.tx, record.mission_id)
     record = report(
@@ -36,14 +36,15 @@ async def refuse(
 
 
 async def complete(work: MissionUnitOfWork, record: MissionRecord, *, at: datetime) -> None:
-    """End a mission whose packages are all delivered and whose drone is home."""
+    """End a mission whose packages are all delivered or returned, and whose drone is home."""
     await _end(work, record, "COMPLETED", at=at, code=None, detail=None, station_id=None)
 
 
 async def cancel(work: MissionUnitOfWork, record: MissionRecord, *, code: str, detail: str) -> None:
-    """End a mission of which nothing is on board; its drone is told to forget it.
+    """End a mission that has nothing on board, and tell its drone to cancel it.
 
-    A drone that has begun it refuses that, flies it to its end, and is busy until then.
+    A drone that has started the mission refuses to cancel, flies it to its end, and stays busy
+    until then.
     """
     await call_off(
         work,
@@ -72,11 +73,10 @@ async def abort(
     detail: str | None,
     station_id: StationId | None = None,
 ) -> None:
-    """End a mission that cannot go on; packages on board are stranded where the drone stands.
+    """End a mission that cannot continue; packages on board are stranded where the drone stands.
 
-    That is `station_id`, where the drone has just said so itself.
-
-    A drone that stands and waits is told to forget it, so that it can serve again.
+    `station_id` is given when the drone has just reported where it stands. A drone that waits for
+    a revision is told to cancel the mission, so that it can serve again.
     """
     if record.mission.state == "BOOKED":
         await refuse(work, record, code=code, detail=detail)
@@ -106,7 +106,7 @@ async def abort_in_the_open(
     detail: str,
     position: Position,
 ) -> None:
-    """End a mission whose drone is down away from every station; it keeps what is on board."""
+    """End a mission whose drone has landed away from every station, with its load on board."""
     await _end(
         work,
         record,
@@ -152,7 +152,7 @@ async def _end(
 async def _strand(
     work: MissionUnitOfWork, record: MissionRecord, *, at: datetime, station_id: StationId | None
 ) -> tuple[PackageId, ...]:
-    """The packages left on board, or left behind; where the station is known, it holds them."""
+    """The packages that stay on board or were left behind; a known station takes custody."""
     held = record.own(await held_packages(work.tx.connection, record.mission.delivery_id))
     on_its_board = sorted(on_board(held))
     if station_id is not None:
@@ -172,7 +172,10 @@ async def end_after_forced_landing(
     code: str,
     detail: str,
 ) -> None:
-    """End the mission where its drone came down; what is on board stays with the drone."""
+    """A drone has landed away from every station: raise an alarm and end its mission.
+
+    Its packages stay on board; people must fetch the drone.
+    """
     held = record.own(await held_packages(work.tx.connection, record.mission.delivery_id))
     packages = sorted(on_board(held))
     place = f"{position.latitude_deg:.5f}, {position.longitude_deg:.5f}"

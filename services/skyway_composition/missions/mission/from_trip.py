@@ -1,4 +1,4 @@
-"""From a trip to the steps that a drone can fly alone."""
+"""From a planned trip to a mission, and to the steps that a drone can fly alone."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -32,9 +32,9 @@ from skyway_composition.planning.trip import PlacedStep, Trip
 
 @dataclass(frozen=True, slots=True)
 class StepTerms:
-    """What the steps of one mission say that its plan does not.
+    """What the steps of a mission need beyond its plan.
 
-    Packages that are `returned` are handed back where the plan delivers them.
+    At the stops where the plan delivers the packages in `returned`, they are handed back.
     """
 
     masses_kg: Mapping[PackageId, float]
@@ -60,10 +60,10 @@ def flight_steps(
     terms: StepTerms,
     first_step: int,
 ) -> tuple[FlightStep, ...]:
-    """The steps of a trip with all a drone needs, numbered from `first_step`.
+    """The steps of a trip with all that a drone needs, numbered from `first_step`.
 
-    A FLY lands unless another one follows. A RECHARGE may use the pad for the whole milliseconds
-    that are booked: exactly what the plan takes, rounded outward.
+    A FLY lands unless another FLY follows. A RECHARGE may use its pad for the reserved time: the
+    planned time, rounded outward to whole milliseconds.
     """
     following = placed_steps[1:]
     steps: list[FlightStep] = []
@@ -74,7 +74,7 @@ def flight_steps(
 
 
 def finished_wait(station_id: StationId, at_ms: int, *, step_id: int) -> WaitStep:
-    """A wait that is over at once."""
+    """A wait of no duration."""
     at = ms_to_moment(at_ms)
     return WaitStep(
         step_id=step_id,
@@ -88,7 +88,7 @@ def finished_wait(station_id: StationId, at_ms: int, *, step_id: int) -> WaitSte
 def _hand_overs(
     placed: PlacedStep, step: Deliver, *, terms: StepTerms, step_id: int
 ) -> Iterator[FlightStep]:
-    """The deliveries at one stop, after what is handed back there; one time for all of it."""
+    """The hand-overs at one stop: first returned packages, then deliveries, within one time."""
     start_at, end_at = placed.start_at, placed.end_at
     returned = tuple(each for each in step.package_ids if each in terms.returned)
     delivered = tuple(each for each in step.package_ids if each not in terms.returned)
@@ -186,9 +186,9 @@ def new_mission(
     skyway: PreparedNetwork,
     expires_at: datetime,
 ) -> MissionRecord:
-    """A new mission that flies a trip; `request` holds the packages of this trip only.
+    """The record of a new mission that flies this trip.
 
-    Its first instruction expires at `expires_at`.
+    `request` has the packages of this trip only. The first instruction expires at `expires_at`.
     """
     start_at = ms_to_moment(trip.start_ms)
     mission = Mission(
@@ -221,7 +221,7 @@ def new_mission(
 
 
 def next_revision(mission: Mission, trip: Trip, *, revision: int, margins: Margins) -> Mission:
-    """The mission once this trip replaces what was left of its plan; the price stays."""
+    """The mission with this trip instead of the remainder of its plan; the price stays."""
     start_at = ms_to_moment(trip.start_ms)
     fresh = {eta.package_id: eta for eta in _etas(trip.plan, start_at)}
     return mission.model_copy(

@@ -1,4 +1,4 @@
-"""Sending a mission's steps to its drone, first or again, and calling a mission off."""
+"""Instructions to the drone of a mission: fly these steps, cancel, hold, resume."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -34,12 +34,12 @@ async def send_steps(
     steps: Sequence[FlightStep],
     expires_at: datetime,
 ) -> DroneLink:
-    """Send these steps as the mission's present revision."""
+    """Send these steps to the drone as the mission's present revision."""
     return await courier.send(tx, link, mission_draft(mission, steps), expires_at=expires_at)
 
 
 def mission_draft(mission: Mission, steps: Sequence[FlightStep]) -> Draft:
-    """The instruction that brings these steps as the mission's present revision."""
+    """The instruction with these steps as the mission's present revision."""
     return partial(
         MissionInstruction,
         mission_id=mission.mission_id,
@@ -53,7 +53,7 @@ def mission_draft(mission: Mission, steps: Sequence[FlightStep]) -> Draft:
 async def call_off(
     work: MissionUnitOfWork, drone_id: DroneId, *, mission_id: MissionId, revision: int, reason: str
 ) -> None:
-    """Have the drone forget a mission that was given up, unless it has still to answer that."""
+    """Tell the drone to cancel a mission, unless such an instruction is still unanswered."""
     sent = await open_instructions(work.tx, drone_id)
     if any(each.kind == "CANCEL" and each.mission_id == mission_id for each in sent):
         return
@@ -66,9 +66,9 @@ async def call_off(
 
 
 async def send_again(work: MissionUnitOfWork, record: MissionRecord) -> None:
-    """Send a mission that was not answered once more, in the link's new stream."""
-    known = await steps_of(work.tx.connection, record.mission_id)
-    steps = [each.step for each in known if each.status == "PLANNED"]
+    """Send an unanswered mission again, in the link's new stream."""
+    all_steps = await steps_of(work.tx.connection, record.mission_id)
+    steps = [each.step for each in all_steps if each.status == "PLANNED"]
     expires_at = work.courier.expiry()
     work.links[record.drone_id] = await send_steps(
         work.tx,
@@ -82,7 +82,10 @@ async def send_again(work: MissionUnitOfWork, record: MissionRecord) -> None:
 
 
 async def hold(work: MissionUnitOfWork, record: MissionRecord, *, reason: str) -> InstructionId:
-    """Tell the drone to hold, until it is resumed or gets new steps; the instruction's id."""
+    """Tell the drone to hold: it flies to its next landing and starts nothing there.
+
+    A RESUME or new steps end the hold. Returns the id of the instruction.
+    """
     draft = partial(
         HoldInstruction,
         mission_id=record.mission_id,
@@ -93,7 +96,7 @@ async def hold(work: MissionUnitOfWork, record: MissionRecord, *, reason: str) -
 
 
 async def resume(work: MissionUnitOfWork, record: MissionRecord) -> InstructionId:
-    """Tell the drone to go on; the instruction's id."""
+    """Tell the drone to continue; returns the id of the instruction."""
     draft = partial(
         ResumeInstruction,
         mission_id=record.mission_id,
@@ -105,30 +108,30 @@ async def resume(work: MissionUnitOfWork, record: MissionRecord) -> InstructionI
 async def handle_refused_hold(
     work: MissionUnitOfWork, record: MissionRecord, sent: SentInstruction, *, code: str
 ) -> None:
-    """Show a mission as flown on whose drone did not hold, and tell operators."""
-    is_told_again = any(
+    """The drone refused to hold: the mission is no longer held, and operators get an alarm."""
+    is_sent_again = any(
         each.kind == "HOLD" for each in await open_instructions(work.tx, record.drone_id)
     )
     is_held = record.mission.is_held and record.mission_id == sent.mission_id
-    if is_told_again or not is_held:
+    if is_sent_again or not is_held:
         return
     await raise_alarm(
         work,
         record,
         level="URGENT",
         code="HOLD_REFUSED",
-        detail=f"the drone flies on, since it refused to hold: {code}",
+        detail=f"the drone flies on because it refused to hold: {code}",
     )
     await work.save(held(record, is_held=False))
 
 
 def held(record: MissionRecord, *, is_held: bool) -> MissionRecord:
-    """The record of a mission that is held, or is held no more."""
+    """The record with its mission held or not held."""
     return replace(record, mission=record.mission.model_copy(update={"is_held": is_held}))
 
 
 def _newest_revision(record: MissionRecord) -> int:
-    """The revision that the drone was sent last: it may not have answered it yet."""
+    """The newest revision that was sent to the drone, answered or not."""
     mission = record.mission if record.proposal is None else record.proposal.mission
     return mission.revision
 

@@ -1,4 +1,4 @@
-"""Mission reports: what the gateway and the registry are told, in order per mission."""
+"""Reports to the gateway and the registry, and alarms to operators and providers."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -14,7 +14,7 @@ from skyway_composition.alarms import store
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 
-#: What makes a drone busy or free: all that the registry wants to know.
+#: The reports that make a drone busy or free; the registry needs no others.
 _OF_THE_DRONE: Final = ("ACCEPTED", "REFUSED", "ENDED")
 
 
@@ -26,9 +26,12 @@ def report(
     at: datetime,
     **fields: Any,  # the members of MissionReport that this kind carries, checked by the model
 ) -> MissionRecord:
-    """The record after one more thing was told of its mission; the caller saves it."""
+    """Report a change of a mission; the caller saves the returned record.
+
+    Reports of one mission are numbered, and arrive in order.
+    """
     mission = record.mission
-    told = MissionReport.model_validate(
+    sent = MissionReport.model_validate(
         {
             "report_id": work.mint("rpt"),
             "delivery_id": mission.delivery_id,
@@ -44,10 +47,10 @@ def report(
             **fields,
         }
     )
-    work.tx.report("gateway", MISSION_REPORTS, told, stream=mission.mission_id)
+    work.tx.report("gateway", MISSION_REPORTS, sent, stream=mission.mission_id)
     if kind in _OF_THE_DRONE:
-        work.tx.report("registry", MISSION_REPORTS, told, stream=mission.mission_id)
-    return replace(record, report_seq=told.seq)
+        work.tx.report("registry", MISSION_REPORTS, sent, stream=mission.mission_id)
+    return replace(record, report_seq=sent.seq)
 
 
 async def raise_alarm(
@@ -60,7 +63,7 @@ async def raise_alarm(
     station_id: StationId | None = None,
     data: Mapping[str, Any] | None = None,  # numbers behind the code
 ) -> None:
-    """Raise an alarm about a mission and its drone, as of now."""
+    """Raise an alarm about a mission and its drone now."""
     await store.add(
         work.tx,
         level=level,

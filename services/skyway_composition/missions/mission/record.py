@@ -1,4 +1,4 @@
-"""A mission as composition keeps it: what the world sees of it, and what only we need."""
+"""A mission as composition stores it: the public part, and what only composition needs."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -14,13 +14,13 @@ from skyway.json_model import JsonModel
 
 _T = TypeVar("_T")
 
-#: The codes of the troubles that an operator's RETURN_HOME and DIVERT are.
+#: The trouble codes of an operator's commands RETURN_HOME and DIVERT.
 CALLED_HOME: Final = "CALLED_HOME"
 DIVERTED: Final = "DIVERTED"
 
 
 class OccupiedPad(JsonModel):
-    """A pad that a drone found taken, and until when nobody is to be sent there."""
+    """A pad that a drone found occupied, and until when no drone is sent there."""
 
     station_id: StationId
     pad: int
@@ -28,10 +28,10 @@ class OccupiedPad(JsonModel):
 
 
 class Stuck(JsonModel):
-    """Why a drone waits for a new revision, and from where it could go on.
+    """Why a drone waits for a new revision, and where it stands.
 
-    New steps are numbered after `last_step`, which the drone has released. A pad that was
-    `occupied` is closed for a while before anything is planned.
+    The drone has released all steps up to `last_step`, so new steps get higher numbers. An
+    `occupied` pad is closed for a while before the next plan is made.
     """
 
     code: str
@@ -43,11 +43,11 @@ class Stuck(JsonModel):
 
 
 class Trouble(JsonModel):
-    """Why the plan of a mission does not hold any more, though its drone may still fly by it.
+    """Why the plan of a mission no longer holds; the drone may still fly by it.
 
-    `loaded` is what a loader has confirmed while the drone waits at the pickup; `land_at` is where
-    an operator wants the drone to stand, whatever was planned. One that `overrides_failsafe` is
-    obeyed whatever the drone does by itself.
+    `loaded` is what a loader has confirmed while the drone waits at the pickup. `land_at` is the
+    station to which an operator diverts the drone. With `overrides_failsafe` the drone obeys even
+    while one of its failsafes is active.
     """
 
     code: str
@@ -58,7 +58,7 @@ class Trouble(JsonModel):
 
 
 class Aim(JsonModel):
-    """Where a package goes instead of its destination: delivered there, or returned."""
+    """Where a package goes instead of its destination, to be delivered or returned there."""
 
     package_id: PackageId
     station_id: StationId
@@ -66,9 +66,10 @@ class Aim(JsonModel):
 
 
 class Proposal(JsonModel):
-    """A revision that was sent, and holds once the drone has accepted it; until then both hold.
+    """A revision that was sent and not answered yet; it becomes the plan once accepted.
 
-    `steps` replace the planned ones from `first_step` on.
+    Until then the pads of both plans stay reserved. `steps` replace the planned steps from
+    `first_step` on.
     """
 
     instruction_id: InstructionId
@@ -81,7 +82,10 @@ class Proposal(JsonModel):
 
 @dataclass(frozen=True, slots=True)
 class MissionRecord:
-    """A mission with its request, the drone as it was booked, and what was reported so far."""
+    """A mission with its request, the drone as it was booked, and its state of replanning.
+
+    `reported_activity` is the drone's activity and station in the last report to the customer.
+    """
 
     mission: Mission
     network_id: NetworkId
@@ -107,12 +111,12 @@ class MissionRecord:
 
     @property
     def is_live(self) -> bool:
-        """Whether the drone and pads are held for it."""
+        """Whether the drone and pads are reserved for the mission."""
         return self.mission.state in LIVE_MISSION_STATES
 
     @property
     def needs_plan(self) -> bool:
-        """Whether a new plan is to be looked for now; a proposal is answered first."""
+        """Whether a new plan is needed and no proposal waits for the drone's answer."""
         return (self.stuck is not None or self.trouble is not None) and self.proposal is None
 
     @property
@@ -121,16 +125,16 @@ class MissionRecord:
         return self.trouble is not None and self.trouble.loaded is not None
 
     def packages(self, package_ids: frozenset[str]) -> tuple[Package, ...]:
-        """Those packages of the request, in its order."""
+        """The packages of the request with these ids, in the order of the request."""
         return tuple(each for each in self.request.packages if each.package_id in package_ids)
 
     def own(self, held: Mapping[PackageId, _T]) -> dict[PackageId, _T]:
-        """What is known of this mission's packages; a delivery may have others."""
+        """The entries of this mission's packages; the delivery may have other packages."""
         ids = {each.package_id for each in self.request.packages}
         return {package_id: value for package_id, value in held.items() if package_id in ids}
 
     def aim_of(self, package: Package) -> StationId:
-        """Where a package goes now: to its destination, unless it has another aim."""
+        """The station a package goes to now: its aim, or its destination if it has no aim."""
         aims = {each.package_id: each.station_id for each in self.aims}
         return aims.get(package.package_id, package.destination.station_id)
 
@@ -139,7 +143,7 @@ class MissionRecord:
         return replace(self, trouble=trouble)
 
     def moved_to(self, state: MissionState) -> "MissionRecord":
-        """The record in another state of its mission; `states` says which are allowed."""
+        """The record in another state; `moved` checks that the state may follow."""
         return replace(self, mission=self.mission.model_copy(update={"state": state}))
 
 
@@ -160,7 +164,7 @@ def moved(record: MissionRecord, state: MissionState) -> MissionRecord:
     Raises
     ------
     ValueError
-        That state cannot follow the present one: a bug, since callers look first.
+        The state cannot follow the present one. This is a bug: callers check first.
     """
     if state not in _NEXT[record.mission.state]:
         raise ValueError(f"{record.mission_id}: {record.mission.state} cannot become {state}")

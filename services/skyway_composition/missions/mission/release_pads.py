@@ -1,6 +1,6 @@
-"""Which pads a mission needs, from the steps that lie ahead; all others go back at once.
+"""Which pads a mission still needs; all its other pads are released.
 
-A pad that was used is kept until the next drone may come: a gap after the drone has left it.
+A used pad stays reserved for a gap after the drone has left, until the next drone may come.
 """
 
 from collections.abc import Iterable, Sequence
@@ -16,7 +16,7 @@ from skyway_composition.pads.store import hold
 
 
 def pads_of(steps: Iterable[FlightStep], *, pad_gap_s: float) -> tuple[BookedPad, ...]:
-    """The pads that these steps charge at, each held until the next drone may come."""
+    """The pads at which these steps charge, each with the gap until the next drone may come."""
     gap_ms = round(pad_gap_s * 1000)
     return merged(
         BookedPad(
@@ -31,7 +31,7 @@ def pads_of(steps: Iterable[FlightStep], *, pad_gap_s: float) -> tuple[BookedPad
 
 
 def used_pads(steps: Iterable[StepRecord], *, pad_gap_s: float) -> tuple[BookedPad, ...]:
-    """The pads at which a drone has charged: nobody comes there before the gap is over."""
+    """The pads at which the drone has charged, each until the gap after it is over."""
     gap_ms = round(pad_gap_s * 1000)
     sessions = (
         BookedPad(
@@ -50,7 +50,7 @@ def used_pads(steps: Iterable[StepRecord], *, pad_gap_s: float) -> tuple[BookedP
 
 
 def needed_pads(record: MissionRecord, steps: Sequence[StepRecord]) -> tuple[BookedPad, ...]:
-    """The pads of the steps ahead, and of those proposed instead until the drone has answered."""
+    """The pads of the steps ahead, and of a proposal until the drone has answered it."""
     gap_s = record.mission.margins.pad_gap_s
     planned = [each.step for each in steps if each.status == "PLANNED"]
     needed = merged((*pads_of(planned, pad_gap_s=gap_s), *used_pads(steps, pad_gap_s=gap_s)))
@@ -62,6 +62,6 @@ def needed_pads(record: MissionRecord, steps: Sequence[StepRecord]) -> tuple[Boo
 
 
 async def release_unneeded_pads(work: MissionUnitOfWork, record: MissionRecord) -> None:
-    """Hold what the mission still needs, and nothing else; a new need may be `Taken`."""
+    """Reserve exactly the pads that the mission still needs; `Taken` if a new pad is not free."""
     steps = await steps_of(work.tx.connection, record.mission_id)
     await hold(work.tx, record.mission_id, needed_pads(record, steps))

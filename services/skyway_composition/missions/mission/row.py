@@ -1,4 +1,4 @@
-"""A mission as a row: what it is found by in columns, all else in JSON."""
+"""A mission as a row: columns for what is searched, JSON for the remaining values."""
 
 from typing import Any, Final, Generic, TypeVar
 
@@ -14,19 +14,25 @@ from skyway_composition.missions.mission.record import Aim, MissionRecord, Propo
 J = TypeVar("J", bound=JsonModel)
 
 
-#: Values of one model that are known, those of the last 15 seconds under load: 5 MiB.
+#: Cached values of one model: those of the last 15 seconds under load, about 5 MiB.
 _MOST: Final = 500
 
 
 class JsonCache(Generic[J]):
-    """The JSON of one model's values, which are frozen: whoever reads a text shares its value."""
+    """Values of one model by their JSON; all readers of a text share its frozen value.
+
+    A drone answers about a second after its mission was booked, most often to the replica that
+    booked it, so this replica need not parse the JSON again. The text comes from the database each
+    time. After a change by another replica the text differs and is parsed, so a cached value is
+    never out of date.
+    """
 
     def __init__(self, model: type[J]) -> None:
         self._model = model
         self._cached: dict[str, J] = {}
 
     def write(self, value: J) -> str:
-        """The JSON of a value, known from now on."""
+        """The JSON of a value, which is cached from now on."""
         text = value.model_dump_json()
         self._keep(text, value)
         return text
@@ -48,7 +54,7 @@ class JsonCache(Generic[J]):
 _AIMS: Final = TypeAdapter(tuple[Aim, ...])
 
 
-# A mission is read again soon after it was written, and its request never changes.
+# A mission is read again soon after it was written, and its request seldom changes.
 _MISSIONS: Final = JsonCache(Mission)
 
 
@@ -59,7 +65,7 @@ _CANDIDATES: Final = JsonCache(Candidate)
 
 
 def new_row(record: MissionRecord) -> dict[str, Any]:  # column values of any type
-    """The columns of a mission that is new."""
+    """All columns of a new mission."""
     mission = record.mission
     return {
         "mission_id": mission.mission_id,

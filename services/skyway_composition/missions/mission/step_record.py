@@ -1,4 +1,4 @@
-"""A step of a mission and how it ended."""
+"""A step of a mission, how it ended, and the totals of all ended steps."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -32,9 +32,9 @@ def _adapter() -> TypeAdapter[FlightStep]:
 
 
 def flown_totals(events: Sequence[DroneEvent]) -> dict[str, float]:
-    """Seconds and joules of the steps that have ended, in the order of their ends.
+    """The seconds and joules that ended steps took; `events` are in the order of their ends.
 
-    Time between two steps counts as waiting: a drone that comes early to its pad waits there.
+    Time between two steps counts as waiting: a drone that arrives early at its pad waits there.
     """
     totals = dict.fromkeys(("flight_s", "recharging_s", "waiting_s", "energy_j"), 0.0)
     previous_end = None

@@ -1,4 +1,4 @@
-"""All SQL of the steps of missions, as they were sent and how they ended."""
+"""All SQL of the steps of missions: as they were sent, how they ended, and which were cut."""
 
 from collections.abc import Iterable
 from typing import Any, Final
@@ -14,17 +14,17 @@ from skyway.units import moment_to_ms
 from skyway_composition.missions.mission.step_record import StepRecord, read_step
 from skyway_composition.tables import cut_steps, mission_steps
 
-#: An event that names no revision is of whichever is known.
+#: An event without a revision matches a step of any revision.
 _ANY_REVISION: Final = 2**31 - 1
 
-# Statements that each booking and each word of a drone needs: making them takes longer than
-# running them does.
+# Every booking and every message of a drone needs these statements. Building them takes longer
+# than running them, so they are built once.
 _ADD_STEPS: Final = insert(mission_steps)
 _PLANNED_STEP: Final = select(mission_steps.c.step).where(
     mission_steps.c.mission_id == bindparam("mission_id"),
     mission_steps.c.step_id == bindparam("step_id"),
     mission_steps.c.status == "PLANNED",
-    # A step that was cut has the number of the one in its place, which came later.
+    # A cut step and the step that replaced it have the same number; the replacement is newer.
     mission_steps.c.revision <= bindparam("revision"),
 )
 _END_STEP: Final = update(mission_steps).where(
@@ -39,14 +39,14 @@ _STEPS: Final = (
 
 
 def add_steps(tx: Tx, mission_id: MissionId, steps: Iterable[FlightStep]) -> None:
-    """Add the steps of a new mission when the block ends."""
+    """Add the steps of a new mission when the transaction ends."""
     tx.add(mission_steps, _step_rows(mission_id, steps, revision=1))
 
 
 async def replace_planned(
     tx: Tx, mission_id: MissionId, steps: Iterable[FlightStep], *, revision: int
 ) -> None:
-    """Add the steps of a revision; those it replaces, which never began, go."""
+    """Replace all planned steps with the steps of a revision."""
     await tx.execute(
         delete(mission_steps).where(
             mission_steps.c.mission_id == mission_id, mission_steps.c.status == "PLANNED"
@@ -63,7 +63,7 @@ async def replace_steps(
     first_step: int,
     revision: int,
 ) -> None:
-    """Put these steps in the place of all from `first_step` on, also of one that was cut."""
+    """Replace all steps from `first_step` on, a cut step included."""
     await tx.execute(
         delete(mission_steps).where(
             mission_steps.c.mission_id == mission_id, mission_steps.c.step_id >= first_step
@@ -95,7 +95,7 @@ def _step_rows(
 
 
 async def change_step(tx: Tx, mission_id: MissionId, step: FlightStep) -> None:
-    """Keep a step as its drone flies it now; its number and revision stay."""
+    """Save a changed step; its number and revision stay."""
     await tx.execute(
         update(mission_steps)
         .where(mission_steps.c.mission_id == mission_id, mission_steps.c.step_id == step.step_id)
@@ -106,13 +106,16 @@ async def change_step(tx: Tx, mission_id: MissionId, step: FlightStep) -> None:
 async def end_step(
     tx: Tx, mission_id: MissionId, event: DroneEvent, *, status: str
 ) -> FlightStep | None:
-    """The step that an event ends, unless it has ended already, was never sent or replaced."""
-    wanted = {
+    """Mark a step as ended by an event and return it.
+
+    None if the step has ended before, was replaced, or was never sent.
+    """
+    values = {
         "mission_id": mission_id,
         "step_id": event.step_id,
         "revision": event.mission_revision or _ANY_REVISION,
     }
-    found = await tx.execute(_PLANNED_STEP, wanted)
+    found = await tx.execute(_PLANNED_STEP, values)
     text = found.scalar_one_or_none()
     if text is None:
         return None
@@ -157,7 +160,7 @@ def step_columns(step: FlightStep) -> dict[str, Any]:  # column values of any ty
 
 
 async def keep_cut_step(tx: Tx, mission_id: MissionId, event: DroneEvent) -> None:
-    """Keep what a cut step took, before the step in its place does away with it."""
+    """Save the end of a cut step, before the step that replaces it overwrites it."""
     if event.started_at is None:
         return
     row = {
@@ -174,7 +177,7 @@ async def keep_cut_step(tx: Tx, mission_id: MissionId, event: DroneEvent) -> Non
 
 
 async def ended_events(connection: AsyncConnection, mission_id: MissionId) -> list[DroneEvent]:
-    """The ends of all steps of a mission, of cut ones too, in the order in which they came."""
+    """The end events of all steps of a mission, cut steps included, in order."""
     ended = select(mission_steps.c.event).where(
         mission_steps.c.mission_id == mission_id,
         mission_steps.c.status == "ENDED",
@@ -185,6 +188,6 @@ async def ended_events(connection: AsyncConnection, mission_id: MissionId) -> li
         *(await connection.execute(ended)).scalars(),
         *(await connection.execute(cut)).scalars(),
     ]
-    # A step is among both from when it was cut until its number is another's.
+    # A cut step is in both tables until another step gets its number.
     events = {event.seq: event for event in map(DroneEvent.read, texts)}
     return [events[seq] for seq in sorted(events)]

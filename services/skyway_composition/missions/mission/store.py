@@ -1,4 +1,7 @@
-"""All SQL of the missions themselves; their steps and custody have stores of their own."""
+"""All SQL of missions and of the deliveries they serve.
+
+The steps and the custody of packages have their own stores.
+"""
 
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass
@@ -15,8 +18,8 @@ from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.row import changing_columns, new_row, read_record
 from skyway_composition.tables import deliveries, first_planned_end_ms, is_live, missions
 
-# Statements that each booking and each word of a drone needs: making them takes longer than
-# running them does.
+# Every booking and every message of a drone needs these statements. Building them takes longer
+# than running them, so they are built once.
 _LIVE: Final = (
     select(missions)
     .where(among(missions.c.drone_id, "drone_ids"), is_live)
@@ -33,7 +36,7 @@ _LIVE_AMONG: Final = select(missions.c.drone_id).where(
 _LIVE_DRONES: Final = select(missions.c.drone_id).where(is_live).order_by(missions.c.drone_id)
 
 
-# Its steps change before a mission is saved; what its drone does next is kept at each of these.
+# The steps of a mission are saved before the mission, so this reads the end of its next step.
 _SAVE: Final = (
     update(missions)
     .where(missions.c.mission_id == bindparam("of_mission"))
@@ -43,7 +46,7 @@ _SAVE: Final = (
 
 @dataclass(frozen=True, slots=True)
 class MissionFilter:
-    """Which missions a list shows; `provider_id` is the caller's own, None for operators."""
+    """Which missions a list shows; `provider_id` is the calling provider, None for operators."""
 
     provider_id: ProviderId | None = None
     state: str | None = None
@@ -55,7 +58,7 @@ class MissionFilter:
 async def live_missions_of(
     connection: AsyncConnection, delivery_id: DeliveryId
 ) -> tuple[Mission, ...]:
-    """The missions that are under way for a delivery, or ended without refusing it."""
+    """The missions of a delivery that were not refused, live or ended."""
     found = await connection.execute(
         select(missions)
         .where(missions.c.delivery_id == delivery_id, missions.c.state != "REFUSED")
@@ -65,23 +68,23 @@ async def live_missions_of(
 
 
 def add(tx: Tx, record: MissionRecord) -> None:
-    """Add a mission when the block ends.
+    """Add a mission when the transaction ends.
 
-    Then `mission_drone` is `Taken` if its drone is on another one, `mission_attempt` if it was
-    booked already.
+    The transaction then fails with `Taken`: `mission_drone` if the drone has another mission,
+    `mission_attempt` if this attempt was booked before.
     """
     tx.add(missions, [new_row(record)])
 
 
 async def save_all(tx: Tx, records: Iterable[MissionRecord]) -> None:
-    """Keep what changed of missions that are locked, and of their steps before."""
+    """Save the changed columns of locked missions; their steps must be saved before."""
     rows = [{"of_mission": record.mission_id, **changing_columns(record)} for record in records]
     if rows:
         await tx.execute(_SAVE, rows)
 
 
 async def lock_live(tx: Tx, drone_ids: Collection[DroneId]) -> dict[DroneId, MissionRecord]:
-    """The live missions of these drones; nobody else changes them meanwhile."""
+    """The live missions of these drones, locked until the transaction ends."""
     found = await tx.execute(_LIVE, {"drone_ids": [*drone_ids]})
     return {row.drone_id: read_record(row) for row in found}
 
@@ -89,7 +92,7 @@ async def lock_live(tx: Tx, drone_ids: Collection[DroneId]) -> dict[DroneId, Mis
 async def get(
     connection: AsyncConnection, mission_id: MissionId, *, provider_id: ProviderId | None
 ) -> MissionRecord | None:
-    """A mission, if it is this provider's (None: whoever's)."""
+    """A mission of this provider; with None, of any provider."""
     query = select(missions).where(missions.c.mission_id == mission_id)
     if provider_id is not None:
         query = query.where(missions.c.provider_id == provider_id)
@@ -100,7 +103,7 @@ async def get(
 async def page(
     connection: AsyncConnection, shown: MissionFilter, *, before: str | None, limit: int
 ) -> list[MissionRecord]:
-    """Missions, the newest first, those before a given id."""
+    """Missions with an id before the given one, the newest first."""
     query = select(missions).order_by(missions.c.mission_id.desc()).limit(limit)
     for column, value in (
         (missions.c.provider_id, shown.provider_id),
@@ -119,13 +122,13 @@ async def page(
 async def live_among(
     connection: AsyncConnection, drone_ids: Collection[DroneId]
 ) -> frozenset[DroneId]:
-    """Those of these drones that are on missions."""
+    """Which of these drones have a live mission."""
     found = await connection.execute(_LIVE_AMONG, {"drone_ids": [*drone_ids]})
     return frozenset(found.scalars())
 
 
 async def live_drones(connection: AsyncConnection) -> list[DroneId]:
-    """The drones that are on missions."""
+    """The drones that have a live mission."""
     found = await connection.execute(_LIVE_DRONES)
     return list(found.scalars())
 
@@ -138,26 +141,29 @@ _LOCK: Final = (
 
 
 async def lock_delivery(tx: Tx, delivery_id: DeliveryId) -> bool:
-    """Whether the delivery, known from now on, is closed; others who ask wait for this one."""
-    wanted = {"of_delivery": delivery_id}
-    found = (await tx.execute(_LOCK, wanted)).one_or_none()
+    """Whether the delivery is closed; its row is added if missing, and locked.
+
+    Other transactions that lock the same delivery wait for this one.
+    """
+    values = {"of_delivery": delivery_id}
+    found = (await tx.execute(_LOCK, values)).one_or_none()
     if found is None:
         added = tx.insert(deliveries).on_conflict_do_nothing()
         await tx.execute(added, {"delivery_id": delivery_id})
-        found = (await tx.execute(_LOCK, wanted)).one()
+        found = (await tx.execute(_LOCK, values)).one()
     return found.closed_ms is not None
 
 
 def add_delivery(tx: Tx, delivery_id: DeliveryId) -> None:
-    """Know a delivery when the block ends.
+    """Add a delivery when the transaction ends.
 
-    Then `deliveries_pkey` is `Taken` if somebody else came to know it meanwhile.
+    The transaction then fails with `Taken` (`deliveries_pkey`) if another one has added it.
     """
     tx.add(deliveries, [{"delivery_id": delivery_id}])
 
 
 async def close_delivery(tx: Tx, delivery_id: DeliveryId, now_ms: int) -> None:
-    """Write the tombstone: nothing is booked for this delivery any more."""
+    """Mark a delivery as closed: nothing is booked for it from now on."""
     await tx.execute(
         update(deliveries).where(deliveries.c.delivery_id == delivery_id).values(closed_ms=now_ms)
     )

@@ -1,4 +1,4 @@
-"""The watch over some drones in one transaction: their links and live missions, locked together."""
+"""A unit of work on some drones: their links and live missions, locked in one transaction."""
 
 from collections.abc import Collection
 from dataclasses import dataclass, field
@@ -19,7 +19,11 @@ from skyway_composition.missions.mission.record import MissionRecord
 
 @dataclass(slots=True)
 class MissionUnitOfWork:
-    """What is known of each drone; links are locked before missions, by everybody."""
+    """The locked links and live missions of some drones, and their changes.
+
+    Every transaction locks links before missions. Changes are saved one by one (`save`), or staged
+    and saved together at the end (`stage`, `save_staged`).
+    """
 
     tx: Tx
     clock: FleetClock
@@ -34,32 +38,32 @@ class MissionUnitOfWork:
     async def lock(
         cls, drone_ids: Collection[DroneId], *, tx: Tx, clock: FleetClock, mint: Mint
     ) -> Self:
-        """The watch over these drones; those that we never heard of have no link."""
+        """Lock these drones; a drone that has never sent anything has no link."""
         links = await lock_links(tx, drone_ids)
         return cls(tx, clock, mint, links, await store.lock_live(tx, drone_ids))
 
     @property
     def courier(self) -> Courier:
-        """Sends instructions to these drones."""
+        """The sender of instructions to these drones."""
         return Courier(self.clock, self.mint)
 
     def stage_link(self, link: DroneLink) -> None:
-        """Know what changed of a link; `keep_noted` keeps it."""
+        """Stage a changed link; `save_staged` saves it."""
         if link != self.links[link.drone_id]:
             self.links[link.drone_id] = link
             self._staged_links.add(link.drone_id)
 
     def stage(self, record: MissionRecord) -> None:
-        """Know what changed of a mission that goes on; `keep_noted` keeps it."""
+        """Stage a changed live mission; `save_staged` saves it."""
         self.missions[record.drone_id] = record
         self._staged_missions.add(record.drone_id)
 
     def stage_answer(self, instruction_id: InstructionId) -> None:
-        """Know that an instruction was answered; `keep_noted` ends its repeating."""
+        """Stage that an instruction was answered; `save_staged` stops its repetition."""
         self._answered.append(instruction_id)
 
     async def save_staged(self) -> None:
-        """Keep all that was noted: once a transaction, however much the drones say."""
+        """Save all staged changes: once in a transaction, for any number of messages."""
         await save_links(self.tx, [self.links[each] for each in sorted(self._staged_links)])
         noted = [self.missions[each] for each in sorted(self._staged_missions)]
         await store.save_all(self.tx, noted)
@@ -69,7 +73,7 @@ class MissionUnitOfWork:
         self._answered.clear()
 
     async def save(self, record: MissionRecord) -> None:
-        """Keep what changed of a mission; one that has ended is no longer watched."""
+        """Save a changed mission; an ended mission leaves the unit of work."""
         self._staged_missions.discard(record.drone_id)
         if record.is_live:
             self.missions[record.drone_id] = record
@@ -86,7 +90,7 @@ async def lock_mission(
     clock: FleetClock,
     mint: Mint,
 ) -> tuple[MissionUnitOfWork, MissionRecord]:
-    """The live mission, if it is this provider's (None: whoever's), and the watch over its drone.
+    """A live mission of this provider (None: of any), locked together with its drone's link.
 
     Raises
     ------
@@ -95,7 +99,7 @@ async def lock_mission(
     Conflict
         MISSION_OVER: it has ended.
     """
-    # Read first without a lock, to learn the drone: links are locked before missions.
+    # The first read, without a lock, finds the drone: its link is locked before the mission.
     found = await store.get(tx.connection, mission_id, provider_id=provider_id)
     if found is None:
         raise NotFound("mission", mission_id)

@@ -1,7 +1,7 @@
-"""Missions that are late: their plans are looked at before pads are lost.
+"""Checks the plans of late missions before they lose their pads.
 
-Some do not say so. And when a plan was made, or struck by a closure, it kept clear of what closes
-later; a drone that comes later than it may, does not.
+A late drone may not report that it is late. A plan avoids closures that begin later, but a drone
+that comes later than planned may meet them.
 """
 
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ from skyway_composition.planning.world import World
 
 @dataclass(frozen=True, slots=True)
 class LateMissions:
-    """Sweeps missions of which a step is overdue; `stuck` is woken when one needs another plan."""
+    """Checks missions with an overdue step; wakes `stuck` when one needs another plan."""
 
     db: Database
     networks: PreparedNetworks
@@ -31,9 +31,9 @@ class LateMissions:
     stuck: Wake
 
     async def step(self) -> bool:
-        """Look at what is overdue now."""
+        """Check the missions that are late now."""
         async with self.db.read() as connection:
-            # What has just ended may still be on its way to us.
+            # The report about a step that has just ended may still be on its way.
             ended_at = self.clock.now() - fleet_margin(self.clock, **REPORT_DELAY)
             late = await perhaps_late(connection, ended_ms=moment_to_ms(ended_at))
         for network_id, drone_ids in late.items():

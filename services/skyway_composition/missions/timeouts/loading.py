@@ -1,4 +1,4 @@
-"""Drones that wait for a loader who does not come: given up after a while."""
+"""Ends missions whose drones wait too long for a loader."""
 
 from dataclasses import dataclass
 from datetime import datetime, timedelta
@@ -18,8 +18,8 @@ from skyway_composition.missions.timeouts import store
 from skyway_composition.missions.timeouts.store import AwaitedLoading
 from skyway_composition.networks.prepared import PreparedNetworks
 
-#: Wall seconds that a loader has at least: on a fast clock it is a program that confirms, and half
-#: an hour of fleet time is less than its question and our answer may take. Our own choice.
+#: The least wall time, in seconds, that a loader has. On a fast clock a program confirms, and its
+#: request and our answer may take longer than half an hour of fleet time. Our own choice.
 _LEAST_WALL_S: Final = 10.0
 
 
@@ -33,7 +33,7 @@ class LoadingTimeouts:
     mint: Mint
 
     async def step(self) -> bool:
-        """End what has waited too long."""
+        """End the missions that have waited too long."""
         now_ms = moment_to_ms(self.clock.now())
         async with self.db.read() as connection:
             awaited = await store.awaited_loadings(connection, started_before_ms=now_ms)
@@ -41,7 +41,7 @@ class LoadingTimeouts:
             skyway = await self.networks.current(each.network_id)
             timeout_s = skyway.settings.loading_timeout_s
             timeout = fleet_margin(self.clock, fleet_s=timeout_s, wall_s=_LEAST_WALL_S)
-            # Whoever is still on the way to the pickup cannot have waited that long.
+            # A drone that has started later than this cannot have waited that long.
             if each.start_ms <= moment_to_ms(self.clock.now() - timeout):
                 await self._judge(each, timeout)
         return False
@@ -63,10 +63,10 @@ class LoadingTimeouts:
 
 
 async def _loading_since(work: MissionUnitOfWork, record: MissionRecord) -> datetime | None:
-    """Since when a loader is waited for; None while nobody has to come.
+    """Since when the drone waits for a loader; None while it does not wait for one.
 
-    Before the drone has begun, while an operator holds it, or while it waits for a plan, no loader
-    is at fault.
+    A drone that has not begun, is held by an operator, or waits for a plan does not wait for a
+    loader.
     """
     mission = record.mission
     is_awaited = (mission.state, mission.loading) == ("ACTIVE", "AWAITED")

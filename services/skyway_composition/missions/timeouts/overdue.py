@@ -1,4 +1,4 @@
-"""Missions of which nothing is heard: given up in bounded time, and never while they may fly."""
+"""Ends missions of silent drones: within a bounded time, but never while they may fly."""
 
 import logging
 from dataclasses import dataclass
@@ -18,17 +18,17 @@ from skyway_composition.missions.timeouts.store import perhaps_overdue
 
 log = logging.getLogger(__name__)
 
-#: Longest time from a drone's PUBACK until its ack is taken here, wall seconds; a process that
-#: stands still for longer than this is taken for dead by the broker, and asks anew.
+#: Longest time from the broker's receipt of an ack until it is handled here, wall seconds. After a
+#: longer pause the broker drops the connection of this process, which then asks for events again.
 _ACK_ON_ITS_WAY_S: Final = 10.0
 
 
 def is_certainly_not_flown(record: MissionRecord, link: DroneLink, *, ack_due_at: datetime) -> bool:
-    """Whether a booking that expired unanswered is surely not loaded.
+    """Whether the drone surely does not fly an expired booking that it did not answer.
 
-    The drone is gone, and any ack that the broker had from it in time would be here: later ones
-    let no drone load. Or it has said since the expiry what it does, and it is not this. Before
-    that, another drone for the delivery could make two.
+    Either the drone is disconnected, and an ack from before the expiry would have arrived by now.
+    Or it has reported since the expiry that it does something else. Until then a second drone for
+    the delivery could mean two deliveries.
     """
     if link.is_gone and moment_to_ms(ack_due_at) > record.expires_ms:
         return True
@@ -41,21 +41,21 @@ def is_certainly_not_flown(record: MissionRecord, link: DroneLink, *, ack_due_at
 
 
 def is_silent(record: MissionRecord, link: DroneLink, *, since: datetime) -> bool:
-    """Whether the drone has shown no sign of flying this mission since a moment."""
+    """Whether the drone has not reported since this moment that it flies this mission."""
     state = link.state
     return state is None or state.at < since or state.mission_id != record.mission_id
 
 
 @dataclass(frozen=True, slots=True)
 class OverdueMissions:
-    """Sweeps missions whose time is over."""
+    """Ends missions whose time is over."""
 
     db: Database
     clock: FleetClock
     mint: Mint
 
     async def step(self) -> bool:
-        """End what is overdue now."""
+        """End the missions that are overdue now."""
         now = self.clock.now()
         patience = fleet_margin(self.clock, fleet_s=3_600, wall_s=120)
         async with self.db.read() as connection:
@@ -84,8 +84,8 @@ class OverdueMissions:
                     detail = f"the drone did not answer until {expired_at.isoformat()}"
                     await refuse(work, record, code="NO_ANSWER", detail=detail)
             elif is_long_over and record.stuck is not None:
-                detail = f"no plan for the rest was found: {record.stuck.detail}"
+                detail = f"no plan for the remainder was found: {record.stuck.detail}"
                 await abort(work, record, at=now, code=record.stuck.code, detail=detail)
             elif is_long_over and is_silent(record, link, since=silent_since):
-                detail = "nothing was heard of the drone"
+                detail = "the drone has sent no message"
                 await abort(work, record, at=now, code="SILENT", detail=detail)

@@ -1,4 +1,4 @@
-"""All SQL that finds missions to look at, each second anew: statements are made once."""
+"""All SQL of timeouts; it runs every second, so its statements are built once."""
 
 from collections import defaultdict
 from dataclasses import dataclass
@@ -35,7 +35,6 @@ _LATE: Final = (
 )
 
 
-# Asked every second: making it takes longer than running it does.
 _AWAITED: Final = (
     select(missions.c.mission_id, missions.c.drone_id, missions.c.network_id, missions.c.start_ms)
     .where(is_live, missions.c.loading == "AWAITED", missions.c.start_ms < bindparam("before_ms"))
@@ -45,7 +44,7 @@ _AWAITED: Final = (
 
 @dataclass(frozen=True, slots=True)
 class AwaitedLoading:
-    """A mission whose loader has not confirmed yet; loading cannot begin before `start_ms`."""
+    """A mission that waits for its loader; loading does not begin before `start_ms`."""
 
     mission_id: MissionId
     drone_id: DroneId
@@ -56,7 +55,7 @@ class AwaitedLoading:
 async def perhaps_overdue(
     connection: AsyncConnection, *, expired_ms: int, released_ms: int
 ) -> list[DroneId]:
-    """Drones whose booking expired unanswered, or whose plan is long over."""
+    """Drones with an unanswered, expired booking, or with a plan that ended long ago."""
     wanted = {"expired_ms": expired_ms, "released_ms": released_ms}
     found = await connection.execute(_OVERDUE, wanted)
     return list(found.scalars())
@@ -65,7 +64,7 @@ async def perhaps_overdue(
 async def perhaps_late(
     connection: AsyncConnection, *, ended_ms: int
 ) -> dict[NetworkId, list[DroneId]]:
-    """Drones of which a step should have ended before a moment, and no trouble is known."""
+    """Drones without trouble whose present step should have ended before this moment."""
     late: dict[NetworkId, list[DroneId]] = defaultdict(list)
     for row in await connection.execute(_LATE, {"ended_ms": ended_ms}):
         late[row.network_id].append(row.drone_id)
@@ -75,7 +74,7 @@ async def perhaps_late(
 async def awaited_loadings(
     connection: AsyncConnection, *, started_before_ms: int
 ) -> list[AwaitedLoading]:
-    """The live missions that were to begin before a moment, and wait for their loader."""
+    """The live missions that should have started before this moment and wait for a loader."""
     found = await connection.execute(_AWAITED, {"before_ms": started_before_ms})
     return [
         AwaitedLoading(row.mission_id, row.drone_id, row.network_id, row.start_ms) for row in found
