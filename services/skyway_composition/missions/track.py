@@ -1,4 +1,4 @@
-"""A delivery's track: what its drones flew, where they are, what is still to be flown for it."""
+"""A delivery's track: what its drones have flown, where they are, and what they will still fly."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from collections.abc import Set as AbstractSet
@@ -22,13 +22,13 @@ from skyway_composition.missions.mission.step_store import steps_of
 from skyway_composition.missions.mission.store import MissionFilter
 from skyway_composition.networks.station_store import stations_named
 
-#: More missions than a delivery can have: its attempts times its trips.
+#: More missions than a delivery can have (attempts times trips).
 _MOST_MISSIONS = 1_000
 
 
 @dataclass(frozen=True, slots=True)
 class _Flown:
-    """A mission, its steps as far as they are the delivery's, and what the drone says on it."""
+    """A mission, its steps for the delivery, and the drone's state while it flies them."""
 
     record: MissionRecord
     steps: Sequence[StepRecord]
@@ -45,7 +45,7 @@ class _Seen:
 
 
 async def track_of(db: Database, delivery_id: DeliveryId) -> Track:
-    """The missions of a delivery that were not refused, in the order of their booking."""
+    """The track of a delivery: its missions without refused ones, in the order of booking."""
     shown = MissionFilter(delivery_id=delivery_id)
     async with db.read() as connection:
         records = await store.page(connection, shown, before=None, limit=_MOST_MISSIONS)
@@ -66,7 +66,7 @@ async def track_of(db: Database, delivery_id: DeliveryId) -> Track:
 
 
 def _state_on(record: MissionRecord, link: DroneLink | None) -> DroneState | None:
-    """What the drone says while it is on this mission: all else is not this customer's."""
+    """The drone's state while it flies this mission; other states do not concern the customer."""
     state = None if link is None else link.state
     if not record.is_live or state is None or state.mission_id != record.mission_id:
         return None
@@ -74,7 +74,7 @@ def _state_on(record: MissionRecord, link: DroneLink | None) -> DroneState | Non
 
 
 def _tracked(flown: _Flown, now: Mapping[StationId, Position]) -> TrackedMission:
-    # Stations are where the drone was told; where it was told nothing, as they are now.
+    # Positions as sent to the drone; for other stations, their present positions.
     positions = {**now, **dict(_ends(flown.steps))}
     mission, state = flown.record.mission, flown.state
     seen = _seen(state, flown.steps)
@@ -95,7 +95,7 @@ def _tracked(flown: _Flown, now: Mapping[StationId, Position]) -> TrackedMission
 
 
 def _seen(state: DroneState | None, steps: Sequence[StepRecord]) -> _Seen | None:
-    """Where the drone is on its mission; where it came down in the open, it stays seen there."""
+    """Where the drone is on its mission; after a forced landing, where it came down."""
     if state is not None:
         return _Seen(state.position, state.at, state.soc)
     last = steps[-1].event if steps and steps[-1].status == "FAILED" else None
@@ -107,9 +107,9 @@ def _seen(state: DroneState | None, steps: Sequence[StepRecord]) -> _Seen | None
 def _of_delivery(
     record: MissionRecord, steps: Sequence[StepRecord], carried: AbstractSet[PackageId]
 ) -> Sequence[StepRecord]:
-    """The steps up to the last hand-over: the empty drone's way home is nobody's delivery.
+    """The steps up to the last hand-over: the empty drone's way home is not part of a delivery.
 
-    With something on board and no hand-over planned all of them count: it goes somewhere.
+    With packages on board and no planned hand-over all steps count.
     """
     if not record.is_live:
         steps = [each for each in steps if each.status != "PLANNED"]

@@ -23,7 +23,7 @@ from skyway_composition.missions.mission.record import MissionRecord, Trouble
 from skyway_composition.missions.mission.release_pads import release_unneeded_pads
 from skyway_composition.missions.mission.step_store import end_step, keep_cut_step
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
-from skyway_composition.missions.replanning.outlook.judge import check_plan_after_step
+from skyway_composition.missions.replanning.outlook.check_plan import check_plan_after_step
 from skyway_composition.missions.replanning.propose import accept_if_flown
 from skyway_composition.missions.replanning.request_plan import request_plan
 

@@ -17,7 +17,7 @@ from skyway_composition.missions.mission.instruct import call_off
 from skyway_composition.missions.mission.notify import report
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
-from skyway_composition.missions.replanning.outlook.judge import check_plan
+from skyway_composition.missions.replanning.outlook.check_plan import check_plan
 from skyway_composition.missions.replanning.propose import accept_if_flown
 from skyway_composition.planning.problem_for import used_more
 

@@ -1,6 +1,6 @@
-"""What comes of a look for a plan: a revision on its way, another look later, or an end.
+"""Applies the outcome of planning: a revision is sent, planning is put off, or a mission ends.
 
-Each is kept in a transaction that looks again: meanwhile the mission may have changed.
+Each outcome has its own transaction. It reads the mission again, which may have changed meanwhile.
 """
 
 import logging
@@ -32,26 +32,26 @@ from skyway_composition.planning.world import still_holds
 
 log = logging.getLogger(__name__)
 
-#: A mission that needs more revisions than this is going nowhere. Our own choice.
+#: After this many revisions a mission gets no further plan. Our own choice.
 MOST_REVISIONS: Final = 40
 
-#: Wall time until a plan is looked for again when there was none. Our own choice.
+#: Wall time until planning is tried again when no plan was found. Our own choice.
 _RETRY_MS: Final = 2_000
 
-#: No plan is looked for until somebody wants one at once.
+#: Planning is put off until another plan is requested.
 _NEVER_MS: Final = 2**53
 
 
 @dataclass(frozen=True, slots=True)
 class Outcomes:
-    """Keeps what came of planning for missions."""
+    """Applies what came of planning for missions."""
 
     db: Database
     clock: FleetClock
     mint: Mint
 
     async def send_or_retry(self, case: Case, anchor: Anchor, remainder: Remainder) -> None:
-        """Send this rest of the mission; where a pad is taken by now, look again later."""
+        """Send this remainder of the mission; if a pad is reserved by now, plan again later."""
         try:
             async with self.db.write() as tx:
                 await self._send(tx, case, anchor, remainder)
@@ -61,13 +61,13 @@ class Outcomes:
             await self.retry_later(case.record)
 
     async def _send(self, tx: Tx, case: Case, anchor: Anchor, remainder: Remainder) -> None:
-        """Send this rest of the mission, unless things have changed."""
-        # I11: read inside the transaction, and cannot change before it ends.
+        """Send this remainder of the mission, unless the world or the mission has changed."""
+        # I11: the world is checked inside the transaction and cannot change before its end.
         holds = await still_holds(tx, case.world)
         work = await self._lock(case.record.drone_id, tx)
         record = work.missions.get(case.record.drone_id)
         is_late = remainder.trip.start_ms < self._now_ms()
-        # After the links, as everybody locks them.
+        # After the links: every transaction locks links before missions.
         await retry_stuck(tx, case.record.mission_id, at_wall_ms=0)
         if record is None or not holds or is_late or not case.is_unchanged(work, record):
             return
@@ -89,50 +89,50 @@ class Outcomes:
             await replace_plan(work, record, revision, trouble=case.trouble)
 
     async def retry_later(self, record: MissionRecord) -> None:
-        """Look for a plan again a little later."""
+        """Plan again a little later."""
         async with self.db.write() as tx:
             await put_off(tx, record.mission_id, until_wall_ms=self._retry_wall_ms)
 
     async def hold(self, record: MissionRecord, stop: str) -> None:
-        """Keep the drone on the ground while a ground stop lasts, and look again later."""
+        """Keep the drone on the ground while a ground stop lasts, and plan again later."""
         async with self.db.write() as tx:
             work = await self._lock(record.drone_id, tx)
-            known = work.missions.get(record.drone_id)
-            if known is not None and known.mission_id == record.mission_id:
-                await hold_for_stop(work, known, stop=stop)
+            current = work.missions.get(record.drone_id)
+            if current is not None and current.mission_id == record.mission_id:
+                await hold_for_stop(work, current, stop=stop)
         await self.retry_later(record)
 
     async def stop_trying(self, record: MissionRecord, trouble: Trouble) -> None:
-        """Make no more plans: who stands gives up, who flies, flies on by the old one."""
+        """Make no more plans: a standing drone's mission ends, a flying drone flies on."""
         if record.stuck is not None:
             detail = f"{MOST_REVISIONS} revisions led nowhere; the last: {trouble.detail}"
             await self.give_up(record, code=trouble.code, detail=detail)
             return
         async with self.db.write() as tx:
             work = await self._lock(record.drone_id, tx)
-            known = work.missions.get(record.drone_id)
-            if known is not None and known.mission_id == record.mission_id:
-                await stop_trying(work, known, trouble)
+            current = work.missions.get(record.drone_id)
+            if current is not None and current.mission_id == record.mission_id:
+                await stop_trying(work, current, trouble)
                 await put_off(tx, record.mission_id, until_wall_ms=_NEVER_MS)
 
     async def stop_diverting(self, case: Case, reason: NoTrip) -> None:
-        """Leave the drone held, since it cannot go where an operator wants it."""
+        """Leave the drone held, because it cannot get to where an operator diverts it."""
         async with self.db.write() as tx:
             work = await self._lock(case.record.drone_id, tx)
-            known = work.missions.get(case.record.drone_id)
-            if known is not None and case.is_unchanged(work, known):
-                await stop_diverting(work, known, reason=f"{reason.code}: {reason.detail}")
+            current = work.missions.get(case.record.drone_id)
+            if current is not None and case.is_unchanged(work, current):
+                await stop_diverting(work, current, reason=f"{reason.code}: {reason.detail}")
             await put_off(tx, case.record.mission_id, until_wall_ms=self._retry_wall_ms)
 
     async def give_up(self, planned: MissionRecord, *, code: str, detail: str) -> None:
-        """End a mission that was planned for in vain, if it still is the one that was looked at."""
+        """End a mission for which no plan was found, if the drone still has this mission."""
         async with self.db.write() as tx:
             work = await self._lock(planned.drone_id, tx)
             record = work.missions.get(planned.drone_id)
             if record is None or record.mission_id != planned.mission_id:
                 return
             if record.stuck is None and work.links[record.drone_id].is_gone:
-                # It may begin without having heard: it is asked again, or silent for too long.
+                # It may begin before a CANCEL reaches it: plan again, or end it as silent later.
                 await put_off(tx, record.mission_id, until_wall_ms=self._retry_wall_ms)
                 return
             await give_up(work, record, code=code, detail=detail)
@@ -151,7 +151,7 @@ class Outcomes:
 async def give_up(
     work: MissionUnitOfWork, record: MissionRecord, *, code: str, detail: str
 ) -> None:
-    """End a mission whose drone stands, where it stands."""
+    """End a mission whose drone stands."""
     if record.stuck is not None:
         await abort(work, record, at=work.clock.now(), code=code, detail=detail)
     else:
@@ -159,7 +159,7 @@ async def give_up(
 
 
 def refusal_code(situation: Situation, trouble: Trouble, *, code: str) -> str:
-    """Why nothing is flown: the packages weigh otherwise than planned, or the planner's word."""
+    """Why no plan is flown: MASS_MISMATCH if the loaded masses differ, else the planner's code."""
     planned = {
         package.package_id: package.mass_kg
         for step in situation.planned
@@ -182,7 +182,7 @@ async def hold_for_stop(work: MissionUnitOfWork, record: MissionRecord, *, stop:
 
 
 async def raise_no_landing(work: MissionUnitOfWork, record: MissionRecord, anchor: Anchor) -> None:
-    """Tell operators of a drone that lands where nobody should, since it can reach nothing else."""
+    """Raise an alarm about a drone that lands at a closed station, the only one in reach."""
     await raise_alarm(
         work,
         record,
@@ -195,21 +195,21 @@ async def raise_no_landing(work: MissionUnitOfWork, record: MissionRecord, ancho
 
 
 async def stop_trying(work: MissionUnitOfWork, record: MissionRecord, trouble: Trouble) -> None:
-    """Let a drone that refuses every revision fly on by its plan, and tell operators.
+    """Let a drone that refuses every revision fly on by its plan, and raise an alarm.
 
-    The trouble stays: without it the same would be found, and told, every second.
+    The trouble stays: otherwise the same trouble would be found and reported every second.
     """
     await raise_alarm(
         work,
         record,
         level="URGENT",
         code="REVISIONS_REFUSED",
-        detail=f"no revision was taken; the drone flies on in spite of {trouble.code}",
+        detail=f"no revision was accepted; the drone flies on in spite of {trouble.code}",
     )
 
 
 async def stop_diverting(work: MissionUnitOfWork, record: MissionRecord, *, reason: str) -> None:
-    """Leave a drone held where it stands or lands next, since it cannot go where it was sent."""
+    """Leave a drone held where it stands or lands next, because it cannot be diverted."""
     await raise_alarm(
         work,
         record,

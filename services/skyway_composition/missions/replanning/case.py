@@ -1,4 +1,4 @@
-"""One mission to plan for: what is known of it, why it needs another plan, and in which world."""
+"""One mission to plan for: its situation, why it needs another plan, and in which world."""
 
 from dataclasses import dataclass, replace
 
@@ -13,9 +13,10 @@ from skyway_composition.planning.world import World
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """All that a new plan is made from; whoever keeps one looks again whether it still is so.
+    """All that a new plan is made from; it is checked again before the plan is sent.
 
-    `sent_revisions` counts what was ever sent, taken or not: a number is used once.
+    `sent_revisions` is the number of the newest revision ever sent, accepted or not; a number is
+    used once.
     """
 
     situation: Situation
@@ -26,37 +27,36 @@ class Case:
 
     @property
     def record(self) -> MissionRecord:
-        """The mission as it was looked at."""
+        """The mission as it was read."""
         return self.situation.record
 
     @property
     def waits_for_operator(self) -> bool:
-        """Whether the drone is held, and nobody has said where."""
+        """Whether the drone is held without a station to which it is diverted."""
         return self.record.mission.is_held and self.trouble.land_at is None
 
     def landing_at(self, station_id: StationId) -> "Case":
-        """The same of a drone that is to land there, and wait."""
+        """The same case with the drone diverted to this station, to wait there."""
         trouble = self.trouble.model_copy(update={"land_at": station_id})
         return replace(self, trouble=trouble)
 
     def ground_stop(self, anchor: Anchor) -> str | None:
-        """Why the drone may not take off at the anchor; None when it may, or flies on there."""
+        """Why the drone may not take off at the anchor; None when it may, or flies over it."""
         if anchor.is_in_the_air:
             return None
         standing = self.record.candidate.model_copy(update={"station_id": anchor.station_id})
         return self.world.conditions.ground_stop(standing, at_ms=anchor.at_ms)
 
     def is_unchanged(self, work: MissionUnitOfWork, record: MissionRecord) -> bool:
-        """Whether the mission still waits, for the same reason, and its drone is where it was."""
-        known, was = self.record, self.situation.link.state
-        state = work.links[record.drone_id].state
-        progress = None if state is None else (state.step_id, state.released_through)
-        known_progress = None if was is None else (was.step_id, was.released_through)
-        return progress == known_progress and _inputs(record) == _inputs(known)
+        """Whether the mission needs the same plan as before, and its drone is at the same step."""
+        before, now = self.situation.link.state, work.links[record.drone_id].state
+        progress_before = None if before is None else (before.step_id, before.released_through)
+        progress = None if now is None else (now.step_id, now.released_through)
+        return progress == progress_before and _inputs(record) == _inputs(self.record)
 
 
 def trouble_of(record: MissionRecord) -> Trouble | None:
-    """Why a mission needs another plan; that its drone is stuck comes first."""
+    """Why a mission needs another plan; a stuck drone comes before any other trouble."""
     if record.stuck is None:
         return record.trouble
     land_at = None if record.trouble is None else record.trouble.land_at
@@ -66,9 +66,9 @@ def trouble_of(record: MissionRecord) -> Trouble | None:
 def may_be_planned(situation: Situation, trouble: Trouble) -> bool:
     """Whether a plan can be made now.
 
-    Not for a drone that has not answered yet, or is led elsewhere by a failsafe: it would refuse
-    new steps until that is over, unless they override it. One that is held flies on to its next
-    landing, which may be closed, and begins nothing there.
+    A drone that has not answered yet gets no new plan. A drone that is led elsewhere by a failsafe
+    would refuse new steps, unless they override the failsafe. A held drone gets a plan only if it
+    is diverted, or in flight: its next landing may be closed.
     """
     record = situation.record
     if record.mission.state == "BOOKED" or record.proposal is not None:

@@ -1,4 +1,4 @@
-"""Escapes: what a drone does by itself instead of its plan, and will not be told out of."""
+"""Failsafes: what a drone does on its own instead of its plan; it then refuses new steps."""
 
 from typing import Final
 
@@ -9,22 +9,22 @@ from skyway_composition.missions.mission.notify import raise_alarm
 from skyway_composition.missions.mission.record import CALLED_HOME, MissionRecord
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 
-#: While one of these acts a drone refuses new steps, unless they override it.
-_ESCAPES: Final = (Failsafe.DIVERT, Failsafe.LAND_NOW)
+#: While one of these is active a drone refuses new steps, unless they override it.
+_STEERING: Final = (Failsafe.DIVERT, Failsafe.LAND_NOW)
 
 
 def steering_failsafe(record: MissionRecord, state: DroneState | None) -> ActiveFailsafe | None:
-    """The failsafe that leads a mission's drone elsewhere; None while it does as it was told."""
+    """The failsafe that leads a mission's drone elsewhere; None while it follows its plan."""
     if record.stuck is not None or state is None or state.failsafe is None:
         return None
     is_of_this = state.mission_id == record.mission_id
-    return state.failsafe if is_of_this and state.failsafe.failsafe in _ESCAPES else None
+    return state.failsafe if is_of_this and state.failsafe.failsafe in _STEERING else None
 
 
 def waits_for_pad(record: MissionRecord, link: DroneLink) -> bool:
-    """Whether a mission's drone stands beside a pad that something else occupies.
+    """Whether a mission's drone waits beside an occupied pad.
 
-    What it said before its last event says nothing of that: it may have charged meanwhile.
+    A state from before its last event does not count: the drone may have charged meanwhile.
     """
     state = link.state
     if state is None or state.mission_id != record.mission_id:
@@ -35,17 +35,17 @@ def waits_for_pad(record: MissionRecord, link: DroneLink) -> bool:
 
 
 async def handle_failsafe_refusal(work: MissionUnitOfWork, record: MissionRecord) -> MissionRecord:
-    """The record of a mission whose drone's failsafe went before its new plan.
+    """A drone has refused a new plan because of its failsafe; returns the changed record.
 
-    The plan is made once that is over; an operator whose wish it was is told. What the drone did
-    not let override its failsafe does not try that again.
+    The plan is made again once the failsafe is over. If an operator had asked for the plan,
+    operators get an alarm. A plan that could not override the failsafe does not try so again.
     """
     trouble = record.trouble
     if trouble is None:
         return record
     if trouble.code == CALLED_HOME or trouble.land_at is not None:
-        escape = steering_failsafe(record, work.links[record.drone_id].state)
-        acting = "a failsafe" if escape is None else f"{escape.failsafe} for {escape.fault}"
+        active = steering_failsafe(record, work.links[record.drone_id].state)
+        acting = "a failsafe" if active is None else f"{active.failsafe} for {active.fault}"
         hint = "nothing overrides this" if trouble.overrides_failsafe else "unless overridden"
         await raise_alarm(
             work,
@@ -53,9 +53,9 @@ async def handle_failsafe_refusal(work: MissionUnitOfWork, record: MissionRecord
             level="WARNING",
             code="FAILSAFE_ACTIVE",
             detail=(
-                f"the drone did not take {trouble.code} ({trouble.detail}): {acting} is under way; "
-                f"it is told again when that is over, {hint}"
+                f"the drone refused {trouble.code} ({trouble.detail}): {acting} is under way; "
+                f"it is sent again when that is over, {hint}"
             ),
-            data={} if escape is None else escape.model_dump(mode="json"),
+            data={} if active is None else active.model_dump(mode="json"),
         )
     return record.with_trouble(trouble.model_copy(update={"overrides_failsafe": False}))

@@ -1,4 +1,4 @@
-"""Pads that drones found taken: out of order for a while, as if an operator had said so."""
+"""Closes pads that drones found occupied, for a while, as an operator would."""
 
 from dataclasses import dataclass
 from datetime import timedelta
@@ -13,12 +13,12 @@ from skyway_composition.closures.closure import Closure
 from skyway_composition.closures.store import outages
 from skyway_composition.missions.mission.record import MissionRecord, OccupiedPad
 
-#: How long nobody is sent to a pad on which something stands that should not. Our own choice.
+#: How long no drone is sent to an occupied pad. Our own choice.
 _CLOSED_FOR: Final = timedelta(minutes=15)
 
 
 def occupied_pad(step: FlightStep | None, event: DroneEvent) -> OccupiedPad | None:
-    """The pad of a RECHARGE that failed since something stood on it."""
+    """The pad of a RECHARGE that failed because the pad was occupied."""
     if not isinstance(step, RechargeStep):
         return None
     until_ms = moment_to_ms(event.ended_at + _CLOSED_FOR)
@@ -27,22 +27,22 @@ def occupied_pad(step: FlightStep | None, event: DroneEvent) -> OccupiedPad | No
 
 @dataclass(frozen=True, slots=True)
 class OccupiedPads:
-    """Closes such pads, and has the missions that hold them look for other plans."""
+    """Closes occupied pads; missions that have reserved them get other plans."""
 
     closings: Closings
 
     async def close(self, record: MissionRecord) -> None:
-        """Close the pad that this mission's drone found taken, unless it is closed or it is over.
+        """Close the pad that this mission's drone found occupied, unless it is closed already.
 
-        In a transaction of its own: closures lock a network before any drone.
+        This needs its own transaction: closures lock a network before any drone.
         """
         occupied = None if record.stuck is None else record.stuck.occupied
         now_ms = self.closings.now_ms
         if occupied is None or occupied.until_ms <= now_ms:
             return
         async with self.closings.db.read() as connection:
-            known = await outages(connection, at_ms=now_ms, station_id=occupied.station_id)
-        if any(each.pad == occupied.pad for each in known):
+            closed = await outages(connection, at_ms=now_ms, station_id=occupied.station_id)
+        if any(each.pad == occupied.pad for each in closed):
             return
         await self.closings.make(
             Closure(

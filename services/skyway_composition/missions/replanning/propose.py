@@ -1,8 +1,9 @@
-"""Proposals: a revision for a drone that flies by its plan counts once the drone has taken it.
+"""Sends revisions: as a proposal to a flying drone, as a replacement to a waiting drone.
 
-Until then the mission is what it was, and holds the pads of both plans. Accepted, the new steps
-replace the old ones and only their pads are held; rejected, the old ones stay, and another plan is
-looked for from what the drone says then.
+A proposal becomes the plan once the drone has accepted it. Until then the old plan holds, and the
+pads of both plans are reserved. After acceptance the new steps replace the old ones, and only their
+pads stay reserved. After a refusal the old steps stay, and another plan is made from what the drone
+reports then. A waiting drone has no plan left, so its revision replaces the old plan immediately.
 """
 
 from collections.abc import Sequence
@@ -45,7 +46,7 @@ from skyway_composition.missions.replanning.store import plan_now
 
 @dataclass(frozen=True, slots=True)
 class Revision:
-    """What a mission becomes: its plan as the world sees it, and the steps for the drone."""
+    """A new plan of a mission: its public part, the steps for the drone, and the aims."""
 
     mission: Mission
     steps: tuple[FlightStep, ...]
@@ -60,12 +61,12 @@ async def propose(
     anchor: Anchor,
     trouble: Trouble,
 ) -> None:
-    """Send a revision; both plans' pads are held from now on.
+    """Send a revision as a proposal; the pads of both plans are reserved from now on.
 
     Raises
     ------
     Taken
-        Somebody else holds one of the new pads.
+        Another mission has one of the new pads.
     """
     draft = _draft(revision, anchor, trouble)
     link, instruction_id = await work.courier.post(
@@ -89,9 +90,9 @@ async def propose(
 async def accept_if_flown(
     work: MissionUnitOfWork, record: MissionRecord, revision: int | None
 ) -> MissionRecord:
-    """The record once its drone is heard to fly by the proposal, whose answer is still to come.
+    """Accept a proposal by which the drone flies already, before its answer has arrived.
 
-    Without this the answer would undo what the drone has done by the new plan.
+    Otherwise the late answer would undo what the drone has done by the new plan.
     """
     proposal = record.proposal
     if proposal is None or revision != proposal.mission.revision:
@@ -103,12 +104,12 @@ async def accept_if_flown(
 async def accept_proposal(
     work: MissionUnitOfWork, record: MissionRecord, proposal: Proposal, *, kind: str | None
 ) -> MissionRecord:
-    """The drone has taken the proposal, an instruction of this kind: now it is the mission."""
+    """The drone has accepted the proposal, an instruction of this kind: it becomes the plan."""
     if kind != "MISSION":
-        # The flight before a DIVERT flies on, or lands, as what follows has it.
+        # The steps after the flight under way decide whether that flight lands.
         await adjust_last_flight(work.tx, record.mission_id, proposal)
-    known = record.mission
-    mission = proposal.mission.model_copy(update={"state": known.state, "is_held": known.is_held})
+    old = record.mission
+    mission = proposal.mission.model_copy(update={"state": old.state, "is_held": old.is_held})
     await replace_steps(
         work.tx,
         record.mission_id,
@@ -128,17 +129,17 @@ async def accept_proposal(
     record = report_replanned(work, record, code=proposal.code, detail=proposal.detail)
     await work.save(record)
     await plan_now(work.tx, record.mission_id)
-    unmet = returns_not_in_plan(record, proposal.steps)
-    if unmet:
-        detail = f"cancelled while the plan was on its way: {', '.join(unmet)}"
+    missing = returns_not_in_plan(record, proposal.steps)
+    if missing:
+        detail = f"cancelled while the plan was on its way: {', '.join(missing)}"
         record = await request_plan(work, record, Trouble(code="CANCELLED", detail=detail))
     return record
 
 
 async def drop_proposal(work: MissionUnitOfWork, record: MissionRecord) -> MissionRecord:
-    """The drone will not fly the proposal: the record without it, and without its pads.
+    """Remove a proposal that the drone will not fly, and release its pads.
 
-    The trouble stays, and another plan is looked for at once.
+    The trouble stays, and another plan is made immediately.
     """
     record = replace(record, proposal=None)
     await release_unneeded_pads(work, record)
@@ -148,7 +149,7 @@ async def drop_proposal(work: MissionUnitOfWork, record: MissionRecord) -> Missi
 
 
 def _left_of(trouble: Trouble | None, proposal: Proposal) -> Trouble | None:
-    """What has come up since the proposal was made; the drone hears only once what was loaded."""
+    """The trouble that came after the proposal; a confirmed loading is sent only once."""
     if trouble is None or (proposal.code, proposal.detail) == (trouble.code, trouble.detail):
         return None
     is_loaded = proposal.mission.loading == "CONFIRMED"
@@ -156,7 +157,7 @@ def _left_of(trouble: Trouble | None, proposal: Proposal) -> Trouble | None:
 
 
 def _draft(revision: Revision, anchor: Anchor, trouble: Trouble) -> Draft:
-    """A MISSION where it replaces what is not released, else what may replace more."""
+    """A MISSION if it replaces only steps that are not released, else a DIVERT or RETURN_HOME."""
     mission = revision.mission
     common = {
         "mission_id": mission.mission_id,
@@ -182,12 +183,12 @@ def _draft(revision: Revision, anchor: Anchor, trouble: Trouble) -> Draft:
 async def replace_plan(
     work: MissionUnitOfWork, record: MissionRecord, revision: Revision, *, trouble: Trouble
 ) -> None:
-    """Put a revision in the place of all that was planned, and send it.
+    """Replace all planned steps by a revision, and send it.
 
     Raises
     ------
     Taken
-        Somebody else holds one of the new pads.
+        Another mission has one of the new pads.
     """
     mission = revision.mission
     await replace_planned(work.tx, record.mission_id, revision.steps, revision=mission.revision)
@@ -207,9 +208,9 @@ async def replace_plan(
 
 
 async def adjust_last_flight(tx: Tx, mission_id: MissionId, proposal: Proposal) -> None:
-    """Keep of the last flight that stays valid what the drone makes of it.
+    """Save whether the flight before a proposal lands.
 
-    Before another flight it flies on over its end, before anything else it lands there.
+    Before another flight the drone flies on over the station; before any other step it lands.
     """
     lands = not isinstance(proposal.steps[0], FlyStep)
     for each in await steps_of(tx.connection, mission_id):
@@ -222,7 +223,10 @@ async def adjust_last_flight(tx: Tx, mission_id: MissionId, proposal: Proposal) 
 def returns_not_in_plan(
     record: MissionRecord, steps: Sequence[FlightStep]
 ) -> tuple[PackageId, ...]:
-    """Those of which word came while the plan was on its way to the drone."""
+    """Packages that must return but that the accepted plan delivers.
+
+    They were cancelled after the plan was sent and before the drone accepted it.
+    """
     delivered = {
         package_id
         for step in steps
@@ -239,7 +243,7 @@ def returns_not_in_plan(
 def with_aims(
     work: MissionUnitOfWork, record: MissionRecord, aims: tuple[Aim, ...], *, code: str, detail: str
 ) -> MissionRecord:
-    """The record with these aims, once it is told what goes back to the pickup now."""
+    """The record with these aims; packages that now go back to the pickup are reported."""
     turned = turned_back(record.aims, aims)
     record = replace(record, aims=aims)
     if not turned:
@@ -258,7 +262,7 @@ def with_aims(
 def report_replanned(
     work: MissionUnitOfWork, record: MissionRecord, *, code: str, detail: str
 ) -> MissionRecord:
-    """The record once it is told that its mission goes on by another plan, and why."""
+    """Report that a mission continues by another plan, and why."""
     return report(
         work,
         record,

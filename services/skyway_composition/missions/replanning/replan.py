@@ -1,9 +1,9 @@
-"""Re-composition: a mission whose plan does not hold any more gets a new revision.
+"""Replanning: a mission whose plan no longer holds gets a new revision.
 
 Either its drone stands and waits (a step failed, it refused a revision, it lost its journal), or it
 flies by a plan that leads to trouble. The new plan begins at the anchor: where the drone stands, or
-where it can first be told otherwise. What was planned with is checked again in the transaction
-that sends the revision, and whatever has changed meanwhile leads to another look.
+the first place where its plan can be changed. The transaction that sends the revision checks again
+what was planned with. After any change the mission is planned again.
 """
 
 import asyncio
@@ -41,7 +41,7 @@ from skyway_composition.planning.problem_for import with_margin
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.world import World
 
-#: Until the drone has a revision that is sent now: fleet seconds, wall seconds. Our own choice.
+#: Time until a revision reaches the drone: fleet seconds, wall seconds. Our own choice.
 _REACHES_DRONE_WITHIN_S: Final = (5.0, 2.0)
 
 
@@ -60,21 +60,22 @@ class Replanner:
     async def step(self) -> bool:
         """Plan for a few missions that need it; True when there may be more.
 
-        Each on its own: one that fails is tried again when its claim is over.
+        The missions are planned one by one. After an error a mission is planned again when its
+        claim is over.
         """
         drone_ids = await claim_stuck(self.db, self.clock, self.claimant)
         ends = await asyncio.gather(*map(self.replan, drone_ids), return_exceptions=True)
         failures = [each for each in ends if isinstance(each, Exception)]
         if failures:
-            raise ExceptionGroup("not re-composed", failures)
+            raise ExceptionGroup("missions not replanned", failures)
         return bool(drone_ids)
 
     async def replan(self, drone_id: DroneId) -> None:
-        """Give this drone's mission a new revision; without a plan try again later, or give up."""
+        """Give this drone's mission a new revision; without a plan, try again later or give up."""
         seen = await self._read_situation(drone_id)
         if seen is not None and seen[0].needs_pad_closed:
             await self.occupied.close(seen[0].record)
-            # That changes missions, this one too.
+            # Closing a pad changes missions, this one included.
             seen = await self._read_situation(drone_id)
         if seen is None:
             return
@@ -115,7 +116,7 @@ class Replanner:
     async def _rest(
         self, case: Case, planner: RemainderPlanner, *, landing: Anchor
     ) -> tuple[Anchor, Remainder | NoTrip]:
-        """The rest from where the drone lands next, else from a station that it would fly over."""
+        """The remainder from the next landing, else from a station that the drone flies over."""
         found = await planner.plan(landing, case.trouble)
         if isinstance(found, Remainder):
             return landing, found
@@ -126,7 +127,7 @@ class Replanner:
         return landing, found
 
     def _flown_over(self, case: Case, landing: Anchor) -> Iterator[Anchor]:
-        """Where the drone would fly over before it lands, and may take off again; latest first."""
+        """The stations before the landing where the drone may turn, the latest first."""
         over: Anchor | None = landing
         while over is not None:
             over = self._anchor(case, closed=case.closed, before_step=over.last_valid_step)
@@ -136,9 +137,9 @@ class Replanner:
     async def _handle_no_plan(
         self, case: Case, anchor: Anchor, planner: RemainderPlanner, reason: NoTrip
     ) -> None:
-        """Without any plan the drone stays where it is, or lands where it is flying to."""
+        """No plan was found: the drone stays where it is, or lands where it flies to."""
         if anchor.is_in_the_air:
-            # Nothing that is open is in reach: the landing it flies to, closed or not.
+            # No open station is in reach: it lands where it flies to, closed or not.
             landing = self._anchor(case, closed=ClosedAhead(case.world.skyway.network))
             if landing is None:
                 await self._outcomes.retry_later(case.record)
@@ -178,8 +179,8 @@ class Replanner:
         earliest_ms = 1 + moment_to_ms(self.clock.now() + margin)
         stuck = case.record.stuck
         if stuck is not None:
-            at_once = anchor_of_stuck(case.situation, stuck, earliest_ms=earliest_ms)
-            return at_once if before_step is None else None
+            anchor = anchor_of_stuck(case.situation, stuck, earliest_ms=earliest_ms)
+            return anchor if before_step is None else None
         settings = case.world.skyway.settings
         return find_anchor(
             case.situation,

@@ -1,4 +1,4 @@
-"""Trouble: the plan of a mission does not hold any more, and another one is to be looked for."""
+"""Requests another plan for missions whose plan no longer holds."""
 
 from collections.abc import Iterable
 from dataclasses import replace
@@ -12,11 +12,11 @@ from skyway_composition.missions.replanning.store import plan_now, save_troubles
 async def request_plan(
     work: MissionUnitOfWork, record: MissionRecord, trouble: Trouble
 ) -> MissionRecord:
-    """Keep why a mission needs another plan; the recomposer finds it once it is woken.
+    """Save why a mission needs another plan; the replanner finds the mission once woken.
 
-    Told once, however many troubles follow. Whoever calls this wakes `stuck` after the commit.
+    The first trouble is reported, later ones are not. The caller wakes `stuck` after the commit.
     """
-    record = _told(work, record, trouble)
+    record = _with_trouble(work, record, trouble)
     await work.save(record)
     await plan_now(work.tx, record.mission_id)
     return record
@@ -25,14 +25,16 @@ async def request_plan(
 async def request_plans(
     work: MissionUnitOfWork, records: Iterable[MissionRecord], trouble: Trouble
 ) -> None:
-    """The same for many missions, in one statement: a closure may hit hundreds of them."""
-    told = [_told(work, each, trouble) for each in records]
-    await save_troubles(work.tx, told)
-    work.missions.update({record.drone_id: record for record in told})
+    """Request plans for many missions in one statement: a closure may hit hundreds of them."""
+    changed = [_with_trouble(work, each, trouble) for each in records]
+    await save_troubles(work.tx, changed)
+    work.missions.update({record.drone_id: record for record in changed})
 
 
-def _told(work: MissionUnitOfWork, record: MissionRecord, trouble: Trouble) -> MissionRecord:
-    """The record with this trouble, told if it is the first."""
+def _with_trouble(
+    work: MissionUnitOfWork, record: MissionRecord, trouble: Trouble
+) -> MissionRecord:
+    """The record with this trouble, which is reported if it is the first."""
     if record.trouble is None and record.stuck is None:
         record = report(
             work,
@@ -42,22 +44,23 @@ def _told(work: MissionUnitOfWork, record: MissionRecord, trouble: Trouble) -> M
             code=trouble.code,
             detail=trouble.detail,
         )
-    return replace(record, trouble=_on_top_of(record.trouble, trouble))
+    return replace(record, trouble=_merged(record.trouble, trouble))
 
 
-def _on_top_of(known: Trouble | None, new: Trouble) -> Trouble:
-    """The new trouble, with what must not be forgotten of the known one: what people said.
+def _merged(earlier: Trouble | None, new: Trouble) -> Trouble:
+    """The new trouble, with the loading or diversion that people asked for in the earlier one.
 
-    The known one would not do: it is over with the plan for it, which may be on its way.
+    The earlier trouble alone is not enough: it ends when the plan made for it is accepted, and
+    that plan may be on its way already.
     """
-    if known is None or new.loaded is not None or new.land_at is not None:
+    if earlier is None or new.loaded is not None or new.land_at is not None:
         return new
-    if known.loaded is None and known.land_at is None:
+    if earlier.loaded is None and earlier.land_at is None:
         return new
     return new.model_copy(
         update={
-            "loaded": known.loaded,
-            "land_at": known.land_at,
-            "overrides_failsafe": known.overrides_failsafe,
+            "loaded": earlier.loaded,
+            "land_at": earlier.land_at,
+            "overrides_failsafe": earlier.overrides_failsafe,
         }
     )

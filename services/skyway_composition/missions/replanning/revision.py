@@ -1,4 +1,4 @@
-"""From the rest of a mission to the steps that its drone is sent."""
+"""From the planned remainder of a mission to the revision that its drone is sent."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -23,7 +23,7 @@ from skyway_composition.missions.replanning.remainder.planner import Remainder
 from skyway_composition.networks.prepared import PreparedNetwork
 from skyway_composition.planning.trip import PlacedStep
 
-#: A diverted drone of which nobody thinks any more ends its mission after so long. Our own choice.
+#: A diverted drone without any further command ends its mission after this time. Our own choice.
 _LONGEST_WAIT: Final = timedelta(days=7)
 
 
@@ -38,7 +38,7 @@ def revision_of(
     skyway: PreparedNetwork,
     link: DroneLink,
 ) -> Revision:
-    """The mission's revision of this number, with its steps, planned with this margin."""
+    """The mission's next revision with its steps, under this number and energy margin."""
     terms = StepTerms.of(replace(record, aims=remainder.aims), skyway.settings)
     if remainder.given_up is not None:
         terms = replace(terms, returned=anchor.carried)
@@ -51,7 +51,7 @@ def revision_of(
     if trouble.land_at is not None:
         steps = (*steps, _wait_for_operator(steps, anchor=anchor))
     elif not steps:
-        # Home and charged: the drone still has to hear that nothing is left, to end it.
+        # The drone is home and charged. It needs one last step to end the mission.
         start_ms = remainder.trip.start_ms
         steps = (finished_wait(anchor.station_id, start_ms, step_id=anchor.first_step),)
     margins = skyway.settings.margins.model_copy(update={"energy_margin": energy_margin})
@@ -59,7 +59,7 @@ def revision_of(
         record.mission, remainder.trip, revision=number, margins=margins
     ).model_copy(update={"given_up": remainder.given_up})
     if remainder.given_up is not None:
-        # What is left behind arrives nowhere, so nobody is told when.
+        # Packages that are left behind do not arrive, so they have no arrival time.
         arriving = [each for each in mission.packages if each.package_id not in anchor.carried]
         mission = mission.model_copy(update={"packages": tuple(arriving)})
     if trouble.loaded is not None:
@@ -68,7 +68,7 @@ def revision_of(
 
 
 def _wait_for_operator(steps: tuple[FlightStep, ...], *, anchor: Anchor) -> WaitStep:
-    """A wait that an operator's word ends: a hold would keep the drone from getting there."""
+    """A wait that an operator's command ends; a hold would keep the drone from flying there."""
     station_id = anchor.station_id
     if steps:
         last = steps[-1]
@@ -86,7 +86,7 @@ def _wait_for_operator(steps: tuple[FlightStep, ...], *, anchor: Anchor) -> Wait
 def _placed(
     record: MissionRecord, remainder: Remainder, anchor: Anchor, link: DroneLink
 ) -> Iterator[PlacedStep]:
-    """The trip's steps; what is on board is picked up only by a drone that has forgotten it."""
+    """The trip's steps; a PICK_UP of the load on board only for a drone that has forgotten it."""
     knows_its_load = anchor.carried and not (
         record.stuck is not None and _has_forgotten_its_load(link, anchor.carried)
     )
@@ -96,7 +96,7 @@ def _placed(
 
 
 def _has_forgotten_its_load(link: DroneLink, carried: frozenset[PackageId]) -> bool:
-    """Whether the drone, of whose events none is missing, does not know of anything on board."""
+    """Whether the drone reports none of its load on board, and none of its events is missing."""
     state = link.state
     if state is None or state.last_event_seq < link.last_event_seq:
         return False

@@ -12,8 +12,8 @@ from skyway.runtime.sql.database import Database, Tx
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.tables import is_live, missions
 
-#: Seconds of wall time after which others may plan for a mission, too: most plans are found in a
-#: tenth of one, and of two revisions only the first is sent.
+#: Seconds of wall time until another replica may plan for a claimed mission. Most plans are found
+#: in a tenth of a second. If two replicas plan for a mission, only the first revision is sent.
 _CLAIMED_FOR_S: Final = 5.0
 
 
@@ -22,25 +22,25 @@ _STUCK: Final = Claiming.of(
     where=and_(
         is_live,
         or_(missions.c.stuck.is_not(None), missions.c.trouble.is_not(None)),
-        # What was proposed is answered first: two revisions on their way could cross.
+        # A proposal is answered first: two revisions on their way could overtake each other.
         missions.c.proposal.is_(None),
         missions.c.retry_wall_ms <= NOW_MS,
     ),
     order_by=[missions.c.retry_wall_ms],
-    # Whoever wants a plan at once from now on sets this to 0, and is not put off by this look.
+    # A request for a plan sets this to 0; this planning does not put such a later request off.
     also={"retry_wall_ms": NOW_MS},
 )
 
 
 async def claim_stuck(db: Database, clock: FleetClock, claimant: str) -> list[DroneId]:
-    """A few drones whose plans do not hold any more, now ours to plan for."""
+    """Claim a few missions that need another plan; returns their drones."""
     values = claim_values(limit=8, claimant=claimant, lease_s=_CLAIMED_FOR_S, clock=clock)
     rows = _STUCK.in_order(await db.write_alone(_STUCK.statement, values))
     return [row.drone_id for row in rows]
 
 
 async def retry_stuck(tx: Tx, mission_id: MissionId, *, at_wall_ms: int) -> None:
-    """Give up the claim of a mission that waits for a revision; look again at this moment."""
+    """Release the claim of a mission that needs a plan; plan again at this moment."""
     await tx.execute(
         update(missions)
         .where(missions.c.mission_id == mission_id)
@@ -49,17 +49,17 @@ async def retry_stuck(tx: Tx, mission_id: MissionId, *, at_wall_ms: int) -> None
 
 
 async def put_off(tx: Tx, mission_id: MissionId, *, until_wall_ms: int) -> None:
-    """Give up the claim of a mission; look again then, or at once if that is wanted by now."""
-    wanted_ms = case((missions.c.retry_wall_ms == 0, 0), else_=until_wall_ms)
+    """Release the claim of a mission; plan again then, or now if a plan was requested meanwhile."""
+    retry_ms = case((missions.c.retry_wall_ms == 0, 0), else_=until_wall_ms)
     await tx.execute(
         update(missions)
         .where(missions.c.mission_id == mission_id)
-        .values(retry_wall_ms=wanted_ms, **FREE)
+        .values(retry_wall_ms=retry_ms, **FREE)
     )
 
 
 async def save_troubles(tx: Tx, records: Iterable[MissionRecord]) -> None:
-    """Keep the troubles of missions that are locked, and what was told of them; plan at once."""
+    """Save the troubles and report numbers of locked missions; plan for them now."""
     rows = [
         {
             "of_mission": record.mission_id,
@@ -74,7 +74,7 @@ async def save_troubles(tx: Tx, records: Iterable[MissionRecord]) -> None:
 
 
 async def plan_now(tx: Tx, mission_id: MissionId) -> None:
-    """Look for a plan without waiting any longer; whoever is at it keeps the claim."""
+    """Plan without waiting any longer; a replica that has claimed the mission keeps its claim."""
     await tx.execute(
         update(missions).where(missions.c.mission_id == mission_id).values(retry_wall_ms=0)
     )

@@ -13,7 +13,7 @@ from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
-from skyway_composition.missions.replanning.outlook.judge import REPORT_DELAY, check_plan
+from skyway_composition.missions.replanning.outlook.check_plan import REPORT_DELAY, check_plan
 from skyway_composition.missions.replanning.remainder.closed_ahead import ClosedAhead
 from skyway_composition.missions.timeouts.store import perhaps_late
 from skyway_composition.networks.prepared import PreparedNetworks

@@ -333,4 +333,4 @@ async def test_nobody_there_sends_the_package_back(composition: Any, drone: Any,
         ("REPLANNING", "RECIPIENT_ABSENT"),
         ("REPLANNED", "RECIPIENT_ABSENT"),
     ]
-    assert (await composition.reports())[-1].detail == "nobody took p1 at 'c' within 300 s"
+    assert (await composition.reports())[-1].detail == "no recipient took p1 at 'c' within 300 s"

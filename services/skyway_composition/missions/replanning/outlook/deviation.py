@@ -1,4 +1,7 @@
-"""How far a mission is from its plan, and whether that costs a pad, charge or the deadline."""
+"""How far a mission is from its plan, and whether that costs a pad, charge or the deadline.
+
+A late drone may also meet a closure that it would have avoided in time.
+"""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -20,7 +23,7 @@ from skyway_composition.planning.problem_for import used_more, with_margin
 
 
 class Closed(Protocol):
-    """What is closed, as the flights of a plan ask."""
+    """What is closed, as the flights of a plan need to know it."""
 
     def closes_landing(self, station_id: StationId, at_ms: float) -> bool:
         """Whether nobody may land there at that moment."""
@@ -33,19 +36,19 @@ class Closed(Protocol):
         ...
 
 
-#: Less lateness than this is not worth telling a customer. Our own choice.
+#: A smaller delay is not reported to the customer. Our own choice.
 REPORTED_LATENESS: Final = timedelta(seconds=60)
 
 
-#: A shortfall of charge below this is rounding, or made up for by the margin. Our own choice.
+#: A smaller shortfall of charge is rounding, or is covered by the margin. Our own choice.
 LEAST_SHORTFALL_SOC: Final = 0.001
 
 
 @dataclass(frozen=True, slots=True)
 class Outlook:
-    """What is to be expected of the rest of a plan: trouble, and when packages will be delivered.
+    """What to expect of the remaining plan: trouble, and the arrival times of packages.
 
-    `late_by` is the largest delay of a delivery against what was told before.
+    `late_by` is the largest delay of a delivery against the arrival times reported before.
     """
 
     trouble: Trouble | None
@@ -54,9 +57,9 @@ class Outlook:
 
 
 def outlook(situation: Situation, *, now_ms: int, closed: Closed | None = None) -> Outlook | None:
-    """What the drone's last word means for its plan; None before it has said anything of it.
+    """What the drone's last report means for its plan; None before its first report.
 
-    What is `closed` is looked at only where that is given.
+    Closures are checked only if `closed` is given.
     """
     where = whereabouts(situation)
     if where is None:
@@ -71,10 +74,10 @@ def outlook(situation: Situation, *, now_ms: int, closed: Closed | None = None) 
     true = with_margin(model, more) if more else model
     ahead = list(predict(steps, where, model=careful, load=load, now_ms=now_ms))
     likely = list(predict(steps, where, model=true, load=load, now_ms=now_ms))
-    told = {each.package_id: each.eta_at for each in record.mission.packages}
+    reported = {each.package_id: each.eta_at for each in record.mission.packages}
     etas = tuple(_etas(ahead))
     late_by = max(
-        (each.eta_at - told[each.package_id] for each in etas if each.package_id in told),
+        (each.eta_at - reported[each.package_id] for each in etas if each.package_id in reported),
         default=timedelta(0),
     )
     trouble = _trouble(record, ahead, likely, where=where)
@@ -98,11 +101,12 @@ def _trouble(
     *,
     where: Whereabouts,
 ) -> Trouble | None:
-    """The first thing that the plan loses, in the order of its steps.
+    """The first trouble of the plan, in the order of its steps.
 
-    `ahead` has the margin on all flights to come, `likely` has none: what a tolerated lateness
-    costs of the charge, the margin makes up for. A landing that is under way comes as it comes; how
-    far a drone charges that comes below its reserve is seen when it has.
+    `ahead` is predicted with the margin on all flights, `likely` without: the margin may cover the
+    charge that a tolerated delay costs. A landing under way cannot be changed, so it is no trouble.
+    If the drone will arrive at a pad below its reserve, the steps after it are checked later, when
+    its charge is reported.
     """
     least_soc = record.candidate.model.reserve_soc - LEAST_SHORTFALL_SOC
     tolerated_s = record.mission.margins.tolerated_lateness_s
@@ -154,9 +158,9 @@ def _misses_deadline(record: MissionRecord, predicted: PredictedStep) -> bool:
 def closed_by_then(
     ahead: Iterable[PredictedStep], where: Whereabouts, closed: Closed
 ) -> Trouble | None:
-    """The first flight that meets what is closed, though it would not at the planned time.
+    """The first flight that meets a closure, and would not meet it at its planned time.
 
-    What is flown through anyway, since nothing else was left, was planned so.
+    A flight that meets a closure at its planned time was planned so, because no other way was left.
     """
     for predicted in ahead:
         step = predicted.step
@@ -168,13 +172,13 @@ def closed_by_then(
         if _meets(step, expected, closed, is_begun=is_begun) and not _meets(
             step, planned, closed, is_begun=is_begun
         ):
-            detail = f"the way to {step.to_id!r} is closed by the time at which the drone comes"
+            detail = f"the way to {step.to_id!r} is closed when the drone comes"
             return Trouble(code="LATE", detail=detail)
     return None
 
 
 def _meets(step: FlyStep, span_ms: tuple[int, int], closed: Closed, *, is_begun: bool) -> bool:
-    """Whether a flight is led through or to what is closed; what has begun can only land."""
+    """Whether a flight meets a closure; of a flight that has begun only the landing counts."""
     start_ms, end_ms = span_ms
     if step.lands and closed.closes_landing(step.to_id, end_ms):
         return True

@@ -1,4 +1,4 @@
-"""How the rest of a mission will go, from what its drone last said: moments and charge."""
+"""How the planned steps of a mission will go, from its drone's last report: times and charge."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ from skyway_composition.missions.replanning.outlook.situation import Whereabouts
 
 @dataclass(frozen=True, slots=True)
 class Load:
-    """What is on board, and what each package of the mission weighs."""
+    """The packages on board, and the mass of each package of the mission."""
 
     masses_kg: Mapping[PackageId, float]
     carried: frozenset[PackageId]
@@ -47,9 +47,9 @@ class Load:
 
 @dataclass(frozen=True, slots=True)
 class PredictedStep:
-    """When a step will begin and end, with which charge and load the drone leaves it.
+    """When a step will begin and end, and the drone's charge and load at its end.
 
-    A charge below 0 says that a flight cannot be flown. A RECHARGE `is_lost` when the drone comes
+    A charge below 0 means that a flight is not possible. A RECHARGE `is_lost` when the drone comes
     after the end of its session, and `is_short` when it charges less than planned.
     """
 
@@ -70,7 +70,7 @@ def predict(
     load: Load,
     now_ms: int,
 ) -> Iterator[PredictedStep]:
-    """The steps that a drone has not ended, one after another.
+    """The prediction of each step that has not ended, in order.
 
     `model` has the margin that flights are planned with; `steps` begin with `where.next_step`.
     """
@@ -79,7 +79,7 @@ def predict(
         if step.step_id == where.next_step and where.is_under_way:
             predicted = _of_step_under_way(step, where, model=model, load=load, now_ms=now_ms)
         else:
-            # Whoever stands begins nothing before its time, nor in the past.
+            # A standing drone starts no step before its planned time or before now.
             start_ms = at_ms if is_airborne else max(at_ms, _not_before_ms(step), now_ms)
             predicted = _of_step(step, start_ms, soc=soc, model=model, load=load)
         yield predicted
@@ -95,7 +95,7 @@ def _not_before_ms(step: FlightStep) -> int:
 def _of_step_under_way(
     step: FlightStep, where: Whereabouts, *, model: DroneModel, load: Load, now_ms: int
 ) -> PredictedStep:
-    """From the moment of the drone's last word on; it has not ended yet, so not before now."""
+    """The step under way, from the drone's last report on; it does not end before now."""
     match step:
         case FlyStep():
             left = _share_left(step, where.position)
@@ -130,7 +130,7 @@ def _of_step(
 def _flown(
     step: FlyStep, length_m: float, start_ms: int, *, soc: float, model: DroneModel, load: Load
 ) -> tuple[int, float]:
-    """When a flight over the rest of its segment ends, and with which charge."""
+    """When a flight over this length ends, and with which charge."""
     duration_s = flight_time_s(model, length_m=length_m, load_kg=load.mass_kg)
     energy_j = flight_energy_j(model, length_m=length_m, load_kg=load.mass_kg)
     if step.lands:
@@ -156,7 +156,7 @@ def _charged(
 
 
 def _share_left(step: FlyStep, position: Position | None) -> float:
-    """How much of a segment lies ahead; all of it where that is not known."""
+    """The share of a segment that lies ahead; 1 without a position."""
     whole_m = distance_m(step.from_position, step.to_position)
     if position is None or whole_m <= 0:
         return 1.0

@@ -1,4 +1,4 @@
-"""A mission at one moment: what was sent and how it went, who has what, what its drone says."""
+"""A mission at one moment: its steps, its packages, its drone's last report and position."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ from skyway_composition.planning.problem_for import planned_more
 
 @dataclass(frozen=True, slots=True)
 class Situation:
-    """Read in one transaction; `held` is of this mission's packages alone."""
+    """A mission as read in one transaction; `held` has the packages of this mission only."""
 
     record: MissionRecord
     link: DroneLink
@@ -33,7 +33,7 @@ class Situation:
 
     @classmethod
     async def of(cls, work: MissionUnitOfWork, record: MissionRecord) -> Self:
-        """The situation of a mission that is watched."""
+        """The situation of a locked mission."""
         connection = work.tx.connection
         held = await held_packages(connection, record.mission.delivery_id)
         steps = await steps_of(connection, record.mission_id)
@@ -41,50 +41,50 @@ class Situation:
 
     @property
     def planned(self) -> tuple[FlightStep, ...]:
-        """The steps that have not ended as far as is known, in order."""
+        """The steps whose end was not reported yet, in order."""
         return tuple(each.step for each in self.steps if each.status == "PLANNED")
 
     @property
     def next_step(self) -> int:
-        """The first step that has not ended as far as is known; one after the last if all have."""
+        """The first step whose end was not reported; one after the last step if all have ended."""
         planned = self.planned
         return planned[0].step_id if planned else self.last_step + 1
 
     @property
     def last_step(self) -> int:
-        """The last step of all."""
+        """The number of the last step."""
         return self.steps[-1].step.step_id if self.steps else 0
 
     @property
     def carried(self) -> frozenset[PackageId]:
-        """What is on board as far as is known."""
+        """The packages on board, by the events that were reported."""
         return on_board(self.held)
 
     @property
     def has_loaded(self) -> bool:
-        """Whether the pickup is over, so that nothing is fetched there any more."""
+        """Whether the pickup has ended, so that nothing more is fetched there."""
         return any(
             isinstance(each.step, PickUpStep) and each.status == "ENDED" for each in self.steps
         )
 
     @property
     def steering_failsafe(self) -> ActiveFailsafe | None:
-        """The failsafe that leads the drone elsewhere now; None when it does as planned."""
+        """The failsafe that leads the drone elsewhere now; None while it follows its plan."""
         return steering_failsafe(self.record, self.link.state)
 
     @property
     def consumption_factor(self) -> float:
-        """What the drone uses against what its model says, as it last said; 1 before it has."""
+        """The drone's last reported energy use relative to its model; 1 before a report."""
         state = self.link.state
         return 1.0 if state is None or state.health is None else state.health.consumption_factor
 
     def energy_margin(self, settings: NetworkSettings) -> float:
-        """What flights are planned to take more than the drone's model says, as a share."""
+        """The share of energy that plans add to what the drone's model says."""
         return max(settings.energy_margin, planned_more(self.consumption_factor))
 
     @property
     def needs_pad_closed(self) -> bool:
-        """Whether its drone found its pad taken, so that nobody should be sent there."""
+        """Whether the drone found its pad occupied, so that this pad must be closed."""
         stuck = self.record.stuck
         return stuck is not None and stuck.occupied is not None
 
@@ -98,8 +98,8 @@ class Situation:
 class Whereabouts:
     """What a drone was doing at `at_ms`.
 
-    `next_step` is under way, or the next to begin; those up to `released_through` cannot be
-    replaced but by a DIVERT. `free_ms` is when the step before it had ended.
+    `next_step` is under way, or is the next to begin. Only a DIVERT can replace steps up to
+    `released_through`. `free_ms` is the end of the step before `next_step`.
     """
 
     at_ms: int
@@ -121,7 +121,7 @@ class Whereabouts:
 
 
 def whereabouts(situation: Situation) -> Whereabouts | None:
-    """Where the drone is; None when it has not said anything of this mission yet."""
+    """Where the drone is; None before its first report about this mission."""
     state, last = situation.link.state, _last_event(situation)
     if state is not None and state.mission_id == situation.record.mission_id:
         next_step = state.step_id if state.step_id is not None else situation.last_step + 1
@@ -153,7 +153,11 @@ def _by_state(state: DroneState, next_step: int, last: DroneEvent | None) -> Whe
 
 
 def _by_event(situation: Situation, event: DroneEvent) -> Whereabouts:
-    """After a flight that did not land the next one is under way, and all up to the landing."""
+    """Where the drone is after its newest event.
+
+    After a flight that does not land the next flight is under way, and all flights up to the
+    landing are released.
+    """
     ended = next(each.step for each in situation.steps if each.event is event)
     is_airborne = isinstance(ended, FlyStep) and not ended.lands
     released = _landing(situation.planned) if is_airborne else situation.next_step - 1

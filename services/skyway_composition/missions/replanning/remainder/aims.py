@@ -1,4 +1,4 @@
-"""Where packages on board could go instead, when they cannot go where they were meant to."""
+"""Where packages on board can go when they cannot reach their destinations."""
 
 from collections.abc import Collection, Iterator
 
@@ -11,7 +11,7 @@ from skyway_composition.missions.replanning.remainder.closed_ahead import Closed
 def aims_to_try(
     record: MissionRecord, carried: frozenset[PackageId], closed: ClosedAhead
 ) -> Iterator[tuple[Aim, ...]]:
-    """The present aims; without those closed for good; and everything back to the pickup."""
+    """The aims to try: the present ones; without stations closed for good; all to the pickup."""
     yield record.aims
     if not carried:
         return
@@ -26,7 +26,7 @@ def aims_to_try(
 
 
 def absent_aim(record: MissionRecord, package: Package) -> Aim:
-    """Where a package goes when nobody was there to take it; its alternative is tried once."""
+    """Where a package goes when its recipient was absent; its alternative is tried once."""
     other = package.alternative
     if other is None or record.aim_of(package) != package.destination.station_id:
         return back_to_pickup(record, package)
@@ -34,22 +34,24 @@ def absent_aim(record: MissionRecord, package: Package) -> Aim:
 
 
 def back_to_pickup(record: MissionRecord, package: Package) -> Aim:
-    """A package goes back to where it came from."""
+    """The aim of a package that goes back to the pickup."""
     pickup = record.request.pickup.station_id
     return Aim(package_id=package.package_id, station_id=pickup, kind="RETURN")
 
 
 def with_changed_aims(aims: tuple[Aim, ...], changed: Collection[Aim]) -> tuple[Aim, ...]:
-    """The aims with these instead of others of the same packages."""
+    """The aims with the changed ones in place of earlier aims of the same packages."""
     ids = {each.package_id for each in changed}
     return (*(each for each in aims if each.package_id not in ids), *changed)
 
 
 def turned_back(before: tuple[Aim, ...], after: tuple[Aim, ...]) -> tuple[PackageId, ...]:
-    """The packages that go back to the pickup now, and did not before."""
-    known = {each.package_id for each in before if each.kind == "RETURN"}
+    """The packages that go back to the pickup now and did not before."""
+    returning = {each.package_id for each in before if each.kind == "RETURN"}
     return tuple(
-        each.package_id for each in after if each.kind == "RETURN" and each.package_id not in known
+        each.package_id
+        for each in after
+        if each.kind == "RETURN" and each.package_id not in returning
     )
 
 

@@ -1,4 +1,9 @@
-"""Finds the anchor of a mission, whatever its drone is at."""
+"""The anchor: the earliest place and moment from which the plan of a mission can be changed.
+
+A standing drone can get new steps immediately, except during a hand-over or a loading. A flying
+drone has released its steps up to the next landing. They stay as they are, unless one of them leads
+to something closed, or the drone must land as soon as it can.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -27,11 +32,11 @@ from skyway_composition.missions.replanning.remainder.closed_ahead import Closed
 
 @dataclass(frozen=True, slots=True)
 class Anchor:
-    """Where, when and with how much a new plan begins, after `last_valid_step`.
+    """Where, when and with what charge and load a new plan begins, after `last_valid_step`.
 
-    `is_divert` when released steps or the one under way are replaced. `is_in_the_air` when the
-    drone cannot stand there, only fly on. `at_ms` may be later than the drone gets there, so that
-    the new plan is there before it begins.
+    `is_divert` when the plan replaces released steps or the step under way. `is_in_the_air` when
+    the drone cannot land there and only flies over. `at_ms` may be later than the drone's arrival,
+    so that the new plan reaches the drone before it begins.
     """
 
     station_id: StationId
@@ -50,7 +55,7 @@ class Anchor:
 
 
 def anchor_of_stuck(situation: Situation, stuck: Stuck, *, earliest_ms: int) -> Anchor:
-    """Where a drone stands that waits for new steps; it has forgotten all old ones."""
+    """The anchor of a drone that stands and waits for new steps; it has dropped its old steps."""
     begun = [each.step.step_id for each in situation.steps if each.status != "PLANNED"]
     return Anchor(
         station_id=stuck.station_id,
@@ -72,11 +77,11 @@ def find_anchor(
     earliest_ms: int,
     before_step: int | None = None,
 ) -> Anchor | None:
-    """The anchor of a drone that flies by its plan; None while none can be known.
+    """The anchor of a drone that flies by its plan; None while it cannot be determined.
 
     `model` has the margin that flights are planned with; new steps can begin at `earliest_ms`.
-    Of a drone in flight, `before_step` asks for an earlier one: where it would fly over before it
-    begins that step.
+    For a drone in flight, `before_step` selects an earlier anchor: the station that the drone flies
+    over before it begins that step.
     """
     where = whereabouts(situation)
     if where is None:
@@ -84,7 +89,7 @@ def find_anchor(
     steps = [each for each in situation.planned if each.step_id >= where.next_step]
     load = Load(situation.masses_kg, situation.carried)
     for step in situation.planned:
-        # Ended already, as the drone's state says, though the events are still on their way.
+        # The drone's state says that this step has ended; its event is still on its way.
         load = load.after(step) if step.step_id < where.next_step else load
     ahead = list(predict(steps, where, model=model, load=load, now_ms=now_ms))
     if where.is_under_way and ahead and isinstance(ahead[0].step, FlyStep):
@@ -108,7 +113,7 @@ def find_anchor(
 
 
 def _anchor_of_standing_drone(where: Whereabouts, load: Load) -> Anchor | None:
-    """Between two steps, or before the first."""
+    """The anchor of a drone between two steps, or before the first step."""
     if where.station_id is None:
         return None
     return Anchor(
@@ -121,7 +126,7 @@ def _anchor_of_standing_drone(where: Whereabouts, load: Load) -> Anchor | None:
     )
 
 
-#: Troubles for which a drone turns at the end of the flight that it is on.
+#: Troubles for which a drone turns at the end of its present flight.
 _TURNS_IMMEDIATELY: Final = (CALLED_HOME,)
 
 
@@ -133,7 +138,10 @@ def anchor_in_flight(
     model: DroneModel,
     closed: ClosedAhead,
 ) -> Anchor | None:
-    """After the landing, or before what is closed on the way there; the flight itself goes on."""
+    """The anchor of a drone in flight: its landing, or the last station before a closure.
+
+    The present flight continues to its end.
+    """
     flights = [each for each in ahead if each.step.step_id <= where.released_through]
     last = flights[-1]
     must_turn = (
@@ -146,7 +154,7 @@ def anchor_in_flight(
     if not isinstance(end.step, FlyStep):
         return None
     is_closed = closed.closes_landing(end.step.to_id, end.end_ms)
-    # A plan that begins with a landing there pays for it, one that flies on is a little early.
+    # After a flight without a landing the new plan may still land here: keep time and energy.
     landing_soc = 0.0 if end.step.lands else model.stop_j / model.battery_j
     landing_ms = 0 if end.step.lands else round(model.stop_s * 1000)
     return Anchor(
@@ -162,12 +170,12 @@ def anchor_in_flight(
 
 
 def _still_valid(flights: Sequence[PredictedStep], closed: ClosedAhead) -> Sequence[PredictedStep]:
-    """The flights before the first one that leads through or to what is closed; at least one."""
+    """The flights before the first one that meets a closure; at least one flight."""
     for number, flight in enumerate(flights):
         step = flight.step
         if not isinstance(step, FlyStep):
             continue
-        # Only what has not begun can be left out, and a landing can become flying over.
+        # Only a flight that has not begun can be left out. A landing can become a flight over.
         is_hit = number > 0 and closed.closes_segment(
             step.from_id, step.to_id, start_ms=flight.start_ms, end_ms=flight.end_ms
         )
@@ -184,14 +192,14 @@ def anchor_at_stop(
     *,
     now_ms: int,
 ) -> Anchor | None:
-    """After a hand-over or a loading; a wait or a recharge ends at once."""
+    """The anchor at a stop: after a hand-over or loading; waits and recharges end now."""
     step = under_way.step
     match step:
         case WaitStep() | RechargeStep():
             return _cut(step, _soc_now(step, under_way, where, now_ms=now_ms), situation)
         case PickUpStep():
-            wanted = {each.package_id for each in situation.record.request.packages}
-            if {each.package_id for each in step.packages} - wanted:
+            requested = {each.package_id for each in situation.record.request.packages}
+            if {each.package_id for each in step.packages} - requested:
                 return _cut(step, where.soc, situation)
             if situation.record.mission.loading == "AWAITED" and trouble.loaded is None:
                 return None
@@ -203,7 +211,7 @@ def anchor_at_stop(
 def _soc_now(
     step: FlightStep, under_way: PredictedStep, where: Whereabouts, *, now_ms: int
 ) -> float:
-    """The charge of a drone that stands, and may be charging: straight between two moments."""
+    """The charge of a standing drone; while it charges, by linear interpolation."""
     if not isinstance(step, RechargeStep) or under_way.end_ms <= where.at_ms:
         return where.soc
     share = (min(now_ms, under_way.end_ms) - where.at_ms) / (under_way.end_ms - where.at_ms)

@@ -1,4 +1,4 @@
-"""What is closed, asked the way a flight under way asks: this landing then, this segment then."""
+"""What is closed: whether a landing or a segment is closed at a given time."""
 
 from collections import defaultdict
 from collections.abc import Iterable
@@ -34,7 +34,7 @@ class ClosedAhead:
         return closed
 
     def add(self, closures: Iterable[StationClosure | SegmentClosure], *, start_ms: int) -> None:
-        """Know of these closures, whose seconds count from a moment."""
+        """Add closures whose seconds count from this moment."""
         for closure in closures:
             end_ms = inf if closure.end_s is None else start_ms + closure.end_s * 1000
             span = start_ms + closure.start_s * 1000, end_ms
@@ -44,7 +44,7 @@ class ClosedAhead:
                 self._segments[closure.from_id, closure.to_id].append(span)
 
     def add_zones(self, reaches: Iterable[ZoneReach]) -> None:
-        """Know of these zones of the network itself."""
+        """Add the zones of the network."""
         for reach in reaches:
             span = _ms(reach.zone.active_from, -inf), _ms(reach.zone.active_until, inf)
             for station_id in reach.stations:
@@ -53,7 +53,7 @@ class ClosedAhead:
                 self._segments[ends].append(span)
 
     def closes_landing(self, station_id: StationId, at_ms: float) -> bool:
-        """Whether nobody may land there at that moment, or the station is no longer there."""
+        """Whether the station is closed at that moment, or no longer exists."""
         if station_id not in self._network.stations:
             return True
         spans = self._stations.get(station_id, ())
@@ -62,9 +62,8 @@ class ClosedAhead:
     def closes_segment(
         self, from_id: StationId, to_id: StationId, *, start_ms: float, end_ms: float
     ) -> bool:
-        """Whether a segment may not be flown at some moment of that time, or is gone."""
-        known = self._network.stations
-        if from_id not in known or not any(
+        """Whether the segment is closed at some moment of that time, or no longer exists."""
+        if from_id not in self._network.stations or not any(
             each.to_id == to_id for each in self._network.segments_from(from_id)
         ):
             return True
@@ -72,10 +71,10 @@ class ClosedAhead:
         return any(from_ms < end_ms and start_ms < until_ms for from_ms, until_ms in spans)
 
     def is_closed_for_good(self, station_id: StationId) -> bool:
-        """Whether nobody knows when a station opens again."""
+        """Whether a station is closed without an end, or no longer exists."""
         spans = self._stations.get(station_id, ())
-        is_known = station_id in self._network.stations
-        return not is_known or any(end_ms == inf for _, end_ms in spans)
+        exists = station_id in self._network.stations
+        return not exists or any(end_ms == inf for _, end_ms in spans)
 
 
 def _ms(moment: datetime | None, unknown: float) -> float:

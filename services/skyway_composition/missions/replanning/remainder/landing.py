@@ -1,4 +1,7 @@
-"""The nearest station where a drone in trouble can land: open, and in reach above the reserve."""
+"""The nearest station where a drone can land: open, and in reach above the reserve.
+
+Also makes trips that fly to such a landing first, or end there.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -28,7 +31,7 @@ class Landing:
     flights: tuple[Fly, ...] = ()
 
     def landed(self, model: DroneModel) -> Self:
-        """The same with what it takes to land there, in the last flight as in plans."""
+        """The landing with its time and energy, added to the last flight as plans do."""
         at_s, soc = self.at_s + model.stop_s, self.soc - model.stop_j / model.battery_j
         *others, last = self.flights
         landing = last.model_copy(
@@ -49,8 +52,8 @@ class LandingSearch:
     def nearest(self, anchor: Anchor) -> Landing | None:
         """The landing with the smallest flight time from the anchor; None when none is in reach.
 
-        A drone that can stand at the anchor stays there. Time and energy both grow with the length
-        flown, so that the first landing found is the best.
+        A drone that can stand at the anchor stays there. Time and energy both grow with the flown
+        length, so the first landing found is the best.
         """
         start = self.here(anchor)
         if not anchor.is_in_the_air:
@@ -108,7 +111,7 @@ class LandingSearch:
 
 
 def leaving_behind(landing: Landing, package_ids: frozenset[PackageId], *, start_ms: int) -> Trip:
-    """Fly to this landing and leave there what is on board; the trip ends with that."""
+    """A trip that flies to this landing, leaves the load there, and ends."""
     end_s = landing.at_s
     left: tuple[Step, ...] = ()
     if package_ids:
@@ -134,7 +137,7 @@ def leaving_behind(landing: Landing, package_ids: frozenset[PackageId], *, start
 
 
 def by_way_of(landing: Landing, trip: Trip, *, start_ms: int) -> Trip:
-    """Fly to this landing first, from where the trip was planned; from `start_ms` on."""
+    """A trip that flies to this landing first and then flies the given trip."""
     return Trip(
         start_ms=start_ms,
         plan=_flown_first(landing, trip.plan, gap_s=(trip.start_ms - start_ms) / 1000),
@@ -146,7 +149,7 @@ def by_way_of(landing: Landing, trip: Trip, *, start_ms: int) -> Trip:
 
 
 def staying(plan: Plan, *, start_ms: int, pad_gap_ms: int) -> Trip:
-    """Fly this plan with everything on board, and hand nothing over at its end."""
+    """A trip that flies this plan with everything on board and hands nothing over."""
     flown = tuple(each for each in plan.steps if not isinstance(each, PickUp | Deliver))
     return Trip(
         start_ms=start_ms,
@@ -159,7 +162,7 @@ def staying(plan: Plan, *, start_ms: int, pad_gap_ms: int) -> Trip:
 
 
 def begins_with_flight(trip: Trip) -> bool:
-    """Whether a trip begins with a flight, and nothing before it."""
+    """Whether a trip begins with a flight, without a wait or a recharge before it."""
     first = next((each for each in trip.steps() if each.step.kind != "PICK_UP"), None)
     return first is not None and isinstance(first.step, Fly) and first.start_ms <= trip.start_ms
 

@@ -1,8 +1,11 @@
-"""The rest of a mission: the best plan from its anchor on, or how it ends when there is none.
+"""The remainder of a mission: the best plan from its anchor on, or how it ends without a plan.
 
-Tried in this order: hand over everything where it goes now; what goes where nobody may land any
-more goes to its alternative, or back to the pickup; all of it back to the pickup; leave it where
-the drone can land soonest.
+The planner tries in this order:
+
+1. Deliver all packages at their present aims.
+2. Send packages whose station is closed to their alternative, or back to the pickup.
+3. Bring all packages back to the pickup.
+4. Leave them where the drone can land soonest.
 """
 
 from dataclasses import dataclass, replace
@@ -39,9 +42,9 @@ from skyway_composition.planning.world import World
 
 @dataclass(frozen=True, slots=True)
 class Remainder:
-    """What a mission does from its anchor on, and where its packages go then.
+    """What a mission does from its anchor on, and where its packages go.
 
-    `given_up` is why it leaves them where the drone can land.
+    `given_up` is the reason why the packages are left where the drone can land.
     """
 
     trip: Trip
@@ -51,7 +54,7 @@ class Remainder:
 
 @dataclass(frozen=True, slots=True)
 class RemainderPlanner:
-    """Plans the rest of one mission, in one world."""
+    """Plans the remainder of one mission, in one world."""
 
     solver: SolverPool
     world: World
@@ -73,9 +76,9 @@ class RemainderPlanner:
         return self.situation.energy_margin(self.world.skyway.settings)
 
     async def plan(self, anchor: Anchor, trouble: Trouble) -> Remainder | NoTrip:
-        """The rest from this anchor; no trip when the drone had best stay where it is.
+        """The remainder from this anchor; NoTrip when the drone should stay where it is.
 
-        A drone in the air that has to stand before it can go on lands elsewhere first.
+        A drone in the air that must stand before it can continue lands elsewhere first.
         """
         found = await self._plan_standing(anchor, trouble)
         if not anchor.is_in_the_air or _is_temporary(found):
@@ -95,7 +98,7 @@ class RemainderPlanner:
         )
         onward = await self._plan_standing(landed, trouble)
         if not isinstance(onward, Remainder) and trouble.land_at is not None:
-            # It cannot get where people want it: then it waits for their word here.
+            # The drone cannot reach the station of the diversion: it waits here for a command.
             waiting = trouble.model_copy(update={"land_at": landing.station_id})
             onward = await self._plan_standing(landed, waiting)
         if isinstance(onward, Remainder):
@@ -105,7 +108,7 @@ class RemainderPlanner:
         return Remainder(trip, self.record.aims, given_up=onward.code)
 
     def leave_here(self, anchor: Anchor, *, code: str) -> Remainder:
-        """Leave everything at the anchor, whatever it is like there."""
+        """Leave everything at the anchor, even if the station is closed."""
         here = self._landings(anchor).here(anchor)
         trip = leaving_behind(here, anchor.carried, start_ms=anchor.at_ms)
         return Remainder(trip, self.record.aims, given_up=code)
@@ -116,7 +119,7 @@ class RemainderPlanner:
         return LandingSearch(self.world.skyway.network, self.closed, self.model, load_kg)
 
     async def _plan_standing(self, anchor: Anchor, trouble: Trouble) -> Remainder | NoTrip:
-        """The rest of a drone that can stand at the anchor."""
+        """The remainder of a drone that can stand at the anchor."""
         nowhere = self._nowhere(anchor)
         if nowhere is not None:
             return nowhere
@@ -134,14 +137,14 @@ class RemainderPlanner:
         return first or NoTrip("NO_PLAN_FOUND", "nothing was tried", is_temporary=True)
 
     def _nowhere(self, anchor: Anchor) -> NoTrip | None:
-        """Why no plan can begin here at all."""
+        """Why no plan can begin at the anchor; None when one can."""
         if anchor.station_id not in self.world.skyway.network.stations:
             detail = f"the drone stands at {anchor.station_id!r}, which is no longer in the network"
             return NoTrip("DESTINATION_UNREACHABLE", detail, is_temporary=False)
         return None
 
     async def _trip(self, anchor: Anchor, aims: tuple[Aim, ...], trouble: Trouble) -> Trip | NoTrip:
-        """Hand over what is on board, or fetch what still lies at the pickup, then fly home."""
+        """A trip that delivers the load, or fetches it at the pickup first, and flies home."""
         record, start_ms = self.record, anchor.at_ms
         drone = self._standing(anchor)
         home_station_id = record.candidate.home_station_id
@@ -172,7 +175,7 @@ class RemainderPlanner:
         return await round_trip(self.solver, self.world, problem, home_station_id=home_station_id)
 
     async def _trip_to(self, anchor: Anchor, station_id: StationId) -> Trip | NoTrip:
-        """Fly to a station with everything on board, and stand there."""
+        """A trip to a station with everything on board, to stand there."""
         if station_id not in self.world.skyway.network.stations:
             detail = f"station {station_id!r} is not in this network"
             return NoTrip("DESTINATION_UNREACHABLE", detail, is_temporary=False)
@@ -188,21 +191,21 @@ class RemainderPlanner:
             code = "NO_PLAN_FOUND" if plan.infeasibility is None else plan.infeasibility.code
             detail = f"no way to {station_id!r} from {anchor.station_id!r}"
             return NoTrip(code, detail, is_temporary=plan.infeasibility is None)
-        # The way home from there is planned once the drone is told to go on.
+        # The way home from there is planned once an operator resumes the drone.
         gap_ms = round(self.world.skyway.settings.pad_gap_s * 1000)
         return staying(plan, start_ms=anchor.at_ms, pad_gap_ms=gap_ms)
 
     def _standing(self, anchor: Anchor) -> Standing:
-        """The drone at the anchor; one below its reserve charges there before anything else."""
+        """The drone at the anchor; a drone below its reserve charges there first."""
         model = self.record.candidate.model
         soc = max(anchor.soc, model.reserve_soc)
         return Standing(model, soc, anchor.station_id, self._energy_margin)
 
 
 def _as_aimed(record: MissionRecord) -> tuple[Package, ...]:
-    """The mission's packages, each with where it goes now for its destination.
+    """The mission's packages, each with its present aim as its destination.
 
-    What was cancelled too late to be kept off is handed back where it is picked up.
+    A package that was cancelled too late to stay off is returned where it is picked up.
     """
     return tuple(
         each.model_copy(update={"destination": Place(station_id=record.aim_of(each))})

@@ -1,4 +1,4 @@
-"""Comparing a mission with its plan whenever something new is known of it."""
+"""Checks the plan of a mission after each new event or state."""
 
 from datetime import datetime
 from typing import Final
@@ -21,16 +21,16 @@ from skyway_composition.missions.replanning.outlook.situation import Situation
 from skyway_composition.missions.replanning.request_plan import request_plan
 from skyway_composition.planning.problem_for import used_more
 
-#: Longest time from what a drone does until it is heard here; `fleet_margin` of it. Our own choice.
+#: Longest time until a drone's report arrives, for `fleet_margin`. Our own choice.
 REPORT_DELAY: Final = {"fleet_s": 30.0, "wall_s": 2.0}
 
 
 async def check_plan(
     work: MissionUnitOfWork, record: MissionRecord, closed: Closed | None = None
 ) -> MissionRecord:
-    """The record with its trouble, if the plan leads to one; it is kept already.
+    """Request another plan if the present one leads to trouble; returns the saved record.
 
-    Only a drone that is late may meet what is `closed`: its plan keeps clear of it.
+    Plans avoid what is `closed`; only a late drone may meet it.
     """
     seen = await _outlook(work, record, closed)
     if seen is None or seen.trouble is None:
@@ -41,7 +41,7 @@ async def check_plan(
 async def check_plan_after_step(
     work: MissionUnitOfWork, record: MissionRecord, event: DroneEvent
 ) -> MissionRecord:
-    """The same after a step has ended; where nothing is lost, the customer hears of a delay."""
+    """Check the plan after a step has ended; without trouble, report a delay to the customer."""
     seen = await _outlook(work, record)
     if seen is None:
         return record
@@ -64,7 +64,7 @@ async def check_plan_after_step(
 
 
 def _explained(trouble: Trouble, event: DroneEvent) -> Trouble:
-    """The trouble by its cause, where that has just been told."""
+    """The trouble with its cause, if the event has just reported the cause."""
     if event.code != "SHORT_CHARGE" or trouble.code != "MORE_ENERGY":
         return trouble
     detail = f"charged to {event.soc:.3f} only before the session at {event.station_id!r} ended"
@@ -74,28 +74,31 @@ def _explained(trouble: Trouble, event: DroneEvent) -> Trouble:
 async def _outlook(
     work: MissionUnitOfWork, record: MissionRecord, closed: Closed | None = None
 ) -> Outlook | None:
-    """What to expect; None where another plan is looked for already, or nothing is to go on."""
+    """What to expect of the plan.
+
+    None if another plan is needed already, if the mission is held or waits, or without a report.
+    """
     needs_no_check = record.trouble or record.stuck or record.proposal or record.mission.is_held
     if waits_for_pad(record, work.links[record.drone_id]):
-        # It asks for another plan by itself: one with the same pad would have it wait anew.
+        # The drone itself requests another plan. A plan with the same pad would make it wait again.
         return None
-    # How long a loader takes is nobody's plan: it is made anew once the packages are confirmed.
+    # The time that a loader takes is not planned: the plan is made again after the confirmation.
     is_waiting = record.mission.state == "BOOKED" or record.mission.loading == "AWAITED"
     if needs_no_check or is_waiting or not record.is_live:
         return None
     if _is_as_booked(record, work.links[record.drone_id].state, now=work.clock.now()):
         return None
     situation = await Situation.of(work, record)
-    # What a drone has done of late may not have been heard yet: it may be further than we know.
-    known_until = work.clock.now() - fleet_margin(work.clock, **REPORT_DELAY)
-    return outlook(situation, now_ms=moment_to_ms(known_until), closed=closed)
+    # Reports about the last seconds may be on their way: the drone may be further than reported.
+    reported_until = work.clock.now() - fleet_margin(work.clock, **REPORT_DELAY)
+    return outlook(situation, now_ms=moment_to_ms(reported_until), closed=closed)
 
 
 def _is_as_booked(record: MissionRecord, state: DroneState | None, *, now: datetime) -> bool:
-    """Whether a drone stands ready as it did when its plan was checked, so that the plan holds."""
+    """Whether a drone stands ready as when its first plan was made, so that the plan holds."""
     mission, drone = record.mission, record.candidate
     is_to_begin = (mission.state, mission.revision) == ("ACCEPTED", 1) and now <= mission.start_at
-    # What loaders say of its load, or people of its packages, changes what it is booked for.
+    # A loader's confirmation or a cancellation changes what the drone was booked for.
     is_changed = mission.loading != "AUTOMATIC" or record.aims
     if state is None or state.mission_id != mission.mission_id or not is_to_begin or is_changed:
         return False
