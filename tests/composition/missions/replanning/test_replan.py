@@ -261,7 +261,7 @@ async def test_a_mission_that_cannot_be_planned_for_keeps_no_other_from_it(
     await flown_until(composition, other, make.candidate(2), failing=3, station_id="b")
     failing = replace(composition.replanner, occupied=FailsAt())
 
-    with pytest.raises(ExceptionGroup, match="not re-composed"):
+    with pytest.raises(ExceptionGroup, match="missions not replanned"):
         await failing.step()
 
     assert [each.mission_revision for each in await composition.sent("drn_2")] == [2]
