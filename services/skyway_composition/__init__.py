@@ -1,9 +1,9 @@
-"""Composition: what is flown. It owns networks, reservations of pads and drones, and missions.
+"""Composition decides what is flown. It owns networks, reservations of pads and drones, missions.
 
-Rooms: `networks` (versions of skyway networks), `pads` (who holds which pad when), `planning` (how
-a request could be flown: heavy, changes nothing), `missions` (booking a plan and flying it),
-`links` (what goes to each drone, and how far we know what comes), `closures` (what happens in the
-world), `alarms` (what an operator should look at), `statistics` (what pads and drones did).
-`parts` is what they share, `work` the loops that run beside the `app`, `verify` whether the
-invariants of the database hold.
+Folders: `networks` (versions of skyway networks), `pads` (reservations of pads), `planning` (how a
+request could be flown), `missions` (book a plan and follow its flight), `links` (messages to and
+from drones), `closures` (what is closed), `alarms` (problems that an operator must look at),
+`statistics` (how pads and drones were used).
+`parts` holds what the folders share, `work` the loops that run beside the `app`, `verify` checks
+the invariants of the database.
 """

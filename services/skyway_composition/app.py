@@ -1,4 +1,4 @@
-"""Composition as an app: its routes, what it opens and closes, the loops that run meanwhile."""
+"""Composition as an app: its routes, what it opens and closes, and its loops."""
 
 import secrets
 from collections.abc import AsyncIterator
@@ -47,16 +47,16 @@ PACKAGE: Final = "skyway_composition"
 
 
 def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> FastAPI:
-    """All rooms' routes on these parts, which the lifespan opens."""
+    """The routes of all folders, on parts that the lifespan opens."""
     db, gate, clock, networks = parts.db, parts.gate, parts.clock, parts.networks
-    known = ProblemReader(db, networks, clock)
+    problems = ProblemReader(db, networks, clock)
     hands = (db, clock, parts.mint, parts.stuck)
     return create_app(
         service=SERVICE,
         title="Skyway composition",
         description="What is flown: networks, pads, planning, missions.",
         models=(CompositionProblem,),
-        # A path is looked for in their order: first what every delivery asks for.
+        # Paths are matched in this order, so the routes of every delivery come first.
         routers=[
             mission_routes(db=db, gate=gate, bookings=parts.bookings),
             network_routes(
@@ -73,7 +73,7 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
             pad_routes(db=db, gate=gate, clock=clock),
             statistics_routes(db=db, gate=gate, clock=clock),
             mission_statistics_routes(db=db, gate=gate, clock=clock),
-            composition_routes(gate=gate, known=known, solver=parts.inquiries),
+            composition_routes(gate=gate, problems=problems, solver=parts.inquiries),
             quote_routes(gate=gate, quotes=parts.quotes),
             intervention_routes(
                 gate=gate,
@@ -97,7 +97,7 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
 
 
 def build_app(settings: CompositionSettings) -> FastAPI:
-    """Composition as it runs; everything is opened by the app's lifespan."""
+    """The app of the running service; its lifespan opens everything."""
     parts = parts_of(settings)
     replica = f"{SERVICE}-{secrets.token_hex(8)}"
     identity = ServiceIdentity(SERVICE, settings.secrets_dir)
@@ -144,7 +144,7 @@ def build_app(settings: CompositionSettings) -> FastAPI:
 
 
 def openapi_app() -> FastAPI:
-    """Composition's routes for its OpenAPI document; nothing in it can be opened."""
+    """The app for the OpenAPI document; none of its parts can be opened."""
     nowhere = Path("not-opened")
     settings = CompositionSettings(
         database_url=f"sqlite:///{nowhere}", mqtt_url="mqtt://not-opened", secrets_dir=nowhere

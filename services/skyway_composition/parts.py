@@ -1,4 +1,4 @@
-"""What composition is made of; nothing of it is opened here."""
+"""The parts that composition's folders share; none of them is opened here."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -19,14 +19,14 @@ from skyway_composition.tables import outbox
 
 SERVICE: Final = "composition"
 
-#: How far the event loop itself searches for a booking's plan: a millisecond or two as a rule, 20
-#: at most among odd requests at 1,000 stations. Inquiries ask for many plans in a row, so never.
+#: How many labels of a booking's search run on the event loop: usually one or two milliseconds, at
+#: most 20 at 1,000 stations. Quotes need many plans in a row, so they always use threads.
 _INLINE_LABELS: Final = 2_048
 
 
 @dataclass(frozen=True, slots=True)
 class Parts:
-    """What the rooms are made of; `Wake`s tell one room's loop what another has done."""
+    """What the folders share; a `Wake` starts a loop when another part has work for it."""
 
     db: Database
     gate: ServiceGate
@@ -34,7 +34,7 @@ class Parts:
     mint: Mint
     networks: PreparedNetworks
     solver: SolverPool
-    #: Plans that are only asked for; no booking waits behind them.
+    #: Composes quotes and pure plans, so that no booking waits behind them.
     inquiries: SolverPool
     published: Wake
     stuck: Wake
@@ -46,12 +46,12 @@ class Parts:
 
     @property
     def quotes(self) -> Quotes:
-        """Answers what could be offered."""
+        """Answers requests for quotes."""
         return Quotes(self.db, self.networks, self.inquiries, self.clock, self.bookings.busy_among)
 
     @property
     def impact(self) -> MissionImpact:
-        """Strikes the missions that fly by what is closed or taken away."""
+        """Marks missions for replanning that use what is closed or removed."""
         return MissionImpact(self.clock, self.mint, self.stuck)
 
     @property
@@ -61,7 +61,7 @@ class Parts:
 
 
 def parts_of(settings: CompositionSettings) -> Parts:
-    """The parts that these settings ask for."""
+    """The parts for these settings."""
     db = Database(settings.database_url, outbox=outbox)
     return Parts(
         db=db,

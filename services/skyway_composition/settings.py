@@ -1,4 +1,4 @@
-"""What composition reads from its environment."""
+"""The settings that composition reads from its environment."""
 
 from typing import Annotated
 
@@ -8,7 +8,7 @@ from skyway.runtime.settings import ServiceSettings
 
 
 class CompositionSettings(ServiceSettings):
-    """`ServiceSettings`, and how much planning may go on at once."""
+    """`ServiceSettings`, and the limits of planning."""
 
     port: int = Field(
         default=8002,

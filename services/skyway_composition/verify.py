@@ -28,27 +28,27 @@ from skyway_composition.tables import (
     pad_reservations,
 )
 
-_DELIVERED_ALL_THE_SAME: Final = "I6 a package that a cancellation released is not delivered"
+_RELEASED_AND_DELIVERED: Final = "I6 a package that a cancellation released is not delivered"
 
 
 async def violations(db: Database) -> Sequence[Mapping[str, str]]:
-    """Every violation: the rule that is broken, and by whom."""
+    """Every violation: the rule that is broken, and the row that breaks it."""
     found: list[Mapping[str, str]] = []
     async with db.survey() as connection:
         if db.dialect == "postgresql":
-            # One moment's data for all checks, as SQLite's reader has anyway.
+            # All checks see the data of one moment; SQLite's reader does so anyway.
             await connection.execute(text("SET TRANSACTION ISOLATION LEVEL REPEATABLE READ"))
         for rule, statement in RULES.items():
             subjects = (await connection.execute(statement)).scalars()
             found.extend({"rule": rule, "subject": str(subject)} for subject in set(subjects))
         found += await pad_violations(connection)
         released = await _released_and_delivered(connection)
-    found.extend({"rule": _DELIVERED_ALL_THE_SAME, "subject": each} for each in released)
+    found.extend({"rule": _RELEASED_AND_DELIVERED, "subject": each} for each in released)
     return found
 
 
 async def _released_and_delivered(connection: AsyncConnection) -> set[str]:
-    """The packages of which a customer was told that they stay, and that went away."""
+    """Packages that a cancellation released, and that were delivered nevertheless."""
     delivered = await connection.execute(
         select(custody.c.package_id, cancellations.c.answer)
         .join(cancellations, cancellations.c.delivery_id == custody.c.delivery_id)
@@ -68,7 +68,7 @@ _before = instructions.alias("before")
 _link = custody.alias("link")
 _previous = custody.alias("previous")
 
-#: What must not be found: rows of (subject,) by the sentence that they make false.
+#: Queries that must find no row, by the rule that a found row (subject,) breaks.
 RULES: Final[Mapping[str, Select[*tuple[Any, ...]]]] = {
     "I1 no pad holds two overlapping reservations": select(_one.c.station_id).join(
         _other,
@@ -95,7 +95,7 @@ RULES: Final[Mapping[str, Select[*tuple[Any, ...]]]] = {
     "I4 a mission has steps": select(missions.c.mission_id).where(
         missions.c.mission_id.not_in(select(mission_steps.c.mission_id))
     ),
-    "a mission is looked at when its next step should have ended": select(
+    "a mission is checked when its next step should have ended": select(
         missions.c.mission_id
     ).where(is_under_way, missions.c.next_end_ms.is_distinct_from(first_planned_end_ms)),
     "a closed delivery has no live mission": select(missions.c.mission_id)
@@ -151,7 +151,7 @@ _HOARDED: Final = "I3 a live mission holds no pad that it does not need"
 
 
 async def pad_violations(connection: AsyncConnection) -> list[Mapping[str, str]]:
-    """The live missions that hold other pads than they need."""
+    """The live missions that hold more or fewer pads than they need."""
     found: list[Mapping[str, str]] = []
     needed = await _needed_pads(connection)
     held = await _held_pads(connection)
@@ -165,10 +165,10 @@ async def pad_violations(connection: AsyncConnection) -> list[Mapping[str, str]]
 
 
 async def _needed_pads(connection: AsyncConnection) -> dict[MissionId, set[BookedPad]]:
-    """What each live mission needs, but for those whose drones wait for another plan.
+    """The pads that each live mission needs; missions that wait for a new plan are left out.
 
-    That is the sessions of all steps ahead, and of those that are proposed instead of them; those
-    that are over until the next drone may come.
+    Needed are the sessions of all planned steps and of proposed steps. A session that has ended
+    still holds its pad for the gap before the next drone.
     """
     live = await connection.execute(
         select(missions.c.mission_id, missions.c.body, missions.c.proposal).where(
@@ -210,7 +210,7 @@ def _session(
     *,
     ended_ms: int | None = None,
 ) -> list[BookedPad]:
-    """The pad of a step as it is held, if it charges at all."""
+    """The reservation that a step needs; empty for a step that does not charge."""
     if step["kind"] != "RECHARGE":
         return []
     recharge = RechargeStep.model_validate(step)

@@ -1,4 +1,4 @@
-"""The loops that run while composition answers."""
+"""The loops that run beside composition's REST answers."""
 
 from collections.abc import Mapping
 from typing import Final
@@ -20,12 +20,12 @@ from skyway_composition.networks.announce import NetworkVersions
 from skyway_composition.pads.announce import StationStates
 from skyway_composition.parts import Parts
 
-#: Seconds of wall time between two looks of a loop that nothing has woken.
-_LOOK_EVERY_S: Final = 1.0
+#: Seconds of wall time after which a loop runs again without being woken.
+_STEP_EVERY_S: Final = 1.0
 
 
 class Work:
-    """What composition does besides answering: it sends, follows, re-composes, sweeps, tells."""
+    """All loops: they send messages, follow drones, replan, find what is late, and announce."""
 
     def __init__(
         self, parts: Parts, *, mqtt: MqttClient, clients: Mapping[str, ServiceClient], replica: str
@@ -48,14 +48,14 @@ class Work:
         self._network_versions = NetworkVersions(db, mqtt, clock, mint)
 
     async def greet(self) -> None:
-        """After every connect: tell what the broker has forgotten, ask for what we missed."""
+        """After every connect: publish retained messages again, ask drones for missed events."""
         self._station_states.forget()
         self._network_versions.forget()
         self._parts.published.set()
         await self._follower.ask_live_drones()
 
     def start(self, loops: Loops) -> None:
-        """Do all of it until the loops end."""
+        """Start all loops."""
         loops.start("instructions", self._instructions.run())
         loops.start("reports", self._reports.run())
         loops.start("follow", self._follower.run())
@@ -68,4 +68,4 @@ class Work:
             ("station states", self._station_states.step, Wake()),
             ("network versions", self._network_versions.step, self._parts.published),
         ):
-            loops.start(name, repeat(name, step, every_s=_LOOK_EVERY_S, wake=wake))
+            loops.start(name, repeat(name, step, every_s=_STEP_EVERY_S, wake=wake))

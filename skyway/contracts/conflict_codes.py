@@ -15,6 +15,7 @@ CONFLICT_CODES: Final[Mapping[str, str]] = {
     "NOTHING_ON_BOARD": "The drone carries nothing that it could bring home.",
     "NOT_HELD": "The mission is not held.",
     "NOT_LOADING": "The drone does not wait at the pickup for its packages.",
+    "NO_NETWORK": "No network is published: skyway network import bundled.",
     "NOT_YET": "An earlier report is missing; send this report again later.",
     "ON_MISSION": "The drone is on a mission.",
     "QUOTE_EXPIRED": "The offer is no longer valid; ask for another quote.",

@@ -253,10 +253,10 @@ async def db(migrated_url: str) -> AsyncIterator[Database]:
 
 
 @pytest.fixture
-async def composition(
+async def unpublished(
     db: Database, clock: ManualClock, secrets_dir: Path
 ) -> AsyncIterator[Composition]:
-    """Composition with its network published."""
+    """Composition without any network."""
     mint = CountingMint()
     async with (
         SolverPool(threads=2, time_limit_s=5.0) as solver,
@@ -285,8 +285,14 @@ async def composition(
             occupied = OccupiedPads(parts.closings)
             replanner = Replanner(db, parts.networks, solver, clock, mint, "test", occupied)
             whole = Composition(client, parts, clock, follower, overdue, lagging, replanner)
-            await whole.publish()
             yield whole
+
+
+@pytest.fixture
+async def composition(unpublished: Composition) -> Composition:
+    """Composition with its network published."""
+    await unpublished.publish()
+    return unpublished
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ def differences(connection: Connection) -> list[object]:
     return list(compare_metadata(MigrationContext.configure(connection), metadata))
 
 
-async def test_the_migrations_make_the_tables_that_the_code_knows(database_url: str) -> None:
+async def test_the_migrations_make_the_tables_of_the_code(database_url: str) -> None:
     await migrate(database_url, "skyway_composition")
 
     async with Database(database_url) as db, db.read() as connection:

@@ -1,4 +1,4 @@
-"""Every invariant that `verify` names is found broken when it is."""
+"""`verify` finds each invariant that is broken."""
 
 from typing import Any
 
@@ -33,7 +33,7 @@ BREAKS = {
     ],
     "I4 a mission was sent to its drone": ["DELETE FROM instructions"],
     "I4 a mission has steps": ["DELETE FROM mission_steps"],
-    "a mission is looked at when its next step should have ended": [
+    "a mission is checked when its next step should have ended": [
         "UPDATE missions SET state = 'ACCEPTED'"
     ],
     "a closed delivery has no live mission": ["UPDATE deliveries SET closed_ms = 1"],
@@ -68,7 +68,7 @@ BREAKS = {
 }
 
 
-async def test_a_sound_database_breaks_nothing(composition: Any) -> None:
+async def test_a_sound_database_has_no_violation(composition: Any) -> None:
     await composition.book()
 
     assert await composition.broken() == []

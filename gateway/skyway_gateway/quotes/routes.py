@@ -7,6 +7,7 @@ from fastapi import Depends, Request, Response
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import QuoteId
 from skyway.runtime.http.identity import Caller
+from skyway.runtime.http.problem_answers import conflicts
 from skyway.runtime.http.repeatable import IdempotencyKey, response_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
@@ -20,7 +21,12 @@ def quote_routes(*, db: Database, gate: KeyGate, maker: QuoteMaker) -> ServiceRo
     """POST /v1/quotes and GET /v1/quotes/{quote_id}."""
     router = ServiceRouter(tags=("quotes",))
 
-    @router.post("/v1/quotes", status_code=201, response_model=Quote)
+    @router.post(
+        "/v1/quotes",
+        status_code=201,
+        response_model=Quote,
+        responses=conflicts("NO_NETWORK"),
+    )
     async def create_quote(
         request: Request,
         caller: Annotated[Caller, Depends(gate)],

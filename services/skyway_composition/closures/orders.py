@@ -12,15 +12,12 @@ from skyway.runtime.http.paging import PageQuery
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.closures.closure import AffectedMission, Area, Closure, ClosureKind
 
-Reason = Annotated[
-    str,
-    Field(
-        min_length=1,
-        max_length=500,
-        description="Why it is closed, in words for people, at most 500 characters.",
-        examples=["roof is being repaired"],
-    ),
-]
+Reason = Annotated[str, Field(min_length=1, max_length=500)]
+#: How the field of a reason is described.
+_REASON = Field(
+    description="Why it is closed, in words for people, at most 500 characters.",
+    examples=["roof is being repaired"],
+)
 Until = Annotated[
     AwareDatetime | None,
     Field(description="End of the closure, fleet time; without it until an operator lifts it."),
@@ -35,7 +32,7 @@ class ClosureOrder(JsonModel):
         Field(description="Start of the closure, fleet time; without it the present moment."),
     ] = None
     until: Until = None
-    reason: Reason | None = None
+    reason: Annotated[Reason | None, _REASON] = None
 
     def span_ms(self, now_ms: int) -> tuple[int, int | None]:
         """Start and end of the closure, in ms since 1970.
@@ -78,7 +75,7 @@ class GroundStopOrder(JsonModel):
         DroneModelId | None, Field(description="Only drones of this model; without it all.")
     ] = None
     until: Until = None
-    reason: Reason
+    reason: Annotated[Reason, _REASON]
 
 
 class DryRun(JsonModel):

@@ -1,8 +1,8 @@
-"""What drones said last: what only says it again is neither locked nor written.
+"""A cache of links, to skip messages that change nothing without locking or writing a row.
 
-Most of what is heard comes from drones that stand somewhere with nothing to do, and say so every
-half minute. Only that is left out from which nothing would follow, whatever others have kept
-meanwhile: links only ever move on, so what is no news to an older one is none to the present one.
+Most messages come from idle drones, which send their state every half minute. A cached link may
+be older than the stored link. That does no harm: links only move forward, so a message that
+changes nothing in an older link changes nothing in the current link.
 """
 
 from collections.abc import Iterable, Sequence
@@ -15,72 +15,72 @@ from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.runtime.mqtt.client import Received
 from skyway_composition.links.link import DroneLink
 
-#: Drones of which is known what they said, those of the last batches: some 5 KiB each.
+#: The most links in the cache, about 5 KiB each.
 _MOST: Final = 10_000
 
-#: A state is kept at least so often, in wall time, though nothing has changed. Our own choice.
-_KEPT_EVERY_S: Final = 300.0
+#: An unchanged state is stored after this much wall time at the latest. Our own choice.
+_STORED_EVERY_S: Final = 300.0
 
 
 @dataclass(frozen=True, slots=True)
-class _Heard:
-    """A link as this process has kept or found it; `newest` is the newest state heard since."""
+class _CachedLink:
+    """A link as this process last read or wrote it; `newest` is the newest state since then."""
 
     link: DroneLink
     newest: tuple[int, int] | None
 
 
 class CachedLinks:
-    """What each drone said last, as far as this process took it; it may forget any at any time."""
+    """The links that this process read or wrote last; any of them may be dropped at any time."""
 
     def __init__(self, clock: FleetClock) -> None:
         self._clock = clock
-        self._known: dict[DroneId, _Heard] = {}
+        self._cached: dict[DroneId, _CachedLink] = {}
 
-    def repeats_known_facts(self, drone_id: DroneId, said: Iterable[Received[Any]]) -> bool:
-        """Whether nothing follows from any of this, if the drone is on no mission.
+    def changes_nothing(self, drone_id: DroneId, messages: Iterable[Received[Any]]) -> bool:
+        """Whether none of these messages has an effect, for a drone without a mission.
 
         Any: each topic has messages of its own type.
         """
-        known = self._known.get(drone_id)
-        return known is not None and all(self._is_no_news(known, each) for each in said)
+        cached = self._cached.get(drone_id)
+        return cached is not None and all(self._is_repeated(cached, each) for each in messages)
 
-    def note(self, drone_id: DroneId, said: Sequence[Received[Any]]) -> None:
-        """Know the newest state among what was said again, so that older ones stay so."""
-        known = self._known[drone_id]
-        states = (each.message for each in said if isinstance(each.message, DroneState))
-        pairs = [known.newest, *((state.session, state.seq) for state in states)]
+    def note(self, drone_id: DroneId, messages: Sequence[Received[Any]]) -> None:
+        """Remember the newest state among skipped messages, to recognise older states later."""
+        cached = self._cached[drone_id]
+        states = (each.message for each in messages if isinstance(each.message, DroneState))
+        pairs = [cached.newest, *((state.session, state.seq) for state in states)]
         newest = max((each for each in pairs if each is not None), default=None)
-        self._known[drone_id] = replace(known, newest=newest)
+        self._cached[drone_id] = replace(cached, newest=newest)
 
     def keep(self, links: Iterable[DroneLink]) -> None:
-        """Know links as they are kept now; those known longest are forgotten."""
+        """Cache links as they are stored now; when there are too many, the oldest are dropped."""
         for link in links:
             state = link.state
             newest = None if state is None else (state.session, state.seq)
-            self._known[link.drone_id] = _Heard(link, newest)
-        while len(self._known) > _MOST:
-            del self._known[next(iter(self._known))]
+            self._cached[link.drone_id] = _CachedLink(link, newest)
+        while len(self._cached) > _MOST:
+            del self._cached[next(iter(self._cached))]
 
     def forget(self, drone_ids: Iterable[DroneId]) -> None:
-        """Forget drones of which something is being taken: who knows whether it will be kept."""
+        """Drop the links of drones whose messages are being handled, as the commit may fail."""
         for drone_id in drone_ids:
-            self._known.pop(drone_id, None)
+            self._cached.pop(drone_id, None)
 
-    def _is_no_news(self, known: _Heard, received: Received[Any]) -> bool:
-        link, message = known.link, received.message
+    def _is_repeated(self, cached: _CachedLink, received: Received[Any]) -> bool:
+        link, message = cached.link, received.message
         if ProviderId(received.ids[0]) != link.provider_id:
             return False
         match message:
             case Connection():
                 return not link.is_newer_connection(message)
-            case DroneState() if known.newest is not None:
-                is_old = (message.session, message.seq) <= known.newest
+            case DroneState() if cached.newest is not None:
+                is_old = (message.session, message.seq) <= cached.newest
                 return is_old or (self._is_recent(link, message) and link.is_still_idle(message))
             case _:
                 return False
 
     def _is_recent(self, link: DroneLink, state: DroneState) -> bool:
-        """Whether the state that is kept is not much older than this one."""
-        longest = fleet_margin(self._clock, fleet_s=0, wall_s=_KEPT_EVERY_S)
+        """Whether the stored state is not much older than this state."""
+        longest = fleet_margin(self._clock, fleet_s=0, wall_s=_STORED_EVERY_S)
         return link.state is not None and abs(state.at - link.state.at) < longest

@@ -1,4 +1,4 @@
-"""Sends instructions: numbered without gaps, kept, and handed to the outbox, in one transaction."""
+"""Send instructions: number them without gaps, store them, and add them to the outbox."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -24,36 +24,36 @@ from skyway_composition.links.instruction_store import (
 )
 from skyway_composition.links.link import DroneLink, InstructionPlace
 
-#: Makes the instruction once its envelope is known: `functools.partial` of a model.
+#: Builds the instruction from the members of its envelope: `functools.partial` of a model.
 Draft = Callable[..., AnyInstruction]
 
-#: A drone is asked for its missing events again after this much wall time.
+#: Wall time after which a drone is asked again for its missing events.
 _ASK_AGAIN_MS: Final = 5_000
 
 
 @dataclass(frozen=True, slots=True)
 class Courier:
-    """Mints what every instruction carries; the link to the drone must be locked."""
+    """Sends instructions within a transaction that has locked the drone's link."""
 
     clock: FleetClock
     mint: Mint
 
     def expiry(self) -> datetime:
-        """Until when an instruction sent now may be begun, in whole milliseconds."""
+        """The latest moment to begin an instruction that is sent now, in whole milliseconds."""
         margin = fleet_margin(self.clock, fleet_s=60, wall_s=10)
         return ms_to_moment(moment_to_ms(self.clock.now() + margin))
 
     async def send(
         self, tx: Tx, link: DroneLink, draft: Draft, *, expires_at: datetime
     ) -> DroneLink:
-        """Send an instruction to the drone; the link's new state is kept, and answered."""
+        """Send an instruction to the drone; store the changed link and return it."""
         link, _ = await self.post(tx, link, draft, expires_at=expires_at)
         return link
 
     async def post(
         self, tx: Tx, link: DroneLink, draft: Draft, *, expires_at: datetime
     ) -> tuple[DroneLink, InstructionId]:
-        """The same; the instruction's id too, by which its answer is known."""
+        """Send as `send` does, and return the instruction's id, which the drone's answer names."""
         link, place = link.with_next()
         await store.save_links(tx, [link])
         instruction = self._instruction(place, draft, expires_at)
@@ -64,7 +64,7 @@ class Courier:
     def post_last(
         self, tx: Tx, place: InstructionPlace, draft: Draft, *, expires_at: datetime
     ) -> None:
-        """Send an instruction whose place is taken already, the last that the block sends there."""
+        """Send an instruction whose place is claimed, as the transaction's last to this drone."""
         instruction = self._instruction(place, draft, expires_at)
         add_last_instruction(tx, place.drone_id, instruction)
         _hand_over(tx, place, instruction)
@@ -84,7 +84,7 @@ class Courier:
         )
 
     async def ask_for_events(self, tx: Tx, link: DroneLink) -> DroneLink:
-        """Ask the drone for the events after the last one that we have, unless just asked."""
+        """Ask the drone for the events that follow our last one, unless it was asked just now."""
         now_wall_ms = moment_to_ms(self.clock.wall_now())
         if now_wall_ms - link.report_asked_wall_ms < _ASK_AGAIN_MS:
             return link
@@ -93,7 +93,7 @@ class Courier:
         return await self.send(tx, link, draft, expires_at=self.expiry())
 
     async def withdraw_open(self, tx: Tx, link: DroneLink) -> list[SentInstruction]:
-        """Stop sending what the drone has not answered; what that was, in order."""
+        """Stop sending the instructions that the drone has not answered; return them in order."""
         withdrawn = await open_instructions(tx, link.drone_id)
         await confirm(tx, [each.instruction_id for each in withdrawn])
         for instruction in withdrawn:

@@ -1,4 +1,4 @@
-"""All SQL of instructions: what was sent to each drone, and its answers."""
+"""All SQL of instructions: what was sent to each drone, and how the drone answered."""
 
 from dataclasses import dataclass
 from typing import Any, Final
@@ -11,11 +11,11 @@ from skyway.runtime.sql.database import Tx
 from skyway_composition.links.link import DroneLink
 from skyway_composition.tables import instructions
 
-#: What the drone has not finally answered.
+#: States of an instruction that the drone has neither accepted nor rejected.
 _OPEN = ("SENT", "RECEIVED")
 
-# Statements that each booking and each word of a drone needs: making them takes longer than
-# running them does.
+# Built once, because every booking and every drone message runs these statements, and building
+# takes longer than running.
 _is_open: Final = instructions.c.status.in_([literal_column(f"'{each}'") for each in _OPEN])
 _ADD_INSTRUCTION: Final = insert(instructions)
 _SENT_TO: Final = select(instructions.c.instruction_id).where(
@@ -55,12 +55,12 @@ class SentInstruction:
 
 
 async def add_instruction(tx: Tx, drone_id: DroneId, instruction: AnyInstruction) -> None:
-    """Keep an instruction that is being sent."""
+    """Store an instruction that is being sent."""
     await tx.execute(_ADD_INSTRUCTION, _instruction_row(drone_id, instruction))
 
 
 def add_last_instruction(tx: Tx, drone_id: DroneId, instruction: AnyInstruction) -> None:
-    """The same when the block ends, which does not ask any more what the drone was sent."""
+    """Store an instruction at the end of a transaction that reads no instructions after this."""
     tx.add(instructions, [_instruction_row(drone_id, instruction)])
 
 
@@ -82,13 +82,12 @@ def _instruction_row(
 
 async def was_sent(tx: Tx, drone_id: DroneId, instruction_id: InstructionId) -> bool:
     """Whether an instruction was ever sent to this drone."""
-    wanted = {"instruction_id": instruction_id, "drone_id": drone_id}
-    found = await tx.execute(_SENT_TO, wanted)
+    found = await tx.execute(_SENT_TO, {"instruction_id": instruction_id, "drone_id": drone_id})
     return found.scalar_one_or_none() is not None
 
 
 async def is_answered(tx: Tx, link: DroneLink, *, seq: int) -> bool:
-    """Whether the drone has finally answered this instruction of the present stream."""
+    """Whether the drone has accepted or rejected this instruction of the current stream."""
     found = await tx.execute(
         select(instructions.c.status).where(
             instructions.c.drone_id == link.drone_id,
@@ -101,7 +100,7 @@ async def is_answered(tx: Tx, link: DroneLink, *, seq: int) -> bool:
 
 
 async def open_instructions(tx: Tx, drone_id: DroneId) -> list[SentInstruction]:
-    """What this drone has not finally answered, in the order of sending."""
+    """The instructions that this drone has neither accepted nor rejected, in sending order."""
     found = await tx.execute(
         select(instructions)
         .where(instructions.c.drone_id == drone_id, _is_open)
@@ -111,7 +110,7 @@ async def open_instructions(tx: Tx, drone_id: DroneId) -> list[SentInstruction]:
 
 
 async def last_cancel(tx: Tx, link: DroneLink, mission_id: MissionId) -> CancelInstruction | None:
-    """How the drone was last told to forget a mission, in the present stream, if it was."""
+    """The last CANCEL of a mission to the drone in the current stream; None without one."""
     found = await tx.execute(
         select(instructions.c.body)
         .where(
@@ -128,13 +127,13 @@ async def last_cancel(tx: Tx, link: DroneLink, mission_id: MissionId) -> CancelI
 
 
 async def last_revision(tx: Tx, mission_id: MissionId) -> int:
-    """The newest revision of a mission that was ever sent, taken or not."""
+    """The newest revision of a mission that was ever sent, accepted or not; 0 without one."""
     found = await tx.execute(_LAST_REVISION, {"mission_id": mission_id})
     return found.scalar_one() or 0
 
 
 async def kind_of_revision(tx: Tx, mission_id: MissionId, revision: int) -> str | None:
-    """Which instruction brought this revision of a mission; None when none is known."""
+    """The kind of the instruction that brought this revision of a mission; None without one."""
     found = await tx.execute(
         select(instructions.c.kind)
         .where(
@@ -151,7 +150,10 @@ async def kind_of_revision(tx: Tx, mission_id: MissionId, revision: int) -> str 
 async def answered(
     tx: Tx, drone_id: DroneId, instruction_id: InstructionId, status: str
 ) -> SentInstruction | None:
-    """An instruction whose answer this drone has just given; None when it had none to give."""
+    """Store the drone's answer and return its instruction.
+
+    None when the drone was not sent this instruction, or has answered it already.
+    """
     given = {"of_instruction": instruction_id, "to_drone": drone_id, "status": status}
     found = await tx.execute(_ANSWER, given)
     row = found.one_or_none()
@@ -159,7 +161,7 @@ async def answered(
 
 
 async def set_status(tx: Tx, instruction_id: InstructionId, status: str) -> None:
-    """Note how far the drone's answer is."""
+    """Set the state of an instruction."""
     await tx.execute(_SET_STATUS, {"of_instruction": instruction_id, "status": status})
 
 

@@ -1,4 +1,4 @@
-"""What is known of a drone's link, and what follows from what it says."""
+"""A drone's link, and what follows from the drone's messages."""
 
 from dataclasses import dataclass, replace
 from typing import Final
@@ -7,13 +7,13 @@ from skyway.contracts.drone_report import Connection, DroneState
 from skyway.contracts.message import is_newer
 from skyway.ids import DroneId, ProviderId
 
-#: A charge that differs by less from the one that is known is the same. Our own choice.
+#: Two states of charge that differ by less count as the same. Our own choice.
 _SAME_SOC: Final = 0.01
 
 
 @dataclass(frozen=True, slots=True)
 class InstructionPlace:
-    """The place of an instruction: its `seq` in the drone's stream, and what it confirms."""
+    """An instruction's `seq` in the drone's stream, and the last drone event that it confirms."""
 
     drone_id: DroneId
     provider_id: ProviderId
@@ -24,11 +24,11 @@ class InstructionPlace:
 
 @dataclass(frozen=True, slots=True)
 class DroneLink:
-    """How far the talk with one drone has come.
+    """What we sent to one drone, and what we last received from it.
 
-    `last_seq` counts our instructions in `stream` (0: none was ever sent), `last_event_seq` the
-    drone's events that we have. `acked_stream` is the last stream that the drone has shown to
-    know, in its session `acked_session`.
+    `last_seq` numbers our last instruction in `stream`, 0 before the first. `last_event_seq`
+    numbers the last drone event that we have. `acked_stream` is the last stream that the drone
+    has confirmed, in its session `acked_session`.
     """
 
     drone_id: DroneId
@@ -44,68 +44,68 @@ class DroneLink:
 
     @property
     def is_occupied(self) -> bool:
-        """Whether the drone says that it has a mission, known or not, or is down in the open."""
+        """Whether the drone reports a mission, or has landed away from every station."""
         state = self.state
         return state is not None and (state.mission_id is not None or state.activity == "DOWN")
 
     def with_next(self) -> tuple["DroneLink", InstructionPlace]:
-        """The link once one more instruction goes to the drone, and that one's place."""
+        """The link with one more instruction, and the place of this instruction."""
         link = replace(self, stream=max(1, self.stream), last_seq=self.last_seq + 1)
         return link, InstructionPlace(
             link.drone_id, link.provider_id, link.stream, link.last_seq, link.last_event_seq
         )
 
     def is_newer_state(self, state: DroneState) -> bool:
-        """Whether this state comes after the one that is known."""
-        known = None if self.state is None else (self.state.session, self.state.seq)
-        return is_newer((state.session, state.seq), known)
+        """Whether this state is newer than the last one."""
+        last = None if self.state is None else (self.state.session, self.state.seq)
+        return is_newer((state.session, state.seq), last)
 
     def is_still_idle(self, state: DroneState) -> bool:
-        """Whether a newer state says only that a drone without a mission still stands idle.
+        """Whether a newer state only repeats that a drone without a mission stands idle.
 
-        It and we know the same stream and the same events, so nothing is to be told or asked for.
+        Drone and cloud agree on the stream and on the last event, so nothing has to be sent.
         """
-        known = self.state
+        last = self.state
         return (
-            known is not None
+            last is not None
             and (state.stream, state.last_event_seq) == (self.stream, self.last_event_seq)
             and _standing(state) is not None
-            and _standing(state) == _standing(known)
-            and abs(state.soc - known.soc) < _SAME_SOC
+            and _standing(state) == _standing(last)
+            and abs(state.soc - last.soc) < _SAME_SOC
         )
 
     def is_newer_connection(self, connection: Connection) -> bool:
-        """Whether this connection comes after the known one.
+        """Whether this connection message is newer than the last one.
 
-        ONLINE and LOST of one connection share their pair, because a last will is fixed before it
-        is known whether it will be needed: whatever follows ONLINE under the same pair counts.
+        ONLINE and LOST of one connection have the same session and connection number, because the
+        drone sets its last will when it connects. So a message with the same numbers is newer
+        than ONLINE.
         """
-        known = self.connection
-        if known is None:
+        last = self.connection
+        if last is None:
             return True
         pair = (connection.session, connection.connection_number)
-        known_pair = (known.session, known.connection_number)
-        return pair > known_pair or (pair == known_pair and known.status == "ONLINE")
+        last_pair = (last.session, last.connection_number)
+        return pair > last_pair or (pair == last_pair and last.status == "ONLINE")
 
     def acked(self, stream: int, session: int) -> "DroneLink":
-        """The link once the drone has shown that it knows this stream."""
+        """The link after the drone has confirmed this stream."""
         if stream != self.stream or stream <= 0:
             return self
         session = max(session, self.acked_session)
         return replace(self, acked_stream=stream, acked_session=session)
 
     def needs_new_stream(self, state: DroneState) -> bool:
-        """Whether a new stream must be opened: the drone or we have forgotten the present one.
+        """Whether a new stream must be opened, because the drone or we have lost the current one.
 
-        A drone that has shown our stream and, in a later session, an older one has lost its
-        journal. One that shows a later stream than ours was told so by a database we no longer
-        have.
+        A drone has lost its journal when it confirmed our stream and shows an older stream in a
+        later session. We have lost a database when the drone shows a later stream than ours.
         """
         forgot = state.stream < self.acked_stream and state.session > self.acked_session
         return forgot or state.stream > self.stream
 
     def in_new_stream(self, state: DroneState) -> "DroneLink":
-        """The link with a stream that neither side has used; events go on from what is known."""
+        """The link with a stream that neither side has used; events go on from the drone's last."""
         return replace(
             self,
             stream=max(self.stream, state.stream) + 1,
@@ -115,12 +115,12 @@ class DroneLink:
 
     @property
     def is_gone(self) -> bool:
-        """Whether the drone has left, or is known to be out of reach."""
+        """Whether the drone has disconnected, or its connection was lost."""
         return self.connection is not None and self.connection.status in ("LOST", "OFFLINE")
 
 
 def _standing(state: DroneState) -> tuple[object, ...] | None:
-    """How a drone stands at a station with nothing to do; None for one that does anything else."""
+    """What an idle drone at a station reports; None for a drone that is not idle at a station."""
     is_idle = state.activity == "IDLE" and state.mission_id is None and not state.package_ids
     if not is_idle or state.station_id is None:
         return None

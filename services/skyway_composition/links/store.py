@@ -1,4 +1,4 @@
-"""All SQL of the links: how far the talk with each drone is."""
+"""All SQL of links to drones."""
 
 from collections.abc import Collection, Iterable
 from typing import Any, Final
@@ -13,13 +13,13 @@ from skyway.runtime.sql.database import Tx
 from skyway_composition.links.link import DroneLink, InstructionPlace
 from skyway_composition.tables import drone_links
 
-#: Those among `drone_ids` that say so themselves.
+#: Those of `drone_ids` that report a mission, or have landed away from every station.
 OCCUPIED: Final = select(drone_links.c.drone_id).where(
     among(drone_links.c.drone_id, "drone_ids"), drone_links.c.is_occupied
 )
 
-# Statements that each booking and each word of a drone needs: making them takes longer than
-# running them does.
+# Built once, because every booking and every drone message runs these statements, and building
+# takes longer than running.
 _LINKS_OF: Final = (
     select(drone_links)
     .where(among(drone_links.c.drone_id, "drone_ids"))
@@ -27,7 +27,7 @@ _LINKS_OF: Final = (
     .with_for_update()
 )
 _SAVE_LINK: Final = update(drone_links).where(drone_links.c.drone_id == bindparam("of_drone"))
-#: Counts one more instruction to a drone, and tells its place.
+#: Counts one more instruction to a drone, and returns its place.
 COUNT_NEXT: Final = (
     update(drone_links)
     .where(drone_links.c.drone_id == bindparam("of_drone"))
@@ -47,39 +47,39 @@ COUNT_NEXT: Final = (
 
 
 async def lock_link(tx: Tx, drone_id: DroneId, provider_id: ProviderId) -> DroneLink:
-    """The link to a drone, begun if there was none; nobody else changes it meanwhile."""
-    known = await lock_links(tx, [drone_id])
-    if not known:
+    """Lock the link to a drone and return it; the link is created when there is none."""
+    links = await lock_links(tx, [drone_id])
+    if not links:
         await _begin(tx, drone_id, provider_id)
-        known = await lock_links(tx, [drone_id])
-    return known[drone_id]
+        links = await lock_links(tx, [drone_id])
+    return links[drone_id]
 
 
 async def claim_next_place(tx: Tx, drone_id: DroneId, provider_id: ProviderId) -> InstructionPlace:
-    """The place of the next instruction to this provider's drone, whose link is locked by that."""
-    wanted = {"of_drone": drone_id, "of_provider": provider_id}
-    taken = (await tx.execute(COUNT_NEXT, wanted)).one_or_none()
-    if taken is None:
+    """Lock the link to this provider's drone and claim the place of the next instruction."""
+    drone = {"of_drone": drone_id, "of_provider": provider_id}
+    claimed = (await tx.execute(COUNT_NEXT, drone)).one_or_none()
+    if claimed is None:
         await _begin(tx, drone_id, provider_id)
-        taken = (await tx.execute(COUNT_NEXT, wanted)).one()
-    return InstructionPlace(*taken)
+        claimed = (await tx.execute(COUNT_NEXT, drone)).one()
+    return InstructionPlace(*claimed)
 
 
 async def lock_links(tx: Tx, drone_ids: Collection[DroneId]) -> dict[DroneId, DroneLink]:
-    """The links to those of these drones that are known."""
+    """Lock the links to these drones and return them; a drone without a link is left out."""
     found = await tx.execute(_LINKS_OF, {"drone_ids": sorted(drone_ids)})
     return {row.drone_id: _link(row) for row in found}
 
 
 async def link_to(connection: AsyncConnection, drone_id: DroneId) -> DroneLink | None:
-    """The link to a drone, as it is now."""
+    """The link to a drone; None without one."""
     found = await connection.execute(select(drone_links).where(drone_links.c.drone_id == drone_id))
     row = found.one_or_none()
     return None if row is None else _link(row)
 
 
 async def save_links(tx: Tx, links: Iterable[DroneLink]) -> None:
-    """Keep links that are locked."""
+    """Store links that this transaction has locked."""
     rows = [_values(link) for link in links]
     if rows:
         await tx.execute(_SAVE_LINK, rows)

@@ -1,4 +1,4 @@
-"""The current version of every network, told to everybody: retained, on change and connect."""
+"""Publish the current version of every network over MQTT: retained, on change and on connect."""
 
 from dataclasses import dataclass, field
 
@@ -14,26 +14,26 @@ from skyway_composition.networks.store import all_current
 
 @dataclass(slots=True)
 class NetworkVersions:
-    """Publishes the versions that it has not told yet."""
+    """Publishes the current versions that it has not published yet."""
 
     db: Database
     mqtt: MqttClient
     clock: FleetClock
     mint: Mint
-    _told: dict[NetworkId, int] = field(default_factory=dict)
+    _published: dict[NetworkId, int] = field(default_factory=dict)
 
     def forget(self) -> None:
-        """Tell everything again: a broker keeps nothing over a restart."""
-        self._told.clear()
+        """Publish everything again, because a broker may lose retained messages in a restart."""
+        self._published.clear()
 
     async def step(self) -> bool:
-        """Publish what is new."""
+        """Publish the versions that are new."""
         if not self.mqtt.is_connected:
             return False
         async with self.db.read() as connection:
             rows = await all_current(connection)
         for row in rows:
-            if self._told.get(row.network_id) != row.version:
+            if self._published.get(row.network_id) != row.version:
                 message = NetworkVersion(
                     message_id=self.mint("msg"),
                     sent_at=self.clock.now(),
@@ -43,5 +43,5 @@ class NetworkVersions:
                     href=f"/v1/networks/{row.network_id}?version={row.version}",
                 )
                 await self.mqtt.publish(NETWORK_VERSION(row.network_id), message)
-                self._told[row.network_id] = row.version
+                self._published[row.network_id] = row.version
         return False

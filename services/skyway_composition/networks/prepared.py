@@ -1,12 +1,13 @@
-"""Networks made ready for planning, kept in memory by (network, version): parsing is the slow part.
+"""Networks prepared for planning, cached in memory by network and version, as parsing is slow.
 
-A version never changes, so what is kept never goes stale; which one is current is asked each time.
+A version never changes, so the cache never goes stale. Which version is current is read each time.
 """
 
 import asyncio
 import logging
 import time
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 
@@ -26,21 +27,24 @@ from skyway_composition.networks.store import VersionRow
 
 log = logging.getLogger(__name__)
 
-#: Versions kept of one network: the current one, and the one that it replaces under way.
+#: What an empty system answers to a question about stations or networks.
+NOTHING_PUBLISHED: Final = "no network is published: skyway network import bundled"
+
+#: Cached versions of one network: the current one, and the previous one that missions still use.
 _KEPT_VERSIONS = 2
 
-#: Most stations of a network that gets a hierarchy, which takes seconds for 100,000. On larger ones
-#: requests are local, and trees do as well.
+#: The most stations of a network that gets a hierarchy; 100,000 stations take seconds. On larger
+#: networks requests are local, and search trees are as fast.
 _MOST_RANKED = 200_000
 
 
 @dataclass(frozen=True, slots=True)
 class PreparedNetwork:
-    """One version of a network, with what all plans on it need.
+    """One version of a network, with everything that planning computes once for it.
 
-    `straightness` is the least length of a segment per metre of great circle between its ends, at
-    most 1: no way between two stations is shorter than the great circle times this.
-    `conditions` are the network's, which change without a new version.
+    `straightness` is the smallest ratio of a segment's length to the great circle between its
+    ends, at most 1. So no path between two stations is shorter than `straightness` times their
+    great circle. `conditions` belong to the network and change without a new version.
     """
 
     network_id: NetworkId
@@ -78,9 +82,15 @@ class PreparedNetworks:
         return None if present is None else await self.version(present.network_id, present.version)
 
     async def present_around(self, station_id: StationId) -> store.Present | None:
-        """Which version that is, and the number of its conditions, both as they are now."""
+        """The network that has this station, its current version and conditions number."""
         async with self._db.read() as connection:
             return await store.present_around(connection, station_id)
+
+    async def why_missing(self, station_id: StationId) -> str:
+        """Why no network has this station, in words."""
+        async with self._db.read() as connection:
+            is_empty = not await store.has_networks(connection)
+        return NOTHING_PUBLISHED if is_empty else f"no network has station {station_id!r}"
 
     async def version(self, network_id: NetworkId, version: int) -> PreparedNetwork:
         """One version of a network.
@@ -94,12 +104,12 @@ class PreparedNetworks:
         if kept is not None:
             return kept
         async with self._loading:
-            known = self._kept.setdefault(network_id, {})
-            if version not in known:
-                known[version] = await self._load(network_id, version)
-                for old in sorted(known)[:-_KEPT_VERSIONS]:
-                    del known[old]
-            return known.get(version) or await self._load(network_id, version)
+            versions = self._kept.setdefault(network_id, {})
+            if version not in versions:
+                versions[version] = await self._load(network_id, version)
+                for old in sorted(versions)[:-_KEPT_VERSIONS]:
+                    del versions[old]
+            return versions.get(version) or await self._load(network_id, version)
 
     async def _load(self, network_id: NetworkId, version: int) -> PreparedNetwork:
         async with self._db.read() as connection:
@@ -112,7 +122,7 @@ class PreparedNetworks:
 def _prepare(network_id: NetworkId, version: int, content: bytes) -> PreparedNetwork:
     started_at = time.monotonic()
     network = read_network_text(content)
-    # Made when first asked for; asked for here, so that no plan waits for them.
+    # Computed on first use. Used here, so that no plan waits for them.
     adjacencies = network.outgoing, network.incoming
     prepared = PreparedNetwork(
         network_id=network_id,

@@ -1,4 +1,7 @@
-"""Publishing a network: its version changes exactly when its content does."""
+"""Publish a network: its version changes exactly when its content changes.
+
+Missions that use a station, segment or airspace that the new version takes away are replanned.
+"""
 
 import asyncio
 import hashlib
@@ -28,7 +31,7 @@ from skyway_composition.networks.store import VersionRow
 
 @dataclass(frozen=True, slots=True)
 class Content:
-    """A network and its GeoJSON in the one form that is stored, hashed and served."""
+    """A network and its GeoJSON in the form that is stored, hashed and served."""
 
     network: Network
     geojson: bytes
@@ -37,7 +40,7 @@ class Content:
 
 @dataclass(frozen=True, slots=True)
 class Published:
-    """What a PUT led to; `is_new` when the network was not known before."""
+    """The version that a PUT published; `is_new` when it is the network's first version."""
 
     row: VersionRow
     is_new: bool
@@ -69,16 +72,16 @@ async def publish(
     networks: PreparedNetworks,
     impact: Impact,
 ) -> Published:
-    """Make this the network's current version, unless it is already.
+    """Make this content the network's current version; the same content changes nothing.
 
-    Missions that fly by what it takes away look for other plans from then on, as when it is closed.
+    Missions that use what the new version takes away are replanned, as after a closure.
 
     Raises
     ------
     PreconditionFailed
         `if_match` is not the current version's entity tag.
     Conflict
-        A station belongs to another network, or a pad that is reserved would go.
+        A station belongs to another network, or the new version would remove a reserved pad.
     """
     done: Published | None = None
     while done is None:
@@ -92,7 +95,7 @@ async def publish(
             if current is not None and current.sha256 == content.sha256:
                 return Published(current, is_new=False)
             if (current and current.version) != (replaced and replaced.version):
-                continue  # somebody else has published meanwhile
+                continue  # another process has published a version in between
             done = await _put(tx, network_id, current, content=content, now_ms=now_ms)
             for reach in lost:
                 await impact.apply(tx, reach)
@@ -139,7 +142,9 @@ async def _refuse_foreign_stations(tx: Tx, network_id: NetworkId, network: Netwo
     elsewhere = await stations_elsewhere(tx, network_id, list(network.stations))
     if elsewhere:
         named = ", ".join(f"{row.station_id!r} of {row.network_id!r}" for row in elsewhere)
-        raise Conflict("STATION_ELSEWHERE", f"station ids belong to one network; taken: {named}")
+        raise Conflict(
+            "STATION_ELSEWHERE", f"these stations already belong to another network: {named}"
+        )
 
 
 async def _refuse_dropped_reservations(tx: Tx, network_id: NetworkId, network: Network) -> None:
@@ -152,19 +157,19 @@ async def _refuse_dropped_reservations(tx: Tx, network_id: NetworkId, network: N
     if dropped:
         raise Conflict(
             "STATION_RESERVED",
-            "drones have reserved pads that would go, close these stations or pads first: "
-            + ", ".join(dropped),
+            "drones have reserved pads that this version removes; close these stations or pads "
+            "first: " + ", ".join(dropped),
         )
 
 
-#: Stations and segments that are named in words, so that a sentence stays one.
+#: The most stations or segments that a sentence names.
 _MOST_NAMED = 5
 
 
 def losses(old: PreparedNetwork, new: Network, *, now_ms: int) -> tuple[Reach, ...]:
-    """The stations and segments that are gone and the zones that are new, as closures reach them.
+    """Removed stations and segments and added zones, each in the form of a closure's reach.
 
-    Pads that drones have reserved cannot be taken away (`publish`).
+    Reserved pads are not among them, because `publish` refuses to remove a reserved pad.
     """
     late_ms = round(old.settings.tolerated_lateness_s * 1000)
     return tuple(_losses(old.network_id, old.network, new, now_ms=now_ms, late_ms=late_ms))
@@ -190,8 +195,8 @@ def _losses(
             late_ms=late_ms,
             what=f"no longer in the network: {_named(ways)}",
         )
-    known = {zone.zone_id: zone for zone in old.zones}
-    added = [zone for zone in new.zones if known.get(zone.zone_id) != zone]
+    previous = {zone.zone_id: zone for zone in old.zones}
+    added = [zone for zone in new.zones if previous.get(zone.zone_id) != zone]
     for reach in Airspace.over(new, added).reaches:
         yield Reach(
             _closure("ZONE", network_id, now_ms, zone=reach.zone),
@@ -205,7 +210,7 @@ def _losses(
 def _closure(
     kind: ClosureKind, network_id: NetworkId, now_ms: int, *, zone: Zone | None = None
 ) -> Closure:
-    """What stands for a loss; it is nowhere kept, since the version itself says so."""
+    """A closure that stands for a loss; it is not stored, because the version says the same."""
     starts_at = None if zone is None else zone.active_from
     ends_at = None if zone is None else zone.active_until
     return Closure(
@@ -226,6 +231,6 @@ def _ends(network: Network) -> frozenset[SegmentEnds]:
 
 
 def _named(names: Iterable[str]) -> str:
-    known = sorted(names)
-    more = len(known) - _MOST_NAMED
-    return ", ".join(known[:_MOST_NAMED]) + (f" and {more} more" if more > 0 else "")
+    ordered = sorted(names)
+    more = len(ordered) - _MOST_NAMED
+    return ", ".join(ordered[:_MOST_NAMED]) + (f" and {more} more" if more > 0 else "")

@@ -1,4 +1,4 @@
-"""Networks and their versions over REST: operators publish them, everybody reads them."""
+"""Networks, their versions, segments and zones over REST: operators publish, all callers read."""
 
 from datetime import datetime
 from typing import Annotated, Final, Literal
@@ -36,18 +36,27 @@ MAX_VERSION: Final = 2**31 - 1
 
 
 class NetworkInfo(JsonModel):
-    """A version of a network; `sha256` is the hash of its content."""
+    """A version of a network."""
 
-    network_id: NetworkId
-    version: int
-    sha256: str
-    published_at: datetime
+    network_id: Annotated[NetworkId, Field(description="Id of the network.")]
+    version: Annotated[int, Field(description="Number of the version, from 1.", examples=[1])]
+    sha256: Annotated[str, Field(description="SHA-256 of the stored GeoJSON, 64 hex digits.")]
+    published_at: Annotated[
+        datetime, Field(description="When the version was published, fleet time.")
+    ]
 
 
 class VersionQuery(JsonModel):
-    """Which version of a network; without it the current one."""
+    """Which version of a network is read."""
 
-    version: Annotated[int | None, Field(ge=1, le=MAX_VERSION)] = None
+    version: Annotated[
+        int | None,
+        Field(
+            ge=1,
+            le=MAX_VERSION,
+            description="Number of the version; without it the current version.",
+        ),
+    ] = None
 
 
 def network_routes(
@@ -143,7 +152,7 @@ def network_routes(
         current = await current_row(db, network_id)
         after = query.after(int)
         newest = current.version + 1
-        # A made-up cursor may lie beyond what the database can number.
+        # An invented cursor may be larger than any number of the database.
         before = max(0, min(int(after[0]), newest)) if after else newest
         async with db.read() as connection:
             rows = await store.versions_before(
@@ -170,19 +179,31 @@ def _info(row: VersionRow) -> NetworkInfo:
 class SegmentInfo(JsonModel):
     """A segment of the current version, in one direction."""
 
-    from_id: StationId
-    to_id: StationId
-    length_m: float
+    from_id: Annotated[StationId, Field(description="Station where the segment starts.")]
+    to_id: Annotated[StationId, Field(description="Station where the segment ends.")]
+    length_m: Annotated[float, Field(description="Length of the segment, metres.")]
 
 
 class ZoneInfo(JsonModel):
-    """A zone of the current version, as GeoJSON polygon rings."""
+    """A zone of the current version, as a GeoJSON polygon."""
 
-    zone_id: ZoneId
-    type: Literal["Polygon"] = "Polygon"
-    coordinates: tuple[tuple[Position, ...], ...]
-    active_from: datetime | None
-    active_until: datetime | None
+    zone_id: Annotated[ZoneId, Field(description="Id of the zone within its network.")]
+    type: Annotated[Literal["Polygon"], Field(description="The GeoJSON type.")] = "Polygon"
+    coordinates: Annotated[
+        tuple[tuple[Position, ...], ...],
+        Field(
+            description="Closed rings of [longitude, latitude] in degrees: the outer ring first, "
+            "then its holes."
+        ),
+    ]
+    active_from: Annotated[
+        datetime | None,
+        Field(description="When the zone closes to flight, fleet time; null means always."),
+    ]
+    active_until: Annotated[
+        datetime | None,
+        Field(description="When the zone opens again, fleet time; null means never."),
+    ]
 
 
 def airspace_routes(*, gate: ServiceGate, networks: PreparedNetworks) -> ServiceRouter:
@@ -236,6 +257,6 @@ def airspace_routes(*, gate: ServiceGate, networks: PreparedNetworks) -> Service
 
 
 def _offset(query: PageQuery) -> int:
-    """The place after the last item seen, in a list that is kept in order."""
+    """The index after the last item of the page before, in an ordered list."""
     after = query.after(int)
     return max(0, int(after[0]) + 1) if after else 0

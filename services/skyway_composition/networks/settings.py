@@ -1,4 +1,4 @@
-"""What a network's `settings` member may hold, and what holds without it."""
+"""The settings in a network's `settings` member, with their defaults."""
 
 from typing import Annotated
 
@@ -11,31 +11,88 @@ from skyway.errors import InvalidNetwork
 from skyway.json_model import JsonModel
 from skyway.network.network import Network
 
-#: Loading and handing over take no longer than a day; a typing mistake does.
+#: One day: a longer time to load or to hand over is a typing mistake.
 _LONGEST_STOP_S = 86_400.0
 
 
 class NetworkSettings(JsonModel):
     """The currency of all prices in a network, how long people need, and the margins of plans.
 
-    `energy_margin` is added to what flights take, `pad_gap_s` lies between two drones on a pad. A
-    drone may be late by `tolerated_lateness_s` before its plan is made anew. All of these are our
-    own choices where a network says nothing.
+    All defaults are our own choices.
     """
 
-    currency: Currency = "USD"
-    loading_s: Annotated[float, Field(ge=0, le=_LONGEST_STOP_S)] = 60.0
-    dropoff_s: Annotated[float, Field(ge=0, le=_LONGEST_STOP_S)] = 30.0
-    energy_margin: Annotated[float, Field(ge=0, le=2)] = 0.15
-    pad_gap_s: Annotated[float, Field(ge=0, le=_LONGEST_STOP_S)] = 120.0
-    tolerated_lateness_s: Annotated[float, Field(ge=0, le=_LONGEST_STOP_S)] = 120.0
-    recipient_wait_s: Annotated[float, Field(ge=0, le=_LONGEST_STOP_S)] = 300.0
-    loading_timeout_s: Annotated[float, Field(gt=0, le=7 * _LONGEST_STOP_S)] = 1_800.0
-    max_destinations_per_trip: Annotated[int, Field(ge=1, le=MAX_TRIP_DESTINATIONS)] = 8
+    currency: Annotated[Currency, Field(description="Currency of all prices in the network.")] = (
+        "USD"
+    )
+    loading_s: Annotated[
+        float,
+        Field(
+            ge=0,
+            le=_LONGEST_STOP_S,
+            description="Planned time to load a drone, seconds, 0 to one day.",
+        ),
+    ] = 60.0
+    dropoff_s: Annotated[
+        float,
+        Field(
+            ge=0,
+            le=_LONGEST_STOP_S,
+            description="Planned time to hand over at a destination, seconds, 0 to one day.",
+        ),
+    ] = 30.0
+    energy_margin: Annotated[
+        float,
+        Field(
+            ge=0,
+            le=2,
+            description="Share of energy that plans add to what flights need, 0 to 2.",
+        ),
+    ] = 0.15
+    pad_gap_s: Annotated[
+        float,
+        Field(
+            ge=0,
+            le=_LONGEST_STOP_S,
+            description="Planned gap between two drones on one pad, seconds, 0 to one day.",
+        ),
+    ] = 120.0
+    tolerated_lateness_s: Annotated[
+        float,
+        Field(
+            ge=0,
+            le=_LONGEST_STOP_S,
+            description="How late a drone may be without a new plan, seconds, 0 to one day.",
+        ),
+    ] = 120.0
+    recipient_wait_s: Annotated[
+        float,
+        Field(
+            ge=0,
+            le=_LONGEST_STOP_S,
+            description="How long a drone waits for a recipient, seconds, 0 to one day.",
+        ),
+    ] = 300.0
+    loading_timeout_s: Annotated[
+        float,
+        Field(
+            gt=0,
+            le=7 * _LONGEST_STOP_S,
+            description="How long a drone waits for a confirmation that it is loaded, seconds, "
+            "at most seven days.",
+        ),
+    ] = 1_800.0
+    max_destinations_per_trip: Annotated[
+        int,
+        Field(
+            ge=1,
+            le=MAX_TRIP_DESTINATIONS,
+            description="The most destinations of one drone's trip.",
+        ),
+    ] = 8
 
     @property
     def margins(self) -> Margins:
-        """What plans in this network are booked with, as offers and missions show it."""
+        """The margins of plans in this network, as offers and missions show them."""
         return Margins(
             energy_margin=self.energy_margin,
             pad_gap_s=self.pad_gap_s,
@@ -49,7 +106,7 @@ def settings_of(network: Network) -> NetworkSettings:
     Raises
     ------
     InvalidNetwork
-        A setting is unknown, or breaks its limit; the error names it.
+        A setting is unknown or breaks its limit; the error names the setting.
     """
     try:
         return NetworkSettings.model_validate(dict(network.settings))

@@ -1,4 +1,4 @@
-"""Stations of networks over REST, and what the other services ask about them."""
+"""Stations of networks over REST, and other services' questions about stations."""
 
 from typing import Annotated
 
@@ -23,20 +23,30 @@ from skyway_composition.networks.station_store import Box, StationRow, stations_
 
 
 class StationInfo(JsonModel):
-    """A station of the current version; nobody lands where it `is_closed` now."""
+    """A station of the current version."""
 
-    station_id: StationId
-    name: str | None
-    pads: int
-    position: Position
-    is_closed: bool
+    station_id: Annotated[StationId, Field(description="Id of the station.")]
+    name: Annotated[str | None, Field(description="Name of the station for people.")]
+    pads: Annotated[int, Field(description="Number of pads, 0 or more.")]
+    position: Annotated[
+        Position,
+        Field(description="[longitude, latitude] in degrees.", examples=[[16.37, 48.21]]),
+    ]
+    is_closed: Annotated[
+        bool, Field(description="Whether a closure forbids drones to land here now.")
+    ]
 
 
 class StationQuery(PageQuery):
-    """Which stations a list shows: all, or those in a box."""
+    """Which stations a list shows."""
 
     bbox: Annotated[
-        str | None, Field(max_length=100, description="west,south,east,north in degrees")
+        str | None,
+        Field(
+            max_length=100,
+            description="Only stations in this box: west,south,east,north in degrees.",
+            examples=["16.3,48.1,16.5,48.3"],
+        ),
     ] = None
 
     @field_validator("bbox")
@@ -48,7 +58,7 @@ class StationQuery(PageQuery):
 
     @property
     def box(self) -> Box | None:
-        """The box; None for all stations."""
+        """The box that selects stations; None for all stations."""
         return None if self.bbox is None else Box.parse(self.bbox)
 
 
@@ -90,7 +100,7 @@ def station_routes(
 def station_check_routes(
     *, db: Database, gate: ServiceGate, networks: PreparedNetworks
 ) -> ServiceRouter:
-    """What the other services ask about stations, under /internal."""
+    """Other services' questions about stations, under /internal."""
     router = ServiceRouter(tags=("networks",))
 
     @router.post("/internal/station-checks")

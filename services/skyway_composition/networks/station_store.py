@@ -1,4 +1,4 @@
-"""All SQL of the stations of current versions."""
+"""All SQL of the stations of current versions, and the box on the map that selects stations."""
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass
@@ -21,7 +21,10 @@ _NUMBERS: Final = 4
 
 @dataclass(frozen=True, slots=True)
 class Box:
-    """Two corners; over the date line the south-western one lies east of the other."""
+    """An area between two meridians and two parallels.
+
+    When the box crosses the date line, its south-west corner has the larger longitude.
+    """
 
     south_west: Position
     north_east: Position
@@ -33,7 +36,7 @@ class Box:
         Raises
         ------
         ValueError
-            These are not four such numbers, or south lies north of north.
+            The text is not four such numbers, or south lies north of north.
         """
         numbers = text.split(",")
         if len(numbers) != _NUMBERS:
@@ -48,7 +51,7 @@ class Box:
 
     @property
     def crosses_date_line(self) -> bool:
-        """Whether it reaches from the far east to the far west."""
+        """Whether the box contains a part of the 180th meridian."""
         return self.south_west.longitude_deg > self.north_east.longitude_deg
 
 
@@ -56,7 +59,7 @@ def _corner(numbers: list[str]) -> Position:
     return _CORNER.validate_python(tuple(numbers))
 
 
-# Statements that each booking needs: making them takes longer than running them does.
+# Built once, because many requests run these statements and building takes longer than running.
 _NETWORK_OF: Final = select(stations.c.network_id).where(
     stations.c.station_id == bindparam("of_station")
 )
@@ -75,7 +78,7 @@ class StationRow:
 
 
 async def network_of(connection: AsyncConnection, station_id: StationId) -> NetworkId | None:
-    """The network that has this station now."""
+    """The network whose current version has this station; None for no network."""
     found = await connection.execute(_NETWORK_OF, {"of_station": station_id})
     network_id: NetworkId | None = found.scalar_one_or_none()
     return network_id
@@ -84,7 +87,7 @@ async def network_of(connection: AsyncConnection, station_id: StationId) -> Netw
 async def stations_named(
     connection: AsyncConnection, station_ids: Collection[StationId]
 ) -> dict[StationId, StationRow]:
-    """Those of the named stations that exist."""
+    """The stations with these ids, by id; an unknown station is left out."""
     found = await connection.execute(_STATIONS_NAMED, {"station_ids": [*station_ids]})
     return {row.station_id: _station_row(row) for row in found}
 
@@ -97,7 +100,7 @@ async def stations_after(
     box: Box | None,
     limit: int,
 ) -> list[StationRow]:
-    """The stations of a network that follow this id, all or those in a box."""
+    """The stations of a network whose ids follow this id, all stations or those in a box."""
     found = await connection.execute(
         select(stations)
         .where(stations.c.network_id == network_id, stations.c.station_id > station_id)
@@ -111,7 +114,7 @@ async def stations_after(
 async def stations_elsewhere(
     tx: Tx, network_id: NetworkId, station_ids: Sequence[StationId]
 ) -> list[StationRow]:
-    """Those of these stations that another network has, at most ten."""
+    """At most ten of these stations that belong to another network."""
     elsewhere: list[StationRow] = []
     for part in _parts(station_ids):
         found = await tx.execute(
@@ -125,7 +128,7 @@ async def stations_elsewhere(
 
 
 async def reserved_pads(tx: Tx, network_id: NetworkId) -> dict[StationId, int]:
-    """How many pads each station must keep: one more than its highest reserved pad."""
+    """How many pads each station must keep: one more than the number of its last reserved pad."""
     found = await tx.execute(
         select(pad_reservations.c.station_id, (func.max(pad_reservations.c.pad) + 1).label("pads"))
         .join(stations, stations.c.station_id == pad_reservations.c.station_id)
@@ -136,7 +139,7 @@ async def reserved_pads(tx: Tx, network_id: NetworkId) -> dict[StationId, int]:
 
 
 async def replace_stations(tx: Tx, network_id: NetworkId, present: Iterable[Station]) -> None:
-    """Have a network these stations instead of all that it had."""
+    """Replace all stations of a network by these."""
     await tx.execute(delete(stations).where(stations.c.network_id == network_id))
     added = [
         {

@@ -10,7 +10,7 @@ from skyway.ids import NetworkId, StationId
 from skyway.runtime.sql.database import Tx
 from skyway_composition.tables import network_versions, networks, stations
 
-# Statements that each booking needs: making them takes longer than running them does.
+# Built once, because every booking runs these statements and building takes longer than running.
 _CURRENT: Final = select(networks).where(networks.c.network_id == bindparam("of_network"))
 _ALL_CURRENT: Final = select(networks).order_by(networks.c.network_id)
 _SHARE: Final = (
@@ -37,7 +37,7 @@ class VersionRow:
 
 @dataclass(frozen=True, slots=True)
 class Present:
-    """A network as it is now: its version, and the number of its conditions."""
+    """A network's current version, and the current number of its conditions."""
 
     network_id: NetworkId
     version: int
@@ -51,8 +51,14 @@ async def current_version(connection: AsyncConnection, network_id: NetworkId) ->
     return None if row is None else _version_row(row)
 
 
+async def has_networks(connection: AsyncConnection) -> bool:
+    """Whether any network is published."""
+    found = await connection.execute(select(networks.c.network_id).limit(1))
+    return found.one_or_none() is not None
+
+
 async def lock_version(tx: Tx, network_id: NetworkId) -> VersionRow | None:
-    """The current version, which nobody can replace before this transaction ends."""
+    """Lock the current version until this transaction ends, and return it."""
     found = await tx.execute(
         select(networks).where(networks.c.network_id == network_id).with_for_update()
     )
@@ -61,9 +67,9 @@ async def lock_version(tx: Tx, network_id: NetworkId) -> VersionRow | None:
 
 
 async def share_current(tx: Tx, network_id: NetworkId) -> tuple[int, int] | None:
-    """The current version and the number of its conditions; others may read them too.
+    """The current version and conditions number, under a lock that readers share.
 
-    Nobody publishes, closes or reopens anything in this network before the transaction ends.
+    Until this transaction ends, no other can publish, close or reopen in this network.
     """
     found = await tx.execute(_SHARE, {"of_network": network_id})
     row = found.one_or_none()
@@ -79,7 +85,7 @@ async def all_current(connection: AsyncConnection) -> list[VersionRow]:
 async def current_after(
     connection: AsyncConnection, network_id: str, *, limit: int
 ) -> list[VersionRow]:
-    """The current versions of the networks that follow this id."""
+    """The current versions of the networks whose ids follow this id."""
     found = await connection.execute(
         select(networks)
         .where(networks.c.network_id > network_id)
@@ -119,14 +125,14 @@ async def content(connection: AsyncConnection, network_id: NetworkId, version: i
 
 
 async def present_around(connection: AsyncConnection, station_id: StationId) -> Present | None:
-    """The network that has this station now, as it is at one moment."""
+    """The network that has this station, with its current version and conditions number."""
     found = await connection.execute(_PRESENT_AROUND, {"of_station": station_id})
     row = found.one_or_none()
     return None if row is None else Present(*row)
 
 
 async def add_version(tx: Tx, row: VersionRow, *, content: bytes) -> None:
-    """Make this the current version; its stations are replaced by whoever publishes it."""
+    """Make this the current version; the caller replaces the network's stations."""
     values = {
         "version": row.version,
         "sha256": row.sha256,

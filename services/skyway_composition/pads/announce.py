@@ -1,4 +1,4 @@
-"""How taken stations are, told to everybody: retained, on change and after every connect."""
+"""Publish the occupancy of stations over MQTT: retained, on change and after every connect."""
 
 from dataclasses import dataclass, field
 
@@ -18,45 +18,46 @@ from skyway_composition.pads.store import booked_at
 
 @dataclass(slots=True)
 class StationStates:
-    """Publishes what changed since it last told: after a connect all stations, then what changes.
+    """Publishes all stations after a connect, then each station that changes.
 
-    All of them, because the process before this one may have left a station told as taken.
+    After a connect it publishes all, because an earlier process may have left a retained message
+    that shows a free station as occupied.
     """
 
     db: Database
     mqtt: MqttClient
     clock: FleetClock
     mint: Mint
-    _told: dict[StationId, Occupancy] = field(default_factory=dict)
+    _published: dict[StationId, Occupancy] = field(default_factory=dict)
     _connects: int = 1
-    _told_connects: int = 0
+    _published_connects: int = 0
 
     def forget(self) -> None:
-        """Tell everything again: a broker keeps nothing over a restart."""
-        self._told = {}
+        """Publish everything again, because a broker may lose retained messages in a restart."""
+        self._published = {}
         self._connects += 1
 
     async def step(self) -> bool:
-        """Publish what is different now."""
+        """Publish the stations that have changed."""
         if not self.mqtt.is_connected:
             return False
         now_ms = moment_to_ms(self.clock.now())
-        connects = self._connects  # a connect in the middle of this step has all told once more
+        connects = self._connects  # after a connect during this step, all is published again
         for station_id, use in sorted((await self._uses(now_ms, connects)).items()):
-            if self._told.get(station_id) != use:
+            if self._published.get(station_id) != use:
                 await self.mqtt.publish(STATION_STATE(station_id), self._message(station_id, use))
-                self._told[station_id] = use
-        self._told_connects = connects
+                self._published[station_id] = use
+        self._published_connects = connects
         return False
 
     async def _uses(self, now_ms: int, connects: int) -> dict[StationId, Occupancy]:
-        """Of the stations that are used, or were told so; of all after a connect."""
+        """The occupancy of stations that are or were published as used; after a connect of all."""
         async with self.db.read() as connection:
             used = await used_stations(connection, at_ms=now_ms)
             broken = outages_by_pad(await outages(connection, at_ms=now_ms))
             held = await booked_at(connection, sorted(broken), moment_ms=now_ms) if broken else []
-            if self._told_connects == connects:
-                others = {*broken, *self._told_as_used()} - used.keys()
+            if self._published_connects == connects:
+                others = {*broken, *self._published_as_used()} - used.keys()
                 pads = await pads_of_all(connection, sorted(others)) if others else {}
             else:
                 pads = await pads_everywhere(connection)
@@ -70,8 +71,8 @@ class StationStates:
             uses[station_id] = uses[station_id].with_outages(taken, broken[station_id])
         return uses
 
-    def _told_as_used(self) -> list[StationId]:
-        return [station_id for station_id, use in self._told.items() if not use.is_none]
+    def _published_as_used(self) -> list[StationId]:
+        return [station_id for station_id, use in self._published.items() if not use.is_none]
 
     def _message(self, station_id: StationId, use: Occupancy) -> StationState:
         next_free_ms = use.next_free_ms

@@ -1,4 +1,4 @@
-"""A pad held for a while: the whole milliseconds that a reservation covers."""
+"""A reserved pad, in whole milliseconds."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from skyway.ids import StationId
 
 @dataclass(frozen=True, slots=True, order=True)
 class BookedPad:
-    """One pad of one station, held in [start_ms, end_ms) of fleet time."""
+    """One pad of one station, reserved in [start_ms, end_ms) of fleet time."""
 
     station_id: StationId
     pad: int
@@ -17,10 +17,10 @@ class BookedPad:
 
 
 def merged(sessions: Iterable[BookedPad]) -> tuple[BookedPad, ...]:
-    """One mission's sessions with those that touch on one pad made one, in sorted order.
+    """One mission's sessions, sorted; sessions that touch on one pad become one session.
 
-    Sorted, because every booking then asks for its rows in the same order: two bookings that
-    lock each other's rows crosswise would wait for each other.
+    The order is the same in every booking. Otherwise two bookings could lock each other's rows
+    crosswise and wait for each other.
     """
     held: list[BookedPad] = []
     for session in sorted(sessions):

@@ -1,4 +1,4 @@
-"""How taken the pads of a station are at a moment."""
+"""How many pads of a station are occupied at a moment: reserved, or out of order."""
 
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
@@ -11,34 +11,35 @@ from skyway_composition.closures.closure import Closure
 
 @dataclass(frozen=True, slots=True)
 class Outage:
-    """Until when a pad is out of order; None where nobody knows."""
+    """Until when a pad is out of order; None when the end is not known."""
 
     until_ms: int | None
 
 
 def outages_by_pad(closures: Iterable[Closure]) -> dict[StationId, dict[int, Outage]]:
-    """The outages by station and pad; of several on one pad the one that lasts longest."""
+    """The outages by station and pad; of several outages of one pad the longest."""
     by_station: dict[StationId, dict[int, Outage]] = defaultdict(dict)
     for each in closures:
         if each.station_id is None or each.pad is None:
             continue
-        known = by_station[each.station_id].get(each.pad)
-        if known is None or _lasts_longer(each, known):
+        longest = by_station[each.station_id].get(each.pad)
+        if longest is None or _lasts_longer(each, longest):
             by_station[each.station_id][each.pad] = Outage(each.until_ms)
     return by_station
 
 
-def _lasts_longer(closure: Closure, known: Outage) -> bool:
-    if known.until_ms is None:
+def _lasts_longer(closure: Closure, other: Outage) -> bool:
+    if other.until_ms is None:
         return False
-    return closure.until_ms is None or closure.until_ms > known.until_ms
+    return closure.until_ms is None or closure.until_ms > other.until_ms
 
 
 @dataclass(frozen=True, slots=True)
 class Occupancy:
-    """A station's pads, those that are taken, reservations to come, and when the next is free.
+    """A station's pads, how many are occupied, and how many reservations begin later (`queue`).
 
-    None while none is taken, and where nobody knows.
+    `next_free_ms` is when the next occupied pad becomes free; None when no pad is occupied, or
+    when the end of an outage is not known.
     """
 
     pads: int
@@ -48,15 +49,15 @@ class Occupancy:
 
     @property
     def is_none(self) -> bool:
-        """Whether nobody has a pad, or will."""
+        """Whether no pad is occupied or reserved for later."""
         return not (self.pads_taken or self.queue)
 
     def with_outages(
         self, held: Iterable[tuple[int, int]], broken: Mapping[int, Outage]
     ) -> "Occupancy":
-        """The use when these pads are out of order as well: each is free when it works again.
+        """The occupancy with these pads out of order too; each is free when its outage ends.
 
-        `held` are the pads that are taken, each with the end of its reservation.
+        `held` are the reserved pads, each with the end of its reservation.
         """
         taken = dict(held)
         for pad, outage in broken.items():

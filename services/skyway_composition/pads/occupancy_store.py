@@ -1,4 +1,4 @@
-"""All SQL of how taken stations are: how many pads they have, and who holds them until when."""
+"""All SQL of the occupancy of stations: their pads, and the reservations of each pad."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,11 +13,11 @@ from skyway_composition.pads.booked_pad import BookedPad
 from skyway_composition.pads.occupancy import Occupancy
 from skyway_composition.tables import pad_reservations, stations
 
-# Statements that run every second: making them takes longer than running them does.
+# Built once, because these statements run every second and building takes longer than running.
 _PADS_OF: Final = select(stations.c.station_id, stations.c.pads).where(
     among(stations.c.station_id, "station_ids")
 )
-# Added up by the database: with many missions in flight there are many rows, and few stations.
+# The database counts, because many missions in flight have many rows at few stations.
 _IS_BEGUN: Final = pad_reservations.c.start_ms <= bindparam("at_ms")
 _IS_TAKEN: Final = _IS_BEGUN & (pad_reservations.c.pad < stations.c.pads)
 _USED: Final = (
@@ -36,14 +36,14 @@ _USED: Final = (
 
 @dataclass(frozen=True, slots=True)
 class Reservation:
-    """A booked pad and the mission that holds it."""
+    """A reserved pad and the mission that holds it."""
 
     booked: BookedPad
     mission_id: MissionId
 
 
 async def pads_of(connection: AsyncConnection, station_id: StationId) -> int | None:
-    """How many pads a station has; None when there is no such station."""
+    """The number of pads of a station; None when there is no such station."""
     found = await connection.execute(
         select(stations.c.pads).where(stations.c.station_id == station_id)
     )
@@ -59,7 +59,7 @@ async def reservations_of(
     after: tuple[int, int] | None,
     limit: int,
 ) -> list[Reservation]:
-    """A station's reservations by (start, pad), those after a given one."""
+    """A station's reservations in order of (start, pad), after a given one."""
     query = (
         select(pad_reservations)
         .where(
@@ -71,7 +71,7 @@ async def reservations_of(
     )
     if after is not None:
         start_ms = after[0]
-        pad = literal(after[1], BigInteger)  # a made-up one may be larger than any pad's number
+        pad = literal(after[1], BigInteger)  # an invented cursor may exceed any pad's number
         query = query.where(
             (pad_reservations.c.start_ms > start_ms)
             | ((pad_reservations.c.start_ms == start_ms) & (pad_reservations.c.pad > pad))
@@ -84,7 +84,7 @@ async def reservations_of(
 
 
 async def used_stations(connection: AsyncConnection, *, at_ms: int) -> dict[StationId, Occupancy]:
-    """How taken the stations are of whose pads some are taken, or will be."""
+    """The occupancy of each station that has a reservation now or later."""
     found = await connection.execute(_USED, {"at_ms": at_ms})
     return {station_id: Occupancy(*use) for station_id, *use in found}
 
@@ -92,12 +92,12 @@ async def used_stations(connection: AsyncConnection, *, at_ms: int) -> dict[Stat
 async def pads_of_all(
     connection: AsyncConnection, station_ids: Sequence[StationId]
 ) -> dict[StationId, int]:
-    """How many pads these stations have."""
+    """The number of pads of these stations."""
     found = await connection.execute(_PADS_OF, {"station_ids": station_ids})
     return {row.station_id: row.pads for row in found}
 
 
 async def pads_everywhere(connection: AsyncConnection) -> dict[StationId, int]:
-    """How many pads every station has."""
+    """The number of pads of every station."""
     found = await connection.execute(select(stations.c.station_id, stations.c.pads))
     return {row.station_id: row.pads for row in found}

@@ -1,4 +1,4 @@
-"""Who holds the pads of a network's stations: read station by station, as plans come to ask."""
+"""The reservations of a network, read station by station when planning needs them."""
 
 import asyncio
 from collections.abc import Sequence
@@ -13,14 +13,14 @@ from skyway.planner.pad_book import NO_RESERVATIONS, PadBook
 from skyway.runtime.sql.database import Database
 from skyway_composition.pads.store import PadHeld, booked_at, booked_everywhere
 
-#: Stations above which the whole network's reservations are read: naming each takes longer.
+#: With more stations than this, all reservations of the network are read: that is faster.
 _MOST_NAMED: Final = 5_000
 
 
 class PadSnapshot:
-    """The reservations of one network's stations that last beyond a moment.
+    """The reservations of one network's stations that end after a moment.
 
-    Each station is read once; a booking's transaction finds out whether they still hold.
+    Each station is read once. The booking transaction finds out whether they have changed.
 
     Parameters
     ----------
@@ -29,9 +29,10 @@ class PadSnapshot:
     without_mission_id
         A mission whose own pads count as free.
     outages
-        Pads that are out of order, and when; an end of `OPEN_MS` is none.
+        Pads that are out of order, and when; an end of `OPEN_MS` means no end.
     gap_ms
-        How long before a reservation its pad has to be free: the gap after it is booked with it.
+        How long a pad must be free before a reservation. The gap after a reservation is part of
+        the reservation.
     """
 
     def __init__(
@@ -54,9 +55,9 @@ class PadSnapshot:
         self._outages = tuple(outages)
         self._gap_ms = gap_ms
         self._held: list[PadHeld] = []
-        # Who asks while another reads must not plan without what is being read.
+        # A second caller waits here, so that it does not plan before the rows are read.
         self._reading = asyncio.Lock()
-        #: Of the stations read so far, milliseconds since 1970.
+        #: The reservations read so far, in milliseconds since 1970.
         self.book: PadBook = self._book_of(()) if outages else NO_RESERVATIONS
 
     def has_read(self, station_id: StationId) -> bool:
@@ -64,7 +65,7 @@ class PadSnapshot:
         return bool(self._is_read[self._network.row_of[station_id]])
 
     async def read(self, rows: Rows) -> None:
-        """Read the stations of these rows, as far as they have not been read."""
+        """Read the stations of these rows that have not been read."""
         async with self._reading:
             missing = rows[~self._is_read[rows]]
             if len(missing) > _MOST_NAMED:
@@ -98,7 +99,7 @@ class PadSnapshot:
     def _book_of(self, held: Sequence[PadHeld]) -> PadBook:
         row_of, pads = self._network.row_of, self._network.columns.pads
         early = ((*each[:2], each[2] - self._gap_ms, each[3]) for each in held)
-        # A station or pad that this version does not have is nothing to plan around.
+        # Left out: stations and pads that this version of the network does not have.
         entries = [
             (row, pad, start_ms, end_ms)
             for station_id, pad, start_ms, end_ms in (*early, *self._outages)

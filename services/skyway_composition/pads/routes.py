@@ -1,9 +1,10 @@
-"""Pads over REST: how taken a station is, and until when."""
+"""Pads over REST: which pads of a station are occupied, and until when."""
 
 from datetime import datetime
 from typing import Annotated
 
 from fastapi import Depends, Query
+from pydantic import Field
 
 from skyway.ids import MissionId, StationId
 from skyway.json_model import JsonModel
@@ -20,36 +21,49 @@ from skyway_composition.pads.occupancy_store import Reservation, pads_of, reserv
 
 
 class PadNow(JsonModel):
-    """A pad, and until when the one reservation that covers this moment holds it.
+    """A pad at the present moment."""
 
-    One that is out of order is taken too; `works_again_at` is null where nobody knows.
-    """
-
-    pad: int
-    taken_until_at: datetime | None
-    mission_id: MissionId | None
-    is_out_of_order: bool
-    works_again_at: datetime | None
+    pad: Annotated[int, Field(description="Number of the pad at its station, from 0.")]
+    taken_until_at: Annotated[
+        datetime | None,
+        Field(description="End of the current reservation, fleet time; null without one."),
+    ]
+    mission_id: Annotated[
+        MissionId | None,
+        Field(description="Mission that holds the pad now; shown to operators only."),
+    ]
+    is_out_of_order: Annotated[bool, Field(description="Whether the pad is out of order now.")]
+    works_again_at: Annotated[
+        datetime | None,
+        Field(description="End of the outage, fleet time; null without outage or known end."),
+    ]
 
 
 class StationPads(JsonModel):
-    """The pads of a station at a moment; operators also see the missions that hold them."""
+    """The pads of a station at a moment."""
 
-    station_id: StationId
-    pads: int
-    pads_taken: int
-    at: datetime
-    items: tuple[PadNow, ...]
+    station_id: Annotated[StationId, Field(description="Id of the station.")]
+    pads: Annotated[int, Field(description="Number of pads of the station.")]
+    pads_taken: Annotated[
+        int, Field(description="Number of pads that are reserved now or out of order.")
+    ]
+    at: Annotated[datetime, Field(description="The moment of this answer, fleet time.")]
+    items: Annotated[tuple[PadNow, ...], Field(description="Each pad, in order of its number.")]
 
 
 class ReservationInfo(JsonModel):
-    """A pad held in [start_at, end_at); operators also see by which mission."""
+    """A pad that is reserved in [start_at, end_at)."""
 
-    station_id: StationId
-    pad: int
-    start_at: datetime
-    end_at: datetime
-    mission_id: MissionId | None
+    station_id: Annotated[StationId, Field(description="Station of the pad.")]
+    pad: Annotated[int, Field(description="Number of the pad at its station, from 0.")]
+    start_at: Annotated[datetime, Field(description="Start of the reservation, fleet time.")]
+    end_at: Annotated[
+        datetime, Field(description="End of the reservation, fleet time; the pad is free then.")
+    ]
+    mission_id: Annotated[
+        MissionId | None,
+        Field(description="Mission that holds the reservation; shown to operators only."),
+    ]
 
 
 def pad_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> ServiceRouter:

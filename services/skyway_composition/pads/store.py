@@ -12,13 +12,13 @@ from skyway.runtime.sql.database import Tx
 from skyway_composition.pads.booked_pad import BookedPad, merged
 from skyway_composition.tables import pad_reservations, stations
 
-#: A pad held in [start_ms, end_ms): station, pad, start_ms, end_ms.
+#: A pad reserved in [start_ms, end_ms): station, pad, start_ms, end_ms.
 PadHeld = tuple[StationId, int, int, int]
 
-#: In the place of a mission whose pads count as free, where none does.
+#: Used when no mission's pads count as free.
 _NO_MISSION: Final = MissionId("")
 
-# Statements that each booking needs: making them takes longer than running them does.
+# Built once, because every booking runs these statements and building takes longer than running.
 _LASTING: Final = select(
     pad_reservations.c.station_id,
     pad_reservations.c.pad,
@@ -32,7 +32,7 @@ _BOOKED_AT: Final = _LASTING.where(among(pad_reservations.c.station_id, "station
 _BOOKED_EVERYWHERE: Final = _LASTING.join(
     stations, stations.c.station_id == pad_reservations.c.station_id
 ).where(stations.c.network_id == bindparam("network_id"))
-#: Has two bookings of one station wait here for each other.
+#: Locks stations, so that two bookings at one station run one after the other.
 LOCK_STATIONS: Final = (
     select(stations.c.station_id)
     .where(among(stations.c.station_id, "station_ids"))
@@ -54,40 +54,39 @@ _GIVE_UP: Final = _FREE.where(
 
 
 async def lock_stations(tx: Tx, booked: Iterable[BookedPad]) -> None:
-    """Have two bookings of one station wait here for each other, in sorted order.
+    """Lock stations in sorted order, so that two bookings at one station wait for each other here.
 
-    In the exclusion constraint itself they could wait for each other crosswise.
+    Without these locks they could deadlock in the exclusion constraint.
     """
     if tx.dialect == "sqlite":
-        return  # its blocks run one after another
+        return  # write transactions run one after the other
     station_ids = sorted({each.station_id for each in booked})
     if station_ids:
         await tx.execute(LOCK_STATIONS, {"station_ids": station_ids})
 
 
 def reserve(tx: Tx, booked: Mapping[MissionId, Sequence[BookedPad]]) -> None:
-    """Reserve pads of stations that are locked when the block ends, all or nothing.
+    """Reserve pads at locked stations when the transaction ends, all or none.
 
-    Then `pad_taken` is `Taken` if somebody else holds one of them for some of the time, or two of
-    these missions would.
+    The end raises `Taken` for `pad_taken` when a reservation overlaps another one of the same pad.
     """
     tx.add(pad_reservations, _rows(booked))
 
 
 async def hold(tx: Tx, mission_id: MissionId, booked: Iterable[BookedPad]) -> None:
-    """Have a mission hold exactly these pads from now on: what it no longer needs is free.
+    """Reserve exactly these pads for a mission; its other reservations are deleted.
 
     Raises
     ------
     Taken
-        Somebody else holds one of them for some of the time.
+        Another mission holds one of the pads for some of the time.
     """
-    wanted = set(merged(booked))
+    needed = set(merged(booked))
     held = await _held_by(tx, mission_id)
-    given_up, taken = held - wanted, wanted - held
-    if any(not _is_within(each, held) for each in taken):
-        # Given up before it is locked, a pad could make two missions wait for each other.
-        await lock_stations(tx, given_up | taken)
+    given_up, added = held - needed, needed - held
+    if any(not _is_within(each, held) for each in added):
+        # Locked before the rows are deleted; otherwise two missions could deadlock.
+        await lock_stations(tx, given_up | added)
     if given_up:
         rows = [
             {
@@ -99,11 +98,11 @@ async def hold(tx: Tx, mission_id: MissionId, booked: Iterable[BookedPad]) -> No
             for each in given_up
         ]
         await tx.execute(_GIVE_UP, rows)
-    await _insert(tx, {mission_id: sorted(taken)})
+    await _insert(tx, {mission_id: sorted(added)})
 
 
 async def free(tx: Tx, mission_id: MissionId) -> None:
-    """Give up all pads of a mission."""
+    """Delete all reservations of a mission."""
     await tx.execute(_FREE, {"of_mission": mission_id})
 
 
@@ -114,13 +113,13 @@ async def booked_at(
     moment_ms: int,
     without_mission_id: MissionId | None = None,
 ) -> list[PadHeld]:
-    """The reservations of these stations that last beyond a moment."""
-    wanted = {
+    """The reservations at these stations that end after a moment."""
+    selection = {
         "station_ids": station_ids,
         "moment_ms": moment_ms,
         "without": without_mission_id or _NO_MISSION,
     }
-    return [*await connection.execute(_BOOKED_AT, wanted)]
+    return [*await connection.execute(_BOOKED_AT, selection)]
 
 
 async def booked_everywhere(
@@ -130,13 +129,13 @@ async def booked_everywhere(
     moment_ms: int,
     without_mission_id: MissionId | None = None,
 ) -> list[PadHeld]:
-    """The reservations at a network's stations that last beyond a moment."""
-    wanted = {
+    """The reservations at all stations of a network that end after a moment."""
+    selection = {
         "network_id": network_id,
         "moment_ms": moment_ms,
         "without": without_mission_id or _NO_MISSION,
     }
-    return [*await connection.execute(_BOOKED_EVERYWHERE, wanted)]
+    return [*await connection.execute(_BOOKED_EVERYWHERE, selection)]
 
 
 async def _held_by(tx: Tx, mission_id: MissionId) -> set[BookedPad]:
@@ -145,7 +144,7 @@ async def _held_by(tx: Tx, mission_id: MissionId) -> set[BookedPad]:
 
 
 def _is_within(session: BookedPad, held: Iterable[BookedPad]) -> bool:
-    """Whether a session only shortens one that is held."""
+    """Whether a session lies within a session that is held."""
     return any(
         (session.station_id, session.pad) == (each.station_id, each.pad)
         and each.start_ms <= session.start_ms

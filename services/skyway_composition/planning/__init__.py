@@ -1,1 +1,8 @@
-"""How a request could be flown: problems, plans and offers. Heavy, and changes nothing."""
+"""Planning: how a request could be flown. It needs much computation and changes nothing.
+
+`world` is what plans are made in, `problem_for` asks the planner, `compose_in` and `solver_pool`
+run it. `find_trip` adds the way home, `trip` is the result. `plan_offers` prices and ranks trips:
+`contest` and `lower_bounds` choose the candidates to compose, `split` uses several drones,
+`refusals` collects reasons, `offer` is the result. `quotes`, `problem_reader` and `routes` answer
+REST.
+"""

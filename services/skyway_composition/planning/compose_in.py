@@ -1,4 +1,4 @@
-"""Composing among everybody's reservations, of which no more are read than the plan needs."""
+"""Compose among all reservations, but read only the reservations that the plan needs."""
 
 from collections.abc import Iterable
 from typing import Final
@@ -15,8 +15,8 @@ from skyway.units import moment_to_ms
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.world import World
 
-#: How far around a request's places pads are read first, as a share of the way between them.
-#: Our own choice: most detours to recharge lie within.
+#: How far around a request's places pads are read first, as a share of the distance between them.
+#: Our own choice: most detours to recharge lie within this margin.
 _FIRST_MARGIN: Final = 0.25
 
 #: How often the box around the places is widened before the whole network is read.
@@ -24,12 +24,12 @@ _MOST_BOXES: Final = 3
 
 
 async def compose_in(solver: SolverPool, world: World, problem: Problem) -> Plan:
-    """The plan of a problem, which has a `start_at`, among the reservations of this world.
+    """The plan of a problem with a `start_at`, among the reservations of this world.
 
-    With reservations left out the problem only gets easier: a plan that charges at none of the
-    stations left out is a plan of the whole problem too, and proven as far as the easier one is;
-    and what the easier one proves impossible is. Any other plan is made again with more stations
-    read. Only the exact search finds the same plan either way, so all is read for the others.
+    A problem with fewer reservations is easier. If its plan charges only at stations that were
+    read, the plan and its proof hold for the whole problem. If it has no plan, the whole problem
+    has none. In all other cases more stations are read and the problem is composed again. Only
+    the exact search finds the same plan either way; for other strategies all stations are read.
     """
     network = world.skyway.network
     start_ms = 0 if problem.start_at is None else moment_to_ms(problem.start_at)
@@ -46,7 +46,7 @@ async def compose_in(solver: SolverPool, world: World, problem: Problem) -> Plan
             hierarchy=world.skyway.hierarchy,
             booked=world.pads.book.seen_from(start_ms),
         )
-        unread = {each for each in _charged_at(plan) if not world.pads.has_read(each)}
+        unread = {each for each in _charging_stations(plan) if not world.pads.has_read(each)}
         if not unread:
             return plan
         places |= unread
@@ -54,7 +54,7 @@ async def compose_in(solver: SolverPool, world: World, problem: Problem) -> Plan
         boxes -= 1
 
 
-def _charged_at(plan: Plan) -> Iterable[StationId]:
+def _charging_stations(plan: Plan) -> Iterable[StationId]:
     return (step.station_id for step in plan.steps if isinstance(step, Recharge))
 
 

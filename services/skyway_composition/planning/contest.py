@@ -1,4 +1,4 @@
-"""Which candidates are composed at all: those that could still win, or change who wins."""
+"""Decides which candidates to compose: those that could win, or change which one wins."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -11,24 +11,24 @@ from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.offer import BestValues, OfferValues
 from skyway.delivery.request import Weights
 from skyway.network.columns import Floats
-from skyway_composition.planning.lower_bounds import Least
+from skyway_composition.planning.lower_bounds import LowerBounds
 
-#: Values that differ by this share or less differ by rounding only.
+#: Values whose relative difference is at most this differ by rounding only.
 _ROUNDING: Final = 1e-9
 
-#: Scores are told apart in fewer digits: whoever is farther away is not looked at more closely.
+#: Scores that differ by less are compared exactly; a larger difference decides without that.
 _SAME_SCORE: Final = 1e-8
 
 
 class Contest:
-    """The candidates of a shortlist that wait to be composed, by their rows and their bounds.
+    """The candidates of a shortlist that wait to be composed, by their rows and lower bounds.
 
-    Scores are relative to the best values, so whoever could improve one of those that count is
-    composed first, even where it cannot win itself. Then the best values are final, and nobody is
-    composed whose bounds score no better than the best offer does.
+    Scores are relative to the best values. So a candidate that could improve a best value is
+    composed first, even if it cannot win. After that the best values are final, and a candidate
+    is composed only if its lower bounds score better than the best offer.
     """
 
-    def __init__(self, shortlist: Shortlist, least: Least, weights: Weights) -> None:
+    def __init__(self, shortlist: Shortlist, least: LowerBounds, weights: Weights) -> None:
         self._shortlist = shortlist
         self._least = least
         self._weights = weights
@@ -36,11 +36,11 @@ class Contest:
         self._is_waiting = np.ones(len(shortlist.drone_ids), np.bool_)
 
     def leave_out(self, rows: Sequence[int]) -> None:
-        """Do not compose for these."""
+        """Never compose for these candidates."""
         self._is_waiting[rows] = False
 
     def next_to_compose(self, found: Sequence[OfferValues]) -> list[int]:
-        """The rows to compose next, which have one plan; none when the best found wins for sure."""
+        """The rows to compose next, which share one plan; empty when the best offer must win."""
         first = self._next(found)
         if first is None:
             return []
@@ -82,23 +82,23 @@ class Contest:
         return min(close, key=lambda row: best.rank(self._values(row), self._weights))
 
     def _improves(self, best: BestValues) -> npt.NDArray[np.bool_]:
-        """Who may be better than this in one of the values that count."""
+        """The candidates that may be better than `best` in a value with weight."""
         improves = np.zeros(len(self._is_waiting), np.bool_)
         for _, values, best_value in self._counting(best):
             improves |= values < best_value * (1 - _ROUNDING)
         return improves
 
     def _scores(self, best: BestValues) -> Floats:
-        """What `BestValues.score` says of each row's bounds."""
+        """The score of each row's lower bounds, as `BestValues.score` computes it."""
         scores = np.zeros(len(self._is_waiting))
         for weight, values, best_value in self._counting(best):
             scores += weight * (values / best_value if best_value > 0 else 1.0 + values)
         return scores
 
     def _counting(self, best: BestValues) -> Iterator[tuple[float, Floats, float]]:
-        """Weight, bounds and best value of time, price and energy, of those that tell apart.
+        """Weight, lower bounds and best value of time, price and energy, where they matter.
 
-        What weighs nothing does not, nor what is infinite for everybody.
+        Left out: values without weight, and values that are infinite for all candidates.
         """
         weights, least = self._weights, self._least
         for weight, values, best_value in (
@@ -121,7 +121,7 @@ class Contest:
 
 
 def _twins_among(shortlist: Shortlist) -> npt.NDArray[np.intp]:
-    """A number for each row, the same for those with one plan: same model, place, charge, home."""
+    """A number for each row; rows with the same model, place, charge and home share a number."""
     numbers: dict[object, int] = {}
     plans = zip(
         shortlist.model_ids,

@@ -1,4 +1,4 @@
-"""A whole trip: the delivery, the way home after it, and the recharge at home."""
+"""Find a drone's whole trip: the delivery, the way home after it, and the recharge at home."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
@@ -29,10 +29,10 @@ from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.trip import Trip, soc_after
 from skyway_composition.planning.world import World
 
-#: Stations tried for a drone that cannot fly home. Our own choice.
+#: How many near stations are tried for a drone that cannot fly home. Our own choice.
 _MOST_ENDS: Final = 3
 
-#: The plan of a drone that has nothing left to deliver.
+#: The plan of a drone without packages left to deliver.
 NOTHING_TO_DELIVER = Plan(
     status=PlanStatus.OPTIMAL,
     delivery_time_s=0.0,
@@ -48,7 +48,7 @@ NOTHING_TO_DELIVER = Plan(
 class NoTrip:
     """Why there is no trip; `is_temporary` when other reservations may be the cause.
 
-    `data` are the numbers behind the code, by name.
+    `data` holds the numbers behind the code, by name.
     """
 
     code: ProviderReasonCode
@@ -65,7 +65,10 @@ async def round_trip(
     home_station_id: StationId,
     held: Sequence[BookedPad] = (),
 ) -> Trip | NoTrip:
-    """The problem's plan with the way home from its last delivery; `held` as in the problem."""
+    """The problem's plan with the way home after its last delivery.
+
+    `held` are pads that other drones will hold, as in `delivery_problem`.
+    """
     plan = await compose_in(solver, world, problem)
     if not plan.is_flyable:
         return _no_plan(plan)
@@ -95,7 +98,7 @@ async def way_home(
     home_station_id: StationId,
     start_ms: int,
 ) -> Trip | NoTrip:
-    """The trip of a drone that ends `plan` as `standing` and then flies home and recharges."""
+    """The trip of a drone that is `standing` at the end of `plan`, flies home and recharges."""
     return await _with_way_home(
         solver,
         world,
@@ -116,7 +119,7 @@ async def _with_way_home(
     start_ms: int,
     held: Sequence[BookedPad] = (),
 ) -> Trip | NoTrip:
-    """The trip with the way home; where home is out of reach, to a near station with pads."""
+    """The trip with the way home, or to a near station with pads when home is out of reach."""
     reason: NoTrip | None = None
     for end in _ends(world.skyway.network, drone.station_id, home_station_id):
         trip = await _with_way_to(
@@ -159,7 +162,7 @@ async def _with_way_to(
 
 
 def _ends(network: Network, start: StationId, home_station_id: StationId) -> Iterator[StationId]:
-    """Where a drone may go after its last delivery: home, else the nearest stations with pads."""
+    """Where a drone may go after its last delivery: home, then the nearest stations with pads."""
     if home_station_id in network.row_of:
         yield home_station_id
     columns = network.columns
@@ -174,7 +177,7 @@ def _ends(network: Network, start: StationId, home_station_id: StationId) -> Ite
 
 
 def _recharge_at_home(problem: Problem, home_plan: Plan, booked: PadBook) -> Recharge | None:
-    """The earliest session that charges the drone to its top; None without need or without pad."""
+    """The earliest session that charges the drone to its top; None if not needed or no pad."""
     model, home_station_id = problem.drone.model, problem.packages[0].destination
     soc = soc_after(home_plan, problem.drone.soc)
     if soc >= model.top_soc - CHARGE_TOLERANCE:
@@ -211,9 +214,9 @@ def _no_plan(plan: Plan) -> NoTrip:
 
 @dataclass(slots=True)
 class TripFinder:
-    """Composes in one world for one start; what it has found it knows.
+    """Finds trips in one world for one start; each distinct trip is composed once.
 
-    The last delivery lies at `latest_ms` at most, None: whenever.
+    The last delivery must be over by `latest_ms`; None means no limit.
     """
 
     solver: SolverPool
@@ -225,7 +228,7 @@ class TripFinder:
     async def trip(
         self, candidate: Candidate, request: DeliveryRequest, *, held: Sequence[BookedPad] = ()
     ) -> Trip | NoTrip:
-        """The trip of this candidate with the packages of a request; `held` pads count as taken."""
+        """The trip of this candidate with the packages of a request; `held` pads are not free."""
         key = (
             candidate.model,
             candidate.station_id,

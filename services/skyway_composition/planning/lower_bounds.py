@@ -1,4 +1,4 @@
-"""What candidates' offers take at least, in time, price and energy: known without composing."""
+"""Lower bounds of each candidate's time, price and energy, found without composing."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -26,9 +26,10 @@ _Key = TypeVar("_Key")
 
 
 class _Paces(NamedTuple):
-    """What drones take at least: to the pickup by the metre, and after it in all; ``(n,)`` each.
+    """The least that drones need: per metre to the pickup, in total after it; ``(n,)`` each.
 
-    `stops_s` are all stops of a drone that stands at the pickup; any other lands there, too.
+    `stops_s` is the time of all stops of a drone that stands at the pickup. `landing_s` is added
+    for a drone that must first land there.
     """
 
     approach_s_per_m: Floats
@@ -43,11 +44,11 @@ class _Paces(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Least:
-    """Bounds of each candidate's values for one request: no plan goes below them; ``(n,)`` each.
+class LowerBounds:
+    """Lower bounds of each candidate's values for one request; ``(n,)`` each.
 
-    Along the shortest ways, with no wait, charging as fast as the curve is anywhere; pads and
-    closures are not looked at. Time and energy are inf without a way, the price is then 0.
+    They assume shortest ways, no waiting, and charging at the curve's highest power. Pads and
+    closures are ignored. Without a way, time and energy are inf and the price is 0.
     """
 
     time_s: Floats
@@ -56,7 +57,7 @@ class Least:
 
     @classmethod
     def of(cls, skyway: PreparedNetwork, request: DeliveryRequest, shortlist: Shortlist) -> Self:
-        """The bounds for a request whose places are all in the network, as the candidates' are."""
+        """The lower bounds for a request; all its places and the candidates are in the network."""
         network, pickup = skyway.network, request.pickup.station_id
         stops = [each for each in request.destinations if each != pickup]
         tour_m = least_tour_m(network, pickup, stops)
@@ -83,7 +84,7 @@ class Least:
 def _paces(
     shortlist: Shortlist, request: DeliveryRequest, settings: NetworkSettings, *, tour_m: float
 ) -> _Paces:
-    """The paces of the candidates, margin included, on a tour of this length."""
+    """The paces of the candidates on a tour of this length, with the energy margin."""
     by_model = {
         model_id: _pace(
             with_margin(model, settings.energy_margin), request, settings, tour_m=tour_m
@@ -98,7 +99,7 @@ def _pace(
 ) -> Sequence[float]:
     """A model's row of `_Paces`."""
     fastest_mps = max(model.speed_empty_mps, model.speed_full_mps)
-    # Each flight between deliveries carries at least this.
+    # Each flight between deliveries carries at least this mass.
     lightest_kg = min(package.mass_kg for package in request.packages)
     destinations = request.destinations
     stops = len(destinations)
@@ -119,7 +120,7 @@ def _pace(
 def _amounts(
     shortlist: Shortlist, *, distance_m: Floats, payload_kg: float, recharging_s: Floats
 ) -> Floats:
-    """What the candidates' tariffs ask: for each drone, by the same formula, `amount_of`."""
+    """The price of each candidate's tariff, by the formula of `amount_of`."""
     by_provider = {key: _rates(terms.tariff) for key, terms in shortlist.terms_of.items()}
     base, per_km, per_kg, per_recharge_minute, minimum = _looked_up(
         by_provider, shortlist.provider_ids
@@ -145,30 +146,30 @@ def _rates(tariff: Tariff) -> Sequence[int]:
 
 
 def _looked_up(by_key: Mapping[_Key, Sequence[float]], keys: Sequence[_Key]) -> Floats:
-    """The rows that these keys have, as columns."""
+    """The rows of these keys, as columns."""
     number_of = {key: number for number, key in enumerate(by_key)}
     numbers = [number_of[key] for key in keys]
     columns: Floats = np.array([*by_key.values()], np.float64).T[:, numbers]
     return columns
 
 
-#: Stations after which the search ends: what is farther is at least as far as the last of these.
+#: The search ends after this many stations; all others are at least as far as the last of them.
 _MOST_SETTLED: Final = 2_000
 
-#: Destinations up to which all their orders are compared; of more only the farthest counts.
+#: All orders of up to this many destinations are compared; of more only the farthest counts.
 _MOST_ORDERED: Final = 6
 
 
 def least_m_to(network: Network, end: StationId, starts: Sequence[StationId]) -> Floats:
-    """The length of the shortest way to `end` from each of these stations, metres, or less.
+    """A lower bound of the way to `end` from each of these stations, metres.
 
-    Closures are not looked at; inf where there is no way.
+    Closures are ignored; inf where there is no way.
     """
     return _least_m(network, network.incoming, end, starts)
 
 
 def least_tour_m(network: Network, start: StationId, stops: Sequence[StationId]) -> float:
-    """The length of the shortest way from `start` through all of these, or less, metres."""
+    """A lower bound of the way from `start` through all of these stations, metres."""
     if not stops:
         return 0.0
     from_start = _row(network, start, stops)
@@ -177,7 +178,7 @@ def least_tour_m(network: Network, start: StationId, stops: Sequence[StationId])
     apart = [
         [0.0] * len(stops) if len(stops) == 1 else _row(network, stop, stops) for stop in stops
     ]
-    # By the stops visited and the last of them: the least so far (Held and Karp).
+    # The shortest way by the visited stops and the last of them (Held and Karp).
     least = {(1 << last, last): least_m for last, least_m in enumerate(from_start)}
     for visited in range(1, 1 << len(stops)):
         for last in range(len(stops)):
@@ -201,10 +202,10 @@ def _row(network: Network, start: StationId, ends: Sequence[StationId]) -> list[
 
 
 def _least_m(
-    network: Network, adjacent: Adjacency, root: StationId, wanted: Sequence[StationId]
+    network: Network, adjacent: Adjacency, root: StationId, ends: Sequence[StationId]
 ) -> Floats:
-    """The shortest ways from the root along these segments."""
-    rows = np.array([network.row_of[each] for each in wanted], np.int64)
+    """The lengths of the shortest ways from the root along these segments."""
+    rows = np.array([network.row_of[each] for each in ends], np.int64)
     least_m: Floats = lengths_from(
         adjacent.offsets,
         adjacent.station,

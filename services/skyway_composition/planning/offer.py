@@ -1,4 +1,4 @@
-"""An offer: the trips that would carry a request, each with its drone and price."""
+"""An offer: the trips that would carry a request, with their prices and limits."""
 
 from dataclasses import dataclass, replace
 from datetime import timedelta
@@ -19,7 +19,7 @@ from skyway_composition.planning.trip import Trip
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """One drone's trip with the packages of `request`, and what its provider asks for it."""
+    """One drone's trip with the packages of `request`, and its price."""
 
     candidate: Candidate
     trip: Trip
@@ -44,13 +44,13 @@ class Part:
 
 @dataclass(frozen=True, slots=True)
 class Offer:
-    """One provider's trips, which all begin at the same moment, and their price together."""
+    """One provider's trips, which all begin at the same moment."""
 
     parts: tuple[Part, ...]
 
     @property
     def provider_id(self) -> ProviderId:
-        """Whose drones they are."""
+        """The provider of the drones."""
         return self.parts[0].candidate.provider_id
 
     @property
@@ -61,12 +61,12 @@ class Offer:
 
     @property
     def packages(self) -> int:
-        """How many packages are carried."""
+        """The number of packages that are carried."""
         return sum(len(part.request.packages) for part in self.parts)
 
     @property
     def values(self) -> OfferValues:
-        """What ranking looks at; several trips end with the last delivery of all."""
+        """The values that ranking compares; the time is that of the last delivery of all trips."""
         return OfferValues(
             time_s=max(part.trip.plan.delivery_time_s or 0.0 for part in self.parts),
             price=sum(part.price.amount for part in self.parts),
@@ -78,7 +78,7 @@ class Offer:
 
 @dataclass(frozen=True, slots=True)
 class Offers:
-    """The offers, best first, and one reason of each provider that makes none."""
+    """The offers, best first, and one reason for each provider without an offer."""
 
     ranked: tuple[Offer, ...]
     reasons: tuple[ProviderReason, ...]
@@ -87,7 +87,7 @@ class Offers:
 def terms_of(
     offer: Offer, *, best: BestValues, weights: Weights, settings: NetworkSettings
 ) -> OfferTerms:
-    """What a customer is told of an offer, scored relative to the best among all offers."""
+    """An offer as customers see it, scored relative to the best values of all offers."""
     values, first = offer.values, offer.parts[0]
     plans = [part.trip.plan for part in offer.parts]
     return OfferTerms(
@@ -110,7 +110,7 @@ def terms_of(
 
 
 def distance_flown_m(network: Network, plan: Plan) -> float:
-    """The length of all segments that a plan flies."""
+    """The length of all segments that a plan flies, metres."""
     return sum(
         segment.length_m
         for step in plan.steps
@@ -130,15 +130,17 @@ def _etas(trip: Trip) -> list[PackageEta]:
     ]
 
 
-#: Milliseconds by which an offer's delivery time may be exceeded: it was rounded on its way.
+#: Milliseconds by which an offer's delivery time may be exceeded, because JSON rounds the time.
 _OFFER_SLACK_MS = 1_000
 
 
 @dataclass(frozen=True, slots=True)
 class Limits:
-    """The latest moment of the last delivery, and the highest price; None without limit.
+    """The latest moment of the last delivery, and the highest price; None means no limit.
 
-    Unless `is_whole`, some of the packages may be left for later when there are too few drones.
+    `latest_ms` comes from the customer's deadline or from an offer that was accepted; only such a
+    limit makes a plan TOO_LATE. Unless `is_whole`, packages may be left for later when there are
+    too few drones.
     """
 
     latest_ms: int | None
@@ -147,17 +149,17 @@ class Limits:
 
     @classmethod
     def of(cls, qos: QoS) -> Self:
-        """The limits that a customer gives; within a price all is carried, or nothing."""
+        """The limits of a customer; with a highest price all packages are carried, or none."""
         latest_ms = None if qos.deadline_at is None else moment_to_ms(qos.deadline_at)
         return cls(latest_ms, qos.max_price, is_whole=qos.max_price is not None)
 
     @classmethod
     def of_whole(cls, qos: QoS) -> Self:
-        """The limits that a customer gives for all packages or none."""
+        """The limits of a customer, for all packages or none."""
         return replace(cls.of(qos), is_whole=True)
 
     def within(self, offer: OfferLimits | None, *, start_ms: int) -> "Limits":
-        """These limits and those of an offer, for missions that begin at this moment."""
+        """These limits together with those of an offer, for missions that begin at this moment."""
         if offer is None:
             return self
         latest_ms = start_ms + round(offer.within_s * 1000) + _OFFER_SLACK_MS

@@ -1,4 +1,4 @@
-"""Offers: true plans, priced and ranked, and why the other providers make none."""
+"""Plan offers: compose, price and rank, and collect why other providers make no offer."""
 
 import asyncio
 import math
@@ -11,7 +11,7 @@ from skyway.delivery.request import DeliveryRequest
 from skyway.ids import DroneId
 from skyway_composition.planning.contest import Contest
 from skyway_composition.planning.find_trip import NoTrip, TripFinder
-from skyway_composition.planning.lower_bounds import Least
+from skyway_composition.planning.lower_bounds import LowerBounds
 from skyway_composition.planning.offer import Limits, Offer, Offers, Part
 from skyway_composition.planning.refusals import Refusals, fit_among
 from skyway_composition.planning.split import carrying_all, split_offers
@@ -25,9 +25,10 @@ async def plan_offers(
     busy: frozenset[DroneId],
     limits: Limits,
 ) -> Offers:
-    """The offers of those who may win, best first; the first is what no pruning would change.
+    """The offers of candidates that may win, best first; the first is the best of all candidates.
 
-    Who can carry everything at once does; only when nobody can is the request split over trips.
+    One drone carries everything if any drone can. Otherwise the request is split over several
+    drones.
     """
     refusals = Refusals()
     world = finder.world
@@ -55,7 +56,7 @@ async def best_of_each(
     busy: frozenset[DroneId],
     limits: Limits,
 ) -> Offers:
-    """The best offer of each provider, best first; providers are compared by true plans, too."""
+    """The best offer of each provider, best first."""
     found = await asyncio.gather(
         *(
             plan_offers(
@@ -82,8 +83,8 @@ async def _single_offers(
     limits: Limits,
     refusals: Refusals,
 ) -> list[Offer]:
-    """Compose for the candidates that may still win, the most promising first."""
-    least = Least.of(finder.world.skyway, request, shortlist)
+    """Compose for the candidates that may win, the most promising first."""
+    least = LowerBounds.of(finder.world.skyway, request, shortlist)
     contest = Contest(shortlist, least, request.qos.ranking)
     contest.leave_out(_breaking(shortlist, least, finder, limits=limits, refusals=refusals))
     offers: list[Offer] = []
@@ -102,14 +103,19 @@ async def _single_offers(
 
 
 def _breaking(
-    shortlist: Shortlist, least: Least, finder: TripFinder, *, limits: Limits, refusals: Refusals
+    shortlist: Shortlist,
+    least: LowerBounds,
+    finder: TripFinder,
+    *,
+    limits: Limits,
+    refusals: Refusals,
 ) -> list[int]:
-    """The rows that cannot keep the limits, whatever is composed; why is kept."""
+    """The rows whose lower bounds break a limit; their reasons are added to `refusals`."""
     latest_s = math.inf
     if limits.latest_ms is not None:
         latest_s = (limits.latest_ms - finder.start_ms) / 1000
     max_price = math.inf if limits.max_price is None else limits.max_price
-    # Not by a hair: bounds are sums of floats, in another order than plans are.
+    # With a tolerance: bounds and plans add up their floats in different orders.
     is_late = (latest_s + 1 < least.time_s) & (least.time_s < math.inf)
     is_dear = least.price > max_price + 1
     breaking: list[int] = np.flatnonzero(is_late | is_dear).tolist()
@@ -120,7 +126,7 @@ def _breaking(
             refusals.add(
                 provider_id,
                 "TOO_LATE",
-                f"it takes {least_s:.0f} s at least, of which there are {latest_s:.0f}",
+                f"it takes at least {least_s:.0f} s, the limit is {latest_s:.0f} s",
                 is_temporary=False,
                 least_s=least_s,
                 latest_s=latest_s,
@@ -130,7 +136,7 @@ def _breaking(
             refusals.add(
                 provider_id,
                 "TOO_EXPENSIVE",
-                f"it costs {least_price} at least, which exceeds the limit of {max_price}",
+                f"it costs at least {least_price}, which exceeds the limit of {max_price}",
                 is_temporary=False,
                 least_price=least_price,
                 max_price=max_price,
@@ -139,7 +145,7 @@ def _breaking(
 
 
 def _refuse_overweight(refusals: Refusals, shortlist: Shortlist, request: DeliveryRequest) -> None:
-    """Keep which of these drones are too weak, each by itself."""
+    """Add a reason for each drone that cannot lift the payload."""
     payload_kg = request.payload_kg
     for provider_id, model_id in zip(shortlist.provider_ids, shortlist.model_ids, strict=True):
         limit_kg = shortlist.model_of[model_id].max_payload_kg

@@ -1,6 +1,6 @@
-"""What the planner is asked: the delivery, the way onward, a landing, the way home.
+"""The planner's problem for a delivery, for packages on board, for a landing, for the way home.
 
-Every problem is made with the margins of its network (margins.py).
+Every problem includes the energy margin of its network.
 """
 
 import math
@@ -23,9 +23,9 @@ _NOTHING = PackageId("home")
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """A drone on the ground, able to start; its model is the true one, without margin.
+    """A drone on the ground, able to start; `model` is its true model, without margin.
 
-    It is planned for with its own `energy_margin`, if that is more than its network's.
+    Its own `energy_margin` counts if it is larger than the network's.
     """
 
     model: DroneModel
@@ -35,8 +35,8 @@ class Standing:
 
 
 @dataclass(frozen=True, slots=True)
-class PackageOnBoard:
-    """A package on board and where it goes now: its destination, or somewhere else instead."""
+class AimedPackage:
+    """A package on board, and the station it goes to now: its destination, or another one."""
 
     package: Package
     aim_station_id: StationId
@@ -52,9 +52,9 @@ def delivery_problem(
     latest_ms: int | None,
     held: Iterable[BookedPad] = (),
 ) -> Problem:
-    """Fly to the pickup, load, deliver everything; the last delivery at `latest_ms` at most.
+    """Fly to the pickup, load, and deliver everything, the last package by `latest_ms`.
 
-    The pads that are `held` will be booked together with this trip, for other drones.
+    Pads in `held` will be booked for other drones in the same transaction as this trip.
     """
     return Problem(
         network=world.skyway.network,
@@ -71,11 +71,11 @@ def delivery_problem(
 
 
 def onward_problem(
-    world: World, drone: Standing, *, loads: Iterable[PackageOnBoard], start_ms: int
+    world: World, drone: Standing, *, loads: Iterable[AimedPackage], start_ms: int
 ) -> Problem:
-    """Hand over what is on board, each package where it goes now.
+    """Hand over the packages on board, each at the station it goes to now.
 
-    There is no deadline: packages that are late are still better delivered than stranded.
+    There is no deadline, because a late package is better than a stranded one.
     """
     return Problem(
         network=world.skyway.network,
@@ -96,7 +96,7 @@ def landing_problem(
     station_id: StationId,
     start_ms: int,
 ) -> Problem:
-    """Fly to a station with these packages on board and stay there; nothing is handed over."""
+    """Fly to a station with these packages on board and stay there, without handing over."""
     return _flight_to(
         world,
         with_margins(world, drone),
@@ -114,14 +114,14 @@ def home_problem(
     start_ms: int,
     held: Iterable[BookedPad] = (),
 ) -> Problem:
-    """Fly home empty, as the drone that a plan leaves behind: it has its margins already."""
+    """Fly home empty; `drone` is the drone at the end of a plan, with its margins included."""
     return _flight_to(
         world, drone, packages=(), station_id=home_station_id, start_ms=start_ms, held=held
     )
 
 
 def with_margins(world: World, drone: Standing) -> Standing:
-    """The drone as problems have it: with the margin of its network, or more if it needs more."""
+    """The drone with its own energy margin or the network's, whichever is larger."""
     margin = max(world.skyway.settings.energy_margin, drone.energy_margin)
     return replace(drone, model=with_margin(drone.model, margin))
 
@@ -152,7 +152,7 @@ def _flight_to(
 def _reserved(
     world: World, held: Iterable[BookedPad], *, start_ms: int
 ) -> tuple[PadReservation, ...]:
-    """Pads that end with their gap; another drone must have left one before they begin, too."""
+    """Reservations with a gap before them too; the gap after them is part of `held`."""
     gap_s = world.skyway.settings.pad_gap_s
     return tuple(
         PadReservation(
@@ -175,37 +175,37 @@ def _to_deliver(package: Package, station_id: StationId) -> PackageToDeliver:
     )
 
 
-#: A drone that uses so little more than its model says is within what its sensors err: it judges
-#: its plans by the model alone, and so do we.
+#: A smaller factor lies within the error of a drone's sensors. Then the drone judges its plans by
+#: its model alone, and so do we.
 _AS_PLANNED_FACTOR: Final = 1.02
 
-#: Drones report no larger factor; beyond it something else is wrong.
+#: The largest factor that drones report; a larger one would have another cause.
 _LARGEST_FACTOR: Final = 4.0
 
-#: Plans have this much more than was measured, in so many steps: gusts come and go, and a plan that
-#: a drone has taken should not be too little for it a minute later. Our own choice.
+#: Plans add this much to the measured value and round up to one of so many steps. Gusts change
+#: the value, and an accepted plan should not be too small a minute later. Our own choice.
 _HEADROOM, _STEPS = 0.02, 20
 
 
 @lru_cache(maxsize=1_000)
 def with_margin(model: DroneModel, energy_margin: float) -> DroneModel:
-    """The model as it is planned with: every flight takes `energy_margin` more, as a share.
+    """The model as planning uses it: every flight needs `energy_margin` more energy, as a share.
 
-    Only problems hold such a model. Whoever compares a drone with its plan, or asks for another
-    plan, needs the true one, else the margin is added twice.
+    Only problems hold such a model. Code that compares a drone with its plan, or asks for another
+    plan, needs the true model; otherwise the margin is added twice.
     """
     power_w = model.power_empty_w * (1 + energy_margin)
     return model.model_copy(update={"power_empty_w": power_w})
 
 
 def used_more(consumption_factor: float) -> float:
-    """What a drone's flights take more than its model says, in hundredths, 0 if hardly any more."""
+    """The share of energy that a drone uses above its model, to 0.01; 0 when hardly any."""
     if consumption_factor <= _AS_PLANNED_FACTOR:
         return 0.0
     return round(min(consumption_factor, _LARGEST_FACTOR) - 1, 2)
 
 
 def planned_more(consumption_factor: float) -> float:
-    """The same for plans that the drone is to fly: a little more, in steps."""
+    """The share that new plans for the drone add: a little more than measured, in steps."""
     more = used_more(consumption_factor)
     return math.ceil((more + _HEADROOM) * _STEPS) / _STEPS if more > 0 else 0.0

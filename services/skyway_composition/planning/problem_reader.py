@@ -1,4 +1,4 @@
-"""Problems that refer to a published network: with its version, and who holds its pads."""
+"""Read problems that refer to a published network, and complete them with its reservations."""
 
 import asyncio
 from dataclasses import dataclass
@@ -16,15 +16,19 @@ from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import NotFound
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
-from skyway_composition.networks.prepared import PreparedNetworks
+from skyway_composition.networks.prepared import NOTHING_PUBLISHED, PreparedNetworks
+from skyway_composition.networks.store import has_networks
 from skyway_composition.planning.world import World
 
 
 class NetworkReference(JsonModel):
-    """A published network; without version its current one."""
+    """A published network in the place of a network's GeoJSON."""
 
-    network_id: NetworkId
-    version: Annotated[int, Field(ge=1)] | None = None
+    network_id: Annotated[NetworkId, Field(description="Id of the published network.")]
+    version: Annotated[
+        int | None,
+        Field(ge=1, description="Number of the version; without it the current version."),
+    ] = None
 
     @classmethod
     def of(cls, value: Any) -> Self:  # any JSON object
@@ -33,7 +37,7 @@ class NetworkReference(JsonModel):
         Raises
         ------
         InvalidProblem
-            Names the field at fault.
+            A field is wrong; the error names the field.
         """
         try:
             return cls.model_validate(value)
@@ -45,7 +49,7 @@ class NetworkReference(JsonModel):
 
 @dataclass(frozen=True, slots=True)
 class ProblemReader:
-    """Completes problems with what composition knows."""
+    """Reads problems and adds the published network and its reservations."""
 
     db: Database
     networks: PreparedNetworks
@@ -54,12 +58,12 @@ class ProblemReader:
     async def problem(
         self, document: dict[str, Any], reference: NetworkReference
     ) -> tuple[Problem, World]:
-        """The problem on the network referred to, and the world that holds the known pads.
+        """The problem on a published network, and the world with this network's reservations.
 
         Raises
         ------
         InvalidProblem
-            There is no such network or version, or fields of the problem are wrong.
+            There is no such network or version, or a field of the problem is wrong.
         """
         try:
             skyway = (
@@ -68,19 +72,22 @@ class ProblemReader:
                 else await self.networks.version(reference.network_id, reference.version)
             )
         except NotFound as error:
-            raise InvalidProblem("network", str(error)) from error
+            async with self.db.read() as connection:
+                is_empty = not await has_networks(connection)
+            detail = NOTHING_PUBLISHED if is_empty else str(error)
+            raise InvalidProblem("network", detail) from error
         start_at = _start_at(document) or self.clock.now()
         complete = {**document, "network": skyway.network}
         if document.get("start_at") is None:
             complete["start_at"] = start_at
         problem = await asyncio.to_thread(read_problem, complete)
         after_ms = moment_to_ms(start_at)
-        # Pure planning: margins are added where something is booked.
+        # Pure planning adds no margins; only bookings do.
         return problem, await World.of(skyway, self.db, after_ms=after_ms, pad_gap_s=0.0)
 
 
 def _start_at(document: dict[str, Any]) -> datetime | None:
-    """The start that a problem gives, None when it gives none, or none that can be read."""
+    """The start that a problem gives; None when it is missing or cannot be read."""
     try:
         moment: datetime = TypeAdapter(AwareDatetime).validate_python(document.get("start_at"))
     except ValidationError:

@@ -1,4 +1,4 @@
-"""Quotes: what each provider would offer for a request now. Nothing is reserved."""
+"""Quotes: what each provider would offer for a request now, without reserving anything."""
 
 from collections.abc import Awaitable, Callable, Collection
 from dataclasses import dataclass
@@ -18,13 +18,13 @@ from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.trip import start_ms
 from skyway_composition.planning.world import World
 
-#: Which of these drones are on missions, or may be.
+#: Finds which of these drones are on missions, or may be.
 BusyAmong = Callable[[Collection[DroneId]], Awaitable[frozenset[DroneId]]]
 
 
 @dataclass(frozen=True, slots=True)
 class Quotes:
-    """Answers what could be offered."""
+    """Answers requests for quotes."""
 
     db: Database
     networks: PreparedNetworks
@@ -33,12 +33,12 @@ class Quotes:
     busy_among: BusyAmong
 
     async def answer(self, query: QuoteQuery) -> QuoteAnswer:
-        """The best offer of each provider, best first, and why the others make none."""
+        """The best offer of each provider, best first, and why the others make no offer."""
         pickup = query.request.pickup.station_id
         after_ms = moment_to_ms(self.clock.now())
         world = await World.around(pickup, self.networks, db=self.db, after_ms=after_ms)
         if world is None:
-            detail = f"pickup station {pickup!r} is in no network"
+            detail = await self.networks.why_missing(pickup)
             reasons = refused_for_all(
                 query.shortlist.provider_ids, "DESTINATION_UNREACHABLE", detail
             )

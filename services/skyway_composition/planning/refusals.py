@@ -1,4 +1,4 @@
-"""Why providers make no offer: collected candidate by candidate, told provider by provider."""
+"""Why providers make no offer: reasons are collected per candidate and shown per provider."""
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from typing import Any
@@ -27,7 +27,7 @@ class Refusals:
         is_temporary: bool,
         **data: Any,  # numbers behind the code
     ) -> None:
-        """Keep why a candidate of this provider makes no offer."""
+        """Add the reason why a candidate of this provider makes no offer."""
         self._reasons.append(
             ProviderReason(
                 provider_id=provider_id,
@@ -39,7 +39,7 @@ class Refusals:
         )
 
     def add_no_trip(self, provider_id: ProviderId, reason: NoTrip) -> None:
-        """Keep why there is no trip for a candidate of this provider."""
+        """Add the reason why a candidate of this provider has no trip."""
         self.add(
             provider_id,
             reason.code,
@@ -49,7 +49,7 @@ class Refusals:
         )
 
     def is_affordable(self, offer: Offer, limits: Limits) -> bool:
-        """Whether an offer keeps the price limit; if not, that is the reason."""
+        """Whether an offer keeps the price limit; if not, the reason is added."""
         price, limit = offer.price, limits.max_price
         if limit is None or price.amount <= limit:
             return True
@@ -64,19 +64,19 @@ class Refusals:
         return False
 
     def of_providers(self, with_offer: Collection[ProviderId]) -> tuple[ProviderReason, ...]:
-        """One reason per provider without offer; what may pass tells more than what stays."""
-        told: dict[ProviderId | None, ProviderReason] = {}
+        """One reason per provider without an offer; a temporary reason is preferred."""
+        chosen: dict[ProviderId | None, ProviderReason] = {}
         for reason in self._reasons:
-            known = told.get(reason.provider_id)
-            if known is None or (reason.is_temporary and not known.is_temporary):
-                told[reason.provider_id] = reason
-        return tuple(reason for provider, reason in told.items() if provider not in with_offer)
+            earlier = chosen.get(reason.provider_id)
+            if earlier is None or (reason.is_temporary and not earlier.is_temporary):
+                chosen[reason.provider_id] = reason
+        return tuple(reason for provider, reason in chosen.items() if provider not in with_offer)
 
 
 def refused_for_all(
     provider_ids: Iterable[ProviderId], code: ProviderReasonCode, detail: str
 ) -> Iterator[ProviderReason]:
-    """The same lasting reason for each of these providers."""
+    """The same permanent reason for each of these providers."""
     for provider_id in dict.fromkeys(provider_ids):
         yield ProviderReason(provider_id=provider_id, code=code, detail=detail, is_temporary=False)
 
@@ -90,10 +90,10 @@ def fit_among(
     busy: frozenset[DroneId],
     at_ms: int,
 ) -> Shortlist:
-    """The candidates worth composing for; why the others are not is kept."""
-    known = world.skyway.network.row_of
+    """The candidates worth composing for; the reasons of the others are added to `refusals`."""
+    row_of = world.skyway.network.row_of
     places: list[StationId] = [request.pickup.station_id, *request.destinations]
-    missing = [place for place in places if place not in known]
+    missing = [place for place in places if place not in row_of]
     is_plain = not missing and not world.conditions.has_ground_stops
     fit: list[int] = []
     for row, is_doubtful in enumerate(_doubts(world, shortlist, busy)):
@@ -114,11 +114,11 @@ def fit_among(
 
 
 def _doubts(world: World, shortlist: Shortlist, busy: frozenset[DroneId]) -> Iterator[bool]:
-    """Whether something may speak against a candidate, apart from missing places and stops.
+    """For each candidate, whether it may be unfit for a reason other than places or ground stops.
 
-    Nearly all are fit; they are not worth a look at each by itself.
+    A quick test, because nearly all candidates are fit.
     """
-    known, currency = world.skyway.network.row_of, world.skyway.settings.currency
+    row_of, currency = world.skyway.network.row_of, world.skyway.settings.currency
     reserves = {key: model.reserve_soc for key, model in shortlist.model_of.items()}
     foreign = {key for key, of in shortlist.terms_of.items() if of.tariff.currency != currency}
     for drone_id, provider_id, model_id, soc, station_id in zip(
@@ -133,7 +133,7 @@ def _doubts(world: World, shortlist: Shortlist, busy: frozenset[DroneId]) -> Ite
             drone_id in busy
             or provider_id in foreign
             or soc < reserves[model_id]
-            or station_id not in known
+            or station_id not in row_of
         )
 
 
@@ -148,7 +148,7 @@ def _away(world: World, candidate: Candidate, missing: Sequence[StationId]) -> N
 
 
 def _stopped(world: World, candidate: Candidate, pickup: StationId, *, at_ms: int) -> NoTrip | None:
-    """Why it may not take off where it stands, or with its load."""
+    """The ground stop that forbids a take-off from the drone's station or from the pickup."""
     stop = world.conditions.ground_stop(candidate, at_ms=at_ms, station_ids=(pickup,))
     return None if stop is None else NoTrip("GROUND_STOP", stop, is_temporary=True)
 

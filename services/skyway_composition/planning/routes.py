@@ -1,4 +1,4 @@
-"""POST /v1/compositions and quotes: pure planning, with no side effect."""
+"""POST /v1/compositions and quotes: planning that changes nothing."""
 
 import asyncio
 from typing import Annotated, Final
@@ -54,7 +54,7 @@ def quote_routes(*, gate: ServiceGate, quotes: Quotes) -> ServiceRouter:
 
 
 def composition_routes(
-    *, gate: ServiceGate, known: ProblemReader, solver: SolverPool
+    *, gate: ServiceGate, problems: ProblemReader, solver: SolverPool
 ) -> ServiceRouter:
     """POST /v1/compositions."""
     router = ServiceRouter(tags=("compositions",))
@@ -74,7 +74,7 @@ def composition_routes(
         document = await read_json(request)
         network = document.get("network") if isinstance(document, dict) else None
         if isinstance(network, dict) and "network_id" in network:
-            problem, world = await known.problem(document, NetworkReference.of(network))
+            problem, world = await problems.problem(document, NetworkReference.of(network))
             return await compose_in(solver, world, problem)
         return await solver.compose(await asyncio.to_thread(read_problem, document))
 

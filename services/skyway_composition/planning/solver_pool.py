@@ -1,7 +1,8 @@
-"""Who plans: composing may be heavy, and then the event loop must not wait for it.
+"""Runs the planner without blocking the event loop.
 
-Most local requests are solved in a millisecond, which is less than a thread costs that has to wake
-up, fight for the interpreter and report back. Those are composed at once; all others in threads.
+Most local requests are solved in a millisecond. A thread costs more than that: it must wake up,
+wait for the interpreter and report back. So small problems are composed on the event loop, and all
+others in threads.
 """
 
 import asyncio
@@ -25,34 +26,35 @@ from skyway.runtime.errors import ServiceUnavailable
 
 log = logging.getLogger(__name__)
 
-#: Problems that may wait for a thread; whoever comes later is told to ask again.
+#: The most problems that may wait for a thread; later callers are asked to try again.
 _MOST_WAITING: Final = 500
 
-#: Problems with more than this go to a thread at once: already before the search they take long.
+#: Larger problems go to a thread immediately, because they take long even before the search.
 _FEW_STATIONS, _FEW_PACKAGES, _FEW_CLOSURES = 5_000, 5, 50
 
 
 class _TakesLong(Exception):
-    """A problem is not solved by as few labels as the event loop may make."""
+    """A problem needs more labels than the event loop may make."""
 
 
 class SolverPool:
-    """Composes plans; a search in a thread ends when its time is up or nobody waits for it.
+    """Composes plans; a search in a thread ends when its time is up or its caller has left.
 
     Parameters
     ----------
     inline_labels
-        How many labels a search may make on the event loop, 16 taking some 10 us; most make fewer
-        than 100. It begins anew in a thread when they are not enough. 0: all goes to the threads.
+        The most labels that a search may make on the event loop; 16 labels take about 10 us, and
+        most searches make fewer than 100. A search that needs more starts again in a thread. With
+        0 all searches run in threads.
     """
 
     def __init__(self, *, threads: int, time_limit_s: float, inline_labels: int = 0) -> None:
         self._threads = threads
         self._time_limit_s = time_limit_s
-        self._labels_at_once = inline_labels
+        self._inline_labels = inline_labels
         self._waiting = 0
         self._executor: ThreadPoolExecutor | None = None
-        #: Whether the first plan will take no longer than the tenth.
+        #: Whether the planner is compiled and loaded.
         self.is_warm = False
 
     async def __aenter__(self) -> Self:
@@ -70,9 +72,9 @@ class SolverPool:
             self._executor = None
 
     async def warm(self) -> None:
-        """Have everything ready that plans are made with: compiled, or loaded from disk.
+        """Compile the planner, or load it from disk.
 
-        Compiled code belongs to the process, so one pool warms all of them.
+        Compiled code belongs to the process, so one call serves all pools.
         """
         log.info("compiling the planner, or loading what was compiled before")
         started_at = time.monotonic()
@@ -88,19 +90,19 @@ class SolverPool:
         booked: PadBook = NO_RESERVATIONS,
         hierarchy: Hierarchy | None = None,
     ) -> Plan:
-        """The plan for this problem; unknown when the time was up before one was found.
+        """The plan for this problem; UNKNOWN when the time was up before one was found.
 
         Raises
         ------
         ServiceUnavailable
-            Too many problems wait already.
+            Too many problems wait for a thread.
         """
         if self._executor is None or self._waiting >= _MOST_WAITING:
             raise ServiceUnavailable("planning", f"{self._waiting} problems wait for a thread")
-        # Before the planner is compiled any problem takes a minute.
-        if self._labels_at_once and self.is_warm and _is_small(problem, airspace, hierarchy):
+        # Before the planner is compiled, even a small problem may take a minute.
+        if self._inline_labels and self.is_warm and _is_small(problem, airspace, hierarchy):
             plan = self._compose_inline(problem, airspace, booked, hierarchy)
-            # Whoever asks for a hundred plans in a row leaves all others their turn in between.
+            # Other tasks get their turn between the plans of a caller that needs a hundred.
             await asyncio.sleep(0)
             if plan is not None:
                 return plan
@@ -122,20 +124,20 @@ class SolverPool:
         booked: PadBook,
         hierarchy: Hierarchy | None,
     ) -> Plan | None:
-        """The plan of a problem that takes few labels; None for another one, or at least maybe."""
-        limited = problem.model_copy(update={"label_limit": self._labels_at_once})
+        """The plan of a problem that needs few labels; None when it may need more."""
+        limited = problem.model_copy(update={"label_limit": self._inline_labels})
         try:
             return _composed(limited, self._give_up, airspace, booked, hierarchy)
         except _TakesLong:
             return None
 
     def _give_up(self, labels: int) -> bool:
-        """End all at once, as a search that is merely cut short is followed by costly proofs.
+        """Raise instead of stopping the search, because costly proofs follow a stopped search.
 
-        No search is cut short before it has made half of the labels that are left. So none ever
-        was where this does not raise, and the plan is the one that is found without a limit.
+        The planner stops no search before half of the remaining labels are made. So if this never
+        raises, no search was stopped, and the plan is the same as without a limit.
         """
-        if 2 * labels >= self._labels_at_once:
+        if 2 * labels >= self._inline_labels:
             raise _TakesLong
         return False
 
@@ -161,13 +163,13 @@ def _composed(
     try:
         return compose(problem, stop=stop, airspace=airspace, booked=booked, hierarchy=hierarchy)
     except PlanRejected as error:
-        # A defect of the planner; a plan that breaks a rule must not fly, so there is none.
+        # A defect of the planner. A plan that breaks a rule must not be flown.
         log.exception("plan rejected", extra={"source": problem.source})
         return Plan(status=PlanStatus.UNKNOWN, stats={"rejected": str(error)})
 
 
 def _is_small(problem: Problem, airspace: Airspace | None, hierarchy: Hierarchy | None) -> bool:
-    """Whether all but the search itself takes little, and the search can be cut short."""
+    """Whether everything but the search is fast, and the search can be limited by labels."""
     return (
         problem.strategy in (None, DEFAULT_STRATEGY)
         and problem.label_limit is None

@@ -1,4 +1,4 @@
-"""Requests that no single trip carries: split over several drones of one provider."""
+"""Split a request that no single trip can carry over several drones of one provider."""
 
 import math
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ from skyway_composition.planning.refusals import Refusals
 def carrying_all(
     shortlist: Shortlist, request: DeliveryRequest, settings: NetworkSettings
 ) -> Shortlist:
-    """Those of whose drones one trip may take all packages of the request."""
+    """The candidates that may carry all packages of the request in one trip."""
     if len(request.destinations) > settings.max_destinations_per_trip:
         return shortlist.only([])
     able = {
@@ -38,9 +38,9 @@ async def split_offers(
     limits: Limits,
     refusals: Refusals,
 ) -> list[Offer]:
-    """One offer of each provider that can carry everything over several trips.
+    """One offer of each provider that can carry everything in several trips.
 
-    When nobody can, and some may be left for later, the offers that carry the most.
+    When no provider can, and packages may be left for later, the offers with the most packages.
     """
     offers: list[Offer] = []
     for _, own in groupby(
@@ -55,16 +55,16 @@ async def split_offers(
 
 @dataclass(slots=True)
 class _Split:
-    """The trips found so far, and the packages that still lie at the pickup, in sweep order."""
+    """The trips found so far, and the packages without a trip, in sweep order."""
 
     left: list[Package]
     parts: list[Part] = field(default_factory=list)
-    #: Why the last drone had no trip, and whose drone it was.
+    #: The last drone without a trip, and the reason.
     obstacle: tuple[Candidate, NoTrip] | None = None
 
     @property
     def held(self) -> tuple[BookedPad, ...]:
-        """The pads that the trips so far will hold."""
+        """The pads that the trips found so far will hold."""
         return tuple(sorted(pad for part in self.parts for pad in part.trip.booked_pads))
 
 
@@ -76,7 +76,7 @@ async def _split(
     limits: Limits,
     refusals: Refusals,
 ) -> Offer | None:
-    """The trips of one provider's drones, the strongest first; each takes the next of the sweep."""
+    """The trips of one provider's drones, the strongest first, each with the sweep's next load."""
     skyway = finder.world.skyway
     split = _Split(_swept(skyway.network, request))
     # Sorting keeps the registry's order among equals: the nearest first.
@@ -104,7 +104,7 @@ async def _split(
 
 
 def _swept(network: Network, request: DeliveryRequest) -> list[Package]:
-    """The packages by the bearing of their destinations, beginning after the widest gap."""
+    """The packages in order of their destinations' bearings, starting after the widest gap."""
     centre = network.stations[request.pickup.station_id].position
     narrowing = math.cos(math.radians(centre.latitude_deg))
 
@@ -125,7 +125,7 @@ def _swept(network: Network, request: DeliveryRequest) -> list[Package]:
 
 
 def _next_load(left: Sequence[Package], candidate: Candidate, *, most_stops: int) -> list[Package]:
-    """The packages of the sweep that this drone takes, passing over what is too much for it."""
+    """The next packages of the sweep that this drone can carry; others are skipped."""
     taken: list[Package] = []
     stops: set[str] = set()
     for package in left:
@@ -138,7 +138,7 @@ def _next_load(left: Sequence[Package], candidate: Candidate, *, most_stops: int
 
 
 def _refuse(refusals: Refusals, split: _Split, candidates: Sequence[Candidate]) -> None:
-    """Say why a provider's drones cannot carry everything."""
+    """Add the reason why a provider's drones cannot carry everything."""
     strongest = max(candidates, key=lambda each: each.model.max_payload_kg)
     heaviest_kg = max(package.mass_kg for package in split.left)
     limit_kg = strongest.model.max_payload_kg

@@ -13,7 +13,7 @@ from skyway_composition.pads.booked_pad import BookedPad, merged
 
 @dataclass(frozen=True, slots=True)
 class PlacedStep:
-    """A step of a plan, and the moment from which its seconds count."""
+    """A step of a plan, and the moment from which the step's seconds count."""
 
     base_ms: int
     step: Step
@@ -30,12 +30,12 @@ class PlacedStep:
 
     @property
     def start_ms(self) -> int:
-        """The whole millisecond from which the step is booked."""
+        """The millisecond from which the step is booked."""
         return self.base_ms + booked_from_ms(self.step.start_s)
 
     @property
     def end_ms(self) -> int:
-        """The whole millisecond until which the step is booked."""
+        """The millisecond until which the step is booked."""
         return self.base_ms + booked_until_ms(self.step.end_s)
 
 
@@ -44,7 +44,7 @@ class Trip:
     """`plan` counts from `start_ms`; `home_plan` and `home_recharge` count from `home_start_ms`.
 
     The home plan's PICK_UP and DELIVER of a 0 kg package are not part of the trip's steps. Each
-    pad is booked `pad_gap_ms` longer than the drone needs it, before the next drone comes.
+    pad is booked `pad_gap_ms` longer than the drone needs it.
     """
 
     start_ms: int
@@ -66,7 +66,7 @@ class Trip:
 
     @property
     def booked_pads(self) -> tuple[BookedPad, ...]:
-        """The pads to reserve: sessions rounded outward, with their gap, merged, sorted."""
+        """The pads to reserve: sessions rounded to whole ms, with their gap, merged and sorted."""
         return merged(
             BookedPad(
                 placed.step.station_id,
@@ -85,19 +85,19 @@ class Trip:
 
 
 def soc_after(plan: Plan, soc: float) -> float:
-    """State of charge at the end of a plan that began with `soc`."""
+    """State of charge at the end of a plan that begins with `soc`."""
     for step in plan.steps:
         if isinstance(step, Fly | Recharge):
             soc = step.soc_end
     return soc
 
 
-def start_ms(clock: FleetClock, *, earliest_at: datetime | None, patience: int = 1) -> int:
+def start_ms(clock: FleetClock, *, earliest_at: datetime | None, margin_factor: int = 1) -> int:
     """The millisecond at which a mission begins: late enough to plan it and reach the drone.
 
-    `patience` is how many times the usual margin that takes.
+    `margin_factor` multiplies the usual margin.
     """
-    start_at = clock.now() + fleet_margin(clock, fleet_s=60, wall_s=2) * patience
+    start_at = clock.now() + fleet_margin(clock, fleet_s=60, wall_s=2) * margin_factor
     if earliest_at is not None:
         start_at = max(start_at, earliest_at)
     return moment_to_ms(start_at) + 1

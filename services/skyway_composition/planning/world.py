@@ -1,4 +1,4 @@
-"""The world in which plans are made: a network version, who holds its pads, what is closed."""
+"""The world in which plans are made: a network version, its reservations and its closures."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -13,9 +13,9 @@ from skyway_composition.pads.pad_snapshot import PadSnapshot
 
 @dataclass(frozen=True, slots=True)
 class World:
-    """What plans are made in; whoever keeps one asks `still_holds` in that transaction.
+    """The world of a plan; a transaction that stores the plan must check `still_holds`.
 
-    The reservations are checked by the database itself.
+    The database itself checks reservations.
     """
 
     skyway: PreparedNetwork
@@ -25,7 +25,7 @@ class World:
 
     @property
     def present(self) -> Present:
-        """How the network was found: what has to be so still when a plan is kept."""
+        """Version and conditions of the network, which must be unchanged when a plan is stored."""
         skyway = self.skyway
         return Present(skyway.network_id, skyway.version, self.conditions_version)
 
@@ -33,7 +33,7 @@ class World:
     async def around(
         cls, station_id: StationId, networks: PreparedNetworks, *, db: Database, after_ms: int
     ) -> Self | None:
-        """The world of whoever begins at a station; None when no network has it."""
+        """The world of the network that has this station; None when no network has it."""
         present = await networks.present_around(station_id)
         return (
             None if present is None else await cls.at(present, networks, db=db, after_ms=after_ms)
@@ -43,7 +43,7 @@ class World:
     async def at(
         cls, present: Present, networks: PreparedNetworks, *, db: Database, after_ms: int
     ) -> Self:
-        """The world of a network as it was just found to be."""
+        """The world of a network at a version and conditions number that were just read."""
         skyway = await networks.version(present.network_id, present.version)
         number = present.conditions
         conditions = await skyway.conditions.numbered(number, db, after_ms=after_ms)
@@ -60,9 +60,10 @@ class World:
         without_mission_id: MissionId | None = None,
         pad_gap_s: float | None = None,
     ) -> Self:
-        """The network with what is closed and reserved beyond a moment, but for one mission's.
+        """The network with the closures and reservations that end after a moment.
 
-        Others' reservations begin `pad_gap_s` early (None: as long as the network wants).
+        The reservations of `without_mission_id` are left out. All others begin `pad_gap_s` early;
+        None means the network's own gap.
         """
         number, conditions = await skyway.conditions.read(db, after_ms=after_ms)
         pads = _pads(
@@ -98,9 +99,10 @@ def _pads(
 
 
 async def still_holds(tx: Tx, world: World) -> bool:
-    """Whether nothing was published, closed or lifted since, nor will be before `tx` ends (I11).
+    """Whether the network is as planned: nothing was published, closed or lifted since (I11).
 
-    Reservations are not looked at. Whoever locks more asks this after the delivery, before drones.
+    Nothing can change before `tx` ends. Reservations are not checked. A transaction with more
+    locks calls this after it locks the delivery and before it locks drones.
     """
     now = await share_current(tx, world.skyway.network_id)
     return now == (world.skyway.version, world.conditions_version)

@@ -1,8 +1,9 @@
-"""Statistics of pads and drones over REST: operators see all, a provider its own."""
+"""Statistics of pads, drones and missions over REST: operators see all, a provider its own."""
 
 from typing import Annotated
 
 from fastapi import Depends, Query
+from pydantic import Field
 
 from skyway.contracts.message import FleetMoment
 from skyway.contracts.statistics import Span
@@ -111,7 +112,7 @@ def statistics_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> 
 
 
 def _selection(caller: Caller, query: UseQuery, clock: FleetClock) -> Selection:
-    """Whose steps are shown: a provider's own, or whosever an operator asks for."""
+    """The steps to count: a provider's own, or for an operator those of the requested provider."""
     caller.must_be("provider", "operator")
     if caller.role == "operator":
         return Selection(query.span(clock.now()), query.provider_id)
@@ -121,16 +122,28 @@ def _selection(caller: Caller, query: UseQuery, clock: FleetClock) -> Selection:
 
 
 def _elapsed_s(span: Span, clock: FleetClock) -> float:
-    """How much of the span is over: what is still to come can have no use."""
+    """The part of the span that is over, seconds; the future has no use yet."""
     return max(0, min(span.end_ms, moment_to_ms(clock.now())) - span.start_ms) / 1000
 
 
 class MissionStatistics(JsonModel):
-    """Missions that are not over, by state; for operators, messages waiting to leave by channel."""
+    """Missions that are not over, and messages that wait to be sent."""
 
-    at: FleetMoment
-    by_state: dict[str, int]
-    unsent: dict[str, int]
+    at: Annotated[FleetMoment, Field(description="The moment of this answer, fleet time.")]
+    by_state: Annotated[
+        dict[str, int],
+        Field(
+            description="Number of missions that are not over, by state.",
+            examples=[{"ACTIVE": 3, "BOOKED": 1}],
+        ),
+    ]
+    unsent: Annotated[
+        dict[str, int],
+        Field(
+            description="Number of messages in the outbox, by channel; empty for providers.",
+            examples=[{"mqtt": 2}],
+        ),
+    ]
 
 
 def mission_statistics_routes(

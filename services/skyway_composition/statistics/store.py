@@ -1,4 +1,4 @@
-"""All SQL of statistics: steps that have ended, cut to the span and added up by the database."""
+"""All SQL of statistics: the database adds up the parts of steps that lie in the span."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -30,16 +30,16 @@ _Query = Select[*tuple[Any, ...]]
 
 @dataclass(frozen=True, slots=True)
 class Selection:
-    """Whose steps in which span."""
+    """Which steps are counted: those in a span, of one provider or of all."""
 
     span: Span
     provider_id: ProviderId | None
 
     @property
     def done(self) -> FromClause:
-        """What was done in the span: steps that have ended, and those that a new plan has cut."""
+        """The steps in the span: steps that have ended, and steps that a new plan has cut short."""
         names = ("mission_id", "kind", "station_id", "started_ms", "ended_ms")
-        # A step is in both tables from when it was cut until its number is another's.
+        # A step that was cut short is in both tables until another step gets its number.
         is_kept = exists().where(
             cut_steps.c.mission_id == mission_steps.c.mission_id,
             cut_steps.c.step_id == mission_steps.c.step_id,
@@ -53,20 +53,20 @@ class Selection:
 
     @property
     def is_own(self) -> ColumnElement[bool]:
-        """Whether a mission is theirs."""
+        """Whether a mission belongs to the provider."""
         if self.provider_id is None:
             return true()
         return missions.c.provider_id == self.provider_id
 
     def within(self, start_ms: ColumnElement[int], end_ms: ColumnElement[int]) -> Any:
-        """How much of a time lies in the span; an expression of milliseconds."""
+        """The part of an interval that lies in the span; an expression of milliseconds."""
         start, end = self.span.start_ms, self.span.end_ms
         return case((end_ms > end, end), else_=end_ms) - case(
             (start_ms < start, start), else_=start_ms
         )
 
     def time_on(self, done: FromClause, *kinds: str) -> ColumnElement[int]:
-        """How much of the span went into steps of these kinds, milliseconds."""
+        """The time that steps of these kinds took within the span, milliseconds."""
         spent = self.within(done.c.started_ms, done.c.ended_ms)
         return func.sum(case((done.c.kind.in_(kinds), spent), else_=0))
 
@@ -77,7 +77,7 @@ class Selection:
 async def pad_sums(
     connection: AsyncConnection, selection: Selection, network_id: NetworkId | None
 ) -> _Row:
-    """All stations together: pads, sessions, charging_ms, waiting_ms; null where nothing was."""
+    """Sums of all stations: pads, sessions, charging_ms, waiting_ms; null without any step."""
     each = _stations(selection, network_id).subquery()
     names = ("pads", "sessions", "charging_ms", "waiting_ms")
     statement = select(*(func.sum(each.c[name]).label(name) for name in names))
@@ -92,7 +92,7 @@ async def pads_page(
     after: str | None,
     limit: int,
 ) -> Sequence[_Row]:
-    """The same of each station, by station id, of those after this one."""
+    """The sums of each station, in order of station ids, after a given id."""
     statement = _stations(selection, network_id).order_by(stations.c.station_id).limit(limit)
     if after is not None:
         statement = statement.where(stations.c.station_id > after)
@@ -100,7 +100,7 @@ async def pads_page(
 
 
 async def drone_sums(connection: AsyncConnection, selection: Selection) -> _Row:
-    """All drones together: drones, missions and milliseconds; null where nothing was."""
+    """Sums of all drones: drones, missions and milliseconds; null without any mission."""
     each = _missions(selection)
     statement = select(func.count(distinct(each.c.drone_id)).label("drones"), *_sums(each))
     return (await connection.execute(statement)).one()
@@ -109,7 +109,7 @@ async def drone_sums(connection: AsyncConnection, selection: Selection) -> _Row:
 async def drones_page(
     connection: AsyncConnection, selection: Selection, *, after: str | None, limit: int
 ) -> Sequence[_Row]:
-    """The same of each drone that flew in the span, by drone id, of those after this one."""
+    """The sums of each drone that flew in the span, in order of drone ids, after a given id."""
     each = _missions(selection)
     statement = (
         select(each.c.drone_id, each.c.provider_id, *_sums(each))
@@ -148,7 +148,7 @@ def _stations(selection: Selection, network_id: NetworkId | None) -> _Query:
 
 
 def _missions(selection: Selection) -> FromClause:
-    """Each mission's drone, and what it spent the span on."""
+    """Each mission with its drone and the time it took for each kind of step in the span."""
     done = selection.done
     first, last = func.min(done.c.started_ms), func.max(done.c.ended_ms)
     return (
@@ -180,7 +180,7 @@ def _sums(each: FromClause) -> list[ColumnElement[Any]]:  # numbers of either ki
 async def live_missions(
     connection: AsyncConnection, provider_id: ProviderId | None
 ) -> Mapping[str, int]:
-    """How many missions that are not over are in which state."""
+    """The number of missions that are not over, by state."""
     query = select(missions.c.state, func.count()).where(is_live).group_by(missions.c.state)
     if provider_id is not None:
         query = query.where(missions.c.provider_id == provider_id)
@@ -188,6 +188,6 @@ async def live_missions(
 
 
 async def unsent(connection: AsyncConnection) -> Mapping[str, int]:
-    """How many messages wait in the outbox, by channel."""
+    """The number of messages that wait in the outbox, by channel."""
     query = select(outbox.c.channel, func.count()).group_by(outbox.c.channel)
     return dict((await connection.execute(query)).all())

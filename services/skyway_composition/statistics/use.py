@@ -1,4 +1,4 @@
-"""How much of a span pads were taken and drones were busy."""
+"""How much of a span pads were charging and drones were busy."""
 
 from typing import Annotated, Any
 
@@ -10,90 +10,100 @@ from skyway.ids import DroneId, NetworkId, ProviderId, StationId
 from skyway.json_model import JsonModel
 from skyway.runtime.http.paging import Page, PageQuery
 
-Share = Annotated[float | None, Field(description="0 to 1; null when there is nothing to share")]
+#: 0 to 1; null when the whole is zero.
+Share = float | None
 
 
 class UseQuery(SpanQuery, PageQuery):
-    """The query of drones' use."""
+    """Which drones' use is counted."""
 
 
 class PadUseQuery(UseQuery):
-    """The query of pads' use."""
+    """Which pads' use is counted."""
 
-    network_id: NetworkId | None = None
+    network_id: Annotated[
+        NetworkId | None, Field(description="Only stations of this network; without it all.")
+    ] = None
 
 
 class PadTotals(JsonModel):
-    """What pads were used for; what is under way counts once it has ended.
+    """How pads were used in the span; only steps that have ended count."""
 
-    `utilisation` is the share of all pads' time that was charged; `waiting_s` is how long drones
-    stood waiting, on no pad.
-    """
-
-    pads: int
-    sessions: int
-    charging_s: float
-    waiting_s: float
-    utilisation: Share
+    pads: Annotated[int, Field(description="Number of pads.")]
+    sessions: Annotated[int, Field(description="Number of recharging sessions.")]
+    charging_s: Annotated[float, Field(description="Time that drones charged, seconds.")]
+    waiting_s: Annotated[
+        float, Field(description="Time that drones waited without a pad, seconds.")
+    ]
+    utilisation: Annotated[
+        Share,
+        Field(description="Share of all pads' time that drones charged, 0 to 1; null without any."),
+    ]
 
 
 class PadUse(PadTotals):
-    """The same of one station."""
+    """How the pads of one station were used in the span."""
 
-    station_id: StationId
-    network_id: NetworkId
+    station_id: Annotated[StationId, Field(description="Id of the station.")]
+    network_id: Annotated[NetworkId, Field(description="Network of the station.")]
 
 
 class DroneTotals(JsonModel):
-    """What drones spent time on; what is under way counts once it has ended.
+    """How drones were used in the span; only steps that have ended count."""
 
-    `busy_s` is from the first step of each mission to its last; `utilisation` is its share of all
-    these drones' time. Time between two steps is waiting.
-    """
-
-    missions: int
-    busy_s: float
-    flying_s: float
-    recharging_s: float
-    loading_s: float
-    delivering_s: float
-    waiting_s: float
-    utilisation: Share
+    missions: Annotated[int, Field(description="Number of missions.")]
+    busy_s: Annotated[
+        float,
+        Field(description="Time from the first to the last step of each mission, seconds."),
+    ]
+    flying_s: Annotated[float, Field(description="Time in flight, seconds.")]
+    recharging_s: Annotated[float, Field(description="Time on pads, recharging, seconds.")]
+    loading_s: Annotated[float, Field(description="Time to load at pickups, seconds.")]
+    delivering_s: Annotated[
+        float, Field(description="Time to hand over or return packages, seconds.")
+    ]
+    waiting_s: Annotated[float, Field(description="All other time of missions, seconds.")]
+    utilisation: Annotated[
+        Share,
+        Field(description="Share of the drones' time that they were busy, 0 to 1; null if none."),
+    ]
 
 
 class FleetTotals(DroneTotals):
-    """The same of all drones that flew in the span."""
+    """How all drones that flew in the span were used."""
 
-    drones: int
+    drones: Annotated[int, Field(description="Number of drones that flew in the span.")]
 
 
 class DroneUse(DroneTotals):
-    """The same of one drone."""
+    """How one drone was used in the span."""
 
-    drone_id: DroneId
-    provider_id: ProviderId
+    drone_id: Annotated[DroneId, Field(description="Id of the drone.")]
+    provider_id: Annotated[ProviderId, Field(description="Provider of the drone.")]
 
 
 class _Spanned(JsonModel):
-    from_at: Annotated[FleetMoment, Field(alias="from")]
-    to_at: Annotated[FleetMoment, Field(alias="to")]
-    provider_id: ProviderId | None
+    from_at: Annotated[FleetMoment, Field(alias="from", description="Start of the span.")]
+    to_at: Annotated[FleetMoment, Field(alias="to", description="End of the span.")]
+    provider_id: Annotated[
+        ProviderId | None, Field(description="Provider whose drones count; null means all.")
+    ]
 
 
 class PadStatistics(Page[PadUse], _Spanned):
-    """Each station's pads, by station id, and all of them together."""
+    """The pads of each station, in order of station ids, and the sum of all stations."""
 
-    total: PadTotals
+    total: Annotated[PadTotals, Field(description="Sum of all stations, not only this page.")]
 
 
 class DroneStatistics(Page[DroneUse], _Spanned):
-    """Each drone that flew in the span, by drone id, and all of them together."""
+    """Each drone that flew in the span, in order of drone ids, and the sum of all drones."""
 
-    total: FleetTotals
+    total: Annotated[FleetTotals, Field(description="Sum of all drones, not only this page.")]
 
 
 def pad_totals(row: Any, *, elapsed_s: float) -> dict[str, Any]:  # a row, and members of any type
-    """The members of `PadTotals`, of sums in milliseconds that are null where nothing was."""
+    """The members of `PadTotals`, from sums in milliseconds; a null sum counts as 0."""
     pads, charging_s = int(row.pads or 0), (row.charging_ms or 0) / 1000
     return {
         "pads": pads,
@@ -107,7 +117,7 @@ def pad_totals(row: Any, *, elapsed_s: float) -> dict[str, Any]:  # a row, and m
 def drone_totals(
     row: Any, *, drones: int, elapsed_s: float
 ) -> dict[str, Any]:  # a row, and members of any type
-    """The members of `DroneTotals`, of sums in milliseconds that are null where nothing was."""
+    """The members of `DroneTotals`, from sums in milliseconds; a null sum counts as 0."""
     names = ("busy", "flying", "recharging", "loading", "delivering")
     spent_s = {f"{name}_s": float((getattr(row, f"{name}_ms") or 0) / 1000) for name in names}
     busy_s = spent_s.pop("busy_s")

@@ -1,4 +1,4 @@
-"""The tables of composition; `_ms` is fleet time, `_wall_ms` wall time, in ms since 1970."""
+"""The tables of composition; `_ms` is fleet time and `_wall_ms` is wall time, ms since 1970."""
 
 from skyway.runtime.outbox.table import outbox_table
 from skyway_composition.tables.alarms import alarms

@@ -4,7 +4,7 @@ from sqlalchemy import BigInteger, CheckConstraint, Column, Index, Table, Text
 
 from skyway_composition.tables.metadata import metadata
 
-#: What operators must look at, or have looked at.
+#: Problems that operators must acknowledge, or have acknowledged.
 alarms = Table(
     "alarms",
     metadata,
@@ -20,7 +20,7 @@ alarms = Table(
     Column("data", Text, nullable=False),  # JSON object
     Column("acknowledged_ms", BigInteger),
     Column("acknowledged_by", Text),
-    Column("note", Text),  # of whoever acknowledged it
+    Column("note", Text),  # the remark of the operator who acknowledged the alarm
     CheckConstraint("level IN ('WARNING', 'URGENT', 'CRITICAL')", name="alarm_level"),
     Index("alarms_open", "acknowledged_ms", "alarm_id"),
 )

@@ -17,7 +17,7 @@ from sqlalchemy import (
 
 from skyway_composition.tables.metadata import metadata
 
-#: What was sent to a drone, and its answer.
+#: The instructions to drones, and how the drones answered.
 instructions = Table(
     "instructions",
     metadata,
@@ -38,7 +38,7 @@ instructions = Table(
     Index("instructions_by_mission", "mission_id"),
 )
 
-#: Per drone: the order of what goes to it, and how far we know what comes from it.
+#: The link to each drone: the number of our last instruction, and the drone's last messages.
 drone_links = Table(
     "drone_links",
     metadata,
@@ -46,14 +46,15 @@ drone_links = Table(
     Column("provider_id", Text, nullable=False),
     Column("stream", Integer, nullable=False),  # 0 before the first instruction
     Column("last_seq", Integer, nullable=False),  # of the instructions in this stream
-    Column("acked_stream", Integer, nullable=False),  # the last one that the drone has shown,
-    Column("acked_session", BigInteger, nullable=False),  # and the session in which it did
+    Column("acked_stream", Integer, nullable=False),  # the last stream that the drone confirmed
+    Column("acked_session", BigInteger, nullable=False),  # the session in which it did so
     Column("last_event_seq", BigInteger, nullable=False),
     Column("report_asked_wall_ms", BigInteger, nullable=False),
-    Column("state", Text),  # JSON of DroneState, the newest,
-    Column("is_occupied", Boolean, nullable=False, server_default=false()),  # and what it says
+    Column("state", Text),  # JSON of DroneState, the newest
+    # Whether this state reports a mission, or a landing away from every station.
+    Column("is_occupied", Boolean, nullable=False, server_default=false()),
     Column("connection", Text),  # JSON of Connection, the newest
-    # Most drones are not: their links are not looked at to find those that are.
+    # Finds occupied drones without reading the links of all others.
     Index(
         "drone_links_occupied",
         "drone_id",

@@ -1,4 +1,4 @@
-"""What gathers all tables of composition, for migrations."""
+"""The SQLAlchemy metadata that all tables of composition share."""
 
 from sqlalchemy import MetaData
 

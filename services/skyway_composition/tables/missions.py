@@ -1,4 +1,4 @@
-"""The tables of missions and of the deliveries that they are booked for."""
+"""The tables of deliveries, missions, their steps, and the packages that they carry."""
 
 from typing import Final
 
@@ -23,7 +23,7 @@ from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.runtime.sql.claims import claim_columns
 from skyway_composition.tables.metadata import metadata
 
-#: One row per delivery that anything was booked or closed for: the lock both sides take.
+#: One row for each delivery that was booked or closed; booking and closing both lock this row.
 deliveries = Table(
     "deliveries",
     metadata,
@@ -49,7 +49,7 @@ missions = Table(
     Column("request", Text, nullable=False),  # JSON of DeliveryRequest
     Column("candidate", Text, nullable=False),  # JSON of Candidate: the drone as it was booked
     Column("report_seq", Integer, nullable=False),
-    Column("told", Text),  # the last activity, station that was reported
+    Column("told", Text),  # the last activity and station that was reported
     Column("stuck", Text),  # JSON of missions.record.Stuck: why it needs a new revision
     Column("trouble", Text),  # JSON of missions.record.Trouble: why its plan does not hold
     Column("proposal", Text),  # JSON of missions.record.Proposal: sent, not accepted yet
@@ -78,13 +78,13 @@ missions = Table(
     ),
 )
 
-#: Whether a mission is under way. Written out: as parameters, the states would be put in at each
-#: execution, and an index of some rows is only used where the statement itself says which.
+#: Whether a mission is live. The states are literals, because the database uses a partial index
+#: only when the statement itself contains the index's condition.
 is_live: Final = missions.c.state.in_(
     [literal_column(f"'{state}'") for state in LIVE_MISSION_STATES]
 )
 
-#: Whether its drone has accepted a mission, and not ended it.
+#: Whether the drone has accepted the mission and has not ended it.
 is_under_way: Final = missions.c.state.in_(
     [literal_column("'ACCEPTED'"), literal_column("'ACTIVE'")]
 )
@@ -102,11 +102,11 @@ mission_steps = Table(
     Column("started_ms", BigInteger),
     Column("ended_ms", BigInteger),
     Column("event", Text),  # JSON of DroneEvent: the evidence
-    # What statistics add up, of the step; null in rows of an older version.
+    # For statistics; null in rows of an older version.
     Column("kind", Text),
-    Column("station_id", Text),  # where it is done; null for a flight
+    Column("station_id", Text),  # where the drone does the step; null for a flight
     Column("pad", Integer),  # of a RECHARGE
-    # What closures are compared with: of every step, and of a FLY.
+    # For closures: the planned times of every step, and the stations of a FLY.
     Column("planned_start_ms", BigInteger),
     Column("planned_end_ms", BigInteger),
     Column("from_station_id", Text),
@@ -131,7 +131,7 @@ first_planned_end_ms: Final = (
     .scalar_subquery()
 )
 
-#: Steps that a new revision has cut, whose numbers the steps in their places have now.
+#: Steps that a new revision has cut short; the steps that replace them have the same numbers.
 cut_steps = Table(
     "cut_steps",
     metadata,
@@ -170,7 +170,7 @@ custody = Table(
     ),
 )
 
-#: What was cancelled, and what that was answered with: asked again, it is answered the same.
+#: Cancellations and their answers, so that a repeated cancellation gets the same answer.
 cancellations = Table(
     "cancellations",
     metadata,

@@ -1,4 +1,4 @@
-"""The tables of networks: what was published, and the stations of what is current."""
+"""The tables of networks and their versions, stations, reserved pads and closures."""
 
 from sqlalchemy import (
     BigInteger,
@@ -37,7 +37,7 @@ network_versions = Table(
     Column("content", LargeBinary, nullable=False),  # GeoJSON
 )
 
-#: The stations of all current versions: one id belongs to one network.
+#: The stations of all current versions; each id belongs to one network.
 stations = Table(
     "stations",
     metadata,
@@ -51,7 +51,7 @@ stations = Table(
 )
 
 
-#: Exists exactly as long as its mission lives; [start_ms, end_ms) of one pad.
+#: One pad in [start_ms, end_ms); a row exists exactly as long as its mission is live.
 pad_reservations = Table(
     "pad_reservations",
     metadata,
@@ -65,7 +65,7 @@ pad_reservations = Table(
 )
 
 
-#: What happens in the world, from `from_ms` until it ends or is lifted: rows are never deleted.
+#: Closures, in force from `from_ms` until they end or are lifted; rows are never deleted.
 closures = Table(
     "closures",
     metadata,

@@ -88,7 +88,7 @@ def registration_routes(
         "/v1/providers/{provider_id}/drones",
         status_code=201,
         response_model=RegisteredDrone | RegisteredDrones,
-        responses=conflicts("REGISTRATION_TAKEN"),
+        responses=conflicts("NO_NETWORK", "REGISTRATION_TAKEN"),
     )
     async def register_drones(
         provider_id: ProviderId,

@@ -1,4 +1,4 @@
-"""Alarms over REST: open until somebody has looked, and a provider's own only."""
+"""Alarms over REST: operators acknowledge them, a provider sees only its own."""
 
 from typing import Any
 
@@ -25,7 +25,7 @@ def ids(answer: Any) -> list[str]:
     return [item["alarm_id"] for item in answer.json()["items"]]
 
 
-async def test_an_alarm_shows_what_happened_to_whom(composition: Any) -> None:
+async def test_an_alarm_shows_what_happened_and_what_it_concerns(composition: Any) -> None:
     alarm_id = await raise_alarm(
         composition, level="CRITICAL", drone_id="drn_1", station_id="b", data={"need_j": 7.5}
     )
@@ -39,7 +39,7 @@ async def test_an_alarm_shows_what_happened_to_whom(composition: Any) -> None:
     assert alarm["at"] == "2026-03-01T12:00:00Z"
 
 
-async def test_operators_see_all_alarms_the_newest_first_and_can_narrow_them(
+async def test_operators_see_all_alarms_newest_first_and_can_filter_them(
     composition: Any,
 ) -> None:
     first = await raise_alarm(composition)
@@ -54,7 +54,7 @@ async def test_operators_see_all_alarms_the_newest_first_and_can_narrow_them(
     assert (ids(urgent), ids(of_one)) == ([second], [first])
 
 
-async def test_a_provider_sees_its_own_alarms_only(composition: Any) -> None:
+async def test_a_provider_sees_only_its_own_alarms(composition: Any) -> None:
     own = await raise_alarm(composition)
     await raise_alarm(composition, provider_id="prv_2")
     await raise_alarm(composition, provider_id=None)
@@ -66,13 +66,13 @@ async def test_a_provider_sees_its_own_alarms_only(composition: Any) -> None:
     assert foreign.status_code == 404
 
 
-async def test_customers_have_no_alarms_to_see(composition: Any) -> None:
+async def test_customers_may_not_list_alarms(composition: Any) -> None:
     answer = await composition("customer:c", "GET", "/v1/alarms")
 
     assert answer.status_code == 403
 
 
-async def test_alarms_come_in_pages(composition: Any) -> None:
+async def test_alarms_are_listed_in_pages(composition: Any) -> None:
     first, second = await raise_alarm(composition), await raise_alarm(composition)
 
     page = await composition("operator:op", "GET", "/v1/alarms?limit=1")
@@ -84,7 +84,7 @@ async def test_alarms_come_in_pages(composition: Any) -> None:
     assert rest.json()["next_cursor"] is None
 
 
-async def test_an_acknowledged_alarm_is_open_no_more(composition: Any) -> None:
+async def test_an_acknowledged_alarm_is_no_longer_open(composition: Any) -> None:
     open_one, seen = await raise_alarm(composition), await raise_alarm(composition)
 
     answer = await composition(
@@ -98,7 +98,7 @@ async def test_an_acknowledged_alarm_is_open_no_more(composition: Any) -> None:
     assert (ids(still_open), ids(done)) == ([open_one], [seen])
 
 
-async def test_of_two_who_acknowledge_the_first_is_kept(composition: Any) -> None:
+async def test_the_first_of_two_acknowledgements_is_kept(composition: Any) -> None:
     alarm_id = await raise_alarm(composition)
     path = f"/v1/alarms/{alarm_id}/acknowledgements"
 
@@ -120,7 +120,7 @@ async def test_only_operators_acknowledge(composition: Any) -> None:
     assert ids(await composition("operator:op", "GET", "/v1/alarms?state=OPEN")) == [alarm_id]
 
 
-async def test_there_must_be_an_alarm_to_acknowledge(composition: Any) -> None:
+async def test_an_unknown_alarm_cannot_be_acknowledged(composition: Any) -> None:
     answer = await composition("operator:op", "POST", "/v1/alarms/alm_0/acknowledgements", {})
 
     assert answer.status_code == 404

@@ -1,4 +1,4 @@
-"""What planning sees of what is closed."""
+"""The closures of a network, as planning reads them."""
 
 from typing import Any
 
@@ -7,7 +7,7 @@ from skyway_composition.closures.closure import Area, Closure
 from skyway_composition.closures.conditions import Conditions
 
 from skyway.geo import Position
-from skyway.ids import ClosureId, NetworkId
+from skyway.ids import ClosureId, NetworkId, StationId
 from skyway.network.geojson import read_network
 from skyway.planner.pad_book import OPEN_MS
 
@@ -26,7 +26,7 @@ def square(west: float, east: float) -> Area:
     return Area(coordinates=(tuple(Position(*corner) for corner in corners),))
 
 
-def test_a_closed_station_is_one_in_every_problem(make: Any) -> None:
+def test_a_closed_station_is_closed_in_every_problem(make: Any) -> None:
     known = conditions(make, closure("STATION", station_id="b", until_ms=5_000))
 
     (closed,) = known.problem_closures(2_000)
@@ -35,7 +35,7 @@ def test_a_closed_station_is_one_in_every_problem(make: Any) -> None:
     assert known.problem_closures(5_000) == ()
 
 
-def test_a_zone_closes_the_stations_in_it_and_the_segments_that_meet_it(make: Any) -> None:
+def test_a_zone_closes_its_stations_and_the_segments_that_cross_it(make: Any) -> None:
     known = conditions(make, closure("ZONE", area=square(0.15, 0.2)))
 
     closes = {each.closes for each in known.problem_closures(0)}
@@ -58,11 +58,11 @@ def test_a_zone_between_stations_closes_only_segments(make: Any) -> None:
         closure("ZONE", area=square(10, 11)),
     ],
 )
-def test_what_this_version_does_not_have_closes_nothing(make: Any, gone: Closure) -> None:
+def test_a_closure_of_a_removed_station_or_segment_closes_nothing(make: Any, gone: Closure) -> None:
     assert conditions(make, gone).problem_closures(0) == ()
 
 
-def test_outages_are_reservations_while_they_last(make: Any) -> None:
+def test_an_outage_is_listed_until_it_ends(make: Any) -> None:
     known = conditions(
         make,
         closure("PAD", station_id="b", pad=1),
@@ -88,7 +88,7 @@ def test_outages_are_reservations_while_they_last(make: Any) -> None:
         ({"until_ms": 2_001, "from_ms": 2_000}, True),
     ],
 )
-def test_a_ground_stop_is_for_whom_and_where_and_when_it_says(
+def test_a_ground_stop_concerns_only_its_drones_area_and_time(
     make: Any, members: Any, is_stopped: bool
 ) -> None:
     stop = closure("GROUND_STOP", reason="storm", **members)
@@ -103,4 +103,6 @@ def test_a_ground_stop_at_the_pickup_stops_a_drone_that_comes_from_elsewhere(mak
     known = conditions(make, closure("GROUND_STOP", area=square(0.1, 0.2)))
 
     assert known.ground_stop(make.candidate(), at_ms=2_000) is None
-    assert known.ground_stop(make.candidate(), at_ms=2_000, station_ids=["b"]) is not None
+    assert (
+        known.ground_stop(make.candidate(), at_ms=2_000, station_ids=[StationId("b")]) is not None
+    )

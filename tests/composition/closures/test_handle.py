@@ -1,4 +1,4 @@
-"""Closures over REST: made, seen, lifted, and tried out before."""
+"""Closures over REST: make, preview, list and lift."""
 
 from datetime import timedelta
 from typing import Any
@@ -25,7 +25,7 @@ CLOSINGS = [
 
 
 @pytest.mark.parametrize(("path", "body", "members"), CLOSINGS)
-async def test_what_is_closed_is_listed_until_it_is_lifted(
+async def test_a_closure_is_listed_until_it_is_lifted(
     composition: Any, path: str, body: Any, members: Any
 ) -> None:
     made = await composition(OPERATOR, "POST", path, body)
@@ -45,7 +45,9 @@ async def test_what_is_closed_is_listed_until_it_is_lifted(
 
 
 @pytest.mark.parametrize(("path", "body", "members"), CLOSINGS)
-async def test_only_operators_close(composition: Any, path: str, body: Any, members: Any) -> None:
+async def test_only_operators_make_closures(
+    composition: Any, path: str, body: Any, members: Any
+) -> None:
     for caller in ("customer:c", "provider:prv_1"):
         for method, below in (("POST", path), ("DELETE", f"{path}/clo_1")):
             answer = await composition(caller, method, below, body if method == "POST" else None)
@@ -64,7 +66,7 @@ async def test_a_dry_run_makes_nothing(
     assert await composition.rows("SELECT conditions FROM networks") == [(0,)]
 
 
-async def test_a_closure_that_is_over_is_not_listed(composition: Any) -> None:
+async def test_a_closure_that_has_ended_is_not_listed(composition: Any) -> None:
     path = "/v1/stations/b/closures"
     until = composition.clock.now() + timedelta(hours=1)
     await composition(OPERATOR, "POST", path, {"until": until.isoformat()})
@@ -98,7 +100,7 @@ async def test_a_closure_that_is_over_is_not_listed(composition: Any) -> None:
         ),
     ],
 )
-async def test_what_cannot_be_closed_is_refused(
+async def test_an_impossible_closure_is_refused(
     composition: Any, path: str, body: Any, status: int
 ) -> None:
     for query in ("", "?dry_run=true"):
@@ -106,7 +108,7 @@ async def test_what_cannot_be_closed_is_refused(
         assert answer.status_code == status, answer.text
 
 
-async def test_a_closure_is_lifted_only_where_it_is(composition: Any) -> None:
+async def test_a_closure_can_be_lifted_only_at_its_own_address(composition: Any) -> None:
     made = await composition(OPERATOR, "POST", "/v1/stations/b/closures")
     closure_id = made.json()["closure_id"]
 

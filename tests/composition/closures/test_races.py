@@ -1,7 +1,6 @@
-"""I11: nothing is planned through what was closed once that was answered, however close the race.
+"""I11: once a closure is answered, no plan that breaks it can be booked, even in a close race.
 
-A mission that was booked before the closure is struck by it; one that is booked after it knows of
-it. There is no third kind.
+A mission that is booked before the closure is replanned. A booking after the closure avoids it.
 """
 
 import asyncio
@@ -23,21 +22,24 @@ from skyway.runtime.sql.database import Database, Tx
 OPERATOR = "operator:op"
 AROUND_B = [[0.15, -0.1], [0.2, -0.1], [0.2, 0.1], [0.15, 0.1], [0.15, -0.1]]
 
-#: What is closed, and how to know a flight that it forbids.
+#: How to make each closure, and which flights it forbids.
 CLOSINGS: dict[str, tuple[str, Any, Callable[[FlyStep], bool]]] = {
     "station": ("/v1/stations/b/closures", {}, lambda step: step.lands and step.to_id == "b"),
-    "segment": ("/v1/segments/b/c/closures", {}, lambda step: (step.from_id, step.to_id) == _BC),
+    "segment": (
+        "/v1/segments/b/c/closures",
+        {},
+        lambda step: (step.from_id, step.to_id) == ("b", "c"),
+    ),
     "zone": (
         "/v1/zones",
         {"network_id": "row", "area": {"type": "Polygon", "coordinates": [AROUND_B]}},
         lambda step: "b" in (step.from_id, step.to_id),
     ),
 }
-_BC = ("b", "c")
 
 
 class Meddling(Database):
-    """The same database, in which something happens just before every transaction."""
+    """A database that calls a function just before every transaction."""
 
     def __init__(self, db: Database, meddle: Callable[[], Awaitable[None]]) -> None:
         self._db = db
@@ -52,7 +54,7 @@ class Meddling(Database):
 
 
 async def unaware(composition: Any, is_forbidden: Callable[[FlyStep], bool]) -> list[str]:
-    """The live missions that fly what is forbidden, and do not look for another plan."""
+    """The live missions with a forbidden flight that are not being replanned."""
     async with composition.db.read() as connection:
         records = await store.page(connection, store.MissionFilter(), before=None, limit=100)
         return [
@@ -87,7 +89,7 @@ async def test_a_plan_made_before_a_closure_is_not_booked_after_it(
     assert await unaware(composition, is_forbidden) == []
 
 
-async def test_bookings_that_race_with_closures_are_struck_or_know_of_them(
+async def test_bookings_that_race_with_closures_avoid_them_or_are_replanned(
     composition: Any, make: Any
 ) -> None:
     path, _, is_forbidden = CLOSINGS["station"]
@@ -133,7 +135,7 @@ async def test_a_plan_made_before_an_outage_is_not_booked_after_it(
     assert ("b", 0) not in held
 
 
-async def test_a_station_that_reopens_is_used_again(composition: Any) -> None:
+async def test_a_reopened_station_is_used_again(composition: Any) -> None:
     made = await composition(OPERATOR, "POST", "/v1/stations/b/closures")
     closed = await composition.book()
 

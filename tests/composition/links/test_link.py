@@ -45,7 +45,7 @@ def make_link(**members: Any) -> DroneLink:
 @pytest.mark.parametrize(
     ("session", "seq", "is_newer"), [(2, 5, False), (2, 6, True), (3, 1, True), (1, 9, False)]
 )
-def test_states_are_ordered_by_session_and_number(session: int, seq: int, is_newer: bool) -> None:
+def test_states_are_ordered_by_session_and_seq(session: int, seq: int, is_newer: bool) -> None:
     link = make_link(state=make_state(session=2, seq=5))
 
     assert link.is_newer_state(make_state(session=session, seq=seq)) is is_newer
@@ -55,7 +55,7 @@ def test_states_are_ordered_by_session_and_number(session: int, seq: int, is_new
     ("status", "session", "number", "counts"),
     [("LOST", 1, 2, True), ("LOST", 1, 1, False), ("ONLINE", 1, 3, True), ("ONLINE", 2, 1, True)],
 )
-def test_a_last_will_counts_for_the_present_connection_only(
+def test_a_last_will_counts_only_for_the_current_connection(
     status: str, session: int, number: int, counts: bool
 ) -> None:
     link = make_link(connection=make_connection("ONLINE", 1, 2))
@@ -63,26 +63,26 @@ def test_a_last_will_counts_for_the_present_connection_only(
     assert link.is_newer_connection(make_connection(status, session, number)) is counts
 
 
-def test_online_after_the_last_will_of_the_same_connection_does_not_count() -> None:
+def test_online_after_the_last_will_of_the_same_connection_is_ignored() -> None:
     link = make_link(connection=make_connection("LOST", 1, 2))
 
     assert not link.is_newer_connection(make_connection("ONLINE", 1, 2))
 
 
-def test_an_older_stream_in_a_later_session_is_a_lost_journal() -> None:
+def test_an_older_stream_in_a_later_session_needs_a_new_stream() -> None:
     link = make_link(stream=1).acked(1, 4)
 
     assert link.needs_new_stream(make_state(stream=0, session=5))
     assert not link.needs_new_stream(make_state(stream=0, session=4))
 
 
-def test_a_stream_that_the_drone_has_not_shown_cannot_be_lost() -> None:
+def test_an_unconfirmed_stream_needs_no_new_stream() -> None:
     link = make_link(stream=1)
 
     assert not link.needs_new_stream(make_state(stream=0, session=5))
 
 
-def test_a_new_stream_is_one_that_neither_side_has_used() -> None:
+def test_a_new_stream_is_unused_by_both_sides() -> None:
     state = make_state(stream=7, last_event_seq=30)
 
     link = make_link(stream=2, last_seq=9, last_event_seq=4).in_new_stream(state)

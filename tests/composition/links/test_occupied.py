@@ -1,4 +1,4 @@
-"""Occupied drones are looked for among those that are, of which there are few."""
+"""An index finds occupied drones without reading the links of idle drones."""
 
 import pytest
 from skyway_composition.links.store import OCCUPIED
@@ -10,7 +10,7 @@ from skyway.runtime.sql.database import Database
 
 @pytest.mark.integration
 @pytest.mark.parametrize("migrated_url", ["postgresql"], indirect=True)
-async def test_links_of_idle_drones_are_not_looked_at(db: Database) -> None:
+async def test_links_of_idle_drones_are_not_read(db: Database) -> None:
     counters = ("stream", "last_seq", "acked_stream", "acked_session", "last_event_seq")
     zeros = dict.fromkeys((*counters, "report_asked_wall_ms"), 0)
     async with db.write() as tx:

@@ -1,4 +1,4 @@
-"""Networks over REST: versions, preconditions, conflicts, and who may do what."""
+"""Networks over REST: versions, preconditions, conflicts and permissions."""
 
 from typing import Any
 
@@ -34,7 +34,7 @@ async def test_any_change_of_content_is_a_new_version(composition: Any, make: An
     assert changed.json()["version"] == 2
 
 
-async def test_a_network_comes_back_as_it_was_published(composition: Any, make: Any) -> None:
+async def test_a_network_is_read_as_it_was_published(composition: Any, make: Any) -> None:
     answer = await composition("customer:c", "GET", PATH)
 
     again = await composition("operator:op", "PUT", PATH, answer.json())
@@ -73,7 +73,7 @@ async def test_a_station_belongs_to_one_network(composition: Any, make: Any) -> 
 
 
 @pytest.mark.parametrize("change", [{"stations": "ab"}, {"pads": {"b": 0}}])
-async def test_pads_that_drones_have_reserved_stay(
+async def test_a_version_without_a_reserved_pad_is_refused(
     composition: Any, make: Any, change: dict[str, Any]
 ) -> None:
     await composition.book()
@@ -100,7 +100,7 @@ async def test_a_wrong_setting_is_named(
     assert answer.json()["errors"][0]["field"] == field
 
 
-async def test_a_body_that_is_no_network_is_named(composition: Any) -> None:
+async def test_a_body_that_is_not_a_network_is_refused(composition: Any) -> None:
     listed = await composition("operator:op", "PUT", PATH, [1])
     broken = await composition("operator:op", "PUT", PATH, {"type": "FeatureCollection"})
 
@@ -115,7 +115,7 @@ async def test_only_operators_publish(composition: Any, make: Any) -> None:
     assert (customer.status_code, nobody.status_code) == (403, 401)
 
 
-async def test_lists_go_on_where_they_stopped(composition: Any) -> None:
+async def test_a_cursor_continues_each_list(composition: Any) -> None:
     for name, length in (("stations", 5), ("segments", 8), ("versions", 1), ("zones", 0)):
         seen: list[Any] = []
         cursor = ""
@@ -129,7 +129,7 @@ async def test_lists_go_on_where_they_stopped(composition: Any) -> None:
         assert len(seen) == len({str(item) for item in seen}) == length
 
 
-async def test_a_drone_reads_pads_and_neither_networks_nor_reservations(composition: Any) -> None:
+async def test_a_drone_may_read_pads_but_not_networks_or_reservations(composition: Any) -> None:
     paths = ("/v1/stations/b/pads", "/v1/stations/b/reservations", PATH, "/v1/networks")
 
     answers = [await composition("drone:d", "GET", path) for path in paths]
@@ -148,13 +148,13 @@ async def test_a_cursor_of_another_list_is_refused(composition: Any) -> None:
 
 
 @pytest.mark.parametrize("version", [0, -1, 2**31, 10**30])
-async def test_a_version_that_cannot_be_is_named(composition: Any, version: int) -> None:
+async def test_an_impossible_version_is_refused(composition: Any, version: int) -> None:
     answer = await composition("customer:c", "GET", f"{PATH}?version={version}")
 
     assert (answer.status_code, answer.json()["errors"][0]["field"]) == (422, "version")
 
 
-async def test_a_network_that_is_not_there(composition: Any) -> None:
+async def test_an_unknown_network_is_not_found(composition: Any) -> None:
     for below in ("", "/versions", "/stations", "/segments", "/zones"):
         answer = await composition("operator:op", "GET", f"/v1/networks/none{below}")
         assert answer.status_code == 404

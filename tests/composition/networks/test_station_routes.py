@@ -1,4 +1,4 @@
-"""Stations of networks over REST: in a box, closed ones, and what other services ask of them."""
+"""Stations of networks over REST, and other services' questions about stations."""
 
 from typing import Any
 
@@ -33,13 +33,13 @@ async def test_a_drone_sees_which_stations_are_closed(composition: Any) -> None:
 
 
 @pytest.mark.parametrize("bbox", ["", "1,2,3", "1,2,3,x", "0,1,0,0", "0,0,0,91", "nan,0,0,0"])
-async def test_a_box_that_cannot_be_is_named(composition: Any, bbox: str) -> None:
+async def test_an_impossible_box_is_refused(composition: Any, bbox: str) -> None:
     answer = await composition("drone:d", "GET", f"{PATH}/stations?bbox={bbox}")
 
     assert (answer.status_code, answer.json()["errors"][0]["field"]) == (422, "bbox")
 
 
-async def test_a_station_check_tells_places_strangers_and_islands(
+async def test_a_station_check_names_positions_and_unknown_and_unreachable_stations(
     composition: Any, make: Any
 ) -> None:
     await composition("operator:op", "PUT", "/v1/networks/other", make.network(stations="yz"))
@@ -55,7 +55,18 @@ async def test_a_station_check_tells_places_strangers_and_islands(
     }
 
 
-async def test_station_checks_are_for_services(composition: Any) -> None:
+async def test_a_station_check_of_an_empty_system_says_how_to_publish_a_network(
+    unpublished: Any,
+) -> None:
+    answer = await unpublished(
+        "service:gateway", "POST", "/internal/station-checks", {"station_ids": ["a"]}
+    )
+
+    assert (answer.status_code, answer.json()["code"]) == (409, "NO_NETWORK")
+    assert answer.json()["detail"] == "no network is published: skyway network import bundled"
+
+
+async def test_only_services_check_stations(composition: Any) -> None:
     answer = await composition(
         "customer:c", "POST", "/internal/station-checks", {"station_ids": ["a"]}
     )
@@ -63,14 +74,14 @@ async def test_station_checks_are_for_services(composition: Any) -> None:
     assert answer.status_code == 403
 
 
-async def test_all_stations_are_told_at_once_to_services_alone(composition: Any) -> None:
+async def test_only_services_read_all_stations_of_a_network(composition: Any) -> None:
     path = "/internal/networks/row/stations"
 
     answer = await composition("service:gateway", "GET", path)
     refused = await composition("customer:c", "GET", path)
 
-    told = answer.json()
-    assert (told["network_id"], told["version"]) == ("row", 1)
-    assert told["positions"][told["station_ids"].index("c")] == [2 * 0.17986, 0.0]
-    assert set(told["parts"]) == {0}
+    stations = answer.json()
+    assert (stations["network_id"], stations["version"]) == ("row", 1)
+    assert stations["positions"][stations["station_ids"].index("c")] == [2 * 0.17986, 0.0]
+    assert set(stations["parts"]) == {0}
     assert refused.status_code == 403

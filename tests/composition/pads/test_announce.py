@@ -1,12 +1,15 @@
-"""What is told of stations: on change, and all of it again after a connect."""
+"""Stations and networks are published over MQTT on change, and all again after a connect."""
 
 from dataclasses import dataclass, field
 from datetime import timedelta
-from typing import Any
+from typing import Any, cast
 
 import pytest
 from skyway_composition.networks.announce import NetworkVersions
 from skyway_composition.pads.announce import StationStates
+from skyway_composition.parts import Parts
+
+from skyway.runtime.mqtt.client import MqttClient
 
 pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 
@@ -22,9 +25,17 @@ class Broker:
         self.published.append((address.name, message))
 
 
-async def test_a_station_is_told_when_a_reservation_begins_and_ends(composition: Any) -> None:
+def station_states(parts: Parts, broker: Broker) -> StationStates:
+    return StationStates(parts.db, cast(MqttClient, broker), parts.clock, parts.mint)
+
+
+def network_versions(parts: Parts, broker: Broker) -> NetworkVersions:
+    return NetworkVersions(parts.db, cast(MqttClient, broker), parts.clock, parts.mint)
+
+
+async def test_a_station_is_published_when_a_reservation_begins_and_ends(composition: Any) -> None:
     parts, broker = composition.parts, Broker()
-    states = StationStates(parts.db, broker, parts.clock, parts.mint)
+    states = station_states(parts, broker)
     await composition.book()
     (first, *_) = [row for row in await composition.reservations() if row.station_id == "b"]
     now_ms = 1_772_366_400_000
@@ -36,45 +47,45 @@ async def test_a_station_is_told_when_a_reservation_begins_and_ends(composition:
     parts.clock.advance(timedelta(milliseconds=first.end_ms - first.start_ms))
     await states.step()
 
-    told = [
+    published = [
         (message.pads_taken, message.queue)
         for name, message in broker.published
         if name == "skyway/v1/stations/b/state"
     ]
-    # On the way out and on the way home.
-    assert told == [(0, 2), (1, 1), (0, 1)]
+    # Two sessions: on the way out and on the way home.
+    assert published == [(0, 2), (1, 1), (0, 1)]
 
 
-async def test_a_station_that_was_left_told_as_taken_is_told_as_free(composition: Any) -> None:
+async def test_the_first_step_publishes_free_stations_too(composition: Any) -> None:
     parts, broker = composition.parts, Broker()
 
-    await StationStates(parts.db, broker, parts.clock, parts.mint).step()
+    await station_states(parts, broker).step()
 
-    told = {name: message.pads_taken for name, message in broker.published}
-    assert told["skyway/v1/stations/b/state"] == 0
+    published = {name: message.pads_taken for name, message in broker.published}
+    assert published["skyway/v1/stations/b/state"] == 0
 
 
-async def test_after_a_connect_everything_is_told_again(composition: Any) -> None:
+async def test_after_a_connect_everything_is_published_again(composition: Any) -> None:
     parts, broker = composition.parts, Broker()
-    states = StationStates(parts.db, broker, parts.clock, parts.mint)
-    versions = NetworkVersions(parts.db, broker, parts.clock, parts.mint)
+    states = station_states(parts, broker)
+    versions = network_versions(parts, broker)
     await composition.book()
     parts.clock.advance(timedelta(hours=1))
 
     for _ in range(2):
-        for told in (states, versions):
-            told.forget()
-            await told.step()
-            await told.step()
+        for published in (states, versions):
+            published.forget()
+            await published.step()
+            await published.step()
 
     names = [name for name, _ in broker.published]
     assert names.count("skyway/v1/networks/row/version") == 2
     assert len(names) == 2 * len(set(names))
 
 
-async def test_a_new_version_is_told(composition: Any, make: Any) -> None:
+async def test_a_new_network_version_is_published(composition: Any, make: Any) -> None:
     parts, broker = composition.parts, Broker()
-    versions = NetworkVersions(parts.db, broker, parts.clock, parts.mint)
+    versions = network_versions(parts, broker)
 
     await versions.step()
     await composition.publish(make.network(loading_s=1))
@@ -83,18 +94,18 @@ async def test_a_new_version_is_told(composition: Any, make: Any) -> None:
     assert [message.version for _, message in broker.published] == [1, 2]
 
 
-async def test_without_a_broker_nothing_is_told(composition: Any) -> None:
+async def test_without_a_broker_nothing_is_published(composition: Any) -> None:
     parts, broker = composition.parts, Broker(is_connected=False)
 
-    await NetworkVersions(parts.db, broker, parts.clock, parts.mint).step()
-    await StationStates(parts.db, broker, parts.clock, parts.mint).step()
+    await network_versions(parts, broker).step()
+    await station_states(parts, broker).step()
 
     assert broker.published == []
 
 
-async def test_a_station_is_told_when_a_pad_fails_and_works_again(composition: Any) -> None:
+async def test_a_station_is_published_when_a_pad_fails_and_works_again(composition: Any) -> None:
     parts, broker = composition.parts, Broker()
-    states = StationStates(parts.db, broker, parts.clock, parts.mint)
+    states = station_states(parts, broker)
     path, operator = "/v1/stations/b/pads/0/outages", "operator:op"
 
     await states.step()
@@ -103,19 +114,19 @@ async def test_a_station_is_told_when_a_pad_fails_and_works_again(composition: A
     await composition(operator, "DELETE", f"{path}/{made.json()['closure_id']}")
     await states.step()
 
-    told = [
+    published = [
         (message.pads_taken, message.next_free_at)
         for name, message in broker.published
         if name == "skyway/v1/stations/b/state"
     ]
-    assert told == [(0, None), (1, None), (0, None)]
+    assert published == [(0, None), (1, None), (0, None)]
 
 
-async def test_a_pad_that_fails_while_it_is_held_is_free_when_both_are_over(
+async def test_a_reserved_pad_that_fails_is_free_when_outage_and_reservation_are_over(
     composition: Any,
 ) -> None:
     parts, broker = composition.parts, Broker()
-    states = StationStates(parts.db, broker, parts.clock, parts.mint)
+    states = station_states(parts, broker)
     await composition.book()
     (first, *_) = [row for row in await composition.reservations() if row.station_id == "b"]
     parts.clock.advance(timedelta(milliseconds=first.start_ms - 1_772_366_400_000))
@@ -125,5 +136,7 @@ async def test_a_pad_that_fails_while_it_is_held_is_free_when_both_are_over(
     await composition("operator:op", "POST", path, {"until": until.isoformat()})
     await states.step()
 
-    told = [message for name, message in broker.published if name == "skyway/v1/stations/b/state"]
-    assert (told[-1].pads_taken, told[-1].next_free_at) == (1, until)
+    published = [
+        message for name, message in broker.published if name == "skyway/v1/stations/b/state"
+    ]
+    assert (published[-1].pads_taken, published[-1].next_free_at) == (1, until)

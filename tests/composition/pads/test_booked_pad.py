@@ -13,7 +13,7 @@ def test_sessions_that_touch_on_one_pad_are_one_reservation() -> None:
     assert merged(sessions) == (held("a", 0, 0, 30),)
 
 
-def test_sessions_apart_or_on_other_pads_stay_as_they_are() -> None:
+def test_sessions_with_a_gap_or_on_different_pads_stay_separate() -> None:
     sessions = [
         held("b", 0, 0, 10),
         held("a", 1, 10, 20),

@@ -1,4 +1,4 @@
-"""A mission holds exactly the pads it is said to hold, and never one that somebody else has."""
+"""`hold` gives a mission exactly the named pads, and no pad that another mission holds."""
 
 from typing import Any
 
@@ -15,7 +15,7 @@ def pad(station: str, number: int, start_ms: int, end_ms: int) -> BookedPad:
 
 
 async def two_missions(composition: Any, make: Any) -> tuple[MissionId, MissionId]:
-    """Two live missions that hold nothing."""
+    """Two live missions without reservations."""
     booked = [
         await composition.book(make.candidate(number), delivery_id=f"dlv_{number}")
         for number in (1, 2)
@@ -32,7 +32,7 @@ async def held(composition: Any) -> list[tuple[Any, ...]]:
     return [tuple(row)[:4] for row in await composition.reservations()]
 
 
-async def test_what_is_no_longer_needed_is_free(composition: Any, make: Any) -> None:
+async def test_a_pad_that_is_no_longer_needed_is_free(composition: Any, make: Any) -> None:
     first, second = await two_missions(composition, make)
     async with composition.db.write() as tx:
         await hold(tx, first, [pad("b", 0, 0, 100), pad("c", 1, 0, 50)])
@@ -45,7 +45,7 @@ async def test_what_is_no_longer_needed_is_free(composition: Any, make: Any) -> 
     assert await held(composition) == [("b", 0, 0, 40), ("b", 0, 40, 100), ("c", 1, 0, 50)]
 
 
-async def test_own_sessions_that_overlap_are_one(composition: Any, make: Any) -> None:
+async def test_overlapping_sessions_of_one_mission_become_one(composition: Any, make: Any) -> None:
     first, _ = await two_missions(composition, make)
 
     async with composition.db.write() as tx:
@@ -54,7 +54,7 @@ async def test_own_sessions_that_overlap_are_one(composition: Any, make: Any) ->
     assert await held(composition) == [("b", 0, 0, 150)]
 
 
-async def test_a_session_may_grow_into_its_own_time(composition: Any, make: Any) -> None:
+async def test_a_session_may_be_extended(composition: Any, make: Any) -> None:
     first, _ = await two_missions(composition, make)
     async with composition.db.write() as tx:
         await hold(tx, first, [pad("b", 0, 0, 100)])
@@ -65,7 +65,7 @@ async def test_a_session_may_grow_into_its_own_time(composition: Any, make: Any)
     assert await held(composition) == [("b", 0, 50, 200)]
 
 
-async def test_what_somebody_else_holds_is_refused_and_nothing_changes(
+async def test_a_pad_of_another_mission_is_refused_and_nothing_changes(
     composition: Any, make: Any
 ) -> None:
     first, second = await two_missions(composition, make)

@@ -1,4 +1,4 @@
-"""What planning knows of pads: others' gap before them, and what is out of order."""
+"""The reservations that planning reads: with the gap before them, and with outages."""
 
 import asyncio
 from typing import Any
@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from skyway_composition.pads.pad_snapshot import PadSnapshot
 
+from skyway.ids import StationId
 from skyway.planner.pad_book import OPEN_MS
 
 pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
@@ -19,7 +20,7 @@ async def known(composition: Any, **members: Any) -> PadSnapshot:
     return pads
 
 
-async def test_others_reservations_begin_a_gap_early(composition: Any) -> None:
+async def test_reservations_begin_a_gap_early(composition: Any) -> None:
     await composition.book()
 
     exact = await known(composition)
@@ -30,7 +31,7 @@ async def test_others_reservations_begin_a_gap_early(composition: Any) -> None:
     assert (with_gap.book.end_ms == exact.book.end_ms).all()
 
 
-async def test_outages_are_known_before_anything_is_read(composition: Any) -> None:
+async def test_outages_count_before_any_station_is_read(composition: Any) -> None:
     skyway = await composition.parts.networks.current("row")
 
     pads = PadSnapshot(
@@ -38,7 +39,11 @@ async def test_outages_are_known_before_anything_is_read(composition: Any) -> No
         skyway.network_id,
         skyway.network,
         after_ms=0,
-        outages=[("b", 1, 10, OPEN_MS), ("b", 2, 10, 20), ("z", 0, 10, 20)],
+        outages=[
+            (StationId("b"), 1, 10, OPEN_MS),
+            (StationId("b"), 2, 10, 20),
+            (StationId("z"), 0, 10, 20),
+        ],
     )
 
     # Pad 2 and station z do not exist in this version.
@@ -46,14 +51,14 @@ async def test_outages_are_known_before_anything_is_read(composition: Any) -> No
     assert (pads.book.pad.tolist(), pads.book.start_ms.tolist()) == ([1], [10])
 
 
-async def test_an_outage_stays_known_once_stations_are_read(composition: Any) -> None:
+async def test_an_outage_still_counts_after_stations_are_read(composition: Any) -> None:
     pads = await known(composition, outages=[("b", 1, 10, 20)])
 
     assert pads.book.end_ms.tolist() == [20]
 
 
-async def test_who_asks_while_another_reads_knows_as_much(composition: Any) -> None:
-    """The providers of a quote are planned for at the same time, in one world."""
+async def test_a_second_reader_waits_for_the_first(composition: Any) -> None:
+    """A quote plans for all providers at the same time, in one world."""
     await composition.book()
     skyway = await composition.parts.networks.current("row")
     pads = PadSnapshot(composition.db, skyway.network_id, skyway.network, after_ms=0)

@@ -22,7 +22,9 @@ async def test_a_pad_is_taken_while_it_is_reserved(composition: Any) -> None:
     assert during.json()["items"][first.pad]["mission_id"] == first.mission_id
 
 
-async def test_reservations_are_listed_and_only_operators_see_whose(composition: Any) -> None:
+async def test_reservations_are_listed_and_only_operators_see_their_missions(
+    composition: Any,
+) -> None:
     booking = await composition.book()
 
     customer = await composition("customer:c", "GET", "/v1/stations/b/reservations?limit=1")
@@ -36,7 +38,7 @@ async def test_reservations_are_listed_and_only_operators_see_whose(composition:
     assert rest.json()["items"][0]["mission_id"] == booking.missions[0].mission_id
 
 
-async def test_a_station_that_is_not_there(composition: Any) -> None:
+async def test_an_unknown_station_is_not_found(composition: Any) -> None:
     for below in ("pads", "reservations"):
         answer = await composition("operator:op", "GET", f"/v1/stations/none/{below}")
         assert answer.status_code == 404

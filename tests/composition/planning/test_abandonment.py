@@ -1,4 +1,4 @@
-"""A search that nobody waits for ends, and leaves its thread to others."""
+"""A search ends when its caller leaves, and its thread is free for the next search."""
 
 import asyncio
 import json
@@ -33,17 +33,17 @@ def endless(make: Any) -> dict[str, Any]:
 
 
 def easy(document: dict[str, Any]) -> dict[str, Any]:
-    """The same problem by a search that is over soon, also where nothing is compiled yet."""
+    """The same problem with a short search, fast even before the planner is compiled."""
     return {**document, "strategy": "heuristic"}
 
 
 def searches() -> int:
-    """How many threads have begun to search."""
+    """The number of threads that have begun to search."""
     return sum(thread.name.startswith("solver") for thread in threading.enumerate())
 
 
 async def post_and_leave(composition: Any, body: bytes) -> None:
-    """Send the request and hang up, as uvicorn tells it to the app."""
+    """Send the request and hang up, with the messages that uvicorn sends to the app."""
     messages = [
         {"type": "http.request", "body": body, "more_body": False},
         {"type": "http.disconnect"},
@@ -101,7 +101,7 @@ async def test_a_cancelled_search_leaves_its_thread_to_the_next(
     assert plan.status == "feasible"
 
 
-async def test_other_calls_are_answered_while_plans_are_made(composition: Any, make: Any) -> None:
+async def test_other_calls_are_answered_during_a_search(composition: Any, make: Any) -> None:
     problem = Problem.model_validate(endless(make))
     search = asyncio.create_task(composition.parts.inquiries.compose(problem))
 

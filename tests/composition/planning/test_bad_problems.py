@@ -1,4 +1,4 @@
-"""POST /v1/compositions: every field, wrong in every way, gets a problem document naming it."""
+"""POST /v1/compositions: a wrong field is named in the problem document, whatever is wrong."""
 
 import copy
 import json
@@ -18,7 +18,7 @@ TOO_LONG = str(10**40)
 
 
 async def post(composition: Any, document: Any) -> httpx.Response:
-    """The answer to a body that may hold what no JSON library writes willingly."""
+    """The answer to a body with JSON that common libraries refuse to write."""
     answer: httpx.Response = await composition.client.post(
         "/v1/compositions",
         content=json.dumps(document).encode(),
@@ -27,7 +27,7 @@ async def post(composition: Any, document: Any) -> httpx.Response:
     return answer
 
 
-async def test_every_fault_is_answered_with_its_field_and_limit(
+async def test_every_fault_names_its_field_and_limit(
     composition: Any, bad_problems: Any, subtests: pytest.Subtests
 ) -> None:
     for bad in bad_problems:
@@ -43,7 +43,7 @@ async def test_every_fault_is_answered_with_its_field_and_limit(
                 assert bad.message in problem["errors"][0]["detail"]
 
 
-async def test_all_faults_are_answered_at_once(composition: Any, good_problem: Any) -> None:
+async def test_one_answer_names_all_faults(composition: Any, good_problem: Any) -> None:
     document = {**good_problem, "source": 7, "finish": "home", "loading_s": -1, "surprise": 1}
 
     problem = (await post(composition, document)).json()
@@ -53,7 +53,7 @@ async def test_all_faults_are_answered_at_once(composition: Any, good_problem: A
     assert problem["detail"].endswith("; and 1 more")
 
 
-async def test_a_million_packages_are_answered_briefly(composition: Any, good_problem: Any) -> None:
+async def test_a_million_packages_get_a_short_answer(composition: Any, good_problem: Any) -> None:
     package = {"mass_kg": -1}
 
     answer = await post(composition, {**good_problem, "packages": [package] * 10**6})
@@ -64,7 +64,7 @@ async def test_a_million_packages_are_answered_briefly(composition: Any, good_pr
     ]
 
 
-async def test_depth_without_end_is_refused(composition: Any) -> None:
+async def test_very_deep_json_is_refused(composition: Any) -> None:
     answer = await composition.client.post(
         "/v1/compositions",
         content=b"[" * 100_000,
@@ -75,11 +75,11 @@ async def test_depth_without_end_is_refused(composition: Any) -> None:
     assert answer.headers["content-type"] == "application/problem+json"
 
 
-async def test_what_is_wrong_is_named_on_a_published_network_too(
+async def test_a_wrong_field_is_named_with_a_published_network_too(
     composition: Any, make: Any, bad_problems: Any, subtests: pytest.Subtests
 ) -> None:
     for bad in bad_problems:
-        # Whatever is wrong between the problem and its own network is not wrong here.
+        # A fault between the problem and its inline network does not exist here.
         if bad.field.startswith(("network", "start_at")) or "station" in bad.message:
             continue
         document = copy.deepcopy(bad.document) | {"network": {"network_id": "row"}}
@@ -91,7 +91,7 @@ async def test_what_is_wrong_is_named_on_a_published_network_too(
             assert any(field.startswith(bad.field) for field in fields)
 
 
-async def test_given_reservations_may_overlap_the_known_ones(composition: Any, make: Any) -> None:
+async def test_given_reservations_may_overlap_stored_ones(composition: Any, make: Any) -> None:
     await composition.publish(make.network(pads={"b": 1}))
     await composition.book()
     (known, *_) = await composition.reservations()

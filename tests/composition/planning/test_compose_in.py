@@ -1,4 +1,4 @@
-"""Composing among everybody's reservations, of which only those near the request are read."""
+"""Composing among all reservations reads only the reservations near the request."""
 
 import random
 from typing import Any
@@ -26,7 +26,7 @@ ROW = "abcdefghijklmnopqrstuvwxyz"
 
 
 class CountingSolver(SolverPool):
-    """Counts what it composes."""
+    """Counts its compositions."""
 
     composed = 0
 
@@ -75,7 +75,7 @@ async def hold(composition: Any, *sessions: tuple[str, int, int, int]) -> None:
         await tx.execute(insert(pad_reservations), rows)
 
 
-async def test_only_the_pads_around_a_request_are_read(composition: Any, make: Any) -> None:
+async def test_only_pads_near_a_request_are_read(composition: Any, make: Any) -> None:
     await composition.publish(make.network(stations=ROW))
     world = await look(composition)
     problem = make_problem(composition, make, world, "h", "l")

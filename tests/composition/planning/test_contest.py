@@ -1,4 +1,4 @@
-"""Pruning: who is not composed would not have won, nor changed who wins."""
+"""Pruning: a candidate that is not composed would neither win nor change the winner."""
 
 import math
 from collections.abc import Sequence
@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 from skyway_composition.planning.contest import Contest
-from skyway_composition.planning.lower_bounds import Least
+from skyway_composition.planning.lower_bounds import LowerBounds
 
 from skyway.contracts.candidate import Candidate
 from skyway.contracts.shortlist import Shortlist
@@ -22,7 +22,7 @@ _AMOUNTS = st.integers(0, 6)
 
 @st.composite
 def entrants(draw: st.DrawFn) -> list[tuple[OfferValues, OfferValues | None]]:
-    """The least values of each candidate and its true ones; None: it has no trip."""
+    """Each candidate's lower bounds and its true values; None for no trip."""
     count = draw(st.integers(1, 7))
     found = []
     for number in range(count):
@@ -72,13 +72,13 @@ def winner(offers: list[OfferValues], by: Weights) -> OfferValues | None:
 def contested(
     among: Sequence[tuple[OfferValues, OfferValues | None]], by: Weights
 ) -> tuple[list[OfferValues], int]:
-    """The offers of those who were composed, and how many those were."""
-    # Each at a place of its own, so that nobody is another's twin.
+    """The offers of the composed candidates, and the number of compositions."""
+    # Each candidate has its own station, so that no two share a plan.
     shortlist = Shortlist.of(
         make_candidate(least, station_id=f"s{number}") for number, (least, _) in enumerate(among)
     )
     columns = zip(*((each.time_s, each.price, each.energy_j) for each, _ in among), strict=True)
-    contest = Contest(shortlist, Least(*(np.array(each, np.float64) for each in columns)), by)
+    contest = Contest(shortlist, LowerBounds(*(np.array(each, np.float64) for each in columns)), by)
     found: list[OfferValues] = []
     composed = 0
     while rows := contest.next_to_compose(found):
@@ -98,7 +98,7 @@ def test_pruning_never_changes_the_winner(
     assert winner(found, by) == winner(everything, by)
 
 
-def test_who_is_no_better_in_anything_is_not_composed() -> None:
+def test_a_candidate_that_is_better_in_nothing_is_not_composed() -> None:
     best = OfferValues(10.0, 100, 5.0, ProviderId("prv_1"), DroneId("drn_1"))
     others = [
         replace(best, time_s=11.0 + number, drone_id=DroneId(f"drn_{number}"))
@@ -112,7 +112,7 @@ def test_who_is_no_better_in_anything_is_not_composed() -> None:
     assert composed == 1
 
 
-def test_who_cannot_win_but_changes_the_scale_is_composed() -> None:
+def test_a_candidate_that_changes_the_best_values_is_composed() -> None:
     fast = OfferValues(10.0, 1000, 5.0, ProviderId("prv_1"), DroneId("drn_1"))
     even = OfferValues(20.0, 900, 5.0, ProviderId("prv_2"), DroneId("drn_2"))
     slow = OfferValues(90.0, 300, 5.0, ProviderId("prv_3"), DroneId("drn_3"))
@@ -122,7 +122,7 @@ def test_who_cannot_win_but_changes_the_scale_is_composed() -> None:
     assert slow in found
 
 
-def test_nobody_with_a_way_still_leaves_somebody_to_compose_for() -> None:
+def test_a_candidate_is_composed_even_when_no_candidate_has_a_way() -> None:
     lost = OfferValues(math.inf, 0, math.inf, ProviderId("prv_1"), DroneId("drn_1"))
     others = [replace(lost, drone_id=DroneId(f"drn_{number}")) for number in (2, 3)]
 
@@ -134,7 +134,7 @@ def test_nobody_with_a_way_still_leaves_somebody_to_compose_for() -> None:
 
 
 @given(entrants(), weights())
-def test_who_is_composed_first_is_who_would_win_by_the_bounds(
+def test_the_winner_by_lower_bounds_is_composed_first(
     among: list[tuple[OfferValues, OfferValues | None]], by: Weights
 ) -> None:
     bounds = [(least, least) for least, _ in among]

@@ -1,4 +1,4 @@
-"""The way home after the last delivery, and where a drone goes that cannot fly home."""
+"""The way home after the last delivery, and the alternative when home is out of reach."""
 
 from typing import Any
 
@@ -34,11 +34,11 @@ async def test_the_drone_flies_home(composition: Any, make: Any) -> None:
     assert trip.home_plan.deliveries[0].station_id == "a"
 
 
-async def test_a_drone_whose_home_is_out_of_reach_stays_where_it_can_charge(
+async def test_a_drone_that_cannot_fly_home_stays_at_a_station_with_pads(
     composition: Any, make: Any
 ) -> None:
     network = make.network(stations="abcdef")
-    # Nobody flies to f: its only segment leads away from it.
+    # No drone can fly to f: its only segment leads away from it.
     network["features"][-1]["properties"] |= {"from": "f", "to": "e", "one_way": True}
     network["features"][-1]["geometry"]["coordinates"].reverse()
     await composition.publish(network)

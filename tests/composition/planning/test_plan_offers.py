@@ -1,10 +1,10 @@
-"""Offers: composed as seldom as possible, ranked as asked."""
+"""Offers: composed as seldom as possible, ranked as the customer asks."""
 
 from typing import Any
 
 import pytest
 from skyway_composition.planning.find_trip import TripFinder
-from skyway_composition.planning.lower_bounds import Least
+from skyway_composition.planning.lower_bounds import LowerBounds
 from skyway_composition.planning.offer import Limits
 from skyway_composition.planning.plan_offers import plan_offers
 from skyway_composition.planning.solver_pool import SolverPool
@@ -21,7 +21,7 @@ pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 
 
 class CountingSolver(SolverPool):
-    """Remembers what it was asked, but for the ways home."""
+    """Remembers the problems that it composed, without the ways home."""
 
     def __init__(self) -> None:
         super().__init__(threads=1, time_limit_s=5.0)
@@ -34,7 +34,7 @@ class CountingSolver(SolverPool):
 
 
 async def offers_of(composition: Any, request: Any, *candidates: Any, busy: Any = ()) -> Any:
-    """The offers, and the stations from which was composed."""
+    """The offers, and the start stations of all compositions."""
     skyway = await composition.parts.networks.current("row")
     world = await World.of(skyway, composition.parts.db, after_ms=0)
     start_ms = moment_to_ms(composition.clock.now())
@@ -50,7 +50,7 @@ async def offers_of(composition: Any, request: Any, *candidates: Any, busy: Any 
     return offers, solver.asked
 
 
-async def test_drones_that_are_alike_are_composed_once(composition: Any, make: Any) -> None:
+async def test_equal_drones_are_composed_once(composition: Any, make: Any) -> None:
     drones = [make.candidate(number) for number in range(5)]
 
     offers, asked = await offers_of(composition, make.request("b"), *drones)
@@ -84,7 +84,7 @@ async def test_a_drone_that_may_be_cheaper_is_composed_when_the_price_counts(
 
 @pytest.mark.parametrize("soc", [1.0, 0.4])
 @pytest.mark.parametrize("station_id", list("abcde"))
-async def test_no_offer_has_less_than_the_least_values(
+async def test_no_offer_is_below_its_lower_bounds(
     composition: Any, make: Any, station_id: str, soc: float
 ) -> None:
     skyway = await composition.parts.networks.current("row")
@@ -92,14 +92,14 @@ async def test_no_offer_has_less_than_the_least_values(
     for request in (make.request("b"), make.request("c", "e"), make.request("e", "a", "c")):
         offers, _ = await offers_of(composition, request, candidate)
 
-        least = Least.of(skyway, request, Shortlist.of([candidate]))
+        least = LowerBounds.of(skyway, request, Shortlist.of([candidate]))
         values = offers.ranked[0].values
         assert least.time_s[0] <= values.time_s + 1e-6
         assert least.price[0] <= values.price
         assert least.energy_j[0] <= values.energy_j * (1 + 1e-9)
 
 
-async def test_the_least_price_is_what_each_tariff_asks_for_the_least_way(
+async def test_the_lowest_price_is_the_tariff_for_the_shortest_way(
     composition: Any, make: Any
 ) -> None:
     skyway = await composition.parts.networks.current("row")
@@ -115,7 +115,7 @@ async def test_the_least_price_is_what_each_tariff_asks_for_the_least_way(
     ]
     request = make.request("e")
 
-    least = Least.of(skyway, request, Shortlist.of(candidates))
+    least = LowerBounds.of(skyway, request, Shortlist.of(candidates))
 
     length, charging, *others = least.price.tolist()
     assert length > 0 < charging
@@ -130,7 +130,7 @@ async def test_the_least_price_is_what_each_tariff_asks_for_the_least_way(
     ]
 
 
-async def test_a_segment_shorter_than_the_great_circle_lowers_the_least_time(
+async def test_a_segment_shorter_than_the_great_circle_lowers_the_time_bound(
     composition: Any, make: Any
 ) -> None:
     network = make.network()

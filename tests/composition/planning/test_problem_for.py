@@ -1,4 +1,4 @@
-"""Margins: in every plan that is booked, in none that is only asked for."""
+"""Margins: every booked plan has them, a pure composition has none."""
 
 from typing import Any
 
@@ -12,7 +12,7 @@ from skyway.drone.power import flight_power_w
 pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 
 
-def test_a_margin_is_a_share_of_what_every_flight_takes(migrated_url: str) -> None:
+def test_a_margin_is_a_share_of_the_energy_of_every_flight(migrated_url: str) -> None:
     careful = with_margin(PAPER_SCENARIO, 0.25)
 
     for load_kg in (0.0, 3.0):
@@ -34,9 +34,7 @@ async def composed(composition: Any) -> Plan:
     return Plan.model_validate_json(answer.content)
 
 
-async def test_a_composition_that_is_only_asked_for_has_no_margins(
-    composition: Any, make: Any
-) -> None:
+async def test_a_pure_composition_has_no_margins(composition: Any, make: Any) -> None:
     await composition.publish(make.network(energy_margin=0.0, pad_gap_s=0))
     bare = await composed(composition)
     await composition.publish(make.network(energy_margin=0.5, pad_gap_s=3_600))

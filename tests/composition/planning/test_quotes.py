@@ -1,4 +1,4 @@
-"""POST /internal/quotes: what each provider would offer, ranked as asked, and why others do not."""
+"""POST /internal/quotes: ranked offers of providers, and why other providers make none."""
 
 from typing import Any
 
@@ -21,7 +21,7 @@ async def quote(composition: Any, request: Any, *candidates: Any) -> QuoteAnswer
 
 @pytest.fixture
 def drones(make: Any) -> list[Any]:
-    """Provider 1 is near and dear, 2 is farther away and cheap."""
+    """Provider 1 is near and expensive, provider 2 is farther away and cheap."""
     return [
         make.candidate(1, tariff=Tariff(base=900, per_km=10)),
         make.candidate(2, provider_id="prv_2", station_id="b", tariff=Tariff(base=100, per_km=10)),
@@ -38,7 +38,7 @@ def drones(make: Any) -> list[Any]:
         ({"weights": {"time": 0.1, "price": 0.9}}, ["prv_2", "prv_1"]),
     ],
 )
-async def test_offers_are_ordered_as_asked_and_their_score_says_why(
+async def test_offers_are_ordered_by_the_score_of_the_requested_weights(
     composition: Any, make: Any, drones: Any, qos: Any, order: list[str]
 ) -> None:
     request = make.request("c", qos=qos)
@@ -72,7 +72,7 @@ async def test_an_offer_shows_the_margins_that_it_would_be_booked_with(
 
 
 async def test_a_provider_offers_its_drone_with_the_best_plan(composition: Any, make: Any) -> None:
-    # The nearest has to be charged first; only its plan tells.
+    # Drone 1 is nearer but must charge first, which only its plan shows.
     empty = make.candidate(1, soc=0.15)
     full = make.candidate(2, station_id="b")
 
@@ -125,7 +125,7 @@ async def test_a_pinned_provider_that_cannot_serve_gives_its_reason(
     assert named <= set(reason.data)
 
 
-async def test_a_deadline_that_cannot_be_kept_is_named_with_its_seconds(
+async def test_an_impossible_deadline_is_named_with_its_seconds(
     composition: Any, make: Any
 ) -> None:
     soon = composition.clock.now().replace(minute=59).isoformat()
@@ -136,6 +136,24 @@ async def test_a_deadline_that_cannot_be_kept_is_named_with_its_seconds(
     (reason,) = answer.infeasible
     assert reason.code == "TOO_LATE"
     assert reason.data["least_s"] > reason.data["latest_s"] > 0
+
+
+async def test_without_a_deadline_a_provider_is_never_too_late(composition: Any, make: Any) -> None:
+    await composition.publish(make.network(pads={"b": 0, "c": 0, "d": 0}))
+
+    answer = await quote(composition, make.request("e"), make.candidate())
+
+    (reason,) = answer.infeasible
+    assert reason.code == "OUT_OF_RANGE"
+
+
+async def test_a_quote_of_an_empty_system_says_how_to_publish_a_network(
+    unpublished: Any, make: Any
+) -> None:
+    answer = await quote(unpublished, make.request("c"), make.candidate())
+
+    (reason,) = answer.infeasible
+    assert reason.detail == "no network is published: skyway network import bundled"
 
 
 async def test_a_drone_under_a_ground_stop_makes_no_offer(composition: Any, make: Any) -> None:

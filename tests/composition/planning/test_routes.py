@@ -1,4 +1,4 @@
-"""POST /v1/compositions: any problem gets a plan, a proof, or the field that is wrong."""
+"""POST /v1/compositions: every problem gets a plan, a proof, or the name of the wrong field."""
 
 import asyncio
 from datetime import timedelta
@@ -30,7 +30,7 @@ async def compose(composition: Any, body: Any) -> Any:
     return await composition("customer:c", "POST", "/v1/compositions", body)
 
 
-async def test_an_inline_network_is_composed_on(composition: Any, make: Any) -> None:
+async def test_a_problem_with_an_inline_network_gets_a_plan(composition: Any, make: Any) -> None:
     answer = await compose(composition, problem(make.network()))
 
     assert answer.status_code == 200
@@ -47,7 +47,9 @@ async def test_a_plan_shows_its_proof_and_how_it_was_found(composition: Any, mak
     assert plan["stats"]["stations_searched"] > 0
 
 
-async def test_a_plan_that_a_limit_ended_shows_its_gap(composition: Any, make: Any) -> None:
+async def test_a_plan_of_a_limited_search_shows_its_lower_bound(
+    composition: Any, make: Any
+) -> None:
     body = problem(make.network(), label_limit=1)
 
     plan = (await compose(composition, body)).json()
@@ -56,7 +58,7 @@ async def test_a_plan_that_a_limit_ended_shows_its_gap(composition: Any, make: A
     assert plan["lower_bound_s"] > 0
 
 
-async def test_that_other_drones_leave_no_pad_in_time_is_proven(
+async def test_reservations_that_leave_no_pad_in_time_are_named(
     composition: Any, make: Any
 ) -> None:
     held = {"station_id": "b", "pad": 0, "start_s": 0, "end_s": None}
@@ -67,7 +69,7 @@ async def test_that_other_drones_leave_no_pad_in_time_is_proven(
     assert plan["infeasibility"]["code"] == "NO_PAD_IN_TIME"
 
 
-async def test_a_published_network_comes_with_the_reservations_that_are_known(
+async def test_a_published_network_includes_its_stored_reservations(
     composition: Any, make: Any
 ) -> None:
     await composition.publish(make.network(pads={"b": 1}))
@@ -80,7 +82,7 @@ async def test_a_published_network_comes_with_the_reservations_that_are_known(
     assert free.json()["delivery_time_s"] < taken.json()["delivery_time_s"]
 
 
-async def test_given_reservations_are_added_to_the_known_ones(composition: Any, make: Any) -> None:
+async def test_given_reservations_are_added_to_stored_ones(composition: Any, make: Any) -> None:
     await composition.publish(make.network(pads={"b": 1}))
     held = {"station_id": "b", "pad": 0, "start_s": 0, "end_s": 9000}
 
@@ -91,7 +93,9 @@ async def test_given_reservations_are_added_to_the_known_ones(composition: Any, 
     assert answer.json()["waiting_s"] > 0
 
 
-async def test_that_there_is_no_plan_is_an_answer(composition: Any, make: Any) -> None:
+async def test_an_infeasible_problem_is_answered_with_the_reason(
+    composition: Any, make: Any
+) -> None:
     heavy = [{"package_id": "p1", "mass_kg": 99, "destination": "c"}]
 
     answer = await compose(composition, problem(make.network(), packages=heavy))
@@ -119,7 +123,7 @@ WRONG_MEMBERS: list[tuple[dict[str, Any], str]] = [
 ]
 
 
-async def test_what_is_wrong_is_named(
+async def test_the_wrong_field_is_named(
     composition: Any, make: Any, subtests: pytest.Subtests
 ) -> None:
     for members, field in WRONG_MEMBERS:
@@ -130,8 +134,16 @@ async def test_what_is_wrong_is_named(
             assert answer.json()["errors"][0]["field"].startswith(field)
 
 
+async def test_an_empty_system_says_how_to_publish_a_network(unpublished: Any) -> None:
+    answer = await compose(unpublished, problem({"network_id": "row"}))
+
+    assert (answer.status_code, answer.json()["errors"][0]["field"]) == (422, "network")
+    detail = answer.json()["errors"][0]["detail"]
+    assert detail == "no network is published: skyway network import bundled"
+
+
 @pytest.mark.parametrize("body", [[], 7, None, "x"])
-async def test_a_body_that_is_no_problem_is_refused(composition: Any, body: Any) -> None:
+async def test_a_body_that_is_not_a_problem_is_refused(composition: Any, body: Any) -> None:
     answer = await compose(composition, body)
 
     assert answer.status_code in (400, 422)
@@ -154,7 +166,7 @@ async def test_planning_changes_nothing(composition: Any, make: Any) -> None:
     assert await composition.rows("SELECT * FROM missions") == []
 
 
-async def test_no_booking_waits_behind_plans_that_are_only_asked_for(composition: Any) -> None:
+async def test_no_booking_waits_behind_pure_compositions(composition: Any) -> None:
     city = synthetic_city(stations=60, seed=1)
     source, *others = list(city.stations)[:9]
     packages = [{"package_id": place, "mass_kg": 0.01, "destination": place} for place in others]

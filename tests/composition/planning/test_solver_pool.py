@@ -1,4 +1,4 @@
-"""The solver pool: bounded, and never searching for nobody."""
+"""The solver pool limits its searches and ends a search when its caller leaves."""
 
 import asyncio
 import sys
@@ -36,7 +36,7 @@ async def test_plans_are_made_beside_the_event_loop(make: Any) -> None:
     assert all(plan.is_flyable for plan in plans)
 
 
-async def test_a_search_whose_time_is_up_says_unknown(make: Any) -> None:
+async def test_a_search_that_runs_out_of_time_answers_unknown(make: Any) -> None:
     async with SolverPool(threads=1, time_limit_s=0.0) as solver:
         plan = await solver.compose(make_problem(make, strategy="exhaustive"))
 
@@ -45,7 +45,7 @@ async def test_a_search_whose_time_is_up_says_unknown(make: Any) -> None:
 
 @pytest.fixture
 def local(make: Any) -> dict[str, Any]:
-    """What a pool is told of a problem that it may compose at once, but the problem."""
+    """The arguments, besides the problem, with which a pool composes on the event loop."""
     network = read_network(make.network())
     return {"airspace": Airspace.of(network), "hierarchy": Hierarchy.of(network)}
 
@@ -56,7 +56,7 @@ def without_times(plan: Plan) -> Plan:
 
 @pytest.mark.parametrize("labels", [*range(1, 33), 2_048])
 @pytest.mark.parametrize("members", [{}, {"latest_delivery_s": 10.0}])
-async def test_a_plan_does_not_depend_on_how_far_is_searched_at_once(
+async def test_a_plan_does_not_depend_on_the_limit_of_inline_labels(
     make: Any, local: Any, labels: int, members: Any
 ) -> None:
     problem = make_problem(make, **members)
@@ -70,12 +70,12 @@ async def test_a_plan_does_not_depend_on_how_far_is_searched_at_once(
     assert without_times(plan) == without_times(expected)
 
 
-async def test_a_small_problem_waits_for_no_thread(make: Any, local: Any) -> None:
+async def test_a_small_problem_needs_no_thread(make: Any, local: Any) -> None:
     async with SolverPool(threads=1, time_limit_s=5.0, inline_labels=2_048) as solver:
         await solver.warm()
         composing = solver.compose(make_problem(make), **local)
 
-        # It gives way to others once, and then has its plan.
+        # It lets other tasks run once, and then has its plan.
         composing.send(None)
         with pytest.raises(StopIteration) as made:
             composing.send(None)
@@ -83,7 +83,7 @@ async def test_a_small_problem_waits_for_no_thread(make: Any, local: Any) -> Non
     assert made.value.value.is_flyable
 
 
-async def test_many_small_problems_leave_others_their_turn(make: Any, local: Any) -> None:
+async def test_other_tasks_run_between_many_small_problems(make: Any, local: Any) -> None:
     turns = 0
 
     async def others() -> None:
@@ -102,8 +102,8 @@ async def test_many_small_problems_leave_others_their_turn(make: Any, local: Any
     assert turns >= 10
 
 
-async def test_a_problem_that_takes_many_labels_holds_the_event_loop_no_longer(make: Any) -> None:
-    """Nothing can be delivered in 10 s, which is seen soon; why it cannot takes many labels."""
+async def test_a_problem_with_many_labels_does_not_block_the_event_loop(make: Any) -> None:
+    """No delivery is possible in 10 s. This is found soon, but its proof needs many labels."""
     network = synthetic_city(stations=400, seed=1)
     problem = make_problem(
         make,
@@ -130,7 +130,7 @@ async def test_a_problem_that_takes_many_labels_holds_the_event_loop_no_longer(m
             sys.setprofile(None)
         composing.close()
 
-    # A look at each station alone takes more.
+    # Visiting each station once takes longer than that.
     assert calls < 1_000
 
 
@@ -151,7 +151,7 @@ async def test_a_problem_that_takes_many_labels_holds_the_event_loop_no_longer(m
         },
     ],
 )
-async def test_what_may_take_long_goes_to_a_thread(make: Any, local: Any, members: Any) -> None:
+async def test_a_large_problem_goes_to_a_thread(make: Any, local: Any, members: Any) -> None:
     async with SolverPool(threads=1, time_limit_s=5.0, inline_labels=2_048) as solver:
         await solver.warm()
         composing = asyncio.ensure_future(solver.compose(make_problem(make, **members), **local))

@@ -23,13 +23,13 @@ def make_trip(*steps: Recharge, home_recharge: Recharge | None = None) -> Trip:
     )
 
 
-def test_sessions_are_booked_outward_to_whole_milliseconds() -> None:
+def test_sessions_are_rounded_outward_to_whole_milliseconds() -> None:
     trip = make_trip(recharge(0.0015, 4.0001))
 
     assert trip.booked_pads == (BookedPad(A, 0, 1_000_001, 1_004_001),)
 
 
-def test_a_moment_that_is_a_millisecond_but_for_rounding_is_that_millisecond() -> None:
+def test_a_moment_within_rounding_of_a_millisecond_is_that_millisecond() -> None:
     trip = make_trip(recharge(1.001, 4.0009999999999994))
 
     assert trip.booked_pads == (BookedPad(A, 0, 1_001_001, 1_004_001),)
@@ -51,7 +51,7 @@ def test_the_drone_is_released_when_it_is_charged_at_home() -> None:
     assert trip.released_ms == 1_016_500
 
 
-def test_the_package_of_the_way_home_is_not_flown() -> None:
+def test_the_way_home_has_no_pick_up_and_no_deliver_step() -> None:
     home = Plan(
         status=PlanStatus.FEASIBLE,
         delivery_time_s=3.0,

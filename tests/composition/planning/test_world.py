@@ -1,4 +1,4 @@
-"""A world holds until something in its network is published, closed or lifted."""
+"""A world still holds until its network is published again, closed or reopened."""
 
 from typing import Any
 
@@ -22,13 +22,13 @@ async def holds(composition: Any, world: World) -> bool:
 async def test_a_world_holds_while_nothing_changes(composition: Any) -> None:
     world = await look(composition)
 
-    # Reservations are checked by the database itself.
+    # The database itself checks reservations.
     await composition.book()
 
     assert await holds(composition, world)
 
 
-async def test_a_closure_ends_a_world_and_so_does_its_lifting(composition: Any) -> None:
+async def test_a_world_no_longer_holds_after_a_closure_or_its_lifting(composition: Any) -> None:
     before = await look(composition)
     made = await composition(OPERATOR, "POST", "/v1/stations/e/closures")
     during = await look(composition)
@@ -41,7 +41,7 @@ async def test_a_closure_ends_a_world_and_so_does_its_lifting(composition: Any) 
     assert await holds(composition, await look(composition))
 
 
-async def test_a_ground_stop_everywhere_ends_all_worlds(composition: Any) -> None:
+async def test_no_world_holds_after_a_ground_stop_everywhere(composition: Any) -> None:
     world = await look(composition)
 
     await composition(OPERATOR, "POST", "/v1/ground-stops", {"reason": "storm"})
@@ -49,7 +49,9 @@ async def test_a_ground_stop_everywhere_ends_all_worlds(composition: Any) -> Non
     assert not await holds(composition, world)
 
 
-async def test_a_closure_in_another_network_ends_no_world(composition: Any, make: Any) -> None:
+async def test_a_world_still_holds_after_a_closure_in_another_network(
+    composition: Any, make: Any
+) -> None:
     await composition(OPERATOR, "PUT", "/v1/networks/other", make.network(stations="xy"))
     world = await look(composition)
 
@@ -59,7 +61,7 @@ async def test_a_closure_in_another_network_ends_no_world(composition: Any, make
     assert await holds(composition, world)
 
 
-async def test_a_new_version_ends_a_world(composition: Any, make: Any) -> None:
+async def test_a_world_no_longer_holds_after_a_new_version(composition: Any, make: Any) -> None:
     world = await look(composition)
 
     await composition.publish(make.network(loading_s=1))
@@ -67,7 +69,7 @@ async def test_a_new_version_ends_a_world(composition: Any, make: Any) -> None:
     assert not await holds(composition, world)
 
 
-async def test_the_gap_between_drones_is_the_networks_unless_said_otherwise(
+async def test_the_gap_between_drones_is_the_networks_unless_given(
     composition: Any, make: Any
 ) -> None:
     await composition.publish(make.network(pad_gap_s=60))

@@ -1,4 +1,4 @@
-"""GET /v1/stats/missions: what is under way, and what waits to be sent."""
+"""GET /v1/stats/missions: missions under way, and messages that wait to be sent."""
 
 from typing import Any
 
@@ -18,7 +18,7 @@ async def insert(composition: Any, table: str, **values: object) -> None:
 
 @pytest.fixture
 async def busy(composition: Any) -> Any:
-    """Missions of two providers, one of them over."""
+    """Missions of two providers; one mission is over."""
     now_ms = moment_to_ms(composition.clock.now())
     states = [("ACTIVE", "prv_1"), ("ACTIVE", "prv_2"), ("BOOKED", "prv_1"), ("ABORTED", "prv_1")]
     for number, (state, provider_id) in enumerate(states):
@@ -55,13 +55,13 @@ async def test_missions_that_are_not_over_are_counted_by_state(busy: Any) -> Non
     assert (await asked(busy, "operator:op"))["by_state"] == {"ACTIVE": 2, "BOOKED": 1}
 
 
-async def test_a_provider_counts_its_own_missions_only(busy: Any) -> None:
+async def test_a_provider_sees_only_its_own_missions(busy: Any) -> None:
     found = await asked(busy, "provider:prv_2")
 
     assert (found["by_state"], found["unsent"]) == ({"ACTIVE": 1}, {})
 
 
-async def test_what_waits_to_leave_is_counted_by_channel(busy: Any) -> None:
+async def test_unsent_messages_are_counted_by_channel(busy: Any) -> None:
     before = (await asked(busy, "operator:op"))["unsent"].get("gateway", 0)
     for _ in range(2):
         await insert(
@@ -79,5 +79,5 @@ async def test_what_waits_to_leave_is_counted_by_channel(busy: Any) -> None:
     assert (await asked(busy, "operator:op"))["unsent"]["gateway"] == before + 2
 
 
-async def test_customers_are_not_told(busy: Any) -> None:
+async def test_customers_may_not_see_mission_statistics(busy: Any) -> None:
     assert (await busy("customer:c1", "GET", "/v1/stats/missions")).status_code == 403

@@ -1,4 +1,4 @@
-"""GET /v1/stats/pads and /v1/stats/drones: numbers worked out by hand, on both databases."""
+"""GET /v1/stats/pads and /v1/stats/drones: numbers computed by hand, on both databases."""
 
 from collections.abc import Sequence
 from datetime import timedelta
@@ -31,7 +31,7 @@ async def add_mission(
     drone_id: str = "drn_1",
     provider_id: str = "prv_1",
 ) -> None:
-    """A mission that is over; minutes count from the test's beginning."""
+    """A mission that is over; minutes count from the start of the test."""
     start_ms = moment_to_ms(composition.clock.now())
     await insert(composition, "deliveries", delivery_id=f"dlv_{mission_id}")
     await insert(
@@ -117,7 +117,7 @@ async def ask(flown: Any, what: str, query: str = "", *, to: int = 60, by: str =
     return answer.json()
 
 
-async def test_how_much_pads_were_taken(flown: Any) -> None:
+async def test_pad_use_is_counted(flown: Any) -> None:
     found = await ask(flown, "pads")
 
     stations = {one["station_id"]: one for one in found["items"]}
@@ -143,7 +143,7 @@ async def test_how_much_pads_were_taken(flown: Any) -> None:
     }
 
 
-async def test_what_drones_spent_their_time_on(flown: Any) -> None:
+async def test_drone_use_is_counted(flown: Any) -> None:
     found = await ask(flown, "drones")
 
     first, second = found["items"]
@@ -167,10 +167,10 @@ async def test_what_drones_spent_their_time_on(flown: Any) -> None:
     assert found["total"]["utilisation"] == pytest.approx(106 / 120)
 
 
-async def test_a_span_cuts_what_it_holds(flown: Any) -> None:
+async def test_only_the_part_of_a_step_within_the_span_counts(flown: Any) -> None:
     pads = {one["station_id"]: one for one in (await ask(flown, "pads", to=20))["items"]}
     assert (pads["b"]["sessions"], pads["b"]["charging_s"]) == (2, (5 + 10) * 60.0)
-    # What ends where the span begins, or begins where it ends, is not in it.
+    # Steps that only touch the span do not count.
     assert pads["c"]["sessions"] == 0
     drones = await ask(flown, "drones", to=20)
     assert [one["busy_s"] for one in drones["items"]] == [1200.0, 1200.0]
@@ -178,7 +178,7 @@ async def test_a_span_cuts_what_it_holds(flown: Any) -> None:
     assert drones["total"]["utilisation"] == 1.0
 
 
-async def test_time_to_come_is_not_counted_as_idle(flown: Any) -> None:
+async def test_future_time_does_not_count_as_idle(flown: Any) -> None:
     found = await ask(flown, "drones", to=600)
     # Two hours have passed.
     assert found["items"][1]["utilisation"] == pytest.approx(80 / 120)
@@ -187,7 +187,7 @@ async def test_time_to_come_is_not_counted_as_idle(flown: Any) -> None:
 @pytest.mark.parametrize(
     ("by", "query"), [(OPERATOR, "&provider_id=prv_2"), ("provider:prv_2", "")]
 )
-async def test_a_providers_own_only(flown: Any, by: str, query: str) -> None:
+async def test_a_provider_sees_only_its_own_use(flown: Any, by: str, query: str) -> None:
     pads, drones = [await ask(flown, what, query, by=by) for what in ("pads", "drones")]
 
     assert (pads["provider_id"], drones["provider_id"]) == ("prv_2", "prv_2")
@@ -198,7 +198,7 @@ async def test_a_providers_own_only(flown: Any, by: str, query: str) -> None:
 
 
 @pytest.mark.parametrize("what", ["pads", "drones"])
-async def test_who_may_see_what(flown: Any, what: str) -> None:
+async def test_customers_and_drones_may_not_see_use(flown: Any, what: str) -> None:
     for caller, query, status in (
         ("customer:alice", "", 403),
         ("provider:prv_1", "?provider_id=prv_2", 404),
@@ -209,7 +209,7 @@ async def test_who_may_see_what(flown: Any, what: str) -> None:
         assert (await flown(caller, "GET", f"/v1/stats/{what}{query}")).status_code == status
 
 
-async def test_pages_and_networks(flown: Any) -> None:
+async def test_use_is_listed_in_pages_and_by_network(flown: Any) -> None:
     first = await ask(flown, "pads", "&limit=3&network_id=row")
     cursor = first["next_cursor"]
     rest = await ask(flown, "pads", f"&limit=3&network_id=row&cursor={cursor}")
@@ -222,13 +222,13 @@ async def test_pages_and_networks(flown: Any) -> None:
     assert [each["drone_id"] for each in one["items"] + two["items"]] == ["drn_1", "drn_2"]
 
 
-async def test_nothing_flown_is_nothing_used(composition: Any) -> None:
+async def test_without_flights_all_numbers_are_zero(composition: Any) -> None:
     found = (await composition(OPERATOR, "GET", "/v1/stats/drones")).json()
     assert (found["items"], found["total"]["drones"]) == ([], 0)
     assert found["total"]["utilisation"] is None
 
 
-async def test_steps_that_were_reported_are_counted(composition: Any, drone: Any) -> None:
+async def test_reported_steps_are_counted(composition: Any, drone: Any) -> None:
     await composition.book()
     [instruction] = await composition.sent()
     await composition.receive(drone.ack(instruction), *drone.flown(instruction))
@@ -248,8 +248,8 @@ async def test_steps_that_were_reported_are_counted(composition: Any, drone: Any
     assert spent["FLY"] > 0
 
 
-async def test_a_step_that_was_cut_is_counted_once(flown: Any) -> None:
-    """drn_1 charged at d from 60 to 70, was cut, and charged on from 75 to 80."""
+async def test_a_step_that_was_cut_short_is_counted_once(flown: Any) -> None:
+    """drn_1 charged at d from 60 to 70, was cut short, and charged again from 75 to 80."""
     start_ms = moment_to_ms(flown.began_at)
     session = {
         "mission_id": "msn_2",
@@ -274,5 +274,5 @@ async def test_a_step_that_was_cut_is_counted_once(flown: Any) -> None:
     assert after["items"][3]["sessions"] == 2
     drone = (await ask(flown, "drones", to=120))["items"][0]
     assert drone["recharging_s"] == (20 + 10 + 5) * 60.0
-    # From its second mission's flight at 50 on.
+    # From the flight of its second mission at minute 50.
     assert drone["busy_s"] == (41 + 30) * 60.0

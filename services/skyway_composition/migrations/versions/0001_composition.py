@@ -1,4 +1,4 @@
-"""Composition's first tables, and the rule that no pad is held twice."""
+"""Composition's first tables, and the rule that no pad has two overlapping reservations."""
 
 import sqlalchemy as sa
 from alembic import op
@@ -8,7 +8,7 @@ down_revision = None
 branch_labels = None
 depends_on = None
 
-# I1 on PostgreSQL; GiST compares text and integers only with btree_gist.
+# I1 on PostgreSQL. GiST can compare text and integers only with btree_gist.
 _NO_OVERLAP_POSTGRESQL = (
     "CREATE EXTENSION IF NOT EXISTS btree_gist",
     (
@@ -22,7 +22,7 @@ _OVERLAPS = (
     "AND other.pad = NEW.pad AND other.start_ms < NEW.end_ms AND NEW.start_ms < other.end_ms"
 )
 
-# I1 on SQLite: its one writer makes looking first safe.
+# I1 on SQLite. A check before the write is safe, because SQLite has one writer.
 _NO_OVERLAP_SQLITE = (
     (
         "CREATE TRIGGER pad_taken_on_insert BEFORE INSERT ON pad_reservations "

@@ -1,4 +1,4 @@
-"""What happens in the world, plans that live, alarms and cancellations."""
+"""Tables for closures, new revisions of plans, alarms and cancellations."""
 
 import json
 from datetime import datetime
@@ -50,7 +50,7 @@ def upgrade() -> None:
 
 
 def _fill_planned_steps() -> None:
-    """Missions may be under way: a closure has to find what they will fly."""
+    """Fill the new columns of planned steps, so that closures find missions under way."""
     steps = sa.table(
         "mission_steps",
         *(sa.column(name) for name in ("mission_id", "step_id", "status", "step", "kind")),

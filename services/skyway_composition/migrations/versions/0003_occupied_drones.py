@@ -1,4 +1,4 @@
-"""Whether a drone says that it is on a mission, or down away from every station."""
+"""A column for drones that report a mission, or have landed away from every station."""
 
 import sqlalchemy as sa
 from alembic import op

@@ -1,4 +1,4 @@
-"""When the next step of each mission is planned to end, to find those that are late."""
+"""The planned end of each mission's next step, to find missions that are late."""
 
 import sqlalchemy as sa
 from alembic import op

@@ -1,7 +1,7 @@
-"""Occupied drones found among those few, and room to rewrite links where they stand.
+"""An index of occupied drones, and free space in the pages of links.
 
-A link is written with every word of its drone. Where its page has room, PostgreSQL needs no new
-entry in any index; where it has none, whoever looks for the link passes all that it was before.
+Every message of a drone rewrites its link. While the page has free space, PostgreSQL needs no new
+index entry. Without free space, every search for the link also reads its old row versions.
 """
 
 import sqlalchemy as sa

@@ -124,7 +124,7 @@ class Bookings:
             self.clock,
             earliest_at=requested.request.earliest_pickup_at,
             # After a round that came too late, the next round has twice the time.
-            patience=2**round_number,
+            margin_factor=2**round_number,
         )
         limits = Limits.of(requested.request.qos).within(offer, start_ms=begins_ms)
         return _Round(

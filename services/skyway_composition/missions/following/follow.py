@@ -64,7 +64,7 @@ class Follower:
         self._clock = clock
         self._mint = mint
         self._stuck = stuck
-        self._last_heard = CachedLinks(clock)
+        self._cached_links = CachedLinks(clock)
         self._batches = mqtt.batches(ACKS, EVENTS, STATE, CONNECTION)
         self._batch: list[Received[Any]] = []
         self._tries = 0
@@ -97,7 +97,7 @@ class Follower:
         if not batch:
             return
         writers = {DroneId(each.ids[1]): ProviderId(each.ids[0]) for each in reversed(batch)}
-        self._last_heard.forget(writers)
+        self._cached_links.forget(writers)
         async with self._db.write() as tx:
             work = await MissionUnitOfWork.lock(writers, tx=tx, clock=self._clock, mint=self._mint)
             # In sorted order, as every transaction locks links.
@@ -108,21 +108,21 @@ class Follower:
             await work.save_staged()
             if any(record.needs_plan for record in work.missions.values()):
                 tx.after_commit(self._stuck.set)
-        self._last_heard.keep(work.links.values())
+        self._cached_links.keep(work.links.values())
 
     async def _without_repeated(self, batch: Sequence[Received[Any]]) -> Sequence[Received[Any]]:
         """The batch without the drones that only repeat their last messages."""
         said: dict[DroneId, list[Received[Any]]] = defaultdict(list)
         for received in batch:
             said[DroneId(received.ids[1])].append(received)
-        again = {each for each in said if self._last_heard.repeats_known_facts(each, said[each])}
+        again = {each for each in said if self._cached_links.changes_nothing(each, said[each])}
         if not again:
             return batch
         async with self._db.read() as connection:
             # For a drone on a mission the time of its last message matters: it must be saved.
             again -= await store.live_among(connection, again)
         for drone_id in again:
-            self._last_heard.note(drone_id, said[drone_id])
+            self._cached_links.note(drone_id, said[drone_id])
         return [each for each in batch if DroneId(each.ids[1]) not in again]
 
     async def ask_live_drones(self) -> None:

@@ -28,7 +28,7 @@ from skyway_composition.missions.replanning.remainder.landing import (
 from skyway_composition.planning.compose_in import compose_in
 from skyway_composition.planning.find_trip import NOTHING_TO_DELIVER, NoTrip, round_trip, way_home
 from skyway_composition.planning.problem_for import (
-    PackageOnBoard,
+    AimedPackage,
     Standing,
     delivery_problem,
     landing_problem,
@@ -151,7 +151,7 @@ class RemainderPlanner:
         if anchor.carried:
             aimed = replace(record, aims=aims)
             loads = [
-                PackageOnBoard(each, aimed.aim_of(each)) for each in record.packages(anchor.carried)
+                AimedPackage(each, aimed.aim_of(each)) for each in record.packages(anchor.carried)
             ]
             problem = onward_problem(self.world, drone, loads=loads, start_ms=start_ms)
         elif anchor.has_loaded or trouble.code == CALLED_HOME:
