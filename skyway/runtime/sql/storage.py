@@ -156,6 +156,8 @@ async def _connect(connection: ConnectionT) -> AsyncIterator[ConnectionT]:
     try:
         with lost_connection_is_unavailable():
             yield connection
-    finally:
+    except BaseException:
         # A cancelled block must still give its connection back.
         await asyncio.shield(connection.close())
+        raise
+    await connection.close()
