@@ -19,13 +19,13 @@ from skyway.runtime.http.app import (
     nothing_to_wait_for,
 )
 from skyway.runtime.http.identity import read_secret
-from skyway.runtime.idempotency.memory import sweep
+from skyway.runtime.idempotency.answer_store import sweep
 from skyway.runtime.loops import Loops, repeat
 from skyway.runtime.minting import mint
 from skyway.runtime.mqtt.client import MqttClient
 from skyway.runtime.outbox.mqtt_sender import MqttSender
-from skyway.runtime.outbox.paces import unhurried
 from skyway.runtime.outbox.report_sender import ReportSender
+from skyway.runtime.outbox.stream_sender import unhurried_pace
 from skyway.runtime.sql.migrations import migrate
 from skyway_gateway.access.routes import key_routes
 from skyway_gateway.audit.routes import audit_routes
@@ -133,7 +133,7 @@ def build_app(settings: GatewaySettings) -> FastAPI:
             await opened.enter_async_context(parts.post)
             await opened.enter_async_context(mqtt)
             loops = await opened.enter_async_context(Loops())
-            messages = MqttSender(parts.db, mqtt, parts.clock, pace=unhurried())
+            messages = MqttSender(parts.db, mqtt, parts.clock, pace=unhurried_pace())
             loops.start("messages", messages.run())
             receivers = {"composition": parts.clients["composition"]}
             loops.start("reports", ReportSender(parts.db, receivers, parts.clock).run())

@@ -21,8 +21,7 @@ from skyway.cli.gateway import read_keys
 from skyway.cli.system.children import PACKAGES, named_broker
 from skyway.errors import SkywayError
 from skyway.runtime.mqtt.address import BrokerAddress
-from skyway.runtime.mqtt.link import MqttLink
-from skyway.runtime.mqtt.paho_client import Login
+from skyway.runtime.mqtt.connection import Login, MqttConnection
 
 #: How long a database, a broker and a gateway may take to answer, wall seconds.
 _ANSWERS_WITHIN_S: Final = 5.0
@@ -150,7 +149,7 @@ def _broker(folder: DataFolder, *, is_running: bool) -> Finding:
 async def _log_in(url: str, password: str) -> None:
     """Connect to the broker as the operator, and leave it again."""
     login = Login(f"doctor-{secrets.token_hex(8)}", "operator", password, keepalive_s=10)
-    link = MqttLink(login, will=None, on_message=lambda _name, _payload, _retained: None)
+    link = MqttConnection(login, will=None, on_message=lambda _name, _payload, _retained: None)
     try:
         async with asyncio.timeout(_ANSWERS_WITHIN_S):
             await link.open(BrokerAddress.parse(url))

@@ -14,7 +14,7 @@ import asyncio, itertools, sys
 from sqlalchemy import Column, Integer, MetaData, Table
 from skyway.json_model import JsonModel
 from skyway.runtime.sql.database import Database
-from skyway.runtime.outbox.table import outbox_table
+from skyway.runtime.outbox.outbox_store import outbox_table
 
 class Note(JsonModel):
     number: int

@@ -8,8 +8,7 @@ from skyway.errors import InvalidInput
 from skyway.ids import KeyId, SubjectId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.http.identity import Caller, read_secret
-from skyway.runtime.idempotency.answer import Answer
-from skyway.runtime.idempotency.once import once
+from skyway.runtime.idempotency.once import Answer, once
 from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx

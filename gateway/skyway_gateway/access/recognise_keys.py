@@ -9,9 +9,9 @@ from datetime import timedelta
 from typing import Final, Protocol
 
 from skyway.ids import DroneId
+from skyway.runtime.answer_cache import AnswerCache
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.http.identity import Caller
-from skyway.runtime.remembered import Remembered
 from skyway.runtime.sql.database import Database
 from skyway_gateway.access import store
 from skyway_gateway.access.key import secret_hash
@@ -26,12 +26,12 @@ class CachedKeys:
 
     def __init__(self, db: Database, clock: FleetClock) -> None:
         self._db = db
-        self._cached = Remembered(self._look_up, clock=clock, kept=_KEPT, most=_MOST_CACHED)
+        self._cached = AnswerCache(self._look_up, clock=clock, kept=_KEPT, most=_MOST_CACHED)
 
     async def caller_of(self, secret: str) -> Caller | None:
         """The caller with this key; None when the key is unknown or deleted."""
         key_hash = secret_hash(secret)
-        return self._cached.answer(key_hash) or await self._cached.ask(key_hash)
+        return self._cached.cached(key_hash) or await self._cached.ask(key_hash)
 
     def forget(self) -> None:
         """Empty the cache, because a key was deleted."""

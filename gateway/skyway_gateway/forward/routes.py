@@ -11,13 +11,12 @@ from fastapi.responses import StreamingResponse
 from skyway.ids import SubjectId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import NotFound
-from skyway.runtime.http.abandonment import while_wanted
 from skyway.runtime.http.client import ServiceClient
+from skyway.runtime.http.client_disconnect import cancel_on_disconnect
+from skyway.runtime.http.idempotency_key import IdempotencyKey, response_of
 from skyway.runtime.http.identity import Caller
-from skyway.runtime.http.repeatable import IdempotencyKey, response_of
 from skyway.runtime.http.service_router import ServiceRouter
-from skyway.runtime.idempotency.answer import Answer
-from skyway.runtime.idempotency.once import once
+from skyway.runtime.idempotency.once import Answer, once
 from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.access.issue_keys import Keys
 from skyway_gateway.access.routes import KeyGate
@@ -47,7 +46,7 @@ def _handler(
 ) -> Callable[..., Awaitable[Response]]:
     async def pass_on(request: Request, caller: Caller | None) -> Response:
         path = request.scope["path"]
-        return await while_wanted(
+        return await cancel_on_disconnect(
             request, lambda read: client.forward(read, path, caller, timeout_s=row.timeout_s)
         )
 

@@ -6,13 +6,12 @@ from fastapi import Depends, Query, Request, Response
 
 from skyway.ids import SubjectId, WebhookId
 from skyway.runtime.clock import AnchoredClock, FleetClock
+from skyway.runtime.http.idempotency_key import IdempotencyKey, response_of
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.problem_answers import conflicts
-from skyway.runtime.http.repeatable import IdempotencyKey, response_of
 from skyway.runtime.http.service_router import ServiceRouter
-from skyway.runtime.idempotency.answer import Answer
-from skyway.runtime.idempotency.once import once
+from skyway.runtime.idempotency.once import Answer, once
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.access.routes import KeyGate

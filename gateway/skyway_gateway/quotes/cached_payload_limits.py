@@ -5,8 +5,8 @@ from typing import Final
 
 from skyway.contracts.candidate import PayloadLimit, PayloadLimitQuery
 from skyway.delivery.request import ProviderChoice
+from skyway.runtime.answer_cache import AnswerCache
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.remembered import Remembered
 from skyway_gateway.clients import Registry
 
 #: How long a limit is used without asking again, wall time. Fleets hardly change meanwhile, and
@@ -21,11 +21,11 @@ class CachedPayloadLimits:
 
     def __init__(self, registry: Registry, clock: FleetClock) -> None:
         self._registry = registry
-        self._cached = Remembered(self._ask, clock=clock, kept=_KEPT, most=_MOST_CACHED)
+        self._cached = AnswerCache(self._ask, clock=clock, kept=_KEPT, most=_MOST_CACHED)
 
     async def limit_for(self, heaviest_kg: float, choice: ProviderChoice) -> PayloadLimit:
         """The payload limit of the chosen providers' drones, fresh if this mass might exceed it."""
-        cached = self._cached.answer(choice)
+        cached = self._cached.cached(choice)
         if cached is not None and _allows(cached, heaviest_kg):
             return cached
         return await self._cached.ask(choice)

@@ -1,7 +1,7 @@
 """The tables of the gateway; `_ms` is fleet time, `_wall_ms` wall time, in ms since 1970."""
 
-from skyway.runtime.idempotency.table import idempotency_table
-from skyway.runtime.outbox.table import outbox_table
+from skyway.runtime.idempotency.answer_store import idempotency_table
+from skyway.runtime.outbox.outbox_store import outbox_table
 from skyway_gateway.tables.access import api_keys, audit
 from skyway_gateway.tables.deliveries import custody, deliveries, missions, packages
 from skyway_gateway.tables.metadata import metadata

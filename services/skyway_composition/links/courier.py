@@ -11,7 +11,7 @@ from skyway.contracts.topics import INSTRUCTIONS
 from skyway.ids import InstructionId
 from skyway.runtime.clock import FleetClock, fleet_margin
 from skyway.runtime.minting import Mint
-from skyway.runtime.outbox.confirming import confirm
+from skyway.runtime.outbox.outbox_store import confirm
 from skyway.runtime.sql.database import Tx
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.links import store

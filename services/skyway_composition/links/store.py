@@ -8,21 +8,21 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.drone_report import Connection, DroneState
 from skyway.ids import DroneId, ProviderId
-from skyway.runtime.sql.among import among
 from skyway.runtime.sql.database import Tx
+from skyway.runtime.sql.in_list import in_list
 from skyway_composition.links.link import DroneLink, InstructionPlace
 from skyway_composition.tables import drone_links
 
 #: Those of `drone_ids` that report a mission, or have landed away from every station.
 OCCUPIED: Final = select(drone_links.c.drone_id).where(
-    among(drone_links.c.drone_id, "drone_ids"), drone_links.c.is_occupied
+    in_list(drone_links.c.drone_id, "drone_ids"), drone_links.c.is_occupied
 )
 
 # Built once, because every booking and every drone message runs these statements, and building
 # takes longer than running.
 _LINKS_OF: Final = (
     select(drone_links)
-    .where(among(drone_links.c.drone_id, "drone_ids"))
+    .where(in_list(drone_links.c.drone_id, "drone_ids"))
     .order_by(drone_links.c.drone_id)
     .with_for_update()
 )

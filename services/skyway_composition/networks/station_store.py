@@ -11,8 +11,8 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 from skyway.geo import Position
 from skyway.ids import NetworkId, StationId
 from skyway.network.network import Station
-from skyway.runtime.sql.among import among
 from skyway.runtime.sql.database import Tx
+from skyway.runtime.sql.in_list import in_list
 from skyway_composition.tables import pad_reservations, stations
 
 _CORNER: Final[TypeAdapter[Position]] = TypeAdapter(Position)
@@ -63,7 +63,7 @@ def _corner(numbers: list[str]) -> Position:
 _NETWORK_OF: Final = select(stations.c.network_id).where(
     stations.c.station_id == bindparam("of_station")
 )
-_STATIONS_NAMED: Final = select(stations).where(among(stations.c.station_id, "station_ids"))
+_STATIONS_NAMED: Final = select(stations).where(in_list(stations.c.station_id, "station_ids"))
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,14 +8,14 @@ from sqlalchemy import BigInteger, bindparam, func, literal, select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import MissionId, StationId
-from skyway.runtime.sql.among import among
+from skyway.runtime.sql.in_list import in_list
 from skyway_composition.pads.booked_pad import BookedPad
 from skyway_composition.pads.occupancy import Occupancy
 from skyway_composition.tables import pad_reservations, stations
 
 # Built once, because these statements run every second and building takes longer than running.
 _PADS_OF: Final = select(stations.c.station_id, stations.c.pads).where(
-    among(stations.c.station_id, "station_ids")
+    in_list(stations.c.station_id, "station_ids")
 )
 # The database counts, because many missions in flight have many rows at few stations.
 _IS_BEGUN: Final = pad_reservations.c.start_ms <= bindparam("at_ms")

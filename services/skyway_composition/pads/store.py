@@ -7,8 +7,8 @@ from sqlalchemy import bindparam, delete, insert, select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.ids import MissionId, NetworkId, StationId
-from skyway.runtime.sql.among import among
 from skyway.runtime.sql.database import Tx
+from skyway.runtime.sql.in_list import in_list
 from skyway_composition.pads.booked_pad import BookedPad, merged
 from skyway_composition.tables import pad_reservations, stations
 
@@ -28,14 +28,14 @@ _LASTING: Final = select(
     pad_reservations.c.end_ms > bindparam("moment_ms"),
     pad_reservations.c.mission_id != bindparam("without"),
 )
-_BOOKED_AT: Final = _LASTING.where(among(pad_reservations.c.station_id, "station_ids"))
+_BOOKED_AT: Final = _LASTING.where(in_list(pad_reservations.c.station_id, "station_ids"))
 _BOOKED_EVERYWHERE: Final = _LASTING.join(
     stations, stations.c.station_id == pad_reservations.c.station_id
 ).where(stations.c.network_id == bindparam("network_id"))
 #: Locks stations, so that two bookings at one station run one after the other.
 LOCK_STATIONS: Final = (
     select(stations.c.station_id)
-    .where(among(stations.c.station_id, "station_ids"))
+    .where(in_list(stations.c.station_id, "station_ids"))
     .order_by(stations.c.station_id)
     .with_for_update()
 )

@@ -11,8 +11,8 @@ from skyway.delivery.plan import Plan
 from skyway.network.geojson_schema import NetworkGeoJson
 from skyway.planner.problem import Problem
 from skyway.planner.problem_document import read_problem
-from skyway.runtime.http.abandonment import while_wanted
 from skyway.runtime.http.app import internal_body, read_json
+from skyway.runtime.http.client_disconnect import cancel_on_disconnect
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.openapi_document import body_of
 from skyway.runtime.http.problem_answers import NOT_FOUND
@@ -68,7 +68,7 @@ def composition_routes(
     async def compose_plan(request: Request, caller: Annotated[Caller, Depends(gate)]) -> Plan:
         """The plan for a problem; that there is none is an answer too."""
         caller.must_be("customer", "provider", "operator", "service")
-        return await while_wanted(request, plan_for)
+        return await cancel_on_disconnect(request, plan_for)
 
     async def plan_for(request: Request) -> Plan:
         document = await read_json(request)

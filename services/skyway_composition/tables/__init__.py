@@ -1,6 +1,6 @@
 """The tables of composition; `_ms` is fleet time and `_wall_ms` is wall time, ms since 1970."""
 
-from skyway.runtime.outbox.table import outbox_table
+from skyway.runtime.outbox.outbox_store import outbox_table
 from skyway_composition.tables.alarms import alarms
 from skyway_composition.tables.links import drone_links, instructions
 from skyway_composition.tables.metadata import metadata

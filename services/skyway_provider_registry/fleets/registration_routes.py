@@ -10,12 +10,11 @@ from pydantic import Discriminator, Field, Tag
 
 from skyway.ids import ProviderId
 from skyway.runtime.clock import FleetClock
+from skyway.runtime.http.idempotency_key import IdempotencyKey, response_of
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.problem_answers import conflicts
-from skyway.runtime.http.repeatable import IdempotencyKey, response_of
 from skyway.runtime.http.service_router import ServiceRouter
-from skyway.runtime.idempotency.answer import Answer
-from skyway.runtime.idempotency.once import once
+from skyway.runtime.idempotency.once import Answer, once
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway_provider_registry.enrolment.password_file import PasswordFile

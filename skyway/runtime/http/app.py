@@ -15,7 +15,6 @@ from skyway.json_model import JsonModel
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.http import docs_page
 from skyway.runtime.http.json_bodies import internal_body, read_json
-from skyway.runtime.http.late_route import LateRoute
 from skyway.runtime.http.openapi_document import Document, complete_document
 from skyway.runtime.http.problems import install_problems
 from skyway.runtime.http.request_boundary import BodyLimit, RequestBoundary, body_limits
@@ -83,7 +82,7 @@ def create_app(
         title=title,
         description=description,
         version=version("skyway"),
-        lifespan=_with_routes(lifespan),
+        lifespan=lifespan,
         docs_url=None,
         redoc_url=None,
         redirect_slashes=False,
@@ -96,20 +95,6 @@ def create_app(
     for router in (*routers, _health_routes(service, readiness), docs_page.router):
         app.routes.extend(router.routes)
     return app
-
-
-def _with_routes(lifespan: Lifespan) -> Lifespan:
-    """The same, once all routes are built: of an app that is served nobody waits for one."""
-
-    @asynccontextmanager
-    async def built(app: FastAPI) -> AsyncIterator[None]:
-        for route in app.routes:
-            if isinstance(route, LateRoute):
-                route.build()
-        async with lifespan(app):
-            yield
-
-    return built
 
 
 def _health_routes(service: str, readiness: Readiness) -> ServiceRouter:

@@ -1,35 +1,40 @@
-"""How one service asks another: typed calls, and whole requests passed on."""
+"""How one service calls another: typed calls, and whole requests that are passed on."""
 
-from collections.abc import AsyncIterator, Mapping
-from contextlib import AsyncExitStack
-from types import TracebackType
+import logging
+from collections.abc import AsyncIterator, Iterator, Mapping
+from contextlib import contextmanager
+from functools import lru_cache
+from http import HTTPStatus
 from typing import Any, Final, Self, TypedDict, TypeVar, Unpack, overload
 from urllib.parse import quote, urlencode
 
+import aiohttp
 import httpx
 from fastapi import Request, Response
 from fastapi.responses import StreamingResponse
+from httpx_aiohttp import AiohttpTransport
+from pydantic import TypeAdapter, ValidationError
 
+from skyway.contracts.problem_details import ProblemDetails
 from skyway.json_model import JsonModel
-from skyway.runtime.errors import NotFound, ServiceUnavailable
-from skyway.runtime.http.answer import not_known, read_answer, refuse_failure
-from skyway.runtime.http.connections import (
-    CONNECT_S,
-    Connections,
-    Question,
-    open_connections,
-    unavailable_when_lost,
-)
+from skyway.runtime.errors import NotFound, RemoteProblem, ServiceUnavailable
 from skyway.runtime.http.identity import Caller, ServiceIdentity
 from skyway.runtime.tracing import current_traceparent
 
+log = logging.getLogger(__name__)
+
 T = TypeVar("T")
 
-#: How long a service may take to answer; a forwarded body may be large, and be answered late.
-ANSWER_S: Final = 10.0
-FORWARD_S: Final = 30.0
+#: Wall seconds that a new connection may take, and the most connections to one service.
+_CONNECT_S: Final = 2.0
+_MOST_CONNECTIONS: Final = 100
+#: Servers close a connection after 5 s of silence. A request must not meet that.
+_KEEPALIVE_S: Final = 4.0
+#: How long a service may take to answer. A forwarded body may be large and take longer.
+_ANSWER_S: Final = 10.0
+_FORWARD_S: Final = 30.0
 _PATH_SAFE: Final = "/%:@"
-_PASSED_TO: Final = (
+_FORWARDED_HEADERS: Final = (
     "accept",
     "content-length",
     "content-type",
@@ -38,7 +43,7 @@ _PASSED_TO: Final = (
     "if-none-match",
     "last-event-id",
 )
-_PASSED_BACK: Final = (
+_RETURNED_HEADERS: Final = (
     "allow",
     "cache-control",
     "content-length",
@@ -61,16 +66,23 @@ class CallOptions(TypedDict, total=False):
 
 
 class ServiceClient:
-    """One other service, asked over a pool of connections that lives as long as the block.
+    """A client of one other service. Its pool of connections lives as long as the block.
+
+    GET, PUT and DELETE are sent again when the service has closed the connection meanwhile.
 
     Parameters
     ----------
     name
-        Of the asked service, for errors and logs.
+        Of the called service, for errors and logs.
     identity
-        Of the asking service.
+        Of the calling service.
     transport
         Another way to the service than TCP: httpx's ASGI transport in tests.
+
+    Notes
+    -----
+    Requests go to httpx's transport directly: `httpx.AsyncClient` would add cookies, redirects,
+    proxies of the environment and headers that no service needs.
     """
 
     def __init__(
@@ -85,23 +97,17 @@ class ServiceClient:
         self._identity = identity
         self._base_url = base_url.rstrip("/")
         self._transport = transport
-        self._opened: Connections | None = None
-        self._stack = AsyncExitStack()
+        self._opened: httpx.AsyncBaseTransport | None = None
 
     async def __aenter__(self) -> Self:
         """Open the pool; nothing is connected yet."""
-        opened = open_connections(self._base_url, self._transport)
-        self._opened = await self._stack.enter_async_context(opened)
+        self._opened = self._transport or AiohttpTransport(client=_new_pool, trust_env=False)
         return self
 
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    async def __aexit__(self, *_: object) -> None:
         """Close all connections."""
-        await self._stack.aclose()
+        if self._opened is not None:
+            await self._opened.aclose()
         self._opened = None
 
     @overload
@@ -127,74 +133,146 @@ class ServiceClient:
         RemoteProblem
             It answered 4xx, with a problem document.
         ServiceUnavailable
-            It cannot be reached, answered 5xx or 401, or not in time: asking later may help.
+            It cannot be reached, answered 5xx or 401, or not in time. A later call may succeed.
         """
         body = options.get("body")
         headers = {**self._headers(options.get("caller")), **options.get("headers", {})}
         if body is not None:
             headers["content-type"] = "application/json"
         query = options.get("query")
-        question = Question(
+        request = httpx.Request(
             method,
             self._base_url + path + (f"?{urlencode(query)}" if query else ""),
             headers=headers,
             content=body.model_dump_json().encode() if isinstance(body, JsonModel) else body,
-            timeout_s=options.get("timeout_s", ANSWER_S),
+            extensions={"timeout": _timeout(options.get("timeout_s", _ANSWER_S))},
         )
-        connections = self._connections
-        with unavailable_when_lost(self.name):
-            response = await connections.ask(question)
-        refuse_failure(self.name, response)
-        return None if answer is None else read_answer(self.name, answer, response)
+        with self._connections() as connections:
+            response = await connections.handle_async_request(request)
+            try:
+                content = await response.aread()
+            finally:
+                await response.aclose()
+        self._refuse_failure(response)
+        return None if answer is None else self._parse(answer, content)
 
     async def forward(
-        self, request: Request, path: str, caller: Caller | None, *, timeout_s: float = FORWARD_S
+        self, request: Request, path: str, caller: Caller | None, *, timeout_s: float = _FORWARD_S
     ) -> Response:
         """The service's own answer to a whole request; both bodies are streamed, never held.
 
-        The query is passed on, and of the headers those in the list below.
+        The query is passed on, and of the headers only those that services understand.
 
         Raises
         ------
         ServiceUnavailable
-            It cannot be reached, does not know us, or does not answer in time.
+            It cannot be reached, refuses our secret, or does not answer in time.
         """
         if any(part in {".", ".."} for part in path.split("/")):
             raise NotFound("path", path)
         has_body = {"content-length", "transfer-encoding"} & set(request.headers)
-        passed = {name: request.headers[name] for name in _PASSED_TO if name in request.headers}
-        outgoing = self._connections.streaming.build_request(
+        passed = {n: request.headers[n] for n in _FORWARDED_HEADERS if n in request.headers}
+        url = self._base_url + quote(path, safe=_PATH_SAFE)
+        outgoing = httpx.Request(
             request.method,
-            httpx.URL(quote(path, safe=_PATH_SAFE), query=request.url.query.encode() or None),
+            httpx.URL(url, query=request.url.query.encode() or None),
             content=request.stream() if has_body else None,
-            # As they came: a header may hold any byte above 127.
+            # Headers are passed on as they came: they may hold any byte above 127.
             headers=httpx.Headers(
                 {"accept-encoding": "identity", **passed, **self._headers(caller)},
                 encoding="latin-1",
             ),
-            timeout=httpx.Timeout(timeout_s, connect=CONNECT_S),
+            extensions={"timeout": _timeout(timeout_s)},
         )
-        with unavailable_when_lost(self.name):
-            response = await self._connections.streaming.send(outgoing, stream=True)
-        if response.status_code == httpx.codes.UNAUTHORIZED:
+        with self._connections() as connections:
+            response = await connections.handle_async_request(outgoing)
+        if response.status_code == HTTPStatus.UNAUTHORIZED:
             await response.aclose()
-            raise not_known(self.name)
+            raise self._secret_refused()
         return StreamingResponse(
             _stream(response),
             status_code=response.status_code,
-            headers={n: response.headers[n] for n in _PASSED_BACK if n in response.headers},
+            headers={n: response.headers[n] for n in _RETURNED_HEADERS if n in response.headers},
         )
-
-    @property
-    def _connections(self) -> Connections:
-        if self._opened is None:
-            raise ServiceUnavailable(self.name, "its client is not open")
-        return self._opened
 
     def _headers(self, caller: Caller | None) -> dict[str, str]:
         traceparent = current_traceparent()
         trace = {} if traceparent is None else {"traceparent": traceparent}
         return {**self._identity.headers(caller), **trace}
+
+    @contextmanager
+    def _connections(self) -> Iterator[httpx.AsyncBaseTransport]:
+        """Report the service as unavailable when a connection to it fails within the block."""
+        if self._opened is None:
+            raise ServiceUnavailable(self.name, "its client is not open")
+        try:
+            yield self._opened
+        except httpx.ConnectTimeout as error:  # the transport reports lost connections so
+            raise ServiceUnavailable(self.name, "it cannot be reached") from error
+        except httpx.TimeoutException as error:
+            raise ServiceUnavailable(self.name, "it did not answer in time") from error
+        # aiohttp's errors are those for which the transport has no translation.
+        except (httpx.TransportError, aiohttp.ClientError) as error:
+            raise ServiceUnavailable(self.name, "it cannot be reached") from error
+
+    def _refuse_failure(self, response: httpx.Response) -> None:
+        """Raise what an answer other than 2xx means.
+
+        Raises
+        ------
+        RemoteProblem
+            The service refuses: the same request would be refused again.
+        ServiceUnavailable
+            It failed, or refuses our secret: the same request may succeed later.
+        """
+        if response.status_code == HTTPStatus.UNAUTHORIZED:
+            raise self._secret_refused()
+        if response.is_server_error:
+            raise ServiceUnavailable(self.name, f"it answered {response.status_code}")
+        if not response.is_success:
+            raise RemoteProblem(response.status_code, _problem_in(response))
+
+    def _secret_refused(self) -> ServiceUnavailable:
+        """A 401 between services is no fault of our own caller, who therefore gets a 503."""
+        log.error("secret refused", extra={"asked_service": self.name})
+        return ServiceUnavailable(self.name, "it does not accept the secret shown to it")
+
+    def _parse(self, answer: type[T], content: bytes) -> T:
+        """The value in an answer; fields that this version does not know are ignored."""
+        reader: TypeAdapter[T] = _type_adapter(answer)  # type: ignore[arg-type]  # it is hashable
+        try:
+            return reader.validate_json(content, extra="ignore")
+        except ValidationError as error:
+            log.exception("answer unreadable", extra={"asked_service": self.name})
+            raise ServiceUnavailable(self.name, "its answer cannot be read") from error
+
+
+def _new_pool() -> aiohttp.ClientSession:
+    """The connections of the transport, without cookies and without headers of their own."""
+    return aiohttp.ClientSession(
+        connector=aiohttp.TCPConnector(limit=_MOST_CONNECTIONS, keepalive_timeout=_KEEPALIVE_S),
+        cookie_jar=aiohttp.DummyCookieJar(),
+        skip_auto_headers=("Accept", "Accept-Encoding", "User-Agent"),
+    )
+
+
+@lru_cache(maxsize=16)  # calls use few different times
+def _timeout(timeout_s: float) -> dict[str, float | None]:
+    return httpx.Timeout(timeout_s, connect=_CONNECT_S).as_dict()
+
+
+@lru_cache(maxsize=256)  # making one takes as long as reading a small answer
+def _type_adapter(answer: type[Any]) -> TypeAdapter[Any]:
+    """Any: the type that the caller expects."""
+    return TypeAdapter(answer)
+
+
+def _problem_in(response: httpx.Response) -> dict[str, Any]:  # problems have members of their own
+    try:
+        problem = ProblemDetails.model_validate_json(response.content)
+    except ValidationError:
+        problem = ProblemDetails(title=response.reason_phrase, status=response.status_code)
+    return problem.model_dump(mode="json", exclude_none=True)
 
 
 async def _stream(response: httpx.Response) -> AsyncIterator[bytes]:

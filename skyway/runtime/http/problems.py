@@ -1,10 +1,10 @@
 """The single table from an error to its HTTP answer, an RFC 9457 problem document."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from http import HTTPStatus
-from typing import Final
+from typing import Any, Final
 
 from fastapi import FastAPI, Request, Response
 from fastapi.exceptions import RequestValidationError
@@ -32,8 +32,11 @@ from skyway.runtime.errors import (
     TooLarge,
     Unauthenticated,
 )
-from skyway.runtime.http.field_problems import field_problems
 from skyway.runtime.tracing import current_trace_id
+
+#: One bad body must not turn into a megabyte of answer.
+_MAX_FIELD_PROBLEMS: Final = 50
+_MAX_TEXT: Final = 300
 
 
 @dataclass(frozen=True, slots=True)
@@ -134,7 +137,7 @@ async def _on_skyway_error(_request: Request, error: Exception) -> Response:
 async def _on_invalid_request(_request: Request, error: Exception) -> Response:
     complaints = error.errors() if isinstance(error, RequestValidationError) else []
     body = error.body if isinstance(error, RequestValidationError) else None
-    errors = field_problems(complaints, body)
+    errors = _field_problems(complaints, body)
     is_broken = any(complaint["type"] == "json_invalid" for complaint in complaints)
     kind = _BROKEN_JSON if is_broken else _INVALID
     return problem_response(_problem(kind, _summary(errors), errors=() if is_broken else errors))
@@ -193,3 +196,53 @@ def _remote_problem(error: RemoteProblem) -> ProblemDetails:
         return ProblemDetails.model_validate({**error.problem, "status": error.status})
     except ValidationError:
         return status_problem(error.status, str(error))
+
+
+def _field_problems(
+    complaints: Sequence[Mapping[str, Any]],  # pydantic's error dicts, which have no public type
+    body: object,
+) -> tuple[FieldProblem, ...]:
+    """The invalid fields in the caller's own JSON, in the validator's order."""
+    problems = (
+        FieldProblem(
+            field=_field_name(complaint, body)[:_MAX_TEXT], detail=_sentence(complaint)[:_MAX_TEXT]
+        )
+        for complaint in complaints[:_MAX_FIELD_PROBLEMS]
+    )
+    return tuple(dict.fromkeys(problems))
+
+
+def _field_name(complaint: Mapping[str, Any], body: object) -> str:
+    place, *path = complaint["loc"]
+    if place != "body":
+        return _printable(".".join(map(str, path)) or str(place))
+    return _printable(".".join(map(str, _parts_of(body, path, complaint["type"]))) or "body")
+
+
+def _parts_of(value: Any, path: Sequence[int | str], complaint_type: str) -> Iterator[int | str]:
+    """The parts that name a member. A validator also names the types of a union that it tried."""
+    for number, part in enumerate(path):
+        if _holds(value, part):
+            value = value[part]
+        elif not (complaint_type == "missing" and number == len(path) - 1):
+            continue
+        yield part
+
+
+def _holds(value: object, part: int | str) -> bool:
+    if isinstance(value, dict):
+        return part in value
+    return isinstance(value, list) and isinstance(part, int) and part < len(value)
+
+
+def _sentence(complaint: Mapping[str, Any]) -> str:
+    message = _printable(str(complaint["msg"]))
+    reason = complaint.get("ctx", {}).get("error")
+    if complaint["type"] == "json_invalid" and reason:
+        return f"{message}: {_printable(str(reason))}"
+    return message.removeprefix("Value error, ").removeprefix("Assertion failed, ")
+
+
+def _printable(text: str) -> str:
+    """The text without the half surrogate pairs that UTF-8 cannot encode."""
+    return text.encode(errors="replace").decode()

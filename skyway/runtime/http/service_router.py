@@ -4,7 +4,6 @@ from fastapi import APIRouter, Depends
 from fastapi.routing import APIRoute
 
 from skyway.runtime.http.json_bodies import refuse_unstorable_json
-from skyway.runtime.http.late_route import LateRoute
 
 
 class ServiceRouter(APIRouter):
@@ -22,7 +21,6 @@ class ServiceRouter(APIRouter):
             prefix=prefix,
             dependencies=[Depends(refuse_unstorable_json)],
             include_in_schema=include_in_schema,
-            route_class=LateRoute,
             generate_unique_id_function=operation_id,
         )
 

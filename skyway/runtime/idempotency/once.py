@@ -1,10 +1,10 @@
-"""The same Idempotency-Key, the same effect and the same answer, for a day.
+"""The same Idempotency-Key gives the same effect and the same answer for a day.
 
-The key is noted with the answer, once the act is done and in its transaction, so there is never one
-without the other. An act whose key turns out to be known is undone. One that fails is looked up
-too: what makes it fail may be that it was done before. At rest nothing can be read: of the key a
-derived value is stored, and the answer, which may hold secrets that are shown once, is sealed
-under another value derived from the same key.
+The answer is stored under its key at the end of the act, in the transaction of the act. So both are
+stored or neither is. If the key is stored already, the act is undone and the stored answer is given
+again. An act that fails is looked up too: it may fail because it was done before. Nothing at rest
+can be read: only a hash that is derived from the key is stored. The answer may hold secrets that
+are shown once, so it is sealed with another value derived from the key.
 """
 
 from collections.abc import Awaitable, Callable
@@ -13,14 +13,15 @@ from typing import Final
 from skyway.errors import SkywayError
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Taken
-from skyway.runtime.idempotency.answer import Answer
-from skyway.runtime.idempotency.memory import Memory
-from skyway.runtime.idempotency.note import Note
+from skyway.runtime.idempotency.answer_store import StoredAnswer
+from skyway.runtime.idempotency.key_secrets import Answer, KeySecrets
 from skyway.runtime.sql.database import Database, Tx
+
+__all__ = ["Act", "Answer", "once"]
 
 _FIRST_SERVER_ERROR: Final = 500
 
-#: The rule that refuses a key that is known.
+#: The rule of the database that refuses a key that is stored already.
 _ONE_ANSWER: Final = "idempotency_pkey"
 
 #: What a request does, inside the transaction it is given.
@@ -37,10 +38,10 @@ async def once(
     act: Act,
     clock: FleetClock,
 ) -> Answer:
-    """The answer of `act`, or the one that this caller's same call on this route got before.
+    """The answer of `act`, or the stored answer to this caller's same call on this route.
 
-    Without a key the act simply happens. An answer 5xx undoes the act and is not remembered, nor
-    is an error that the act raises.
+    Without a key the act simply happens. A 5xx answer undoes the act and is not stored. An error
+    that the act raises is not stored either.
 
     Raises
     ------
@@ -49,15 +50,17 @@ async def once(
     InvalidInput
         The key is empty or longer than 255 characters.
     """
-    memory = None if key is None else Memory(Note.derive(caller, route, key), body, clock)
+    stored = (
+        None if key is None else StoredAnswer(KeySecrets.derive(caller, route, key), body, clock)
+    )
     try:
-        return await _act(db, act, memory)
+        return await _act(db, act, stored)
     except (SkywayError, _Failed) as error:
-        known = None if memory is None else await memory.recall(db)
-        if known is not None:
-            return known
-        if memory is not None and isinstance(error, Taken) and error.constraint == _ONE_ANSWER:
-            await memory.forget(db)
+        previous = None if stored is None else await stored.load(db)
+        if previous is not None:
+            return previous
+        if stored is not None and isinstance(error, Taken) and error.constraint == _ONE_ANSWER:
+            await stored.delete_if_expired(db)
             return await once(
                 db, caller=caller, route=route, key=key, body=body, act=act, clock=clock
             )
@@ -66,16 +69,16 @@ async def once(
         raise
 
 
-async def _act(db: Database, act: Act, memory: Memory | None) -> Answer:
+async def _act(db: Database, act: Act, stored: StoredAnswer | None) -> Answer:
     async with db.write() as tx:
         answer = _unless_failed(await act(tx))
-        if memory is not None:
-            memory.keep(tx, answer)
+        if stored is not None:
+            stored.save(tx, answer)
     return answer
 
 
 class _Failed(Exception):
-    """Leaves the write block, and so undoes it, with an answer of the server's own failure."""
+    """Leaves the write block, and so undoes it, after a 5xx answer."""
 
     def __init__(self, answer: Answer) -> None:
         super().__init__(answer.status)

@@ -14,9 +14,8 @@ from skyway.contracts.message import Message
 from skyway.contracts.topic import Address, M, Topic
 from skyway.runtime.errors import MqttUnavailable
 from skyway.runtime.mqtt.address import BrokerAddress
+from skyway.runtime.mqtt.connection import Login, MqttConnection, RawMessage
 from skyway.runtime.mqtt.inbox import Inbox, Received, Subscription
-from skyway.runtime.mqtt.link import MqttLink
-from skyway.runtime.mqtt.paho_client import Login, RawMessage
 
 __all__ = ["MqttClient", "Received"]
 
@@ -72,7 +71,7 @@ class MqttClient:
         self._login = Login(client_id, user_name, password, keepalive_s)
         self._will = will
         self._on_connected = on_connected
-        self._link: MqttLink | None = None
+        self._link: MqttConnection | None = None
         self._inboxes: list[Inbox] = []
         self._subscribed = 0  # how many of the inboxes the broker knows of
         self._has_new_inbox = asyncio.Event()
@@ -186,7 +185,7 @@ class MqttClient:
             pause_s = min(2 * pause_s, _LONGEST_PAUSE_S)
 
     async def _serve_one_connection(self) -> Never:
-        link = MqttLink(self._login, will=self._ask_will(), on_message=self._arrived)
+        link = MqttConnection(self._login, will=self._ask_will(), on_message=self._arrived)
         greeting: asyncio.Task[None] | None = None
         try:
             async with asyncio.timeout(_CONNECT_TIMEOUT_S):
@@ -216,7 +215,7 @@ class MqttClient:
         topic = address.topic
         return RawMessage(address.name, _payload(message), topic.mqtt_qos, topic.retained)
 
-    async def _renew_subscriptions(self, link: MqttLink) -> None:
+    async def _renew_subscriptions(self, link: MqttConnection) -> None:
         """Subscribe for every inbox that this connection does not serve yet."""
         while self._subscribed < len(self._inboxes):
             fresh = self._inboxes[self._subscribed :]

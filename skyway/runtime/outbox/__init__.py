@@ -1,5 +1,6 @@
-"""Messages that leave with a transaction, and are sent until somebody has them.
+"""Messages that are stored with a transaction and sent until their receiver has them.
 
-A row is written by `Tx.send` or `Tx.report` in the transaction of the fact it tells; `mqtt_sender`
-and `report_sender` deliver it afterwards, at least once, in the order of its stream.
+`Tx.send` and `Tx.report` write a row in the transaction of the change that the message reports.
+`mqtt_sender` and `report_sender` send it afterwards: at least once, in the order of its stream.
+`stream_sender` is the loop that both share, `outbox_store` the table and its SQL.
 """

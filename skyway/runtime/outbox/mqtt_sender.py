@@ -6,18 +6,16 @@ from sqlalchemy import Row
 
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import MqttUnavailable
-from skyway.runtime.outbox.again import Again, backing_off
-from skyway.runtime.outbox.paces import quick
-from skyway.runtime.outbox.stream_sender import StreamSender
+from skyway.runtime.outbox.stream_sender import Retry, StreamSender, quick_pace, retry_later
 from skyway.runtime.pace import Pace
 from skyway.runtime.sql.database import Database
 
 #: Seconds of wall time until a message is sent again: doubled from the first to the last.
 _UNCONFIRMED_S: Final = (2.0, 30.0)
-#: How long a message is claimed: longer than the 5 s that a PUBACK may take, and short enough that
-#: an instruction whose sender was killed is repeated before it expires (10 s at least).
+#: How long a message is claimed. Longer than the 5 s that a PUBACK may take, and short enough to
+#: repeat an instruction before it expires (10 s at least) when its sender was killed.
 _MQTT_LEASE_S: Final = 7.0
-#: The broker went away while it was asked: once it is back, there is no reason to wait.
+#: The pause after the broker was lost during a publish. `ready` waits until the broker is back.
 _NO_BROKER_S: Final = 0.5
 
 
@@ -36,7 +34,7 @@ class MqttPort(Protocol):
 
 
 class MqttSender:
-    """Publishes this database's messages: until confirmed by the receiver, or by the broker."""
+    """Publishes this database's messages until the receiver or the broker confirms them."""
 
     def __init__(
         self, db: Database, mqtt: MqttPort, clock: FleetClock, *, pace: Pace | None = None
@@ -47,7 +45,7 @@ class MqttSender:
             "mqtt",
             self._publish,
             clock=clock,
-            pace=pace or quick(),
+            pace=pace or quick_pace(),
             lease_s=_MQTT_LEASE_S,
             ready=mqtt.wait_connected,
         )
@@ -56,14 +54,14 @@ class MqttSender:
         """Publish for ever."""
         await self._sender.run()
 
-    async def _publish(self, row: Row[Any]) -> Again | None:
+    async def _publish(self, row: Row[Any]) -> Retry | None:
         try:
             await self._mqtt.publish_raw(
                 row.address, row.payload, mqtt_qos=row.mqtt_qos, retained=row.is_retained
             )
         except MqttUnavailable:
-            return Again(after_s=_NO_BROKER_S, attempts=row.attempts)
+            return Retry(after_s=_NO_BROKER_S, attempts=row.attempts)
         if row.confirmed_by == "broker":
             return None
-        # A broker's PUBACK is not delivery: it may forget all that it has acknowledged.
-        return backing_off(row, _UNCONFIRMED_S)
+        # A broker's PUBACK is not delivery: the broker may lose what it has acknowledged.
+        return retry_later(row, _UNCONFIRMED_S)

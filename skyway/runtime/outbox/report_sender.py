@@ -1,8 +1,10 @@
 """Reports of the outbox, posted to other services."""
 
 import asyncio
+import json
 import logging
-from collections.abc import Awaitable, Mapping
+from collections.abc import Awaitable, Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any, Final, Protocol
 
 from sqlalchemy import Row
@@ -10,10 +12,7 @@ from sqlalchemy import Row
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import RemoteProblem, ServiceUnavailable
 from skyway.runtime.metrics import count
-from skyway.runtime.outbox.again import Again, backing_off
-from skyway.runtime.outbox.gathered_reports import GatheredReports
-from skyway.runtime.outbox.paces import unhurried
-from skyway.runtime.outbox.stream_sender import StreamSender
+from skyway.runtime.outbox.stream_sender import Retry, StreamSender, retry_later, unhurried_pace
 from skyway.runtime.sql.database import Database
 
 log = logging.getLogger(__name__)
@@ -21,24 +20,28 @@ log = logging.getLogger(__name__)
 #: Seconds of wall time until a report is sent again: doubled from the first to the last.
 _UNANSWERED_S: Final = (0.2, 10.0)
 
-#: 4xx that a later try can overcome; 409 says "not yet".
+#: The 4xx answers after which a later attempt may succeed; 409 says "not yet".
 _LATER_STATUSES: Final = (408, 409, 425, 429)
+
+#: The most bytes of reports in one request: half of what a service accepts in one body.
+_LARGEST_BATCH_BYTES: Final = 128 * 1024
 
 
 class ServicePort(Protocol):
     """What the sender needs of a client of another service."""
 
     def call(self, method: str, path: str, *, body: bytes) -> Awaitable[None]:
-        """Ask the service, in JSON; RemoteProblem for 4xx, ServiceUnavailable for no answer."""
+        """Call the service with JSON; RemoteProblem for 4xx, ServiceUnavailable for no answer."""
         ...
 
 
 class ReportSender:
     """Posts this database's reports, to each service on its own.
 
-    Reports for a path of `together` that are found in one look travel in one request to the path
-    that it names (`GatheredReports`): a request costs more than the reports in it. Whatever goes
-    wrong with them, each is repeated alone, so that none that is refused or slow holds another.
+    A request costs more than the reports in it. So the reports for a path of `together` that are
+    found in one look travel in one request, to the path that `together` names. If that request
+    fails, each of its reports is repeated alone: a report that is refused or slow holds up no
+    other.
     """
 
     def __init__(
@@ -51,9 +54,9 @@ class ReportSender:
     ) -> None:
         self._clients = clients
         self._together = together or {}
-        self._gathering: dict[tuple[str, str], GatheredReports] = {}
+        self._batches: dict[tuple[str, str], _ReportBatch] = {}
         self._senders = [
-            StreamSender(db, service, self._post, clock=clock, pace=unhurried())
+            StreamSender(db, service, self._post, clock=clock, pace=unhurried_pace())
             for service in clients
         ]
 
@@ -63,43 +66,41 @@ class ReportSender:
             for sender in self._senders:
                 group.create_task(sender.run())
 
-    async def _post(self, row: Row[Any]) -> Again | None:
+    async def _post(self, row: Row[Any]) -> Retry | None:
         path = self._together.get(row.address)
         if path is None or row.attempts:
             return await self._post_alone(row)
         key = (row.channel, path)
-        reports = self._gathering.get(key)
-        if reports is not None and reports.take(row):
-            return None if await reports.taken() else backing_off(row, _UNANSWERED_S)
-        reports = self._gathering[key] = GatheredReports(row)
-        with reports.being_posted():
+        batch = self._batches.get(key)
+        if batch is not None and batch.add(row):
+            return None if await batch.is_accepted() else retry_later(row, _UNANSWERED_S)
+        batch = self._batches[key] = _ReportBatch(row)
+        with batch.being_posted():
             # The rows of one look are posted by tasks that begin in one round of the event loop.
             await asyncio.sleep(0)
-            if self._gathering.get(key) is reports:
-                del self._gathering[key]
-            if reports.is_one:
+            if self._batches.get(key) is batch:
+                del self._batches[key]
+            if batch.has_one_report:
                 return await self._post_alone(row)
-            return await self._post_gathered(row, path, reports)
+            return await self._post_batch(row, path, batch)
 
-    async def _post_gathered(
-        self, first: Row[Any], path: str, reports: GatheredReports
-    ) -> Again | None:
+    async def _post_batch(self, first: Row[Any], path: str, batch: "_ReportBatch") -> Retry | None:
         try:
-            await self._clients[first.channel].call("POST", path, body=reports.body())
+            await self._clients[first.channel].call("POST", path, body=batch.body())
         except (ServiceUnavailable, RemoteProblem) as error:
-            log.info("gathered reports not taken", extra={"path": path, "reason": str(error)})
-            return backing_off(first, _UNANSWERED_S)
-        reports.were_taken()
+            log.info("batch of reports not accepted", extra={"path": path, "reason": str(error)})
+            return retry_later(first, _UNANSWERED_S)
+        batch.accepted()
         return None
 
-    async def _post_alone(self, row: Row[Any]) -> Again | None:
+    async def _post_alone(self, row: Row[Any]) -> Retry | None:
         try:
             await self._clients[row.channel].call("POST", row.address, body=row.payload)
         except ServiceUnavailable:
-            return backing_off(row, _UNANSWERED_S)
+            return retry_later(row, _UNANSWERED_S)
         except RemoteProblem as refusal:
             if refusal.status in _LATER_STATUSES:
-                return backing_off(row, _UNANSWERED_S)
+                return retry_later(row, _UNANSWERED_S)
             # It can never succeed, and its stream must go on.
             count("skyway_outbox_dropped", "reports refused for good", channel=row.channel)
             log.error(  # noqa: TRY400  the receiver's reason matters, not our stack
@@ -107,3 +108,55 @@ class ReportSender:
                 extra={"service_name": row.channel, "path": row.address, "reason": str(refusal)},
             )
         return None
+
+
+class _ReportBatch:
+    """Reports for one path of one service in one request. The task of the first row posts it.
+
+    Any: the rows have the columns of `outbox_table`.
+    """
+
+    def __init__(self, first: Row[Any]) -> None:
+        self._rows = [first]
+        self._bytes = len(first.payload)
+        self._outcome: asyncio.Future[bool] = asyncio.get_running_loop().create_future()
+
+    @property
+    def has_one_report(self) -> bool:
+        """Whether the first report is the only one."""
+        return len(self._rows) == 1
+
+    def add(self, row: Row[Any]) -> bool:
+        """Add a row; False when there is no room for it."""
+        self._bytes += len(row.payload)
+        if self._bytes > _LARGEST_BATCH_BYTES:
+            return False
+        self._rows.append(row)
+        return True
+
+    def body(self) -> bytes:
+        """The JSON of all reports, as `skyway.contracts.mission_reports` describes it."""
+        return b'{"reports":[' + b",".join(map(_with_trace, self._rows)) + b"]}"
+
+    @contextmanager
+    def being_posted(self) -> Iterator[None]:
+        """Give the other tasks the outcome after the block: False unless `accepted` was called."""
+        try:
+            yield
+        finally:
+            if not self._outcome.done():
+                self._outcome.set_result(False)
+
+    def accepted(self) -> None:
+        """The service has accepted all reports."""
+        self._outcome.set_result(True)
+
+    async def is_accepted(self) -> bool:
+        """Wait until the batch was posted; whether the service accepted it."""
+        return await asyncio.shield(self._outcome)
+
+
+def _with_trace(row: Row[Any]) -> bytes:
+    trace = json.dumps(row.traceparent).encode()
+    payload: bytes = row.payload
+    return b'{"traceparent":' + trace + b',"report":' + payload + b"}"

@@ -1,10 +1,10 @@
-"""The loop behind the outbox: the oldest row of every stream, at most one under way in each.
+"""The loop that sends the outbox: the oldest row of every stream, one row at a time in each.
 
-So order holds within a stream, and a stream that is stuck holds nobody else. Rows are claimed for
-a while: several replicas share the work, and what a dead one held is sent by another.
+So the order holds within a stream, and a stream that is stuck holds up no other. Rows are claimed
+for a while: several replicas share the work, and another replica sends the rows of a dead one.
 
-Writers of one stream must not run side by side, or a later row could be seen first: they hold the
-lock of the mission or delivery that the stream is about.
+Transactions that write to one stream must not run side by side, or a later row could be seen
+first. They hold the lock of the mission or delivery that the stream is about.
 """
 
 import asyncio
@@ -20,8 +20,7 @@ from skyway.runtime.clock import FleetClock, sleep_wall
 from skyway.runtime.loops import Wake, repeat
 from skyway.runtime.metrics import count
 from skyway.runtime.minting import mint
-from skyway.runtime.outbox.again import Again, Send
-from skyway.runtime.outbox.statements import both, claiming, dropping, freeing
+from skyway.runtime.outbox.outbox_store import claim_due, delete_and_claim, delete_sent, free_row
 from skyway.runtime.pace import Pace
 from skyway.runtime.sql.claims import FREE, claim_values
 from skyway.runtime.sql.database import Database
@@ -32,25 +31,62 @@ log = logging.getLogger(__name__)
 
 #: How long a row is claimed, seconds of wall time: longer than any single send takes.
 _LEASE_S: Final = 15.0
-#: Rows under way at once, each of another stream.
+#: The most rows that are sent concurrently, each of another stream.
 _MOST_UNDER_WAY: Final = 64
-#: Longest look away from the table, seconds: another replica may have written to it.
-_LONGEST_REST_S: Final = 1.0
-#: Rows that wait for longer than that are due on whole multiples of this, many at a time.
+#: The longest time between two looks at the table, seconds: another replica may have written to it.
+_LONGEST_PAUSE_S: Final = 1.0
+#: Rows that wait for longer than that are due at multiples of this, so that many are due together.
 _TOGETHER_MS: Final = 500
+
+#: Seconds of wall time from one look at the table to the next. All rows that were written or sent
+#: meanwhile take one statement, and a row that comes after a quiet time waits for nothing.
+_SOON_S: Final = 0.05
+#: The same under load, after `_EARLY_LOOKS` looks that were that soon.
+_QUICK_S: Final = 0.1
+_UNHURRIED_S: Final = 0.2
+_EARLY_LOOKS: Final = 10
+
+
+def quick_pace() -> Pace:
+    """How often to look for rows that somebody waits for."""
+    return Pace(_QUICK_S, burst=_EARLY_LOOKS, least_s=_SOON_S)
+
+
+def unhurried_pace() -> Pace:
+    """How often to look for all other rows: seldom under load, quickly when little is going on."""
+    return Pace(_UNHURRIED_S, burst=_EARLY_LOOKS, least_s=_SOON_S)
+
+
+@dataclass(frozen=True, slots=True)
+class Retry:
+    """A row stays in the outbox and is sent again after a while of wall time."""
+
+    after_s: float
+    attempts: int
+
+
+#: Sends one row; None when the row is done. Any: the columns of `outbox_table`.
+Send = Callable[[Row[Any]], Awaitable[Retry | None]]
+
+
+def retry_later(row: Row[Any], span_s: tuple[float, float]) -> Retry:
+    """The retry of a row; the pause doubles with each attempt, from the first time to the last."""
+    first_s, longest_s = span_s
+    after_s = min(first_s * 2.0 ** min(row.attempts, 16), longest_s)
+    return Retry(after_s=after_s, attempts=row.attempts + 1)
 
 
 @dataclass(frozen=True, slots=True, order=True)
-class _Staying:
-    """A row that is due again at a wall time; until `noted_at_ms` only we know, who hold it."""
+class _Waiting:
+    """A row that is due again at a wall time; `store_at_ms` is when the table must know."""
 
-    noted_at_ms: int
+    store_at_ms: int
     row_id: int
     attempts: int
     due_at_ms: int
 
 
-async def _at_once() -> None:
+async def _no_wait() -> None:
     """Nothing to wait for before sending."""
 
 
@@ -66,7 +102,7 @@ class StreamSender:
         clock: FleetClock,
         pace: Pace,
         lease_s: float = _LEASE_S,
-        ready: Callable[[], Awaitable[None]] = _at_once,
+        ready: Callable[[], Awaitable[None]] = _no_wait,
     ) -> None:
         if db.outbox is None:
             raise RuntimeError("this database was opened without an outbox")
@@ -80,26 +116,26 @@ class StreamSender:
         self._claimant = mint("snd")
         self._wake = Wake()
         self._under_way: set[asyncio.Task[None]] = set()
-        self._done: list[int] = []  # rows that are sent, and still in the table
-        self._staying: list[_Staying] = []  # a heap
+        self._sent: list[int] = []  # rows that are sent, and still in the table
+        self._waiting: list[_Waiting] = []  # a heap
         self._pace = pace
-        self._claiming = claiming(self._table, channel)
-        self._dropping = dropping(self._table)
-        self._turning = both(self._dropping, self._claiming.statement)
-        self._freeing = freeing(self._table)
+        self._claim = claim_due(self._table, channel)
+        self._delete = delete_sent(self._table)
+        self._delete_and_claim = delete_and_claim(self._delete, self._claim.statement)
+        self._free = free_row(self._table)
 
     async def run(self) -> None:
         """Send for ever."""
         self._db.wake_when_sent(self._wake, channel=self._channel)
         if self._db.dialect == "sqlite":
-            await self._free_claims()
+            await self._free_all_claims()
         async with asyncio.TaskGroup() as group:
             await repeat(
-                f"outbox {self._channel}", lambda: self._step(group), every_s=_LONGEST_REST_S
+                f"outbox {self._channel}", lambda: self._step(group), every_s=_LONGEST_PAUSE_S
             )
 
-    async def _free_claims(self) -> None:
-        """A SQLite file has one process: whoever claimed before us is dead."""
+    async def _free_all_claims(self) -> None:
+        """A SQLite file has one process, so every earlier claimant is dead."""
         async with self._db.write() as tx:
             mine = self._table.c.channel == self._channel
             await tx.execute(self._table.update().where(mine).values(FREE))
@@ -107,68 +143,68 @@ class StreamSender:
     async def _step(self, group: asyncio.TaskGroup) -> bool:
         await self._ready()
         await self._pace.turn()
-        rows = await self._turn()
+        rows = await self._next_rows()
         for row in rows:
             task = group.create_task(self._deliver(row))
             self._under_way.add(task)
             task.add_done_callback(self._finished)
-        await self._rest()
+        await self._pause()
         return True
 
     def _finished(self, task: asyncio.Task[None]) -> None:
         was_full = len(self._under_way) == _MOST_UNDER_WAY
         self._under_way.discard(task)
-        if self._done or was_full:
+        if self._sent or was_full:
             self._wake.set()
 
-    async def _turn(self) -> Sequence[Row[Any]]:
-        """Delete what was sent, free what is due again, and claim what comes next.
+    async def _next_rows(self) -> Sequence[Row[Any]]:
+        """Delete the sent rows, free the rows that are due again, and claim the next ones.
 
-        None of it needs the others: a row that is not deleted or freed is claimed by us until its
-        claim runs out, and then sent again.
+        None of these depends on the others. A row that is not deleted or freed is ours until its
+        claim runs out, and is sent again then.
         """
         await self._free_due()
-        done, self._done = self._done, []
+        sent, self._sent = self._sent, []
         values = claim_values(
             limit=_MOST_UNDER_WAY - len(self._under_way),
             claimant=self._claimant,
             lease_s=self._lease_s,
             clock=self._clock,
         )
-        values["done"] = done
+        values["sent"] = sent
         try:
             if self._db.dialect == "postgresql":
-                taken = await self._db.write_alone(self._turning, values)
+                claimed = await self._db.write_alone(self._delete_and_claim, values)
             else:
                 async with self._db.write() as tx:
-                    await tx.execute(self._dropping, values)
-                    taken = (await tx.execute(self._claiming.statement, values)).all()
+                    await tx.execute(self._delete, values)
+                    claimed = (await tx.execute(self._claim.statement, values)).all()
         except BaseException:
-            self._done = done + self._done
+            self._sent = sent + self._sent
             raise
-        return self._claiming.in_order(taken)
+        return self._claim.in_order(claimed)
 
     async def _free_due(self) -> None:
-        """Free the rows of which the table must know by now when they are due again."""
+        """Free the rows of which the table must know now when they are due again."""
         now_ms = self._now_ms()
-        noted: list[_Staying] = []
-        while self._staying and self._staying[0].noted_at_ms <= now_ms:
-            noted.append(heapq.heappop(self._staying))
+        due: list[_Waiting] = []
+        while self._waiting and self._waiting[0].store_at_ms <= now_ms:
+            due.append(heapq.heappop(self._waiting))
         rows = [
             {"sent_id": each.row_id, "attempts": each.attempts, "due_at_ms": each.due_at_ms}
-            for each in noted
+            for each in due
         ]
         if rows:
-            await self._db.write_alone(self._freeing, rows)
+            await self._db.write_alone(self._free, rows)
 
-    async def _rest(self) -> None:
-        """Wait until something is written, sent or due again, but no longer than a while."""
-        rest_s = _LONGEST_REST_S
-        if self._staying:
-            rest_s = min((self._staying[0].noted_at_ms - self._now_ms()) / 1000, rest_s)
-        alarm = asyncio.create_task(self._wake_after(rest_s))
+    async def _pause(self) -> None:
+        """Wait until a row is written, sent or due again, at most `_LONGEST_PAUSE_S`."""
+        pause_s = _LONGEST_PAUSE_S
+        if self._waiting:
+            pause_s = min((self._waiting[0].store_at_ms - self._now_ms()) / 1000, pause_s)
+        alarm = asyncio.create_task(self._wake_after(pause_s))
         try:
-            await self._wake.wait(_LONGEST_REST_S)
+            await self._wake.wait(_LONGEST_PAUSE_S)
         finally:
             alarm.cancel()
 
@@ -177,33 +213,34 @@ class StreamSender:
         self._wake.set()
 
     async def _deliver(self, row: Row[Any]) -> None:
-        """Send one row and keep the outcome; whatever goes wrong, its claim runs out."""
+        """Send one row and remember the outcome. After any error its claim runs out."""
         try:
             with tracing(row.traceparent):
-                again = await self._send(row)
+                retry = await self._send(row)
         except Exception:
             count("skyway_outbox_failures", "sends that broke", channel=self._channel)
             log.exception("send failed", extra={"channel": self._channel, "stream": row.stream})
             return
         count("skyway_outbox_sends", "rows sent, repeats too", channel=self._channel)
-        if again is None:
-            self._done.append(row.id)
+        if retry is None:
+            self._sent.append(row.id)
         else:
-            self._keep(row, again)
+            self._keep(row, retry)
 
-    def _keep(self, row: Row[Any], again: Again) -> None:
-        """Remember a row that stays; the table need not know before it is due again.
+    def _keep(self, row: Row[Any], retry: Retry) -> None:
+        """Remember a row that is sent again later.
 
-        Most are confirmed before that, and gone. While we hold a row nobody else sends it, so the
-        table must know at once when it waits for longer than that.
+        Most rows are confirmed and deleted before that. While our claim lasts nobody else sends the
+        row, so the table needs the due time only when the row is due. If the row waits for longer
+        than the claim lasts, the table must know the due time now.
         """
-        due_at_ms = self._now_ms() + int(again.after_s * 1000)
-        if again.after_s > _LONGEST_REST_S:
+        due_at_ms = self._now_ms() + int(retry.after_s * 1000)
+        if retry.after_s > _LONGEST_PAUSE_S:
             due_at_ms = -(-due_at_ms // _TOGETHER_MS) * _TOGETHER_MS
-        is_held = due_at_ms + _LONGEST_REST_S * 1000 < row.claimed_until_ms
-        noted_at_ms = due_at_ms if is_held else 0
-        heapq.heappush(self._staying, _Staying(noted_at_ms, row.id, again.attempts, due_at_ms))
-        if not is_held or again.after_s < _LONGEST_REST_S:
+        is_claimed = due_at_ms + _LONGEST_PAUSE_S * 1000 < row.claimed_until_ms
+        store_at_ms = due_at_ms if is_claimed else 0
+        heapq.heappush(self._waiting, _Waiting(store_at_ms, row.id, retry.attempts, due_at_ms))
+        if not is_claimed or retry.after_s < _LONGEST_PAUSE_S:
             self._wake.set()
 
     def _now_ms(self) -> int:

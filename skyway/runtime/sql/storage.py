@@ -61,9 +61,13 @@ class SqliteStorage:
     async def __aexit__(self, *_: object) -> None:
         await self._opened.aclose()
 
-    def read(self) -> AbstractAsyncContextManager[AsyncConnection]:
+    @asynccontextmanager
+    async def read(self) -> AsyncIterator[AsyncConnection]:
         """A connection to read from. All reads of a block see the data of one moment."""
-        return _connect(AsyncConnection(self._readers))
+        async with _connect(AsyncConnection(self._readers)) as connection:
+            yield connection
+        # Nothing above waits, and a loop that only reads must still let other tasks run.
+        await asyncio.sleep(0)
 
     def survey(self) -> AbstractAsyncContextManager[AsyncConnection]:
         """The same. The event loop goes on while a statement runs."""

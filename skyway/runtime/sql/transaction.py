@@ -15,10 +15,10 @@ from skyway.json_model import JsonModel
 from skyway.runtime.errors import Taken
 from skyway.runtime.sql.at_once import write_at_once
 from skyway.runtime.sql.connection import BlockConnection
+from skyway.runtime.sql.constraints import taken_constraint
 from skyway.runtime.sql.declared import Change, Consequence, Declared, Following, Guard, Row
 from skyway.runtime.sql.engines import Dialect
 from skyway.runtime.sql.in_turn import write_in_turn
-from skyway.runtime.sql.taken import taken_constraint
 from skyway.runtime.tracing import current_traceparent
 
 MessageT = TypeVar("MessageT", bound=Message)

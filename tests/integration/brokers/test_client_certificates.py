@@ -22,9 +22,8 @@ from skyway.runtime.errors import MqttUnavailable
 from skyway.runtime.mqtt.address import BrokerAddress
 from skyway.runtime.mqtt.broker_passwords import hash_password, write_password_file
 from skyway.runtime.mqtt.client import MqttClient
-from skyway.runtime.mqtt.link import MqttLink
+from skyway.runtime.mqtt.connection import Login, MqttConnection
 from skyway.runtime.mqtt.mosquitto import TlsFiles, mosquitto_conf
-from skyway.runtime.mqtt.paho_client import Login
 
 pytestmark = pytest.mark.integration
 
@@ -107,7 +106,9 @@ class TlsBroker:
         )
 
     async def is_let_in(self, tls: ssl.SSLContext, *, name: str, password: str) -> bool:
-        link = MqttLink(Login(name, name, password, 10), will=None, on_message=lambda *_: None)
+        link = MqttConnection(
+            Login(name, name, password, 10), will=None, on_message=lambda *_: None
+        )
         try:
             async with asyncio.timeout(5):
                 await link.open(BrokerAddress("127.0.0.1", self.port, is_encrypted=True), tls)

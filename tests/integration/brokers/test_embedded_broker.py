@@ -12,8 +12,7 @@ from skyway.contracts.topics import CLOCK, CONNECTION, INSTRUCTIONS
 from skyway.contracts.world import ClockAnchor
 from skyway.runtime.errors import MqttUnavailable
 from skyway.runtime.mqtt.address import BrokerAddress
-from skyway.runtime.mqtt.link import MqttLink
-from skyway.runtime.mqtt.paho_client import Login, RawMessage
+from skyway.runtime.mqtt.connection import Login, MqttConnection, RawMessage
 
 NOW = datetime(2026, 1, 1, tzinfo=UTC)
 ANCHOR = ClockAnchor(message_id="m", sent_at=NOW, fleet_at=NOW, wall_at=NOW, rate=1.0)
@@ -38,7 +37,7 @@ class Listening:
     def __init__(self, user_name: str, *, will: RawMessage | None = None) -> None:
         self.names: list[str] = []
         self._news = asyncio.Event()
-        self.link = MqttLink(
+        self.link = MqttConnection(
             Login(user_name, user_name, user_name, 10), will=will, on_message=self._arrived
         )
 

@@ -7,8 +7,7 @@ import pytest
 from skyway.contracts.topics import ACKS, CLOCK, DELIVERY_EVENTS, INSTRUCTIONS
 from skyway.runtime.errors import MqttUnavailable
 from skyway.runtime.mqtt.address import BrokerAddress
-from skyway.runtime.mqtt.link import MqttLink
-from skyway.runtime.mqtt.paho_client import Login
+from skyway.runtime.mqtt.connection import Login, MqttConnection
 
 
 async def test_a_drone_reads_only_its_own_instructions(
@@ -84,7 +83,7 @@ async def test_the_operator_reads_everything_and_writes_nothing(
 
 @pytest.mark.parametrize("password", ["wrong", ""])
 async def test_a_wrong_password_is_refused(broker, connect, password, all_connected):
-    link = MqttLink(
+    link = MqttConnection(
         Login("drone-1", "drone-1", password, 10), will=None, on_message=lambda *_: None
     )
     await all_connected(await connect(broker.port, "drone-2"))
@@ -96,7 +95,7 @@ async def test_a_wrong_password_is_refused(broker, connect, password, all_connec
 
 
 async def test_nobody_is_anonymous(broker, connect, all_connected):
-    link = MqttLink(Login("anyone", "", "", 10), will=None, on_message=lambda *_: None)
+    link = MqttConnection(Login("anyone", "", "", 10), will=None, on_message=lambda *_: None)
     await all_connected(await connect(broker.port, "drone-2"))
 
     with pytest.raises(MqttUnavailable, match="refused"):
@@ -118,7 +117,7 @@ async def test_a_drone_under_anothers_client_id_does_not_disturb_it(
     victim = await connect(broker.port, "drone-1", on_connected=greet)
     arrived = victim.batches(INSTRUCTIONS("p", "drone-1"))
     await all_connected(composition, victim)
-    thief = MqttLink(
+    thief = MqttConnection(
         Login("drone-1", "drone-2", password, 10), will=None, on_message=lambda *_: None
     )
 

@@ -13,8 +13,7 @@ from skyway.geo import Position
 from skyway.ids import DeliveryId, SubjectId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.http.identity import Caller
-from skyway.runtime.idempotency.answer import Answer
-from skyway.runtime.idempotency.once import once
+from skyway.runtime.idempotency.once import Answer, once
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.claims import FREE
 from skyway.runtime.sql.database import Database, Tx

@@ -7,9 +7,9 @@ from fastapi import Body, Depends, Request, Response
 from pydantic import Discriminator, Tag
 
 from skyway.delivery.request import DeliveryRequest
+from skyway.runtime.http.idempotency_key import IdempotencyKey, response_of
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.problem_answers import NOT_FOUND, conflicts
-from skyway.runtime.http.repeatable import IdempotencyKey, response_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway_gateway.access.routes import KeyGate
 from skyway_gateway.deliveries.accepting.accept import Acceptance

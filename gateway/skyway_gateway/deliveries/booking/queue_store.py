@@ -9,9 +9,9 @@ from sqlalchemy import BigInteger, Text, and_, bindparam, update
 from skyway.contracts.candidate import ProviderReason
 from skyway.ids import DeliveryId
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.sql.among import among
 from skyway.runtime.sql.claims import FREE, NOW_MS, Claiming, claim_values
 from skyway.runtime.sql.database import Database, Tx
+from skyway.runtime.sql.in_list import in_list
 from skyway.units import moment_to_ms
 from skyway_gateway.deliveries.records.delivery_rows import (
     Values,
@@ -38,7 +38,7 @@ _CLAIMING: Final = Claiming.of(
 _HOLDING: Final = (
     update(deliveries)
     .where(
-        among(deliveries.c.delivery_id, "held"),
+        in_list(deliveries.c.delivery_id, "held"),
         deliveries.c.claimed_by == bindparam("claimant", type_=Text),
     )
     .values(claimed_until_ms=bindparam("until_ms", type_=BigInteger))

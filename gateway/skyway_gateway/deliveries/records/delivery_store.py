@@ -15,9 +15,9 @@ from skyway.contracts.candidate import ProviderReason
 from skyway.ids import DeliveryId, MissionId
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.identity import Caller
-from skyway.runtime.sql.among import among
 from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Tx
+from skyway.runtime.sql.in_list import in_list
 from skyway.units import moment_to_ms
 from skyway_gateway.access.ownership_store import owned
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery, FlownMission, PackageStatus
@@ -40,12 +40,12 @@ _LOCKED: Final = (
 #: Each visible change of a delivery that `saving_store` does not write counts as a version.
 NEXT_VERSION: Final = {"version": deliveries.c.version + 1}
 _PACKAGES: Final = (
-    select(packages).where(among(packages.c.delivery_id, "ids")).order_by(packages.c.number)
+    select(packages).where(in_list(packages.c.delivery_id, "ids")).order_by(packages.c.number)
 )
 #: Refused missions were never flown; `refusals` lists them.
 _MISSIONS: Final = (
     select(missions.c.delivery_id, missions.c.state, missions.c.body)
-    .where(among(missions.c.delivery_id, "ids"), missions.c.state != "REFUSED")
+    .where(in_list(missions.c.delivery_id, "ids"), missions.c.state != "REFUSED")
     .order_by(missions.c.attempt, missions.c.trip)
 )
 _REPORTED: Final = select(missions.c.report_seq).where(missions.c.mission_id == bindparam("this"))

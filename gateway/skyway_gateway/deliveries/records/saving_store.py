@@ -23,10 +23,10 @@ from sqlalchemy import (
 from sqlalchemy.sql.dml import ReturningUpdate
 
 from skyway.contracts.mission import MissionReport
-from skyway.runtime.sql.among import among
 from skyway.runtime.sql.claims import FREE
 from skyway.runtime.sql.database import Tx
 from skyway.runtime.sql.declared import Consequence
+from skyway.runtime.sql.in_list import in_list
 from skyway.units import moment_to_ms
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery, FlownMission
 from skyway_gateway.deliveries.lifecycle.states import may_follow
@@ -86,7 +86,7 @@ def _links_of(moved: FromClause) -> Select[*tuple[Any, ...]]:
         bindparam("moved_ms", type_=BigInteger).label("at_ms"),
     ).where(
         moved.c.delivery_id == bindparam("moved_of", type_=Text),
-        among(moved.c.package_id, "moved"),
+        in_list(moved.c.package_id, "moved"),
     )
 
 

@@ -24,8 +24,8 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.mission import Mission
 from skyway.ids import DeliveryId, DroneId, ProviderId, StationId
-from skyway.runtime.sql.among import among
 from skyway.runtime.sql.database import Tx
+from skyway.runtime.sql.in_list import in_list
 from skyway_composition.links.link import InstructionPlace
 from skyway_composition.links.store import COUNT_NEXT, OCCUPIED
 from skyway_composition.networks.store import Present
@@ -33,7 +33,7 @@ from skyway_composition.pads.store import LOCK_STATIONS
 from skyway_composition.tables import deliveries, is_live, missions, networks, stations
 
 _ON_MISSION: Final = select(missions.c.drone_id).where(
-    among(missions.c.drone_id, "drone_ids"), is_live
+    in_list(missions.c.drone_id, "drone_ids"), is_live
 )
 _BUSY: Final = union_all(_ON_MISSION, OCCUPIED)
 _IS_OF_ATTEMPT: Final = (

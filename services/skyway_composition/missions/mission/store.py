@@ -12,8 +12,8 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.mission import Mission
 from skyway.ids import DeliveryId, DroneId, MissionId, ProviderId
-from skyway.runtime.sql.among import among
 from skyway.runtime.sql.database import Tx
+from skyway.runtime.sql.in_list import in_list
 from skyway_composition.missions.mission.record import MissionRecord
 from skyway_composition.missions.mission.row import changing_columns, new_row, read_record
 from skyway_composition.tables import deliveries, first_planned_end_ms, is_live, missions
@@ -22,14 +22,14 @@ from skyway_composition.tables import deliveries, first_planned_end_ms, is_live,
 # than running them, so they are built once.
 _LIVE: Final = (
     select(missions)
-    .where(among(missions.c.drone_id, "drone_ids"), is_live)
+    .where(in_list(missions.c.drone_id, "drone_ids"), is_live)
     .order_by(missions.c.drone_id)
     .with_for_update()
 )
 
 
 _LIVE_AMONG: Final = select(missions.c.drone_id).where(
-    among(missions.c.drone_id, "drone_ids"), is_live
+    in_list(missions.c.drone_id, "drone_ids"), is_live
 )
 
 

@@ -8,7 +8,7 @@ from skyway.ids import DroneId, InstructionId, MissionId, ProviderId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import Conflict, NotFound
 from skyway.runtime.minting import Mint
-from skyway.runtime.outbox.confirming import confirm
+from skyway.runtime.outbox.outbox_store import confirm
 from skyway.runtime.sql.database import Tx
 from skyway_composition.links.courier import Courier
 from skyway_composition.links.link import DroneLink

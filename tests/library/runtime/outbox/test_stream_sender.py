@@ -12,10 +12,8 @@ from sqlalchemy import Executable, MetaData, Row, Table, select
 
 from skyway.json_model import JsonModel
 from skyway.runtime.clock import ManualClock
-from skyway.runtime.outbox.again import Again
-from skyway.runtime.outbox.paces import quick
-from skyway.runtime.outbox.stream_sender import StreamSender
-from skyway.runtime.outbox.table import outbox_table
+from skyway.runtime.outbox.outbox_store import outbox_table
+from skyway.runtime.outbox.stream_sender import Retry, StreamSender, quick_pace
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import ms_to_moment
 
@@ -60,11 +58,11 @@ class Receiver:
         self.again_after_s = list(again_after_s)
         self.taken: list[tuple[str, int]] = []  # addresses, and how often each was tried before
 
-    async def take(self, row: Row[Any]) -> Again | None:
+    async def take(self, row: Row[Any]) -> Retry | None:
         self.taken.append((row.address, row.attempts))
         if not self.again_after_s:
             return None
-        return Again(after_s=self.again_after_s.pop(0), attempts=row.attempts + 1)
+        return Retry(after_s=self.again_after_s.pop(0), attempts=row.attempts + 1)
 
 
 @pytest.fixture
@@ -77,7 +75,7 @@ async def db(database_url: str) -> AsyncIterator[CountingDatabase]:
 
 @contextlib.asynccontextmanager
 async def sending(db: Database, receiver: Receiver, clock: ManualClock) -> AsyncIterator[None]:
-    sender = StreamSender(db, CHANNEL, receiver.take, clock=clock, pace=quick())
+    sender = StreamSender(db, CHANNEL, receiver.take, clock=clock, pace=quick_pace())
     task = asyncio.create_task(sender.run())
     try:
         yield

@@ -26,8 +26,8 @@ from sqlalchemy import (
 from sqlalchemy.exc import DBAPIError, MultipleResultsFound, NoResultFound, StatementError
 
 from skyway.runtime.errors import ServiceUnavailable, Taken
-from skyway.runtime.sql.among import among
 from skyway.runtime.sql.database import Database
+from skyway.runtime.sql.in_list import in_list
 
 METADATA = MetaData()
 CRATES = Table(
@@ -103,7 +103,7 @@ async def test_constants_of_a_statement_stay_in_it(db: Database) -> None:
 
 
 async def test_a_list_may_have_any_length(db: Database) -> None:
-    named = select(func.count()).where(among(CRATES.c.name, "names"))
+    named = select(func.count()).where(in_list(CRATES.c.name, "names"))
     expanded = select(func.count()).where(CRATES.c.name.in_(bindparam("names", expanding=True)))
 
     for names, count in (([], 0), (["oak"], 1), (["oak", "pine", "elm"], 2)):

@@ -5,8 +5,8 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
+from skyway.runtime.answer_cache import AnswerCache
 from skyway.runtime.clock import ManualClock
-from skyway.runtime.remembered import Remembered
 
 KEPT = timedelta(seconds=4)
 
@@ -42,81 +42,81 @@ def world() -> World:
 
 
 @pytest.fixture
-def remembered(world: World, clock: ManualClock) -> Remembered[str, int | None]:
-    return Remembered(world.ask, clock=clock, kept=KEPT, most=3)
+def cache(world: World, clock: ManualClock) -> AnswerCache[str, int | None]:
+    return AnswerCache(world.ask, clock=clock, kept=KEPT, most=3)
 
 
 async def test_an_answer_is_believed_for_its_time(
-    remembered: Remembered[str, int | None], clock: ManualClock
+    cache: AnswerCache[str, int | None], clock: ManualClock
 ) -> None:
-    assert remembered.answer("two") is None
-    assert await remembered.ask("two") == 2
-    assert remembered.answer("two") == 2
+    assert cache.cached("two") is None
+    assert await cache.ask("two") == 2
+    assert cache.cached("two") == 2
 
     clock.advance(KEPT)
-    assert remembered.answer("two") is None
+    assert cache.cached("two") is None
 
 
 async def test_an_answer_is_not_believed_for_longer_when_the_clock_is_set_back(
-    remembered: Remembered[str, int | None], clock: ManualClock
+    cache: AnswerCache[str, int | None], clock: ManualClock
 ) -> None:
-    await remembered.ask("two")
+    await cache.ask("two")
 
     clock.advance(timedelta(hours=-1))
-    assert remembered.answer("two") is None
+    assert cache.cached("two") is None
 
 
 async def test_an_old_answer_is_renewed_while_it_is_believed(
-    remembered: Remembered[str, int | None], clock: ManualClock, world: World
+    cache: AnswerCache[str, int | None], clock: ManualClock, world: World
 ) -> None:
-    await remembered.ask("two")
+    await cache.ask("two")
     clock.advance(KEPT / 2)
     world.answers["two"] = 22
     world.was_asked.clear()
 
-    assert remembered.answer("two") == 2
+    assert cache.cached("two") == 2
     await asyncio.wait_for(world.was_asked.wait(), 5)  # nobody but the renewal asks
     clock.advance(KEPT * 0.49)
-    assert remembered.answer("two") == 22
+    assert cache.cached("two") == 22
     assert world.asked == ["two", "two"]
 
 
 async def test_a_young_answer_is_not_renewed(
-    remembered: Remembered[str, int | None], clock: ManualClock, world: World
+    cache: AnswerCache[str, int | None], clock: ManualClock, world: World
 ) -> None:
-    await remembered.ask("two")
+    await cache.ask("two")
     clock.advance(KEPT * 0.49)
 
-    assert remembered.answer("two") == 2
+    assert cache.cached("two") == 2
     await asyncio.sleep(0)
     assert world.asked == ["two"]
 
 
 async def test_its_time_begins_when_it_is_asked_for(
-    remembered: Remembered[str, int | None], clock: ManualClock, world: World
+    cache: AnswerCache[str, int | None], clock: ManualClock, world: World
 ) -> None:
     world.is_answering.clear()
-    asking = asyncio.create_task(remembered.ask("two"))
+    asking = asyncio.create_task(cache.ask("two"))
     await world.was_asked.wait()
     clock.advance(KEPT)
     world.is_answering.set()
     await asking
 
-    assert remembered.answer("two") is None
+    assert cache.cached("two") is None
 
 
 async def test_who_asks_at_once_waits_for_one_answer(
-    remembered: Remembered[str, int | None], world: World
+    cache: AnswerCache[str, int | None], world: World
 ) -> None:
-    assert await asyncio.gather(*(remembered.ask("two") for _ in range(5))) == [2] * 5
+    assert await asyncio.gather(*(cache.ask("two") for _ in range(5))) == [2] * 5
     assert world.asked == ["two"]
 
 
 async def test_who_is_cancelled_leaves_the_answer_to_the_others(
-    remembered: Remembered[str, int | None], world: World
+    cache: AnswerCache[str, int | None], world: World
 ) -> None:
     world.is_answering.clear()
-    first, second = (asyncio.create_task(remembered.ask("two")) for _ in range(2))
+    first, second = (asyncio.create_task(cache.ask("two")) for _ in range(2))
     await asyncio.sleep(0)
     first.cancel()
     await asyncio.sleep(0)
@@ -126,54 +126,54 @@ async def test_who_is_cancelled_leaves_the_answer_to_the_others(
 
 
 async def test_nothing_is_remembered_of_an_unknown(
-    remembered: Remembered[str, int | None], clock: ManualClock, world: World
+    cache: AnswerCache[str, int | None], clock: ManualClock, world: World
 ) -> None:
-    await remembered.ask("two")
+    await cache.ask("two")
     clock.advance(KEPT / 2)
     del world.answers["two"]
 
-    assert await remembered.ask("two") is None
-    assert remembered.answer("two") is None
+    assert await cache.ask("two") is None
+    assert cache.cached("two") is None
 
 
 async def test_a_failed_renewal_leaves_what_is_known(
-    remembered: Remembered[str, int | None], clock: ManualClock, world: World
+    cache: AnswerCache[str, int | None], clock: ManualClock, world: World
 ) -> None:
-    await remembered.ask("two")
+    await cache.ask("two")
     clock.advance(KEPT / 2)
     world.trouble = OSError("nobody there")
 
-    assert remembered.answer("two") == 2
+    assert cache.cached("two") == 2
     with pytest.raises(OSError, match="nobody there"):
-        await remembered.ask("two")
-    assert remembered.answer("two") == 2
+        await cache.ask("two")
+    assert cache.cached("two") == 2
 
 
 async def test_an_answer_under_way_is_forgotten_too(
-    remembered: Remembered[str, int | None], world: World
+    cache: AnswerCache[str, int | None], world: World
 ) -> None:
     world.is_answering.clear()
-    asking = asyncio.create_task(remembered.ask("two"))
+    asking = asyncio.create_task(cache.ask("two"))
     await asyncio.sleep(0)
-    remembered.forget()
-    again = asyncio.create_task(remembered.ask("two"))
+    cache.clear()
+    again = asyncio.create_task(cache.ask("two"))
     await asyncio.sleep(0)
     world.answers["two"] = 22
     world.is_answering.set()
     await asyncio.gather(asking, again)
 
     assert world.asked == ["two", "two"]
-    assert remembered.answer("two") == 22
+    assert cache.cached("two") == 22
 
 
 async def test_no_more_is_remembered_than_may_be(
-    remembered: Remembered[str, int | None], world: World
+    cache: AnswerCache[str, int | None], world: World
 ) -> None:
     world.answers = {name: number for number, name in enumerate("abcd")}
     for name in "abc":
-        await remembered.ask(name)
-    await remembered.ask("c")  # not one more
-    assert [remembered.answer(name) for name in "abc"] == [0, 1, 2]
+        await cache.ask(name)
+    await cache.ask("c")  # not one more
+    assert [cache.cached(name) for name in "abc"] == [0, 1, 2]
 
-    await remembered.ask("d")
-    assert [remembered.answer(name) for name in "abcd"] == [None, None, None, 3]
+    await cache.ask("d")
+    assert [cache.cached(name) for name in "abcd"] == [None, None, None, 3]

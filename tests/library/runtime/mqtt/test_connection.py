@@ -1,6 +1,6 @@
 """A connection is looked at when a ping can be due, and often only while one is."""
 
-from skyway.runtime.mqtt.keepalive import next_look_s
+from skyway.runtime.mqtt.connection import next_look_s
 
 
 def test_a_connection_is_left_alone_until_a_ping_can_be_due() -> None:

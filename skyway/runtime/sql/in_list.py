@@ -15,16 +15,16 @@ from sqlalchemy.sql.operators import OperatorType
 from sqlalchemy.types import Boolean
 
 
-def among(column: ColumnElement[Any], name: str) -> ColumnElement[bool]:
+def in_list(column: ColumnElement[Any], name: str) -> ColumnElement[bool]:
     """Whether a column's value is in the list of values given as parameter `name`.
 
     Any: a column may hold whatever both databases can compare.
     """
     values = ARRAY(column.type).with_variant(JSON(), "sqlite")
-    return _Among(column, bindparam(name, type_=values))
+    return _InList(column, bindparam(name, type_=values))
 
 
-class _Among(FunctionElement[bool]):
+class _InList(FunctionElement[bool]):
     """A value and the parameter that holds the list."""
 
     inherit_cache = True
@@ -35,16 +35,16 @@ class _Among(FunctionElement[bool]):
         return self
 
 
-@compiles(_Among, "postgresql")
-def _on_postgresql(among: _Among, compiler: SQLCompiler, **options: Any) -> str:
+@compiles(_InList, "postgresql")
+def _on_postgresql(element: _InList, compiler: SQLCompiler, **options: Any) -> str:
     """Any: what a statement's parts are told when they are compiled."""
-    value, values = (compiler.process(each, **options) for each in among.clauses)
+    value, values = (compiler.process(each, **options) for each in element.clauses)
     return f"{value} = ANY ({values})"
 
 
-@compiles(_Among, "sqlite")
-def _on_sqlite(among: _Among, compiler: SQLCompiler, **options: Any) -> str:
+@compiles(_InList, "sqlite")
+def _on_sqlite(element: _InList, compiler: SQLCompiler, **options: Any) -> str:
     """Any: what a statement's parts are told when they are compiled."""
-    value, values = (compiler.process(each, **options) for each in among.clauses)
+    value, values = (compiler.process(each, **options) for each in element.clauses)
     # These are compiled parts, such as a column and a question mark: nobody's input.
     return f"{value} IN (SELECT value FROM json_each({values}))"  # noqa: S608

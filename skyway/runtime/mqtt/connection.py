@@ -1,19 +1,18 @@
-"""One connection to a broker: paho as a parser of packets, asyncio as its socket loop."""
+"""One connection to a broker: paho parses the packets, asyncio serves the socket."""
 
 import asyncio
 import ssl
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Final
 
 from paho.mqtt.client import Client, MQTTMessage
-from paho.mqtt.enums import MQTTErrorCode
+from paho.mqtt.enums import CallbackAPIVersion, MQTTErrorCode
 from paho.mqtt.reasoncodes import ReasonCode
 
 from skyway.runtime.errors import MqttUnavailable
 from skyway.runtime.mqtt.address import BrokerAddress
 from skyway.runtime.mqtt.buffered_socket import BufferedSocket
-from skyway.runtime.mqtt.keepalive import next_look_s
-from skyway.runtime.mqtt.paho_client import Login, PahoClient, RawMessage, new_paho_client
 
 if TYPE_CHECKING:
     from paho.mqtt.client import SocketLike
@@ -23,8 +22,51 @@ _GREETING = 0
 
 Arrival = Callable[[str, bytes, bool], None]
 
+#: Looks in one keepalive while something is due: a ping, or the end of a connection that answers
+#: none, is late by a fifth of it at most.
+_LOOKS: Final = 5
 
-class MqttLink:
+
+@dataclass(frozen=True, slots=True)
+class RawMessage:
+    """A topic name and a payload as they go over the wire."""
+
+    name: str
+    payload: bytes
+    mqtt_qos: int
+    retained: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Login:
+    """How a client introduces itself."""
+
+    client_id: str
+    user_name: str
+    password: str = field(repr=False)
+    keepalive_s: int
+
+
+class PahoClient(Client):
+    """A paho client on a socket that asyncio has already connected (paho's own connect blocks)."""
+
+    opened: BufferedSocket
+
+    def _create_socket(self) -> BufferedSocket:
+        return self.opened
+
+
+def new_paho_client(login: Login, will: RawMessage | None) -> PahoClient:
+    """A client that has not connected, and never connects again by itself."""
+    paho = PahoClient(CallbackAPIVersion.VERSION2, login.client_id, reconnect_on_failure=False)
+    paho.username_pw_set(login.user_name, login.password)
+    paho.max_inflight_messages = 0
+    if will is not None:
+        paho.will_set(will.name, will.payload, will.mqtt_qos, will.retained)
+    return paho
+
+
+class MqttConnection:
     """A single connection, from CONNECT to its loss; never connected again.
 
     A fresh paho client per connection: what was not acknowledged is told to its sender and not
@@ -210,3 +252,12 @@ class MqttLink:
             keepalive_s=self._keepalive_s,
         )
         self._keepalive_check = self._loop.call_at(look_s, self._check_keepalive)
+
+
+def next_look_s(now_s: float, *, heard_s: float, said_s: float, keepalive_s: float) -> float:
+    """When to look, by when something was last heard and said; all by the event loop's clock.
+
+    Before a keepalive of silence has passed there is nothing to do. A fleet has a connection per
+    drone, so most of its wake-ups would be these.
+    """
+    return max(min(heard_s, said_s) + keepalive_s, now_s + keepalive_s / _LOOKS)

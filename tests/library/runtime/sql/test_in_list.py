@@ -6,8 +6,8 @@ import pytest
 from sqlalchemy import BigInteger, Column, MetaData, Table, Text, bindparam, delete, select
 from sqlalchemy.dialects import postgresql, sqlite
 
-from skyway.runtime.sql.among import among
 from skyway.runtime.sql.database import Database
+from skyway.runtime.sql.in_list import in_list
 
 METADATA = MetaData()
 DRONES = Table(
@@ -16,7 +16,9 @@ DRONES = Table(
     Column("drone_id", Text, primary_key=True),
     Column("number", BigInteger, nullable=False),
 )
-NAMED = select(DRONES.c.drone_id).where(among(DRONES.c.drone_id, "ids")).order_by(DRONES.c.drone_id)
+NAMED = (
+    select(DRONES.c.drone_id).where(in_list(DRONES.c.drone_id, "ids")).order_by(DRONES.c.drone_id)
+)
 
 
 @pytest.fixture
@@ -37,7 +39,7 @@ async def test_those_of_the_list_are_found(db: Database, wanted: list[str]) -> N
 
 
 async def test_numbers_are_found_by_lists_of_numbers(db: Database) -> None:
-    query = select(DRONES.c.drone_id).where(among(DRONES.c.number, "numbers"))
+    query = select(DRONES.c.drone_id).where(in_list(DRONES.c.number, "numbers"))
 
     async with db.read() as connection:
         found = await connection.execute(query, {"numbers": [3, 2**62]})
@@ -48,7 +50,7 @@ async def test_numbers_are_found_by_lists_of_numbers(db: Database) -> None:
 async def test_rows_of_a_list_are_deleted(db: Database) -> None:
     async with db.write() as tx:
         gone = await tx.execute(
-            delete(DRONES).where(among(DRONES.c.drone_id, "ids")), {"ids": ["a", "d"]}
+            delete(DRONES).where(in_list(DRONES.c.drone_id, "ids")), {"ids": ["a", "d"]}
         )
 
     assert gone.rowcount == 2
@@ -81,8 +83,8 @@ async def test_rows_are_found_by_the_index(db: Database) -> None:
 
 
 async def test_two_columns_have_statements_of_their_own(db: Database) -> None:
-    texts = select(DRONES.c.number).where(among(DRONES.c.drone_id, "wanted"))
-    numbers = select(DRONES.c.number).where(among(DRONES.c.number, "wanted"))
+    texts = select(DRONES.c.number).where(in_list(DRONES.c.drone_id, "wanted"))
+    numbers = select(DRONES.c.number).where(in_list(DRONES.c.number, "wanted"))
 
     async with db.read() as connection:
         by_text = await connection.execute(texts, {"wanted": ["b"]})

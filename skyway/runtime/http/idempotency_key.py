@@ -1,10 +1,10 @@
-"""What a route needs so that its call may come again: the key that it came with, and the answer."""
+"""The Idempotency-Key header of a route, and the HTTP answer of a call that may be repeated."""
 
 from typing import Annotated
 
 from fastapi import Header, Response
 
-from skyway.runtime.idempotency.answer import Answer
+from skyway.runtime.idempotency.once import Answer
 
 #: The header `Idempotency-Key`, for a parameter of the name `idempotency_key`.
 IdempotencyKey = Annotated[str | None, Header()]

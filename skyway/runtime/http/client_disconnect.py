@@ -1,7 +1,7 @@
-"""Work that only its caller wants ends when the caller leaves.
+"""Work that ends when its client disconnects.
 
-For calls that change nothing, or whose change is another service's to finish: what changes
-something here goes on, so that the caller who comes back finds it done.
+For calls that change nothing, or whose change another service completes. A call that changes
+something here goes on: the client who comes back finds it done.
 """
 
 import asyncio
@@ -15,22 +15,22 @@ from starlette.types import Message
 T = TypeVar("T")
 
 
-async def while_wanted(
+async def cancel_on_disconnect(
     request: Request,
     answer: Callable[[Request], Coroutine[Any, Any, T]],  # Any: what it yields is asyncio's
 ) -> T:
-    """What `answer` makes of the request; cancelled if the client leaves.
+    """What `answer` makes of the request; cancelled if the client disconnects.
 
-    The request's body has not been read before, or has none.
+    The request's body has not been read before, or there is none.
 
     Raises
     ------
     ClientDisconnect
-        The client left first.
+        The client disconnected first.
     """
-    watched = _Watched(request)
+    watched = _WatchedRequest(request)
     working = asyncio.create_task(answer(watched.request))
-    leaving = asyncio.create_task(watched.has_left())
+    leaving = asyncio.create_task(watched.disconnected())
     try:
         await asyncio.wait({working, leaving}, return_when=asyncio.FIRST_COMPLETED)
         if not working.done():
@@ -42,22 +42,22 @@ async def while_wanted(
         await asyncio.wait({working, leaving})
 
 
-class _Watched:
-    """A request that notices when its body has been read: only then may others receive."""
+class _WatchedRequest:
+    """A request that notices when its body has been read. Only then may others receive."""
 
     def __init__(self, request: Request) -> None:
         self.request = Request(request.scope, self._receive)
-        self._given = request
+        self._original = request
         self._is_read = asyncio.Event()
 
-    async def has_left(self) -> None:
-        """Return when the client has left."""
+    async def disconnected(self) -> None:
+        """Return when the client has disconnected."""
         await self._is_read.wait()
-        while (await self._given.receive())["type"] != "http.disconnect":
+        while (await self._original.receive())["type"] != "http.disconnect":
             pass
 
     async def _receive(self) -> Message:
-        message = await self._given.receive()
+        message = await self._original.receive()
         if message["type"] == "http.request" and not message.get("more_body", False):
             self._is_read.set()
         return message
