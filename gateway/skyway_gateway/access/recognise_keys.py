@@ -35,7 +35,7 @@ class CachedKeys:
 
     def forget(self) -> None:
         """Empty the cache, because a key was deleted."""
-        self._cached.forget()
+        self._cached.clear()
 
     async def _look_up(self, key_hash: str) -> Caller | None:
         async with self._db.read() as connection:

@@ -6,9 +6,9 @@ from fastapi import Depends, Request, Response
 
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import QuoteId
+from skyway.runtime.http.idempotency_key import IdempotencyKey, response_of
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.problem_answers import conflicts
-from skyway.runtime.http.repeatable import IdempotencyKey, response_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
 from skyway_gateway.access.routes import KeyGate
