@@ -1,7 +1,15 @@
 """The drone level: one drone, or a simulated fleet, that flies what the cloud instructs.
 
-What happened is a file of records (`journal`), what follows from them a `logbook`; `inbox` answers
-instructions, `mission` decides the next act, `vehicle` does it, `reporter` tells the cloud. The
-`cockpit` puts them together, the `agent` links them to the cloud.
-Read `flying.mission` first.
+- `journal`: a file of records of what happened, and the logbook that they add up to
+- `instructions`: reads instructions of the cloud and answers them
+- `flying`: decides the next act and has the vehicle do it
+- `analysis`: estimates charge, wind and reach from the sensors
+- `failsafes`: what the drone does by itself about a fault
+- `reports`, `link`: state, events and telemetry on their way to the cloud
+- `simulated`, `mavlink`: the two kinds of vehicles
+- `landing_book`: stations near the routes, for landings that nobody planned
+- `enrolment`: how a drone gets its credentials and changes them
+
+The `cockpit` puts the parts together and the `agent` links them to the cloud. Read
+`flying.mission` first.
 """

@@ -20,14 +20,14 @@ from skyway_drone_agent.settings import AgentSettings, read_settings
 
 
 def main() -> int:
-    """Serve until told to stop; 2 when the settings or the fleet file are wrong."""
+    """Serve until a signal says stop. The exit code is 2 if the settings or the fleet are wrong."""
     try:
         settings = read_settings(sys.argv[1:], os.environ)
         configure_logs("drone_agent", settings.log_level)
         crew = _crew(settings)
         allow_open_files(len(crew.drones))
         with JournalFolder(settings.journal, (drone.drone_id for drone in crew.drones)) as folder:
-            # With the locks of the journals: nobody else serves these drones meanwhile.
+            # We hold the locks of the journals now: no other process serves these drones.
             crew.settle()
             if settings.placed is not None:
                 place(crew.drones, folder, settings.placed)
@@ -52,9 +52,10 @@ def _crew(settings: AgentSettings) -> Crew:
 
 
 def _runner(drones: int) -> asyncio.Runner:
-    """A fleet's runs on uvloop where the cloud is installed too; one drone does without it.
+    """A fleet runs on uvloop where uvloop is installed; one drone does without it.
 
-    A thousand drones that stand wake it a thousand times a second; a single one has little memory.
+    A thousand standing drones wake the event loop a thousand times a second. A single drone has
+    little memory.
     """
     if drones > 1:
         with contextlib.suppress(ImportError):
@@ -65,7 +66,7 @@ def _runner(drones: int) -> asyncio.Runner:
 
 
 async def _host(crew: Crew, folder: JournalFolder, settings: AgentSettings) -> None:
-    """Serve the drones, and anew whenever they have other credentials."""
+    """Serve the drones; start again when their credentials change."""
     while True:
         hosting = host_fleet(
             crew.drones,
@@ -81,7 +82,7 @@ async def _host(crew: Crew, folder: JournalFolder, settings: AgentSettings) -> N
         finally:
             for task in (serving, changing):
                 task.cancel()
-            # Until the farewell is said; what broke is raised by the look at the result.
+            # Both may say goodbye first. Reading the result raises an error of the serving task.
             await asyncio.wait((serving, changing))
         if not serving.cancelled():
             serving.result()
@@ -93,14 +94,14 @@ async def _serve(crew: Crew, folder: JournalFolder, settings: AgentSettings) -> 
     for stop in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(stop, serving.cancel)
     if settings.parent_fd is not None:
-        # Nobody writes on the parent's pipe: it becomes readable only when the parent is gone.
+        # Nobody writes on the parent's pipe, so it becomes readable only when the parent exits.
         loop.add_reader(settings.parent_fd, _leave, serving, settings.parent_fd)
     with contextlib.suppress(asyncio.CancelledError):
         await serving
 
 
 def _leave(serving: asyncio.Task[None], parent_fd: int) -> None:
-    # Once only: a closed pipe stays readable, and the farewell must not be cancelled too.
+    # Only once: a closed pipe stays readable, and a second cancel would stop the farewell.
     asyncio.get_running_loop().remove_reader(parent_fd)
     serving.cancel()
 

@@ -1,4 +1,4 @@
-"""One drone's agent: links it to the cloud, and serves it from its cockpit once time is known."""
+"""One drone's agent: connects it to the cloud, and serves it once fleet time is set."""
 
 import contextlib
 from collections.abc import AsyncIterator, Awaitable, Callable
@@ -29,7 +29,7 @@ from skyway_drone_agent.vehicle import Vehicle
 #: Wall seconds that a farewell may take.
 _FAREWELL_S = 1.0
 
-#: Wall seconds before a session is written again that the disk did not take.
+#: Wall seconds between two attempts to write the session on a full disk.
 _ROOM_EVERY_S = 1.0
 
 
@@ -48,24 +48,24 @@ class OpenableLink(Link, Protocol):
 
 
 class VersionedLandings(LandingSource, Protocol):
-    """A landing book that reads what is new once a network has another version."""
+    """A source of landings that reads stations again when a network has a new version."""
 
     @property
     def uses_versions(self) -> bool:
-        """Whether it can do anything with them."""
+        """Whether the source needs the versions of networks."""
         ...
 
     def note_version(self, version: NetworkVersion) -> None:
-        """A network has this version now."""
+        """Note that a network has this version now."""
         ...
 
 
-#: Makes the link of one drone from its last will and what to do after each connect.
+#: Makes the link of one drone from its last will and a callback for each connect.
 MakeLink = Callable[[Will, Callable[[], Awaitable[None]]], OpenableLink]
 
 
 class DroneAgent:
-    """A drone from now until the task is cancelled; the next one goes on from its journal."""
+    """Serves a drone until the task is cancelled; the next agent continues from its journal."""
 
     def __init__(
         self,
@@ -93,10 +93,10 @@ class DroneAgent:
             mint=mint,
         )
         self._link = make_link(self._presence.last_will, self._connected)
-        self._cockpit: Cockpit | None = None  # None until fleet time is known
+        self._cockpit: Cockpit | None = None  # None until fleet time is set
 
     async def run(self) -> None:
-        """Serve the drone; a leave on purpose is told to the cloud."""
+        """Serve the drone; at the end tell the cloud that it leaves on purpose."""
         here = (self._drone.provider_id, self._drone.drone_id)
         anchors = self._link.batches(CLOCK())
         instructions = self._link.batches(RAW_INSTRUCTIONS(*here))
@@ -108,16 +108,16 @@ class DroneAgent:
             if book is not None and versions is not None:
                 loops.start("landing book", _note_versions(book, versions))
             try:
-                # Without fleet time nothing can be judged; what arrives meanwhile waits.
+                # Without fleet time no instruction can be judged: they wait until it is set.
                 await self._clock.wait_until_set()
                 await self._fly(instructions, loops)
             finally:
                 await self._say_goodbye()
 
     async def _connect(self, linked: contextlib.AsyncExitStack) -> None:
-        """Connect, but say nothing under a session that a later start may begin again.
+        """Connect once the session is written: a later start must never use the same session.
 
-        Until there is room on the disk for the session, the drone does as with a lost link.
+        Until the disk has room for the session, the drone behaves as with a lost link.
         """
         recorder, clock = self._recorder, self._clock
         with NewsOrMoment(recorder.watch(), clock) as room:
@@ -161,13 +161,13 @@ class DroneAgent:
                 self._cockpit.cloud_monitor.note_clock(is_repeated=not batch[-1].retained)
 
     async def _connected(self) -> None:
-        """Be present, once instructions can be taken."""
+        """Announce the drone, once it can handle instructions."""
         cockpit = self._cockpit
         if cockpit is None:
             return
         cockpit.cloud_monitor.note_message()
         cockpit.link_monitor.came_up()
-        # Before the broker confirms anything: a state that waited for the connection is the one.
+        # Before the broker confirms anything: a state may already wait for the connection.
         cockpit.state.send_anew()
         await self._say_online()
 
@@ -192,7 +192,7 @@ async def _note_versions(
 async def _handle_instructions(
     batches: AsyncIterator[list[Received[Any]]], cockpit: Cockpit
 ) -> None:
-    """Any: instructions are read by the inbox itself."""
+    """Pass instructions to the inbox. Any: the inbox parses them itself."""
     async for batch in batches:
         cockpit.cloud_monitor.note_message()
         for received in batch:

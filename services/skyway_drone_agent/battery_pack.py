@@ -1,4 +1,4 @@
-"""The battery as its makers describe it: cells, their open-circuit voltage, inner resistance."""
+"""The battery by its data sheet: cells, open-circuit voltage, inner resistance."""
 
 from bisect import bisect_right
 from collections.abc import Sequence
@@ -28,7 +28,7 @@ _LIPO_CURVE: Final = (
 class BatteryPack:
     """Cells in series; `resistance_ohm` is that of the whole pack.
 
-    Build one and keep it: the columns of its curve are worked out once.
+    Keep one instance: it computes the columns of its curve when it is made.
     """
 
     cells: int = 6
@@ -57,7 +57,7 @@ class BatteryPack:
         return _along(self._volts, self._socs, open_voltage_v)
 
     def volts_per_soc(self, soc: float) -> float:
-        """How steep the pack's curve is: on its flat middle a voltage says little."""
+        """The slope of the pack's curve: in the flat middle a voltage says little."""
         after = bisect_right(self._socs, soc, 1, len(self._socs) - 1)
         return self._slopes[after - 1]
 

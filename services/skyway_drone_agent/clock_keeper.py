@@ -1,8 +1,8 @@
-"""The fleet clock as the cloud tells it, kept on disk for a restart without the cloud.
+"""The fleet clock as the cloud sets it, kept on disk for a restart without the cloud.
 
-It never goes back. A cloud that begins anew says where the old clock would be (decision 0002), but
-a drone that hears late of a slower clock is ahead of it, and waits for it without standing still:
-whatever is due by wall time, as heartbeats are, goes on.
+The clock never goes back. When the cloud restarts, its clock continues where it was (decision
+0002). A drone that learns late of a slower clock is ahead of the cloud. Its clock then runs at half
+the speed until the cloud has caught up, so that things due by wall time, like heartbeats, go on.
 """
 
 import asyncio
@@ -18,42 +18,42 @@ from skyway.runtime.clock import AnchoredClock, FleetClock, load_clock
 
 log = logging.getLogger(__name__)
 
-#: Wall seconds to wait for the cloud's word after a start before the kept anchor is believed: the
-#: cloud may have begun anew at another rate.
+#: Wall seconds to wait for the cloud's anchor after a start. After that the kept anchor is used:
+#: the cloud may have restarted at another rate.
 PATIENCE_S = 10.0
 
-#: How fast a clock runs, of the cloud's, until that has caught up with it. What was due in 30 s
-#: when it slowed down is due within a minute.
+#: Speed of a clock that is ahead, as a share of the cloud's clock. What was due in 30 s is then due
+#: within a minute.
 _WAITING_PACE = 0.5
 
 #: Longest single sleep, in seconds of wall time: the machine's clock may be set meanwhile.
 _LONGEST_SLEEP_S = 60.0
 
-#: What a nap is longer than it must be: uvloop counts in milliseconds, and whoever wakes before
-#: the moment naps again.
+#: Seconds that a nap is too long on purpose: uvloop counts in milliseconds, and a sleeper that
+#: wakes too early has to nap again.
 _TICK_S = 0.001
 
 
 class ClockFromCloud(FleetClock, Protocol):
-    """A fleet clock that is set by the cloud."""
+    """A fleet clock that the cloud sets."""
 
     def keep(self, anchor: ClockAnchor) -> None:
-        """Go by this anchor from now on."""
+        """Use this anchor from now on."""
         ...
 
     async def wait_until_set(self) -> None:
-        """Return once fleet time is known; until then the clock shows wall time."""
+        """Return once fleet time is set; until then the clock shows wall time."""
         ...
 
 
 class KeptClock:
-    """Goes by the newest anchor, never back; whoever sleeps is woken by the new one's time."""
+    """Uses the newest anchor and never goes back; sleepers wake by the new anchor's time."""
 
     def __init__(self, path: Path, *, patience_s: float = PATIENCE_S) -> None:
         self._path = path
         self._patience_s = patience_s
         self._newest = AnchoredClock.plain()
-        #: Slower than the clock told, and ahead of it; None once that has caught up.
+        #: Ahead of the newest clock and slower; None once the newest clock has caught up.
         self._waiting: AnchoredClock | None = None
         self._is_set = asyncio.Event()
         self._napping: set[asyncio.Future[None]] = set()
@@ -72,7 +72,7 @@ class KeptClock:
         return self._newest.wall_now()
 
     def _ahead(self) -> AnchoredClock:
-        """The clock that is furthest on: once caught up with, the slower one is forgotten."""
+        """The clock that shows the later time; the slower one is dropped once it is overtaken."""
         if self._waiting is None:
             return self._newest
         if self._newest.now() >= self._waiting.now():
@@ -81,7 +81,7 @@ class KeptClock:
         return self._waiting
 
     async def sleep_until(self, fleet_moment: datetime) -> None:
-        """Return once fleet time has reached the moment, also if the anchor changes meanwhile."""
+        """Return once fleet time has reached the moment, even if the anchor changes meanwhile."""
         while True:
             remaining_s = self._wall_s_until(fleet_moment)
             if remaining_s <= 0:
@@ -109,7 +109,7 @@ class KeptClock:
             self._napping.discard(awake)
 
     async def wait_until_set(self) -> None:
-        """Return once the cloud has told the anchor, or nearly so: the kept one, after a while."""
+        """Return once the cloud has sent its anchor, or after a while with the kept anchor."""
         if self._path.exists() and not self._is_set.is_set():
             with contextlib.suppress(TimeoutError):
                 async with asyncio.timeout(self._patience_s):
@@ -119,7 +119,7 @@ class KeptClock:
         await self._is_set.wait()
 
     def keep(self, anchor: ClockAnchor) -> None:
-        """Go by this anchor from now on, and after a restart too."""
+        """Use this anchor from now on, and after a restart."""
         clock = AnchoredClock(anchor.fleet_at, anchor.wall_at, anchor.rate)
         if self._is_set.is_set() and clock == self._newest:
             return
@@ -127,11 +127,11 @@ class KeptClock:
         try:
             self._write(anchor)
         except OSError as error:
-            # A full disk: only a restart without the cloud goes by the file.
+            # A full disk: only a restart without the cloud needs the file.
             log.warning("fleet clock not kept", extra={"error": str(error)})
 
     def _write(self, anchor: ClockAnchor) -> None:
-        # A name of its own: agents of other drones may share the folder.
+        # The process id is in the name: agents of other drones may share the folder.
         beside = self._path.with_suffix(f".{os.getpid()}")
         beside.write_text(anchor.model_dump_json(include={"fleet_at", "wall_at", "rate"}))
         beside.replace(self._path)

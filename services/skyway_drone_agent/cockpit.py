@@ -1,4 +1,4 @@
-"""What serves a drone once fleet time is known, put together for one session."""
+"""The parts that serve a drone for one session, put together once fleet time is set."""
 
 from collections.abc import Coroutine
 from dataclasses import dataclass
@@ -25,16 +25,16 @@ from skyway_drone_agent.vehicle import Vehicle
 
 
 class Part(Protocol):
-    """What works beside the pilot for as long as the drone is served."""
+    """Something that works beside the pilot while the drone is served."""
 
     def run(self) -> Coroutine[Any, Any, None]:
-        """Work until cancelled; Any: what it yields to the event loop is asyncio's."""
+        """Work until cancelled. Any: the types that a coroutine yields belong to asyncio."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class Cockpit:
-    """The pilot, the parts that work beside it, and whom the agent tells what it hears."""
+    """The pilot, the parts beside it, and the parts that react to what the link receives."""
 
     pilot: Pilot
     parts: tuple[Part, ...]
@@ -55,12 +55,12 @@ class Cockpit:
         drone_id: DroneId,
         book: LandingSource,
     ) -> Self:
-        """The cockpit of a drone for the recorder's session; fleet time is known."""
+        """The cockpit of a drone for the recorder's session; fleet time is set."""
         acks, events = AckQueue(uplink, recorder, clock), EventSender(uplink, recorder)
         writer = EventWriter(recorder, uplink)
-        watch = LinkMonitor(link, clock, on_change=recorder.notify_watchers)
-        cloud = CloudMonitor(link, clock, on_change=recorder.notify_watchers)
-        heartbeat = Heartbeat(drone_id, watch, clock)
+        link_monitor = LinkMonitor(link, clock, on_change=recorder.notify_watchers)
+        cloud_monitor = CloudMonitor(link, clock, on_change=recorder.notify_watchers)
+        heartbeat = Heartbeat(drone_id, link_monitor, clock)
         lookout = Lookout(recorder, vehicle, clock, book=book)
         state = StateSender(
             uplink, recorder, lookout, clock, acks=acks, events=events, heartbeat=heartbeat
@@ -72,8 +72,8 @@ class Cockpit:
             clock,
             lookout=lookout,
             events=writer,
-            link=watch,
-            cloud=cloud,
+            link=link_monitor,
+            cloud=cloud_monitor,
             heartbeat=heartbeat,
         )
         inbox = Inbox(
@@ -88,29 +88,29 @@ class Cockpit:
             recorder,
             vehicle,
             clock,
-            gates=lambda: _gates(recorder, watch, cloud, guard=guard),
+            gates=lambda: _gates(recorder, link_monitor, cloud_monitor, guard=guard),
             consumption_factor=lookout.consumption_factor,
             events=writer,
         )
-        parts = (acks, events, watch, state, telemetry, guard)
-        return cls(pilot, parts, inbox, watch, cloud, state)
+        parts = (acks, events, link_monitor, state, telemetry, guard)
+        return cls(pilot, parts, inbox, link_monitor, cloud_monitor, state)
 
 
 def _gates(
-    recorder: FlightRecorder, watch: LinkMonitor, cloud: CloudMonitor, *, guard: Guard
+    recorder: FlightRecorder, link: LinkMonitor, cloud: CloudMonitor, *, guard: Guard
 ) -> Gates:
-    """Since when the drone may take off, begin a step and load, as far as it may."""
+    """The moments since when the drone may take off, begin a step and load."""
     mission = recorder.logbook.mission
     acceptance_sent_at = mission.acceptance_sent_at if mission else None
-    up_since = watch.up_since
+    up_since = link.up_since
     return Gates(
-        take_off_at=_latest(watch.not_lost_since, cloud.not_silent_since, guard.takes_off_since),
+        take_off_at=_latest(link.not_lost_since, cloud.not_silent_since, guard.takes_off_since),
         begin_at=guard.begins_since,
         loading_at=max(acceptance_sent_at, up_since) if acceptance_sent_at and up_since else None,
     )
 
 
 def _latest(*moments: datetime | None) -> datetime | None:
-    """Since when all of them hold; None while one does not."""
-    known = [moment for moment in moments if moment is not None]
-    return max(known) if len(known) == len(moments) else None
+    """The latest of the moments; None if one of them is None."""
+    given = [moment for moment in moments if moment is not None]
+    return max(given) if len(given) == len(moments) else None

@@ -15,14 +15,14 @@ from skyway_drone_agent.journal.logbook import Logbook
 
 
 class BrokerLogin(WireModel):
-    """What the registry showed once."""
+    """The broker login that the registry showed once."""
 
     user_name: str
     password: str = Field(repr=False)
 
 
 class ClientCertificate(WireModel):
-    """What the drone shows to a broker that wants more than a password."""
+    """The certificate for a broker that asks for more than a password."""
 
     certificate_pem: str
     private_key_pem: str = Field(repr=False)
@@ -30,14 +30,14 @@ class ClientCertificate(WireModel):
 
 
 class EnrolledDrone(WireModel):
-    """A drone as the registry tells of it once, at its registration or its enrolment."""
+    """A drone as the registry describes it at its registration or its enrolment."""
 
     drone_id: DroneId
     provider_id: ProviderId
     model: DroneModel
     home_station_id: StationId
     home_position: Position
-    #: Where the cloud saw it last, when it enrols on another computer.
+    #: The last place in the cloud's records, when the drone enrols on another computer.
     station_id: StationId | None = None
     position: Position | None = None
     soc: Soc
@@ -45,7 +45,7 @@ class EnrolledDrone(WireModel):
     certificate: ClientCertificate | None = None
 
     def at_first(self) -> Logbook:
-        """The logbook of a drone without a journal: where it was seen last, or at home."""
+        """The logbook of a drone without a journal: at its last place, or at home."""
         if self.station_id is not None and self.position is not None:
             return Logbook(station_id=self.station_id, position=self.position, soc=self.soc)
         return Logbook(station_id=self.home_station_id, position=self.home_position, soc=self.soc)

@@ -28,13 +28,13 @@ from skyway_drone_agent.vehicle import Vehicle
 
 log = logging.getLogger(__name__)
 
-#: Wall seconds before a drone whose agent failed is taken up again from its journal.
+#: Wall seconds before a failed agent starts again from the drone's journal.
 _AGAIN_AFTER_S = 5.0
 
 #: Wall seconds within which a large fleet has connected, as a rule.
 _SETTLED_AFTER_S = 30.0
 
-#: Files that a process holds open for each drone, its connection and its lock; and for itself.
+#: Open files for each drone (its connection and its lock), and for the process itself.
 _FILES_PER_DRONE, _OTHER_FILES = 2, 64
 
 
@@ -47,10 +47,10 @@ async def host_fleet(
     disturbances: Disturbances = UNDISTURBED,
     mavlink: MavlinkSettings | None = None,
 ) -> None:
-    """Serve all drones until cancelled; one that fails does not disturb the others.
+    """Serve all drones until cancelled; a drone that fails does not disturb the others.
 
-    With `mavlink` there is one drone, and its autopilot flies it. With `accesses` the drones have
-    stations read that no mission names.
+    With `mavlink` there is one drone, and its autopilot flies it. With `accesses` the process reads
+    stations that no mission names.
     """
     clock = KeptClock(folder.clock_file)
     async with _landing_book(folder, accesses) as book:
@@ -77,7 +77,7 @@ async def host_fleet(
 async def _landing_book(
     folder: JournalFolder, accesses: tuple[CloudAccess, ...]
 ) -> AsyncIterator[LandingBook]:
-    """The book of this process, which reads on until its drones are left."""
+    """The landing book of this process. It reads stations while the block lasts."""
     book = LandingBook(StationReader(accesses), StationCacheFile(folder.landing_book_file))
     reading = asyncio.create_task(_keep_reading(book), name="landing book")
     try:
@@ -97,8 +97,8 @@ async def _host_real_drone(
     mavlink: MavlinkSettings,
 ) -> Never:
     if len(drones) != 1:
-        raise InvalidSettings(f"--vehicle is one drone's, and there are {len(drones)}")
-    # Only now, so that agents of simulated drones do without it.
+        raise InvalidSettings(f"--vehicle is for one drone, and there are {len(drones)}")
+    # Imported here, so that agents of simulated drones do not need pymavlink.
     from skyway_drone_agent.mavlink.link import mavlink_link
     from skyway_drone_agent.mavlink.vehicle import ready_vehicle
 
@@ -119,7 +119,7 @@ def _link_maker(
     mqtt_url: str,
     disturbances: Disturbances,
 ) -> MakeLink:
-    """Makes the drone's links to the broker, which are lost now and then if it is so disturbed."""
+    """Makes the drone's links to the broker; a scenario may interrupt them."""
     shown = drone.certificate
     tls = None if shown is None else client_tls(shown, scratch=folder.path)
 
@@ -143,9 +143,9 @@ def _link_maker(
 
 
 async def _settle() -> None:
-    """Keep out of the garbage collector what all drones have made to begin with.
+    """Exclude the objects of the start from garbage collection.
 
-    Of a thousand that is 400,000 objects, and 0.3 s whenever they were looked through.
+    A thousand drones make 400,000 objects, and each collection of them would take 0.3 s.
     """
     await asyncio.sleep(_SETTLED_AFTER_S)
     keep_what_is_loaded()
@@ -156,7 +156,7 @@ async def _keep_reading(book: LandingBook) -> None:
         try:
             return await book.run()
         except Exception:
-            # Drones fly with what they know.
+            # The drones fly on with the stations that were read so far.
             log.exception("landing book failed")
             await asyncio.sleep(_AGAIN_AFTER_S)
 
@@ -188,9 +188,9 @@ async def _keep_flying(
 
 
 def allow_open_files(drones: int) -> None:
-    """Raise this process's own limit to what so many drones need, as far as the system lets it."""
+    """Raise this process's limit of open files for so many drones, as far as the system allows."""
     count = drones * _FILES_PER_DRONE + _OTHER_FILES
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     if soft < count:
-        wanted = count if hard == resource.RLIM_INFINITY else min(count, hard)
-        resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, hard))
+        limit = count if hard == resource.RLIM_INFINITY else min(count, hard)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (limit, hard))

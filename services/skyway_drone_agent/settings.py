@@ -27,7 +27,7 @@ _OPTIONS: Final = ("seed", "flight_time_factor", "flight_energy_factor", "charge
 
 @dataclass(frozen=True, slots=True)
 class EnrolmentSettings:
-    """A token to exchange, where, which drone alone, and whether credentials change now."""
+    """The token to exchange, the cloud's URL, a single drone, and whether to rotate now."""
 
     token: str | None = field(repr=False)
     api_url: str
@@ -37,9 +37,10 @@ class EnrolmentSettings:
 
 @dataclass(frozen=True, slots=True)
 class AgentSettings:
-    """Which drones, where their journals lie, and the broker; `parent_fd` ends us when closed.
+    """The drones, the folder of their journals, and the broker.
 
-    Without a fleet file the drones are those that enrolled here, or are about to.
+    Without a fleet file the agent serves the drones that enrolled here. The agent stops when
+    `parent_fd` is closed.
     """
 
     fleet: Path | None
@@ -59,9 +60,11 @@ def read_settings(arguments: Sequence[str], environment: Mapping[str, str]) -> A
     journal = given.journal or environment.get("SKYWAY_AGENT_JOURNAL")
     mqtt_url = given.mqtt_url or environment.get("SKYWAY_MQTT_URL")
     if not journal:
-        raise InvalidSettings("where to keep the journals: --journal or SKYWAY_AGENT_JOURNAL")
+        raise InvalidSettings(
+            "the folder of the journals is missing: --journal or SKYWAY_AGENT_JOURNAL"
+        )
     if not mqtt_url:
-        raise InvalidSettings("where the broker is: --mqtt-url or SKYWAY_MQTT_URL")
+        raise InvalidSettings("the broker is missing: --mqtt-url or SKYWAY_MQTT_URL")
     parent_fd = environment.get("SKYWAY_PARENT_FD", "")
     if parent_fd and not parent_fd.isdecimal():
         raise InvalidSettings(f"SKYWAY_PARENT_FD is a file descriptor, not {parent_fd!r}")
@@ -104,11 +107,11 @@ def _mavlink(given: argparse.Namespace) -> MavlinkSettings | None:
 def _enrolment(given: argparse.Namespace, environment: Mapping[str, str]) -> EnrolmentSettings:
     if given.fleet is not None and given.rotate:
         raise InvalidSettings("--rotate is for drones that enrolled, not for those of --fleet")
-    # Everybody on the machine can read arguments, and nobody else's environment.
+    # Everybody on the machine can read arguments; only this user can read the environment.
     token = given.enrol or environment.get("SKYWAY_ENROLMENT_TOKEN")
     api_url = given.api or environment.get("SKYWAY_GATEWAY_URL")
     if given.fleet is None and token and not api_url:
-        raise InvalidSettings("where to exchange the token: --api or SKYWAY_GATEWAY_URL")
+        raise InvalidSettings("the cloud's URL is missing: --api or SKYWAY_GATEWAY_URL")
     return EnrolmentSettings(
         token or None,
         api_url or "",
@@ -135,7 +138,7 @@ def _parser() -> argparse.ArgumentParser:
         "--fleet",
         metavar="FILE",
         help="the answer of POST /v1/providers/{id}/drones: one drone, a list, or {items: [...]};"
-        " without it: the drones that enrolled with the journals' folder",
+        " without it: the drones that enrolled in the journals' folder",
     )
     _add_enrolment(parser)
     parser.add_argument(
@@ -153,7 +156,7 @@ def _parser() -> argparse.ArgumentParser:
 def _add_placing(parser: argparse.ArgumentParser) -> None:
     placing = parser.add_argument_group("a drone that was down (docs/failsafes.md)")
     placing.add_argument(
-        "--placed-at", metavar="STATION", help="it was fetched, emptied, and put there"
+        "--placed-at", metavar="STATION", help="people fetched it, emptied it, and put it there"
     )
     placing.add_argument(
         "--position", nargs=2, type=float, metavar=("LON", "LAT"), help="where that is, degrees"
@@ -183,13 +186,13 @@ def _add_enrolment(parser: argparse.ArgumentParser) -> None:
     enrolment.add_argument(
         "--enrol",
         metavar="TOKEN",
-        help="exchange this token, once, and keep what it gives (or SKYWAY_ENROLMENT_TOKEN)",
+        help="exchange this token once and keep the credentials (or SKYWAY_ENROLMENT_TOKEN)",
     )
     enrolment.add_argument(
-        "--api", metavar="URL", help="https://host of the cloud (or SKYWAY_GATEWAY_URL)"
+        "--api", metavar="URL", help="the cloud's https://host (or SKYWAY_GATEWAY_URL)"
     )
     enrolment.add_argument(
-        "--drone-id", metavar="ID", help="serve this drone alone of those that enrolled here"
+        "--drone-id", metavar="ID", help="serve only this one of the drones that enrolled here"
     )
     enrolment.add_argument(
         "--rotate", action="store_true", help="change the drones' credentials before they serve"
@@ -197,15 +200,15 @@ def _add_enrolment(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_disturbances(parser: argparse.ArgumentParser) -> None:
-    """The options of what goes otherwise than planned, named as `skyway fleet` names them."""
-    disturbed = parser.add_argument_group("what goes otherwise than planned")
+    """The options for disturbances, with the same names as in `skyway fleet`."""
+    disturbed = parser.add_argument_group("disturbances of simulated drones")
     disturbed.add_argument(
         "--scenario",
         metavar="NAME|FILE",
         help=f"{', '.join(scenario_names())}, or a file (docs/scenarios.md)",
     )
     disturbed.add_argument(
-        "--seed", type=int, metavar="N", help="which of the scenario's many days it is"
+        "--seed", type=int, metavar="N", help="seed of all chance in the scenario"
     )
     for option, what in (
         ("--flight-time-factor", "flights take so many times as long as planned"),
@@ -218,5 +221,5 @@ def _add_disturbances(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="STATION",
-        help="nobody is there to take packages; may be given again",
+        help="no recipient is at this station; may be given several times",
     )

@@ -12,12 +12,11 @@ from skyway.ids import StationId
 
 @dataclass(frozen=True, slots=True)
 class Reading:
-    """What the sensors show at a moment of fleet time; without GPS the position is the last known.
+    """What the sensors show at a moment of fleet time; without GPS the position is the last one.
 
-    `consumed_j` counts what has left the battery since the vehicle was switched on (charging
-    counts backwards), as a battery monitor integrates it between two readings; `current_a` is
-    negative while charging. Speeds are vectors, east and north: over ground, and through the air.
-    `load_kg` is what the drone weighs above its own mass, None without such a sensor.
+    `consumed_j` counts the energy that left the battery since the vehicle was switched on. Charging
+    counts backwards. `current_a` is negative while charging. Speeds are vectors, east and north:
+    over ground, and through the air. `load_kg` is the mass on board, None without such a sensor.
     """
 
     at: datetime
@@ -37,16 +36,16 @@ class Reading:
 
     @property
     def power_w(self) -> float:
-        """What is drawn from the battery now."""
+        """The power drawn from the battery now."""
         return self.voltage_v * self.current_a
 
 
 @dataclass(frozen=True, slots=True)
 class StepRun:
-    """A step that has begun, with what the drone had then.
+    """A step that has begun, and the drone's state at the beginning.
 
-    `changed_at` is when an instruction last changed the step under way: it ends no earlier.
-    `onward` are the flights that follow a flight which does not land, up to the landing.
+    `changed_at` is when an instruction last changed the step: it cannot end earlier. `onward` are
+    the flights after a flight that does not land, up to the landing.
     """
 
     step: FlightStep
@@ -60,7 +59,7 @@ class StepRun:
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """A drone between two steps; a simulated one knows only so where it is."""
+    """A drone between two steps; it tells a simulated drone where it is."""
 
     position: Position
     soc: float
@@ -69,7 +68,7 @@ class Standing:
 
 @dataclass(frozen=True, slots=True)
 class Elsewhere:
-    """Where a drone is that has not come to its step's end; without a station it is down."""
+    """The place of a drone that did not reach the end of its step; without station it is down."""
 
     station_id: StationId | None
     position: Position
@@ -77,10 +76,9 @@ class Elsewhere:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """How a step ended; `code` when it ended otherwise than asked, or did not come about.
+    """How a step ended; `code` says why it did not end as planned.
 
-    `elsewhere` is where the drone is after a step that failed or was broken off, if known better
-    than by where the step leads.
+    `elsewhere` is where the drone is when that is not the end of the step.
     """
 
     ended_at: datetime
@@ -93,7 +91,7 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """What the drone's sensors show; `power_w` is what the flight draws."""
+    """The progress of a step; `power_w` is the power that the flight draws."""
 
     position: Position
     soc: float
@@ -102,7 +100,7 @@ class Sample:
 
 
 class Vehicle(Protocol):
-    """What the agent needs of a drone, flown for real or simulated."""
+    """A drone, real or simulated, as the agent uses it."""
 
     @property
     def model(self) -> DroneModel:
@@ -110,18 +108,18 @@ class Vehicle(Protocol):
         ...
 
     async def perform(self, run: StepRun) -> Outcome:
-        """Do the step and return at its end; the same run again goes on with it.
+        """Do the step and return at its end; a call with the same run continues the step.
 
-        Cancelled when an instruction changes the step or cuts it short.
+        The call is cancelled when an instruction changes or cuts the step.
         """
         ...
 
     def cut(self, run: StepRun, at: datetime) -> Outcome:
-        """End a step on the ground at this moment, or when it ended by itself before."""
+        """End a step on the ground at this moment, or earlier if it ended by itself."""
         ...
 
     def sample(self, run: StepRun, at: datetime) -> Sample:
-        """How far the step has come at this moment."""
+        """The progress of the step at this moment."""
         ...
 
     def read(self, doing: StepRun | Standing, at: datetime) -> Reading:
@@ -129,9 +127,9 @@ class Vehicle(Protocol):
         ...
 
     async def land(self, run: StepRun) -> Outcome:
-        """End a flight here and now, wherever that is, and return once the drone is down."""
+        """End a flight on the spot, and return once the drone is down."""
         ...
 
     def recall(self, run: StepRun) -> bool | None:
-        """Whether a hand-over that had begun before a restart was done; None: it cannot know."""
+        """Whether a hand-over that began before a restart was done; None if that is unknown."""
         ...

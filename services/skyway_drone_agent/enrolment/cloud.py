@@ -1,4 +1,4 @@
-"""The drone's own REST calls: rare, small, and made where waiting does no harm."""
+"""The drone's own REST calls: rare and small, made where waiting does no harm."""
 
 import http.client
 import json
@@ -17,7 +17,7 @@ _SERVER_ERROR: Final = 500
 
 
 class CloudRefused(SkywayError):
-    """The cloud understood, and said no; asking again is no use."""
+    """The cloud refused the call; the same call again does not help."""
 
     def __init__(self, status: int, code: str, detail: str) -> None:
         super().__init__(f"the cloud refused ({status} {code}): {detail}")
@@ -26,11 +26,11 @@ class CloudRefused(SkywayError):
 
 
 class CloudUnreachable(SkywayError):
-    """The cloud did not answer, or could not say; what was asked may have been done."""
+    """The cloud did not answer, or failed; the call may have taken effect."""
 
 
 class _NoRedirects(urllib.request.HTTPRedirectHandler):
-    """A redirect would carry the drone's key to somebody else."""
+    """Refuses redirects, which would carry the drone's key to another host."""
 
     def redirect_request(self, *_: Any, **__: Any) -> None:  # as urllib calls it
         return None
@@ -38,14 +38,14 @@ class _NoRedirects(urllib.request.HTTPRedirectHandler):
 
 @dataclass(frozen=True, slots=True)
 class CloudAccess:
-    """Where a drone asks, and the key that it shows."""
+    """The URL that a drone calls, and its key."""
 
     api_url: str
     key: str = field(repr=False)
 
 
 class Cloud:
-    """The gateway at a URL, asked with blocking calls."""
+    """The gateway at a URL, with blocking calls."""
 
     def __init__(self, api_url: str) -> None:
         parts = urlsplit(api_url)
@@ -55,14 +55,14 @@ class Cloud:
         self._opener = urllib.request.build_opener(_NoRedirects)
 
     def get(self, path: str, *, key: str) -> Any:  # whatever JSON the route documents
-        """What is answered to a GET.
+        """The answer to a GET.
 
         Raises
         ------
         CloudRefused
-            It was answered 4xx.
+            The answer is 4xx.
         CloudUnreachable
-            There was no answer, or not one of ours.
+            There was no answer, or no valid one.
         """
         return self._ask("GET", path, {"Authorization": f"Bearer {key}"}, None)
 
@@ -74,7 +74,7 @@ class Cloud:
         key: str | None = None,
         idempotency_key: str | None = None,
     ) -> Any:  # whatever JSON the route documents
-        """What is answered to a POST; it raises as `get` does."""
+        """The answer to a POST; it raises the errors of `get`."""
         headers = {"Content-Type": "application/json"}
         if key is not None:
             headers["Authorization"] = f"Bearer {key}"
@@ -91,7 +91,7 @@ class Cloud:
             with self._opener.open(request, timeout=_TIMEOUT_S) as answer:
                 return json.loads(answer.read(_LARGEST_ANSWER_BYTES))
         except urllib.error.HTTPError as error:
-            with error:  # it is the answer too, and holds the connection
+            with error:  # the error is also the answer and holds the connection
                 raise _refusal(error) from error
         except (OSError, http.client.HTTPException, ValueError) as error:
             raise CloudUnreachable(f"{self._url} does not answer: {error}") from error
@@ -104,5 +104,5 @@ def _refusal(error: urllib.error.HTTPError) -> SkywayError:
     except (OSError, http.client.HTTPException, ValueError, AttributeError):
         code, detail = "", str(error.reason)
     if error.code >= _SERVER_ERROR:
-        return CloudUnreachable(f"the cloud cannot say now ({error.code}): {detail}")
+        return CloudUnreachable(f"the cloud fails now ({error.code}): {detail}")
     return CloudRefused(error.code, code, detail)

@@ -17,7 +17,7 @@ from skyway_drone_agent.enrolled_drone import BrokerLogin, ClientCertificate, En
 
 
 class Credentials(WireModel):
-    """The answer to a rotation."""
+    """The answer to a rotation of credentials."""
 
     mqtt: BrokerLogin
     certificate: ClientCertificate | None = None
@@ -31,10 +31,10 @@ class Enrolment(EnrolledDrone):
 
 
 class KeptCredentials(WireModel):
-    """An enrolled drone's credentials; `following` ones may or may not have come into force.
+    """An enrolled drone's credentials; the `following` ones may or may not be in force.
 
-    `token_sha256` tells which token they were exchanged for, so that the same command line, given
-    again, does not ask again.
+    `token_sha256` is that of the enrolment token, so that the same command line does not exchange
+    the token twice.
     """
 
     api_url: str
@@ -43,7 +43,7 @@ class KeptCredentials(WireModel):
     following: Credentials | None = None
 
     def followed(self) -> "KeptCredentials":
-        """The same with the following credentials in the place of those they replace."""
+        """The same with the following credentials in place of the current ones."""
         if self.following is None:
             return self
         new = {name: getattr(self.following, name) for name in Credentials.model_fields}
@@ -55,7 +55,7 @@ _SUFFIX: Final = ".credentials.json"
 
 
 class DamagedCredentials(SkywayError):
-    """A file of credentials cannot be read: the drone needs another enrolment token."""
+    """A file of credentials cannot be read; the drone needs another enrolment token."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(f"{path} is damaged: enrol the drone again with another token")
@@ -63,7 +63,7 @@ class DamagedCredentials(SkywayError):
 
 
 class CredentialsFolder:
-    """Reads and replaces credentials; what `keep` returned from is never lost or half there."""
+    """Reads and replaces credentials; once `keep` has returned, they are safe on disk."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -73,14 +73,14 @@ class CredentialsFolder:
         return tuple(_read(path) for path in sorted(self._path.glob(f"*{_SUFFIX}")))
 
     def keep(self, credentials: KeptCredentials) -> None:
-        """Keep these, instead of what was kept for the drone before."""
+        """Keep these credentials in place of the drone's earlier ones."""
         name = f"{credentials.drone.drone_id}{_SUFFIX}"
         self._replace(name, credentials.model_dump_json())
 
     def attempt(self, token_sha256: str, *, new_key: str) -> str:
-        """The key under which this token's exchange is asked for: the first one ever given.
+        """The idempotency key of this token's exchange: the first one that was given.
 
-        An answer that is lost is repeated to whoever asks under the same key.
+        When an answer is lost, a call with the same key gets the same answer.
         """
         path = self._path / _attempt(token_sha256)
         if not path.exists():
@@ -88,12 +88,12 @@ class CredentialsFolder:
         return path.read_text().strip()
 
     def forget_attempt(self, token_sha256: str) -> None:
-        """The exchange is over."""
+        """Delete the idempotency key: the exchange is over."""
         (self._path / _attempt(token_sha256)).unlink(missing_ok=True)
 
     def _replace(self, name: str, text: str) -> None:
         self._path.mkdir(parents=True, exist_ok=True, mode=0o700)
-        # A name of its own: agents of other drones may share the folder.
+        # The process id is in the name: agents of other drones may share the folder.
         draft = self._path / f".{name}.{os.getpid()}"
         file = os.open(draft, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
         with os.fdopen(file, "w") as output:
@@ -116,14 +116,14 @@ def _read(path: Path) -> KeptCredentials:
     try:
         return KeptCredentials.read(path.read_bytes())
     except ValidationError as error:
-        # Not the error's own words: they may hold a password.
+        # Without the text of the error, which may hold a password.
         raise DamagedCredentials(path) from error
 
 
 def client_tls(certificate: ClientCertificate, *, scratch: Path) -> ssl.SSLContext:
-    """Trusts the deployment's own authority alone, and shows the drone's certificate.
+    """TLS that trusts only the deployment's own authority, and shows the drone's certificate.
 
-    `scratch` is a folder of this user's: Python reads a private key from files only.
+    `scratch` is a folder that only this user can read: Python reads private keys from files only.
     """
     context = ssl.create_default_context(cadata=certificate.ca_pem)
     with NamedTemporaryFile(dir=scratch, prefix=".tls-", suffix=".pem") as file:

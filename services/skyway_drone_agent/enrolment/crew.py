@@ -1,4 +1,4 @@
-"""The drones that one agent process serves, with the credentials that work now."""
+"""The drones that one agent process serves, with their current credentials."""
 
 import asyncio
 import logging
@@ -12,7 +12,7 @@ from skyway_drone_agent.enrolment.rotate import begin, settle
 
 log = logging.getLogger(__name__)
 
-#: Wall seconds between two attempts to find out which credentials are in force.
+#: Wall seconds between two attempts to finish a rotation.
 _AGAIN_AFTER_S: Final = 10.0
 
 
@@ -26,11 +26,11 @@ class Crew(Protocol):
 
     @property
     def accesses(self) -> tuple[CloudAccess, ...]:
-        """What the drones ask the cloud with; none without an enrolment."""
+        """The drones' access to the cloud; empty without an enrolment."""
         ...
 
     def settle(self) -> None:
-        """Find out which credentials are in force, where a crash left that open."""
+        """Finish the rotations that a crash interrupted."""
         ...
 
     def rotate(self) -> None:
@@ -38,12 +38,12 @@ class Crew(Protocol):
         ...
 
     async def changed(self) -> None:
-        """Return once drones have other credentials than before; it may never."""
+        """Return once the credentials of drones have changed; it may never return."""
         ...
 
 
 class RegisteredCrew:
-    """Drones of a fleet file: their passwords are those of their registration, for ever."""
+    """Drones of a fleet file, which keep the passwords of their registration."""
 
     def __init__(self, drones: tuple[EnrolledDrone, ...]) -> None:
         self._drones = drones
@@ -59,10 +59,10 @@ class RegisteredCrew:
         return ()
 
     def settle(self) -> None:
-        """Nothing is ever open."""
+        """Do nothing: there are no rotations."""
 
     def rotate(self) -> None:
-        """Nothing can be changed: see `read_settings`."""
+        """Do nothing: `read_settings` refuses to rotate these drones."""
 
     async def changed(self) -> None:
         """Wait for ever."""
@@ -70,7 +70,7 @@ class RegisteredCrew:
 
 
 class EnrolledCrew:
-    """Drones that enrolled; nobody else may serve them while this changes their credentials."""
+    """Drones that enrolled. No other process may serve them during a rotation."""
 
     def __init__(
         self,
@@ -85,7 +85,7 @@ class EnrolledCrew:
 
     @property
     def drones(self) -> tuple[EnrolledDrone, ...]:
-        """The drones, each with what it logs in with as far as is known."""
+        """The drones, each with the credentials that were last in force."""
         return tuple(each.drone for each in self._kept.values())
 
     @property
@@ -94,7 +94,7 @@ class EnrolledCrew:
         return tuple(CloudAccess(each.api_url, each.drone.key) for each in self._kept.values())
 
     async def changed(self) -> None:
-        """Return once a rotation that a crash cut short has come to its end; never without one."""
+        """Return once an interrupted rotation has finished; without one never."""
         before = self.drones
         while any(each.following for each in self._kept.values()):
             await asyncio.sleep(self._again_after_s)
@@ -104,12 +104,12 @@ class EnrolledCrew:
         await asyncio.Event().wait()
 
     def rotate(self) -> None:
-        """Change the credentials of every drone; one whose change fails keeps what it has."""
+        """Change the credentials of every drone; after a failure a drone keeps its credentials."""
         self._each(begin)
         self.settle()
 
     def settle(self) -> None:
-        """End what rotations were begun; without the cloud the old credentials are used."""
+        """Finish the rotations that have begun; without the cloud the old credentials stay."""
         self._each(settle)
 
     def _each(self, do: Callable[[KeptCredentials, CredentialsFolder], KeptCredentials]) -> None:
@@ -117,4 +117,6 @@ class EnrolledCrew:
             try:
                 self._kept[drone_id] = do(kept, self._folder)
             except (CloudUnreachable, CloudRefused) as error:
-                log.warning("not rotated", extra={"drone_id": drone_id, "reason": str(error)})
+                log.warning(
+                    "credentials not rotated", extra={"drone_id": drone_id, "reason": str(error)}
+                )

@@ -1,4 +1,4 @@
-"""Exchanging an enrolment token, so that a crash at any moment can be made good."""
+"""Exchanges an enrolment token; after a crash at any moment the same call continues."""
 
 import hashlib
 import secrets
@@ -10,7 +10,7 @@ from skyway_drone_agent.enrolment.credentials import CredentialsFolder, Enrolmen
 
 
 class NotEnrolled(SkywayError):
-    """No drone has enrolled here, and none is about to."""
+    """No drone has enrolled here, and there is no token to enrol one."""
 
     def __init__(self) -> None:
         super().__init__(
@@ -19,21 +19,21 @@ class NotEnrolled(SkywayError):
 
 
 def enrol(token: str, *, api_url: str, folder: CredentialsFolder) -> KeptCredentials:
-    """The credentials that this token is exchanged for, or was before.
+    """The credentials for this token, exchanged now or earlier.
 
     Raises
     ------
     CloudRefused
         The token is unknown, used up or too old.
     CloudUnreachable
-        The same call later goes on where this one stopped.
+        The same call later continues where this one stopped.
     """
     token_sha256 = hashlib.sha256(token.encode()).hexdigest()
     for kept in folder.every():
         if kept.token_sha256 == token_sha256:
             folder.forget_attempt(token_sha256)
             return kept
-    # On disk before the call: whoever asks again under it is told the same.
+    # The key is on disk before the call, so that a repeated call gets the same answer.
     attempt = folder.attempt(token_sha256, new_key=secrets.token_urlsafe(32))
     answer = Cloud(api_url).post(
         "/v1/enrolments", {"enrolment_token": token}, idempotency_key=attempt
@@ -46,14 +46,14 @@ def enrol(token: str, *, api_url: str, folder: CredentialsFolder) -> KeptCredent
 
 
 def enrolled(folder: CredentialsFolder, *, drone_id: DroneId | None) -> tuple[KeptCredentials, ...]:
-    """The credentials of all drones that enrolled here, or of one alone.
+    """The credentials of all drones that enrolled here, or of one drone.
 
     Raises
     ------
     NotEnrolled
         There are none.
     """
-    wanted = tuple(kept for kept in folder.every() if drone_id in (None, kept.drone.drone_id))
-    if not wanted:
+    found = tuple(kept for kept in folder.every() if drone_id in (None, kept.drone.drone_id))
+    if not found:
         raise NotEnrolled
-    return wanted
+    return found

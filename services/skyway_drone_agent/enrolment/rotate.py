@@ -1,8 +1,8 @@
-"""Changing credentials, so that at every moment some that are kept work, or soon will.
+"""Rotates credentials, so that at every moment some of the kept credentials work.
 
-The following ones are kept before they are first shown. Showing their key brings them into force;
-who crashes before knowing shows it again: it is either in force already, or comes into force now,
-or was never given out, and then the present ones have never stopped.
+The following credentials are kept on disk before their key is first shown. Showing the key brings
+them into force. After a crash the key is shown again: either it is in force already, or it comes
+into force now, or the cloud does not know it and the current credentials still work.
 """
 
 from http import HTTPStatus
@@ -12,7 +12,7 @@ from skyway_drone_agent.enrolment.credentials import Credentials, CredentialsFol
 
 
 def begin(kept: KeptCredentials, folder: CredentialsFolder) -> KeptCredentials:
-    """The same with credentials that follow, kept and not in force yet.
+    """The same with following credentials, which are kept and not in force yet.
 
     Raises
     ------
@@ -30,14 +30,14 @@ def begin(kept: KeptCredentials, folder: CredentialsFolder) -> KeptCredentials:
 
 
 def settle(kept: KeptCredentials, folder: CredentialsFolder) -> KeptCredentials:
-    """What works from now on: the following credentials, if any, are brought into force.
+    """The credentials in force from now on; following ones are brought into force.
 
     Raises
     ------
     CloudRefused
-        The drone is not what its credentials say.
+        The cloud does not accept the drone.
     CloudUnreachable
-        It is not known which of them are in force.
+        It stays unknown which credentials are in force.
     """
     if kept.following is None:
         return kept

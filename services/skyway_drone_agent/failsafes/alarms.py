@@ -5,49 +5,49 @@ from typing import Final
 from skyway.contracts.drone_health import AlarmLevel, Failsafe, Fault
 from skyway_drone_agent.analysis.analysis import Assessment
 
-#: Level and meaning; a fault that is not here is known to the cloud without an alarm: its broker
-#: tells it of a lost link, and the step that an expired instruction fails is an event by itself.
+#: Level and meaning of each fault. The cloud needs no alarm for the other faults: the broker
+#: reports a lost link, and an expired instruction fails a step, which is an event of its own.
 _ALARMS: Final[dict[Fault, tuple[AlarmLevel, str]]] = {
     Fault.BATTERY_EMPTY: ("CRITICAL", "no landing can be reached with the charge that is left"),
     Fault.MOTOR_FAILURE: ("CRITICAL", "a motor does not work"),
-    Fault.BATTERY_SHORT: ("CRITICAL", "the charge does not safely take the drone where it goes"),
+    Fault.BATTERY_SHORT: ("CRITICAL", "the charge may not reach the next landing"),
     Fault.BATTERY_HOT: ("URGENT", "the battery is too hot"),
     Fault.BATTERY_LOW: ("URGENT", "the drone will land below its reserve"),
     Fault.GEOFENCE: ("CRITICAL", "the drone is off its course"),
-    Fault.GPS_LOST: ("CRITICAL", "the drone does not know where it is"),
+    Fault.GPS_LOST: ("CRITICAL", "the position of the drone is unknown"),
     Fault.CLOUD_SILENT: ("WARNING", "the link is up, but nothing comes from the cloud"),
-    Fault.DISK_FULL: ("CRITICAL", "the journal cannot be written, instructions are not taken"),
-    Fault.PAD_OCCUPIED: ("WARNING", "something stands on the reserved pad"),
+    Fault.DISK_FULL: ("CRITICAL", "the journal cannot be written, so no instruction is accepted"),
+    Fault.PAD_OCCUPIED: ("WARNING", "another drone stands on the reserved pad"),
     Fault.BATTERY_COLD: ("WARNING", "the battery is cold and gives less than it holds"),
     Fault.CELL_IMBALANCE: ("WARNING", "the battery's cells are far apart"),
     Fault.BATTERY_WORN: ("WARNING", "the battery holds much less than when it was new"),
 }
 
 _HINTS: Final[dict[Failsafe, str]] = {
-    Failsafe.GO_ON: "it goes on",
-    Failsafe.WARN: "it goes on as planned",
-    Failsafe.STAY: "it begins nothing until that is over",
-    Failsafe.ASK: "it asks for another plan",
-    Failsafe.WAIT_THEN_ASK: "it waits for a while, then it asks for another plan",
-    Failsafe.LAND_AT_NEXT: "it takes off no more until that is over",
-    Failsafe.DIVERT: "it flies to the nearest landing that it can reach, and waits there",
-    Failsafe.LAND_NOW: "it lands where it is; somebody must fetch it",
+    Failsafe.GO_ON: "the drone goes on",
+    Failsafe.WARN: "the drone goes on as planned",
+    Failsafe.STAY: "the drone begins no step until the fault ends",
+    Failsafe.ASK: "the drone asks for another plan",
+    Failsafe.WAIT_THEN_ASK: "the drone waits for a while, then it asks for another plan",
+    Failsafe.LAND_AT_NEXT: "the drone does not take off until the fault ends",
+    Failsafe.DIVERT: "the drone flies to the nearest landing in reach and waits there",
+    Failsafe.LAND_NOW: "the drone lands where it is; people must fetch it",
 }
 
 
 def level_of(fault: Fault) -> AlarmLevel | None:
-    """How bad that is; None when nobody needs an alarm for it."""
+    """The alarm level of a fault; None when the fault needs no alarm."""
     return _ALARMS[fault][0] if fault in _ALARMS else None
 
 
 def in_words(fault: Fault, failsafe: Failsafe) -> str:
-    """What is wrong, and what the drone does about it."""
+    """A sentence on the fault and on what the drone does about it."""
     meaning = _ALARMS[fault][1] if fault in _ALARMS else fault.value
     return f"{meaning}; {_HINTS[failsafe]}"
 
 
 def numbers_behind(fault: Fault, assessment: Assessment, *, reserve_soc: float) -> dict[str, float]:
-    """What was measured, and predicted, when the fault began."""
+    """The measured and predicted numbers when the fault began."""
     numbers: dict[str, float] = {"soc": round(assessment.soc, 4)}
     match fault:
         case Fault.BATTERY_EMPTY | Fault.BATTERY_SHORT | Fault.BATTERY_LOW:

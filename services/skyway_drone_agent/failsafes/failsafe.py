@@ -16,7 +16,7 @@ from skyway_drone_agent.journal.logbook import Logbook, run_under_way
 
 
 class Situation(IntEnum):
-    """What a drone is in the middle of; the columns of the table."""
+    """What a drone is doing; the columns of the table."""
 
     STANDING = 0
     LOADING = 1
@@ -52,7 +52,7 @@ TABLE: Final[dict[Fault, tuple[Failsafe, ...]]] = {
 }
 # fmt: on
 
-#: No instruction overrides this one: there is nothing left to fly with.
+#: No instruction overrides this fault: the drone has no energy left to fly with.
 NEVER_OVERRIDDEN: Final = Fault.BATTERY_EMPTY
 
 _DANGER: Final = {fault: place for place, fault in enumerate(TABLE)}
@@ -74,7 +74,7 @@ def failsafe_for(situation: Situation, fault: Fault) -> Failsafe:
 
 
 def severest(situation: Situation, faults: Iterable[Fault]) -> tuple[Fault, Failsafe] | None:
-    """The failsafe that acts, and its fault; None when none of the faults matters here."""
+    """The fault and the failsafe that acts; None when no fault matters in this situation."""
     acting = [
         (fault, failsafe)
         for fault in faults
@@ -94,13 +94,13 @@ def in_order_of_danger(faults: Iterable[Fault]) -> tuple[Fault, ...]:
 
 
 def not_ignored(faults: Iterable[Fault], logbook: Logbook) -> tuple[Fault, ...]:
-    """The faults that people have not told the drone to ignore in this mission."""
+    """The faults without those that people have overridden in this mission."""
     ignored = logbook.mission.ignored_faults if logbook.mission else ()
     return tuple(fault for fault in faults if fault not in ignored)
 
 
 def situation_of(logbook: Logbook) -> Situation:
-    """What the drone is in the middle of."""
+    """What the drone is doing."""
     if logbook.is_down:
         return Situation.DOWN
     run = run_under_way(logbook)
@@ -110,7 +110,7 @@ def situation_of(logbook: Logbook) -> Situation:
 
 
 def active_failsafe(logbook: Logbook) -> ActiveFailsafe | None:
-    """The failsafe that acts, and where it leads; None while the drone does as it was told."""
+    """The failsafe that acts and its destination; None while the drone follows its plan."""
     mission = logbook.mission
     if mission is None:
         return None
@@ -127,7 +127,7 @@ def active_failsafe(logbook: Logbook) -> ActiveFailsafe | None:
 
 
 def _next_stand(logbook: Logbook) -> StationId | None:
-    """Where the drone stands, or lands next."""
+    """The station where the drone stands or lands next."""
     if logbook.station_id is not None or logbook.mission is None:
         return logbook.station_id
     flights = (step for step in logbook.mission.steps if isinstance(step, FlyStep) and step.lands)

@@ -1,4 +1,4 @@
-"""Faults: when each begins, how long it must last for that, and with what margin it ends."""
+"""Faults: the symptom of each, how long the symptom must last, and when the fault ends."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -9,17 +9,17 @@ from skyway.contracts.drone_health import Fault
 from skyway_drone_agent.analysis.analysis import Assessment
 from skyway_drone_agent.failsafes.failsafe import Situation, in_order_of_danger
 
-#: Charge by which a prediction may lie below its limit, and must lie above it to be good again.
+#: Charge that a prediction may lie below its limit, and must lie above it for the fault to end.
 _SOC_MARGIN: Final = 0.005
 
 #: Rounding of a predicted charge: plans may land with exactly what they must keep.
 _SOC_ROUNDING: Final = 0.001
 
-#: Charge with which a drone must be able to land somewhere, else it lands at once; half the
-#: reserve if that is less.
+#: If the drone cannot land anywhere with this charge, it lands on the spot. Half the reserve counts
+#: if that is less.
 EMPTY_SOC: Final = 0.02
 
-#: Another landing is better when the drone is there with so much more charge.
+#: Another landing is better when it leaves this much more charge.
 _BETTER_BY_SOC: Final = 0.02
 
 #: Metres off the leg: half the width of a usual corridor, twenty times a good GPS's error.
@@ -40,7 +40,7 @@ WORN_HEALTH, GOOD_HEALTH = 0.80, 0.82
 
 @dataclass(frozen=True, slots=True)
 class Signs:
-    """All that faults are told by."""
+    """Everything that shows whether there is a fault."""
 
     assessment: Assessment
     situation: Situation
@@ -52,13 +52,13 @@ class Signs:
 
     @property
     def soc_at_landing(self) -> float:
-        """The charge at the end of the released flights; more than any limit on the ground."""
+        """The charge at the end of the released flights; above every limit on the ground."""
         landing = self.assessment.landing
         return landing.soc_at_landing if landing and self._is_flying else 2.0
 
     @property
     def best_soc(self) -> float:
-        """The charge at the best of the landings that can be reached."""
+        """The most charge that is left at a landing in reach; -1 if none is in reach."""
         in_reach = self.assessment.landings_in_reach
         return max((one.soc_at_landing for one in in_reach), default=-1.0)
 
@@ -69,7 +69,7 @@ class Signs:
 
 @dataclass(frozen=True, slots=True)
 class Symptom:
-    """Shows for `lasts_s` seconds of fleet time before it is a fault, which then `lingers`."""
+    """A fault begins when `shows` held for `lasts_s` fleet seconds; it ends without `lingers`."""
 
     shows: Callable[[Signs], bool]
     lingers: Callable[[Signs], bool]
@@ -77,7 +77,7 @@ class Symptom:
 
 
 def empty_soc(reserve_soc: float) -> float:
-    """Below this at every landing a drone lands at once."""
+    """The least charge at a landing: with less at every landing a drone lands on the spot."""
     return min(EMPTY_SOC, reserve_soc / 2) - _SOC_ROUNDING
 
 
@@ -148,7 +148,7 @@ SYMPTOMS: Final[dict[Fault, Symptom]] = {
 
 
 class FaultMonitor:
-    """Remembers which faults there are, and since when others show."""
+    """Remembers the current faults, and since when other symptoms show."""
 
     __slots__ = ("_faults", "_shown_since")
 
@@ -157,7 +157,7 @@ class FaultMonitor:
         self._shown_since: dict[Fault, datetime] = {}
 
     def update(self, signs: Signs) -> tuple[Fault, ...]:
-        """The faults there are now, the most dangerous first."""
+        """The current faults after these signs, the most dangerous first."""
         at = signs.assessment.at
         self._shown_since = {
             fault: self._shown_since.get(fault, at)

@@ -1,7 +1,7 @@
-"""The guard: looks out for faults while something can go wrong, and has the failsafes act.
+"""The guard: looks for faults, raises alarms and begins what the failsafes say.
 
-What it decides is in the journal first; the pilot then does what the logbook says. So after a
-crash in the middle of an escape the drone goes on with it, and does nothing twice.
+Each decision is in the journal first, and the pilot does what the logbook says. So after a crash in
+the middle of an escape the drone continues the escape and does nothing twice.
 """
 
 from datetime import datetime
@@ -30,21 +30,21 @@ from skyway_drone_agent.link.heartbeat import Heartbeat
 from skyway_drone_agent.link.link_monitor import CloudMonitor, LinkMonitor
 from skyway_drone_agent.vehicle import Vehicle
 
-#: Between two looks in the air: seconds of fleet time, or of wall time if longer.
+#: Seconds between two looks in the air: of fleet time, or of wall time if that is longer.
 _FLYING_EVERY_S, _EVERY_WALL_S = 1.0, 0.25
 
-#: The same on the ground, where nothing falls: while a step is under way, or a fault is there.
+#: The same on the ground, while a step is under way or there is a fault.
 _GROUND_EVERY_S: Final = 5.0
 
-#: A change of the battery's health that is worth a line in the journal.
+#: The least change of the battery's health that is written to the journal.
 _HEALTH_STEP: Final = 0.01
 
-#: Faults that the watches over link and cloud know of at once: those open the gates themselves.
+#: Faults that the monitors of link and cloud report immediately to the gates themselves.
 _MONITORED_FAULTS: Final = frozenset({Fault.LINK_LOST, Fault.CLOUD_SILENT})
 
 
 class Guard:
-    """Watches over one drone; `faults` are those of the last look, the most dangerous first."""
+    """Guards one drone; `faults` are from the last look, the most dangerous first."""
 
     def __init__(
         self,
@@ -73,7 +73,7 @@ class Guard:
         self.faults = recorder.logbook.faults
 
     async def run(self) -> Never:
-        """Look out for ever."""
+        """Look for faults for ever."""
         with self._begins:
             while True:
                 self.look()
@@ -81,11 +81,11 @@ class Guard:
                 if situation_of(self._recorder.logbook) is Situation.FLYING:
                     await self._clock.sleep_until(due_at)
                 else:
-                    # A take-off is news, and so is whatever else begins.
+                    # A take-off wakes the guard, and so does every other new record.
                     await self._begins.wait(until=due_at)
 
     def _due_at(self) -> datetime:
-        """Until when the drone may be left alone, unless there is news."""
+        """When the guard must look again, unless there is news."""
         logbook, clock, now = self._recorder.logbook, self._clock, self._clock.now()
         if situation_of(logbook) is Situation.FLYING:
             return now + fleet_margin(clock, fleet_s=_FLYING_EVERY_S, wall_s=_EVERY_WALL_S)
@@ -94,15 +94,15 @@ class Guard:
         return now + fleet_margin(clock, fleet_s=_GROUND_EVERY_S, wall_s=_EVERY_WALL_S)
 
     def look(self) -> None:
-        """See what is wrong now, raise alarms, and begin what must be done."""
+        """Find the current faults, raise alarms, and begin the failsafe that acts."""
         if self._recorder.is_full:
             self._recorder.make_room()
         assessment = self._lookout.look()
         self._keep_health(assessment.state_of_health)
         situation = situation_of(self._recorder.logbook)
-        was_kept = self.takes_off_since is None
+        was_grounded = self.takes_off_since is None
         self.faults = self._monitor.update(self._signs(assessment, situation))
-        if was_kept and self.takes_off_since is not None:
+        if was_grounded and self.takes_off_since is not None:
             self._cleared_at = assessment.at
             self._recorder.notify_watchers()
         if self.faults or self._recorder.logbook.faults:
@@ -110,7 +110,7 @@ class Guard:
             self._act(assessment, situation)
 
     def _keep_health(self, state_of_health: float) -> None:
-        """What takes days to learn must not be forgotten at a restart."""
+        """Write down the battery's health: it takes days to learn and must survive a restart."""
         if abs(state_of_health - self._recorder.logbook.state_of_health) >= _HEALTH_STEP:
             self._recorder.note(HealthLearned(state_of_health=state_of_health))
 
@@ -121,17 +121,17 @@ class Guard:
 
     @property
     def begins_since(self) -> datetime | None:
-        """Since when steps may begin on the ground; None while a failsafe says STAY."""
+        """The moment since when steps may begin on the ground; None while a failsafe says STAY."""
         return None if Failsafe.STAY in self._on_the_ground() else self._cleared_at
 
     @property
     def takes_off_since(self) -> datetime | None:
-        """Since when the drone may take off; None while a failsafe keeps it from that."""
+        """The moment since when the drone may take off; None while a failsafe prevents it."""
         is_kept = self._on_the_ground() & {Failsafe.STAY, Failsafe.LAND_AT_NEXT}
         return None if is_kept else self._cleared_at
 
     def _on_the_ground(self) -> set[Failsafe]:
-        """What the faults come to once the drone stands, as it may do at any moment."""
+        """The failsafes of the current faults for a drone that stands."""
         if not self.faults:
             return set()
         faults = set(not_ignored(self.faults, self._recorder.logbook)) - _MONITORED_FAULTS
@@ -150,7 +150,7 @@ class Guard:
         )
 
     def _raise_alarms(self, assessment: Assessment, situation: Situation) -> None:
-        """An alarm when a fault begins to matter, a record when one is over."""
+        """Raise an alarm for each new fault that matters, and record each fault that ended."""
         logbook = self._recorder.logbook
         for fault in logbook.faults:
             if fault not in self.faults:

@@ -1,4 +1,4 @@
-"""What the severer failsafes begin: another flight, a landing on the spot, asking for a plan."""
+"""What the severe failsafes begin: another flight, a landing on the spot, a failed step."""
 
 from datetime import datetime, timedelta
 from typing import Final
@@ -30,7 +30,7 @@ class Rescue:
         self._events = events
 
     def begin(self, fault: Fault, failsafe: Failsafe, assessment: Assessment) -> None:
-        """Begin what the failsafe says, unless it has begun, or nothing needs to."""
+        """Begin what the failsafe says, unless that has begun or is not needed."""
         logbook = self._recorder.logbook
         run, mission = run_under_way(logbook), logbook.mission
         if run is None or mission is None:
@@ -61,7 +61,7 @@ class Rescue:
     def _other_flight(
         self, run: StepRun, flight: FlyStep, landing: Place | None, *, at: datetime
     ) -> FlyStep:
-        """What is flown from here instead."""
+        """The flight from here that replaces the flight under way."""
         here, model = self._vehicle.sample(run, at).position, self._vehicle.model
         if landing is None:
             return descent(instead_of=flight, here=here, at=at, model=model)
@@ -70,7 +70,7 @@ class Rescue:
         )
 
     def _ask(self, run: StepRun, fault: Fault, assessment: Assessment) -> None:
-        """Give the step up where the drone stands: the cloud makes another plan."""
+        """Fail the step where the drone stands, so that the cloud makes another plan."""
         outcome = self._vehicle.cut(run, assessment.at)
         failed = self._events.event("STEP_FAILED", outcome.ended_at, step=run.step)
         self._events.write(
@@ -88,10 +88,10 @@ class Rescue:
 def _landing_for(
     fault: Fault, failsafe: Failsafe, assessment: Assessment, mission: CurrentMission
 ) -> Place | None:
-    """Where to: with a short battery to where most is left, else to the nearest that is safe.
+    """The landing to fly to: with a short battery the one with most charge left, else the nearest.
 
-    None, on the spot, for LAND_NOW alone: a diverted drone that knows of no safe landing goes
-    straight to the one of its plan.
+    None means on the spot, for LAND_NOW only. A diverted drone without a safe landing flies
+    straight to the landing of its plan.
     """
     if failsafe is Failsafe.LAND_NOW:
         return None

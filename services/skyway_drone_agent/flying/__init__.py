@@ -1,1 +1,1 @@
-"""What the drone does next, and doing it: one step after another."""
+"""Decides the next act of the drone and performs it, one step after another."""

@@ -1,4 +1,4 @@
-"""Whether the battery lasts: from one recharge to the next, never below the reserve."""
+"""Whether the battery lasts from one recharge to the next without using the reserve."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -19,14 +19,14 @@ from skyway.drone.model import DroneModel
 #: tolerance, so that no plan it verified is refused for rounding.
 _ENERGY_TOLERANCE = 1e-6
 
-#: A drone that was found to use so little more than its model says is judged by the model alone:
-#: that is within what its sensors err, and plans may use all that is above the reserve.
+#: A drone that uses at most this factor of its model's energy is judged by the model: the
+#: difference is within the error of its sensors, and plans may use all energy above the reserve.
 _AS_PLANNED_FACTOR = 1.02
 
 
 @dataclass(frozen=True, slots=True)
 class Shortfall:
-    """A stretch that cannot be flown: at `step` its need first passes what is above the reserve."""
+    """A stretch that cannot be flown: at `step` its need exceeds the energy above the reserve."""
 
     step: FlyStep
     need_j: float
@@ -42,11 +42,11 @@ def shortfall_of(
     consumption_factor: float = 1.0,
     judged_from: int = 0,
 ) -> Shortfall | None:
-    """The first stretch that the battery cannot fly, if each recharge gives what it promises.
+    """The first stretch that the battery cannot fly, if each recharge reaches its charge.
 
     `need_j` counts the whole stretch, up to the next recharge or the end. `consumption_factor` is
-    what flights were found to take against what the drone model says. Flights before the step
-    `judged_from` are flown whatever is said of them, and only count.
+    the measured energy of flights as a multiple of the drone model's. Flights before the step
+    `judged_from` count, but a shortfall in them is not reported.
     """
     factor = consumption_factor if consumption_factor > _AS_PLANNED_FACTOR else 1.0
     load = {package.package_id: package.mass_kg for package in packages}

@@ -1,11 +1,14 @@
-"""The mission: what a drone does next, decided from its logbook and the fleet clock alone.
+"""The mission: what a drone does next, decided only from its logbook and the fleet clock.
 
-A step begins when the one before has ended and its own planned start has come; its end is what the
-vehicle says, not when this process woke. A drone on the ground takes off only with the energy for
-all flights up to the next recharge, and not while the link is lost; it loads only while the cloud
-knows that it has accepted, and only if the cloud was told before the instruction expired: after
-that it may have sent another drone. A drone that is held flies on to its next landing and begins
-nothing there. Whatever begins or ends is in the journal first.
+- A step begins when the step before has ended and its own planned start has come. The vehicle says
+  when a step ended; the moment when this process woke does not matter.
+- A drone on the ground takes off only with the energy for all flights up to the next recharge, and
+  not while the link is lost.
+- A drone loads only after the broker has confirmed its acceptance, and only if that was before the
+  instruction expired. After that the cloud may have sent another drone.
+- A drone that is held flies on to its next landing and begins no step there.
+
+Every beginning and end is in the journal first.
 """
 
 from collections.abc import Callable
@@ -25,10 +28,11 @@ _ALWAYS: Final = datetime.min.replace(tzinfo=UTC)
 
 @dataclass(frozen=True, slots=True)
 class Gates:
-    """Since when the drone may do what needs the cloud; None while it may not (fleet moments).
+    """The fleet moments since when the drone may act; None while it may not.
 
-    `take_off_at` closes when the link is lost for long, `loading_at` whenever it is down and until
-    the broker has the drone's ACCEPTED; `begin_at` when a failsafe says STAY.
+    `take_off_at` is None when the link is lost for long. `loading_at` is None while the link is
+    down, and until the broker has confirmed the drone's ACCEPTED. `begin_at` is None while a
+    failsafe says STAY.
     """
 
     take_off_at: datetime | None
@@ -38,14 +42,14 @@ class Gates:
 
 @dataclass(frozen=True, slots=True)
 class Stand:
-    """Do nothing until that moment, or until something changes."""
+    """Do nothing until the moment, or until something changes."""
 
     until: datetime | None
 
 
 @dataclass(frozen=True, slots=True)
 class Begin:
-    """Begin the next step; those up to `released_through` cannot be replaced any more."""
+    """Begin the next step; from now on steps up to `released_through` cannot be replaced."""
 
     step: FlightStep
     at: datetime
@@ -54,14 +58,14 @@ class Begin:
 
 @dataclass(frozen=True, slots=True)
 class Land:
-    """Go down on the spot: a failsafe says so."""
+    """Land on the spot, because a failsafe says so."""
 
     run: StepRun
 
 
 @dataclass(frozen=True, slots=True)
 class Cut:
-    """End a step of an earlier revision now, since new ones take its place."""
+    """End a step of an earlier revision now, because new steps replace it."""
 
     run: StepRun
     at: datetime
@@ -70,7 +74,7 @@ class Cut:
 
 @dataclass(frozen=True, slots=True)
 class Fail:
-    """Do not begin the next step: wait for a new revision instead."""
+    """Fail the next step and wait for a new revision."""
 
     step: FlightStep
     at: datetime
@@ -97,7 +101,7 @@ def next_act(
     agent_started_at: datetime,
     consumption_factor: Callable[[], float] = lambda: 1.0,
 ) -> Act:
-    """What to do now; a `StepRun` is under way and is to be performed to its end."""
+    """What to do now; a `StepRun` is a step under way, to be performed to its end."""
     mission = logbook.mission
     if mission is None:
         return Stand(until=None)
@@ -110,7 +114,7 @@ def next_act(
     if run is not None:
         return Land(run) if lands_on_the_spot(mission) else run
     if mission.steps and mission.steps[0].step_id <= mission.released_through:
-        # Over a station, not on it: the flight goes on whatever has happened meanwhile.
+        # The drone flies over a station: the flight goes on in any case.
         return Begin(mission.steps[0], mission.free_at, mission.released_through)
     if mission.is_held:
         return Stand(until=None)
@@ -118,7 +122,7 @@ def next_act(
         return End(mission.free_at)
     if gates.begin_at is None:
         return Stand(until=None)
-    # No step begins while no agent runs, so a restart may make the drone late.
+    # No step can begin while no agent runs, so a restart may make the drone late.
     earliest = max(mission.free_at, _not_before(mission.steps[0]), agent_started_at, gates.begin_at)
     if now < earliest:
         return Stand(until=earliest)
@@ -196,5 +200,5 @@ def _take_off_or_not(
     if shortfall is not None:
         energy = {"need_j": shortfall.need_j, "have_j": shortfall.have_j}
         return Fail(mission.steps[0], at, code="INSUFFICIENT_ENERGY", data=energy)
-    landing = next(one for one in mission.steps if isinstance(one, FlyStep) and one.lands)
+    landing = next(step for step in mission.steps if isinstance(step, FlyStep) and step.lands)
     return Begin(mission.steps[0], at, landing.step_id)

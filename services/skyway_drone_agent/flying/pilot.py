@@ -1,4 +1,4 @@
-"""The pilot: does what `mission` decides, and writes down each beginning and end."""
+"""The pilot: does what `mission` decides, and records the beginning and end of each step."""
 
 import asyncio
 from collections.abc import Awaitable, Callable
@@ -22,8 +22,7 @@ from skyway_drone_agent.journal.waiting import NewsOrMoment, wait_for_end_or_new
 from skyway_drone_agent.link.event_writer import EventWriter
 from skyway_drone_agent.vehicle import Outcome, StepRun, Vehicle
 
-#: Seconds of fleet time, or of wall time if longer, before a journal that could not be written is
-#: tried again.
+#: Seconds between two attempts to write the journal: of fleet time, or of wall time if longer.
 _WRITE_AGAIN_S = 1.0
 
 
@@ -49,7 +48,7 @@ class Pilot:
         self._news = recorder.watch()
         self._standing = NewsOrMoment(self._news, clock)
         self._started_at = clock.now()
-        #: The step that an earlier agent had begun: it may have ended unseen.
+        #: A step that an earlier agent began; it may have ended while no agent ran.
         self._left_behind = run_under_way(recorder.logbook)
 
     async def run(self) -> Never:
@@ -59,7 +58,7 @@ class Pilot:
                 try:
                     await self._act()
                 except JournalUnwritable:
-                    # What is not written is not begun.
+                    # A step that is not written does not begin.
                     pause = fleet_margin(self._clock, fleet_s=_WRITE_AGAIN_S, wall_s=_WRITE_AGAIN_S)
                     await self._standing.wait(until=self._clock.now() + pause)
 
@@ -90,7 +89,7 @@ class Pilot:
                 self._events.write(self._events.event("MISSION_ENDED", at))
 
     def _recall(self, run: StepRun) -> bool:
-        """Whether a hand-over that an earlier agent had begun is over with this."""
+        """Whether this ends a hand-over that an earlier agent began."""
         is_left_behind, self._left_behind = run == self._left_behind, None
         if not is_left_behind or not _is_hand_over(run.step):
             return False
@@ -104,10 +103,10 @@ class Pilot:
         return True
 
     async def _performed(self, run: StepRun, doing: Awaitable[Outcome]) -> Outcome | None:
-        """How the step ended; None once an instruction or a failsafe has changed or cut it."""
+        """How the step ended; None when an instruction or a failsafe has changed or cut it."""
         performing = asyncio.ensure_future(doing)
         try:
-            # What has come meanwhile counts before the end does: it is in the journal already.
+            # A change of the step counts before its end: the change is already in the journal.
             while run_under_way(self._recorder.logbook) == run:
                 if performing.done():
                     return performing.result()
@@ -123,7 +122,7 @@ class Pilot:
             released_through=act.released_through,
         )
         if self._recorder.logbook.is_airborne:
-            # There is no waiting in the air until the disk takes it.
+            # In the air the drone cannot wait for the disk.
             self._recorder.note(begun)
         else:
             self._recorder.record(begun)
@@ -139,7 +138,7 @@ class Pilot:
         self._events.write(ended.model_copy(update=fields))
 
     def _end_cut(self, run: StepRun, outcome: Outcome, *, revision: int) -> None:
-        """The end of a step that is no more in the plan: nothing was handed over."""
+        """Record the end of a step that is no longer in the plan; no package was handed over."""
         ended = self._events.event("STEP_ENDED", outcome.ended_at, step=run.step)
         changes = {
             "mission_revision": revision,
@@ -155,7 +154,7 @@ class Pilot:
 
 
 def _is_hand_over(step: FlightStep) -> bool:
-    """Whether packages change hands in it; what a loader confirms is not known on board."""
+    """Whether packages are handed over in this step without a loader who confirms it."""
     if isinstance(step, PickUpStep):
         return not step.awaits_confirmation
     return isinstance(step, DeliverStep | ReturnStep)

@@ -1,4 +1,4 @@
-"""Placing: people have fetched a drone that was down, and tell its journal where it stands now."""
+"""Writes to the journal where people have put a drone that was down."""
 
 from collections.abc import Sequence
 
@@ -12,21 +12,21 @@ from skyway_drone_agent.journal.records import Placed
 
 
 class NotDown(SkywayError):
-    """A drone that stands or flies knows where it is."""
+    """The drone stands or flies, so its position cannot be set."""
 
     def __init__(self, drone_id: DroneId) -> None:
-        super().__init__(f"{drone_id} is not down: it knows where it is")
+        super().__init__(f"{drone_id} is not down, so its position cannot be set")
         self.drone_id = drone_id
 
 
 def place(drones: Sequence[EnrolledDrone], folder: JournalFolder, placed: Placed) -> None:
-    """Write where the drone has been put, empty; its mission is over."""
+    """Write where the empty drone stands now; its mission is over."""
     if len(drones) != 1:
-        raise InvalidSettings(f"--placed-at is about one drone, and there are {len(drones)}")
+        raise InvalidSettings(f"--placed-at is for one drone, and there are {len(drones)}")
     (drone,) = drones
     journal = folder.journal_of(drone.drone_id)
     logbook = journal.read(at_first=drone.at_first())
     if not logbook.is_down:
         raise NotDown(drone.drone_id)
-    # Anew as a whole: the last line may be torn, and nothing may be written behind it.
+    # The whole file is rewritten: its last line may be torn, and must not get a line after it.
     journal.compact(logbook_after(logbook, placed))

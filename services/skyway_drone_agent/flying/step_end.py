@@ -14,7 +14,7 @@ from skyway_drone_agent.vehicle import Outcome, StepRun
 
 
 def handed_over(step: FlightStep) -> tuple[PackageId, ...]:
-    """The packages that change hands in this step."""
+    """The packages that are handed over in this step."""
     if isinstance(step, PickUpStep):
         return tuple(package.package_id for package in step.packages)
     if isinstance(step, DeliverStep | ReturnStep):
@@ -39,12 +39,12 @@ def proof_of(step: FlightStep, logbook: Logbook, *, at: datetime) -> dict[str, o
     }
 
 
-#: The members of an event that tell a step's end; Any, for each has a type of its own.
+#: The fields of an event that describe a step's end. Any: each has another type.
 EndFields = dict[str, Any]
 
 
 def end_of_step(run: StepRun, outcome: Outcome, logbook: Logbook) -> EndFields:
-    """The end of the step under way: as asked, failed, or where a failsafe has led the drone."""
+    """The end of the step under way: as planned, failed, or where a failsafe led the drone."""
     mission, step = logbook.mission, run.step
     before = mission.flown_before if mission else None
     fields: EndFields = {
@@ -79,7 +79,7 @@ def _escaped(escape: Escape) -> EndFields:
 
 
 def _hand_over(step: FlightStep, outcome: Outcome, logbook: Logbook) -> EndFields:
-    """The packages of a hand-over, and its evidence; nothing for other steps."""
+    """The packages of a hand-over and its evidence; empty for other steps."""
     package_ids = handed_over(step)
     if not package_ids:
         return {}

@@ -1,1 +1,1 @@
-"""What the cloud asks: in order, each answered once and for all."""
+"""Instructions of the cloud: handled in order, each with one final answer."""

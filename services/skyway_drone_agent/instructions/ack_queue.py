@@ -1,4 +1,4 @@
-"""Acks on their way to the cloud, in order, each until the broker has it."""
+"""Sends acks to the cloud in order, each until the broker confirms it."""
 
 import asyncio
 from collections import deque
@@ -16,7 +16,7 @@ _Status = Literal["RECEIVED", "ACCEPTED", "REJECTED"]
 
 
 class AckQueue:
-    """Sends answers as acks, and writes down when the broker has a mission's ACCEPTED."""
+    """Sends answers as acks, and records when the broker confirmed a mission's ACCEPTED."""
 
     def __init__(self, uplink: Uplink, recorder: FlightRecorder, clock: FleetClock) -> None:
         self._uplink = uplink
@@ -28,15 +28,15 @@ class AckQueue:
         self._all_sent.set()
 
     def received(self, answer: Answer) -> None:
-        """Tell that the instruction is in the journal."""
+        """Queue RECEIVED: the instruction is in the journal."""
         self._add("RECEIVED", answer)
 
     def answered(self, answer: Answer) -> None:
-        """Tell the final answer."""
+        """Queue the final answer."""
         self._add(answer.status, answer)
 
     async def run(self) -> None:
-        """Send for ever; after a restart first the ack of the mission that is not over."""
+        """Send for ever; after a restart first the ack of the current mission."""
         if self._recorder.logbook.mission is not None:
             self.answered(self._recorder.logbook.mission.accepted_by)
         while True:
@@ -53,11 +53,11 @@ class AckQueue:
                 self._all_sent.set()
 
     async def wait_all_sent(self) -> None:
-        """Return once the broker has every answer, and the journal that it has."""
+        """Return once the broker has confirmed every answer, and the journal says so."""
         await self._all_sent.wait()
 
     def _together(self) -> list[tuple[_Status, Answer]]:
-        """A RECEIVED with the answer behind it: whoever reads both at once is done at once."""
+        """The next answer; a RECEIVED is sent together with the answer after it."""
         is_received = self._waiting[0][0] == "RECEIVED"
         return list(islice(self._waiting, 2 if is_received else 1))
 

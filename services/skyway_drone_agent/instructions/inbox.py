@@ -1,4 +1,4 @@
-"""Instructions: in order, each answered once and for all, in the journal before on the wire."""
+"""Handles instructions in order; each answer is in the journal before it is sent."""
 
 import logging
 from collections.abc import Callable
@@ -27,13 +27,13 @@ log = logging.getLogger(__name__)
 
 _INSTRUCTION: TypeAdapter[AnyInstruction] = TypeAdapter(Instruction)
 
-#: The same topic, read as plain JSON: what this version does not understand is refused by name,
-#: not dropped. Any, for just that reason.
+#: The topic of instructions, read as plain JSON: an instruction that this version cannot read is
+#: refused, not dropped. Any, for that reason.
 RAW_INSTRUCTIONS: Final[Topic[Any]] = replace(INSTRUCTIONS, message=dict[str, Any])
 
 
 class _Envelope(WireModel):
-    """What must be readable of an instruction so that it can be answered at all."""
+    """The fields of an instruction that are needed to answer it."""
 
     instruction_id: InstructionId
     stream: int
@@ -42,19 +42,19 @@ class _Envelope(WireModel):
 
 
 class Answers(Protocol):
-    """Where answers leave for the cloud."""
+    """Sends answers to the cloud."""
 
     def received(self, answer: Answer) -> None:
-        """Tell that the instruction is in the journal."""
+        """Send RECEIVED: the instruction is in the journal."""
         ...
 
     def answered(self, answer: Answer) -> None:
-        """Tell the final answer, or that the instruction comes too early."""
+        """Send the final answer, or that the instruction came too early."""
         ...
 
 
 class Events(Protocol):
-    """Where events leave for the cloud."""
+    """Sends events to the cloud."""
 
     def resend_after(self, seq: int) -> None:
         """Send the events after this one again."""
@@ -62,7 +62,7 @@ class Events(Protocol):
 
 
 class Inbox:
-    """Takes the instructions of one drone."""
+    """Handles the instructions of one drone."""
 
     def __init__(
         self,
@@ -82,7 +82,7 @@ class Inbox:
         self._consumption_factor = consumption_factor
 
     def handle(self, raw: dict[str, Any]) -> None:
-        """Answer an instruction as it came from the wire; the answer is journaled first."""
+        """Answer an instruction in its JSON form; the answer is in the journal first."""
         try:
             envelope = _Envelope.model_validate(raw)
         except ValidationError:
@@ -117,12 +117,13 @@ class Inbox:
             )
         answer = _accepted(envelope) if refusal is None else _refused(envelope, refusal)
         answered = InstructionAnswered(answered_at=now, answer=answer, instruction=instruction)
-        # The override first: alone it has the drone fly on as planned, and the cloud sends again.
+        # The override is written first: without the answer the drone flies on as planned, and the
+        # cloud sends the instruction again.
         before = (overridden,) if overridden is not None and refusal is None else ()
         try:
             self._recorder.record(*before, answered)
         except JournalUnwritable:
-            # What is not in the journal gets no ack: the cloud sends it again.
+            # Without a record there is no ack, so the cloud sends the instruction again.
             return
         self._send_answer(answer)
         if refusal is None and isinstance(instruction, ReportInstruction):
@@ -143,7 +144,7 @@ class Inbox:
         self._answers.answered(answer)
 
     def _answer_again(self, envelope: _Envelope, logbook: Logbook) -> None:
-        """The same answer as the first time; nothing is done twice."""
+        """Give the same answer as the first time, and change nothing."""
         for answer in logbook.answers:
             if (answer.stream, answer.seq) == (envelope.stream, envelope.seq):
                 if answer.instruction_id == envelope.instruction_id:
@@ -158,7 +159,7 @@ class Inbox:
 
 
 def _understood(raw: dict[str, Any]) -> tuple[AnyInstruction | None, Refusal | None]:
-    """The instruction, or why it cannot be read."""
+    """The instruction, or the reason why it cannot be read."""
     try:
         return _INSTRUCTION.validate_python(raw, extra="ignore"), None
     except ValidationError as error:
@@ -184,7 +185,7 @@ def _refused(envelope: _Envelope, refusal: Refusal) -> Answer:
 
 
 def _gap(envelope: _Envelope, logbook: Logbook, *, expected_seq: int) -> Answer:
-    """Not an end: the instruction is taken once those before it have come."""
+    """No final answer: the instruction is accepted after the instructions before it."""
     detail = f"seq {expected_seq} of stream {envelope.stream} comes first, not {envelope.seq}"
     data = {"expected_seq": expected_seq, "stream": logbook.stream}
     return _refused(envelope, Refusal(RefusalCode.SEQUENCE_GAP, detail, data))

@@ -1,4 +1,4 @@
-"""Whether the steps of a mission follow from one another; a drone flies nothing else."""
+"""Whether the steps of a mission fit together; a drone refuses steps that do not."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -19,7 +19,7 @@ from skyway_drone_agent.journal.current_mission import end_of, start_of
 def fault_in(
     steps: Sequence[FlightStep], *, first_step: int, packages: tuple[PackageOnBoard, ...]
 ) -> str | None:
-    """What is wrong with these steps, flown with these packages on board; None when nothing."""
+    """The first fault in these steps, given the packages on board; None without a fault."""
     if not steps or steps[0].step_id != first_step:
         return f"the steps do not begin with first_step {first_step}"
     for before, step in pairwise(steps):

@@ -1,4 +1,4 @@
-"""Overriding: an instruction that tells a drone to do as it says, whatever its failsafe says."""
+"""Overriding: an instruction that has priority over the drone's failsafe."""
 
 from datetime import datetime
 
@@ -13,9 +13,9 @@ from skyway_drone_agent.vehicle import Vehicle
 def overridden_by(
     instruction: AnyInstruction, logbook: Logbook, *, vehicle: Vehicle, now: datetime
 ) -> FailsafeOverridden | None:
-    """What is to be written before such an instruction is judged; None when it overrides nothing.
+    """The record to write before the instruction is judged; None when it overrides nothing.
 
-    A flight that was turned goes on, from where the drone is, to where it was to go first.
+    A turned flight continues from the drone's position to its planned end.
     """
     if not isinstance(instruction, DivertInstruction | ReturnHomeInstruction):
         return None

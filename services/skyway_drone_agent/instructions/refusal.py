@@ -37,7 +37,7 @@ from skyway_drone_agent.vehicle import Vehicle
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """A code of the contract, the same as a sentence, and the numbers behind it."""
+    """A code of the contract, a sentence, and the numbers behind it."""
 
     code: RefusalCode
     detail: str
@@ -59,9 +59,9 @@ def _not_these_steps(
     now: datetime,
     consumption_factor: float,
 ) -> Refusal | None:
-    """The first reason against these steps after those that are kept; None when there is none.
+    """The first reason against the new steps after the kept steps; None without a reason.
 
-    People who override a failsafe in the air know how much is left, and say so.
+    People who override a failsafe in the air have judged the charge themselves.
     """
     kept = kept_steps(logbook.mission, revision)
     flown = (*kept, *revision.steps)
@@ -83,7 +83,7 @@ def _not_these_steps(
 
 
 def _soc_before(revision: Revision, logbook: Logbook, *, vehicle: Vehicle, now: datetime) -> float:
-    """The charge from which the steps are flown: what a cut recharge has given counts."""
+    """The charge before the new steps, with the charge gained in a recharge that is cut."""
     mission = logbook.mission
     if mission is None:
         return logbook.soc
@@ -168,7 +168,7 @@ def _too_far(
         soc=soc,
         packages=logbook.packages,
         consumption_factor=consumption_factor,
-        # A flight that is kept is not flown the less if what follows it is refused.
+        # A kept flight is flown even if the steps after it are refused.
         judged_from=first_step,
     )
     if shortfall is None:
@@ -193,7 +193,7 @@ def refusal_of(
     now: datetime,
     consumption_factor: float = 1.0,
 ) -> Refusal | None:
-    """Why the drone will not do this; None when it will."""
+    """Why the drone refuses the instruction; None when it accepts."""
     if now > instruction.expires_at:
         detail = f"expired at {utc_text(instruction.expires_at)}, it is {utc_text(now)}"
         return Refusal(RefusalCode.EXPIRED, detail)
@@ -240,7 +240,7 @@ def _not_this_revision(instruction: Revision, logbook: Logbook) -> Refusal | Non
 
 
 def _released(instruction: Revision, mission: CurrentMission) -> Refusal | None:
-    """A step that ended is not replaced, and one under way only where it can end at once."""
+    """Refuse to replace an ended step, or a step under way that cannot end immediately."""
     if isinstance(instruction, MissionInstruction) or mission.has_failed:
         first_free = mission.released_through + 1
     elif mission.step_under_way is None or isinstance(mission.step_under_way, CUTTABLE):
@@ -251,7 +251,7 @@ def _released(instruction: Revision, mission: CurrentMission) -> Refusal | None:
         return None
     return Refusal(
         RefusalCode.STEP_RELEASED,
-        f"step {instruction.first_step} is no more replaced, step {first_free} is the first",
+        f"step {instruction.first_step} cannot be replaced any more, step {first_free} is the first",
         {"released_through": mission.released_through, "step_id": mission.next_step_id},
     )
 
@@ -276,7 +276,7 @@ def _not_flown(
 def _no_way_back(instruction: CancelInstruction, logbook: Logbook) -> Refusal | None:
     mission = logbook.mission
     if mission is None or mission.mission_id != instruction.mission_id:
-        # What is not there is forgotten already.
+        # The drone does not have this mission: there is nothing to cancel.
         return _is_over(instruction, logbook)
     can_stop = can_be_called_off(
         mission, is_airborne=logbook.is_airborne, is_loaded=bool(logbook.packages)
@@ -290,7 +290,7 @@ def _no_way_back(instruction: CancelInstruction, logbook: Logbook) -> Refusal | 
 
 
 def _failsafe_against(revision: Revision, logbook: Logbook) -> Refusal | None:
-    """Why new steps are not for a drone whose failsafe acts; None when they may be."""
+    """Why a drone whose failsafe acts refuses new steps; None when no failsafe does."""
     mission = logbook.mission
     if mission is not None and mission.escape is not None:
         escape = mission.escape

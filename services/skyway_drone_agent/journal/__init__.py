@@ -1,1 +1,1 @@
-"""What a drone must still know after a crash: records on disk, and the logbook they add up to."""
+"""What a drone needs after a crash: records on disk, and the logbook that they add up to."""

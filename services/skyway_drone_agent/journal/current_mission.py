@@ -11,7 +11,7 @@ from skyway_drone_agent.journal.records import ACCEPTANCE_SENT_AT, Answer
 
 
 class CutStep(WireModel):
-    """A step that an instruction ends before its time; `revision` is the one it belonged to."""
+    """A step that an instruction ends early; `revision` is the revision of that step."""
 
     step: FlightStep
     began_at: FleetMoment
@@ -20,7 +20,7 @@ class CutStep(WireModel):
 
 
 class Escape(WireModel):
-    """Why another flight than planned is under way; `instead_of` is the one that was planned."""
+    """Why the flight under way differs from the plan; `instead_of` is the planned flight."""
 
     fault: Fault
     failsafe: Failsafe
@@ -28,7 +28,7 @@ class Escape(WireModel):
 
 
 class FlownBefore(WireModel):
-    """The part of the flight under way that was flown before it was turned."""
+    """The part of a flight that was flown before a failsafe turned it."""
 
     since: FleetMoment
     used_j: float
@@ -39,13 +39,13 @@ class CurrentMission(WireModel):
 
     `expires_at` is that of the accepted instruction. `acceptance_sent_at` is when the broker
     confirmed its ACCEPTED.
-    `first_step` is the mission's, not the revision's; `free_at` is when the step before ended;
-    `began_at` when the first of `steps` began, or None; `changed_at` when an instruction last
-    changed that step. After a failure nothing is flown until a new revision comes. A mission that
-    `is_called_off` is forgotten once the drone stands.
+    `first_step` is that of the whole mission, not of the revision. `free_at` is when the last step
+    ended. `began_at` is when the first of `steps` began, or None. `changed_at` is when an
+    instruction last changed that step. After a failure the drone waits for a new revision. A
+    mission that `is_called_off` is dropped once the drone stands.
 
-    During an `escape` the first of `steps` is the flight that the failsafe has put there. A flight
-    that was turned begins anew in the air; `flown_before` is what it had behind it then.
+    During an `escape` the first of `steps` is the flight of the failsafe. A turned flight starts
+    again in the air; `flown_before` is the part that was flown until then.
     """
 
     mission_id: MissionId
@@ -77,7 +77,7 @@ class CurrentMission(WireModel):
 
     @property
     def has_expired(self) -> bool:
-        """Whether the cloud was told too late that the drone loads: it may have sent another."""
+        """Whether the acceptance came too late to load: the cloud may have sent another drone."""
         if self.acceptance_sent_at is None or self.began_at is not None or self.has_failed:
             return False
         is_next = bool(self.steps) and isinstance(self.steps[0], PickUpStep)
@@ -89,7 +89,7 @@ class CurrentMission(WireModel):
         return self.steps[0].step_id if self.steps else self.released_through + 1
 
     def cut_of_step_under_way(self, at: FleetMoment) -> CutStep | None:
-        """The step under way as it is cut at this moment, or the one that is cut already."""
+        """The step under way as it is cut at this moment, or the step that is already cut."""
         if self.began_at is None:
             return self.cut
         return CutStep(
@@ -103,5 +103,5 @@ def start_of(step: FlightStep) -> StationId:
 
 
 def end_of(step: FlightStep) -> StationId:
-    """The station at, or over, which the drone is after this step."""
+    """The station where the drone stands, or which it flies over, after this step."""
     return step.to_id if isinstance(step, FlyStep) else step.station_id

@@ -1,4 +1,4 @@
-"""Escapes: the flights that failsafes put in the place of the one under way, and their end."""
+"""Escapes: the flights with which failsafes replace the flight under way, and their end."""
 
 from datetime import datetime, timedelta
 from typing import Protocol
@@ -21,12 +21,12 @@ class Place(Protocol):
 
     @property
     def station_id(self) -> StationId:
-        """Its name."""
+        """The station's id."""
         ...
 
     @property
     def position(self) -> Position:
-        """Where it is."""
+        """The station's position."""
         ...
 
 
@@ -56,7 +56,7 @@ def flight_to(
 
 
 def descent(*, instead_of: FlyStep, here: Position, at: datetime, model: DroneModel) -> FlyStep:
-    """Straight down; its stations mean nothing."""
+    """A flight straight down; its station ids have no meaning."""
     return instead_of.model_copy(
         update={
             "planned_start_at": at,
@@ -70,14 +70,14 @@ def descent(*, instead_of: FlyStep, here: Position, at: datetime, model: DroneMo
 
 
 def flight_resumed(escape: Escape, *, here: Position) -> FlyStep:
-    """What was planned before the escape, from here."""
+    """The flight that was planned before the escape, from here."""
     planned = escape.instead_of
     length_m = max(distance_m(here, planned.to_position), _ON_THE_SPOT_M)
     return planned.model_copy(update={"from_position": here, "length_m": length_m})
 
 
 def mission_escaping(mission: CurrentMission, begun: FailsafeBegun) -> CurrentMission:
-    """The mission once a failsafe has turned its flight; nothing behind it is released any more."""
+    """The mission after a failsafe turned its flight; no later step stays released."""
     instead_of = mission.escape.instead_of if mission.escape else mission.steps[0]
     if not isinstance(instead_of, FlyStep):
         return mission
@@ -100,7 +100,7 @@ def mission_overridden(mission: CurrentMission, overridden: FailsafeOverridden) 
 
 
 def lands_on_the_spot(mission: CurrentMission) -> bool:
-    """Whether the flight under way goes straight down, wherever that is."""
+    """Whether the flight under way goes straight down."""
     return mission.escape is not None and mission.escape.failsafe is Failsafe.LAND_NOW
 
 

@@ -1,4 +1,4 @@
-"""The flight recorder: the journal and the logbook in step, and word to whoever watches."""
+"""The flight recorder: writes the journal, keeps the logbook, and notifies watchers."""
 
 import asyncio
 import logging
@@ -16,10 +16,10 @@ log = logging.getLogger(__name__)
 
 
 class FlightRecorder:
-    """The only writer of a drone's journal; `logbook` is what the journal says.
+    """The only writer of a drone's journal; `logbook` is the sum of its records.
 
-    While the disk takes nothing, the logbook is ahead of the journal by what happened meanwhile;
-    none of that is told to the cloud before it is written, for its numbers could come again.
+    While the disk is full, the logbook is ahead of the journal. Events that are not written yet are
+    not reported to the cloud: after a power cut their numbers would be used again.
     """
 
     def __init__(self, journal: Journal, *, drone_id: DroneId, at_first: Logbook) -> None:
@@ -33,14 +33,14 @@ class FlightRecorder:
 
     @property
     def written_events(self) -> tuple[DroneEvent, ...]:
-        """The events that the cloud may hear of."""
+        """The events that may be reported to the cloud."""
         return self._written.events
 
     @property
     def reported_logbook(self) -> Logbook:
-        """What the cloud may hear: where the drone is, but of no event that is not written yet.
+        """The logbook for reports to the cloud: without the number of an event not yet written.
 
-        After a power cut the number of such an event would be another one's.
+        After a power cut another event would get that number.
         """
         if self._written is self.logbook:
             return self.logbook
@@ -49,24 +49,24 @@ class FlightRecorder:
 
     @property
     def has_session(self) -> bool:
-        """Whether the session is written; until then a later start may begin the same one."""
+        """Whether the session is written; until then a later start could use the same number."""
         return self._written.session == self.logbook.session
 
     def begin_session(self, wall_now: datetime) -> None:
-        """Start a session above all earlier ones, also when the journal was lost meanwhile."""
+        """Start a session with a higher number than all before, even if the journal was lost."""
         session = max(self.logbook.session + 1, int(wall_now.timestamp()))
         self.logbook = self.logbook.model_copy(update={"session": session})
-        # Until it is written anew its last line may be torn, or the first one be missing.
+        # Its last line may be torn, or the file may be missing, until it is rewritten.
         self._can_append = False
         self.make_room()
 
     def record(self, *records: Record) -> None:
-        """Write the records to the disk; only then do they count.
+        """Write the records to the disk; they take effect after that.
 
         Raises
         ------
         JournalUnwritable
-            The disk does not take them: what they say must not be begun.
+            The disk is full or fails: nothing in the records may begin.
         """
         try:
             self._write(records)
@@ -77,7 +77,7 @@ class FlightRecorder:
         self._written = self.logbook
 
     def note(self, *records: Record) -> None:
-        """Write down what has happened already, or must be in the air; if not now, then later."""
+        """Write records that take effect in any case; on a full disk they are written later."""
         try:
             self._write(records)
         except JournalUnwritable:
@@ -89,7 +89,7 @@ class FlightRecorder:
         self._written = self.logbook
 
     def make_room(self) -> None:
-        """Write the journal anew, as short as can be; try again later if the disk is full."""
+        """Rewrite the journal as one line; if the disk is full, a later call tries again."""
         try:
             self._journal.compact(self.logbook)
         except JournalUnwritable:
@@ -104,13 +104,13 @@ class FlightRecorder:
             self.notify_watchers()
 
     def watch(self) -> asyncio.Event:
-        """An event that is set whenever there is something new; the watcher clears it."""
+        """An event that is set for every new record; the watcher clears it."""
         watcher = asyncio.Event()
         self._watchers.append(watcher)
         return watcher
 
     def notify_watchers(self) -> None:
-        """Have all watchers look again, for what changed outside the journal."""
+        """Wake all watchers, also for a change outside the journal."""
         for watcher in self._watchers:
             watcher.set()
 

@@ -17,26 +17,26 @@ _LINE: TypeAdapter[Record] = TypeAdapter(RecordLine)
 
 
 class Journal(Protocol):
-    """Where records are kept; what `append` or `compact` returned from is never lost.
+    """Keeps records. Once `append` or `compact` has returned, its records are never lost.
 
-    Both raise `JournalUnwritable` when nothing can be kept, and have changed nothing then.
+    Both raise `JournalUnwritable` when they cannot write; then nothing has changed.
     """
 
     def read(self, *, at_first: Logbook) -> Logbook:
-        """The sum of what is kept; `at_first` for a drone that has written nothing yet."""
+        """The sum of the kept records; `at_first` for a drone without any."""
         ...
 
     def append(self, records: Sequence[Record]) -> None:
-        """Keep these records, in order; a crash may keep a first part of them."""
+        """Keep these records, in order; after a crash only the first of them may be kept."""
         ...
 
     def compact(self, logbook: Logbook) -> None:
-        """Keep this logbook instead of the records that led to it, all or nothing."""
+        """Replace all records by this logbook, all or nothing."""
         ...
 
 
 class DamagedJournal(SkywayError):
-    """A line before the last cannot be read: not a torn write, so nobody may guess."""
+    """A line before the last cannot be read. This is no torn write, so it is an error."""
 
     def __init__(self, path: Path, line: int) -> None:
         super().__init__(f"{path}: line {line} is damaged")
@@ -45,7 +45,7 @@ class DamagedJournal(SkywayError):
 
 
 class JournalUnwritable(SkywayError):
-    """The disk is full, or does not take what is written for another reason."""
+    """The disk is full, or writing fails for another reason."""
 
     def __init__(self, path: Path, cause: OSError) -> None:
         super().__init__(f"{path}: {cause.strerror or cause}")
@@ -55,13 +55,13 @@ class JournalUnwritable(SkywayError):
 class FileJournal:
     """JSON lines: the logbook at the last start, then one record a line.
 
-    Writing blocks the event loop on purpose: what is decided and what is written cannot drift
-    apart, and a drone has nothing better to do before it acts.
+    Writing blocks the event loop on purpose: a decision and its record cannot drift apart, and the
+    drone must not act before the record is written.
 
     Parameters
     ----------
     sync
-        Brings what was written to the disk itself; takes a file descriptor.
+        Flushes a file to the disk; takes a file descriptor.
     """
 
     def __init__(self, path: Path, *, sync: Callable[[int], None] = os.fsync) -> None:
@@ -69,7 +69,7 @@ class FileJournal:
         self._sync = sync
 
     def read(self, *, at_first: Logbook) -> Logbook:
-        """The sum of what is kept; a torn last line was never acted upon and is left out."""
+        """The sum of the kept records, without a torn last line, which never took effect."""
         if not self._path.exists():
             return at_first
         *whole_lines, _torn = self._path.read_bytes().split(b"\n")
@@ -85,21 +85,21 @@ class FileJournal:
         return logbook
 
     def append(self, records: Sequence[Record]) -> None:
-        """Write the records behind the others and wait for the disk."""
+        """Write the records after the others and wait for the disk."""
         try:
             self._write(self._path, os.O_APPEND, [record.model_dump_json() for record in records])
         except OSError as error:
             raise JournalUnwritable(self._path, error) from error
 
     def compact(self, logbook: Logbook) -> None:
-        """Replace the file as a whole, so that a crash leaves the old one or the new one."""
+        """Replace the whole file, so that a crash leaves either the old or the new file."""
         beside = self._path.with_suffix(".new")
         try:
             self._write(beside, os.O_TRUNC, [logbook.model_dump_json()])
             beside.replace(self._path)
             self._sync_folder()
         except OSError as error:
-            # What was written of it takes the room that is missing.
+            # The unfinished file uses disk space that is needed.
             with contextlib.suppress(OSError):
                 beside.unlink(missing_ok=True)
             raise JournalUnwritable(self._path, error) from error
@@ -112,14 +112,14 @@ class FileJournal:
             os.close(folder)
 
     def _write(self, path: Path, flag: int, lines: Sequence[str]) -> None:
-        # Opened for each write, so that a fleet of thousands holds no file open per drone.
+        # Opened for each write: a fleet of thousands must not hold a file open for each drone.
         file = os.open(path, os.O_WRONLY | os.O_CREAT | flag, 0o600)
         try:
             length = os.fstat(file).st_size
             try:
                 self._write_all(file, b"".join(line.encode() + b"\n" for line in lines))
             except OSError:
-                # A torn line in the middle would make all that follows unreadable.
+                # A torn line in the middle would make the lines after it unreadable.
                 os.ftruncate(file, length)
                 raise
         finally:
@@ -132,21 +132,21 @@ class FileJournal:
 
 
 class MemoryJournal:
-    """Keeps records as long as the object lives."""
+    """A journal in memory with the promises of the file: for tests and experiments."""
 
     def __init__(self) -> None:
         self.records: list[Record] = []
         self._kept: Logbook | None = None
 
     def read(self, *, at_first: Logbook) -> Logbook:
-        """The sum of what is kept."""
+        """The sum of the kept records."""
         logbook = self._kept or at_first
         for record in self.records:
             logbook = logbook_after(logbook, record)
         return logbook
 
     def append(self, records: Sequence[Record]) -> None:
-        """Keep the records behind the others."""
+        """Keep the records after the others."""
         self.records.extend(records)
 
     def compact(self, logbook: Logbook) -> None:

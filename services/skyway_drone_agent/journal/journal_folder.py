@@ -1,4 +1,4 @@
-"""The folder of journals, in which each drone is served by one process at a time."""
+"""The folder of journals; a lock lets only one process serve a drone."""
 
 import fcntl
 import os
@@ -23,9 +23,9 @@ class DroneInUse(SkywayError):
 
 
 class JournalFolder:
-    """Holds one journal per drone and the fleet clock's anchor; other processes may share it.
+    """One journal per drone, and the fleet clock's anchor; processes may share the folder.
 
-    While it is open no other process can open it for the same drones.
+    While it is open, no other process can open it for the same drones.
     """
 
     def __init__(self, path: Path, drone_ids: Iterable[DroneId]) -> None:
@@ -53,7 +53,7 @@ class JournalFolder:
 
     @property
     def path(self) -> Path:
-        """The folder, which is this user's alone."""
+        """The folder, which only this user can read."""
         return self._path
 
     @property
@@ -74,7 +74,7 @@ class JournalFolder:
         file = os.open(self._path / f"{drone_id}.lock", os.O_RDWR | os.O_CREAT, 0o600)
         self._locks.callback(os.close, file)
         try:
-            # The kernel lets go of it when this process dies, however it dies.
+            # The kernel releases the lock when this process dies, also after kill -9.
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
             raise DroneInUse(drone_id, self._path) from error

@@ -18,16 +18,16 @@ from skyway_drone_agent.journal.current_mission import CurrentMission, CutStep
 from skyway_drone_agent.journal.records import Answer
 from skyway_drone_agent.vehicle import Standing, StepRun
 
-#: So many missions that are over are remembered, to refuse late revisions of them.
+#: Number of ended missions that are remembered, to refuse late revisions of them.
 _ENDED_MISSIONS_KEPT: Final = 16
 
 
 class Logbook(WireModel):
-    """Everything a drone must still know after a restart.
+    """Everything that a drone needs after a restart.
 
-    `station_id` is None in the air, and when the drone is down: landed away from every station.
-    `faults` are those that an alarm was raised for and that are not over; `state_of_health` is what
-    the battery was last found to hold.
+    `station_id` is None in the air, and when the drone is down, which means away from every
+    station. `faults` are the current faults with an alarm. `state_of_health` is the last estimate
+    of the battery's capacity, as a share of the capacity when new.
     """
 
     session: int = 0
@@ -57,10 +57,10 @@ class Logbook(WireModel):
         return sum(package.mass_kg for package in self.packages)
 
     def without_mission(self) -> Self:
-        """The logbook once its mission is over, if it has one.
+        """The logbook after its mission, if it has one.
 
-        What is still on board is stranded: it stays at the station where the drone stands. A drone
-        that is down keeps it on board until people come.
+        Packages on board are stranded: they stay at the station where the drone stands. A drone
+        that is down keeps them on board until people come.
         """
         if self.mission is None:
             return self
@@ -72,13 +72,13 @@ class Logbook(WireModel):
 
 
 def doing_now(logbook: Logbook) -> StepRun | Standing:
-    """What the drone does, or where it stands."""
+    """The step under way, or where the drone stands."""
     run = run_under_way(logbook)
     return run or Standing(logbook.position, logbook.soc, logbook.load_kg)
 
 
 def run_under_way(logbook: Logbook) -> StepRun | None:
-    """The step that has begun and not ended, after a restart too."""
+    """The step that has begun and not ended, also after a restart; None without one."""
     mission = logbook.mission
     if mission is None or mission.began_at is None:
         return None
@@ -90,12 +90,12 @@ def run_under_way(logbook: Logbook) -> StepRun | None:
 
 
 def run_to_cut(logbook: Logbook, cut: CutStep) -> StepRun:
-    """The step that an instruction has cut, and whose end is not written yet."""
+    """The step that an instruction has cut and whose end is not written yet."""
     return _run(logbook, cut.step, started_at=cut.began_at, changed_at=None)
 
 
 def _onward(steps: tuple[FlightStep, ...]) -> tuple[FlyStep, ...]:
-    """The flights behind the first step, up to the one that lands."""
+    """The flights after the first step, up to the flight that lands."""
     onward: list[FlyStep] = []
     for step, after in pairwise(steps):
         if not isinstance(step, FlyStep) or step.lands or not isinstance(after, FlyStep):

@@ -38,13 +38,13 @@ def logbook_after(logbook: Logbook, record: Record) -> Logbook:
     """The logbook once this record is written."""
     match record:
         case InstructionAnswered():
-            return answered(logbook, record)
+            return after_answer(logbook, record)
         case AcceptanceSent():
             return _acceptance_sent(logbook, record)
         case StepBegun():
             return _begun(logbook, record)
         case EventRecorded():
-            return happened(logbook, record.event)
+            return after_event(logbook, record.event)
         case FailsafeBegun():
             return _escaping(logbook, record)
         case FailsafeOverridden():
@@ -77,7 +77,7 @@ def _begun(logbook: Logbook, record: StepBegun) -> Logbook:
 
 
 def _escaping(logbook: Logbook, record: FailsafeBegun) -> Logbook:
-    """What is under way begins anew, here."""
+    """The flight under way starts again from here."""
     if logbook.mission is None:
         return logbook
     return logbook.model_copy(
@@ -99,13 +99,13 @@ def _overridden(logbook: Logbook, record: FailsafeOverridden) -> Logbook:
 
 
 def _placed(logbook: Logbook, record: Placed) -> Logbook:
-    """The mission in which it went down is over."""
+    """The mission in which the drone went down is over."""
     changes = {"is_down": False, "station_id": record.station_id, "position": record.position}
     return logbook.model_copy(update=changes).without_mission().model_copy(update={"packages": ()})
 
 
-def happened(logbook: Logbook, event: DroneEvent) -> Logbook:
-    """The logbook once this event is told, which the cloud has yet to confirm."""
+def after_event(logbook: Logbook, event: DroneEvent) -> Logbook:
+    """The logbook with this event, which the cloud has not confirmed yet."""
     logbook = logbook.model_copy(
         update={"last_event_seq": event.seq, "events": (*logbook.events, event)}
     )
@@ -134,7 +134,7 @@ def _alarmed(logbook: Logbook, event: DroneEvent) -> Logbook:
 
 
 def _step_failed(logbook: Logbook, mission: CurrentMission, event: DroneEvent) -> Logbook:
-    """The drone stands where the event says, or is down; nothing further is released."""
+    """The drone stands where the event says, or is down; no further step is released."""
     failed = mission.model_copy(
         update={
             "has_failed": True,
@@ -183,19 +183,19 @@ def _step_ended(logbook: Logbook, mission: CurrentMission, event: DroneEvent) ->
 
 
 def _cut_step_ended(logbook: Logbook, mission: CurrentMission, event: DroneEvent) -> Logbook:
-    """Nothing was handed over, and the drone stands where it stood."""
+    """No package was handed over, and the drone has not moved."""
     after = mission.model_copy(
         update={"cut": None, "free_at": max(mission.free_at, event.ended_at)}
     )
     return logbook.model_copy(update={"mission": after, "soc": event.soc})
 
 
-#: So many answers are kept for instructions that come again; older ones are surely settled.
+#: Number of answers that are kept for repeated instructions; older ones are surely settled.
 _ANSWERS_KEPT: Final = 64
 
 
-def answered(logbook: Logbook, record: InstructionAnswered) -> Logbook:
-    """The logbook once an instruction is answered, and obeyed if it was accepted."""
+def after_answer(logbook: Logbook, record: InstructionAnswered) -> Logbook:
+    """The logbook after an answer; an accepted instruction is carried out."""
     answer, instruction = record.answer, record.instruction
     confirmed_seq = instruction.events_confirmed_seq if instruction else 0
     logbook = logbook.model_copy(
@@ -208,10 +208,10 @@ def answered(logbook: Logbook, record: InstructionAnswered) -> Logbook:
     )
     if answer.status == "REJECTED" or instruction is None:
         return logbook
-    return _obeyed(logbook, instruction, answer=answer, at=record.answered_at)
+    return _carried_out(logbook, instruction, answer=answer, at=record.answered_at)
 
 
-def _obeyed(
+def _carried_out(
     logbook: Logbook, instruction: AnyInstruction, *, answer: Answer, at: datetime
 ) -> Logbook:
     before, is_airborne = logbook.mission, logbook.is_airborne

@@ -1,4 +1,4 @@
-"""What a drone writes down before it acts or answers: the lines of its journal."""
+"""The lines of a drone's journal, written before the drone acts or answers."""
 
 from typing import Annotated, Any, Final, Literal
 
@@ -18,7 +18,7 @@ ACCEPTANCE_SENT_AT: Final = AliasChoices("acceptance_sent_at", "told_at")
 
 
 class Answer(WireModel):
-    """The final answer to an instruction, kept so that a repeated one gets the same."""
+    """The final answer to an instruction; a repeated instruction gets the same answer."""
 
     instruction_id: InstructionId
     stream: int
@@ -31,7 +31,7 @@ class Answer(WireModel):
 
 
 class InstructionAnswered(WireModel):
-    """An instruction has come and is answered; `instruction` is None when it was not readable."""
+    """An instruction was answered; `instruction` is None when it could not be read."""
 
     kind: Literal["INSTRUCTION"] = "INSTRUCTION"
     answered_at: FleetMoment
@@ -47,7 +47,7 @@ class AcceptanceSent(WireModel):
 
 
 class StepBegun(WireModel):
-    """A step begins; steps up to `released_through` cannot be replaced any more."""
+    """A step begins; from now on steps up to `released_through` cannot be replaced."""
 
     kind: Literal["STEP"] = "STEP"
     step_id: int
@@ -56,17 +56,17 @@ class StepBegun(WireModel):
 
 
 class EventRecorded(WireModel):
-    """Something has happened, and the cloud is to hear of it."""
+    """Something happened that is reported to the cloud."""
 
     kind: Literal["EVENT"] = "EVENT"
     event: DroneEvent
 
 
 class FailsafeBegun(WireModel):
-    """A failsafe turns the flight under way: `flight` is flown instead, from here.
+    """A failsafe turns the flight under way: from here the drone flies `flight` instead.
 
-    `soc` is the charge here, `used_j` what the flight under way has taken up to here. A LAND_NOW
-    goes down on the spot: its flight ends where it begins.
+    `soc` is the charge here. `used_j` is the energy that the flight has used so far. The flight of
+    LAND_NOW ends where it begins.
     """
 
     kind: Literal["FAILSAFE"] = "FAILSAFE"
@@ -79,10 +79,10 @@ class FailsafeBegun(WireModel):
 
 
 class FailsafeOverridden(WireModel):
-    """People know better: these faults count no more in this mission.
+    """People have overridden these faults: they are ignored for the rest of this mission.
 
-    A flight that a failsafe has turned goes on from here to where it was to go first; `flight` is
-    None when nothing was turned.
+    A turned flight continues from here to its planned end; `flight` is None when no flight was
+    turned.
     """
 
     kind: Literal["OVERRIDDEN"] = "OVERRIDDEN"
@@ -94,21 +94,21 @@ class FailsafeOverridden(WireModel):
 
 
 class FaultEnded(WireModel):
-    """A fault that an alarm was raised for is over."""
+    """A fault with an alarm has ended."""
 
     kind: Literal["FAULT_ENDED"] = "FAULT_ENDED"
     fault: Fault
 
 
 class HealthLearned(WireModel):
-    """What the battery was found to hold, as a share of its capacity when new."""
+    """A new estimate of the battery's capacity, as a share of its capacity when new."""
 
     kind: Literal["HEALTH"] = "HEALTH"
     state_of_health: Soc
 
 
 class Placed(WireModel):
-    """People have fetched a drone that was down, emptied it, and put it at a station."""
+    """People fetched a drone that was down, emptied it, and put it at a station."""
 
     kind: Literal["PLACED"] = "PLACED"
     station_id: StationId
@@ -127,5 +127,5 @@ Record = (
     | Placed
 )
 
-#: A record as a line of the journal names its kind.
+#: A record as a line of the journal, which names its kind.
 RecordLine = Annotated[Record, Field(discriminator="kind")]

@@ -19,17 +19,17 @@ from skyway.contracts.instruction import (
 from skyway_drone_agent.journal.current_mission import CurrentMission
 from skyway_drone_agent.journal.records import Answer
 
-#: Steps that can end at any moment, with the drone standing where it stood.
+#: Steps that can end at any moment, because the drone does not move in them.
 CUTTABLE: Final = (WaitStep, RechargeStep, PickUpStep)
 
-#: Instructions that bring steps. A MISSION replaces what is not released, the others more.
+#: Instructions with steps. A MISSION replaces only steps that are not released yet.
 Revision = MissionInstruction | DivertInstruction | ReturnHomeInstruction
 
 
 def kept_steps(mission: CurrentMission | None, revision: Revision) -> tuple[FlightStep, ...]:
-    """The steps still to be flown before a revision's first, as it changes them.
+    """The steps that are left before the first step of a revision, as the revision changes them.
 
-    None of them after a failure: the drone stands and waits for new ones.
+    There are none after a failure: the drone stands and waits for new steps.
     """
     if mission is None or mission.has_failed:
         return ()
@@ -42,7 +42,7 @@ def kept_steps(mission: CurrentMission | None, revision: Revision) -> tuple[Flig
 
 
 def cuts_step_under_way(mission: CurrentMission, revision: Revision) -> bool:
-    """Whether the step under way is among those that are replaced."""
+    """Whether the revision replaces the step under way."""
     step = mission.step_under_way
     return step is not None and step.step_id >= revision.first_step
 
@@ -55,7 +55,7 @@ def mission_after(
     at: datetime,
     is_airborne: bool,
 ) -> CurrentMission:
-    """The mission once this revision is accepted; a hold is over with it."""
+    """The mission after this revision is accepted; a revision ends a hold."""
     kept = kept_steps(before, revision)
     accepted = CurrentMission(
         mission_id=revision.mission_id,
@@ -74,7 +74,7 @@ def mission_after(
         update={
             "first_step": before.first_step,
             "released_through": _released_through(before, accepted, is_airborne=is_airborne),
-            # Over a station there is no standing still.
+            # A drone in the air cannot stand still.
             "free_at": before.free_at if is_airborne else max(at, before.free_at),
             "cut": before.cut,
             "ignored_faults": before.ignored_faults,
@@ -96,7 +96,7 @@ def mission_after(
 def _released_through(
     before: CurrentMission, accepted: CurrentMission, *, is_airborne: bool
 ) -> int:
-    """In the air all steps up to the next landing, which may be another one now."""
+    """In the air, the step of the next landing, which may have changed."""
     if is_airborne:
         return next(
             step.step_id for step in accepted.steps if isinstance(step, FlyStep) and step.lands
@@ -105,7 +105,7 @@ def _released_through(
 
 
 def _joined(kept: tuple[FlightStep, ...], following: FlightStep) -> tuple[FlightStep, ...]:
-    """A flight before another one flies on, any other one lands."""
+    """The kept steps; their last flight lands unless another flight follows."""
     if not kept or not isinstance(kept[-1], FlyStep):
         return kept
     lands = not isinstance(following, FlyStep)
@@ -119,17 +119,17 @@ def _loaded(step: FlightStep, packages: tuple[PackageOnBoard, ...]) -> FlightSte
 
 
 def can_be_called_off(mission: CurrentMission, *, is_airborne: bool, is_loaded: bool) -> bool:
-    """Whether nothing is on board nor being loaded, or the mission has failed and waits."""
+    """Whether the drone is empty and not loading, or the mission has failed."""
     if mission.has_failed or mission.released_through < mission.first_step:
         return True
     step = mission.step_under_way
-    return not is_loaded and (is_airborne or step is None or _can_end_at_once(step))
+    return not is_loaded and (is_airborne or step is None or _can_end_now(step))
 
 
 def called_off(
     mission: CurrentMission, *, at: datetime, is_airborne: bool
 ) -> CurrentMission | None:
-    """What is left of the mission: the way to the next landing, a step to cut; None at once."""
+    """What remains of the mission: flights to the next landing, or a step to cut; else None."""
     if is_airborne:
         released = tuple(step for step in mission.steps if step.step_id <= mission.released_through)
         return mission.model_copy(update={"steps": released, "is_called_off": True})
@@ -141,7 +141,7 @@ def called_off(
     )
 
 
-def _can_end_at_once(step: FlightStep) -> bool:
+def _can_end_now(step: FlightStep) -> bool:
     if isinstance(step, PickUpStep):
         return step.awaits_confirmation
     return isinstance(step, WaitStep | RechargeStep)

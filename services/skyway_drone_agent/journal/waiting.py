@@ -1,4 +1,4 @@
-"""Waiting for whichever comes first: news, or a moment of fleet time."""
+"""Waiting for news or for a moment of fleet time, whichever comes first."""
 
 import asyncio
 from collections.abc import Coroutine
@@ -11,16 +11,16 @@ T = TypeVar("T")
 
 
 class NewsOrMoment:
-    """Waits again and again, while the block lasts, for news or for a moment of fleet time.
+    """Waits repeatedly, while the block lasts, for news or for a moment of fleet time.
 
-    One task sleeps through all the waits: news comes more often than the moment, which moves on
-    then. A task for each wait took a tenth of a fleet's processor time.
+    One task sleeps through all the waits, because news comes often and then the moment moves on. A
+    task for each wait took a tenth of a fleet's processor time.
     """
 
     def __init__(self, news: asyncio.Event, clock: FleetClock) -> None:
         self._news = news
         self._clock = clock
-        #: What is waited for now; None also while nobody waits.
+        #: The moment that is waited for; None without one and while nobody waits.
         self._moment: datetime | None = None
         self._sleeping: asyncio.Task[None] | None = None
         self._sleeps_until: datetime | None = None
@@ -32,7 +32,7 @@ class NewsOrMoment:
         self._wake()
 
     async def wait(self, *, until: datetime | None) -> None:
-        """Return when there is news, which is then taken as read, or when the moment has come."""
+        """Return when there is news, which is then cleared, or when the moment has come."""
         self._moment = until
         if until is not None and not self._is_woken_by(until):
             self._wake()
@@ -46,7 +46,7 @@ class NewsOrMoment:
             self._sleeping.result()
 
     def _is_woken_by(self, moment: datetime) -> bool:
-        """Whether the sleep goes on that ends then or earlier, and is seen to be too early."""
+        """Whether the current sleep ends at that moment or earlier."""
         is_asleep = self._sleeping is not None and not self._sleeping.done()
         return is_asleep and self._sleeps_until is not None and self._sleeps_until <= moment
 
@@ -58,7 +58,7 @@ class NewsOrMoment:
             self._sleeps_until = self._moment
 
     def _has_come(self, slept: "asyncio.Task[None]") -> None:
-        """The moment is news too: one thing less to wait for."""
+        """Treat the moment as news, so that `wait` waits for one event only."""
         if self._moment is not None and slept is self._sleeping:
             self._news.set()
 
@@ -69,7 +69,7 @@ class NewsOrMoment:
 
 
 async def wait_for_end_or_news(performing: asyncio.Future[Any], news: asyncio.Event) -> None:
-    """Return when that is done, or when there is news, which is then taken as read."""
+    """Return when the step is done, or when there is news, which is then cleared."""
     receiving = asyncio.ensure_future(news.wait())
     try:
         await asyncio.wait((performing, receiving), return_when=asyncio.FIRST_COMPLETED)

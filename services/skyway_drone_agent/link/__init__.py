@@ -1,1 +1,1 @@
-"""The way to the cloud: envelopes, presence, events, and whether the link is up."""
+"""The way to the cloud: envelopes, presence, events, heartbeat, and the monitors of the link."""

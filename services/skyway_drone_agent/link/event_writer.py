@@ -1,4 +1,4 @@
-"""Events of one drone: made from what its logbook says, and written down."""
+"""Makes the events of one drone from its logbook, and writes them to the journal."""
 
 import logging
 from datetime import datetime
@@ -13,7 +13,7 @@ log = logging.getLogger(__name__)
 
 
 class EventWriter:
-    """Numbers events on, and writes them behind one another."""
+    """Numbers events and writes them in order."""
 
     def __init__(self, recorder: FlightRecorder, uplink: Uplink) -> None:
         self._recorder = recorder
@@ -41,7 +41,7 @@ class EventWriter:
         )
 
     def write(self, event: DroneEvent, *then: Record) -> None:
-        """Write down what has happened, and what follows from it."""
+        """Write an event, and the records that follow from it."""
         self._recorder.note(EventRecorded(event=event), *then)
         log.info(
             "drone event",

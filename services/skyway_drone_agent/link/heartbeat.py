@@ -1,4 +1,4 @@
-"""The heartbeat of a drone that nothing happens to: seldom, and not with all others at once."""
+"""The heartbeat of an idle drone: rare, and spread over the drones of a fleet."""
 
 from datetime import UTC, datetime, timedelta
 from typing import Final
@@ -17,11 +17,11 @@ _EPOCH: Final = datetime(1970, 1, 1, tzinfo=UTC)
 
 
 class Heartbeat:
-    """Says when a drone is due again; guard and state sender beat together.
+    """Says when a drone is due again; guard and state sender use the same moments.
 
-    A fleet connects at once, after a start and when the broker comes back. Were all its drones due
-    30 s later, and so for ever, whatever else happened then would wait for a second. So the first
-    beat of a connection comes after a part of the time that is the drone's own.
+    All drones of a fleet connect together, after a start and when the broker comes back. If all
+    were due 30 s later and every 30 s after that, other work would wait for a second each time. So
+    each drone has its own delay before the first beat of a connection.
     """
 
     def __init__(self, drone_id: DroneId, link: LinkMonitor, clock: FleetClock) -> None:
@@ -30,7 +30,7 @@ class Heartbeat:
         self._clock = clock
 
     def after(self, moment: datetime) -> datetime:
-        """When a drone is due that was looked at or sent its state then."""
+        """When a drone is due that was last looked at, or sent its state, at the moment."""
         every, tick = self._wall(EVERY_S), self._wall(_TICK_S)
         if self._link.up_since is not None:
             first = _at_tick(self._link.up_since + self._share * every, tick)
@@ -43,5 +43,5 @@ class Heartbeat:
 
 
 def _at_tick(moment: datetime, tick: timedelta) -> datetime:
-    """A few dozen drones together take half the processor time of as many one by one."""
+    """The moment rounded down to a tick: drones that wake together take half the CPU time."""
     return moment - (moment - _EPOCH) % tick

@@ -6,12 +6,12 @@ from datetime import datetime, timedelta
 from skyway.runtime.clock import FleetClock
 from skyway_drone_agent.link.uplink import Link
 
-#: A link that is down for so long counts as lost: the drone waits at the next landing (wall time).
+#: A link counts as lost after this wall time: the drone then waits at its next landing.
 LINK_LOST_AFTER = timedelta(seconds=10)
 
 
 class LinkMonitor:
-    """Remembers when the link went and came."""
+    """Remembers when the link went down and came up."""
 
     def __init__(self, link: Link, clock: FleetClock, *, on_change: Callable[[], None]) -> None:
         self._link = link
@@ -28,7 +28,7 @@ class LinkMonitor:
 
     @property
     def not_lost_since(self) -> datetime | None:
-        """The fleet moment when the link was last found again; None while it is lost."""
+        """The fleet moment since when the link is not lost; None while it is lost."""
         return None if self._is_lost() else self._found_again_at
 
     def came_up(self) -> None:
@@ -40,7 +40,7 @@ class LinkMonitor:
         self._on_change()
 
     async def run(self) -> None:
-        """Note for ever when the connection is lost."""
+        """Note each loss of the connection, for ever."""
         while True:
             await self._link.wait_connected()
             await self._link.wait_lost()
@@ -54,15 +54,15 @@ class LinkMonitor:
         return self._clock.wall_now() - self._down_since_wall >= LINK_LOST_AFTER
 
 
-#: Three of the gateway's repetitions (wall time).
+#: Three times the interval at which the gateway repeats its clock (wall time).
 SILENT_AFTER = timedelta(seconds=90)
 
 
 class CloudMonitor:
-    """Remembers when something last came from the cloud.
+    """Remembers when the last message came from the cloud.
 
-    A cloud that has never repeated its clock is not expected to: the retained clock comes from
-    the broker, whether the cloud lives or not.
+    A cloud that has never repeated its clock is never silent: the broker sends the retained clock
+    even when the cloud does not run.
     """
 
     def __init__(self, link: Link, clock: FleetClock, *, on_change: Callable[[], None]) -> None:
@@ -75,24 +75,24 @@ class CloudMonitor:
 
     @property
     def not_silent_since(self) -> datetime | None:
-        """The fleet moment when the cloud was last heard again; None while it is silent."""
+        """The fleet moment since when the cloud is not silent; None while it is silent."""
         return None if self.is_silent else self._back_since
 
     @property
     def is_silent(self) -> bool:
-        """Whether the link is up and nothing has come for long."""
+        """Whether the link is up and no message has come for long."""
         if not self._repeats or not self._link.is_connected:
             return False
         return self._clock.wall_now() - self._last_message_wall_at >= SILENT_AFTER
 
     def note_clock(self, *, is_repeated: bool) -> None:
-        """Note that the clock has come, from the cloud itself when it `is_repeated`."""
+        """Note that the clock arrived; if it `is_repeated`, the cloud itself has sent it."""
         if is_repeated:
             self._repeats = True
             self.note_message()
 
     def note_message(self) -> None:
-        """Note that something has come from the cloud, or may come again from now on."""
+        """Note a message of the cloud, or a new connection on which messages can arrive."""
         was_silent = self.is_silent
         self._last_message_wall_at = self._clock.wall_now()
         if was_silent:

@@ -9,7 +9,7 @@ from skyway.runtime.minting import Mint
 
 
 class Presence:
-    """Counts the connections of one session; each has a number that no other message uses."""
+    """Counts the connections of one session and makes their messages."""
 
     def __init__(
         self,
@@ -27,16 +27,16 @@ class Presence:
         self._connection_number = 0
 
     def last_will(self) -> tuple[Address[Connection], Connection]:
-        """The will of the next connection, to be asked once before each."""
+        """The last will of the next connection; to be called once before each connect."""
         self._connection_number += 1
         return self.address, self._connection("LOST")
 
     def online(self) -> Connection:
-        """The connection whose will was asked for last stands."""
+        """The message that the latest connection is up."""
         return self._connection("ONLINE")
 
     def offline(self) -> Connection:
-        """The agent leaves on purpose; newer than anything of this connection."""
+        """The message that the agent leaves on purpose; newer than the connection's others."""
         self._connection_number += 1
         return self._connection("OFFLINE")
 

@@ -1,4 +1,4 @@
-"""A drone's way to the cloud: its topics, the envelope of its messages, sending until confirmed."""
+"""Sends a drone's messages to the cloud: topics, envelopes, repeats until confirmed."""
 
 import asyncio
 from collections import Counter
@@ -13,7 +13,7 @@ from skyway.runtime.errors import MqttUnavailable
 from skyway.runtime.minting import Mint
 from skyway.runtime.mqtt.client import Received
 
-#: Wall seconds before a message is tried again on a connection that did not take it.
+#: Wall seconds before a message without confirmation is sent again.
 _RETRY_S = 0.2
 
 
@@ -30,7 +30,7 @@ class Link(Protocol):
         ...
 
     async def wait_lost(self) -> None:
-        """Return once the broker cannot be reached; at once while it cannot."""
+        """Return once the broker cannot be reached."""
         ...
 
     async def publish(self, address: Address[M], message: M, *, timeout_s: float = 5.0) -> None:
@@ -40,12 +40,12 @@ class Link(Protocol):
     def batches(
         self, *subscriptions: Topic[Any] | Address[Any]
     ) -> AsyncIterator[list[Received[Any]]]:
-        """What arrives on these topics; Any, since each has a message of its own."""
+        """The messages that arrive on these topics. Any: each topic has its own message type."""
         ...
 
 
 class Envelope(TypedDict):
-    """The members that every message of a drone begins with."""
+    """The fields that every message of a drone begins with."""
 
     message_id: str
     sent_at: datetime
@@ -92,9 +92,10 @@ class Uplink:
         await self._link.publish(topic(*self._ids), message)
 
     async def send_until_confirmed(self, topic: Topic[M], *messages: M) -> None:
-        """Send until the broker has the last, over as many connections as that takes.
+        """Send until the broker confirms the last message, also over new connections.
 
-        They leave together, in order. Those before the last are sent once: it says more than they.
+        The messages leave together and in order. Only the last is repeated: it says all that the
+        earlier ones say.
         """
         *earlier, last = messages
         if earlier:
@@ -114,6 +115,6 @@ class Uplink:
                 return
 
     async def wait_to_retry(self) -> None:
-        """Return a moment after the link is back, for what was not confirmed."""
+        """Return when a message may be sent again: after a pause, on a connection."""
         await sleep_wall(self._clock, _RETRY_S)
         await self._link.wait_connected()

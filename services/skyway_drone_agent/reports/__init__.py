@@ -1,1 +1,1 @@
-"""What the drone tells of itself: state, events, thinned telemetry."""
+"""What the drone reports: state, events and telemetry."""

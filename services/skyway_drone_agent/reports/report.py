@@ -1,4 +1,4 @@
-"""The reporter: events until the broker has them, state on change and every 30 s."""
+"""Sends events until the broker confirms them, and the state on change and every 30 s."""
 
 import asyncio
 from operator import attrgetter
@@ -15,26 +15,26 @@ from skyway_drone_agent.link.heartbeat import Heartbeat
 from skyway_drone_agent.link.uplink import Uplink
 from skyway_drone_agent.reports.snapshot import snapshot_of
 
-#: Turns of the event loop in which whoever has the same news acts on it, as the pilot does.
+#: Turns of the event loop in which other tasks, like the pilot, react to the same news.
 _TURNS = 4
 
-#: What may differ between two states that say the same.
+#: Fields that may differ between two states with the same meaning.
 _PASSING = {"message_id", "sent_at", "seq", "at", "soc", "position", "health", "traceparent"}
 
-#: All that a state says beside.
+#: All other fields of a state.
 _meaning = attrgetter(*sorted(DroneState.model_fields.keys() - _PASSING))
 
 
 class Acks(Protocol):
-    """The answers to instructions, on their way."""
+    """The queue of answers to instructions."""
 
     async def wait_all_sent(self) -> None:
-        """Return once the broker has every answer."""
+        """Return once the broker has confirmed every answer."""
         ...
 
 
 class EventSender:
-    """Sends what the journal holds of events; the cloud may ask for them again."""
+    """Sends the events of the journal; the cloud may ask for them again."""
 
     def __init__(self, uplink: Uplink, recorder: FlightRecorder) -> None:
         self._uplink = uplink
@@ -44,7 +44,7 @@ class EventSender:
         self._progress = asyncio.Event()
 
     async def wait_all_sent(self) -> None:
-        """Return once the broker has every event that has happened."""
+        """Return once the broker has confirmed every written event."""
         while self._next() is not None:
             self._progress.clear()
             await self._progress.wait()
@@ -55,7 +55,7 @@ class EventSender:
         self._news.set()
 
     async def run(self) -> None:
-        """Send for ever, in order; after a restart all that are not confirmed."""
+        """Send events in order for ever; after a restart all unconfirmed events."""
         while True:
             event = self._next()
             if event is None:
@@ -64,7 +64,7 @@ class EventSender:
                 continue
             before = self._sent_through
             await self._uplink.send_until_confirmed(EVENTS, event)
-            # The cloud may have asked for older ones meanwhile.
+            # The cloud may have asked for older events meanwhile.
             if self._sent_through == before:
                 self._sent_through = event.seq
             self._progress.set()
@@ -75,9 +75,9 @@ class EventSender:
 
 
 class StateSender:
-    """Sends the snapshot that tells the truth of progress, after the acks and events it counts.
+    """Sends the drone's state after the acks and events that the state counts.
 
-    A state that came first would have the cloud ask for events that are on their way.
+    If the state came first, the cloud would ask for events that are already on their way.
     """
 
     def __init__(
@@ -102,7 +102,7 @@ class StateSender:
         self._is_due = True
 
     def send_anew(self) -> None:
-        """Send the state although it may not have changed: the broker may have lost it."""
+        """Send the state even if it has not changed: the broker may have lost it."""
         self._is_due = True
         self._news.set()
 
@@ -117,15 +117,15 @@ class StateSender:
                 state = self._state()
                 if self._is_due or last is None or _meaning(state) != _meaning(last):
                     last = await self._sent(state)
-                    # Not after `last.at`: the sensors may have been read before this very beat.
+                    # Not after `last.at`: the sensors may have been read before this beat.
                     due_at = self._heartbeat.after(self._clock.now())
                 await change.wait(until=due_at)
                 self._is_due = self._is_due or self._clock.now() >= due_at
 
     async def _sent(self, state: DroneState) -> DroneState:
-        """Send until the broker has it, each time as it is then."""
+        """Send until the broker confirms it; each attempt sends the state of that moment."""
         while True:
-            # What asks for a state from now on may not be answered by this one.
+            # A request from now on needs a newer state than this one.
             self._is_due = False
             try:
                 await self._uplink.send(STATE, state)
@@ -137,10 +137,10 @@ class StateSender:
                 return state
 
     async def _wait_for_earlier_messages(self) -> None:
-        """Return once all is told that comes first, and done what follows from it at once.
+        """Return once the acks and events are sent, and other tasks have reacted to them.
 
-        A mission is accepted, the broker has that, and the first step begins: one state tells of
-        all three, for each has the whole cloud look at the drone.
+        When a mission is accepted, the broker confirms that and the first step begins, one state
+        reports all three. Each state makes the whole cloud look at the drone.
         """
         await self._acks.wait_all_sent()
         for _ in range(_TURNS):
@@ -148,7 +148,7 @@ class StateSender:
         await self._events.wait_all_sent()
 
     def _state(self) -> DroneState:
-        # What the guard has just seen is as good: `at` says when that was.
+        # The guard's last assessment is recent enough; `at` says when it was made.
         assessment = self._lookout.newest()
         return snapshot_of(
             self._recorder.reported_logbook, assessment, envelope=self._uplink.envelope(STATE)

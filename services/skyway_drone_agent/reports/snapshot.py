@@ -1,4 +1,4 @@
-"""A drone's state as the cloud sees it, made from its logbook and what its sensors show."""
+"""A drone's state for the cloud, made from its logbook and the assessment of its sensors."""
 
 from typing import Literal
 
@@ -23,7 +23,7 @@ _ACTIVITY_OF_STEP: dict[str, _Activity] = {
 
 
 def snapshot_of(logbook: Logbook, assessment: Assessment, *, envelope: Envelope) -> DroneState:
-    """The state when it was assessed; `step_id` is the step that is done or waited for."""
+    """The state at the assessment; `step_id` is the step under way or the next one."""
     mission, run = logbook.mission, run_under_way(logbook)
     step_id = mission.steps[0].step_id if mission and mission.steps else None
     return DroneState(
@@ -51,7 +51,7 @@ def snapshot_of(logbook: Logbook, assessment: Assessment, *, envelope: Envelope)
 
 
 def health_of(assessment: Assessment) -> DroneHealth:
-    """The results of the analysis on board, as they cross the wire."""
+    """The results of the analysis on board, as they are sent."""
     wind = assessment.wind_mps
     return DroneHealth(
         voltage_v=assessment.voltage_v,

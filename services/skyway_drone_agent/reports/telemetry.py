@@ -19,16 +19,16 @@ from skyway_drone_agent.journal.flight_recorder import FlightRecorder
 from skyway_drone_agent.journal.logbook import run_under_way
 from skyway_drone_agent.link.uplink import Envelope, Uplink
 
-#: A sample goes out at least every so many seconds of wall time.
+#: A sample is sent at least once in this wall time.
 _SILENT_AT_MOST: Final = timedelta(seconds=10)
 
-#: Metres between where the drone is and where the last sample's velocity has taken it.
+#: Metres between the position and the position that the last sample's velocity predicts.
 _POSITION_M: Final = 25.0
 
-#: Change of the charge, as a part of the whole.
+#: Change of the state of charge.
 _SOC: Final = 0.005
 
-#: Change of the power, as a share of the last sample's, and W within which it is all the same.
+#: Change of the power, as a share of the last sample's power, and in watts; the larger counts.
 _POWER, _POWER_W = 0.05, 1.0
 
 #: Change of the speed over ground.
@@ -39,7 +39,7 @@ _TEMPERATURE_K: Final = 1.0
 
 
 class TelemetryThinning:
-    """Compares with what was sent last."""
+    """Decides whether a sample says something new, compared with the last sent one."""
 
     __slots__ = ("_sent", "_sent_wall_at")
 
@@ -48,7 +48,7 @@ class TelemetryThinning:
         self._sent_wall_at: datetime | None = None
 
     def is_news(self, assessment: Assessment, *, wall_at: datetime) -> bool:
-        """Whether this is to be sent: something is beyond its dead band, or it was silent long."""
+        """Whether to send: a value left its dead band, or the last sample is long ago."""
         sent, sent_wall_at = self._sent, self._sent_wall_at
         if sent is None or sent_wall_at is None or wall_at - sent_wall_at >= _SILENT_AT_MOST:
             return True
@@ -61,12 +61,12 @@ class TelemetryThinning:
         )
 
     def sent(self, assessment: Assessment, *, wall_at: datetime) -> None:
-        """Compare with this one from now on."""
+        """Compare with this assessment from now on."""
         self._sent, self._sent_wall_at = assessment, wall_at
 
 
 def _strayed_m(sent: Assessment, now: Assessment) -> float:
-    """Distance from straight on; on a flat map, which a few kilometres allow."""
+    """Distance from the predicted position, on a flat map, good for a few kilometres."""
     east, north = _metres_between(sent.position, now.position)
     flown: Velocity = sent.velocity_mps
     seconds = (now.at - sent.at).total_seconds()
@@ -81,12 +81,12 @@ def _metres_between(start: Position, end: Position) -> tuple[float, float]:
     return east_deg * narrowing * metre, north_deg * metre
 
 
-#: At most one sample per so many seconds of fleet time, and of wall time.
+#: Least seconds between two samples, of fleet time and of wall time.
 _EVERY_S = 1.0
 
 
 class TelemetrySender:
-    """Samples the drone during steps that change something."""
+    """Samples the drone during flights and recharges."""
 
     def __init__(
         self, uplink: Uplink, recorder: FlightRecorder, lookout: Lookout, clock: FleetClock
@@ -99,7 +99,7 @@ class TelemetrySender:
         self._thinning = TelemetryThinning()
 
     async def run(self) -> Never:
-        """Sample for ever; a sample that the link does not take is not sent again."""
+        """Sample for ever; a sample that cannot be sent is dropped."""
         while True:
             run = run_under_way(self._recorder.logbook)
             if run is None or run.step.kind not in ("FLY", "RECHARGE"):
@@ -124,7 +124,7 @@ class TelemetrySender:
 
 
 def telemetry_of(assessment: Assessment, *, envelope: Envelope) -> Telemetry:
-    """The sample of this assessment, as finely as sensors see."""
+    """The sample of this assessment, rounded to the precision of sensors."""
     return Telemetry(
         **envelope,
         at=assessment.at,
