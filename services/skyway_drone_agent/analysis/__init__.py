@@ -1,1 +1,1 @@
-"""What the sensors mean: charge, health, wind, consumption, and what can still be reached."""
+"""Estimates from the sensors: charge, health, wind, energy use, and landings in reach."""

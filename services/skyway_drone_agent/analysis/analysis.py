@@ -1,4 +1,4 @@
-"""The analysis on board: what one look at the sensors says of the drone and its flight."""
+"""The analysis on board: makes an assessment of the drone from each reading of its sensors."""
 
 import math
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from skyway_drone_agent.battery_pack import BatteryPack
 from skyway_drone_agent.journal.logbook import Logbook, run_under_way
 from skyway_drone_agent.vehicle import Reading, StepRun
 
-#: The pack of all models, until a model names its own.
+#: The pack of all models.
 _PACK: Final = BatteryPack()
 
 _CALM_MPS: Final = (0.0, 0.0)
@@ -27,11 +27,11 @@ _CALM_MPS: Final = (0.0, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class Assessment:
-    """What is known at a moment of fleet time; the words are those of `DroneHealth`.
+    """The state of the drone at a moment of fleet time; the terms are those of `DroneHealth`.
 
     `landing` is the end of the released flights, None on the ground. `landings_in_reach` are
     nearest first. `off_course_m` is the distance from the leg, 0 on the ground. `reach` answers
-    what else could be flown.
+    questions about other flights.
     """
 
     at: datetime
@@ -64,12 +64,12 @@ class Assessment:
 
     @property
     def safe_landings(self) -> tuple[LandingInReach, ...]:
-        """Those in reach even if there is less charge than estimated."""
+        """The landings that stay in reach if there is less charge than estimated."""
         return tuple(landing for landing in self.landings_in_reach if landing.is_safe)
 
 
 class Analysis:
-    """One drone's analysis; it keeps little, and learns with every reading."""
+    """One drone's analysis; it learns from every reading and keeps little memory."""
 
     __slots__ = (
         "_charge",
@@ -102,7 +102,7 @@ class Analysis:
         self._needs = EnergyToLand()
 
     def assess(self, reading: Reading, logbook: Logbook) -> Assessment:
-        """What this reading says, to a drone that does what its logbook says."""
+        """The assessment after this reading, for a drone that does what its logbook says."""
         run = run_under_way(logbook)
         step = run.step if run is not None and isinstance(run.step, FlyStep) else None
         leg = self._legs.leg(step, load_kg=logbook.load_kg) if step else None
@@ -124,7 +124,7 @@ class Analysis:
     def _learn(
         self, reading: Reading, run: StepRun | None, leg: Leg | None, *, soc: float
     ) -> BatteryEstimate:
-        """The battery, after this reading."""
+        """The battery estimate after this reading."""
         charge, health = self._charge, self._health
         capacity_j = self._model.battery_j * health.state_of_health
         if charge is None:

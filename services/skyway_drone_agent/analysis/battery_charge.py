@@ -17,16 +17,16 @@ from skyway_drone_agent.vehicle import Reading, StepRun
 #: A change of current that shows the resistance through a voltage sensor's noise.
 _LEAST_CHANGE_A: Final = 5.0
 
-#: Error of a difference of two voltages.
+#: Standard deviation of the difference of two voltages.
 _DIFFERENCE_ERROR_V: Final = 0.14
 
-#: What the maker says may be wrong by so much of it: age and cold double it.
+#: Error of the data sheet as a share of its value: age and cold double the resistance.
 _FIRST_RESISTANCE_ERROR: Final = 1.0
 
-#: It changes with the warmth, so it is never known better than so.
+#: The resistance changes with temperature, so its error never gets smaller.
 _LEAST_RESISTANCE_ERROR: Final = 0.1
 
-#: Between these times the maker's.
+#: Limits of the resistance as multiples of the data sheet's value.
 _LEAST_OF_RATED, _MOST_OF_RATED = 0.2, 10.0
 
 
@@ -61,23 +61,23 @@ class ResistanceEstimate:
 #: Error of the counter, as a share of what it counts (the gain of a shunt).
 _COUNTING_ERROR: Final = 0.03
 
-#: How far a voltage may lie off the curve without a load: its sensor, warmth, and relaxation.
+#: Error of a voltage without load: by the sensor, temperature and relaxation.
 _VOLTAGE_ERROR_V: Final = 0.1
 
-#: Seconds for which a voltage goes on being wrong in the same way, by its sensor and by a wrong
-#: resistance: more readings within them say nothing new.
+#: Seconds for which the error of a voltage stays the same, by its sensor and by a wrong resistance:
+#: more readings in this time say nothing new.
 _ERROR_LASTS_S, _SAG_ERROR_LASTS_S = 60.0, 900.0
 
-#: No estimate is better than this share of the charge, however often the voltage agrees.
+#: The least error of the estimate, however often the voltage agrees.
 _LEAST_ERROR: Final = 0.005
 
-#: Charges that are closer together have one slope.
+#: Charges closer than this have the same slope.
 _SAME_CHARGE: Final = 1e-4
 
-#: A counter that jumps by more than the whole battery has begun anew.
+#: A counter that jumps by more than the whole battery was reset.
 _MOST_USED: Final = 1.0
 
-#: Error of a charge whose use could not be counted.
+#: Error of the charge after energy use that was not counted.
 _ERROR_WHEN_LOST: Final = 0.3
 
 
@@ -95,11 +95,11 @@ class BatteryEstimate:
 
     @property
     def resistance_ohm(self) -> float:
-        """The pack's inner resistance, as seen whenever the load changed."""
+        """The pack's inner resistance, estimated at changes of the load."""
         return self._resistance.ohm
 
     def update(self, reading: Reading, *, capacity_j: float, capacity_error: float) -> None:
-        """Count what was used since the reading before, then hear what the voltage says.
+        """Count the energy used since the last reading, then correct by the voltage.
 
         `capacity_error` is the standard deviation of the capacity, as a share of it.
         """
@@ -118,7 +118,7 @@ class BatteryEstimate:
             self.error = max(self.error, _ERROR_WHEN_LOST)
             return
         self.soc = min(1.0, max(0.0, self.soc - used))
-        # The counter errs in one direction, so that the deviations add up, not their squares.
+        # The counter errs in one direction, so the deviations add up, not their squares.
         self.error += error * abs(used)
 
     def _correct(self, reading: Reading, *, seconds: float) -> None:
@@ -139,8 +139,8 @@ class BatteryEstimate:
     def _steepness(self, open_v: float, surprise_v: float) -> float:
         """Volts per charge between the estimate and what this voltage shows.
 
-        The curve's own slope would mislead: it is steep where an empty battery is believed in, so
-        that a charge far off on the flat seems near and sure.
+        The slope of the curve at the estimate would mislead: it is steep near an empty battery, so
+        a charge far away on the flat part would seem near and precise.
         """
         away = self._pack.soc_at_rest(open_v) - self.soc
         if abs(away) < _SAME_CHARGE:
@@ -151,7 +151,7 @@ class BatteryEstimate:
 #: Error of the charge that the journal holds.
 _JOURNAL_ERROR: Final = 0.02
 
-#: Error of what a step under way has used or charged, as a share of it.
+#: Error of the energy that a step under way has used or charged, as a share.
 _PLAN_ERROR: Final = 0.25
 
 
@@ -164,9 +164,9 @@ def first_charge(
     soc: float,
     capacity_j: float,
 ) -> tuple[float, float]:
-    """The charge and its standard deviation, by a logbook that says `soc`.
+    """The first charge and its standard deviation, for a logbook that says `soc`.
 
-    An agent that starts again in the middle of a step has not counted what came before.
+    An agent that restarts in the middle of a step has not counted the energy used before.
     """
     by_now = soc
     if run is not None:
@@ -181,15 +181,15 @@ def first_charge(
 
 
 def _used_j(reading: Reading, leg: Leg, elapsed_s: float, *, model: DroneModel) -> float:
-    """What the flight so far takes by the model, and the landing if it has begun.
+    """The energy of the flight so far by the model, and of the landing if it has begun.
 
-    Energy goes with time, not with the way: against the wind the same way takes much more.
+    Energy depends on time, not on distance: against the wind the same way takes much more.
     """
     still_s = leg.step.length_m / leg.speed_mps
     power_w = leg.flight_j / still_s
     if leg.is_on_the_way(reading):
         return power_w * elapsed_s
-    # A landing takes no longer than this: the way has taken the rest.
+    # A landing takes at most `stop_s`: the remaining time was the way.
     way_s = max(min(still_s, elapsed_s), elapsed_s - model.stop_s)
     landing_s = elapsed_s - way_s
     return power_w * way_s + leg.stop_j * min(1.0, landing_s / max(model.stop_s, 1.0))

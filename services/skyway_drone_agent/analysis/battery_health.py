@@ -1,4 +1,4 @@
-"""How the battery ages: its capacity, and how far its cells are apart."""
+"""How the battery ages: its capacity, and the voltage spread of its cells."""
 
 import math
 from dataclasses import dataclass
@@ -8,28 +8,28 @@ from typing import Final
 from skyway_drone_agent.battery_pack import BatteryPack
 from skyway_drone_agent.vehicle import Reading
 
-#: A current below which the battery rests.
+#: The battery is at rest below this current.
 _REST_A: Final = 1.0
 
-#: So much of the capacity may go while the battery still counts as at rest.
+#: Share of the capacity that may be used while the battery still counts as at rest.
 _REST_USE: Final = 0.005
 
-#: How far a voltage at rest may lie off the curve.
+#: Error of a voltage at rest.
 _VOLTAGE_ERROR_V: Final = 0.1
 
 #: The charge at rest is precise when its standard deviation is at most this.
 _PRECISE: Final = 0.03
 
-#: Two charges that are closer together say little about the capacity between them.
+#: Two charges closer than this say little about the capacity.
 _LEAST_BETWEEN: Final = 0.25
 
-#: Error of a new drone's capacity, and the least that it ever has, so that ageing is followed.
+#: Error of a new drone's capacity, and the least error, so that the estimate follows ageing.
 _FIRST_ERROR, _LEAST_ERROR = 0.1, 0.02
 
-#: Error of what the journal says: it may be an old finding.
+#: Error of the capacity in the journal, which may be old.
 _KEPT_ERROR: Final = 0.05
 
-#: No battery counts as worse than this, nor as better than new.
+#: The lowest health of a battery.
 _WORST: Final = 0.3
 
 #: Seconds over which the cells' difference is smoothed.
@@ -38,7 +38,7 @@ _SPREAD_OVER_S: Final = 20.0
 
 @dataclass(slots=True)
 class _Rest:
-    """A while at rest: the mean of its voltages, and where the counter stood."""
+    """A time at rest: the mean of its voltages, and the counter of used energy."""
 
     consumed_j: float
     open_v: float
@@ -46,7 +46,7 @@ class _Rest:
 
 
 class BatteryHealth:
-    """What one battery still holds, as a share of the model's capacity, and its cells.
+    """Capacity of one battery as a share of the model's, and the spread of its cells.
 
     `error` is the standard deviation of that share.
     """
@@ -96,7 +96,7 @@ class BatteryHealth:
         return _REST_USE * self._rated_j
 
     def _compare(self, rest: _Rest) -> None:
-        """Weigh what was counted between two rests against the charges that they showed."""
+        """Compare the energy counted between two rests with the charges that they showed."""
         if self._error_of(rest) > _PRECISE:
             return
         reference = self._reference
@@ -109,7 +109,7 @@ class BatteryHealth:
         self._reference = rest
         seen = (rest.consumed_j - reference.consumed_j) / (between * self._rated_j)
         if not 0.0 < seen < 2.0:
-            # The counter has begun anew meanwhile.
+            # The counter was reset in between.
             return
         error = math.hypot(self._error_of(reference), self._error_of(rest)) * seen / abs(between)
         variance = self.error * self.error

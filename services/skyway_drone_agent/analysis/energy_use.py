@@ -1,4 +1,4 @@
-"""Consumption against plan: what the flights of a mission use, and what the model says of them."""
+"""Energy use against plan: what flights use, compared with the drone model."""
 
 import math
 from datetime import datetime
@@ -9,22 +9,22 @@ from skyway_drone_agent.analysis.leg import Leg
 from skyway_drone_agent.analysis.wind import Velocity, ground_speed_mps
 from skyway_drone_agent.vehicle import Reading
 
-#: Seconds of flight over which the two are compared.
+#: Seconds of flight over which the comparison is smoothed.
 _SMOOTHED_OVER_S: Final = 180.0
 
-#: A mission begins with the belief of so many seconds of flight.
+#: A mission starts with the earlier factor, which counts as so many seconds of flight.
 _BELIEF_S: Final = 30.0
 
-#: Seconds on the ground over which the last flights are forgotten: a drone that believes it needs
-#: more than it has would never fly, and never see that it does not.
+#: Seconds on the ground over which the last flights are forgotten. Else a drone with a high factor
+#: would never take off, and would never learn that the factor is too high.
 _FORGOTTEN_OVER_S: Final = 4 * 3_600.0
 
-#: Beyond these factors something else is wrong.
+#: Limits of the factor; beyond them something else is wrong.
 _LEAST, _MOST = 0.5, 4.0
 
 
 class EnergyUseMonitor:
-    """Used energy against what the model says of the same flights in the wind there was.
+    """Compares used energy with the model's energy for the same flights in the same wind.
 
     Only the way counts: between two readings on the same leg, before its landing.
     """
@@ -39,8 +39,8 @@ class EnergyUseMonitor:
         self._flown_at: datetime | None = None
 
     def factor(self, at: datetime) -> float:
-        """Used against planned: of this mission's flights, or of the last ones."""
-        # A drone that is blown back has flown nothing of its plan.
+        """Used energy by planned energy, of this mission's flights or of the last ones."""
+        # A drone that is blown back makes no progress on its plan.
         factor = min(_MOST, max(_LEAST, self._used_j / max(self._planned_j, 1.0)))
         if self._flown_at is None:
             return factor
@@ -48,7 +48,7 @@ class EnergyUseMonitor:
         return 1.0 + (factor - 1.0) * math.exp(-max(0.0, stood_s) / _FORGOTTEN_OVER_S)
 
     def begin(self, mission_id: MissionId, at: datetime) -> None:
-        """Compare anew; the belief is what the mission before showed."""
+        """Start the comparison for a new mission, with the factor of the mission before."""
         if mission_id == self._mission_id:
             return
         self._used_j = self._belief_j * self.factor(at)
@@ -56,7 +56,7 @@ class EnergyUseMonitor:
         self._mission_id, self._mark, self._flown_at = mission_id, None, at
 
     def update(self, reading: Reading, leg: Leg | None, *, wind_mps: Velocity | None) -> None:
-        """Compare since the reading before; without a leg nothing is flown."""
+        """Compare since the last reading; without a leg the drone does not fly."""
         before, self._mark = self._mark, None
         if leg is None or not reading.has_gps or not leg.is_on_the_way(reading):
             return

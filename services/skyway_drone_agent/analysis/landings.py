@@ -1,4 +1,4 @@
-"""The stations that a drone knows of, and could land at."""
+"""The stations where a drone could land."""
 
 from dataclasses import dataclass
 from typing import Final, Protocol
@@ -10,7 +10,7 @@ from skyway_drone_agent.journal.current_mission import CurrentMission
 from skyway_drone_agent.journal.escape import lands_on_the_spot
 from skyway_drone_agent.journal.logbook import Logbook
 
-#: So many landings are kept in mind; the ones heard of longest ago are forgotten first.
+#: Number of landings that are remembered; the oldest are dropped first.
 _KEPT = 64
 
 
@@ -37,60 +37,60 @@ def landings_of(logbook: Logbook) -> tuple[Landing, ...]:
 
 
 class LandingsAround(Protocol):
-    """The stations around a flight; `edition` is another number when they are others."""
+    """The stations around a flight; `edition` changes when the stations change."""
 
     @property
     def edition(self) -> int:
-        """How often they were read."""
+        """How often the stations were read."""
         ...
 
     def landings_along(self, flight: FlyStep) -> tuple[Landing, ...]:
-        """The nearest stations along it."""
+        """The nearest stations along the flight."""
         ...
 
     def is_closed(self, landing: Landing) -> bool:
-        """Whether nobody may land there, as far as is known."""
+        """Whether the station was closed when it was last read."""
         ...
 
 
 class LandingSource(Protocol):
-    """Knows stations that are on no step of a mission."""
+    """Provides stations that are in no step of a mission."""
 
     def around(self, flight: FlyStep) -> LandingsAround:
-        """What it knows around this flight; it may find out more."""
+        """The stations around this flight; the source may read more of them later."""
         ...
 
 
 class NoLandings:
-    """Knows no station."""
+    """A source without stations."""
 
     edition = 0
 
     def around(self, flight: FlyStep) -> LandingsAround:
-        """Nothing."""
+        """No stations."""
         return self
 
     def landings_along(self, flight: FlyStep) -> tuple[Landing, ...]:
-        """None."""
+        """No landings."""
         return ()
 
     def is_closed(self, landing: Landing) -> bool:
-        """Not that anybody knows."""
+        """Never: nothing was read."""
         return False
 
 
-#: The book of a drone that knows no more than its missions say.
+#: The source of a drone that uses only the stations of its missions.
 NO_LANDINGS: Final = NoLandings()
 
 
 class RememberedLandings:
-    """All landings of the mission so far, those its steps forget too, and those of the book."""
+    """The landings of all steps so far, and those of the source."""
 
-    __slots__ = ("_answer", "_around", "_book", "_edition", "_flight", "_known", "_seen")
+    __slots__ = ("_answer", "_around", "_book", "_edition", "_flight", "_landings", "_seen")
 
     def __init__(self, book: LandingSource) -> None:
         self._book = book
-        self._known: dict[StationId, Landing] = {}
+        self._landings: dict[StationId, Landing] = {}
         self._seen: tuple[object, object] = (None, None)
         self._flight: FlyStep | None = None
         self._around: LandingsAround | None = None
@@ -98,10 +98,10 @@ class RememberedLandings:
         self._answer: tuple[Landing, ...] = ()
 
     def after(self, logbook: Logbook, flight: FlyStep | None = None) -> tuple[Landing, ...]:
-        """The landings known once this logbook has been read too, with those along the flight."""
+        """The landings after reading this logbook too, with those along the flight."""
         steps = logbook.mission.steps if logbook.mission else None
         is_news = self._seen[0] is not steps or self._seen[1] != logbook.station_id
-        if is_news or not self._known:
+        if is_news or not self._landings:
             self._seen = (steps, logbook.station_id)
             self._learn(logbook)
         around = self._around
@@ -111,33 +111,33 @@ class RememberedLandings:
 
     def _learn(self, logbook: Logbook) -> None:
         for landing in landings_of(logbook):
-            # Taken out and put back: the newest are at the end.
-            self._known.pop(landing.station_id, None)
-            self._known[landing.station_id] = landing
-        for station_id in tuple(self._known)[:-_KEPT]:
-            del self._known[station_id]
+            # Removed and added again, so that the newest are at the end.
+            self._landings.pop(landing.station_id, None)
+            self._landings[landing.station_id] = landing
+        for station_id in tuple(self._landings)[:-_KEPT]:
+            del self._landings[station_id]
         if logbook.mission is not None:
             for step in _planned_flights(logbook.mission):
-                # Asked for ahead: it takes a while to find out.
+                # Asked for ahead of time, because reading stations takes a while.
                 self._book.around(step)
 
     def _look_around(self, flight: FlyStep | None) -> None:
         self._flight = flight
         if flight is None:
-            self._around, self._answer = None, tuple(self._known.values())
+            self._around, self._answer = None, tuple(self._landings.values())
             return
         around = self._around = self._book.around(flight)
         self._edition = around.edition
         found = {one.station_id: one for one in around.landings_along(flight)}
-        for landing in self._known.values():
-            # Where it is told to fly to it is expected, whatever was read about that before.
+        for landing in self._landings.values():
+            # The end of the flight counts even if it was closed when it was read.
             if landing.station_id == flight.to_id or not around.is_closed(landing):
                 found[landing.station_id] = landing
         self._answer = tuple(found.values())
 
 
 def _planned_flights(mission: CurrentMission) -> list[FlyStep]:
-    """The flights that end at stations: straight down is not one, the one instead of it was."""
+    """The flights that end at stations; a landing on the spot counts as the planned flight."""
     flights = [step for step in mission.steps if isinstance(step, FlyStep)]
     if mission.escape is not None and lands_on_the_spot(mission):
         return [mission.escape.instead_of, *flights[1:]]

@@ -19,17 +19,17 @@ from skyway_drone_agent.journal.current_mission import CurrentMission
 from skyway_drone_agent.journal.logbook import Logbook
 from skyway_drone_agent.vehicle import Reading
 
-#: A drone that moves over ground at less than this share of its speed lands, if it is this near
-#: to where it should: farther off it has the wind against it.
+#: A drone lands if it is this near to its landing and slower over ground than this share of its
+#: speed. Farther away a slow drone flies against the wind.
 _LEAST_SPEED, _NEAR_M = 0.1, 100.0
 
-#: A share of the way that is only rounding.
+#: Shares of the way below this are rounding.
 _NO_WAY: Final = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
 class Leg:
-    """One FLY step with a load; `span_m` is as the crow flies, `flight_j` without a landing."""
+    """One FLY step with a load; `span_m` is the direct distance, `flight_j` is without landing."""
 
     step: FlyStep
     span_m: float
@@ -39,13 +39,13 @@ class Leg:
     stop_j: float
 
     def share_left(self, position: Position) -> float:
-        """How much of the way is left from here, 1 at its beginning."""
+        """The share of the way that is left, 1 at its beginning."""
         if self.span_m <= 0.0:
             return 0.0
         return distance_m(position, self.step.to_position) / self.span_m
 
     def is_on_the_way(self, reading: Reading) -> bool:
-        """Whether the drone still flies, and does not land."""
+        """Whether the drone flies on the way and does not land yet."""
         left = self.share_left(reading.position)
         if left * self.span_m > _NEAR_M:
             return True
@@ -67,7 +67,7 @@ def leg_of(step: FlyStep, *, model: DroneModel, load_kg: float) -> Leg:
 def legs_ahead(
     mission: CurrentMission, *, packages: tuple[PackageOnBoard, ...], model: DroneModel
 ) -> tuple[Leg, ...]:
-    """The next flights up to a recharge among them, with what they will carry."""
+    """The next flights up to the next recharge, each with its load."""
     load = {package.package_id: package.mass_kg for package in packages}
     legs: list[Leg] = []
     for step in mission.steps:
@@ -98,7 +98,7 @@ def off_course_m(leg: Leg, position: Position) -> float:
 
 
 class LegCache:
-    """Remembers the leg under way and those ahead until the logbook says otherwise."""
+    """Caches the leg under way and the legs ahead until the logbook changes them."""
 
     __slots__ = ("_ahead", "_leg", "_load_kg", "_model", "_seen")
 
@@ -110,7 +110,7 @@ class LegCache:
         self._seen: tuple[object, object] = (None, None)
 
     def leg(self, step: FlyStep, *, load_kg: float) -> Leg:
-        """The leg under way; the same object as long as it is the same step."""
+        """The leg under way; the same object as long as the step is the same."""
         leg = self._leg
         if leg is None or leg.step is not step or self._load_kg != load_kg:
             leg = self._leg = leg_of(step, model=self._model, load_kg=load_kg)
@@ -118,7 +118,7 @@ class LegCache:
         return leg
 
     def ahead(self, logbook: Logbook) -> tuple[Leg, ...]:
-        """The next flights up to a recharge among them."""
+        """The next flights up to the next recharge."""
         mission = logbook.mission
         seen = (mission.steps if mission else None, logbook.packages)
         if seen[0] is not self._seen[0] or seen[1] is not self._seen[1]:
@@ -129,14 +129,14 @@ class LegCache:
         return self._ahead
 
     def released(self, logbook: Logbook, leg: Leg | None) -> tuple[Leg, ...]:
-        """The leg under way, or the next one over a station, and all up to the next landing."""
+        """The flights from the leg under way, or from the station below, to the next landing."""
         mission = logbook.mission
         if leg is None and (mission is None or logbook.station_id is not None):
             return ()
         flights: list[Leg] = []
         for flight in self.ahead(logbook):
             if leg is not None and not flights and flight.step is not leg.step:
-                # Away from the plan: it ends where this flight ends.
+                # The leg is not in the plan: its end is the next landing.
                 break
             flights.append(flight)
             if flight.step.lands:

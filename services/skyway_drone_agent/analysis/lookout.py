@@ -1,4 +1,4 @@
-"""The lookout: reads the sensors once for all who want to know how the drone is."""
+"""The lookout: reads the sensors once for all parts that need an assessment."""
 
 from datetime import timedelta
 from typing import Final
@@ -10,21 +10,21 @@ from skyway_drone_agent.journal.flight_recorder import FlightRecorder
 from skyway_drone_agent.journal.logbook import Logbook, doing_now
 from skyway_drone_agent.vehicle import Vehicle
 
-#: Seconds of fleet time, or of wall time if longer, in which nothing changes that a look shows.
+#: Looks within this time share a reading: seconds of fleet time, or of wall time if longer.
 _MOMENT_FLEET_S, _MOMENT_WALL_S = 0.2, 0.05
 
-#: The newest assessment is good for so many seconds of fleet time, or of wall time if longer.
+#: The newest assessment is fresh for this time: seconds of fleet time, or of wall time if longer.
 _FRESH_FLEET_S, _FRESH_WALL_S = 1.0, 0.25
 
-#: A clock's ticks do not fall together with those who ask: so many times as old is still fresh.
+#: Callers do not ask exactly on the tick, so this many times the age still counts as fresh.
 _SLACK: Final = 1.5
 
-#: What a reading and its analysis take out of a logbook.
+#: The parts of a logbook that a reading and its analysis use.
 _Doing = tuple[object, ...]
 
 
 class Lookout:
-    """Guard, state and telemetry see the same assessment."""
+    """Makes the assessments that guard, state and telemetry share."""
 
     __slots__ = ("_analysis", "_clock", "_doing", "_newest", "_recorder", "_vehicle")
 
@@ -45,17 +45,17 @@ class Lookout:
         self._doing: _Doing = ()
 
     def look(self) -> Assessment:
-        """Read the sensors now, unless that was done at this very moment."""
+        """Read the sensors now, unless they were read at this moment."""
         moment = fleet_margin(self._clock, fleet_s=_MOMENT_FLEET_S, wall_s=_MOMENT_WALL_S)
         return self._not_older_than(moment)
 
     def newest(self) -> Assessment:
-        """The last assessment, or a new one if it is old or the drone does something else now."""
+        """The last assessment, or a new one if it is old or the drone changed what it does."""
         fresh = fleet_margin(self._clock, fleet_s=_FRESH_FLEET_S, wall_s=_FRESH_WALL_S)
         return self._not_older_than(_SLACK * fresh)
 
     def consumption_factor(self) -> float:
-        """How many times the planned energy flights take, by the newest assessment."""
+        """Energy of flights as a multiple of the plan, by the newest assessment."""
         return self.newest().consumption_factor
 
     def _not_older_than(self, age: timedelta) -> Assessment:
@@ -69,7 +69,7 @@ class Lookout:
 
 
 def _doing_of(logbook: Logbook) -> _Doing:
-    """Not what was said to the cloud and heard of it: that changes nothing that sensors see."""
+    """Without the messages from and to the cloud, which do not change the sensors."""
     standing = (logbook.station_id, logbook.position, logbook.soc, logbook.packages)
     mission = logbook.mission
     if mission is None:

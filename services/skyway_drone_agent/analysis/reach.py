@@ -18,14 +18,14 @@ from skyway_drone_agent.analysis.leg import Leg
 from skyway_drone_agent.analysis.wind import Velocity, ground_speed_mps
 from skyway_drone_agent.vehicle import Reading
 
-#: So many landings are judged, the nearest.
+#: Number of landings that are judged, the nearest first.
 _JUDGED: Final = 8
 
-#: Part of the reserve that must be left after a landing that counts as safe.
+#: Share of the reserve that must be left after a safe landing.
 _LEAST_OF_RESERVE: Final = 0.2
 
-#: So many standard deviations of the charge are kept in hand, but not more than half the reserve:
-#: a plan that lands with the whole reserve is never called unsafe.
+#: A safe landing keeps this many standard deviations of the charge as margin, but at most half the
+#: reserve: a plan that lands with the whole reserve must count as safe.
 _DEVIATIONS, _MOST_OF_RESERVE = 2.0, 0.5
 
 #: Rounding, as a share of the battery.
@@ -36,9 +36,9 @@ _CALM_MPS: Final = (0.0, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class LandingInReach:
-    """A station, and the charge that is expected to be left once the drone is down there.
+    """A station, and the expected charge after landing there.
 
-    It `is_safe` if it is also reached when the charge is less than estimated.
+    The landing `is_safe` if the drone also reaches it with less charge than estimated.
     """
 
     station_id: StationId
@@ -50,7 +50,7 @@ class LandingInReach:
 
 @dataclass(frozen=True, slots=True)
 class NextLanding:
-    """The end of the released flights; `need_j` is what it takes to be down there."""
+    """The end of the released flights; `need_j` is the energy to land there."""
 
     station_id: StationId
     need_j: float
@@ -59,10 +59,10 @@ class NextLanding:
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """What flights take out of this battery, in this wind.
+    """The energy of flights with this battery in this wind.
 
-    Energies are the model's: a battery that holds less is drained as if flights took more.
-    `still_air_factor` is what flights use against the model, but for the wind.
+    Energies are the model's: for a worn battery, flights count as if they took more energy.
+    `still_air_factor` is the used energy by the model's energy, without the effect of wind.
     """
 
     model: DroneModel
@@ -73,7 +73,7 @@ class Reach:
     wind_mps: Velocity
 
     def need_j(self, legs: Sequence[Leg], *, share_left: float = 1.0) -> float:
-        """What these flights take with their landings; of the first this share is left."""
+        """Energy of these flights with their landings; `share_left` is of the first flight."""
         flights_j = landings_j = 0.0
         for leg in legs:
             flights_j += share_left * leg.flight_j * self._slower(leg.speed_mps, leg.bearing_rad)
@@ -82,13 +82,13 @@ class Reach:
         return (flights_j * self.still_air_factor + landings_j) / self.state_of_health
 
     def soc_after(self, need_j: float) -> float:
-        """The charge once this is used; below 0 if there is not so much."""
+        """The charge after this energy is used; below 0 if it does not suffice."""
         return self.soc - need_j / self.model.battery_j
 
     def factor_over(self, legs: Sequence[Leg]) -> float:
-        """What these flights take against what the model says, without their landings.
+        """Energy of these flights by the model's energy, without their landings.
 
-        Of no flights: what any would take without wind.
+        Without flights it is the factor in still air.
         """
         if not legs:
             return self.still_air_factor / self.state_of_health
@@ -97,7 +97,7 @@ class Reach:
         return taken_j / planned_j * self.still_air_factor / self.state_of_health
 
     def range_m(self, load_kg: float) -> float:
-        """How far it is flown above the reserve, with a landing, whatever the direction."""
+        """Range above the reserve, with a landing, against the wind."""
         speed = speed_mps(self.model, load_kg)
         east, north = self.wind_mps
         blowing_mps = (east * east + north * north) ** 0.5
@@ -108,7 +108,7 @@ class Reach:
     def landings_in_reach(
         self, landings: Iterable[Landing], *, position: Position, load_kg: float
     ) -> tuple[LandingInReach, ...]:
-        """Those of the nearest landings that can be flown to straight from here, nearest first."""
+        """The landings that the drone can reach straight from here, nearest first."""
         speed, metre_j = speed_mps(self.model, load_kg), self._metre_j(load_kg)
         stop_j = self.model.stop_j / self.state_of_health
         safe_soc = self._safe_soc()
@@ -132,7 +132,7 @@ class Reach:
         return _LEAST_OF_RESERVE * reserve + in_hand - _ROUNDING
 
     def _metre_j(self, load_kg: float) -> float:
-        """Energy of a metre without wind."""
+        """Energy of one metre without wind."""
         planned = flight_power_w(self.model, load_kg) / speed_mps(self.model, load_kg)
         return planned * self.still_air_factor / self.state_of_health
 
@@ -143,7 +143,7 @@ class Reach:
 
 
 def _nearest(landings: Iterable[Landing], here: Position) -> list[Landing]:
-    """The nearest few, as on a flat map."""
+    """The nearest landings on a flat map."""
     narrowing = cos(radians(here.latitude_deg))
 
     def flat(landing: Landing) -> float:
@@ -155,7 +155,7 @@ def _nearest(landings: Iterable[Landing], here: Position) -> list[Landing]:
 
 
 class EnergyToLand:
-    """Judges anew while the drone is on its way; a landing uses up what was judged last."""
+    """Estimates the energy to land; during the landing it subtracts what was used."""
 
     __slots__ = ("_judged",)
 
@@ -165,7 +165,7 @@ class EnergyToLand:
     def need_j(
         self, reading: Reading, leg: Leg | None, flights: tuple[Leg, ...], *, reach: Reach
     ) -> float:
-        """Energy for the leg under way, if any, and the flights after it."""
+        """Energy for the leg under way, if any, and for the flights after it."""
         if leg is None:
             return reach.need_j(flights)
         judged = self._judged

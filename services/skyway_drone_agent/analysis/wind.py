@@ -6,8 +6,8 @@ from typing import Final
 
 from skyway_drone_agent.vehicle import Reading
 
-#: A drone that the wind holds or pushes back still counts as this share of its speed: whatever is
-#: computed stays finite, and ten times the energy is out of reach anyway.
+#: Least ground speed as a share of the air speed, for a drone that the wind stops or pushes back.
+#: So energies stay finite, and ten times the energy is out of reach anyway.
 _LEAST_SHARE: Final = 0.1
 
 #: East and north, metres per second.
@@ -15,7 +15,7 @@ Velocity = tuple[float, float]
 
 
 def ground_speed_mps(air_speed_mps: float, bearing_rad: float, wind_mps: Velocity) -> float:
-    """Speed along a track of this bearing; the wind goes to the east and to the north."""
+    """Ground speed along a track of this bearing; `wind_mps` is where the air moves."""
     sine, cosine = math.sin(bearing_rad), math.cos(bearing_rad)
     along = wind_mps[0] * sine + wind_mps[1] * cosine
     across = wind_mps[0] * cosine - wind_mps[1] * sine
@@ -27,7 +27,7 @@ def ground_speed_mps(air_speed_mps: float, bearing_rad: float, wind_mps: Velocit
 #: Seconds over which gusts are smoothed: a kilometre or so of flight.
 _SMOOTHED_OVER_S: Final = 45.0
 
-#: A slower drone hovers, climbs or stands: its two speeds say little about the wind on the way.
+#: A slower drone hovers, climbs or stands: its speeds say little about the wind on the way.
 _LEAST_AIR_SPEED_MPS: Final = 3.0
 
 #: Seconds after which an estimate is forgotten: the wind may have turned.
@@ -35,7 +35,7 @@ _FORGOTTEN_AFTER_S: Final = 1_800.0
 
 
 class WindEstimate:
-    """The smoothed wind; only what is felt in flight counts."""
+    """The smoothed wind; only readings in flight count."""
 
     __slots__ = ("_felt_at", "_weight_s", "_wind_mps")
 
@@ -45,7 +45,7 @@ class WindEstimate:
         self._felt_at: datetime | None = None
 
     def update(self, reading: Reading, *, is_flying: bool) -> Velocity | None:
-        """The wind after this reading; None while it is not known."""
+        """The wind after this reading; None without an estimate."""
         since_s = self._since_s(reading.at)
         if since_s > _FORGOTTEN_AFTER_S:
             self._felt_at, self._weight_s = None, 0.0
@@ -55,7 +55,7 @@ class WindEstimate:
         return None if self._felt_at is None else self._wind_mps
 
     def _feel(self, reading: Reading, *, since_s: float) -> None:
-        """A plain mean at first, then the last minute or so counts most."""
+        """Add a reading: first a plain mean, then the last minute counts most."""
         kept = math.exp(-since_s / _SMOOTHED_OVER_S) if self._weight_s else 0.0
         new_s = _SMOOTHED_OVER_S * (1.0 - kept) if self._weight_s else 1.0
         self._weight_s = self._weight_s * kept + new_s

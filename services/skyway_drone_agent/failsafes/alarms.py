@@ -31,7 +31,7 @@ _HINTS: Final[dict[Failsafe, str]] = {
     Failsafe.WAIT_THEN_ASK: "the drone waits for a while, then it asks for another plan",
     Failsafe.LAND_AT_NEXT: "the drone does not take off until the fault ends",
     Failsafe.DIVERT: "the drone flies to the nearest landing in reach and waits there",
-    Failsafe.LAND_NOW: "the drone lands where it is; people must fetch it",
+    Failsafe.LAND_NOW: "the drone lands on the spot, and people must fetch it",
 }
 
 

@@ -251,7 +251,7 @@ def _released(instruction: Revision, mission: CurrentMission) -> Refusal | None:
         return None
     return Refusal(
         RefusalCode.STEP_RELEASED,
-        f"step {instruction.first_step} cannot be replaced any more, step {first_free} is the first",
+        f"step {instruction.first_step} is released, {first_free} is the first that may change",
         {"released_through": mission.released_through, "step_id": mission.next_step_id},
     )
 

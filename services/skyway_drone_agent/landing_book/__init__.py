@@ -1,1 +1,1 @@
-"""The landing book: the stations around the drones' routes, also those that no mission names."""
+"""The landing book: stations around the drones' routes, also those that no mission names."""

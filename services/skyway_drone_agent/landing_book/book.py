@@ -1,7 +1,7 @@
-"""The landing book: one for all drones of a process, read from the cloud as their routes need.
+"""The landing book: one for all drones of a process, with stations read from the cloud.
 
-Nobody waits for it. Without the network's version, a key or an answer drones fly with what they
-know; what is read counts for the flights that are under way too.
+Drones never wait for the book. Without the network's version, a key or an answer they fly with the
+stations read so far. New stations also count for flights under way.
 """
 
 import asyncio
@@ -22,27 +22,26 @@ from skyway_drone_agent.landing_book.tiles import TileBox
 
 log = logging.getLogger(__name__)
 
-#: Surroundings that are asked for again after so long (wall seconds) are read again: stations close
-#: and open.
+#: Wall seconds after which surroundings are read again when a drone asks: stations close and open.
 _GOOD_FOR_S: Final = 600.0
 
-#: Wall seconds before a cloud that did not answer is asked again, and between two writes.
+#: Wall seconds before a failed read is repeated, and between two writes of the file.
 _AGAIN_AFTER_S, _WRITE_EVERY_S = 30.0, 60.0
 
-#: The surroundings that are read again when the network changes: the last asked for.
+#: Number of surroundings that are kept, and read again when the network changes.
 _MOST_SURROUNDINGS: Final = 4_096
 
 
 @dataclass(frozen=True, slots=True)
 class _Version:
-    """A network's content, and when it was first heard of."""
+    """A network's content, and when its version was first noted."""
 
     sha256: str
     noted_at_s: float
 
 
 class LandingBook:
-    """Hears of networks, is asked for surroundings, and reads them one after the other."""
+    """Provides the surroundings of flights, and reads them from the cloud one by one."""
 
     def __init__(
         self,
@@ -66,34 +65,34 @@ class LandingBook:
 
     @property
     def uses_versions(self) -> bool:
-        """Whether it can do anything with a network's version."""
+        """Whether there is a key, so that the book can read stations of a new version."""
         return self._reader.may_ask
 
     def note_version(self, version: NetworkVersion) -> None:
-        """A network has this version now: what was read of another one is read again."""
-        known = self._networks.get(version.network_id)
-        if known is not None and known.sha256 == version.sha256:
+        """Note a network's version: stations of an earlier version are read again."""
+        current = self._networks.get(version.network_id)
+        if current is not None and current.sha256 == version.sha256:
             return
         self._networks[version.network_id] = _Version(version.sha256, _now_s())
         self._requested.update(dict.fromkeys(self._surroundings))
         self._has_news.set()
 
     def around(self, flight: FlyStep) -> Surroundings:
-        """What is known around this flight; what is not known there will be read."""
+        """The surroundings of this flight; missing stations will be read."""
         box = TileBox.around(flight.from_position, flight.to_position)
-        known = self._surroundings.pop(box, None) or Surroundings(self._cache)
-        self._surroundings[box] = known
+        surroundings = self._surroundings.pop(box, None) or Surroundings(self._cache)
+        self._surroundings[box] = surroundings
         if len(self._surroundings) > _MOST_SURROUNDINGS:
-            forgotten = next(iter(self._surroundings))
-            del self._surroundings[forgotten]
-            self._requested.pop(forgotten, None)
+            oldest = next(iter(self._surroundings))
+            del self._surroundings[oldest]
+            self._requested.pop(oldest, None)
         if self._reader.may_ask and not self._is_fresh(box):
             self._requested[box] = None
             self._has_news.set()
-        return known
+        return surroundings
 
     async def run(self) -> None:
-        """Read what is wanted, for ever; without a key it is over at once."""
+        """Read requested surroundings for ever; return when there is no key."""
         try:
             while self._reader.may_ask:
                 await self._wait_until_requested()
@@ -107,7 +106,7 @@ class LandingBook:
                 self._file.write(self._cache)
 
     async def _wait_until_requested(self) -> None:
-        """Return when something is to be read; write meanwhile."""
+        """Return when surroundings are to be read; write the file while waiting."""
         while not (self._requested and self._networks):
             if not self._is_written and _now_s() - self._written_at_s >= _WRITE_EVERY_S:
                 await self._write()
@@ -125,12 +124,12 @@ class LandingBook:
         try:
             await asyncio.shield(writing)
         finally:
-            # Who stops the agent does not stop the thread.
+            # A stop of the agent does not stop the thread.
             await asyncio.wait((writing,))
 
     async def _read_next(self) -> None:
         box = next(iter(self._requested))
-        # Before it is read: it may be wanted again meanwhile.
+        # Removed before the read: a drone may request the box again during the read.
         del self._requested[box]
         unread = list(self._networks)
         try:
@@ -149,7 +148,7 @@ class LandingBook:
         try:
             found = await self._reader.stations_in(box, network_id)
         except CloudRefused as error:
-            # No such network any more, or no key is left: it is no use to ask again.
+            # The network is gone, or no key is left: a repeat does not help.
             log.warning("stations refused", extra={"reason": str(error)})
             return
         self._cache.put(network_id, box.tiles, found, at_s=asked_at_s)

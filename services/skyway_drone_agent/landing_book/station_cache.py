@@ -12,17 +12,17 @@ from skyway.ids import NetworkId, StationId
 from skyway_drone_agent.analysis.landings import Landing
 from skyway_drone_agent.landing_book.tiles import Tile, nearest_side_deg, ring, tile_of
 
-#: So much is kept in mind; the tiles read longest ago are forgotten first.
+#: Limits of the cache; the tiles that were read longest ago are dropped first.
 MOST_STATIONS: Final = 20_000
 MOST_TILES: Final = 20_000
 
-#: So many tiles away it is looked for stations.
+#: Stations are searched up to this many tiles away.
 _FURTHEST: Final = 4
 
 
 @dataclass(frozen=True, slots=True)
 class CachedStation:
-    """A station of a network; one that `is_closed` is no landing."""
+    """A station of a network; a closed station is no landing."""
 
     network_id: NetworkId
     landing: Landing
@@ -31,14 +31,14 @@ class CachedStation:
 
 @dataclass(frozen=True, slots=True)
 class CachedTile:
-    """The stations of a tile, and when they were read (of a clock that only this process has)."""
+    """The stations of a tile, and when they were read, by this process's monotonic clock."""
 
     stations: tuple[CachedStation, ...]
     at_s: float
 
 
 class StationCache:
-    """The stations of the tiles read so far, the newest read at the end."""
+    """The stations of the tiles read so far, the newest tiles at the end."""
 
     def __init__(self, *, most_stations: int = MOST_STATIONS, most_tiles: int = MOST_TILES) -> None:
         self._most_stations = most_stations
@@ -48,14 +48,14 @@ class StationCache:
         self._stations = 0
 
     def __iter__(self) -> Iterator[tuple[NetworkId, Tile, tuple[CachedStation, ...]]]:
-        """All tiles with their stations, those read longest ago first."""
-        for (network_id, tile), known in self._tiles.items():
-            yield network_id, tile, known.stations
+        """All tiles with their stations, the oldest first."""
+        for (network_id, tile), cached in self._tiles.items():
+            yield network_id, tile, cached.stations
 
     def read_at_s(self, network_id: NetworkId, tile: Tile) -> float:
-        """When the tile was read; minus infinity if it was not, or is forgotten."""
-        known = self._tiles.get((network_id, tile))
-        return float("-inf") if known is None else known.at_s
+        """When the tile was read; minus infinity if it is not in the cache."""
+        cached = self._tiles.get((network_id, tile))
+        return float("-inf") if cached is None else cached.at_s
 
     def put(
         self,
@@ -65,21 +65,21 @@ class StationCache:
         *,
         at_s: float,
     ) -> None:
-        """Know these stations, and no others, in these tiles."""
+        """Replace the stations in these tiles."""
         by_tile: dict[Tile, list[CachedStation]] = {tile: [] for tile in tiles}
         for station in found:
-            # Others lie outside, in a tile that is read for itself.
+            # Stations outside the tiles are skipped: their tiles are read separately.
             by_tile.get(tile_of(station.landing.position), []).append(station)
         for tile, stations in by_tile.items():
-            self._forget((network_id, tile))
+            self._drop((network_id, tile))
             self._tiles[network_id, tile] = CachedTile(tuple(stations), at_s)
             self._networks[network_id] = self._networks.get(network_id, 0) + 1
             self._stations += len(stations)
         while self._stations > self._most_stations or len(self._tiles) > self._most_tiles:
-            self._forget(next(iter(self._tiles)))
+            self._drop(next(iter(self._tiles)))
 
     def nearest(self, here: Position, *, count: int) -> list[CachedStation]:
-        """The nearest open stations of all networks, up to some 20 km away, nearest first."""
+        """The nearest open stations of all networks, up to about 20 km away, nearest first."""
         middle, narrowing = tile_of(here), cos(radians(here.latitude_deg))
 
         def flat_deg(station: CachedStation) -> tuple[float, StationId]:
@@ -100,7 +100,7 @@ class StationCache:
         return [station for _, station in found]
 
     def station(self, landing: Landing) -> CachedStation | None:
-        """What is known of this station; None if that is nothing."""
+        """The cached station at this landing; None if it is not in the cache."""
         for station in self._in(tile_of(landing.position)):
             if station.landing.station_id == landing.station_id:
                 return station
@@ -108,27 +108,27 @@ class StationCache:
 
     def _in(self, tile: Tile) -> Iterator[CachedStation]:
         for network_id in self._networks:
-            known = self._tiles.get((network_id, tile))
-            if known is not None:
-                yield from known.stations
+            cached = self._tiles.get((network_id, tile))
+            if cached is not None:
+                yield from cached.stations
 
-    def _forget(self, key: tuple[NetworkId, Tile]) -> None:
-        known = self._tiles.pop(key, None)
-        if known is None:
+    def _drop(self, key: tuple[NetworkId, Tile]) -> None:
+        cached = self._tiles.pop(key, None)
+        if cached is None:
             return
-        self._stations -= len(known.stations)
+        self._stations -= len(cached.stations)
         self._networks[key[0]] -= 1
         if not self._networks[key[0]]:
             del self._networks[key[0]]
 
 
-#: So many places of a flight are looked at, its ends among them, and so many landings of each.
+#: Number of places along a flight, its ends included, and landings near each place.
 _PLACES: Final = 8
 _LANDINGS: Final = 4
 
 
 class Surroundings:
-    """What is known around a flight; `edition` is another number when that has changed."""
+    """The cached stations around a flight; `edition` changes when they were read again."""
 
     __slots__ = ("_cache", "edition")
 

@@ -28,13 +28,13 @@ class _Kept(WireModel):
 
 
 class StationCacheFile:
-    """Reads and replaces it; it helps, but nothing depends on it."""
+    """Reads and replaces the file. Errors are logged: the agent also works without the file."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
 
     def read(self) -> StationCache:
-        """What was kept last; nothing if there is none, or none that can be read."""
+        """The cache in the file; empty if there is no readable file."""
         cache = StationCache()
         try:
             kept = _Kept.read(self._path.read_bytes())
@@ -51,15 +51,15 @@ class StationCacheFile:
                     CachedStation(one.network_id, Landing(station_id, position), is_closed)
                     for station_id, position, is_closed in one.stations
                 ),
-                # Better than nothing, but to be read again.
+                # These stations may be used, but must be read again.
                 at_s=float("-inf"),
             )
         return cache
 
     def write(self, tiles: Iterable[tuple[NetworkId, Tile, tuple[CachedStation, ...]]]) -> None:
-        """Replace what is kept, whole or not at all."""
+        """Replace the file, all or nothing."""
         text = _Kept(tiles=tuple(_kept(*one) for one in tiles)).model_dump_json()
-        # A name of its own: agents of other drones may share the folder.
+        # The process id is in the name: agents of other drones may share the folder.
         draft = self._path.with_suffix(f".{os.getpid()}")
         try:
             with draft.open("w") as output:
@@ -68,7 +68,7 @@ class StationCacheFile:
                 os.fsync(output.fileno())
             draft.replace(self._path)
         except OSError as error:
-            # A full disk: only a start without the cloud goes by the file.
+            # A full disk: only a start without the cloud needs the file.
             log.warning("landing book not kept", extra={"error": str(error)})
 
 

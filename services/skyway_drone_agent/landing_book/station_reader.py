@@ -1,4 +1,4 @@
-"""Reading the stations of a box by REST, with the key of a drone, page by page in a thread."""
+"""Reads the stations of a box by REST with a drone's key, page by page, in a thread."""
 
 import asyncio
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ from skyway_drone_agent.enrolment.cloud import Cloud, CloudAccess, CloudRefused,
 from skyway_drone_agent.landing_book.station_cache import MOST_STATIONS, CachedStation
 from skyway_drone_agent.landing_book.tiles import TileBox
 
-#: The most that the cloud puts on a page.
+#: The largest page of the cloud.
 _PAGE: Final = 200
 
 _KEY_IS_REFUSED: Final = frozenset({401, 403})
@@ -33,25 +33,25 @@ class _Stations(WireModel):
 
 
 class StationReader:
-    """Asks with the first of the drones' keys, until that is refused, then with the next."""
+    """Uses the first of the drones' keys until it is refused, then the next."""
 
     def __init__(self, accesses: Sequence[CloudAccess]) -> None:
         self._accesses = list(accesses)
 
     @property
     def may_ask(self) -> bool:
-        """Whether there is a key that was not refused."""
+        """Whether a key is left that was not refused."""
         return bool(self._accesses)
 
     async def stations_in(self, box: TileBox, network_id: NetworkId) -> list[CachedStation]:
-        """The stations of a network in a box, as they are now.
+        """The current stations of a network in a box.
 
         Raises
         ------
         CloudUnreachable
-            There was no answer, or not one of ours.
+            There was no answer, or no valid one.
         CloudRefused
-            There is no such network, or no key is left to ask with.
+            There is no such network, or no key is left.
         """
         found: list[CachedStation] = []
         cursor: str | None = None
@@ -71,7 +71,7 @@ class StationReader:
         if cursor is not None:
             query["cursor"] = cursor
         path = f"/v1/networks/{quote(network_id, safe='')}/stations?{urlencode(query)}"
-        # Between two pages the agent may be told to stop.
+        # One page at a time, so that the agent can stop between two pages.
         answer = await asyncio.to_thread(self._get, path)
         try:
             return _Stations.model_validate(answer)

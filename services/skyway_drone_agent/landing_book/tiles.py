@@ -1,4 +1,4 @@
-"""The map in small tiles: which of them lie around a flight, and what box they make."""
+"""The map in small tiles: the tiles around a flight, and their bounding box."""
 
 import math
 from collections.abc import Iterator
@@ -13,18 +13,18 @@ TILE_DEG: Final = 0.05
 _COLUMNS: Final = round(360 / TILE_DEG)
 _ROWS: Final = round(180 / TILE_DEG)
 
-#: So far beyond a flight its surroundings reach, tiles: some 10 km.
+#: Tiles by which the surroundings are larger than the flight: about 10 km.
 _BEYOND: Final = 2
 
-#: Near the poles a tile is narrow, but no surroundings are wider than this many more tiles.
+#: The most such tiles to the east and west: near the poles tiles are narrow.
 _MOST_BEYOND: Final = 12
 
-#: Degrees by which boxes are wider than their tiles, so that rounding loses no station.
+#: Degrees by which boxes are larger than their tiles, so that rounding loses no station.
 _ROUNDING_DEG: Final = 1e-6
 
 
 class Tile(NamedTuple):
-    """Counted eastwards from the date line and northwards from the south pole."""
+    """A tile; columns count east from the date line, rows north from the south pole."""
 
     column: int
     row: int
@@ -37,7 +37,7 @@ def tile_of(position: Position) -> Tile:
 
 
 def ring(middle: Tile, distance: int) -> Iterator[Tile]:
-    """The tiles at this many steps from one: itself at 0, then the 8 around it, then 16."""
+    """The tiles at this many steps from a tile: itself at 0, then the 8 around it, then 16."""
     steps = range(-distance, distance + 1)
     for north in steps:
         at_edge = abs(north) == distance
@@ -46,7 +46,7 @@ def ring(middle: Tile, distance: int) -> Iterator[Tile]:
 
 
 def nearest_side_deg(here: Position, distance: int, *, narrowing: float) -> float:
-    """How far the rings up to this one reach at least, in degrees of latitude."""
+    """The radius that the rings up to this one cover, in degrees of latitude."""
     east = (here.longitude_deg + 180.0) % TILE_DEG
     north = (here.latitude_deg + 90.0) % TILE_DEG
     beside = min(east, TILE_DEG - east) * narrowing
@@ -56,7 +56,7 @@ def nearest_side_deg(here: Position, distance: int, *, narrowing: float) -> floa
 
 @dataclass(frozen=True, slots=True)
 class TileBox:
-    """A rectangle of tiles, which may reach over the date line."""
+    """A rectangle of tiles, which may cross the date line."""
 
     west: int
     south: int
@@ -65,7 +65,7 @@ class TileBox:
 
     @classmethod
     def around(cls, start: Position, end: Position) -> "TileBox":
-        """The surroundings of the flight between two positions, the short way round."""
+        """The box around a flight between two positions, the short way round the globe."""
         first, last = tile_of(start), tile_of(end)
         eastwards = (last.column - first.column) % _COLUMNS
         west = first.column
@@ -85,7 +85,7 @@ class TileBox:
 
     @property
     def tiles(self) -> tuple[Tile, ...]:
-        """All of them, row by row."""
+        """All tiles, row by row."""
         return tuple(
             Tile((self.west + east) % _COLUMNS, self.south + north)
             for north in range(self.rows)
@@ -94,7 +94,7 @@ class TileBox:
 
     @property
     def bbox(self) -> str:
-        """``west,south,east,north`` in degrees, as the cloud's lists take it."""
+        """``west,south,east,north`` in degrees, as the cloud's API expects it."""
         east = self.west + self.columns
         if self.columns >= _COLUMNS:
             west_deg, east_deg = -180.0, 180.0

@@ -1,1 +1,1 @@
-"""A drone that exists only as physics, and what disturbs it."""
+"""A simulated drone, its sensors, and its disturbances."""

@@ -21,10 +21,10 @@ Seconds = Annotated[float, Field(ge=0.0, le=1e6)]
 
 
 class Wind(JsonModel):
-    """A mean wind, and gusts on it: a field over place and time, the same for all drones.
+    """A mean wind with gusts: a field over place and time, the same for all drones.
 
-    `gust_mps` is the standard deviation of each of the wind's two components; gusts that are
-    `gust_span_m` or `gust_span_s` apart have little to do with one another.
+    `gust_mps` is the standard deviation of each of the wind's two components. Gusts that are
+    `gust_span_m` or `gust_span_s` apart are nearly independent.
     """
 
     mean_mps: Annotated[float, Field(ge=0.0, le=40.0)] = 0.0
@@ -40,7 +40,7 @@ class Wind(JsonModel):
 
 
 class Battery(JsonModel):
-    """The battery of a share of the drones: worn, and their cells uneven; the air's warmth."""
+    """Worn batteries of a share of the drones, and the temperature of all."""
 
     temperature_c: Annotated[float, Field(ge=-40.0, le=90.0)] = 25.0
     worn_share: Share = 0.0
@@ -50,7 +50,7 @@ class Battery(JsonModel):
 
 
 class Sensors(JsonModel):
-    """Standard deviations of what sensors show; `current_share` is one gain error per drone."""
+    """Standard deviations of the sensors' errors; `current_share` is a gain error per drone."""
 
     gps_m: Annotated[float, Field(ge=0.0, le=100.0)] = 0.0
     air_speed_mps: Annotated[float, Field(ge=0.0, le=10.0)] = 0.0
@@ -60,12 +60,12 @@ class Sensors(JsonModel):
 
     @property
     def err(self) -> bool:
-        """Whether any sensor is wrong at all."""
+        """Whether any sensor has an error that changes with time."""
         return any((self.gps_m, self.air_speed_mps, self.voltage_v, self.temperature_c))
 
 
 class TakenPad(JsonModel):
-    """A pad that somebody else stands on for a while; all pads of the station without `pad`."""
+    """A pad that is occupied for a while; without `pad`, all pads of the station."""
 
     station_id: StationId
     pad: Annotated[int, Field(ge=0)] | None = None
@@ -80,7 +80,7 @@ class TakenPad(JsonModel):
 
 
 class Pads(JsonModel):
-    """Each pad is taken for a share of the time, `taken_s` at a time; and named ones beside."""
+    """Each pad is occupied for a share of the time, `taken_s` each time; and named pads."""
 
     taken_share: Annotated[float, Field(ge=0.0, le=0.9)] = 0.0
     taken_s: Annotated[float, Field(ge=1.0, le=1e6)] = 900.0
@@ -88,7 +88,7 @@ class Pads(JsonModel):
 
 
 class FlightFault(JsonModel):
-    """Befalls a share of the flights, `after_s` after the take-off; of named drones or of all."""
+    """A fault in a share of the flights of some or all drones, `after_s` after take-off."""
 
     share: Share = 0.0
     after_s: Seconds = 60.0
@@ -96,19 +96,19 @@ class FlightFault(JsonModel):
 
 
 class GpsLoss(FlightFault):
-    """No position for so long."""
+    """The GPS shows no position for `for_s`."""
 
     for_s: Seconds = 120.0
 
 
 class MotorFailure(FlightFault):
-    """A motor stops: the others draw so many times the power until the drone is down."""
+    """A motor stops: the drone draws `power_factor` times the power until it is down."""
 
     power_factor: Annotated[float, Field(ge=1.0, le=5.0)] = 1.3
 
 
 class Drift(FlightFault):
-    """The drone strays to the right of its track: `most_m` in the middle of what was left."""
+    """The drone drifts to the right of its track: most in the middle of the remaining way."""
 
     most_m: Annotated[float, Field(ge=0.0, le=10_000.0)] = 300.0
 
@@ -116,7 +116,7 @@ class Drift(FlightFault):
 class LinkLoss(JsonModel):
     """In a share of all spans of `every_s` the link is down once, for `for_s`.
 
-    `seconds` says whether these count by the wall's clock or the fleet's.
+    `seconds` says whether these are seconds of wall time or of fleet time.
     """
 
     share: Share = 0.0
@@ -133,11 +133,11 @@ class LinkLoss(JsonModel):
 
 
 class Disturbances(JsonModel):
-    """Factors on what the drone model says, nature, and faults.
+    """Factors on the drone model's values, weather, and faults.
 
     The flight factors hold for the way, not for a landing. `power_noise` is the standard deviation
-    of a flight's power as a share of the model's, half of it the same for all flights of a drone.
-    All chance comes from `seed`, the drone and the case: not from how often anything is asked.
+    of a flight's power as a share of the model's. Half of the variance is the same for all flights
+    of a drone. All chance depends only on `seed`, the drone and the case.
     """
 
     title: str = ""
@@ -158,7 +158,7 @@ class Disturbances(JsonModel):
     link: LinkLoss = LinkLoss()
 
 
-#: Everything goes by the drone model.
+#: Everything follows the drone model.
 UNDISTURBED = Disturbances()
 
 
@@ -171,7 +171,7 @@ def scenario_names() -> tuple[str, ...]:
 
 
 def read_scenario(name_or_file: str) -> Disturbances:
-    """The disturbances of a bundled scenario, by its name, or of a file of one's own.
+    """The disturbances of a bundled scenario by its name, or of a file.
 
     Raises
     ------
@@ -183,15 +183,16 @@ def read_scenario(name_or_file: str) -> Disturbances:
     try:
         content = tomllib.loads(path.read_text())
     except FileNotFoundError as error:
-        known = ", ".join(scenario_names())
-        raise InvalidInput("scenario", f"{name_or_file} is no file, nor one of {known}") from error
+        names = ", ".join(scenario_names())
+        detail = f"{name_or_file} is neither a file nor one of {names}"
+        raise InvalidInput("scenario", detail) from error
     except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise InvalidInput("scenario", f"{path} cannot be read: {error}") from error
     return _checked(content, source=f"{path.name}: ")
 
 
 def changed(scenario: Disturbances, changes: Mapping[str, Any]) -> Disturbances:
-    """The scenario with other values of some keys, whose limits are checked as those of a file."""
+    """The scenario with other values of some keys; the values are checked like a file's."""
     return _checked(scenario.model_dump(exclude_unset=True) | dict(changes), source="")
 
 

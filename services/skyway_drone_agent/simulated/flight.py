@@ -1,4 +1,4 @@
-"""One flight under its disturbances: how far it is at each moment, and what it has used."""
+"""One simulated flight: its position and used energy at each moment."""
 
 import math
 from bisect import bisect_right
@@ -15,16 +15,16 @@ from skyway_drone_agent.simulated.chance import happens, normals
 from skyway_drone_agent.simulated.disturbances import Disturbances, FlightFault
 from skyway_drone_agent.simulated.wind_field import wind_field
 
-#: Stretches per span of gusts, over which the wind counts as the same; and the most of a flight.
+#: Stretches of constant wind per span of gusts, and the most stretches of a flight.
 _STRETCHES_PER_SPAN, _MOST_STRETCHES = 4, 60
 
 
 @dataclass(frozen=True, slots=True)
 class SimulatedFlight:
-    """The way of one flight, as a function of the seconds since its take-off; landing beside.
+    """The way of one flight, without its landing, as a function of the seconds since take-off.
 
-    `ends_s` are the ends of equally long stretches, each flown at one speed. `power_w` is drawn
-    all the way, times `failed_power_factor` once a motor has failed.
+    `ends_s` are the ends of equally long stretches, each flown at one speed. The power is constant,
+    times `failed_power_factor` once a motor has failed.
     """
 
     step: FlyStep
@@ -48,7 +48,7 @@ class SimulatedFlight:
         return self.started_at + timedelta(seconds=self.way_s)
 
     def used_j(self, elapsed_s: float) -> float:
-        """What the way has taken out of the battery by then."""
+        """The energy that the way has used by then."""
         flown_s = min(elapsed_s, self.way_s)
         energy_j = self.still_j * (flown_s / self.still_s)
         if self.motor_fails_s is not None and flown_s > self.motor_fails_s:
@@ -57,12 +57,12 @@ class SimulatedFlight:
         return energy_j
 
     def power_w(self, elapsed_s: float) -> float:
-        """What is drawn on the way at that moment."""
+        """The power drawn on the way at that moment."""
         power_w = self.still_j / self.still_s
         return power_w if self.motors_work(elapsed_s) else power_w * self.failed_power_factor
 
     def speed_mps(self, elapsed_s: float) -> float:
-        """Over ground; 0 over the end."""
+        """Speed over ground; 0 over the end."""
         if elapsed_s >= self.way_s:
             return 0.0
         stretch = bisect_right(self.ends_s, elapsed_s)
@@ -70,7 +70,7 @@ class SimulatedFlight:
         return self.step.length_m / len(self.ends_s) / (self.ends_s[stretch] - begun_s)
 
     def position(self, elapsed_s: float) -> Position:
-        """Where the drone is, beside its track too."""
+        """The position of the drone, with its drift."""
         start, end = self.step.from_position, self.step.to_position
         fraction = self._fraction(elapsed_s)
         on_track = point_between(start, end, fraction=fraction)
@@ -88,7 +88,7 @@ class SimulatedFlight:
         return self.motor_fails_s is None or elapsed_s < self.motor_fails_s
 
     def position_shown(self, elapsed_s: float) -> tuple[Position, bool]:
-        """What the GPS shows, and whether it is up to date."""
+        """The position that the GPS shows, and whether the GPS works."""
         if self.gps_lost_s is not None:
             lost_s, found_s = self.gps_lost_s
             if lost_s <= elapsed_s < found_s:
@@ -138,7 +138,7 @@ def flight_of(
 
 
 def _energy_factor(disturbed: Disturbances, drone_id: DroneId, started_at: datetime) -> float:
-    """How many times the model's power this flight takes: half the drone's own, half chance."""
+    """Power of this flight by the model's: half the drone's own factor, half chance."""
     if disturbed.power_noise == 0.0:
         return 1.0
     own = normals(disturbed.seed, "power", drone_id)[0]
@@ -149,7 +149,7 @@ def _energy_factor(disturbed: Disturbances, drone_id: DroneId, started_at: datet
 def _ends_s(
     step: FlyStep, started_at: datetime, *, still_s: float, disturbed: Disturbances
 ) -> tuple[float, ...]:
-    """When each stretch ends: the track is held, and the wind triangle gives the ground speed."""
+    """When each stretch ends; the wind triangle gives the ground speed on the track."""
     if not disturbed.wind.blows:
         return (still_s,)
     field, span_m = wind_field(disturbed.wind, disturbed.seed), disturbed.wind.gust_span_m
@@ -168,7 +168,7 @@ def _ends_s(
 
 
 def _moved(position: Position, by_m: float, *, towards_rad: float) -> Position:
-    """So many metres away; straight on a map, which a kilometre or so allows."""
+    """The position this many metres away, on a flat map, good for about a kilometre."""
     latitude = math.radians(position.latitude_deg)
     north = by_m * math.cos(towards_rad) / EARTH_RADIUS_M
     east = by_m * math.sin(towards_rad) / (EARTH_RADIUS_M * math.cos(latitude))

@@ -1,4 +1,4 @@
-"""A link that is lost and found again as a scenario says, as the radio of a drone loses it."""
+"""A link with outages, as a scenario says."""
 
 import asyncio
 import math
@@ -22,16 +22,16 @@ _EPOCH = datetime.fromtimestamp(0, UTC)
 
 @dataclass(frozen=True, slots=True)
 class Outage:
-    """From when until when a link is down."""
+    """A time in which a link is down."""
 
     from_at: datetime
     until_at: datetime
 
 
 def outages(after: datetime, *, disturbed: Disturbances, drone_id: DroneId) -> Iterator[Outage]:
-    """The outages of this drone's link that end after a moment, one after another, for ever.
+    """The outages of this drone's link that end after a moment, without end.
 
-    Only where `has_outages`: else there is no next one to be found.
+    Only for drones where `has_outages` holds: for others there would be no next outage.
     """
     loss = disturbed.link
     span = math.floor(after.timestamp() / loss.every_s)
@@ -47,13 +47,13 @@ def outages(after: datetime, *, disturbed: Disturbances, drone_id: DroneId) -> I
 
 
 def has_outages(disturbed: Disturbances, drone_id: DroneId) -> bool:
-    """Whether the scenario ever takes this drone's link away."""
+    """Whether this drone's link has outages in the scenario."""
     loss = disturbed.link
     return loss.share > 0.0 and (loss.drone_ids is None or drone_id in loss.drone_ids)
 
 
 class LinkWithOutages:
-    """The drone's own connection, dropped for a while now and then, without a goodbye."""
+    """The drone's connection, which is dropped in each outage without a goodbye."""
 
     def __init__(
         self,
@@ -71,7 +71,7 @@ class LinkWithOutages:
 
     async def __aenter__(self) -> Self:
         await self._client.__aenter__()
-        self._losing = asyncio.create_task(self._lose_and_find())
+        self._losing = asyncio.create_task(self._drop_in_outages())
         return self
 
     async def __aexit__(
@@ -97,20 +97,20 @@ class LinkWithOutages:
         await self._client.wait_connected()
 
     async def wait_lost(self) -> None:
-        """Return once the broker cannot be reached; at once while it cannot."""
+        """Return once the broker cannot be reached."""
         await self._client.wait_lost()
 
     async def publish(self, address: Address[M], message: M, *, timeout_s: float = 5.0) -> None:
-        """Publish as the connection itself does; nothing gets through an outage."""
+        """Publish over the connection; during an outage this fails."""
         await self._client.publish(address, message, timeout_s=timeout_s)
 
     def batches(
         self, *subscriptions: Topic[Any] | Address[Any]
     ) -> AsyncIterator[list[Received[Any]]]:
-        """What arrives on these topics; Any, since each has a message of its own."""
+        """The messages that arrive on these topics. Any: each topic has its own message type."""
         return self._client.batches(*subscriptions)
 
-    async def _lose_and_find(self) -> None:
+    async def _drop_in_outages(self) -> None:
         await self._clock.wait_until_set()
         for outage in outages(self._now(), disturbed=self._disturbed, drone_id=self._drone_id):
             await self._sleep_until(outage.from_at)

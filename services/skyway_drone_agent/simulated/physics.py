@@ -22,7 +22,7 @@ from skyway_drone_agent.vehicle import Outcome, Sample, StepRun
 
 
 def pad_free_at(step: RechargeStep, arrived_at: datetime, *, disturbed: Disturbances) -> datetime:
-    """When the pad of this recharge is first free, from the arrival on; the drone stays on it."""
+    """When the pad of this recharge is first free after the arrival."""
     free_at = arrived_at
     while (later := _taken_until(step, free_at, disturbed=disturbed)) > free_at:
         free_at = later
@@ -30,7 +30,7 @@ def pad_free_at(step: RechargeStep, arrived_at: datetime, *, disturbed: Disturba
 
 
 def _taken_until(step: RechargeStep, at: datetime, *, disturbed: Disturbances) -> datetime:
-    """The end of what keeps the pad at this moment; the moment itself when nothing does."""
+    """When the pad becomes free; the moment itself if the pad is free."""
     pads, until_at = disturbed.pads, at
     for taken in pads.taken:
         is_this = taken.station_id == step.station_id and taken.pad in (None, step.pad)
@@ -44,16 +44,16 @@ def _taken_until(step: RechargeStep, at: datetime, *, disturbed: Disturbances) -
     return until_at
 
 
-#: Planned moments and pad reservations are whole milliseconds, rounded once each: a charge that
-#: lacks less than this is not short.
+#: Planned moments and pad reservations are rounded to whole milliseconds: a recharge that misses
+#: less than this is complete.
 _RESERVATION_GRAIN: Final = timedelta(milliseconds=2)
 
-#: Whose chance it is, where no drone is named.
+#: The drone id for chance where no drone is named.
 _NOBODY: Final = DroneId("")
 
 
 class Physics:
-    """What a drone of a model can do, and what disturbs it; a function of (run, moment) alone."""
+    """The physics of a drone with its disturbances; results depend only on (run, moment)."""
 
     def __init__(
         self,
@@ -67,7 +67,7 @@ class Physics:
         self.drone_id = drone_id
         battery = disturbances.battery
         self.is_worn = happens(battery.worn_share, disturbances.seed, "worn", drone_id)
-        #: What the battery holds when full, which a worn one's model does not know.
+        #: The real capacity of the battery; a worn battery has less than the model says.
         self.battery_j = model.battery_j * (battery.capacity if self.is_worn else 1.0)
         self._last: tuple[StepRun, SimulatedFlight] | None = None
 
@@ -97,7 +97,7 @@ class Physics:
         return Sample(run.position, soc, power_w=0.0, speed_mps=0.0)
 
     def flight(self, run: StepRun, step: FlyStep) -> SimulatedFlight:
-        """The flight of a run; the last one is kept, since it is asked about many times."""
+        """The flight of a run; the last one is cached, because it is used many times."""
         if self._last is not None and _is_same_flight(self._last[0], run):
             return self._last[1]
         flight = flight_of(
@@ -126,7 +126,7 @@ class Physics:
         return max(0.0, soc - energy_j / self.battery_j)
 
     def _charge_factor(self) -> float:
-        """A worn battery holds less, and is full the sooner."""
+        """Charge time by the model's: a worn battery holds less and is full earlier."""
         return self.disturbances.charge_time_factor * self.battery_j / self.model.battery_j
 
     def _charged(self, soc: float, duration_s: float) -> float:
@@ -142,7 +142,7 @@ class Physics:
         else:
             ended_at = _no_earlier(run, over_at)
             if ended_at > over_at:
-                # Told to fly on while it was landing: what it has spent on that is gone.
+                # An instruction let it fly on during the landing: that energy is lost.
                 energy_j += self._landing_j((ended_at - over_at).total_seconds())
         return Outcome(ended_at, self._soc_after(run.soc, energy_j), energy_j)
 
@@ -161,7 +161,7 @@ class Physics:
             return Outcome(full_at, until_soc, energy_j=0.0)
         ended_at = max(run.started_at, step.not_after_at)
         if run.started_at < ended_at <= begun_at:
-            # Its time on the pad is over, and somebody else had it: no wait would charge it.
+            # The pad was occupied for the whole reservation, so the drone could not charge.
             return Outcome(ended_at, run.soc, energy_j=0.0, code="PAD_OCCUPIED", has_failed=True)
         charged_s = max(0.0, (ended_at - begun_at).total_seconds())
         short_soc = self._charged(soc, charged_s) if charged_s else run.soc
@@ -202,14 +202,14 @@ class Physics:
         )
 
 
-def _is_same_flight(known: StepRun, run: StepRun) -> bool:
+def _is_same_flight(cached: StepRun, run: StepRun) -> bool:
     return (
-        known.started_at == run.started_at
-        and known.load_kg == run.load_kg
-        and (known.step is run.step or known.step == run.step)
+        cached.started_at == run.started_at
+        and cached.load_kg == run.load_kg
+        and (cached.step is run.step or cached.step == run.step)
     )
 
 
 def _no_earlier(run: StepRun, ended_at: datetime) -> datetime:
-    """The end of a step, which cannot lie before it was changed."""
+    """The end of a step, at the earliest when an instruction last changed it."""
     return ended_at if run.changed_at is None else max(ended_at, run.changed_at)

@@ -1,4 +1,4 @@
-"""The sensors of a simulated drone: what its physics looks like to a battery monitor and a GPS."""
+"""The sensors of a simulated drone: battery monitor, GPS and air speed from its physics."""
 
 import math
 from dataclasses import replace
@@ -20,7 +20,7 @@ _PACK: Final = BatteryPack()
 
 
 def reading_of(physics: Physics, doing: StepRun | Standing, at: datetime) -> Reading:
-    """What the sensors show at this moment; without disturbances exactly what is."""
+    """What the sensors show at this moment; without disturbances the true values."""
     true = _true_reading(physics, doing, at)
     if isinstance(doing, StepRun):
         true = _with_faults(true, doing, physics=physics, at=at)
@@ -65,7 +65,7 @@ def _true_reading(physics: Physics, doing: StepRun | Standing, at: datetime) -> 
 
 @lru_cache(maxsize=8192)
 def _own_gain(seed: int, drone_id: DroneId) -> float:
-    """How wrong this drone's current sensor is, in standard deviations."""
+    """The gain error of this drone's current sensor, in standard deviations."""
     return normals(seed, "current", drone_id)[0]
 
 
@@ -101,7 +101,7 @@ def _with_faults(true: Reading, run: StepRun, *, physics: Physics, at: datetime)
 
 
 def _with_noise(true: Reading, disturbed: Disturbances, *, drone_id: DroneId) -> Reading:
-    """The reading with this second's errors, which are the same however often it is taken."""
+    """The reading with the errors of this second; a repeated reading has the same errors."""
     sensors = disturbed.sensors
     second = int(true.at.timestamp())
     volts, warmth, east, north, air_east, air_north, *_ = normals(

@@ -1,4 +1,4 @@
-"""The wind at a place and a moment: a mean, and gusts that are smooth in both."""
+"""The wind at a place and a moment: a mean wind, and gusts that change smoothly."""
 
 import math
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from skyway.geo import EARTH_RADIUS_M, Position, unit_vector
 from skyway_drone_agent.simulated.chance import normals, uniforms
 from skyway_drone_agent.simulated.disturbances import Wind
 
-#: Waves that make up the gusts of one component; with so many their sum is nearly normal.
+#: Waves in the gusts of one component; the sum of this many is nearly normal.
 _WAVES: Final = 8
 
 
@@ -27,7 +27,7 @@ class _Wave:
 
 @dataclass(frozen=True, slots=True)
 class WindField:
-    """The air's velocity everywhere, east and north.
+    """The velocity of the air as a field, east and north.
 
     Notes
     -----
@@ -40,7 +40,7 @@ class WindField:
     waves: tuple[tuple[_Wave, ...], tuple[_Wave, ...]]
 
     def at(self, position: Position, moment: datetime) -> tuple[float, float]:
-        """Where the air goes, metres per second."""
+        """The velocity of the air, metres per second."""
         if self.amplitude_mps == 0.0:
             return self.mean_mps
         x, y, z = unit_vector(position)

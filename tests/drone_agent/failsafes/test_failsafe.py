@@ -82,8 +82,8 @@ def test_the_battery_comes_before_the_fence_the_fence_before_the_link() -> None:
 
 
 @pytest.mark.parametrize(("situation", "fault"), PAIRS)
-def test_what_the_drone_does_can_be_said_in_words(situation: Situation, fault: Fault) -> None:
-    assert "; it " in in_words(fault, failsafe_for(situation, fault))
+def test_each_failsafe_is_described_in_words(situation: Situation, fault: Fault) -> None:
+    assert "; the drone " in in_words(fault, failsafe_for(situation, fault))
 
 
 def test_a_drone_in_the_air_between_two_flights_flies(drone: Any) -> None:

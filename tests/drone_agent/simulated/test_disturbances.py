@@ -72,7 +72,9 @@ def test_a_wrong_file_is_refused_by_key_and_limit(
 
 
 def test_a_name_that_nobody_knows_is_answered_with_those_known() -> None:
-    with pytest.raises(InvalidInput, match=r"wibdy is no file, nor one of busy, calm, .*windy"):
+    with pytest.raises(
+        InvalidInput, match=r"wibdy is neither a file nor one of busy, calm, .*windy"
+    ):
         read_scenario("wibdy")
 
 
