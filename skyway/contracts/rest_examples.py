@@ -194,6 +194,7 @@ _SAN_MARCOS: Final = [-97.9414, 29.8833]
 _MCQUEENEY: Final = [-98.0331, 29.5919]
 _NETWORK: Final[dict[str, Any]] = {
     "type": "FeatureCollection",
+    "settings": {"currency": "USD", "loading_s": 60.0, "dropoff_s": 30.0},
     "features": [
         {
             "type": "Feature",
@@ -267,7 +268,7 @@ BY_SCHEMA: Final[Mapping[str, Any]] = {
     },
     "DeliveryRequest": _REQUEST,
     "DroneModel": _MODEL,
-    "NetworkGeoJson": _NETWORK,
+    "NetworkDocument": _NETWORK,
     "Plan": _PLAN,
     "Place": {"station_id": "mcqueeney"},
     "Position": _MCQUEENEY,

@@ -10,7 +10,6 @@ from skyway.errors import InvalidNetwork
 from skyway.geo import Position
 from skyway.ids import NetworkId, StationId, ZoneId
 from skyway.json_model import JsonModel
-from skyway.network.geojson_schema import NetworkGeoJson
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import NotFound
 from skyway.runtime.http.app import read_json
@@ -27,6 +26,7 @@ from skyway_composition.closures.closure import Impact
 from skyway_composition.networks import store
 from skyway_composition.networks.prepared import PreparedNetworks, current_row
 from skyway_composition.networks.publish import etag, publish, read_content
+from skyway_composition.networks.settings import NetworkDocument
 from skyway_composition.networks.store import VersionRow
 
 #: The most bytes of a network (docs/reference/rest.md).
@@ -78,7 +78,7 @@ def network_routes(
             201: {"model": NetworkInfo, "description": "The content is new: another version"},
             **conflicts("STATION_ELSEWHERE", "STATION_RESERVED"),
         },
-        openapi_extra=body_of(NetworkGeoJson),
+        openapi_extra=body_of(NetworkDocument),
     )
     async def publish_network(
         network_id: NetworkId,
@@ -123,7 +123,7 @@ def network_routes(
     @router.get(
         "/v1/networks/{network_id}",
         response_class=GeoJsonResponse,
-        response_model=NetworkGeoJson,
+        response_model=NetworkDocument,
     )
     async def get_network(
         network_id: NetworkId,

@@ -9,6 +9,7 @@ from skyway.delivery.offer import Currency
 from skyway.delivery.request import MAX_TRIP_DESTINATIONS
 from skyway.errors import InvalidNetwork
 from skyway.json_model import JsonModel
+from skyway.network.geojson_schema import NetworkGeoJson
 from skyway.network.network import Network
 
 #: One day: a longer time to load or to hand over is a typing mistake.
@@ -98,6 +99,15 @@ class NetworkSettings(JsonModel):
             pad_gap_s=self.pad_gap_s,
             tolerated_lateness_s=self.tolerated_lateness_s,
         )
+
+
+class NetworkDocument(NetworkGeoJson):
+    """A skyway network as a GeoJSON FeatureCollection (RFC 7946), with its settings."""
+
+    settings: Annotated[
+        NetworkSettings,
+        Field(description="Currency, times and margins; each has a default if it is missing."),
+    ] = NetworkSettings()
 
 
 def settings_of(network: Network) -> NetworkSettings:

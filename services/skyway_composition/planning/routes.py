@@ -8,7 +8,6 @@ from pydantic import Field, create_model
 
 from skyway.contracts.quote import QuoteAnswer, QuoteQuery
 from skyway.delivery.plan import Plan
-from skyway.network.geojson_schema import NetworkGeoJson
 from skyway.planner.problem import Problem
 from skyway.planner.problem_document import read_problem
 from skyway.runtime.http.app import internal_body, read_json
@@ -17,6 +16,7 @@ from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.openapi_document import body_of
 from skyway.runtime.http.problem_answers import NOT_FOUND
 from skyway.runtime.http.service_router import ServiceRouter
+from skyway_composition.networks.settings import NetworkDocument
 from skyway_composition.planning.compose_in import compose_in
 from skyway_composition.planning.problem_reader import NetworkReference, ProblemReader
 from skyway_composition.planning.quotes import Quotes
@@ -31,7 +31,7 @@ CompositionProblem: Final = create_model(
     __doc__="A problem of the planner: its network is GeoJSON, or one that is published.",
     __base__=Problem,
     network=Annotated[
-        NetworkReference | NetworkGeoJson,
+        NetworkReference | NetworkDocument,
         Field(description="The network: a published one by its id, or GeoJSON."),
     ],
 )

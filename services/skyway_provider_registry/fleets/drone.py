@@ -68,7 +68,7 @@ class Drone(JsonModel):
     home_position: Position
     name: str | None
     registration: str | None
-    state: DroneStateName
+    state: Annotated[DroneStateName, Field(title="Availability")]
     soc: Soc
     station_id: StationId | None
     position: Position | None

@@ -62,7 +62,7 @@ def complete_document(
     components = document.setdefault("components", {})
     components["responses"] = shared_problem_answers()
     _add_schemas(document, [*bodies.values(), *models, ProblemDetails])
-    document = _with_page_names(document)
+    document = _with_items(_with_page_names(document))
     complete_descriptions(document)
     add_examples(document)
     head = {name: document[name] for name in ("openapi", "info")}
@@ -115,6 +115,19 @@ def _with_page_names(document: Document) -> Document:
     """The document in which the schema of a page of deliveries is called ``DeliveryPage``."""
     named: Document = json.loads(_PAGE.sub(r"\1Page", json.dumps(document)))
     return named
+
+
+def _with_items(value: Any) -> Any:
+    """The JSON value in which tuples say of what they are, as older tools ask for. Any: JSON."""
+    if isinstance(value, list):
+        return [_with_items(each) for each in value]
+    if not isinstance(value, dict):
+        return value
+    whole = {name: _with_items(each) for name, each in value.items()}
+    if isinstance(whole.get("prefixItems"), list):
+        first = whole["prefixItems"][0]
+        whole.setdefault("items", {n: first[n] for n in ("type", "$ref") if n in first})
+    return whole
 
 
 def _without_nulls(value: Any) -> Any:

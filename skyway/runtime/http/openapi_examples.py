@@ -91,6 +91,9 @@ def _composed(schema: Schema, schemas: Mapping[str, Schema], name: str) -> Any:
 
 def _is_of_type(value: object, schema: Schema, schemas: Mapping[str, Schema]) -> bool:
     forms = schema.get("anyOf") or schema.get("oneOf") or [schema]
+    is_moment = any(form.get("format") == "date-time" for form in forms)
+    if is_moment and isinstance(value, str) and not value[:4].isdigit():
+        return False
     kinds = {_type_of(form, schemas) for form in forms}
     return _json_type(value) in kinds or (isinstance(value, int) and "number" in kinds)
 
