@@ -18,7 +18,7 @@ from skyway_provider_registry.presence import sighting_store as sightings
 from skyway_provider_registry.presence.follow import PresenceFollower
 from skyway_provider_registry.tables import drones, providers
 from skyway_provider_registry.telemetry.recorder import TelemetryRecorder
-from skyway_provider_registry.telemetry.thinning import Keeping, Thinning
+from skyway_provider_registry.telemetry.thinning import KeepTimes, Thinning
 from sqlalchemy import text
 
 from skyway.contracts.drone_report import Telemetry
@@ -59,7 +59,7 @@ class Registry:
         self.recorder = TelemetryRecorder(self.db, self.clock)
         batches: AsyncIterator[list[Received[Any]]] = self.inbox.batches()
         self.follower = PresenceFollower(
-            batches, db=self.db, clock=self.clock, listener=self.recorder.take
+            batches, db=self.db, clock=self.clock, listener=self.recorder.accept
         )
         self.chance = random.Random(SEED)
 
@@ -102,7 +102,7 @@ class Registry:
     async def thin_all(self) -> float:
         """All samples made minutes; the processor seconds it took."""
         self.clock.advance(timedelta(hours=25))
-        keeping = Keeping(samples_for=timedelta(hours=24), minutes_for=timedelta(days=30))
+        keeping = KeepTimes(samples_for=timedelta(hours=24), minutes_for=timedelta(days=30))
         thinning = Thinning(self.db, self.clock, keeping, pause_s=0.0)
         began_s = time.process_time()
         while await thinning.step():

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Final
 
-from skyway.announced_networks.learning import NetworkLearner, asking
+from skyway.announced_networks import NetworkLearner, stations_from
 from skyway.runtime.clock import AnchoredClock, FleetClock, load_clock
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.identity import ServiceGate, ServiceIdentity
@@ -109,7 +109,7 @@ class Parts:
     def checks(self) -> RequestChecks:
         """RequestChecks delivery requests against the world."""
         limits = CachedPayloadLimits(self.registry, self.clock)
-        return RequestChecks(limits, self.networks.known, self.composition, self.clock)
+        return RequestChecks(limits, self.networks.cached, self.composition, self.clock)
 
 
 def build_parts(
@@ -138,7 +138,7 @@ def build_parts(
         clients=clients,
         registry=registry,
         composition=composition,
-        networks=NetworkLearner(asking(clients["composition"])),
+        networks=NetworkLearner(stations_from(clients["composition"])),
         cached_keys=cached_keys,
         gate=KeyGate(cached_keys, DroneKeys(registry)),
         services=ServiceGate(settings.secrets_dir, allowed=("composition",)),

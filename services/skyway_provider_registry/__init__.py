@@ -1,5 +1,8 @@
-"""The provider registry: who could fly. It owns providers, fleets, presence and broker accounts.
+"""The provider registry finds the drones that could fly a request.
 
-Rooms: `providers` (names, tariffs, terms), `fleets` (drones and drone models), `enrolment` (who may
-log in to the broker), `presence` (what drones said last), `candidates` (who could fly a request).
+It owns providers, fleets, presence, telemetry and broker accounts. Rooms: `providers` (names,
+tariffs, terms), `fleets` (drones, drone models and credentials), `enrolment` (broker accounts,
+tokens and keys), `presence` (the last messages of drones), `telemetry` (their history), and
+`candidates` (the drones that could fly a request). `change_store` numbers the changes that
+`candidates` depends on.
 """

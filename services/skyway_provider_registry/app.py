@@ -1,4 +1,4 @@
-"""The registry as an app: its routes, what it opens and closes, the loops that run meanwhile."""
+"""The registry as an app: its routes, the things it opens and closes, and its loops."""
 
 import secrets
 from collections.abc import AsyncIterator
@@ -44,35 +44,35 @@ from skyway_provider_registry.settings import RegistrySettings
 from skyway_provider_registry.telemetry.geojson_schema import TelemetryGeoJson
 from skyway_provider_registry.telemetry.recorder import TelemetryRecorder
 from skyway_provider_registry.telemetry.routes import telemetry_routes
-from skyway_provider_registry.telemetry.thinning import Keeping, Thinning
+from skyway_provider_registry.telemetry.thinning import KeepTimes, Thinning
 
 PACKAGE: Final = "skyway_provider_registry"
 
-#: Seconds of wall time between two looks whether the password file is written and was read.
+#: Seconds of wall time between two checks that the password file is written and was read.
 _PASSWORDS_EVERY_S: Final = 1.0
 _SWEEP_EVERY_S: Final = 600.0
-#: Seconds of wall time between two transactions of what drones say of themselves.
+#: Seconds of wall time between two transactions of the messages of drones.
 _PRESENCE_EVERY_S: Final = 0.5
-#: The same for composition's mission reports, and for looks at what has changed: under load a few
-#: share one, and after a rest nobody waits.
+#: Seconds of wall time between two transactions of mission reports, and between two reads of the
+#: changes. Under load several callers share one; after a pause no caller waits.
 _REPORTS_EVERY_S: Final = 0.1
-_LOOK_EVERY_S: Final = 0.1
+_REFRESH_EVERY_S: Final = 0.1
 #: Seconds of wall time between two transactions of telemetry, and between two rounds of thinning.
 _TELEMETRY_EVERY_S: Final = 1.0
 _THINNING_EVERY_S: Final = 600.0
 
 
 def registry_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> FastAPI:
-    """All rooms' routes on these parts, which the lifespan opens."""
+    """The routes of all rooms; the lifespan opens the parts."""
     db, gate, clock = parts.db, parts.gate, parts.clock
     stations, password_file = parts.stations, parts.password_file
-    view = FleetView(db, parts.networks.known, Pace(_LOOK_EVERY_S))
+    view = FleetView(db, parts.networks.cached, Pace(_REFRESH_EVERY_S))
     return create_app(
         service=SERVICE,
         title="Skyway provider registry",
-        description="Who could fly: providers, drone models, fleets, presence, candidates.",
+        description="Providers, drone models, fleets, presence, candidates.",
         models=(TelemetryGeoJson,),
-        # A path is looked for in their order: first what every delivery asks for.
+        # Paths are matched in this order: first the routes that every delivery calls.
         routers=[
             candidate_routes(view=view, gate=gate, clock=clock),
             presence_routes(keeper=ReportKeeper(db, clock, Pace(_REPORTS_EVERY_S)), gate=gate),
@@ -106,7 +106,7 @@ def registry_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> F
 
 
 def build_app(settings: RegistrySettings) -> FastAPI:
-    """The registry as it runs; everything is opened by the app's lifespan."""
+    """The registry of these settings; the lifespan of the app opens everything."""
     composition = composition_client(settings)
     parts = parts_in_life(settings, composition)
     mqtt = MqttClient(
@@ -116,7 +116,7 @@ def build_app(settings: RegistrySettings) -> FastAPI:
         password=read_secret(settings.secrets_dir, f"mqtt_{SERVICE}"),
     )
 
-    keeping = Keeping(
+    keep_times = KeepTimes(
         samples_for=timedelta(hours=settings.telemetry_raw_hours),
         minutes_for=timedelta(days=settings.telemetry_days),
     )
@@ -125,7 +125,7 @@ def build_app(settings: RegistrySettings) -> FastAPI:
     async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
         await migrate(settings.database_url, PACKAGE)
         async with parts.db, composition, mqtt, Loops() as loops:
-            # Before anything else: without its accounts the broker lets nobody in, us included.
+            # First of all: without its accounts the broker refuses everybody, this service too.
             await parts.password_file.refresh()
             recorder = TelemetryRecorder(parts.db, parts.clock)
             follower = PresenceFollower(
@@ -133,11 +133,11 @@ def build_app(settings: RegistrySettings) -> FastAPI:
                 db=parts.db,
                 clock=parts.clock,
                 pause_s=_PRESENCE_EVERY_S,
-                listener=recorder.take,
+                listener=recorder.accept,
             )
             loops.start("presence", repeat("presence", follower.step, every_s=1.0))
             loops.start("networks", parts.networks.run(mqtt))
-            _remember_telemetry(loops, recorder, Thinning(parts.db, parts.clock, keeping))
+            _start_telemetry(loops, recorder, Thinning(parts.db, parts.clock, keep_times))
             loops.start(
                 "password file",
                 repeat("password file", parts.password_file.step, every_s=_PASSWORDS_EVERY_S),
@@ -155,7 +155,7 @@ def build_app(settings: RegistrySettings) -> FastAPI:
 
 
 def openapi_app() -> FastAPI:
-    """The registry's routes for its OpenAPI document; nothing in it can be opened."""
+    """The registry's routes for its OpenAPI document; it opens nothing."""
     nowhere = Path("not-opened")
     settings = RegistrySettings(
         database_url=f"sqlite:///{nowhere}",
@@ -168,8 +168,8 @@ def openapi_app() -> FastAPI:
     return registry_app(parts, lifespan=nothing_to_open, readiness=nothing_to_wait_for)
 
 
-def _remember_telemetry(loops: Loops, recorder: TelemetryRecorder, thinning: Thinning) -> None:
-    """Write what drones measure, and keep less of it as it grows old."""
+def _start_telemetry(loops: Loops, recorder: TelemetryRecorder, thinning: Thinning) -> None:
+    """Start the loops that store telemetry and thin old telemetry."""
     loops.start(
         "telemetry",
         repeat("telemetry", recorder.step, every_s=_TELEMETRY_EVERY_S, wake=recorder.wake),

@@ -1,9 +1,9 @@
-"""What the registry is made of; nothing of it is opened here."""
+"""The parts of the registry; nothing is opened here."""
 
 from dataclasses import dataclass
 from typing import Final
 
-from skyway.announced_networks.learning import NetworkLearner, asking
+from skyway.announced_networks import NetworkLearner, stations_from
 from skyway.runtime.certificates import CertificateAuthority
 from skyway.runtime.clock import FleetClock, load_clock
 from skyway.runtime.http.client import ServiceClient
@@ -20,7 +20,7 @@ SERVICE: Final = "registry"
 
 @dataclass(frozen=True, slots=True)
 class Parts:
-    """What the rooms' routes are made of."""
+    """The things that the routes need."""
 
     db: Database
     gate: ServiceGate
@@ -33,13 +33,13 @@ class Parts:
 
 
 def composition_client(settings: RegistrySettings) -> ServiceClient:
-    """Whom the registry asks about stations and networks."""
+    """The client that asks composition about stations and networks."""
     identity = ServiceIdentity(SERVICE, settings.secrets_dir)
     return ServiceClient("composition", settings.composition_url, identity)
 
 
 def parts_in_life(settings: RegistrySettings, composition: ServiceClient) -> Parts:
-    """The parts as they run: with the files of these settings, and the system's clock."""
+    """The parts with the files of these settings and the system's clock."""
     db = Database(settings.database_url)
     return Parts(
         db=db,
@@ -47,7 +47,7 @@ def parts_in_life(settings: RegistrySettings, composition: ServiceClient) -> Par
         clock=load_clock(settings.clock_file),
         mint=mint,
         stations=CompositionStations(composition),
-        networks=NetworkLearner(asking(composition)),
+        networks=NetworkLearner(stations_from(composition)),
         password_file=PasswordFile(
             settings.broker_password_file,
             db=db,

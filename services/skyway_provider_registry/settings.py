@@ -1,4 +1,4 @@
-"""What the registry reads from its environment."""
+"""The settings that the registry reads from its environment."""
 
 from pathlib import Path
 from typing import Annotated
@@ -9,7 +9,7 @@ from skyway.runtime.settings import ServiceSettings
 
 
 class RegistrySettings(ServiceSettings):
-    """`ServiceSettings`, and where the broker looks for its accounts."""
+    """`ServiceSettings`, the broker's files, and how long telemetry is kept."""
 
     port: int = Field(
         default=8001,

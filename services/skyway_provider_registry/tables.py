@@ -21,7 +21,7 @@ metadata = MetaData()
 
 
 def _place_columns() -> tuple[Column[float], Column[float]]:
-    """Where a drone was."""
+    """The position of a drone."""
     return (
         Column("longitude_deg", Double, nullable=False),
         Column("latitude_deg", Double, nullable=False),
@@ -41,7 +41,7 @@ providers = Table(
     CheckConstraint("state IN ('ACTIVE', 'SUSPENDED')", name="provider_state"),
 )
 
-#: Models that operators added; the library's named models are not in here.
+#: Models that operators added; the library's named models are not in this table.
 drone_models = Table(
     "drone_models",
     metadata,
@@ -63,13 +63,13 @@ drones = Table(
     Column("initial_soc", Double, nullable=False),
     Column("is_in_maintenance", Boolean, nullable=False),
     Column("created_ms", BigInteger, nullable=False),
-    # A mark is one aircraft's; across providers we cannot judge whose it is.
+    # A registration belongs to one aircraft; across providers we cannot judge to which one.
     UniqueConstraint("provider_id", "registration", name="drone_registration"),
     Index("drones_by_provider", "provider_id", "drone_id"),
     Index("drones_by_model", "model_id"),
 )
 
-#: One row per drone from its registration on. A pair of -1 means: nothing heard yet.
+#: One row per drone, from its registration on. -1 in an order column: no message received yet.
 presence = Table(
     "presence",
     metadata,
@@ -87,7 +87,7 @@ presence = Table(
     Column("longitude_deg", Double),
     Column("latitude_deg", Double),
     Column("soc", Double),
-    Column("condition", Text),  # JSON of presence.known.Condition
+    Column("condition", Text),  # JSON of presence.drone_presence.Condition
     Column("sample_session", BigInteger, nullable=False),
     Column("sample_seq", BigInteger, nullable=False),
     Column("sample_at_ms", BigInteger),
@@ -96,13 +96,13 @@ presence = Table(
     Column("sample_soc", Double),
     Column("last_seen_ms", BigInteger),
     Column("last_seen_wall_ms", BigInteger),
-    # The number of the last change that selection must know of.
+    # The number of the last change that affects selection.
     Column("changed", BigInteger, nullable=False, server_default="0"),
     Index("presence_by_change", "changed"),
 )
 
-#: What drones measured, once however often it was heard; `at_ms` is fleet time. Without a foreign
-#: key: the rows of a drone that is removed are too many to go with it in one transaction.
+#: Samples of telemetry, each stored once; `at_ms` is fleet time. There is no foreign key, because a
+#: removed drone has too many rows to delete them in one transaction.
 telemetry_samples = Table(
     "telemetry_samples",
     metadata,
@@ -116,11 +116,11 @@ telemetry_samples = Table(
     Column("voltage_v", Double),
     Column("temperature_c", Double),
     Column("range_m", Double),
-    # A drone's samples lie together, and nothing else is kept of them.
+    # The rows of a drone are stored side by side, without a second index.
     sqlite_with_rowid=False,
 )
 
-#: What is left of samples after a while: one row for each minute of fleet time.
+#: Old telemetry: one row of averages for each minute of fleet time.
 telemetry_minutes = Table(
     "telemetry_minutes",
     metadata,
@@ -137,7 +137,7 @@ telemetry_minutes = Table(
     sqlite_with_rowid=False,
 )
 
-#: What composition told of missions: a hint, composition's own index decides who is busy.
+#: Mission reports of composition. They are hints: composition's own index decides who is busy.
 mission_hints = Table(
     "mission_hints",
     metadata,
@@ -150,19 +150,19 @@ mission_hints = Table(
     Index("mission_hints_by_drone", "drone_id", "is_live"),
 )
 
-#: Accounts of drones and customers; those of services and operators come from the secrets.
+#: Accounts of drones and customers; accounts of services and operators come from the secrets.
 broker_accounts = Table(
     "broker_accounts",
     metadata,
     Column("user_name", Text, primary_key=True),
     Column("kind", Text, nullable=False),
     Column("password_hash", Text, nullable=False),
-    # Since when nobody may log in with it, until the drone enrols again.
+    # When the account was blocked; it is open again once the drone enrols again.
     Column("revoked_wall_ms", BigInteger),
     CheckConstraint("kind IN ('DRONE', 'CUSTOMER')", name="broker_account_kind"),
 )
 
-#: The last token that was made for each drone, as SHA-256.
+#: The newest enrolment token of each drone, as SHA-256.
 enrolment_tokens = Table(
     "enrolment_tokens",
     metadata,
@@ -173,7 +173,7 @@ enrolment_tokens = Table(
     UniqueConstraint("token_hash", name="enrolment_token_hash"),
 )
 
-#: Keys of enrolled drones, as SHA-256; the next ones count when the next key is first shown.
+#: Keys of enrolled drones, as SHA-256; the next key and password take effect at first use.
 drone_keys = Table(
     "drone_keys",
     metadata,
@@ -185,7 +185,7 @@ drone_keys = Table(
     UniqueConstraint("next_key_hash", name="drone_next_key_hash"),
 )
 
-#: One row: the last number of a change, and the last ones of two kinds.
+#: One row: the number of the last change, and of the last change of two kinds.
 changes = Table(
     "changes",
     metadata,

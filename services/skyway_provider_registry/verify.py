@@ -1,4 +1,4 @@
-"""The invariants of the registry's database; each violation is told as one JSON line."""
+"""The invariants of the registry's database; each violation is printed as one JSON line."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
@@ -16,7 +16,7 @@ from skyway_provider_registry.tables import (
 
 _is_drone_account = broker_accounts.c.kind == "DRONE"
 
-#: What must not be found: rows of (subject,) by the sentence that they make false.
+#: Each invariant as a sentence, and the query for the subjects that violate it.
 _CHECKS: Final[Mapping[str, Select[*tuple[Any, ...]]]] = {
     "every drone has a broker account": select(drones.c.drone_id).where(
         drones.c.drone_id.not_in(select(broker_accounts.c.user_name).where(_is_drone_account))
@@ -30,7 +30,7 @@ _CHECKS: Final[Mapping[str, Select[*tuple[Any, ...]]]] = {
     "every presence has a drone": select(presence.c.drone_id).where(
         presence.c.drone_id.not_in(select(drones.c.drone_id))
     ),
-    "every drone is of a known model": select(drones.c.drone_id).where(
+    "every drone has an existing model": select(drones.c.drone_id).where(
         drones.c.model_id.not_in(select(drone_models.c.model_id)),
         drones.c.model_id.not_in(list(DRONE_MODELS)),
     ),
@@ -38,7 +38,7 @@ _CHECKS: Final[Mapping[str, Select[*tuple[Any, ...]]]] = {
 
 
 async def violations(db: Database) -> Sequence[Mapping[str, str]]:
-    """Every violation: the rule that is broken, and by whom."""
+    """Each violation: the broken rule, and its subject."""
     found: list[Mapping[str, str]] = []
     async with db.survey() as connection:
         for rule, statement in _CHECKS.items():

@@ -20,7 +20,7 @@ def test_an_empty_message_clears_a_topic():
     assert list(kept.under("#")) == []
 
 
-def test_a_wildcard_finds_all_that_it_matches():
+def test_a_wildcard_finds_all_topics_that_it_matches():
     kept = Retained()
     kept.keep("a/b", b"1", 1)
     kept.keep("a/c", b"2", 0)

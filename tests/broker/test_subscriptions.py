@@ -28,12 +28,12 @@ def test_a_filter_does_not_match(wanted, topic):
 
 
 @pytest.mark.parametrize("wanted", ["", "a#", "a+/b", "#/a", "a/#/b"])
-def test_what_is_no_filter_is_told(wanted):
+def test_an_invalid_filter_is_recognised(wanted):
     assert not is_filter(wanted)
 
 
 @pytest.mark.parametrize("wanted", ["a", "+", "#", "a/+/b", "a/#", "/"])
-def test_what_is_a_filter_is_told(wanted):
+def test_a_valid_filter_is_recognised(wanted):
     assert is_filter(wanted)
 
 
@@ -46,7 +46,7 @@ def test_overlapping_filters_find_a_client_once_at_its_highest_qos():
     assert wanted.matching("a/b") == {"c": 1}
 
 
-def test_a_removed_filter_finds_nobody_and_leaves_the_others():
+def test_a_removed_filter_finds_no_client_and_other_filters_stay():
     wanted = Subscriptions()
     wanted.add("c", "a/b", 1)
     wanted.add("c", "a/+", 1)
@@ -59,7 +59,7 @@ def test_a_removed_filter_finds_nobody_and_leaves_the_others():
     assert wanted.matching("a/x") == {"d": 1}
 
 
-def test_a_dropped_client_is_found_no_more():
+def test_a_dropped_client_is_not_found():
     wanted = Subscriptions()
     wanted.add("c", "a/b", 1)
     wanted.add("c", "#", 1)

@@ -15,7 +15,7 @@ from skyway_provider_registry.enrolment.password_file import PasswordFile
 from skyway_provider_registry.fleets.credentials.issue import Issuer
 from skyway_provider_registry.parts import Parts
 
-from skyway.announced_networks.learning import NetworkLearner
+from skyway.announced_networks import NetworkLearner
 from skyway.contracts.drone_report import Connection, DroneState, Telemetry
 from skyway.contracts.station_check import NetworkStations, StationCheck
 from skyway.geo import Position

@@ -12,7 +12,7 @@ from skyway_provider_registry.app import PACKAGE, openapi_app
 from skyway.runtime.sql.migrations import migrate
 
 
-def test_the_document_of_the_routes_needs_nothing_opened() -> None:
+def test_the_openapi_document_opens_nothing() -> None:
     document = openapi_app().openapi()
 
     assert document["openapi"].startswith("3.1")
@@ -41,7 +41,7 @@ def test_migrate_and_verify_need_only_a_database(tmp_path: Path) -> None:
     assert (verified.returncode, verified.stdout) == (0, "")
 
 
-def test_verify_tells_each_violation_as_a_line(tmp_path: Path) -> None:
+def test_verify_prints_each_violation_as_a_line(tmp_path: Path) -> None:
     path = tmp_path / "registry.db"
     asyncio.run(migrate(f"sqlite:///{path}", PACKAGE))
     with sqlite3.connect(path) as connection:

@@ -16,7 +16,7 @@ BREAKS: dict[str, tuple[Executable, str]] = {
         "drn_9",
     ),
     "every drone has one presence": (delete(presence), "drn_000001"),
-    "every drone is of a known model": (update(drones).values(model_id="gone"), "drn_000001"),
+    "every drone has an existing model": (update(drones).values(model_id="gone"), "drn_000001"),
 }
 
 

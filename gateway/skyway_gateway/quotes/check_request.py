@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from datetime import timedelta
 from typing import Final
 
-from skyway.announced_networks.known_networks import KnownNetworks
+from skyway.announced_networks import CachedNetworks
 from skyway.contracts.station_check import StationCheck, StationCheckQuery
 from skyway.delivery.request import DeliveryRequest, ProviderChoice
 from skyway.errors import InvalidInput
@@ -30,7 +30,7 @@ class RequestChecks:
     """RequestChecks requests against the clock, the network and the fleets."""
 
     payload_limits: CachedPayloadLimits
-    networks: KnownNetworks
+    networks: CachedNetworks
     composition: Composition
     clock: FleetClock
 
@@ -67,7 +67,7 @@ class RequestChecks:
 
     async def _check_stations(self, request: DeliveryRequest) -> Position:
         pickup, named = request.pickup.station_id, _stations_by_field(request)
-        position = self.networks.start_of_ways(pickup, to=named.values())
+        position = self.networks.position_if_connected(pickup, to=named.values())
         if position is not None:
             return position
         query = StationCheckQuery(

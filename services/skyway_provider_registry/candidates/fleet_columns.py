@@ -1,4 +1,4 @@
-"""All drones as columns, so that a request is held against thousands of them at once."""
+"""All drones as columns, so that numpy compares a request with thousands of drones."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -7,11 +7,11 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from skyway.announced_networks.known_networks import KnownNetworks
+from skyway.announced_networks import CachedNetworks
 from skyway.drone.model import DroneModel
 from skyway.geo import unit_vector
 from skyway.ids import DroneId, NetworkId, ProviderId, StationId
-from skyway_provider_registry.candidates.reasons import KnownDrone, KnownProvider
+from skyway_provider_registry.candidates.reasons import CachedDrone, CachedProvider
 
 #: One drone; `x`, `y`, `z` are its direction from the Earth's centre.
 _DRONE: Final = np.dtype(
@@ -29,7 +29,7 @@ _DRONE: Final = np.dtype(
         ("is_low", np.bool_),
     ]
 )
-#: Rows that there is room for at first; doubled whenever it is full.
+#: Rows of the first table; a full table is doubled.
 _FIRST_CAPACITY: Final = 256
 _NOWHERE: Final = -1
 
@@ -40,21 +40,21 @@ Flags = npt.NDArray[np.bool_]
 
 @dataclass(slots=True)
 class FleetColumns:
-    """The drones by row, and the strongest model of each provider, equals by id."""
+    """The drones by row, and the strongest model of each provider; ties are broken by id."""
 
-    networks: KnownNetworks
-    drones: list[KnownDrone] = field(default_factory=list)
+    networks: CachedNetworks
+    drones: list[CachedDrone] = field(default_factory=list)
     strongest: dict[ProviderId, DroneModel] = field(default_factory=dict)
     _rows: dict[DroneId, int] = field(default_factory=dict)
     _providers: dict[ProviderId, int] = field(default_factory=dict)
     _stations: dict[StationId, int] = field(default_factory=dict)
     _networks: dict[NetworkId, int] = field(default_factory=dict)
-    _networks_seen: int = -1  # their revision when the column `network` was last written
+    _networks_seen: int = -1  # the revision when the column `network` was last written
     _table: Columns = field(default_factory=lambda: np.zeros(_FIRST_CAPACITY, _DRONE))
     _order: Rows | None = None
 
-    def put(self, drones: Iterable[KnownDrone]) -> None:
-        """Take in what is known of these drones now, of those that are there and of new ones."""
+    def put(self, drones: Iterable[CachedDrone]) -> None:
+        """Store the current data of these drones; new drones get new rows."""
         for drone in drones:
             row = self._rows.get(drone.drone_id)
             if row is None:
@@ -71,20 +71,20 @@ class FleetColumns:
         return drone_id in self._rows
 
     def column(self, name: str) -> npt.NDArray[Any]:  # each column has a type of its own
-        """One column of all drones: a view, to be read at once."""
+        """One column of all drones: a view, which is valid until the next `put`."""
         column: npt.NDArray[Any] = self._table[name][: len(self.drones)]
         return column
 
     def rows_of(self, drone_ids: Iterable[DroneId]) -> list[int]:
-        """The rows of those of these drones that are there."""
+        """The rows of these drones; unknown drones are left out."""
         return [self._rows[one] for one in drone_ids if one in self._rows]
 
     def station(self, station_id: StationId) -> int:
-        """What the column `station` holds for drones there; -2 when no drone ever stood there."""
+        """The value of the column `station` for this station; -2 when no drone ever stood there."""
         return self._stations.get(station_id, _NOWHERE - 1)
 
     def elsewhere(self, station_id: StationId) -> Flags:
-        """The drones that are known to stand in another network than that of this station."""
+        """The drones that stand in another network than this station, as far as we know."""
         if self._networks_seen != self.networks.revision:
             self._find_networks()
         network, here = self.column("network"), self._network_of(station_id)
@@ -95,12 +95,12 @@ class FleetColumns:
 
     @property
     def providers(self) -> Mapping[ProviderId, int]:
-        """What the column `provider` holds, by provider."""
+        """The value of the column `provider`, by provider."""
         return self._providers
 
     @property
     def order(self) -> Rows:
-        """The rank of each row among all drone ids, which ends every tie."""
+        """The rank of each row among all drone ids, which breaks every tie."""
         if self._order is None:
             ids = [drone.drone_id for drone in self.drones]
             ranks = np.empty(len(ids), np.intp)
@@ -109,26 +109,26 @@ class FleetColumns:
         return self._order
 
     def _compare(self, provider_id: ProviderId, model: DroneModel) -> None:
-        known = self.strongest.setdefault(provider_id, model)
+        strongest = self.strongest.setdefault(provider_id, model)
         self.strongest[provider_id] = min(
-            (known, model), key=lambda one: (-one.max_payload_kg, one.model_id)
+            (strongest, model), key=lambda one: (-one.max_payload_kg, one.model_id)
         )
 
     def _find_networks(self) -> None:
-        """Write the column `network` anew: what is known of networks has changed."""
-        # Its last place is that of drones that stand nowhere.
+        """Write the column `network` again, after the cached networks have changed."""
+        # The last entry is for drones that stand at no station.
         by_station = [*map(self._network_of, self._stations), _NOWHERE]
         self.column("network")[:] = np.array(by_station)[self.column("station")]
         self._networks_seen = self.networks.revision
 
     def _network_of(self, station_id: StationId | None) -> int:
-        """What the column `network` holds for drones at this station."""
+        """The value of the column `network` for drones at this station."""
         network_id = None if station_id is None else self.networks.network_of(station_id)
         if network_id is None:
             return _NOWHERE
         return self._networks.setdefault(network_id, len(self._networks))
 
-    def _row_of(self, drone: KnownDrone) -> tuple[object, ...]:
+    def _row_of(self, drone: CachedDrone) -> tuple[object, ...]:
         station = drone.station_id
         return (
             self._providers.setdefault(drone.provider_id, len(self._providers)),
@@ -147,7 +147,7 @@ class FleetColumns:
 
 @dataclass(frozen=True, slots=True)
 class Fleet:
-    """All providers, and their drones."""
+    """All providers and their drones."""
 
-    providers: Mapping[ProviderId, KnownProvider]
+    providers: Mapping[ProviderId, CachedProvider]
     columns: FleetColumns

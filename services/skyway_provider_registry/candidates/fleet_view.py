@@ -1,15 +1,16 @@
-"""All fleets in memory, as the database knows them when they are looked at.
+"""All fleets in memory, refreshed from the database before each use.
 
-Reading and parsing every drone for each request costs more than all else. So what was read is kept,
-and a look reads what has changed since: by any replica, since every write leaves its number
-(`changes`). Looks that come while one is under way, or soon after, share the next one.
+Reading every drone for each request would cost more than everything else. So the fleets stay in
+memory, and a refresh reads only the changes since the last one. Changes of other replicas are found
+too, because every write stores its number (`change_store`). Refreshes that are requested while one
+runs, or soon after, share the next one.
 """
 
 import asyncio
 from collections.abc import Mapping
 from typing import Final
 
-from skyway.announced_networks.known_networks import KnownNetworks
+from skyway.announced_networks import CachedNetworks
 from skyway.drone.model import DroneModel
 from skyway.ids import DroneModelId
 from skyway.runtime.pace import Pace
@@ -24,22 +25,22 @@ _NOTHING_SEEN: Final = -1
 
 
 class FleetView:
-    """What selection looks at; `look` before every use."""
+    """The fleets that selection works on; call `refreshed` before every use."""
 
-    def __init__(self, db: Database, networks: KnownNetworks, pace: Pace) -> None:
+    def __init__(self, db: Database, networks: CachedNetworks, pace: Pace) -> None:
         self._db = db
         self._pace = pace
         self._seen: ChangeMarks | None = None
         self._models: Mapping[DroneModelId, DroneModel] = {}
         self._fleet = Fleet({}, FleetColumns(networks))
-        self._looking = asyncio.Lock()
-        # Looks are counted when they begin, and again when they have succeeded.
+        self._refreshing = asyncio.Lock()
+        # Refreshes are counted when they begin, and again when they have succeeded.
         self._begun = self._finished = 0
 
-    async def look(self) -> Fleet:
-        """The fleets with all that was committed before this call; to be used without waiting."""
+    async def refreshed(self) -> Fleet:
+        """The fleets with all changes that were committed before this call; use them now."""
         begun_before = self._begun
-        async with self._looking:
+        async with self._refreshing:
             if self._finished <= begun_before:
                 await self._pace.turn()
                 self._begun += 1
@@ -48,19 +49,19 @@ class FleetView:
         return self._fleet
 
     async def _read_changes(self) -> None:
-        seen, known, columns = self._seen, self._fleet.providers, self._fleet.columns
+        seen, providers, columns = self._seen, self._fleet.providers, self._fleet.columns
         async with self._db.read() as connection:
             since = _NOTHING_SEEN if seen is None else seen.latest
-            # First of all: what is committed while we read on is read again the next time.
+            # The marks come first: a change that is committed after this read is read next time.
             now, rows = await store.changed_drones(connection, since=since)
             if now == seen:
                 return
             if seen is None or now.providers > seen.providers:
-                known = await store.known_providers(connection)
+                providers = await store.cached_providers(connection)
             if seen is not None and now.removals > seen.removals:
                 columns, rows = FleetColumns(columns.networks), await store.every_drone(connection)
             if any(row.drone_id not in columns for row in rows):
                 self._models = await drone_models.every(connection)
-        columns.put(store.known_drone(row, self._models) for row in rows)
-        self._fleet = Fleet(known, columns)
+        columns.put(store.cached_drone(row, self._models) for row in rows)
+        self._fleet = Fleet(providers, columns)
         self._seen = now

@@ -1,4 +1,4 @@
-"""In which order able drones are compared, and which of them are: fairly over the providers."""
+"""Which able drones are compared, and in which order: fairly over the providers."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -14,27 +14,27 @@ from skyway.contracts.candidate import (
 from skyway.geo import unit_vector
 from skyway_provider_registry.candidates.fleet_columns import Flags, FleetColumns, Rows
 
-#: So many of the nearest drones hold enough of most providers.
+#: This many nearest drones include enough drones of most providers.
 _WORTH_RANKING: Final = 4 * MAX_CANDIDATES
 
 
 @dataclass(frozen=True, slots=True)
 class Ranked:
-    """Able drones, those at the pickup first, then the nearest, then the fullest; equals by id.
+    """Able drones in order: at the pickup, then the nearest, then the fullest; ties by id.
 
-    All that can become candidates are among them.
+    They include every drone that can become a candidate.
     """
 
     rows: Rows
     provider: npt.NDArray[np.int32]
-    #: Of providers that would split: the strongest first.
+    #: Sorts the drones of a provider that would split the request: the strongest first.
     weakness_kg: npt.NDArray[np.float64]
 
     @classmethod
     def of(cls, query: CandidateQuery, columns: FleetColumns, able: Rows, split: Flags) -> "Ranked":
-        """The rows in `able`, without those that are not needed to rank them."""
+        """The ranked rows of `able`, without drones that are too far to become candidates."""
         is_away = columns.column("station")[able] != columns.station(query.pickup_station_id)
-        # The chord grows with the distance, and costs three products.
+        # The chord grows with the distance and is cheap to compute.
         x, y, z = unit_vector(query.pickup_position)
         chord = (
             (columns.column("x")[able] - x) ** 2
@@ -53,9 +53,9 @@ class Ranked:
 def _near_enough(
     chord: npt.NDArray[np.float64], is_away: Flags, provider: npt.NDArray[np.int32], split: Flags
 ) -> Flags:
-    """Which drones are ranked: not those that come after enough nearer ones of their provider.
+    """Which drones are ranked: not those with enough nearer drones of the same provider.
 
-    To rank thousands takes longer than all else.
+    Ranking thousands of drones would take longer than everything else.
     """
     if len(chord) <= _WORTH_RANKING:
         return np.ones(len(chord), np.bool_)
@@ -66,10 +66,10 @@ def _near_enough(
 
 
 def in_turn(ranked: Ranked, providers: int) -> Rows:
-    """The candidates of all, nearest first: everybody's best comes in before anybody's second."""
+    """The candidates, nearest first; each provider's best comes before any provider's second."""
     if not len(ranked.rows):
         return ranked.rows
-    # Stable: within a provider the rank stays, unless its strongest go first.
+    # A stable sort: within a provider the rank stays, unless its strongest drones go first.
     by_provider = np.lexsort((ranked.weakness_kg, ranked.provider))
     provider = ranked.provider[by_provider]
     first = np.searchsorted(provider, np.arange(providers))

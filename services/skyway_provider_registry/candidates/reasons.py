@@ -1,4 +1,4 @@
-"""Why a provider has no candidate: of all that stands in its drones' way, the most telling."""
+"""Why a provider has no candidate: the most useful of the obstacles of its drones."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -19,8 +19,8 @@ from skyway.ids import DroneId, NetworkId, ProviderId, StationId
 
 
 @dataclass(frozen=True)
-class KnownProvider:
-    """What selection looks at of a provider."""
+class CachedProvider:
+    """A provider as selection sees it."""
 
     provider_id: ProviderId
     tariff: Tariff
@@ -29,15 +29,15 @@ class KnownProvider:
 
     @cached_property
     def terms(self) -> ProviderTerms:
-        """What its candidates have in common, as it travels."""
+        """The part of an answer that all candidates of this provider share."""
         return ProviderTerms(provider_id=self.provider_id, tariff=self.tariff, loading=self.loading)
 
 
 @dataclass(frozen=True, slots=True)
-class KnownDrone:
-    """What selection looks at of a drone; without `station_id` it is not standing at one.
+class CachedDrone:
+    """A drone as selection sees it; `station_id` is None when it stands at no station.
 
-    It counts as online until `online_until_ms` of wall time, unless it is heard of again.
+    It counts as online until `online_until_ms` of wall time; each message moves that moment.
     """
 
     drone_id: DroneId
@@ -53,14 +53,14 @@ class KnownDrone:
 
 @dataclass(frozen=True, slots=True)
 class _Obstacle:
-    """A reason for a whole fleet; it `is_temporary` when it ends by itself."""
+    """A reason that holds for a whole fleet; it `is_temporary` when it ends by itself."""
 
     code: ProviderReasonCode
     detail: str
     is_temporary: bool
 
 
-#: From the first to the last to be told: one drone that will be free again is worth asking later.
+#: The first that holds is reported: a drone that will be free again is worth asking for later.
 _OBSTACLES: Final = (
     _Obstacle("BUSY", "all drones that could fly this are busy", is_temporary=True),
     _Obstacle("LOW_CHARGE", "the free drones are charged below their reserve", is_temporary=True),
@@ -70,12 +70,12 @@ _OBSTACLES: Final = (
 
 
 def heaviest_kg(query: CandidateQuery) -> float:
-    """What a drone must lift at least when the request may be split; all of it when it may not."""
+    """The least mass that a drone must lift: all, or one package when the request may be split."""
     return query.heaviest_kg or query.payload_kg
 
 
-def exclusion_of(query: CandidateQuery, provider: KnownProvider) -> ProviderReason | None:
-    """Why this provider's fleet is not even looked at; None when it is."""
+def exclusion_of(query: CandidateQuery, provider: CachedProvider) -> ProviderReason | None:
+    """Why this provider is left out completely; None when it is admitted."""
     if not query.providers.admits(provider.provider_id):
         detail = "the request does not admit this provider"
     elif not provider.is_active:
@@ -91,13 +91,13 @@ def reason_of(
     query: CandidateQuery,
     provider_id: ProviderId,
     *,
-    found: Mapping[ProviderReasonCode, KnownDrone],
+    found: Mapping[ProviderReasonCode, CachedDrone],
     network_id: NetworkId | None,
     strongest: DroneModel | None,
 ) -> ProviderReason:
-    """Why an admitted provider has no candidate: what was `found` in the way of its drones.
+    """Why an admitted provider has no candidate.
 
-    For each obstacle there is one of those drones; `network_id` is the pickup's, if it is known.
+    `found` has one drone of the provider for each obstacle; `network_id` is the pickup's, or None.
     """
     if strongest is None:
         return ProviderReason(
@@ -119,8 +119,8 @@ def reason_of(
     return _overweight(query, provider_id, strongest)
 
 
-def _unreachable(drone: KnownDrone, network_id: NetworkId | None) -> ProviderReason:
-    """In composition's words: it says so of drones whose networks are not known here."""
+def _unreachable(drone: CachedDrone, network_id: NetworkId | None) -> ProviderReason:
+    """In the same words as composition, which answers for networks that are not cached here."""
     return ProviderReason(
         provider_id=drone.provider_id,
         code="DESTINATION_UNREACHABLE",
@@ -146,7 +146,7 @@ def _overweight(
 
 
 def not_compared(provider_id: ProviderId) -> ProviderReason:
-    """Why a provider with able drones has no candidate: others stood nearer."""
+    """Why a provider with able drones has no candidate: other drones stand nearer."""
     return ProviderReason(
         provider_id=provider_id,
         code="NOT_COMPARED",

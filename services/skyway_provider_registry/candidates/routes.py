@@ -1,4 +1,4 @@
-"""The gateway asks who could fly a request."""
+"""The gateway asks for the drones that could fly a request."""
 
 from typing import Annotated
 
@@ -30,9 +30,9 @@ def candidate_routes(*, view: FleetView, gate: ServiceGate, clock: FleetClock) -
     ) -> Response:
         """The drones that could fly a request now, and why the other providers have none."""
         caller.must_be("service")
-        fleet = await view.look()
+        fleet = await view.refreshed()
         found = select(query, fleet, wall_now_ms=moment_to_ms(clock.wall_now()))
-        # Written here: it is valid already, and FastAPI would check each of its models again.
+        # Serialized here: the answer is valid, and FastAPI would validate each model again.
         return Response(found.model_dump_json(), media_type="application/json")
 
     @router.post("/internal/payload-limit")
@@ -42,6 +42,6 @@ def candidate_routes(*, view: FleetView, gate: ServiceGate, clock: FleetClock) -
     ) -> PayloadLimit:
         """The heaviest payload that any admitted provider's drones can lift, busy or not."""
         caller.must_be("service")
-        return payload_limit(await view.look(), query.providers)
+        return payload_limit(await view.refreshed(), query.providers)
 
     return router

@@ -1,4 +1,4 @@
-"""Who could fly a request: the nearest able drones, fairly over the providers."""
+"""Which drones could fly a request: the nearest able ones, fairly over the providers."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -19,21 +19,21 @@ from skyway.ids import ProviderId
 from skyway_provider_registry.candidates.fleet_columns import Flags, Fleet, FleetColumns, Rows
 from skyway_provider_registry.candidates.ranking import Ranked, in_turn
 from skyway_provider_registry.candidates.reasons import (
-    KnownDrone,
-    KnownProvider,
+    CachedDrone,
+    CachedProvider,
     exclusion_of,
     heaviest_kg,
     not_compared,
     reason_of,
 )
 
-#: Grams lost in adding up masses must not make a package too heavy, relative to the limit.
+#: Rounding errors of summed masses must not make a package too heavy; relative to the limit.
 _MASS_TOLERANCE: Final = 1e-9
 
-#: What keeps a drone from being a candidate, the first that holds; 0 stands for nothing.
+#: The obstacles of a drone; the first that holds counts, and 0 stands for none.
 _OBSTACLES: Final[tuple[ProviderReasonCode, ...]] = (
     "OVERWEIGHT",
-    # Before what ends by itself: once it is free or charged, it is in its network still.
+    # Before the temporary obstacles: a drone that is free again is still in its own network.
     "DESTINATION_UNREACHABLE",
     "REFUSED",
     "OFFLINE",
@@ -41,10 +41,10 @@ _OBSTACLES: Final[tuple[ProviderReasonCode, ...]] = (
     "LOW_CHARGE",
 )
 
-#: Where a row is looked for and there is none.
+#: Stands for a row that does not exist.
 _NONE: Final = -1
 
-#: The places of what ends by itself among these, counted from 1.
+#: The places of the temporary obstacles, counted from 1.
 _PASSING: Final = [1 + _OBSTACLES.index(code) for code in ("BUSY", "LOW_CHARGE")]
 
 
@@ -74,7 +74,7 @@ def select(query: CandidateQuery, fleet: Fleet, *, wall_now_ms: int) -> Candidat
             reasons[provider_id] = not_compared(provider_id)
         else:
             reasons[provider_id] = _reason(query, columns, found, provider_id)
-    # Made of what was checked when it came in: checking it again takes as long as finding it.
+    # Not validated again: all parts were validated before, and validation costs as much as this.
     return Candidates.model_construct(
         shortlist=_shortlist(candidates, fleet.providers),
         infeasible=tuple(sorted(reasons.values(), key=lambda reason: reason.provider_id or "")),
@@ -91,9 +91,10 @@ class _Lifting:
 
 
 def _lifting(query: CandidateQuery, columns: FleetColumns, elsewhere: Flags) -> _Lifting:
-    """A provider of whose drones none lifts everything is asked for its strong enough ones.
+    """Which drones are strong enough.
 
-    However strong those are that stand `elsewhere`, they lift nothing here.
+    When no drone of a provider lifts everything, its drones that lift the heaviest package count.
+    Drones that stand `elsewhere` do not decide whether a provider would split.
     """
     provider = columns.column("provider")
     limit_kg = columns.column("payload_kg") * (1 + _MASS_TOLERANCE)
@@ -111,7 +112,7 @@ def _obstacles(
     *,
     wall_now_ms: int,
 ) -> npt.NDArray[np.intp]:
-    """By row, 0 or the place in `_OBSTACLES`, counted from 1, of what stands in the way."""
+    """By row: 0, or the place in `_OBSTACLES`, counted from 1, of the drone's first obstacle."""
     has_refused = np.zeros(len(lifts), np.bool_)
     has_refused[columns.rows_of(query.excluded_drone_ids)] = True
     in_the_way = (
@@ -129,7 +130,7 @@ def _obstacles(
 
 
 def _found_by_provider(columns: FleetColumns, obstacles: npt.NDArray[np.intp]) -> Rows:
-    """``(providers, 1 + obstacles)``: a drone of each provider in whose way each obstacle is."""
+    """``(providers, 1 + obstacles)``: the row of one drone of each provider with each obstacle."""
     found = np.full((len(columns.providers), 1 + len(_OBSTACLES)), _NONE, np.intp)
     found[columns.column("provider"), obstacles] = np.arange(len(obstacles))
     return found
@@ -155,7 +156,7 @@ def _reason(
 
 
 def _shortlist(
-    drones: Sequence[KnownDrone], providers: Mapping[ProviderId, KnownProvider]
+    drones: Sequence[CachedDrone], providers: Mapping[ProviderId, CachedProvider]
 ) -> Shortlist:
     return Shortlist.model_construct(
         models=tuple({each.model.model_id: each.model for each in drones}.values()),
@@ -173,7 +174,7 @@ def _shortlist(
 
 
 def payload_limit(fleet: Fleet, choice: ProviderChoice) -> PayloadLimit:
-    """The limit of the strongest model of all admitted providers' drones; equals by id."""
+    """The strongest model of all admitted providers' drones, busy or not; ties by id."""
     named = (*filter(None, [choice.pinned]), *(choice.allowed or ()), *(choice.denied or ()))
     models = (
         model

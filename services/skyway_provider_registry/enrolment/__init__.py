@@ -1,1 +1,4 @@
-"""Enrolment: who may log in to the broker; the password file holds these accounts and no others."""
+"""Enrolment: the broker accounts, enrolment tokens and keys.
+
+`password_file` keeps the broker's file equal to the accounts in the database.
+"""

@@ -1,4 +1,4 @@
-"""All SQL of the broker's accounts."""
+"""All SQL of the broker accounts."""
 
 from collections.abc import Mapping
 from datetime import datetime
@@ -13,7 +13,7 @@ from skyway_provider_registry.tables import broker_accounts
 
 
 async def add_drones(tx: Tx, hashes: Mapping[DroneId, str]) -> None:
-    """Open an account for each of these new drones."""
+    """Open an account for each new drone."""
     rows = [
         {"user_name": drone_id, "kind": "DRONE", "password_hash": hashed}
         for drone_id, hashed in hashes.items()
@@ -36,16 +36,18 @@ async def put_customer(tx: Tx, user_name: SubjectId, *, password_hash: str) -> N
 
 
 async def set_password(tx: Tx, drone_id: DroneId, *, password_hash: str) -> None:
-    """Give a drone's account another password, also one that was revoked."""
-    this = (broker_accounts.c.user_name == drone_id) & (broker_accounts.c.kind == "DRONE")
+    """Give a drone's account another password; this also opens a blocked account again."""
+    is_account = (broker_accounts.c.user_name == drone_id) & (broker_accounts.c.kind == "DRONE")
     values = {"password_hash": password_hash, "revoked_wall_ms": None}
-    await tx.execute(update(broker_accounts).where(this).values(values))
+    await tx.execute(update(broker_accounts).where(is_account).values(values))
 
 
 async def revoke(tx: Tx, drone_id: DroneId, *, at: datetime) -> None:
-    """Keep a drone out until its account gets another password."""
-    this = (broker_accounts.c.user_name == drone_id) & (broker_accounts.c.kind == "DRONE")
-    await tx.execute(update(broker_accounts).where(this).values(revoked_wall_ms=moment_to_ms(at)))
+    """Block a drone's account until it gets another password."""
+    is_account = (broker_accounts.c.user_name == drone_id) & (broker_accounts.c.kind == "DRONE")
+    await tx.execute(
+        update(broker_accounts).where(is_account).values(revoked_wall_ms=moment_to_ms(at))
+    )
 
 
 async def remove_drone(tx: Tx, drone_id: DroneId) -> None:
@@ -59,7 +61,7 @@ async def remove_customer(tx: Tx, user_name: SubjectId) -> None:
 
 
 async def every_hash(connection: AsyncConnection) -> dict[str, str]:
-    """User name to hash of every account that may log in."""
+    """The password hash of each account that may log in, by user name."""
     columns = select(broker_accounts.c.user_name, broker_accounts.c.password_hash).where(
         broker_accounts.c.revoked_wall_ms.is_(None)
     )
@@ -67,5 +69,5 @@ async def every_hash(connection: AsyncConnection) -> dict[str, str]:
 
 
 async def _remove(tx: Tx, kind: str, user_name: str) -> None:
-    is_it = (broker_accounts.c.user_name == user_name) & (broker_accounts.c.kind == kind)
-    await tx.execute(delete(broker_accounts).where(is_it))
+    is_account = (broker_accounts.c.user_name == user_name) & (broker_accounts.c.kind == kind)
+    await tx.execute(delete(broker_accounts).where(is_account))

@@ -1,8 +1,8 @@
 """All SQL of the drones' keys.
 
-A drone has one key that is in force, and after a rotation a next one. The next one comes into force
-when it is first shown, together with the next password: until then the drone may still be without
-it, because the answer was lost, and what it has goes on working.
+A drone has one valid key, and after a rotation also a next key. The next key and the next password
+become valid when the drone first uses the next key. Until then the old ones work: the drone may not
+have the next ones, because the answer can be lost.
 """
 
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from skyway_provider_registry.tables import broker_accounts, drone_keys
 
 _HASH: Final[BindParameter[str]] = bindparam("key_hash")
 
-#: Asked with every call of a drone, and so made once.
+#: Every call of a drone runs this statement, so it is built once.
 _SHOWN: Final = select(
     drone_keys.c.drone_id, (drone_keys.c.key_hash != _HASH).label("is_next")
 ).where(or_(drone_keys.c.key_hash == _HASH, drone_keys.c.next_key_hash == _HASH))
@@ -25,23 +25,23 @@ _SHOWN: Final = select(
 
 @dataclass(frozen=True, slots=True)
 class ShownKey:
-    """Whose key was shown, and whether it is one that is not in force yet."""
+    """The drone whose key was shown, and whether it is its next key."""
 
     drone_id: DroneId
     is_next: bool
 
 
 async def put(tx: Tx, drone_id: DroneId, *, key_hash: str) -> None:
-    """Give a drone this key, at once and instead of all that it had."""
+    """Give a drone this key; it is valid immediately and replaces all others."""
     row = {"drone_id": drone_id, "key_hash": key_hash}
-    nothing = {"next_key_hash": None, "next_password_hash": None}
-    statement = tx.insert(drone_keys).values(row | nothing)
-    changed = {"key_hash": key_hash} | nothing
+    no_next = {"next_key_hash": None, "next_password_hash": None}
+    statement = tx.insert(drone_keys).values(row | no_next)
+    changed = {"key_hash": key_hash} | no_next
     await tx.execute(statement.on_conflict_do_update(index_elements=["drone_id"], set_=changed))
 
 
 async def put_next(tx: Tx, drone_id: DroneId, *, key_hash: str, password_hash: str) -> bool:
-    """Have this key and password follow when the key is first shown; False without a key."""
+    """Store the next key and password; False when the drone has no key."""
     statement = (
         update(drone_keys)
         .where(drone_keys.c.drone_id == drone_id)
@@ -51,13 +51,13 @@ async def put_next(tx: Tx, drone_id: DroneId, *, key_hash: str, password_hash: s
 
 
 async def shown(connection: AsyncConnection, key_hash: str) -> ShownKey | None:
-    """Whose key this is; None when it is nobody's."""
+    """The drone that has this key; None when there is none."""
     row = (await connection.execute(_SHOWN, {"key_hash": key_hash})).one_or_none()
     return None if row is None else ShownKey(DroneId(row.drone_id), bool(row.is_next))
 
 
 async def bring_into_force(tx: Tx, key_hash: str) -> None:
-    """Make the drone's next key and password the ones that count; a second time changes nothing."""
+    """Make the drone's next key and password valid; a second call changes nothing."""
     nexts = select(drone_keys.c.drone_id, drone_keys.c.next_password_hash).where(
         drone_keys.c.next_key_hash == key_hash
     )
@@ -77,5 +77,5 @@ async def bring_into_force(tx: Tx, key_hash: str) -> None:
 
 
 async def remove(tx: Tx, drone_id: DroneId) -> None:
-    """Stop a drone's keys; nothing happens when there are none."""
+    """Delete a drone's keys; nothing happens when there are none."""
     await tx.execute(delete(drone_keys).where(drone_keys.c.drone_id == drone_id))

@@ -1,4 +1,4 @@
-"""The broker's password file: the accounts in the database, and those of our own processes."""
+"""The broker's password file: the accounts of the database and of our own processes."""
 
 import asyncio
 import logging
@@ -19,8 +19,8 @@ log = logging.getLogger(__name__)
 #: Users whose passwords are secrets of the deployment, in the files ``mqtt_<name>``.
 DEPLOYMENT_USERS: Final = ("gateway", "registry", "composition", "operator")
 
-#: Looks after a write until the broker is told once more: a whole one lies between the two.
-_LOOKS_UNTIL_TOLD_AGAIN: Final = 2
+#: Steps after a write until the broker is notified again: a whole interval lies between.
+_LOOKS_UNTIL_REMINDER: Final = 2
 
 
 class PasswordFile:
@@ -29,8 +29,8 @@ class PasswordFile:
     Parameters
     ----------
     broker_pid_file
-        Holds the process id of a broker that reads the file again on SIGHUP; None when the broker
-        watches the file by itself.
+        The file with the process id of a broker that reads the password file again on SIGHUP.
+        None when the broker watches the password file by itself.
     """
 
     def __init__(
@@ -42,43 +42,43 @@ class PasswordFile:
         self._broker_pid_file = broker_pid_file
         self._deployment_hashes: Mapping[str, str] = {}
         self._writing = asyncio.Lock()
-        self._wanted = 1
+        self._requested = 1
         self._written = 0
-        self._looks_until_told_again = 0
+        self._looks_until_reminder = 0
 
     async def refresh(self) -> None:
-        """Return once every account that is committed now is in the file.
+        """Return once the file has every account that is committed now.
 
-        Calls that wait for the same write share the next one.
+        Calls that wait for a running write share the next one.
 
         Raises
         ------
         ServiceUnavailable
             The file could not be written; `step` will try again.
         """
-        self._wanted += 1
-        mine = self._wanted
+        self._requested += 1
+        mine = self._requested
         async with self._writing:
             if self._written < mine:
                 await self._write()
 
     async def step(self) -> bool:
-        """Write again if a write failed, else remind the broker; nothing is left to do then.
+        """Step of a loop: write again after a failed write, or notify the broker once more.
 
-        Mosquitto forgets a SIGHUP that comes while it still answers the one before, maybe with
-        the file already read: the last account would stay locked out until the next change.
+        Mosquitto ignores a SIGHUP that comes while it still handles the previous one. It may have
+        read the file already: the last account would stay locked out until the next change.
         """
         async with self._writing:
-            if self._written < self._wanted:
+            if self._written < self._requested:
                 await self._write()
-            elif self._looks_until_told_again:
-                self._looks_until_told_again -= 1
-                if not self._looks_until_told_again:
-                    self._tell_broker()
+            elif self._looks_until_reminder:
+                self._looks_until_reminder -= 1
+                if not self._looks_until_reminder:
+                    self._notify_broker()
         return False
 
     async def _write(self) -> None:
-        covers = self._wanted
+        covers = self._requested
         if not self._deployment_hashes:
             self._deployment_hashes = self._hash_deployment_users()
         async with self._db.read() as connection:
@@ -89,8 +89,8 @@ class PasswordFile:
         except OSError as error:
             raise ServiceUnavailable("broker accounts", f"not written: {error}") from error
         self._written = covers
-        self._looks_until_told_again = _LOOKS_UNTIL_TOLD_AGAIN
-        self._tell_broker()
+        self._looks_until_reminder = _LOOKS_UNTIL_REMINDER
+        self._notify_broker()
 
     def _hash_deployment_users(self) -> dict[str, str]:
         return {
@@ -98,19 +98,19 @@ class PasswordFile:
             for name in DEPLOYMENT_USERS
         }
 
-    def _tell_broker(self) -> None:
+    def _notify_broker(self) -> None:
         if self._broker_pid_file is None:
             return
         try:
             os.kill(_broker_pid(self._broker_pid_file), signal.SIGHUP)
         except (OSError, ValueError) as error:
             # A broker that is not running reads the file when it starts.
-            log.warning("broker not told of its new accounts", extra={"reason": str(error)})
+            log.warning("broker not notified of its new accounts", extra={"reason": str(error)})
 
 
 def _broker_pid(pid_file: Path) -> int:
     pid = int(pid_file.read_text())
     if pid <= 1:
-        # 0 and below name process groups, 1 is never a broker of ours.
+        # 0 and below name process groups; 1 is never our broker.
         raise ValueError(f"{pid} is no broker's process id")
     return pid

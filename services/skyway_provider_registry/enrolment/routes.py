@@ -1,4 +1,4 @@
-"""The gateway opens and closes the broker accounts of customers."""
+"""The gateway opens and closes customers' broker accounts, and looks up the keys of drones."""
 
 from typing import Annotated
 
@@ -17,14 +17,16 @@ from skyway.runtime.sql.database import Database
 from skyway_provider_registry.enrolment import account_store, drone_key_store
 from skyway_provider_registry.enrolment.password_file import DEPLOYMENT_USERS, PasswordFile
 
-#: What ids of drones begin with: a customer of that name could speak as a drone.
+#: Prefix of drone ids: a customer with such a name could act as a drone.
 _DRONE_PREFIX = "drn_"
 
 
 class BrokerPassword(WireModel):
     """The password of a customer's broker account."""
 
-    password: Annotated[str, Field(min_length=16, max_length=200)]
+    password: Annotated[
+        str, Field(min_length=16, max_length=200, description="16 to 200 characters")
+    ]
 
 
 def enrolment_routes(

@@ -10,7 +10,7 @@ from skyway.drone.model import DroneModel
 from skyway.geo import Position
 from skyway.ids import DroneId, DroneModelId, MissionId, ProviderId, StationId
 from skyway.json_model import JsonModel
-from skyway_provider_registry.fleets.states import DroneStateName
+from skyway_provider_registry.fleets.drone_states import DroneStateName
 from skyway_provider_registry.presence.drone_presence import Activity
 
 T = TypeVar("T")
@@ -18,29 +18,52 @@ T = TypeVar("T")
 #: Most drones that one call registers.
 MAX_NEW_DRONES = 5_000
 
-DroneName = Annotated[str, Field(min_length=1, max_length=200)]
+DroneName = Annotated[
+    str,
+    Field(min_length=1, max_length=200, description="name for people", examples=["Heron 1"]),
+]
+ModelId = Annotated[DroneModelId, Field(description="id of the drone model")]
+HomeStationId = Annotated[StationId, Field(description="id of the drone's home station")]
 Registration = Annotated[
-    str, Field(min_length=1, max_length=64, description="the aircraft's mark, one per provider")
+    str,
+    Field(
+        min_length=1,
+        max_length=64,
+        description="the aircraft's registration mark, unique within its provider",
+        examples=["N123SK"],
+    ),
 ]
 
 
 class NewDrone(JsonModel):
-    """A drone to register; `soc` is its charge until it tells of itself."""
+    """A drone to register."""
 
-    model_id: DroneModelId
-    home_station_id: StationId
-    name: DroneName | None = None
-    registration: Registration | None = None
-    soc: Soc = 1.0
+    model_id: ModelId
+    home_station_id: HomeStationId
+    name: Annotated[DroneName | None, Field(description="name for people")] = None
+    registration: Annotated[
+        Registration | None,
+        Field(description="the aircraft's registration mark, unique within its provider"),
+    ] = None
+    soc: Annotated[
+        Soc, Field(description="state of charge until the drone's first state message, 0 to 1")
+    ] = 1.0
 
 
 class DroneChange(JsonModel):
-    """The body of PATCH: what is left out stays as it is; null takes a name or a mark away."""
+    """Changes of a drone: fields that are left out stay; null removes a name or registration."""
 
-    name: DroneName | None = None
-    registration: Registration | None = None
-    home_station_id: StationId | None = None
-    state: Literal["MAINTENANCE", "AVAILABLE"] | None = None
+    name: Annotated[DroneName | None, Field(description="new name; null removes it")] = None
+    registration: Annotated[
+        Registration | None, Field(description="new registration mark; null removes it")
+    ] = None
+    home_station_id: Annotated[
+        StationId | None, Field(description="id of the new home station")
+    ] = None
+    state: Annotated[
+        Literal["MAINTENANCE", "AVAILABLE"] | None,
+        Field(description="MAINTENANCE takes the drone out of service, AVAILABLE puts it back"),
+    ] = None
 
     @field_validator("home_station_id", "state")
     @classmethod
@@ -51,46 +74,64 @@ class DroneChange(JsonModel):
 
 
 class MqttAccount(JsonModel):
-    """What a drone logs in to the broker with."""
+    """A drone's account at the MQTT broker."""
 
-    user_name: str
-    password: Annotated[str, Field(repr=False)]
+    user_name: Annotated[str, Field(description="user name: the drone's id")]
+    password: Annotated[str, Field(repr=False, description="password; it is shown only once")]
 
 
 class Drone(JsonModel):
-    """A registered drone and what is known of it; what it has not told of itself is null."""
+    """A registered drone and its present state; null where the drone has reported nothing yet."""
 
-    drone_id: DroneId
-    provider_id: ProviderId
-    model_id: DroneModelId
-    model: DroneModel
-    home_station_id: StationId
-    home_position: Position
-    name: str | None
-    registration: str | None
-    state: Annotated[DroneStateName, Field(title="Availability")]
-    soc: Soc
-    station_id: StationId | None
-    position: Position | None
-    activity: Activity | None
-    mission_id: MissionId | None
-    health: DroneHealth | None
-    faults: tuple[Fault, ...]
-    failsafe: ActiveFailsafe | None
-    last_seen_at: Annotated[AwareDatetime | None, Field(description="RFC 3339 UTC, fleet time")]
+    drone_id: Annotated[DroneId, Field(description="id of the drone")]
+    provider_id: Annotated[ProviderId, Field(description="id of its provider")]
+    model_id: ModelId
+    model: Annotated[DroneModel, Field(description="the drone model with all its limits")]
+    home_station_id: HomeStationId
+    home_position: Annotated[
+        Position, Field(description="longitude and latitude of the home station, degrees")
+    ]
+    name: Annotated[str | None, Field(description="name for people")]
+    registration: Annotated[str | None, Field(description="the aircraft's registration mark")]
+    state: Annotated[
+        DroneStateName,
+        Field(
+            title="Availability",
+            description="RESERVED: a mission is accepted; ON_MISSION: the mission has begun",
+        ),
+    ]
+    soc: Annotated[Soc, Field(description="state of charge, 0 to 1")]
+    station_id: Annotated[
+        StationId | None, Field(description="the station where it stands; null in the air")
+    ]
+    position: Annotated[Position | None, Field(description="last longitude and latitude, degrees")]
+    activity: Annotated[Activity | None, Field(description="what the drone does now")]
+    mission_id: Annotated[MissionId | None, Field(description="the mission it is reserved for")]
+    health: Annotated[DroneHealth | None, Field(description="what the drone reports of itself")]
+    faults: Annotated[tuple[Fault, ...], Field(description="faults that are present now")]
+    failsafe: Annotated[
+        ActiveFailsafe | None, Field(description="the failsafe that the drone carries out now")
+    ]
+    last_seen_at: Annotated[
+        AwareDatetime | None, Field(description="moment of its last message, fleet time")
+    ]
 
 
 class RegisteredDrone(Drone):
-    """The answer to a registration: a token to enrol with, and an `mqtt` account; either works.
+    """A new drone with an enrolment token and a broker account; the drone needs one of them.
 
-    Both are shown this once; the account's password stops when the token is exchanged.
+    Both are shown only once. The account's password stops working when the token is exchanged.
     """
 
-    enrolment_token: str
-    mqtt: MqttAccount
+    enrolment_token: Annotated[
+        str, Field(description="token for POST /v1/enrolments; it is shown only once")
+    ]
+    mqtt: Annotated[MqttAccount, Field(description="account at the broker; it is shown only once")]
 
 
 class RegisteredDrones(JsonModel):
-    """The answer to the registration of a list, in its order."""
+    """The answer to the registration of a list of drones."""
 
-    items: tuple[RegisteredDrone, ...]
+    items: Annotated[
+        tuple[RegisteredDrone, ...], Field(description="the new drones, in the order of the list")
+    ]

@@ -1,4 +1,4 @@
-"""The drone models there are: the library's named ones always, and the table's."""
+"""All drone models: the library's named models and the models of the table."""
 
 from collections.abc import Mapping
 
@@ -25,22 +25,22 @@ async def every(connection: AsyncConnection) -> Models:
 
 
 async def put(tx: Tx, model: DroneModel) -> bool:
-    """Keep a model under its id; True when there was none.
+    """Store a model under its id; True when the id is new.
 
     Raises
     ------
     Conflict
-        The id names another model of the library, or of drones that are registered: what these
-        can do, and what was planned with them, must not change under way.
+        The id belongs to another model of the library, or to a model of registered drones. The
+        abilities of these drones must not change while plans use them.
     """
-    known = (await every(tx.connection)).get(model.model_id)
-    if known == model:
+    previous = (await every(tx.connection)).get(model.model_id)
+    if previous == model:
         return False
     if model.model_id in DRONE_MODELS:
         raise Conflict("NAMED_MODEL", f"{model.model_id} is one of Skyway's own drone models")
-    if known is not None and await _has_drones(tx, model.model_id):
+    if previous is not None and await _has_drones(tx, model.model_id):
         raise Conflict(
-            "MODEL_IN_USE", f"drones of model {model.model_id} are registered: take another id"
+            "MODEL_IN_USE", f"drones of model {model.model_id} are registered: choose another id"
         )
     row = {"model_id": model.model_id, "model": model.model_dump_json()}
     statement = tx.insert(drone_models).values(row)
@@ -49,7 +49,7 @@ async def put(tx: Tx, model: DroneModel) -> bool:
             index_elements=["model_id"], set_={"model": statement.excluded.model}
         )
     )
-    return known is None
+    return previous is None
 
 
 async def _has_drones(tx: Tx, model_id: DroneModelId) -> bool:

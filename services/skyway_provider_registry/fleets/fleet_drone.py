@@ -1,4 +1,4 @@
-"""A drone inside the registry: as it was registered, and what is known of it."""
+"""A drone inside the registry: its registration and its presence."""
 
 from dataclasses import dataclass
 from datetime import datetime
@@ -8,13 +8,13 @@ from skyway.drone.model import DroneModel
 from skyway.geo import Position
 from skyway.ids import DroneId, ProviderId, StationId
 from skyway_provider_registry.fleets.drone import Drone, MqttAccount, RegisteredDrone
-from skyway_provider_registry.fleets.states import DroneStateName, state_of
+from skyway_provider_registry.fleets.drone_states import DroneStateName, state_of
 from skyway_provider_registry.presence.drone_presence import Presence, condition_of
 
 
 @dataclass(frozen=True, slots=True)
 class FleetDrone:
-    """A registered drone; `initial_soc` is its charge until it tells of itself."""
+    """A registered drone; `initial_soc` is its charge until its first `state` message."""
 
     drone_id: DroneId
     provider_id: ProviderId
@@ -29,24 +29,24 @@ class FleetDrone:
     presence: Presence
 
     def state(self, wall_now: datetime) -> DroneStateName:
-        """Its one state at this moment of wall time."""
+        """Its state at this moment of wall time."""
         return state_of(self.presence, is_in_maintenance=self.is_in_maintenance, wall_now=wall_now)
 
     def shown(self, wall_now: datetime) -> Drone:
-        """What its provider sees of it."""
+        """The drone as its provider sees it."""
         return Drone.model_construct(**self._members(wall_now))
 
     def shown_once(self, wall_now: datetime, *, password: str, token: str) -> RegisteredDrone:
-        """What its provider sees at its registration: with what it enrols or logs in with."""
+        """The drone as its provider sees it once: with its token and its broker account."""
         account = MqttAccount(user_name=self.drone_id, password=password)
         return RegisteredDrone.model_construct(
             **self._members(wall_now), enrolment_token=token, mqtt=account
         )
 
     def _members(self, wall_now: datetime) -> dict[str, Any]:  # of every type
-        """The members of a `Drone`: valid already, and a fleet has thousands of the same model."""
-        told = self.presence.state
-        condition = condition_of(told.condition if told else None)
+        """The members of a `Drone`, which are valid already; a fleet has thousands of drones."""
+        reported = self.presence.state
+        condition = condition_of(reported.condition if reported else None)
         position, soc = self.presence.place or (None, self.initial_soc)
         return {
             "drone_id": self.drone_id,
@@ -59,9 +59,9 @@ class FleetDrone:
             "registration": self.registration,
             "state": self.state(wall_now),
             "soc": soc,
-            "station_id": told.station_id if told else None,
+            "station_id": reported.station_id if reported else None,
             "position": position,
-            "activity": told.activity if told else None,
+            "activity": reported.activity if reported else None,
             "mission_id": self.presence.mission_id,
             "health": condition.health,
             "faults": condition.faults,

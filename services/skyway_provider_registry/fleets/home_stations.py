@@ -1,4 +1,4 @@
-"""Where drones are at home: composition knows which stations there are."""
+"""Looks up home stations: composition owns the networks and their stations."""
 
 from collections.abc import Iterable
 from typing import Protocol
@@ -9,21 +9,21 @@ from skyway.runtime.http.client import ServiceClient
 
 
 class StationLookup(Protocol):
-    """Who can say which stations exist, and where."""
+    """Answers which stations exist, and their positions."""
 
     async def check(self, station_ids: Iterable[StationId]) -> StationCheck:
-        """The known ones of these stations with their positions, and the unknown ones."""
+        """The positions of the existing stations among these, and the unknown station ids."""
         ...
 
 
 class CompositionStations:
-    """`StationLookup` by asking composition."""
+    """`StationLookup` that asks composition."""
 
     def __init__(self, composition: ServiceClient) -> None:
         self._composition = composition
 
     async def check(self, station_ids: Iterable[StationId]) -> StationCheck:
-        """The known ones of these stations with their positions, and the unknown ones."""
+        """The positions of the existing stations among these, and the unknown station ids."""
         query = StationCheckQuery(station_ids=tuple(dict.fromkeys(station_ids)))
         return await self._composition.call(
             "POST", "/internal/station-checks", body=query, answer=StationCheck

@@ -1,4 +1,4 @@
-"""Registering drones: their ids, accounts and answer are made first, and then kept in one write."""
+"""Registration: checks new drones, prepares their ids, accounts and answer, and stores them."""
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ from skyway_provider_registry.presence.drone_presence import NEVER_SEEN
 
 @dataclass(frozen=True, slots=True)
 class PreparedDrones:
-    """Drones that are not kept yet: what is kept of them, and what is answered."""
+    """New drones that are not stored yet: the rows to store, and the answer."""
 
     drones: tuple[FleetDrone, ...]
     password_hashes: Mapping[DroneId, str]
@@ -46,23 +46,23 @@ def prepare(
     mint: Mint,
     clock: FleetClock,
 ) -> PreparedDrones:
-    """The drones as they will be kept: plain computing, to be done in a thread."""
+    """The drones as they will be stored; this only computes, so run it in a thread."""
     now, wall_now = clock.now(), clock.wall_now()
     drones = tuple(
         FleetDrone(
             drone_id=DroneId(mint("drn")),
             provider_id=provider_id,
-            model=models[wanted.model_id],
-            home_station_id=wanted.home_station_id,
-            home_position=stations.positions[wanted.home_station_id],
-            name=wanted.name,
-            registration=wanted.registration,
-            initial_soc=wanted.soc,
+            model=models[new_drone.model_id],
+            home_station_id=new_drone.home_station_id,
+            home_position=stations.positions[new_drone.home_station_id],
+            name=new_drone.name,
+            registration=new_drone.registration,
+            initial_soc=new_drone.soc,
             is_in_maintenance=False,
             created_at=now,
             presence=NEVER_SEEN,
         )
-        for wanted in new_drones
+        for new_drone in new_drones
     )
     passwords, hashes = new_passwords(drone.drone_id for drone in drones)
     shown_tokens = {drone.drone_id: new_token() for drone in drones}
@@ -80,8 +80,8 @@ def prepare(
     )
 
 
-async def keep(tx: Tx, prepared: PreparedDrones) -> None:
-    """Keep drones, their accounts, tokens and room for what they will tell: all or none."""
+async def store_drones(tx: Tx, prepared: PreparedDrones) -> None:
+    """Store drones, their presence, accounts and tokens: all or none."""
     change = await next_change(tx)
     await store.add(tx, prepared.drones)
     await sightings.begin(tx, prepared.password_hashes, change=change)
@@ -90,8 +90,8 @@ async def keep(tx: Tx, prepared: PreparedDrones) -> None:
 
 
 @dataclass(frozen=True, slots=True)
-class Fault:
-    """A field of one of the drones, counted from 0, and what is wrong with it."""
+class RegistrationFault:
+    """What is wrong with a field of one drone; `index` is its place in the list, from 0."""
 
     index: int
     field: str
@@ -103,10 +103,10 @@ def faults_of(
     *,
     models: Collection[DroneModelId],
     unknown_stations: Collection[StationId],
-) -> list[Fault]:
+) -> list[RegistrationFault]:
     """All faults, in the order of the drones."""
     return [
-        Fault(index, field, detail)
+        RegistrationFault(index, field, detail)
         for index, drone in enumerate(new_drones)
         for field, detail in _of_one(drone, models=models, unknown_stations=unknown_stations)
     ] + list(_repeated_registrations(new_drones))
@@ -124,12 +124,15 @@ def _of_one(
         yield "home_station_id", f"no station is called {drone.home_station_id!r}"
 
 
-def _repeated_registrations(new_drones: Sequence[NewDrone]) -> Iterator[Fault]:
+def _repeated_registrations(new_drones: Sequence[NewDrone]) -> Iterator[RegistrationFault]:
     first: dict[str, int] = {}
     for index, drone in enumerate(new_drones):
         if drone.registration is None:
             continue
-        known = first.setdefault(drone.registration, index)
-        if known != index:
-            detail = f"{drone.registration!r} is the registration of drone {known} in this list too"
-            yield Fault(index, "registration", detail)
+        first_index = first.setdefault(drone.registration, index)
+        if first_index != index:
+            detail = (
+                f"{drone.registration!r} is also the registration of drone {first_index}"
+                " in this list"
+            )
+            yield RegistrationFault(index, "registration", detail)

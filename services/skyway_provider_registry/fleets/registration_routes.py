@@ -1,4 +1,4 @@
-"""POST of drones: one, or a whole fleet at once."""
+"""POST of drones: one drone, or a whole fleet in one call."""
 
 import asyncio
 import json
@@ -27,11 +27,11 @@ from skyway_provider_registry.fleets.drone import (
 )
 from skyway_provider_registry.fleets.home_stations import StationLookup
 from skyway_provider_registry.fleets.registration import (
-    Fault,
     PreparedDrones,
+    RegistrationFault,
     faults_of,
-    keep,
     prepare,
+    store_drones,
 )
 from skyway_provider_registry.providers import store as providers
 
@@ -43,7 +43,7 @@ def _form_of(body: object) -> str:
     return "list" if isinstance(body, list) else "object"
 
 
-#: One drone, or a whole fleet at once.
+#: One drone, or a whole fleet in one call.
 NewDrones = Annotated[
     Annotated[NewDrone, Tag("object")]
     | Annotated[list[NewDrone], Field(min_length=1, max_length=MAX_NEW_DRONES), Tag("list")],
@@ -105,7 +105,7 @@ def registration_routes(
         answer = await asyncio.to_thread(form, ready)
 
         async def act(tx: Tx) -> Answer:
-            await keep(tx, ready)
+            await store_drones(tx, ready)
             return answer
 
         given = await once(
@@ -123,8 +123,8 @@ def registration_routes(
     return router
 
 
-def _refuse(faults: list[Fault], *, raw: bytes) -> None:
-    """Answer faults as a validator's complaints are answered, each with its place in the body."""
+def _refuse(faults: list[RegistrationFault], *, raw: bytes) -> None:
+    """Answer faults in the form of validation errors, each with its place in the body."""
     if not faults:
         return
     body = json.loads(raw)

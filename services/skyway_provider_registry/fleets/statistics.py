@@ -1,4 +1,4 @@
-"""What is told of all drones together."""
+"""Statistics of all drones: counts by state, and the lag of their messages."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -9,7 +9,7 @@ from pydantic import Field
 
 from skyway.contracts.message import FleetMoment
 from skyway.json_model import JsonModel
-from skyway_provider_registry.fleets.states import DroneStateName, state_named
+from skyway_provider_registry.fleets.drone_states import DroneStateName, state_named
 
 _NAMES: Final = (
     "is_in_maintenance",
@@ -21,32 +21,41 @@ _NAMES: Final = (
     "names_mission",
 )
 
-Seconds = Annotated[float | None, Field(description="wall seconds; null when nothing was heard")]
-
 
 class FleetStatistics(JsonModel):
-    """All drones now. Lag: of drones that are online, from a message's moment to our hearing it.
+    """All drones now. The lag is the time from sending the newest message to receiving it.
 
-    `states` and `samples` count what drones have sent in their present sessions: from one answer to
-    the next they grow by what was sent meanwhile.
+    The growth of `states` and `samples` between two answers is the number of messages in between.
     """
 
-    at: FleetMoment
-    drones: int
-    by_state: dict[DroneStateName, int]
-    states: int
-    samples: int
-    lag_mean_s: Seconds
-    lag_max_s: Seconds
+    at: Annotated[FleetMoment, Field(description="moment of the answer, fleet time")]
+    drones: Annotated[int, Field(description="number of drones")]
+    by_state: Annotated[
+        dict[DroneStateName, int], Field(description="number of drones in each state")
+    ]
+    states: Annotated[
+        int, Field(description="state messages that drones sent in their present sessions")
+    ]
+    samples: Annotated[
+        int, Field(description="telemetry messages that drones sent in their present sessions")
+    ]
+    lag_mean_s: Annotated[
+        float | None,
+        Field(description="mean lag of online drones, wall seconds; null without messages"),
+    ]
+    lag_max_s: Annotated[
+        float | None,
+        Field(description="largest lag of online drones, wall seconds; null without messages"),
+    ]
 
 
 def totals(rows: Sequence[Any], *, at: datetime, rate: float) -> FleetStatistics:
-    """The statistics of these groups of drones; Any: rows of a query."""
+    """The statistics of these groups of drones. Any: rows of a query."""
     by_state: Counter[DroneStateName] = Counter()
     for row in rows:
         by_state[state_named(**{name: getattr(row, name) for name in _NAMES})] += row.drones
-    online = [row for row in rows if row.is_online and row.heard]
-    heard = sum(row.heard for row in online)
+    online = [row for row in rows if row.is_online and row.received]
+    received = sum(row.received for row in online)
     late_ms = sum(float(row.late_ms) for row in online)
     latest_ms = max((row.latest_ms for row in online), default=None)
     return FleetStatistics(
@@ -55,6 +64,6 @@ def totals(rows: Sequence[Any], *, at: datetime, rate: float) -> FleetStatistics
         by_state=dict(sorted(by_state.items())),
         states=sum(int(row.states) for row in rows),
         samples=sum(int(row.samples) for row in rows),
-        lag_mean_s=late_ms / heard / 1000 / rate if heard else None,
+        lag_mean_s=late_ms / received / 1000 / rate if received else None,
         lag_max_s=None if latest_ms is None else latest_ms / 1000 / rate,
     )

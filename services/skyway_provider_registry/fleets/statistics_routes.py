@@ -23,10 +23,12 @@ def fleet_statistics_routes(*, db: Database, gate: ServiceGate, clock: FleetCloc
     async def get_fleet_statistics(caller: Annotated[Caller, Depends(gate)]) -> FleetStatistics:
         """How many drones are in which state now, and how late what they say is heard."""
         caller.must_be("provider", "operator")
-        whose = ProviderId(caller.subject_id) if caller.role == "provider" else None
+        provider_id = ProviderId(caller.subject_id) if caller.role == "provider" else None
         since_ms = moment_to_ms(clock.wall_now() - SILENCE)
         async with db.read() as connection:
-            rows = await statistics_store.alike(connection, whose, heard_since_wall_ms=since_ms)
+            rows = await statistics_store.groups(
+                connection, provider_id, received_since_wall_ms=since_ms
+            )
         return totals(rows, at=clock.now(), rate=clock.rate)
 
     return router

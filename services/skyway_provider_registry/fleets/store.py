@@ -1,4 +1,4 @@
-"""All SQL of the fleets; every query is narrowed to what its caller may see."""
+"""All SQL of the fleets; each query finds only drones that its caller may see."""
 
 from collections.abc import Mapping, Sequence
 from typing import Final
@@ -18,28 +18,28 @@ from skyway.units import moment_to_ms, ms_to_moment
 from skyway_provider_registry.change_store import mark_removal
 from skyway_provider_registry.fleets import drone_model_store as drone_models
 from skyway_provider_registry.fleets.fleet_drone import FleetDrone
-from skyway_provider_registry.presence.store import KNOWN, presence_of, touch
+from skyway_provider_registry.presence.store import PRESENCE, presence_of, touch
 from skyway_provider_registry.providers.store import owned
 from skyway_provider_registry.tables import drones
 
 #: Registrations in one IN list.
 _CHUNK: Final = 500
 
-_known = KNOWN.subquery("known")
-_fleet = select(drones, *(c for c in _known.c if c.name != "drone_id")).join_from(
-    drones, _known, _known.c.drone_id == drones.c.drone_id
+_presence = PRESENCE.subquery("drone_presence")
+_fleet = select(drones, *(c for c in _presence.c if c.name != "drone_id")).join_from(
+    drones, _presence, _presence.c.drone_id == drones.c.drone_id
 )
 
 
 async def add(tx: Tx, new_drones: Sequence[FleetDrone]) -> None:
-    """Keep new drones.
+    """Store new drones.
 
     Raises
     ------
     Conflict
         The provider has a drone with one of these registrations.
     """
-    await _refuse_taken_registrations(tx, new_drones)
+    await _refuse_duplicate_registrations(tx, new_drones)
     rows = [
         {
             "drone_id": drone.drone_id,
@@ -65,12 +65,12 @@ async def add(tx: Tx, new_drones: Sequence[FleetDrone]) -> None:
 async def of_caller(
     connection: AsyncConnection, caller: Caller, *, provider_id: ProviderId, drone_id: DroneId
 ) -> FleetDrone:
-    """A drone of this provider, which is the caller's own.
+    """A drone of this provider, if the caller may see it.
 
     Raises
     ------
     NotFound
-        There is none, or it is another provider's.
+        There is no such drone, or the caller may not see it.
     """
     statement = _fleet.where(_is_own(caller, provider_id), drones.c.drone_id == drone_id)
     row = (await connection.execute(statement)).one_or_none()
@@ -79,13 +79,13 @@ async def of_caller(
     return _drone(row, await drone_models.every(connection))
 
 
-async def any_one(connection: AsyncConnection, drone_id: DroneId) -> FleetDrone:
-    """The drone, whoever asks.
+async def by_id(connection: AsyncConnection, drone_id: DroneId) -> FleetDrone:
+    """The drone with this id, for any caller.
 
     Raises
     ------
     NotFound
-        There is none.
+        There is no such drone.
     """
     row = (await connection.execute(_fleet.where(drones.c.drone_id == drone_id))).one_or_none()
     if row is None:
@@ -96,7 +96,7 @@ async def any_one(connection: AsyncConnection, drone_id: DroneId) -> FleetDrone:
 async def page_of_caller(
     connection: AsyncConnection, caller: Caller, *, provider_id: ProviderId, query: PageQuery
 ) -> Sequence[FleetDrone]:
-    """Up to limit + 1 drones of this provider, which is the caller's own, sorted by id."""
+    """Up to limit + 1 drones of this provider that the caller may see, sorted by id."""
     statement = _fleet.where(_is_own(caller, provider_id))
     if (after := query.after(str)) is not None:
         statement = statement.where(drones.c.drone_id > after[0])
@@ -113,18 +113,18 @@ async def change(
     drone_id: DroneId,
     values: Mapping[str, object],
 ) -> None:
-    """Set these columns of a drone of this provider, which is the caller's own.
+    """Set these columns of a drone, if the caller may change it.
 
     Raises
     ------
     NotFound
-        There is none, or it is another provider's.
+        There is no such drone, or the caller may not see it.
     Conflict
         The provider has another drone with this registration.
     """
     await touch(tx, drone_id)
     condition = _is_own(caller, provider_id) & (drones.c.drone_id == drone_id)
-    # Without a value to set this still finds out whether the drone is there.
+    # Without values this still checks that the drone exists.
     statement = update(drones).where(condition).values(values or {"name": drones.c.name})
     try:
         found = await tx.execute(statement)
@@ -135,23 +135,23 @@ async def change(
 
 
 async def remove(tx: Tx, caller: Caller, *, provider_id: ProviderId, drone_id: DroneId) -> None:
-    """Forget a drone of this provider, which is the caller's own, and all that is known of it."""
+    """Delete a drone, if the caller may change it, with its presence."""
     await mark_removal(tx)
     condition = _is_own(caller, provider_id) & (drones.c.drone_id == drone_id)
     if (await tx.execute(delete(drones).where(condition))).rowcount == 0:
         raise NotFound("drone", drone_id)
 
 
-async def _refuse_taken_registrations(tx: Tx, new_drones: Sequence[FleetDrone]) -> None:
-    """Name the registration at fault while that can still be found out."""
-    wanted = [drone.registration for drone in new_drones if drone.registration is not None]
+async def _refuse_duplicate_registrations(tx: Tx, new_drones: Sequence[FleetDrone]) -> None:
+    """Find the registration that another drone has; the error of the database names none."""
+    registrations = [drone.registration for drone in new_drones if drone.registration is not None]
     provider_ids = {drone.provider_id for drone in new_drones}
-    for start in range(0, len(wanted), _CHUNK):
-        taken = select(drones.c.registration).where(
+    for start in range(0, len(registrations), _CHUNK):
+        duplicates = select(drones.c.registration).where(
             drones.c.provider_id.in_(provider_ids),
-            drones.c.registration.in_(wanted[start : start + _CHUNK]),
+            drones.c.registration.in_(registrations[start : start + _CHUNK]),
         )
-        found = (await tx.execute(taken.limit(1))).scalar()
+        found = (await tx.execute(duplicates.limit(1))).scalar()
         if found is not None:
             raise _conflict(repr(found))
 

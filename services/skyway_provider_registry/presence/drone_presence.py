@@ -1,4 +1,4 @@
-"""What is known of a drone from its own messages and from composition's mission reports."""
+"""The presence of a drone, from its own messages and composition's mission reports."""
 
 from dataclasses import dataclass
 from datetime import datetime, timedelta
@@ -13,45 +13,45 @@ from skyway.json_model import WireModel
 
 
 class Condition(WireModel):
-    """What a `state` message says of the drone's health, and of what it does by itself."""
+    """The health, faults and active failsafe of a `state` message."""
 
     health: DroneHealth | None = None
     faults: tuple[Fault, ...] = ()
     failsafe: ActiveFailsafe | None = None
 
 
-#: Of a drone that has not told of itself.
-NOT_TOLD = Condition()
+#: The condition of a drone without a `state` message.
+NO_CONDITION = Condition()
 
 
 def condition_text(state: DroneState) -> str | None:
-    """The JSON of a `Condition`; None when there is nothing to say."""
+    """The JSON of a `Condition`; None when it would be empty."""
     if state.health is None and not state.faults and state.failsafe is None:
         return None
-    told = Condition.model_construct(
+    condition = Condition.model_construct(
         health=state.health, faults=state.faults, failsafe=state.failsafe
     )
-    return told.model_dump_json(exclude_defaults=True)
+    return condition.model_dump_json(exclude_defaults=True)
 
 
 def condition_of(text: str | None) -> Condition:
-    """What `condition_text` made a text of."""
-    return NOT_TOLD if text is None else Condition.read(text)
+    """The condition in a text that `condition_text` made."""
+    return NO_CONDITION if text is None else Condition.read(text)
 
 
 ConnectionStatus = Literal["ONLINE", "OFFLINE", "LOST"]
 Activity = Literal["IDLE", "LOADING", "FLYING", "WAITING", "RECHARGING", "DELIVERING", "DOWN"]
 
-#: Wall time without a word after which a drone is not believed to be online: three of the state
-#: messages that are due every 30 s. A broker that was killed never sent the last wills.
+#: A drone without a message for this long counts as offline, wall time: it has missed three of the
+#: `state` messages that are due every 30 s. A killed broker sends no last wills.
 SILENCE = timedelta(seconds=100)
 
 
 @dataclass(frozen=True, slots=True)
 class LastState:
-    """The newest `state` message, as far as the registry needs it.
+    """The part of the newest `state` message that the registry needs.
 
-    `condition` is the JSON of its `Condition`: selection reads states, and never that.
+    `condition` is the JSON of a `Condition`; selection reads many states and never needs it parsed.
     """
 
     session: int
@@ -75,10 +75,10 @@ class LastSample:
 
 @dataclass(frozen=True, slots=True)
 class Presence:
-    """All that is known of a drone now; None where nothing has been heard.
+    """The presence of a drone now; None where no message has been received.
 
-    `mission_id` is the mission it is said to be on, by itself or by composition;
-    `mission_state` is composition's word on it.
+    `mission_id` comes from the drone or from composition, `mission_state` from composition alone;
+    `names_mission` is True when the drone's last `state` message names this mission too.
     """
 
     connection: ConnectionStatus | None = None
@@ -91,17 +91,17 @@ class Presence:
     last_seen_wall_at: datetime | None = None
 
     def is_online(self, wall_now: datetime) -> bool:
-        """Whether the drone is connected and has been heard of lately."""
+        """Whether the drone is connected and has sent a message lately."""
         if self.connection != "ONLINE" or self.last_seen_wall_at is None:
             return False
         return wall_now - self.last_seen_wall_at <= SILENCE
 
     @property
     def place(self) -> tuple[Position, float] | None:
-        """Position and charge: the state's, or a later sample's while the drone moves or charges.
+        """Position and charge: of the state, or of a later sample while the drone moves or charges.
 
-        Only samples of the state's own session are compared with it by their moments: two clocks
-        of one drone must never decide what comes later.
+        A sample is compared with the state only within one session: a drone's clock may differ
+        between two sessions.
         """
         if self.state is None:
             return None
@@ -117,5 +117,5 @@ class Presence:
         return self.state.position, self.state.soc
 
 
-#: A drone that has been registered and has not been heard of.
+#: The presence of a registered drone that has sent no message.
 NEVER_SEEN = Presence()

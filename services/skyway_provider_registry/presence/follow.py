@@ -1,4 +1,4 @@
-"""Listening to what drones say of themselves: one transaction for all that has arrived."""
+"""Follows the presence messages of drones: one transaction for each batch."""
 
 import asyncio
 from collections.abc import AsyncIterator, Callable, Sequence
@@ -15,13 +15,13 @@ from skyway.runtime.mqtt.client import Received
 from skyway.runtime.mqtt.inbox import BATCH_SIZE
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry.presence.newest import newest
-from skyway_provider_registry.presence.sighting_store import Heard, record
+from skyway_provider_registry.presence.sighting_store import ReceptionTime, record
 from skyway_provider_registry.presence.store import owners
 
-#: What drones say of themselves, in the order of their ids {p}, {d}.
+#: The topics of presence; the ids of each are {p}, {d}.
 PRESENCE_TOPICS: Final[tuple[Topic[Any], ...]] = (CONNECTION, STATE, TELEMETRY)
 
-#: Whoever else wants to know what registered drones measure; it takes the samples and is done.
+#: Gets the samples of registered drones; it must return without waiting.
 Samples = Sequence[tuple[DroneId, Telemetry]]
 Listener = Callable[[Samples], None]
 
@@ -29,10 +29,10 @@ Batches = AsyncIterator[list[Received[Any]]]  # messages of all three topics
 
 
 class PresenceFollower:
-    """Takes batches one by one; a batch that could not be kept is tried again, not lost.
+    """Stores batches one by one; a batch that could not be stored is tried again.
 
-    After each it waits `pause_s` of wall time: drones in flight tell of themselves every second,
-    each at another moment, and a transaction for each would cost far more than what it holds.
+    After each batch it waits `pause_s` of wall time. Each drone in flight sends a message every
+    second, and a transaction for each message would cost far more than the message.
     """
 
     def __init__(
@@ -48,15 +48,15 @@ class PresenceFollower:
         self._pause_s = pause_s
         self._listener = listener
         self._recorder = Recorder(db, clock)
-        self._taken: Sequence[Received[Any]] = ()
+        self._batch: Sequence[Received[Any]] = ()
 
     async def step(self) -> bool:
-        """Keep the next batch; always True, since waiting for it is all the waiting there is."""
-        if not self._taken:
-            self._taken = await anext(self._batches)
-        self._listener(await self._recorder.record(self._taken))
-        is_full = len(self._taken) >= BATCH_SIZE
-        self._taken = ()
+        """Step of a loop: store the next batch; always True, since this step itself waits."""
+        if not self._batch:
+            self._batch = await anext(self._batches)
+        self._listener(await self._recorder.record(self._batch))
+        is_full = len(self._batch) >= BATCH_SIZE
+        self._batch = ()
         if not is_full:
             await asyncio.sleep(self._pause_s)
         return True
@@ -64,10 +64,10 @@ class PresenceFollower:
 
 @dataclass(frozen=True, slots=True)
 class Recorder:
-    """Keeps what batches say of registered drones, under the name of their own provider only.
+    """Stores messages of registered drones that arrive under their own provider.
 
-    The broker lets a drone write below any provider's name, so only {d} is to be trusted. Whose a
-    drone is never changes, so it is remembered; of a drone that was removed nothing is kept.
+    The broker lets a drone publish under any provider, so only the id {d} can be trusted. A drone's
+    provider never changes, so it is cached. Messages of removed drones are not stored.
     """
 
     db: Database
@@ -75,7 +75,7 @@ class Recorder:
     owners: dict[DroneId, ProviderId] = field(default_factory=dict)
 
     async def record(self, batch: Sequence[Received[Any]]) -> Samples:
-        """Keep the newest of each drone and topic, in one transaction; all samples are returned."""
+        """Store the newest message per drone and topic; the result is all samples."""
         await self._find_owners({DroneId(item.ids[1]) for item in batch})
         own = [item for item in batch if self.owners.get(DroneId(item.ids[1])) == item.ids[0]]
         if len(own) < len(batch):
@@ -86,9 +86,9 @@ class Recorder:
             )
         sightings = newest((DroneId(item.ids[1]), item.message) for item in own)
         if sightings:
-            heard = Heard(fleet_at=self.clock.now(), wall_at=self.clock.wall_now())
+            received_at = ReceptionTime(fleet_at=self.clock.now(), wall_at=self.clock.wall_now())
             async with self.db.write() as tx:
-                await record(tx, sightings, heard)
+                await record(tx, sightings, received_at)
         return [(DroneId(item.ids[1]), item.message) for item in own if item.topic is TELEMETRY]
 
     async def _find_owners(self, drone_ids: set[DroneId]) -> None:

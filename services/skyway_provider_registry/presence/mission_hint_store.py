@@ -1,4 +1,4 @@
-"""The SQL that keeps composition's words on missions, for a while after their end."""
+"""All SQL of mission hints: the reported state of each mission, kept for a day after its end."""
 
 from collections.abc import Sequence
 from datetime import datetime
@@ -14,17 +14,17 @@ from skyway_provider_registry.change_store import next_change
 from skyway_provider_registry.presence.store import TOUCH
 from skyway_provider_registry.tables import drones, mission_hints
 
-#: Wall ms that an ended mission is remembered, so that a late copy of a report revives none.
+#: Wall ms for which an ended mission is kept, so that a late copy of a report does not revive it.
 _REMEMBERED_MS: Final = 24 * 3600 * 1000
 
 
-async def record_reports(tx: Tx, reports: Sequence[MissionReport], *, wall_at: datetime) -> None:
-    """Keep composition's words on missions that are news, and of drones of their own provider.
+async def store_reports(tx: Tx, reports: Sequence[MissionReport], *, wall_at: datetime) -> None:
+    """Store reports that are new, of drones of the named provider.
 
-    What comes between two reports of the same state says the same, so keeping the first will do.
+    Only the first report of each mission state is stored: later ones would change nothing.
     """
     change, wall_ms = await next_change(tx), moment_to_ms(wall_at)
-    words = [
+    rows = [
         {
             "mission_id": report.mission_id,
             "about": report.drone_id,
@@ -36,18 +36,16 @@ async def record_reports(tx: Tx, reports: Sequence[MissionReport], *, wall_at: d
         }
         for report in reports
     ]
-    await tx.execute(_KEEP_WORD, words)
-    await tx.execute(TOUCH, [{"about": word["about"], "change": change} for word in words])
+    await tx.execute(_STORE_REPORT, rows)
+    await tx.execute(TOUCH, [{"about": row["about"], "change": change} for row in rows])
     before_ms = wall_ms - _REMEMBERED_MS
-    ended = [
-        {"about": word["about"], "before_ms": before_ms} for word in words if not word["is_live"]
-    ]
+    ended = [{"about": row["about"], "before_ms": before_ms} for row in rows if not row["is_live"]]
     if ended:
-        await tx.execute(_FORGET, ended)
+        await tx.execute(_DELETE_OLD, ended)
 
 
-def _keep_word() -> Insert:
-    """An insert of composition's word, unless its drone is not the provider's, or it is no news."""
+def _store_report() -> Insert:
+    """An insert of a report that is new and whose drone belongs to the named provider."""
     names = ("seq", "mission_state", "is_live", "reported_wall_ms")
     values = [
         bindparam(name, type_=mission_hints.c[name].type).label(name)
@@ -57,18 +55,18 @@ def _keep_word() -> Insert:
         drones.c.drone_id == bindparam("about", type_=Text),
         drones.c.provider_id == bindparam("of_provider", type_=Text),
     )
-    # SQLite's compiler takes it as it is: both spell ON CONFLICT the same.
+    # This also works with SQLite: both dialects write ON CONFLICT in the same way.
     new = postgresql.insert(mission_hints).from_select(["drone_id", "mission_id", *names], own)
-    is_news = (mission_hints.c.seq < new.excluded.seq) & (
+    is_new = (mission_hints.c.seq < new.excluded.seq) & (
         mission_hints.c.mission_state != new.excluded.mission_state
     )
     changed = {name: new.excluded[name] for name in names}
-    return new.on_conflict_do_update(index_elements=["mission_id"], set_=changed, where=is_news)
+    return new.on_conflict_do_update(index_elements=["mission_id"], set_=changed, where=is_new)
 
 
-# Made once: to make one takes as long as to run it.
-_KEEP_WORD: Final = _keep_word()
-_FORGET: Final = delete(mission_hints).where(
+# Built once: building a statement takes as long as running it.
+_STORE_REPORT: Final = _store_report()
+_DELETE_OLD: Final = delete(mission_hints).where(
     mission_hints.c.drone_id == bindparam("about", type_=Text),
     mission_hints.c.is_live.is_(False),
     mission_hints.c.reported_wall_ms < bindparam("before_ms", type_=BigInteger),

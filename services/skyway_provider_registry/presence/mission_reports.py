@@ -1,7 +1,7 @@
-"""Composition's mission reports: those that arrive together are kept in one transaction.
+"""Stores composition's mission reports: reports that arrive together share a transaction.
 
-A transaction costs several times what a report in it does, and a report is a hint that may come a
-little later: composition's own index decides which drones are busy.
+A transaction costs several times as much as a report. A report is only a hint, so it may be stored
+a little later: composition's own index decides which drones are busy.
 """
 
 import asyncio
@@ -12,19 +12,19 @@ from skyway.contracts.mission import MissionReport
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.pace import Pace
 from skyway.runtime.sql.database import Database
-from skyway_provider_registry.presence.mission_hint_store import record_reports
+from skyway_provider_registry.presence.mission_hint_store import store_reports
 
 
 @dataclass(slots=True)
 class _Batch:
-    """Reports that share a transaction, from the first that waits until they are on disk."""
+    """Reports that share a transaction; `is_stored` once they are on disk."""
 
     reports: list[MissionReport] = field(default_factory=list)
-    is_kept: bool = False
+    is_stored: bool = False
 
 
 class ReportKeeper:
-    """Keeps what reports say of drones; the one that waits longest writes for all that wait."""
+    """Stores reports; the caller that waits longest writes for all callers that wait."""
 
     def __init__(self, db: Database, clock: FleetClock, pace: Pace) -> None:
         self._db = db
@@ -34,12 +34,12 @@ class ReportKeeper:
         self._next = _Batch()
 
     async def keep(self, reports: Iterable[MissionReport]) -> None:
-        """Return once the reports are on disk; one that is known, or of no drone, is nothing."""
+        """Return once the reports are on disk; repeated reports and unknown drones are ignored."""
         batch = self._next
         batch.reports.extend(reports)
         async with self._writing:
-            # Else somebody has written it; who failed to leaves it to the next that waits for it.
-            if not batch.is_kept:
+            # Another caller may have stored the batch. After a failure the next caller tries again.
+            if not batch.is_stored:
                 await self._write(batch)
 
     async def _write(self, batch: _Batch) -> None:
@@ -47,5 +47,5 @@ class ReportKeeper:
         if self._next is batch:
             self._next = _Batch()
         async with self._db.write() as tx:
-            await record_reports(tx, batch.reports, wall_at=self._clock.wall_now())
-        batch.is_kept = True
+            await store_reports(tx, batch.reports, wall_at=self._clock.wall_now())
+        batch.is_stored = True

@@ -1,4 +1,4 @@
-"""Which of a drone's messages counts: the newest by its own numbering, never by arrival."""
+"""Which message of a drone counts: the newest by the drone's own numbers, not by arrival."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -10,13 +10,13 @@ from skyway.ids import DroneId
 PresenceMessage = Connection | DroneState | Telemetry
 M = TypeVar("M", Connection, DroneState, Telemetry)
 
-#: Of one connection: it begins ONLINE, and may be LOST or end with the drone's own OFFLINE.
+#: The order of states of one connection: it begins ONLINE and ends LOST or OFFLINE.
 _RANKS = {"ONLINE": 0, "LOST": 1, "OFFLINE": 2}
 
 
 @dataclass(frozen=True, slots=True)
 class Sighting:
-    """The newest message of each topic that a batch held of one drone."""
+    """The newest message of one drone in a batch, for each topic."""
 
     connection: Connection | None = None
     state: DroneState | None = None
@@ -24,10 +24,10 @@ class Sighting:
 
 
 def order_of(message: PresenceMessage) -> tuple[int, int, int]:
-    """Where a message stands among those of its drone and topic.
+    """The place of a message among the messages of its drone and topic.
 
-    (session, seq, 0), or (session, connection_number, rank) for a `Connection`: the last will of
-    an older connection comes before the present one, whenever it arrives.
+    (session, seq, 0), or (session, connection_number, rank) for a `Connection`. So the last will of
+    an older connection counts as older than the present connection, whenever it arrives.
     """
     if isinstance(message, Connection):
         return message.session, message.connection_number, _RANKS[message.status]
@@ -38,16 +38,18 @@ def newest(messages: Iterable[tuple[DroneId, PresenceMessage]]) -> dict[DroneId,
     """The newest message per drone and topic, sorted by drone."""
     sightings: dict[DroneId, Sighting] = {}
     for drone_id, message in messages:
-        known = sightings.get(drone_id, Sighting())
+        sighting = sightings.get(drone_id, Sighting())
         if isinstance(message, Connection):
-            known = replace(known, connection=_later(known.connection, message))
+            sighting = replace(sighting, connection=_later(sighting.connection, message))
         elif isinstance(message, DroneState):
-            known = replace(known, state=_later(known.state, message))
+            sighting = replace(sighting, state=_later(sighting.state, message))
         else:
-            known = replace(known, sample=_later(known.sample, message))
-        sightings[drone_id] = known
+            sighting = replace(sighting, sample=_later(sighting.sample, message))
+        sightings[drone_id] = sighting
     return dict(sorted(sightings.items()))
 
 
-def _later(known: M | None, message: M) -> M:
-    return message if known is None or order_of(message) > order_of(known) else known
+def _later(previous: M | None, message: M) -> M:
+    if previous is None or order_of(message) > order_of(previous):
+        return message
+    return previous

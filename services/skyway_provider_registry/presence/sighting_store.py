@@ -1,4 +1,4 @@
-"""The SQL that keeps what drones say: guarded updates, so that it never moves backwards."""
+"""All SQL that stores messages of drones: only a newer message replaces an older one."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -18,37 +18,37 @@ from skyway_provider_registry.tables import presence
 _ORDER_OF_CONNECTION: Final = ("connection_session", "connection_number", "connection_rank")
 _ORDER_OF_STATE: Final = ("state_session", "state_seq")
 _ORDER_OF_SAMPLE: Final = ("sample_session", "sample_seq")
-#: What a message's place in its topic is called among a statement's parameters.
+#: The parameter for a message's place in its topic, from the column's name.
 _NEW: Final = "new_{}".format
 
 
 @dataclass(frozen=True, slots=True)
-class Heard:
-    """When something was heard, in both times."""
+class ReceptionTime:
+    """When a batch was received, in fleet time and in wall time."""
 
     fleet_at: datetime
     wall_at: datetime
 
 
 async def begin(tx: Tx, drone_ids: Iterable[DroneId], *, change: int) -> None:
-    """Make room for what new drones will tell."""
+    """Add the rows of new drones."""
     order = (*_ORDER_OF_CONNECTION, *_ORDER_OF_STATE, *_ORDER_OF_SAMPLE)
-    nothing_heard = dict.fromkeys(order, -1) | {"changed": change}
-    await tx.execute(presence.insert(), [{"drone_id": one, **nothing_heard} for one in drone_ids])
+    no_message = dict.fromkeys(order, -1) | {"changed": change}
+    await tx.execute(presence.insert(), [{"drone_id": one, **no_message} for one in drone_ids])
 
 
-async def record(tx: Tx, sightings: Mapping[DroneId, Sighting], heard: Heard) -> None:
-    """Keep what is newer than what is known, each topic by itself.
+async def record(tx: Tx, sightings: Mapping[DroneId, Sighting], received_at: ReceptionTime) -> None:
+    """Store each message that is newer than the stored one, separately for each topic.
 
-    The sightings are sorted by drone, so that two replicas cannot wait for each other.
+    The sightings are sorted by drone, so that two replicas cannot deadlock.
     """
-    change = await next_change(tx) if any(map(_counts, sightings.values())) else 0
+    change = await next_change(tx) if any(map(_affects_selection, sightings.values())) else 0
     connections, states, samples = [], [], []
     for drone_id, sighting in sightings.items():
         about = {
             "about": drone_id,
-            "last_seen_ms": moment_to_ms(heard.fleet_at),
-            "last_seen_wall_ms": moment_to_ms(heard.wall_at),
+            "last_seen_ms": moment_to_ms(received_at.fleet_at),
+            "last_seen_wall_ms": moment_to_ms(received_at.wall_at),
         }
         if (connection := sighting.connection) is not None:
             row = {"connection_status": connection.status, "changed": change}
@@ -89,8 +89,8 @@ async def record(tx: Tx, sightings: Mapping[DroneId, Sighting], heard: Heard) ->
             await tx.execute(_IF_LATER[order], rows)
 
 
-def _counts(sighting: Sighting) -> bool:
-    """Whether selection must know of it; of samples it does not."""
+def _affects_selection(sighting: Sighting) -> bool:
+    """Whether selection depends on it; it does not depend on samples."""
     return sighting.connection is not None or sighting.state is not None
 
 
@@ -100,14 +100,14 @@ def _order(names: tuple[str, ...], message: PresenceMessage) -> dict[str, Any]:
 
 
 def _if_later(names: tuple[str, ...]) -> Update:
-    """An update of one drone's row, which does nothing unless the message is later."""
-    known = tuple_(*(presence.c[name] for name in names))
+    """An update of one drone's row, which changes it only for a later message."""
+    stored = tuple_(*(presence.c[name] for name in names))
     new = {name: bindparam(_NEW(name), type_=BigInteger) for name in names}
     is_about = presence.c.drone_id == bindparam("about", type_=Text)
-    return presence.update().where(is_about, known < tuple_(*new.values())).values(new)
+    return presence.update().where(is_about, stored < tuple_(*new.values())).values(new)
 
 
-# Made once: to make one takes as long as to run it.
+# Built once: building a statement takes as long as running it.
 _IF_LATER: Final = {
     order: _if_later(order) for order in (_ORDER_OF_CONNECTION, _ORDER_OF_STATE, _ORDER_OF_SAMPLE)
 }

@@ -1,4 +1,4 @@
-"""The SQL by which presence is found, and by which its readers learn that it has changed."""
+"""All SQL that reads presence, and that marks presence as changed for its readers."""
 
 from collections.abc import Iterable
 from datetime import datetime
@@ -16,7 +16,7 @@ from skyway_provider_registry.change_store import next_change
 from skyway_provider_registry.presence.drone_presence import LastSample, LastState, Presence
 from skyway_provider_registry.tables import drones, mission_hints, presence
 
-#: Drone ids in one IN list: SQLite takes 32,766 parameters, plans want fewer.
+#: Drone ids in one IN list: SQLite allows 32,766 parameters, and short lists are planned faster.
 _CHUNK: Final = 500
 
 _live: Final = (
@@ -28,8 +28,8 @@ _live: Final = (
 _live_hint: Final = mission_hints.alias("live_hint")
 _own_hint: Final = mission_hints.alias("own_hint")
 
-#: All that is known of each drone: its own words, and composition's on its missions.
-KNOWN: Final = (
+#: The presence of each drone: its own messages, and composition's reports on its missions.
+PRESENCE: Final = (
     select(
         presence,
         _live_hint.c.mission_id.label("live_mission_id"),
@@ -41,7 +41,7 @@ KNOWN: Final = (
     .outerjoin(_live_hint, _live_hint.c.mission_id == _live.c.mission_id)
     .outerjoin(_own_hint, _own_hint.c.mission_id == presence.c.mission_id)
 )
-#: Has every reader read a drone again; made once, for every report of a mission.
+#: Makes every reader read a drone again; built once, since every mission report runs it.
 TOUCH: Final = (
     presence.update()
     .where(presence.c.drone_id == bindparam("about", type_=Text))
@@ -52,11 +52,11 @@ TOUCH: Final = (
 async def owners(
     connection: AsyncConnection, drone_ids: Iterable[DroneId]
 ) -> dict[DroneId, ProviderId]:
-    """The provider of each of these drones that is registered."""
-    asked = sorted(set(drone_ids))
+    """The provider of each registered drone among these."""
+    ids = sorted(set(drone_ids))
     found: dict[DroneId, ProviderId] = {}
-    for start in range(0, len(asked), _CHUNK):
-        some = drones.c.drone_id.in_(asked[start : start + _CHUNK])
+    for start in range(0, len(ids), _CHUNK):
+        some = drones.c.drone_id.in_(ids[start : start + _CHUNK])
         columns = select(drones.c.drone_id, drones.c.provider_id).where(some)
         rows = await connection.execute(columns)
         found.update((row.drone_id, row.provider_id) for row in rows)
@@ -64,7 +64,7 @@ async def owners(
 
 
 async def cut_off(tx: Tx, drone_id: DroneId) -> None:
-    """Take a drone for lost: whom Mosquitto puts out, its last will is not sent."""
+    """Count a drone as lost: Mosquitto sends no last will for a client that it disconnects."""
     change = await next_change(tx)
     was_connected = (presence.c.drone_id == drone_id) & presence.c.connection_status.is_not(None)
     await tx.execute(
@@ -73,13 +73,13 @@ async def cut_off(tx: Tx, drone_id: DroneId) -> None:
 
 
 async def touch(tx: Tx, drone_id: DroneId) -> None:
-    """Have every reader read this drone again."""
+    """Make every reader read this drone again."""
     change = await next_change(tx)
     await tx.execute(TOUCH, {"about": drone_id, "change": change})
 
 
 def presence_of(row: AnyRow) -> Presence:
-    """What is known of a drone, from a row with the columns of `KNOWN`."""
+    """The presence in a row with the columns of `PRESENCE`."""
     state = sample = None
     if row.activity is not None:
         state = LastState(
@@ -111,7 +111,7 @@ def presence_of(row: AnyRow) -> Presence:
 
 
 def _mission_of(row: AnyRow) -> MissionId | None:
-    """The mission a drone is on; its own word does not count once composition said it is over."""
+    """The drone's mission; a mission that the drone names is ignored once composition ended it."""
     if row.live_mission_id is not None:
         return MissionId(row.live_mission_id)
     is_over = row.own_mission_is_live is not None and not row.own_mission_is_live

@@ -1,1 +1,1 @@
-"""Providers: who owns a fleet, and what they ask for a delivery."""
+"""Providers: the owners of fleets, with their tariffs and terms."""

@@ -1,6 +1,6 @@
 """A provider: its name, its tariff and its terms."""
 
-from typing import Annotated, Literal, TypeVar
+from typing import Annotated, Final, Literal, TypeVar
 
 from pydantic import AwareDatetime, Field, field_validator
 
@@ -11,30 +11,45 @@ from skyway.json_model import JsonModel
 
 T = TypeVar("T")
 
-#: A SUSPENDED provider keeps its drones, which get no new missions.
+#: A SUSPENDED provider keeps its drones, but they get no new missions.
 ProviderState = Literal["ACTIVE", "SUSPENDED"]
 
-ProviderName = Annotated[str, Field(min_length=1, max_length=200)]
-Terms = Annotated[str, Field(max_length=10_000)]
+ProviderName = Annotated[
+    str,
+    Field(
+        min_length=1,
+        max_length=200,
+        description="name of the provider",
+        examples=["Hill Country Drones"],
+    ),
+]
+Terms = Annotated[str, Field(max_length=10_000, description="terms of delivery, as text")]
+
+_LOADING: Final = (
+    "AUTOMATIC: drones load without a person; CONFIRMED: a person weighs and confirms the packages"
+)
 
 
 class NewProvider(JsonModel):
-    """The body of POST /v1/providers; `loading` CONFIRMED has people weigh what is put on board."""
+    """A provider to register."""
 
     name: ProviderName
-    tariff: Tariff
-    terms: Terms | None = None
-    loading: Loading = "AUTOMATIC"
+    tariff: Annotated[Tariff, Field(description="how the provider computes its prices")]
+    terms: Annotated[Terms | None, Field(description="terms of delivery, as text")] = None
+    loading: Annotated[Loading, Field(description=_LOADING)] = "AUTOMATIC"
 
 
 class ProviderChange(JsonModel):
-    """The body of PATCH /v1/providers/{id}: what is left out stays as it is."""
+    """Changes of a provider: fields that are left out stay as they are."""
 
-    name: ProviderName | None = None
-    tariff: Tariff | None = None
-    terms: Terms | None = None
-    state: ProviderState | None = None
-    loading: Loading | None = None
+    name: Annotated[ProviderName | None, Field(description="new name")] = None
+    tariff: Annotated[Tariff | None, Field(description="new tariff")] = None
+    terms: Annotated[Terms | None, Field(description="new terms; null removes them")] = None
+    state: Annotated[
+        ProviderState | None,
+        Field(description="only operators change it; SUSPENDED drones get no new missions"),
+    ] = None
+    loading: Annotated[Loading | None, Field(description=_LOADING)] = None
 
     @field_validator("name", "tariff", "state", "loading")
     @classmethod
@@ -45,25 +60,29 @@ class ProviderChange(JsonModel):
 
 
 class ProviderCard(JsonModel):
-    """What customers see of a provider."""
+    """A provider as customers see it."""
 
-    provider_id: ProviderId
-    name: str
-    tariff: Tariff
+    provider_id: Annotated[ProviderId, Field(description="id of the provider")]
+    name: Annotated[str, Field(description="name of the provider")]
+    tariff: Annotated[Tariff, Field(description="how the provider computes its prices")]
 
 
 class Provider(JsonModel):
     """A registered provider."""
 
-    provider_id: ProviderId
-    name: str
-    tariff: Tariff
-    terms: str | None
-    state: ProviderState
-    loading: Loading
-    created_at: Annotated[AwareDatetime, Field(description="RFC 3339 UTC, fleet time")]
+    provider_id: Annotated[ProviderId, Field(description="id of the provider")]
+    name: Annotated[str, Field(description="name of the provider")]
+    tariff: Annotated[Tariff, Field(description="how the provider computes its prices")]
+    terms: Annotated[str | None, Field(description="terms of delivery, as text")]
+    state: Annotated[
+        ProviderState, Field(description="the drones of a SUSPENDED provider get no new missions")
+    ]
+    loading: Annotated[Loading, Field(description=_LOADING)]
+    created_at: Annotated[
+        AwareDatetime, Field(description="moment of its registration, fleet time")
+    ]
 
     @property
     def card(self) -> ProviderCard:
-        """What customers see of it."""
+        """The provider as customers see it."""
         return ProviderCard(provider_id=self.provider_id, name=self.name, tariff=self.tariff)

@@ -90,7 +90,7 @@ def provider_routes(
         caller.must_be("operator", "provider", "customer")
         async with db.read() as connection:
             if caller.role == "customer":
-                return (await store.any_one(connection, provider_id)).card
+                return (await store.by_id(connection, provider_id)).card
             return await store.of_caller(connection, caller, provider_id=provider_id)
 
     @router.patch("/v1/providers/{provider_id}")
@@ -102,7 +102,7 @@ def provider_routes(
         if wanted.state is not None and caller.role != "operator":
             raise AccessDenied("only an operator changes a provider's state")
         async with db.write() as tx:
-            await store.change(tx, caller, provider_id=provider_id, wanted=wanted)
+            await store.change(tx, caller, provider_id=provider_id, changes=wanted)
             return await store.of_caller(tx.connection, caller, provider_id=provider_id)
 
     return router

@@ -1,4 +1,4 @@
-"""All SQL of the providers; every query is narrowed to what its caller may see."""
+"""All SQL of the providers; each query finds only providers that its caller may see."""
 
 from collections.abc import Sequence
 
@@ -19,9 +19,9 @@ from skyway_provider_registry.tables import providers
 
 
 def owned(caller: Caller, provider_id: ColumnElement[str]) -> ColumnElement[bool]:
-    """Whether what belongs to a provider is the caller's to see and to change.
+    """Whether the caller may see and change the data of a provider.
 
-    Operators' is everything, a provider's its own, and nobody else's is anything.
+    An operator may for all providers, a provider for itself, and other callers for none.
     """
     if caller.role == "operator":
         return true()
@@ -31,7 +31,7 @@ def owned(caller: Caller, provider_id: ColumnElement[str]) -> ColumnElement[bool
 
 
 async def add(tx: Tx, provider: Provider) -> None:
-    """Keep a new provider."""
+    """Store a new provider."""
     await mark_providers(tx)
     row = {
         "provider_id": provider.provider_id,
@@ -46,23 +46,23 @@ async def add(tx: Tx, provider: Provider) -> None:
 
 
 async def change(
-    tx: Tx, caller: Caller, *, provider_id: ProviderId, wanted: ProviderChange
+    tx: Tx, caller: Caller, *, provider_id: ProviderId, changes: ProviderChange
 ) -> None:
-    """Change what is given.
+    """Change the fields that are given.
 
     Raises
     ------
     NotFound
-        There is no such provider, or it is not the caller's.
+        There is no such provider, or the caller may not see it.
     """
     values: dict[str, object] = {
-        field: getattr(wanted, field) for field in wanted.model_fields_set - {"tariff"}
+        field: getattr(changes, field) for field in changes.model_fields_set - {"tariff"}
     }
-    if wanted.tariff is not None:
-        values["tariff"] = wanted.tariff.model_dump_json()
+    if changes.tariff is not None:
+        values["tariff"] = changes.tariff.model_dump_json()
     await mark_providers(tx)
     condition = (providers.c.provider_id == provider_id) & owned(caller, providers.c.provider_id)
-    # Without a value to set this still finds out whether the provider is there.
+    # Without values this still checks that the provider exists.
     statement = update(providers).where(condition).values(values or {"name": providers.c.name})
     if (await tx.execute(statement)).rowcount == 0:
         raise NotFound("provider", provider_id)
@@ -71,26 +71,26 @@ async def change(
 async def of_caller(
     connection: AsyncConnection, caller: Caller, *, provider_id: ProviderId
 ) -> Provider:
-    """The caller's own provider, or for an operator any.
+    """The provider, if the caller may see all of it.
 
     Raises
     ------
     NotFound
-        There is no such provider, or it is not the caller's.
+        There is no such provider, or the caller may not see it.
     """
     condition = owned(caller, providers.c.provider_id)
     return await _one(connection, provider_id, condition)
 
 
-async def any_one(connection: AsyncConnection, provider_id: ProviderId) -> Provider:
-    """The provider, whoever asks."""
+async def by_id(connection: AsyncConnection, provider_id: ProviderId) -> Provider:
+    """The provider with this id, for any caller."""
     return await _one(connection, provider_id, true())
 
 
 async def page_of_caller(
     connection: AsyncConnection, caller: Caller, query: PageQuery
 ) -> Sequence[Provider]:
-    """Up to limit + 1 of the providers that are the caller's, sorted by id."""
+    """Up to limit + 1 providers that the caller may see, sorted by id."""
     return await _page(connection, query, owned(caller, providers.c.provider_id))
 
 

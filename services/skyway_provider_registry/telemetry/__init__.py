@@ -1,1 +1,4 @@
-"""What drones measured: every sample for a day, averages of minutes for a month, by time."""
+"""Telemetry: the samples of drones for a day, and averages of minutes for a month.
+
+`recorder` stores samples, `thinning` replaces old samples by minutes, and `query` reads pages.
+"""

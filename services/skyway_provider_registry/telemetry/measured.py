@@ -1,4 +1,8 @@
-"""What a drone measured, as it is shown: one sample, or a minute of them."""
+"""Telemetry as it is shown: samples or minutes, as JSON or as GeoJSON.
+
+GeoJSON has points, not one line: QGIS and kepler colour, filter and play points by an attribute and
+a time.
+"""
 
 from typing import Annotated, Any, Final
 
@@ -14,32 +18,40 @@ from skyway.units import ms_to_moment
 
 
 class Spread(JsonModel):
-    """The samples of a minute: how many, and between which values."""
+    """The samples of a minute: their number, and the least and largest values."""
 
-    samples: Annotated[int, Field(ge=1)]
-    min_soc: Soc
-    max_soc: Soc
-    min_power_w: float
-    max_power_w: float
-    min_speed_mps: float
-    max_speed_mps: float
+    samples: Annotated[int, Field(ge=1, description="number of samples in this minute")]
+    min_soc: Annotated[Soc, Field(description="least state of charge, 0 to 1")]
+    max_soc: Annotated[Soc, Field(description="largest state of charge, 0 to 1")]
+    min_power_w: Annotated[float, Field(description="least electrical power, watts")]
+    max_power_w: Annotated[float, Field(description="largest electrical power, watts")]
+    min_speed_mps: Annotated[float, Field(description="least ground speed, metres per second")]
+    max_speed_mps: Annotated[float, Field(description="largest ground speed, metres per second")]
 
 
 class Measured(JsonModel):
-    """A sample; or the minute that begins at `at`, with its means and its last position.
+    """A sample, or the means and the last position of the minute that begins at `at`.
 
     `spread` is null for a sample; voltage, temperature and range are null for a minute.
     """
 
-    at: FleetMoment
-    position: Position
-    soc: Soc
-    power_w: float
-    speed_mps: float
-    voltage_v: float | None = None
-    temperature_c: float | None = None
-    range_m: float | None = None
-    spread: Spread | None = None
+    at: Annotated[
+        FleetMoment, Field(description="moment of the sample or start of the minute, fleet time")
+    ]
+    position: Annotated[Position, Field(description="longitude and latitude, degrees")]
+    soc: Annotated[Soc, Field(description="state of charge, 0 to 1")]
+    power_w: Annotated[float, Field(description="electrical power drawn from the battery, watts")]
+    speed_mps: Annotated[float, Field(description="speed over ground, metres per second")]
+    voltage_v: Annotated[float | None, Field(description="battery voltage, volts")] = None
+    temperature_c: Annotated[
+        float | None, Field(description="battery temperature, degrees Celsius")
+    ] = None
+    range_m: Annotated[
+        float | None, Field(description="distance that the drone can still fly, metres")
+    ] = None
+    spread: Annotated[Spread | None, Field(description="least and largest values of a minute")] = (
+        None
+    )
 
 
 def sample_of(row: AnyRow) -> Measured:
@@ -78,7 +90,7 @@ def minute_of(row: AnyRow) -> Measured:
 
 GEOJSON: Final = "application/geo+json"
 
-_BESIDE: Final = {"at", "position", "spread"}
+_NOT_FLAT: Final = {"at", "position", "spread"}
 
 
 def feature_collection(drone_id: DroneId, page: Page[Measured]) -> dict[str, Any]:
@@ -91,12 +103,12 @@ def feature_collection(drone_id: DroneId, page: Page[Measured]) -> dict[str, Any
 
 
 def _feature(drone_id: DroneId, item: Measured) -> dict[str, Any]:
-    """One point; what a minute spreads over stands beside its means, since tools read no objects.
+    """One point; its properties are flat, because map tools read no nested objects.
 
     Any: a JSON document.
     """
     properties = {"drone_id": drone_id, "at": utc_text(item.at)}
-    properties |= item.model_dump(exclude=_BESIDE, exclude_none=True)
+    properties |= item.model_dump(exclude=_NOT_FLAT, exclude_none=True)
     if item.spread is not None:
         properties |= item.spread.model_dump()
     point = {"type": "Point", "coordinates": list(item.position)}

@@ -1,4 +1,4 @@
-"""What may be asked of a drone's telemetry."""
+"""A query of a drone's telemetry, and the page that answers it."""
 
 from dataclasses import replace
 from typing import Annotated, Final, Literal
@@ -17,32 +17,40 @@ from skyway_provider_registry.telemetry.store import MINUTE_MS, Span
 
 Resolution = Literal["raw", "minute"]
 
-#: The longest page; a time with more samples than that is shown by minutes.
+#: The longest page; `auto` shows a period with more samples by minutes.
 LONGEST_PAGE: Final = 2_000
 _EVER_MS: Final = 2**62
 
 
 class TelemetryQuery(PageQuery):
-    """``?from=&until=&resolution=&format=&limit=&cursor=``; without a time, all that is kept."""
+    """``?from=&until=&resolution=&format=&limit=&cursor=``; without a period, all telemetry."""
 
     from_at: Annotated[
-        FleetMoment | None, Field(alias="from", description="the first moment, fleet time")
+        FleetMoment | None,
+        Field(alias="from", description="the first moment, fleet time; all when left out"),
     ] = None
     until_at: Annotated[
-        FleetMoment | None, Field(alias="until", description="before this moment, fleet time")
+        FleetMoment | None,
+        Field(alias="until", description="end of the period, itself excluded, fleet time"),
     ] = None
     resolution: Annotated[
         Literal["raw", "minute", "auto"],
-        Field(description=f"auto: samples if all are kept and there are at most {LONGEST_PAGE}"),
+        Field(
+            description="raw: samples; minute: averages; auto: samples when all are stored and"
+            f" there are at most {LONGEST_PAGE}"
+        ),
     ] = "auto"
     format: Annotated[
-        Literal["json", "geojson"] | None, Field(description="else by the header Accept")
+        Literal["json", "geojson"] | None,
+        Field(description="format of the answer; without it the header Accept decides"),
     ] = None
-    limit: Annotated[int, Field(ge=1, le=LONGEST_PAGE)] = 500
+    limit: Annotated[
+        int, Field(ge=1, le=LONGEST_PAGE, description=f"most items of a page, 1 to {LONGEST_PAGE}")
+    ] = 500
 
     @property
-    def known_resolution(self) -> Resolution | None:
-        """What is asked for, or what the first page was; None when it is still to be chosen."""
+    def fixed_resolution(self) -> Resolution | None:
+        """The requested resolution, or that of the first page; None when it is not chosen yet."""
         if (after := self._after()) is not None:
             return after[0]
         return None if self.resolution == "auto" else self.resolution
@@ -53,7 +61,7 @@ class TelemetryQuery(PageQuery):
         until_ms = _EVER_MS if self.until_at is None else moment_to_ms(self.until_at)
         step_ms = 1
         if resolution == "minute":
-            # Whole minutes: of half a one the means would be others'.
+            # Whole minutes only: half a minute would have other averages.
             step_ms = MINUTE_MS
             from_ms -= from_ms % MINUTE_MS
             until_ms += -until_ms % MINUTE_MS
@@ -62,7 +70,7 @@ class TelemetryQuery(PageQuery):
         return Span(from_ms, until_ms, self.limit + 1)
 
     def _after(self) -> tuple[Resolution, int] | None:
-        """What the cursor stands after: the resolution of its list, and a row's moment."""
+        """The resolution of the cursor's list, and the moment of the last row before it."""
         after = super().after(str, int)
         if after is None:
             return None
@@ -78,9 +86,9 @@ class TelemetryQuery(PageQuery):
 async def page_of_telemetry(
     db: Database, drone_id: DroneId, query: TelemetryQuery
 ) -> Page[Measured]:
-    """What this drone measured in this time, the oldest first."""
+    """The drone's telemetry of this period, the oldest first."""
     async with db.survey() as connection:
-        resolution = query.known_resolution
+        resolution = query.fixed_resolution
         if resolution is None:
             whole = replace(query.span("raw"), most=LONGEST_PAGE)
             is_raw = await store.has_all_samples(connection, drone_id, whole)

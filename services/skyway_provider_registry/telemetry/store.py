@@ -1,4 +1,4 @@
-"""The SQL of telemetry: what is heard is added, and read by time."""
+"""All SQL that adds samples of telemetry, and that reads telemetry by time."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
@@ -41,8 +41,8 @@ _MOST: Final = bindparam("most", type_=Integer)
 
 
 @dataclass(frozen=True, slots=True)
-class HeardSample:
-    """A drone's sample, and the wall ms at which it was heard."""
+class ReceivedSample:
+    """A drone's sample, and the wall ms at which it was received."""
 
     drone_id: DroneId
     sample: Telemetry
@@ -51,32 +51,32 @@ class HeardSample:
 
 @dataclass(frozen=True, slots=True)
 class Span:
-    """A time that is read, from the first moment to before the last, and the most rows of it."""
+    """The period to read, `until_ms` excluded, and the most rows to read."""
 
     from_ms: int
     until_ms: int
     most: int
 
 
-async def add(tx: Tx, samples: Sequence[HeardSample]) -> None:
-    """Keep samples; of one drone and moment there is one, whoever hears it and however often."""
+async def add(tx: Tx, samples: Sequence[ReceivedSample]) -> None:
+    """Store samples; each drone and moment has one row, even when several replicas store it."""
     rows = [
         {
-            "drone_id": heard.drone_id,
-            "at_ms": moment_to_ms(heard.sample.at),
-            "heard_wall_ms": heard.wall_ms,
-            "longitude_deg": heard.sample.position[0],
-            "latitude_deg": heard.sample.position[1],
-            "soc": heard.sample.soc,
-            "power_w": heard.sample.power_w,
-            "speed_mps": heard.sample.speed_mps,
-            "voltage_v": heard.sample.voltage_v,
-            "temperature_c": heard.sample.temperature_c,
-            "range_m": heard.sample.range_m,
+            "drone_id": received.drone_id,
+            "at_ms": moment_to_ms(received.sample.at),
+            "heard_wall_ms": received.wall_ms,
+            "longitude_deg": received.sample.position[0],
+            "latitude_deg": received.sample.position[1],
+            "soc": received.sample.soc,
+            "power_w": received.sample.power_w,
+            "speed_mps": received.sample.speed_mps,
+            "voltage_v": received.sample.voltage_v,
+            "temperature_c": received.sample.temperature_c,
+            "range_m": received.sample.range_m,
         }
-        for heard in samples
+        for received in samples
     ]
-    # In the same order everywhere, so that two replicas cannot wait for each other.
+    # The same order in all replicas, so that two of them cannot deadlock.
     rows.sort(key=itemgetter("drone_id", "at_ms"))
     await tx.execute(_ADD, rows)
 
@@ -84,43 +84,44 @@ async def add(tx: Tx, samples: Sequence[HeardSample]) -> None:
 async def samples_between(
     connection: AsyncConnection, drone_id: DroneId, span: Span
 ) -> Sequence[AnyRow]:
-    """A drone's first samples of this time."""
+    """A drone's first samples of this period."""
     return await _read(connection, _SAMPLES, drone_id, span)
 
 
 async def minutes_between(
     connection: AsyncConnection, drone_id: DroneId, span: Span
 ) -> Sequence[AnyRow]:
-    """A drone's first minutes of this time: those that are kept, and those of its samples."""
-    # In this order: samples that are thinned between the two statements are then found twice.
+    """A drone's first minutes of this period: stored minutes, and minutes of its samples."""
+    # In this order, samples that are thinned between the two statements are found twice. In the
+    # other order they would be missed.
     fresh = await _read(connection, _FRESH_MINUTES, drone_id, span)
-    kept = await _read(connection, _KEPT_MINUTES, drone_id, span)
-    found = {row.at_ms: row for row in (*fresh, *kept)}
+    stored = await _read(connection, _STORED_MINUTES, drone_id, span)
+    found = {row.at_ms: row for row in (*fresh, *stored)}
     return [found[at_ms] for at_ms in sorted(found)[: span.most]]
 
 
 async def has_all_samples(connection: AsyncConnection, drone_id: DroneId, span: Span) -> bool:
-    """Whether no sample of this time was thinned, and there are at most `most`."""
-    thinned = await _read(connection, _KEPT_MINUTES, drone_id, replace(span, most=1))
+    """Whether no sample of this period was thinned, and there are at most `most` samples."""
+    thinned = await _read(connection, _STORED_MINUTES, drone_id, replace(span, most=1))
     return not (thinned or await _read(connection, _MORE_SAMPLES, drone_id, span))
 
 
 async def _read(
     connection: AsyncConnection, statement: Select[Any], drone_id: DroneId, span: Span
 ) -> Sequence[AnyRow]:
-    asked = {"about": drone_id, **asdict(span)}
-    rows: Sequence[AnyRow] = (await connection.execute(statement, asked)).all()
+    parameters = {"about": drone_id, **asdict(span)}
+    rows: Sequence[AnyRow] = (await connection.execute(statement, parameters)).all()
     return rows
 
 
 def moments_of(table: Table, *conditions: ColumnElement[bool]) -> Select[Any]:
-    """The moments of a drone's rows in order."""
+    """The moments of a drone's rows, in order."""
     of_drone = table.c.drone_id == ABOUT
     return select(table.c.at_ms).where(of_drone, *conditions).order_by(table.c.at_ms)
 
 
 def minutes_of_samples(*conditions: ColumnElement[bool]) -> Select[Any]:
-    """A drone's samples as rows of `telemetry_minutes`, each with the last place of its minute."""
+    """A drone's samples as rows of `telemetry_minutes`, with the last position of each."""
     minute = literal_column(str(MINUTE_MS), BigInteger)
     chosen = (
         select(telemetry_samples, (_samples.at_ms - _samples.at_ms % minute).label("minute_ms"))
@@ -157,16 +158,16 @@ def minutes_of_samples(*conditions: ColumnElement[bool]) -> Select[Any]:
 
 
 def _first_rows(table: Table) -> Select[Any]:
-    """A drone's first rows of a time, in order."""
-    in_time = and_(table.c.drone_id == ABOUT, table.c.at_ms >= _FROM, table.c.at_ms < UNTIL)
-    return select(table).where(in_time).order_by(table.c.at_ms).limit(_MOST)
+    """A drone's first rows of a period, in order."""
+    in_period = and_(table.c.drone_id == ABOUT, table.c.at_ms >= _FROM, table.c.at_ms < UNTIL)
+    return select(table).where(in_period).order_by(table.c.at_ms).limit(_MOST)
 
 
-# Statements are made once: to make one takes as long as to run it.
+# Statements are built once: building a statement takes as long as running it.
 
 _ADD: Final = postgresql.insert(telemetry_samples).on_conflict_do_nothing()
 _SAMPLES: Final = _first_rows(telemetry_samples)
-_KEPT_MINUTES: Final = _first_rows(telemetry_minutes)
-_IN_TIME: Final = (_samples.at_ms >= _FROM, _samples.at_ms < UNTIL)
-_MORE_SAMPLES: Final = moments_of(telemetry_samples, *_IN_TIME).limit(1).offset(_MOST)
-_FRESH_MINUTES: Final = minutes_of_samples(*_IN_TIME).limit(_MOST)
+_STORED_MINUTES: Final = _first_rows(telemetry_minutes)
+_IN_PERIOD: Final = (_samples.at_ms >= _FROM, _samples.at_ms < UNTIL)
+_MORE_SAMPLES: Final = moments_of(telemetry_samples, *_IN_PERIOD).limit(1).offset(_MOST)
+_FRESH_MINUTES: Final = minutes_of_samples(*_IN_PERIOD).limit(_MOST)

@@ -1,4 +1,4 @@
-"""Keeping less of what is older: minutes in the place of samples, then nothing."""
+"""Thins old telemetry: samples become minutes, and old minutes are deleted."""
 
 import asyncio
 from dataclasses import dataclass
@@ -11,27 +11,27 @@ from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
 from skyway_provider_registry.telemetry import thinning_store
 
-#: Wall seconds between two transactions, so that others come in between.
+#: Wall seconds between two transactions, so that other writers get a turn.
 PAUSE_S: Final = 0.1
 
 
 @dataclass(frozen=True, slots=True)
-class Keeping:
-    """How long samples, and then minutes, are kept: wall time from when they were heard."""
+class KeepTimes:
+    """How long samples and minutes are kept, wall time since they were received."""
 
     samples_for: timedelta
     minutes_for: timedelta
 
 
 class Thinning:
-    """One round after another through the drones of which anything is kept.
+    """Goes through all drones with telemetry, again and again.
 
-    Each transaction handles about five hundred rows of one drone. Replicas may do the same at the
-    same time: what one has done, the other finds done.
+    Each transaction handles about five hundred rows of one drone. Several replicas may do so at the
+    same time: rows that one replica has thinned are gone for the others.
     """
 
     def __init__(
-        self, db: Database, clock: FleetClock, keeping: Keeping, *, pause_s: float = PAUSE_S
+        self, db: Database, clock: FleetClock, keeping: KeepTimes, *, pause_s: float = PAUSE_S
     ) -> None:
         self._db = db
         self._clock = clock
@@ -40,7 +40,7 @@ class Thinning:
         self._done = ""
 
     async def step(self) -> bool:
-        """Thin what is kept of the next drone; False at the end of a round."""
+        """Step of a loop: thin the telemetry of the next drone; False at the end of a round."""
         async with self._db.read() as connection:
             drone_id = await thinning_store.next_drone(connection, after=self._done)
             if drone_id is None:
@@ -52,7 +52,7 @@ class Thinning:
             if is_registered:
                 has_more = await self._thin(drone_id)
             else:
-                has_more = await self._forget(drone_id)
+                has_more = await self._delete(drone_id)
             await asyncio.sleep(self._pause_s)
         self._done = drone_id
         return True
@@ -63,12 +63,12 @@ class Thinning:
         minutes_ms = moment_to_ms(wall_now - self._keeping.minutes_for)
         async with self._db.write() as tx:
             has_samples = await thinning_store.thin(tx, drone_id, heard_before_ms=samples_ms)
-            has_minutes = await thinning_store.forget_minutes(
+            has_minutes = await thinning_store.delete_minutes(
                 tx, drone_id, heard_before_ms=minutes_ms
             )
         return has_samples or has_minutes
 
-    async def _forget(self, drone_id: DroneId) -> bool:
-        """Nothing is kept of a drone that was removed."""
+    async def _delete(self, drone_id: DroneId) -> bool:
+        """Delete the telemetry of a removed drone."""
         async with self._db.write() as tx:
-            return await thinning_store.forget_all(tx, drone_id)
+            return await thinning_store.delete_all(tx, drone_id)

@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 from skyway_provider_registry.candidates.fleet_view import FleetView
-from skyway_provider_registry.candidates.reasons import KnownDrone
+from skyway_provider_registry.candidates.reasons import CachedDrone
 from skyway_provider_registry.presence.follow import Recorder
 
-from skyway.announced_networks.known_networks import KnownNetworks
+from skyway.announced_networks import CachedNetworks
 from skyway.contracts.drone_report import Connection, DroneState
 from skyway.contracts.topics import CONNECTION, STATE
 from skyway.drone.models import PAPER_SCENARIO
@@ -27,7 +27,7 @@ AT = datetime(2026, 3, 1, 12, tzinfo=UTC)
 @pytest.fixture
 def view(db: Database) -> FleetView:
     """The view of another replica than the one that is called."""
-    return FleetView(db, KnownNetworks(), Pace())
+    return FleetView(db, CachedNetworks(), Pace())
 
 
 def batch_of(drone: dict[str, Any], *, seq: int = 1, mission: str | None = None) -> list[Any]:
@@ -51,11 +51,11 @@ def batch_of(drone: dict[str, Any], *, seq: int = 1, mission: str | None = None)
     return [Received(CONNECTION, ids, online, False), Received(STATE, ids, state, False)]
 
 
-async def drones(view: FleetView) -> Sequence[KnownDrone]:
-    return (await view.look()).columns.drones
+async def drones(view: FleetView) -> Sequence[CachedDrone]:
+    return (await view.refreshed()).columns.drones
 
 
-async def test_a_new_drone_is_seen_at_home_and_away(api: Any, view: FleetView) -> None:
+async def test_a_new_drone_is_cached_at_home_and_offline(api: Any, view: FleetView) -> None:
     provider_id = await api.provider()
     assert await drones(view) == []
 
@@ -66,11 +66,11 @@ async def test_a_new_drone_is_seen_at_home_and_away(api: Any, view: FleetView) -
     assert drone.online_until_ms == 0
 
 
-async def test_what_a_drone_says_to_one_replica_is_seen_by_the_others(
+async def test_messages_that_one_replica_received_are_seen_by_the_others(
     api: Any, view: FleetView, db: Database, clock: ManualClock
 ) -> None:
     made = await api.drone(await api.provider())
-    await view.look()
+    await view.refreshed()
 
     await Recorder(db, clock).record(batch_of(made, mission="msn_1"))
 
@@ -104,23 +104,23 @@ async def test_a_mission_report_makes_a_drone_busy_and_free_again(
     assert seen == [True, False]
 
 
-async def test_maintenance_is_seen_by_the_others_at_once(
+async def test_maintenance_is_seen_by_the_other_replicas_immediately(
     api: Any, view: FleetView, db: Database, clock: ManualClock
 ) -> None:
     made = await api.drone(await api.provider())
     await Recorder(db, clock).record(batch_of(made))
     path = f"/v1/providers/{made['provider_id']}/drones/{made['drone_id']}"
-    await view.look()
+    await view.refreshed()
 
     await api("operator:op", "PATCH", path, {"state": "MAINTENANCE"})
 
     assert [drone.online_until_ms for drone in await drones(view)] == [0]
 
 
-async def test_a_removed_drone_is_gone_for_the_others(api: Any, view: FleetView) -> None:
+async def test_a_removed_drone_is_gone_for_the_other_replicas(api: Any, view: FleetView) -> None:
     provider_id = await api.provider()
     first, second = await api.drone(provider_id), await api.drone(provider_id)
-    await view.look()
+    await view.refreshed()
 
     path = f"/v1/providers/{provider_id}/drones/{first['drone_id']}"
     await api("operator:op", "DELETE", path)
@@ -128,20 +128,20 @@ async def test_a_removed_drone_is_gone_for_the_others(api: Any, view: FleetView)
     assert [drone.drone_id for drone in await drones(view)] == [second["drone_id"]]
 
 
-async def test_a_changed_provider_is_seen_by_the_others(api: Any, view: FleetView) -> None:
+async def test_a_changed_provider_is_seen_by_the_other_replicas(api: Any, view: FleetView) -> None:
     provider_id = await api.provider()
-    await view.look()
+    await view.refreshed()
 
     change = {"state": "SUSPENDED", "loading": "CONFIRMED", "tariff": {"base": 7}}
     await api("operator:op", "PATCH", f"/v1/providers/{provider_id}", change)
 
-    (provider,) = (await view.look()).providers.values()
+    (provider,) = (await view.refreshed()).providers.values()
     assert (provider.is_active, provider.loading, provider.tariff.base) == (False, "CONFIRMED", 7)
 
 
-async def test_a_model_that_was_added_since_is_known(api: Any, view: FleetView) -> None:
+async def test_a_model_that_was_added_later_is_found(api: Any, view: FleetView) -> None:
     provider_id = await api.provider()
-    await view.look()
+    await view.refreshed()
     model = PAPER_SCENARIO.model_copy(update={"model_id": "added", "max_payload_kg": 40.0})
     body = model.model_dump(mode="json")
     answer = await api("operator:op", "PUT", "/v1/drone-models/added", body)
@@ -152,7 +152,7 @@ async def test_a_model_that_was_added_since_is_known(api: Any, view: FleetView) 
     assert [drone.model.max_payload_kg for drone in await drones(view)] == [40.0]
 
 
-async def test_a_model_that_was_replaced_while_nobody_had_it_is_the_new_one(
+async def test_a_model_that_was_replaced_before_its_first_drone_is_the_new_one(
     api: Any, view: FleetView
 ) -> None:
     provider_id = await api.provider()
@@ -168,11 +168,9 @@ async def test_a_model_that_was_replaced_while_nobody_had_it_is_the_new_one(
     assert seen == [50.0]
 
 
-async def test_looks_at_the_same_time_all_see_what_was_written_before(
-    api: Any, view: FleetView
-) -> None:
+async def test_simultaneous_refreshes_all_see_earlier_writes(api: Any, view: FleetView) -> None:
     provider_id = await api.provider()
-    early = asyncio.create_task(view.look())
+    early = asyncio.create_task(view.refreshed())
     made = [await api.drone(provider_id) for _ in range(3)]
 
     looks = await asyncio.gather(*(drones(view) for _ in range(5)))

@@ -1,13 +1,14 @@
 """Drones that are known to stand in another network than the pickup's are in nobody's way."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import pytest
 from skyway_provider_registry.candidates.fleet_columns import Fleet, FleetColumns
-from skyway_provider_registry.candidates.reasons import KnownDrone, KnownProvider
+from skyway_provider_registry.candidates.reasons import CachedDrone, CachedProvider
 from skyway_provider_registry.candidates.selection import select as select_from
 
-from skyway.announced_networks.known_networks import KnownNetworks
+from skyway.announced_networks import CachedNetworks
 from skyway.contracts.candidate import CandidateQuery
 from skyway.contracts.shortlist import Candidates
 from skyway.contracts.station_check import NetworkStations
@@ -35,18 +36,18 @@ def make_network(network_id: str, *stations: str, version: int = 1) -> NetworkSt
 
 
 @pytest.fixture
-def networks() -> KnownNetworks:
+def networks() -> CachedNetworks:
     """Two networks, `a` and `c`, of two stations each."""
-    known = KnownNetworks()
-    known.keep(make_network("a", "a-s1", "a-s2"))
-    known.keep(make_network("c", "c-s1", "c-s2"))
+    known = CachedNetworks()
+    known.put(make_network("a", "a-s1", "a-s2"))
+    known.put(make_network("c", "c-s1", "c-s2"))
     return known
 
 
 def make_drone(
-    name: str, station: str | None, *, away_deg: float = 0.0, **members: object
-) -> KnownDrone:
-    known: dict[str, object] = {
+    name: str, station: str | None, *, away_deg: float = 0.0, **members: Any
+) -> CachedDrone:
+    known: dict[str, Any] = {
         "drone_id": DroneId(name),
         "provider_id": ProviderId("p"),
         "model": PAPER_SCENARIO,
@@ -58,10 +59,10 @@ def make_drone(
         "is_busy": False,
         **members,
     }
-    return KnownDrone(**known)  # type: ignore[arg-type]
+    return CachedDrone(**known)
 
 
-def make_columns(networks: KnownNetworks, *drones: KnownDrone) -> FleetColumns:
+def make_columns(networks: CachedNetworks, *drones: CachedDrone) -> FleetColumns:
     columns = FleetColumns(networks)
     columns.put(drones)
     return columns
@@ -78,7 +79,7 @@ def select(columns: FleetColumns, *, pickup: str = "a-s1", **members: object) ->
         }
     )
     name = ProviderId("p")
-    providers = {name: KnownProvider(provider_id=name, tariff=Tariff(), is_active=True)}
+    providers = {name: CachedProvider(provider_id=name, tariff=Tariff(), is_active=True)}
     return select_from(query, Fleet(providers, columns), wall_now_ms=NOW_MS)
 
 
@@ -90,7 +91,9 @@ def told(found: Candidates) -> list[tuple[str, bool]]:
     return [(reason.code, reason.is_temporary) for reason in found.infeasible]
 
 
-def test_any_number_of_nearer_and_fuller_ones_take_no_place(networks: KnownNetworks) -> None:
+def test_drones_of_another_network_take_no_place_however_near_and_full(
+    networks: CachedNetworks,
+) -> None:
     foreign = [make_drone(f"c{number}", "c-s1", soc=1.0) for number in range(500)]
     own = [make_drone(f"a{number}", "a-s2", away_deg=0.5) for number in range(3)]
 
@@ -100,8 +103,8 @@ def test_any_number_of_nearer_and_fuller_ones_take_no_place(networks: KnownNetwo
     assert found.infeasible == ()
 
 
-def test_a_provider_with_no_others_is_told_of_one_of_their_stations(
-    networks: KnownNetworks,
+def test_a_provider_with_drones_in_another_network_only_is_given_one_station(
+    networks: CachedNetworks,
 ) -> None:
     found = select(make_columns(networks, make_drone("c0", "c-s1"), make_drone("c1", "c-s1")))
 
@@ -111,28 +114,28 @@ def test_a_provider_with_no_others_is_told_of_one_of_their_stations(
     assert not reason.is_temporary
 
 
-def test_a_drone_at_a_station_that_is_not_known_is_compared(networks: KnownNetworks) -> None:
+def test_a_drone_at_an_uncached_station_is_compared(networks: CachedNetworks) -> None:
     assert chosen(select(make_columns(networks, make_drone("d", "new")))) == ("d",)
 
 
-def test_all_are_compared_for_a_pickup_that_is_not_known(networks: KnownNetworks) -> None:
+def test_all_drones_are_compared_for_an_uncached_pickup(networks: CachedNetworks) -> None:
     columns = make_columns(networks, make_drone("a0", "a-s1"), make_drone("c0", "c-s1"))
 
     assert chosen(select(columns, pickup="new")) == ("a0", "c0")
 
 
-def test_what_is_learned_counts_for_drones_that_have_stood_there_before() -> None:
-    networks = KnownNetworks()
+def test_a_newly_cached_network_counts_for_drones_that_already_stand_there() -> None:
+    networks = CachedNetworks()
     columns = make_columns(networks, make_drone("a0", "a-s1"), make_drone("c0", "c-s1"))
     before = chosen(select(columns))
 
-    networks.keep(make_network("a", "a-s1"))
-    networks.keep(make_network("c", "c-s1"))
+    networks.put(make_network("a", "a-s1"))
+    networks.put(make_network("c", "c-s1"))
 
     assert (before, chosen(select(columns))) == (("a0", "c0"), ("a0",))
 
 
-def test_what_is_forgotten_stands_in_nobodys_way(networks: KnownNetworks) -> None:
+def test_a_network_that_left_the_cache_excludes_no_drone(networks: CachedNetworks) -> None:
     columns = make_columns(networks, make_drone("c0", "c-s1"))
     before = chosen(select(columns))
 
@@ -141,17 +144,17 @@ def test_what_is_forgotten_stands_in_nobodys_way(networks: KnownNetworks) -> Non
     assert (before, chosen(select(columns))) == ((), ("c0",))
 
 
-def test_a_station_may_change_its_network(networks: KnownNetworks) -> None:
+def test_a_station_may_change_its_network(networks: CachedNetworks) -> None:
     columns = make_columns(networks, make_drone("d", "c-s1"))
     before = chosen(select(columns))
 
-    networks.keep(make_network("c", "c-s2", version=2))
-    networks.keep(make_network("a", "a-s1", "c-s1", version=2))
+    networks.put(make_network("c", "c-s2", version=2))
+    networks.put(make_network("a", "a-s1", "c-s1", version=2))
 
     assert (before, chosen(select(columns))) == ((), ("d",))
 
 
-def test_a_drone_that_has_moved_is_where_it_stands_now(networks: KnownNetworks) -> None:
+def test_a_drone_that_has_moved_counts_where_it_stands_now(networks: CachedNetworks) -> None:
     columns = make_columns(networks, make_drone("d", "c-s1"), make_drone("e", "a-s1"))
     before = chosen(select(columns))
 
@@ -171,7 +174,7 @@ def test_a_drone_that_has_moved_is_where_it_stands_now(networks: KnownNetworks) 
     ],
 )
 def test_another_drone_of_the_provider_is_worth_asking_later(
-    networks: KnownNetworks, station: str | None, state: dict[str, object]
+    networks: CachedNetworks, station: str | None, state: dict[str, Any]
 ) -> None:
     other = make_drone("d", station, **state)
     columns = make_columns(networks, make_drone("c0", "c-s1"), other)
@@ -182,8 +185,8 @@ def test_another_drone_of_the_provider_is_worth_asking_later(
 
 
 @pytest.mark.parametrize("state", [{"is_busy": True}, LOW, {"online_until_ms": 0}])
-def test_one_of_another_network_never_comes_later(
-    networks: KnownNetworks, state: dict[str, object]
+def test_a_drone_of_another_network_is_never_a_later_candidate(
+    networks: CachedNetworks, state: dict[str, Any]
 ) -> None:
     foreign = make_drone("c0", "c-s1", **state)
 
@@ -194,8 +197,8 @@ def test_one_of_another_network_never_comes_later(
     assert (chosen(beside), beside.more_later) == (("a0",), ())
 
 
-def test_strong_ones_of_another_network_do_not_keep_weak_ones_from_splitting(
-    networks: KnownNetworks,
+def test_strong_drones_of_another_network_do_not_prevent_splitting(
+    networks: CachedNetworks,
 ) -> None:
     weak = make_drone("a0", "a-s1", model=DJI_MATRICE_300_RTK)
     columns = make_columns(networks, make_drone("c0", "c-s1"), weak)
@@ -203,7 +206,9 @@ def test_strong_ones_of_another_network_do_not_keep_weak_ones_from_splitting(
     assert chosen(select(columns, payload_kg=5.0, heaviest_kg=2.0)) == ("a0",)
 
 
-def test_only_what_could_lift_it_is_told_to_stand_elsewhere(networks: KnownNetworks) -> None:
+def test_only_drones_that_could_lift_it_are_reported_as_unreachable(
+    networks: CachedNetworks,
+) -> None:
     weak = make_drone("c0", "c-s1", model=DJI_MATRICE_300_RTK)
     own = make_drone("a0", "a-s1", model=DJI_MATRICE_300_RTK)
 

@@ -5,10 +5,10 @@ from collections import defaultdict
 
 import pytest
 from skyway_provider_registry.candidates.fleet_columns import Fleet, FleetColumns
-from skyway_provider_registry.candidates.reasons import KnownDrone, KnownProvider
+from skyway_provider_registry.candidates.reasons import CachedDrone, CachedProvider
 from skyway_provider_registry.candidates.selection import select
 
-from skyway.announced_networks.known_networks import KnownNetworks
+from skyway.announced_networks import CachedNetworks
 from skyway.contracts.candidate import (
     MAX_CANDIDATES,
     MAX_CANDIDATES_PER_PROVIDER,
@@ -34,7 +34,7 @@ QUERY = CandidateQuery(
 )
 
 
-def make_fleet(chance: random.Random) -> list[KnownDrone]:
+def make_fleet(chance: random.Random) -> list[CachedDrone]:
     """Large fleets near by, one far away, a small one, and one of which none lifts everything."""
     fleets = {"big": 300, "bigger": 400, "far": 100, "small": 3, "split": 60}
     return [
@@ -44,9 +44,9 @@ def make_fleet(chance: random.Random) -> list[KnownDrone]:
     ]
 
 
-def make_drone(chance: random.Random, name: str, provider: str) -> KnownDrone:
+def make_drone(chance: random.Random, name: str, provider: str) -> CachedDrone:
     away = chance.randrange(40) / 100 + (5.0 if provider == "far" else 0.0)
-    return KnownDrone(
+    return CachedDrone(
         drone_id=DroneId(name),
         provider_id=ProviderId(provider),
         model=WEAK[away < 0.35] if provider == "split" else STRONG,
@@ -60,10 +60,10 @@ def make_drone(chance: random.Random, name: str, provider: str) -> KnownDrone:
     )
 
 
-def ranked_one_by_one(drones: list[KnownDrone]) -> list[DroneId]:
+def ranked_one_by_one(drones: list[CachedDrone]) -> list[DroneId]:
     """The candidates as docs/reference/booking.md describes them."""
 
-    def rank(drone: KnownDrone) -> tuple[object, ...]:
+    def rank(drone: CachedDrone) -> tuple[object, ...]:
         away = drone.position.longitude_deg - PICKUP.longitude_deg
         return (drone.station_id != "pickup", away, -drone.soc, drone.drone_id)
 
@@ -82,12 +82,12 @@ def ranked_one_by_one(drones: list[KnownDrone]) -> list[DroneId]:
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_large_fleets_have_the_candidates_that_ranking_every_drone_finds(seed: int) -> None:
+def test_large_fleets_have_the_same_candidates_as_ranking_every_drone(seed: int) -> None:
     drones = make_fleet(random.Random(seed))
-    columns = FleetColumns(KnownNetworks())
+    columns = FleetColumns(CachedNetworks())
     columns.put(drones)
     providers = {drone.provider_id for drone in drones}
-    known = {name: KnownProvider(name, Tariff(), is_active=True) for name in providers}
+    known = {name: CachedProvider(name, Tariff(), is_active=True) for name in providers}
 
     found = select(QUERY, Fleet(known, columns), wall_now_ms=0)
 

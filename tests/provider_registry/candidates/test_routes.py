@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from skyway_provider_registry.presence.follow import Recorder
 
-from skyway.announced_networks.learning import NetworkLearner
+from skyway.announced_networks import NetworkLearner
 from skyway.contracts.drone_report import Connection, DroneState
 from skyway.contracts.shortlist import Candidates, Shortlist
 from skyway.contracts.topics import CONNECTION, STATE
@@ -58,7 +58,10 @@ def ready(api: Any, db: Database, clock: ManualClock) -> Ready:
             position=Position(-97.94139, 29.88327),
             soc=0.8,
         )
-        batch = [Received(CONNECTION, ids, online, False), Received(STATE, ids, state, False)]
+        batch: list[Received[Any]] = [
+            Received(CONNECTION, ids, online, False),
+            Received(STATE, ids, state, False),
+        ]
         await Recorder(db, clock).record(batch)
         return drone
 
@@ -96,7 +99,7 @@ async def test_a_candidate_says_who_confirms_its_loading(api: Any, ready: Ready)
     assert candidate.loading == "CONFIRMED"
 
 
-async def test_a_drone_that_was_never_heard_of_is_none(api: Any) -> None:
+async def test_a_drone_that_never_sent_a_message_is_no_candidate(api: Any) -> None:
     await api.drone(await api.provider())
 
     found = await ask(api)
@@ -105,7 +108,7 @@ async def test_a_drone_that_was_never_heard_of_is_none(api: Any) -> None:
     assert [reason.code for reason in found.infeasible] == ["OFFLINE"]
 
 
-async def test_a_drone_that_says_it_flies_a_mission_is_busy(api: Any, ready: Ready) -> None:
+async def test_a_drone_that_names_a_mission_is_busy(api: Any, ready: Ready) -> None:
     await ready(await api.provider(), mission_id="msn_1")
 
     found = await ask(api)
@@ -113,7 +116,7 @@ async def test_a_drone_that_says_it_flies_a_mission_is_busy(api: Any, ready: Rea
     assert [reason.code for reason in found.infeasible] == ["BUSY"]
 
 
-async def test_a_drone_that_fell_silent_is_none(api: Any, ready: Ready, clock: ManualClock) -> None:
+async def test_a_silent_drone_is_no_candidate(api: Any, ready: Ready, clock: ManualClock) -> None:
     await ready(await api.provider())
     clock.advance(timedelta(minutes=5))
 
@@ -143,13 +146,13 @@ def announce(networks: NetworkLearner) -> Announce:
             sha256="0" * 64,
             href="/",
         )
-        networks.announce(message)
+        networks.note(message)
         await networks.learn()
 
     return hear
 
 
-async def test_drones_of_another_network_leave_their_places_to_those_of_the_pickups(
+async def test_drones_of_another_network_leave_their_places_to_drones_of_the_pickups_network(
     api: Any, ready: Ready, announce: Announce
 ) -> None:
     provider_id = await api.provider()
@@ -170,7 +173,7 @@ async def test_drones_of_another_network_leave_their_places_to_those_of_the_pick
     assert with_one_less.shortlist.drone_ids == (own["drone_id"],)
 
 
-async def test_a_provider_in_another_network_alone_is_told_so(
+async def test_a_provider_in_another_network_only_gets_that_reason(
     api: Any, ready: Ready, announce: Announce
 ) -> None:
     await ready(await api.provider(), station_id="c-s1")
@@ -183,7 +186,7 @@ async def test_a_provider_in_another_network_alone_is_told_so(
     assert reason.detail == "station 'c-s1' is not in network 'texas'"
 
 
-async def test_a_suspended_provider_has_none(api: Any, ready: Ready) -> None:
+async def test_a_suspended_provider_has_no_candidates(api: Any, ready: Ready) -> None:
     provider_id = await api.provider()
     await ready(provider_id)
     await api("operator:op", "PATCH", f"/v1/providers/{provider_id}", {"state": "SUSPENDED"})
@@ -193,11 +196,11 @@ async def test_a_suspended_provider_has_none(api: Any, ready: Ready) -> None:
     assert [reason.code for reason in found.infeasible] == ["NOT_ADMITTED"]
 
 
-async def test_without_providers_there_is_nobody_to_blame(api: Any) -> None:
+async def test_without_providers_there_are_no_reasons(api: Any) -> None:
     assert await ask(api) == Candidates(shortlist=Shortlist(), infeasible=())
 
 
-async def test_a_bad_query_is_told_its_field(api: Any) -> None:
+async def test_a_bad_query_is_refused_with_its_field(api: Any) -> None:
     answer = await api(None, "POST", "/internal/candidates", {**QUERY, "payload_kg": -1})
 
     assert answer.status_code == 422
@@ -205,7 +208,7 @@ async def test_a_bad_query_is_told_its_field(api: Any) -> None:
 
 
 @pytest.mark.parametrize("path", ["/internal/candidates", "/internal/payload-limit"])
-async def test_only_services_ask(api: Any, path: str) -> None:
+async def test_only_services_may_ask(api: Any, path: str) -> None:
     answer = await api("customer:c", "POST", path, QUERY)
 
     assert answer.status_code == 403
@@ -227,7 +230,7 @@ async def test_the_payload_limit_is_that_of_the_strongest_drone(api: Any) -> Non
     assert (await limit(api))["max_payload_kg"] == 15.3
 
 
-async def test_the_payload_limit_heeds_whom_the_request_admits(api: Any) -> None:
+async def test_the_payload_limit_counts_admitted_providers_only(api: Any) -> None:
     small, strong = await api.provider(), await api.provider()
     await api.drone(small, model_id="dji-matrice-300-rtk")
     await api.drone(strong, model_id="paper-scenario")

@@ -1,13 +1,14 @@
 """Who could fly a request, in which order, how many, and why the others cannot."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import pytest
 from skyway_provider_registry.candidates.fleet_columns import Fleet, FleetColumns
-from skyway_provider_registry.candidates.reasons import KnownDrone, KnownProvider
+from skyway_provider_registry.candidates.reasons import CachedDrone, CachedProvider
 from skyway_provider_registry.candidates.selection import select as select_from
 
-from skyway.announced_networks.known_networks import KnownNetworks
+from skyway.announced_networks import CachedNetworks
 from skyway.contracts.candidate import CandidateQuery
 from skyway.contracts.shortlist import Candidates
 from skyway.delivery.offer import Tariff
@@ -21,10 +22,10 @@ NOW_MS = 1_000
 
 
 def select(
-    query: CandidateQuery, *, providers: Sequence[KnownProvider], drones: Sequence[KnownDrone]
+    query: CandidateQuery, *, providers: Sequence[CachedProvider], drones: Sequence[CachedDrone]
 ) -> Candidates:
     """The choice among these, now."""
-    columns = FleetColumns(KnownNetworks())
+    columns = FleetColumns(CachedNetworks())
     columns.put(drones)
     fleet = Fleet({provider.provider_id: provider for provider in providers}, columns)
     return select_from(query, fleet, wall_now_ms=NOW_MS)
@@ -42,15 +43,15 @@ def make_query(**members: object) -> CandidateQuery:
     )
 
 
-def make_provider(name: str, *, is_active: bool = True) -> KnownProvider:
+def make_provider(name: str, *, is_active: bool = True) -> CachedProvider:
     tariff = Tariff(base=len(name))
-    return KnownProvider(provider_id=ProviderId(name), tariff=tariff, is_active=is_active)
+    return CachedProvider(provider_id=ProviderId(name), tariff=tariff, is_active=is_active)
 
 
 def make_drone(
-    name: str, *, provider: str = "p", away_deg: float = 0.0, **members: object
-) -> KnownDrone:
-    known: dict[str, object] = {
+    name: str, *, provider: str = "p", away_deg: float = 0.0, **members: Any
+) -> CachedDrone:
+    known: dict[str, Any] = {
         "drone_id": DroneId(name),
         "provider_id": ProviderId(provider),
         "model": PAPER_SCENARIO,
@@ -62,10 +63,10 @@ def make_drone(
         "is_busy": False,
         **members,
     }
-    return KnownDrone(**known)  # type: ignore[arg-type]
+    return CachedDrone(**known)
 
 
-def test_a_candidate_carries_what_composition_needs() -> None:
+def test_a_candidate_has_everything_that_composition_needs() -> None:
     found = select(make_query(), providers=[make_provider("p")], drones=[make_drone("d")])
 
     (candidate,) = found.shortlist.candidates
@@ -96,7 +97,7 @@ def test_the_pickup_comes_first_then_the_nearest_then_the_fullest() -> None:
     ]
 
 
-def test_a_drone_at_the_pickup_comes_before_one_that_stands_nearer_by_its_own_word() -> None:
+def test_a_drone_at_the_pickup_comes_before_a_drone_with_a_nearer_position() -> None:
     elsewhere = make_drone("elsewhere", station_id=StationId("other"))
     there = make_drone("there", position=Position(PICKUP.longitude_deg + 0.001, 29.88))
 
@@ -108,7 +109,7 @@ def test_a_drone_at_the_pickup_comes_before_one_that_stands_nearer_by_its_own_wo
     ]
 
 
-def test_equals_are_ordered_by_id_whatever_order_they_come_in() -> None:
+def test_equal_drones_are_ordered_by_id() -> None:
     drones = [make_drone(name) for name in ("c", "a", "b")]
 
     found = select(make_query(), providers=[make_provider("p")], drones=drones)
@@ -130,7 +131,7 @@ def test_a_provider_sends_its_five_best() -> None:
     ]
 
 
-def test_sixty_are_compared_and_everybodys_best_comes_before_anybodys_second() -> None:
+def test_sixty_are_compared_and_each_best_comes_before_any_second() -> None:
     providers = [make_provider(f"p{n:02}") for n in range(40)]
     drones = [
         make_drone(
@@ -151,7 +152,7 @@ def test_sixty_are_compared_and_everybodys_best_comes_before_anybodys_second() -
     assert names[40:] == [f"p{n:02}-1" for n in range(20)]
 
 
-def test_with_more_than_sixty_providers_the_nearest_are_compared_and_the_rest_told() -> None:
+def test_with_more_than_sixty_providers_the_nearest_are_compared_and_others_get_a_reason() -> None:
     providers = [make_provider(f"p{n:02}") for n in range(62)]
     drones = [
         make_drone(f"d{n:02}", provider=f"p{n:02}", away_deg=(62 - n) / 100) for n in range(62)
@@ -176,8 +177,8 @@ def test_with_more_than_sixty_providers_the_nearest_are_compared_and_the_rest_to
         (make_drone("d", model=DJI_MATRICE_300_RTK, soc=0.09), "LOW_CHARGE", True),
     ],
 )
-def test_a_drone_that_cannot_fly_it_is_told_as_its_providers_reason(
-    drone: KnownDrone, code: str, is_temporary: bool
+def test_a_drone_that_cannot_fly_gives_its_provider_a_reason(
+    drone: CachedDrone, code: str, is_temporary: bool
 ) -> None:
     query = make_query(excluded_drone_ids=("refused",))
 
@@ -196,7 +197,7 @@ def test_a_charge_at_the_reserve_is_enough() -> None:
     assert len(found.shortlist.candidates) == 1
 
 
-def test_what_ends_by_itself_is_told_before_what_does_not() -> None:
+def test_temporary_reasons_are_reported_before_permanent_ones() -> None:
     drones = [
         make_drone("small", model=DJI_MATRICE_300_RTK),
         make_drone("refused"),
@@ -240,7 +241,7 @@ def test_a_provider_that_must_split_sends_its_strongest_first() -> None:
     assert names == ["weak-0", "weak-1", "weak-2", "strong-near", "strong-far"]
 
 
-def test_what_a_provider_splits_must_still_be_lifted_package_by_package() -> None:
+def test_a_provider_that_splits_must_lift_the_heaviest_package() -> None:
     drones = [make_drone("weak", model=DJI_MATRICE_300_RTK), make_drone("strong")]
     query = make_query(payload_kg=20.0, heaviest_kg=3.0)
 
@@ -270,7 +271,7 @@ def test_a_provider_whose_only_strong_drone_is_busy_is_busy_and_splits_nothing()
     ],
 )
 def test_a_provider_may_have_more_drones_later_beside_those_to_compare(
-    sister: dict[str, object], is_more_later: bool
+    sister: dict[str, Any], is_more_later: bool
 ) -> None:
     query = make_query(payload_kg=sister.pop("payload_kg", 2.0))
     drones = [make_drone("free", away_deg=0.3), make_drone("sister", **sister)]
@@ -294,7 +295,7 @@ def test_one_provider_splits_while_another_lifts_everything() -> None:
     assert {each.drone_id for each in found.shortlist.candidates} == {"weak", "strong"}
 
 
-def test_too_heavy_a_package_is_told_by_itself() -> None:
+def test_a_package_that_is_too_heavy_is_named() -> None:
     drone = make_drone("weak", model=DJI_MATRICE_300_RTK)
     query = make_query(payload_kg=20.0, heaviest_kg=5.0)
 
@@ -303,8 +304,8 @@ def test_too_heavy_a_package_is_told_by_itself() -> None:
     assert found.infeasible[0].data == {"mass_kg": 5.0, "limit_kg": 2.7}
 
 
-def test_what_is_known_now_replaces_what_was_known() -> None:
-    columns = FleetColumns(KnownNetworks())
+def test_new_data_of_a_drone_replaces_the_old() -> None:
+    columns = FleetColumns(CachedNetworks())
     columns.put([make_drone(f"d{n}", is_busy=True) for n in range(1_000)])
     columns.put([make_drone("d7", soc=0.4)])
     fleet = Fleet({ProviderId("p"): make_provider("p")}, columns)
@@ -314,7 +315,7 @@ def test_what_is_known_now_replaces_what_was_known() -> None:
     assert (candidate.drone_id, candidate.soc) == ("d7", 0.4)
 
 
-def test_masses_that_only_add_up_above_the_limit_by_rounding_are_lifted() -> None:
+def test_rounding_errors_of_masses_do_not_make_a_request_too_heavy() -> None:
     drone = make_drone("d", model=DJI_MATRICE_300_RTK)
 
     found = select(
@@ -324,7 +325,7 @@ def test_masses_that_only_add_up_above_the_limit_by_rounding_are_lifted() -> Non
     assert len(found.shortlist.candidates) == 1
 
 
-def test_a_provider_without_drones_says_so() -> None:
+def test_a_provider_without_drones_gets_that_reason() -> None:
     found = select(make_query(), providers=[make_provider("p")], drones=[])
 
     assert [reason.code for reason in found.infeasible] == ["NO_DRONES"]
@@ -338,7 +339,7 @@ def test_a_provider_without_drones_says_so() -> None:
         ProviderChoice(denied=(ProviderId("bad"),)),
     ],
 )
-def test_only_providers_that_the_request_admits_are_asked(choice: ProviderChoice) -> None:
+def test_only_admitted_providers_have_candidates(choice: ProviderChoice) -> None:
     drones = [make_drone("d1", provider="good"), make_drone("d2", provider="bad")]
     providers = [make_provider("good"), make_provider("bad")]
 

@@ -29,9 +29,7 @@ INSERT INTO changes ("only", latest, providers, removals) VALUES (1, 2000, 1, 0)
     "migrated_url", [pytest.param("postgresql", marks=pytest.mark.integration)], indirect=True
 )
 @pytest.mark.parametrize("analysed", ["", "; ANALYZE"])
-async def test_a_look_at_few_changes_reads_no_table_of_all_drones_or_hints(
-    db: Database, analysed: str
-) -> None:
+async def test_reading_few_changes_scans_no_whole_table(db: Database, analysed: str) -> None:
     dialect = postgresql.dialect(paramstyle="numeric_dollar")  # type: ignore[no-untyped-call]
 
     async with db.write() as tx:

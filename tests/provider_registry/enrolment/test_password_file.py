@@ -54,7 +54,9 @@ async def test_our_own_processes_log_in_with_their_secrets(
     assert all(matches(f"mqtt password of {name}", accounts[name]) for name in accounts)
 
 
-async def test_the_file_is_ours_alone_to_read(password_file: PasswordFile, tmp_path: Path) -> None:
+async def test_only_this_user_can_read_the_file(
+    password_file: PasswordFile, tmp_path: Path
+) -> None:
     await password_file.refresh()
 
     assert stat.S_IMODE((tmp_path / "passwords").stat().st_mode) == 0o600
@@ -72,7 +74,7 @@ async def test_a_reader_sees_the_old_file_or_the_new_one(
     assert "ann" in read_password_file(tmp_path / "passwords")
 
 
-async def test_calls_at_once_all_find_their_account_in_the_file(
+async def test_simultaneous_calls_all_find_their_account_in_the_file(
     db: Database, password_file: PasswordFile, tmp_path: Path
 ) -> None:
     async def register(name: str) -> bool:
@@ -136,7 +138,7 @@ async def next_signal(broker: "subprocess.Popen[str]") -> str:
         return await asyncio.to_thread(broker.stdout.readline)
 
 
-async def test_the_broker_is_told_by_sighup(
+async def test_the_broker_is_notified_by_sighup(
     told_file: PasswordFile, broker: "subprocess.Popen[str]"
 ) -> None:
     await told_file.refresh()
@@ -144,7 +146,7 @@ async def test_the_broker_is_told_by_sighup(
     assert await next_signal(broker) == "SIGHUP\n"
 
 
-async def test_a_broker_that_was_reading_is_told_once_more(
+async def test_a_broker_that_was_reading_is_notified_once_more(
     told_file: PasswordFile, broker: "subprocess.Popen[str]"
 ) -> None:
     await told_file.refresh()

@@ -31,7 +31,7 @@ async def test_a_removed_customer_cannot_log_in(api: Any, tmp_path: Path) -> Non
     assert "newcomer" not in read_password_file(tmp_path / "passwords")
 
 
-async def test_accounts_of_our_own_processes_are_out_of_reach(
+async def test_accounts_of_our_own_processes_cannot_be_changed(
     api: Any, subtests: pytest.Subtests
 ) -> None:
     names = ("gateway", "registry", "composition", "operator", "drn_000001", "a b", "x" * 65)

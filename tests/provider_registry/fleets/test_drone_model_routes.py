@@ -35,7 +35,7 @@ async def test_a_new_model_can_be_flown(api: Any) -> None:
     assert read.json() == made.json() == drone["model"]
 
 
-async def test_the_same_model_again_is_no_new_one(api: Any) -> None:
+async def test_the_same_model_again_is_not_new(api: Any) -> None:
     await api("operator:op", "PUT", "/v1/drone-models/pelican", MODEL)
 
     again = await api("operator:op", "PUT", "/v1/drone-models/pelican", MODEL)
@@ -43,7 +43,7 @@ async def test_the_same_model_again_is_no_new_one(api: Any) -> None:
     assert again.status_code == 200
 
 
-async def test_a_model_may_change_until_a_drone_is_of_it(api: Any) -> None:
+async def test_a_model_may_change_until_its_first_drone(api: Any) -> None:
     provider_id = await api.provider()
     heavier = {**MODEL, "max_payload_kg": 4.0}
     await api("operator:op", "PUT", "/v1/drone-models/pelican", MODEL)
@@ -72,7 +72,7 @@ async def test_a_named_model_cannot_be_replaced(api: Any) -> None:
         ({"colour": "red"}, "colour"),
     ],
 )
-async def test_a_bad_model_is_told_its_field(
+async def test_a_bad_model_is_refused_with_its_field(
     api: Any, change: dict[str, object], field: str
 ) -> None:
     answer = await api("operator:op", "PUT", "/v1/drone-models/pelican", {**MODEL, **change})
@@ -87,7 +87,7 @@ async def test_only_operators_add_models(api: Any) -> None:
     assert answer.status_code == 403
 
 
-async def test_an_unknown_model_is_not_there(api: Any) -> None:
+async def test_an_unknown_model_is_not_found(api: Any) -> None:
     answer = await api("customer:c", "GET", "/v1/drone-models/paper-plane")
 
     assert answer.status_code == 404

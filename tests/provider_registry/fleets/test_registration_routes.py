@@ -46,7 +46,7 @@ async def provider_id(api: Any) -> str:
     return made
 
 
-async def test_one_drone_in_gives_one_drone_out(api: Any, provider_id: str) -> None:
+async def test_one_new_drone_is_answered_with_one_drone(api: Any, provider_id: str) -> None:
     body = {**DRONE, "name": "Heron", "registration": "N123", "soc": 0.5}
     path = f"/v1/providers/{provider_id}/drones"
 
@@ -74,7 +74,7 @@ async def test_the_secrets_are_shown_only_once(api: Any, provider_id: str) -> No
     assert listed.json()["items"] == [made]
 
 
-async def test_a_list_in_gives_items_in_its_order(api: Any, provider_id: str) -> None:
+async def test_a_list_is_answered_with_items_in_its_order(api: Any, provider_id: str) -> None:
     bodies = [{**DRONE, "name": name} for name in ("c", "a", "b")]
 
     answer = await api("operator:op", "POST", f"/v1/providers/{provider_id}/drones", bodies)
@@ -82,7 +82,7 @@ async def test_a_list_in_gives_items_in_its_order(api: Any, provider_id: str) ->
     assert [drone["name"] for drone in answer.json()["items"]] == ["c", "a", "b"]
 
 
-async def test_drones_log_in_with_what_they_were_shown(
+async def test_drones_log_in_with_the_shown_accounts(
     api: Any, provider_id: str, tmp_path: Path
 ) -> None:
     bodies = [DRONE, DRONE]
@@ -95,7 +95,7 @@ async def test_drones_log_in_with_what_they_were_shown(
         assert matches(mqtt["password"], accounts[mqtt["user_name"]])
 
 
-async def test_a_bad_drone_is_told_its_field_and_place(
+async def test_a_bad_drone_is_refused_with_its_field_and_place(
     api: Any, provider_id: str, subtests: pytest.Subtests
 ) -> None:
     path = f"/v1/providers/{provider_id}/drones"
@@ -151,7 +151,7 @@ async def test_no_drone_is_registered_with_another_provider(api: Any, provider_i
     assert (foreign.status_code, nobody.status_code, customer.status_code) == (404, 404, 403)
 
 
-async def test_without_composition_it_says_what_is_missing(
+async def test_without_composition_the_answer_names_it(
     api: Any, provider_id: str, stations: Any
 ) -> None:
     stations.is_away = True
@@ -179,7 +179,7 @@ async def test_the_same_key_registers_one_fleet_with_the_same_passwords(
     assert len((await api("operator:op", "GET", path)).json()["items"]) == 1
 
 
-async def test_one_provider_cannot_use_up_anothers_key(api: Any, provider_id: str) -> None:
+async def test_two_providers_may_use_the_same_key(api: Any, provider_id: str) -> None:
     other = await api.provider()
     await api("operator:op", "POST", f"/v1/providers/{provider_id}/drones", DRONE, key="k")
 

@@ -30,7 +30,7 @@ async def test_a_provider_sees_its_own_drones_only(api: Any, mine: str, other: s
     assert [drone["drone_id"] for drone in listed.json()["items"]] == [own["drone_id"]]
 
 
-async def test_another_providers_list_is_not_there(api: Any, mine: str, other: str) -> None:
+async def test_another_providers_list_is_not_found(api: Any, mine: str, other: str) -> None:
     await api.drone(other)
 
     listed = await api(f"provider:{mine}", "GET", f"/v1/providers/{other}/drones")
@@ -39,7 +39,7 @@ async def test_another_providers_list_is_not_there(api: Any, mine: str, other: s
 
 
 @pytest.mark.parametrize("method", ["GET", "PATCH", "DELETE"])
-async def test_another_providers_drone_is_not_there(
+async def test_another_providers_drone_is_not_found(
     api: Any, mine: str, other: str, method: str
 ) -> None:
     foreign = await api.drone(other, name="Heron")
@@ -73,7 +73,7 @@ async def test_a_drone_is_found_under_its_own_provider_only(
 
 
 @pytest.mark.parametrize("caller", ["customer:c", "drone:drn_1", None])
-async def test_fleets_are_no_business_of_customers(api: Any, mine: str, caller: str | None) -> None:
+async def test_customers_may_not_see_fleets(api: Any, mine: str, caller: str | None) -> None:
     answer = await api(caller, "GET", f"/v1/providers/{mine}/drones")
 
     assert answer.status_code == 403
@@ -121,7 +121,7 @@ async def test_maintenance_begins_and_ends(api: Any, mine: str) -> None:
         ({"soc": 0.5}, "soc"),
     ],
 )
-async def test_a_bad_change_is_told_its_field(
+async def test_a_bad_change_is_refused_with_its_field(
     api: Any, mine: str, change: dict[str, object], field: str
 ) -> None:
     drone_id = (await api.drone(mine))["drone_id"]
@@ -142,7 +142,7 @@ async def test_an_empty_change_changes_nothing(api: Any, mine: str) -> None:
     assert answer.json() == drone
 
 
-async def test_a_taken_registration_is_refused(api: Any, mine: str) -> None:
+async def test_a_duplicate_registration_is_refused(api: Any, mine: str) -> None:
     await api.drone(mine, registration="N1")
     drone_id = (await api.drone(mine, registration="N2"))["drone_id"]
 
@@ -153,9 +153,7 @@ async def test_a_taken_registration_is_refused(api: Any, mine: str) -> None:
     assert answer.status_code == 409
 
 
-async def test_a_removed_drone_can_no_longer_log_in(
-    api: Any, mine: str, tmp_path: Path, db: Any
-) -> None:
+async def test_a_removed_drone_cannot_log_in(api: Any, mine: str, tmp_path: Path, db: Any) -> None:
     drone_id = (await api.drone(mine))["drone_id"]
     path = f"/v1/providers/{mine}/drones/{drone_id}"
     before = read_password_file(tmp_path / "passwords")

@@ -82,7 +82,7 @@ async def test_silent_drones_are_counted_offline(
     assert (await asked(api))["by_state"] == {"OFFLINE": 1}
 
 
-async def test_lag_is_from_the_newest_message_to_when_it_was_heard(
+async def test_lag_is_from_sending_the_newest_message_to_receiving_it(
     api: Any,
     db: Database,
     clock: ManualClock,
@@ -110,11 +110,11 @@ async def test_a_provider_counts_its_own_drones_only(api: Any, provider_id: str)
     assert (await asked(api))["drones"] == 1
 
 
-async def test_without_drones_there_is_nothing(api: Any) -> None:
+async def test_without_drones_the_statistics_are_empty(api: Any) -> None:
     found = await asked(api)
 
     assert (found["by_state"], found["lag_mean_s"], found["lag_max_s"]) == ({}, None, None)
 
 
-async def test_customers_are_not_told(api: Any) -> None:
+async def test_customers_may_not_read_the_statistics(api: Any) -> None:
     assert (await api("customer:c1", "GET", "/v1/stats/fleets")).status_code == 403

@@ -62,8 +62,9 @@ async def test_a_drone_is_found_under_its_own_provider_only(
 ) -> None:
     elsewhere = {**ids, "provider_id": ProviderId("prv_thief")}
 
-    for act in (store.remove, store.change):
-        values = {"values": {}} if act is store.change else {}
-        with pytest.raises(NotFound):
-            async with db.write() as tx:
-                await act(tx, OPERATOR, **elsewhere, **values)  # type: ignore[operator]
+    with pytest.raises(NotFound):
+        async with db.write() as tx:
+            await store.remove(tx, OPERATOR, **elsewhere)
+    with pytest.raises(NotFound):
+        async with db.write() as tx:
+            await store.change(tx, OPERATOR, **elsewhere, values={})

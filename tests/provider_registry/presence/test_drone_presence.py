@@ -3,7 +3,7 @@
 from datetime import UTC, datetime, timedelta
 
 import pytest
-from skyway_provider_registry.fleets.states import state_of
+from skyway_provider_registry.fleets.drone_states import state_of
 from skyway_provider_registry.presence.drone_presence import (
     NEVER_SEEN,
     SILENCE,
@@ -48,7 +48,7 @@ def make_sample(*, session: int = 7, later_s: float = 1) -> LastSample:
 
 
 @pytest.mark.parametrize("activity", ["FLYING", "RECHARGING"])
-def test_a_later_sample_tells_where_a_moving_drone_is(activity: Activity) -> None:
+def test_a_later_sample_gives_the_place_of_a_moving_drone(activity: Activity) -> None:
     known = make_presence(activity=activity, sample=make_sample())
 
     assert known.place == (THERE, 0.4)
@@ -63,13 +63,15 @@ def test_a_later_sample_tells_where_a_moving_drone_is(activity: Activity) -> Non
         ("FLYING", None),
     ],
 )
-def test_a_sample_never_takes_a_drone_back(activity: Activity, sample: LastSample | None) -> None:
+def test_an_older_sample_never_moves_a_drone_back(
+    activity: Activity, sample: LastSample | None
+) -> None:
     known = make_presence(activity=activity, sample=sample)
 
     assert known.place == (HERE, 0.9)
 
 
-def test_nothing_is_known_of_a_drone_that_was_never_seen() -> None:
+def test_a_drone_that_was_never_seen_has_no_place() -> None:
     assert NEVER_SEEN.place is None
 
 
@@ -97,7 +99,7 @@ def test_maintenance_comes_before_everything(presence: Presence) -> None:
     assert state_of(presence, is_in_maintenance=True, wall_now=AT) == "MAINTENANCE"
 
 
-def test_a_drone_that_is_silent_is_not_believed_to_be_online() -> None:
+def test_a_silent_drone_counts_as_offline() -> None:
     known = make_presence()
 
     at_the_limit = state_of(known, is_in_maintenance=False, wall_now=AT + SILENCE)

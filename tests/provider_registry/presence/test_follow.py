@@ -10,6 +10,7 @@ import pytest
 from skyway_provider_registry.presence.follow import PresenceFollower, Recorder
 
 from skyway.contracts.drone_report import Connection, DroneState, Telemetry
+from skyway.contracts.topic import Topic
 from skyway.contracts.topics import CONNECTION, STATE, TELEMETRY
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.errors import ServiceUnavailable
@@ -17,7 +18,7 @@ from skyway.runtime.metrics import COUNTERS
 from skyway.runtime.mqtt.client import Received
 from skyway.runtime.sql.database import Database
 
-TOPICS = {Connection: CONNECTION, DroneState: STATE, Telemetry: TELEMETRY}
+TOPICS: dict[type, Topic[Any]] = {Connection: CONNECTION, DroneState: STATE, Telemetry: TELEMETRY}
 
 
 class Fleet:
@@ -54,7 +55,7 @@ def fleet(api: Any, db: Database, clock: ManualClock) -> Fleet:
 Maker = Callable[..., Any]
 
 
-async def test_a_drone_that_tells_of_itself_is_shown(
+async def test_the_messages_of_a_drone_are_shown(
     fleet: Fleet, clock: ManualClock, online: Maker, state: Maker
 ) -> None:
     drone_id = await fleet.drone()
@@ -69,7 +70,7 @@ async def test_a_drone_that_tells_of_itself_is_shown(
     assert shown["last_seen_at"] == "2026-03-01T12:01:00Z"
 
 
-async def test_a_flying_drone_is_where_its_telemetry_says(
+async def test_a_flying_drone_is_shown_where_its_telemetry_is(
     fleet: Fleet, online: Maker, state: Maker, sample: Maker
 ) -> None:
     drone_id = await fleet.drone()
@@ -123,7 +124,7 @@ async def test_the_last_will_of_an_old_connection_is_ignored(fleet: Fleet, onlin
     assert (await fleet.shows(drone_id))["state"] == "OFFLINE"
 
 
-async def test_any_order_in_any_batches_ends_as_the_order_of_sending(
+async def test_any_order_in_any_batches_gives_the_result_of_the_sending_order(
     fleet: Fleet, online: Maker, state: Maker, sample: Maker
 ) -> None:
     life = [
@@ -156,7 +157,7 @@ async def test_any_order_in_any_batches_ends_as_the_order_of_sending(
         assert await fleet.shows(drone_id) == {**expected, "drone_id": drone_id}, seed
 
 
-async def test_batches_that_arrive_at_once_end_as_one_after_another(
+async def test_simultaneous_batches_give_the_result_of_successive_batches(
     fleet: Fleet, state: Maker
 ) -> None:
     drone_id = await fleet.drone()
@@ -168,7 +169,7 @@ async def test_batches_that_arrive_at_once_end_as_one_after_another(
     assert (await fleet.shows(drone_id))["soc"] == 0.3
 
 
-async def test_what_comes_under_another_providers_name_is_dropped(
+async def test_messages_under_another_provider_are_dropped(
     fleet: Fleet, online: Maker, state: Maker
 ) -> None:
     drone_id = await fleet.drone()
@@ -182,7 +183,7 @@ async def test_what_comes_under_another_providers_name_is_dropped(
     assert COUNTERS.value("skyway_presence_dropped") == dropped + 2
 
 
-async def test_a_drone_that_nobody_registered_is_dropped(
+async def test_messages_of_an_unregistered_drone_are_dropped(
     fleet: Fleet, online: Maker, state: Maker
 ) -> None:
     known = await fleet.drone()
@@ -193,7 +194,7 @@ async def test_a_drone_that_nobody_registered_is_dropped(
     assert (await fleet.shows(known))["state"] == "AVAILABLE"
 
 
-async def test_a_batch_that_cannot_be_kept_is_kept_later(
+async def test_a_batch_that_cannot_be_stored_is_stored_later(
     fleet: Fleet, migrated_url: str, clock: ManualClock, state: Maker
 ) -> None:
     drone_id = await fleet.drone()
@@ -213,7 +214,7 @@ async def test_a_batch_that_cannot_be_kept_is_kept_later(
 
 
 @pytest.mark.parametrize("number", [2**53 - 1, 0])
-async def test_the_largest_and_smallest_numbers_can_be_kept(
+async def test_the_largest_and_smallest_numbers_can_be_stored(
     fleet: Fleet, online: Maker, state: Maker, sample: Maker, number: int
 ) -> None:
     drone_id = await fleet.drone()
@@ -236,7 +237,7 @@ HEALTH = {
 }
 
 
-async def test_what_a_drone_says_of_its_health_is_shown(
+async def test_the_reported_health_of_a_drone_is_shown(
     fleet: Fleet, online: Maker, state: Maker
 ) -> None:
     drone_id = await fleet.drone()

@@ -80,7 +80,7 @@ async def test_reports_of_several_missions_come_in_one_request(
     assert await shown(api, drone) == ("RESERVED", "msn_1")
 
 
-async def test_a_drone_is_busy_from_its_yes_to_the_end(api: Any, drone: dict[str, Any]) -> None:
+async def test_a_drone_is_busy_from_acceptance_to_the_end(api: Any, drone: dict[str, Any]) -> None:
     seen = []
     for report in (
         make_report(drone, 1),
@@ -129,14 +129,16 @@ async def test_a_refused_mission_leaves_the_drone_free(api: Any, drone: dict[str
     assert await shown(api, drone) == ("AVAILABLE", None)
 
 
-async def test_a_late_copy_of_a_report_revives_no_mission(api: Any, drone: dict[str, Any]) -> None:
+async def test_a_late_copy_of_a_report_does_not_revive_a_mission(
+    api: Any, drone: dict[str, Any]
+) -> None:
     await tell(api, make_report(drone, 3, **ENDED), make_report(drone, 1))
     await tell(api, make_report(drone, 3, **ENDED), make_report(drone, 2, **ACTIVE))
 
     assert await shown(api, drone) == ("AVAILABLE", None)
 
 
-async def test_an_ended_mission_does_not_free_a_drone_of_the_next(
+async def test_an_ended_mission_does_not_free_a_drone_with_another_mission(
     api: Any, drone: dict[str, Any]
 ) -> None:
     await tell(api, make_report(drone, 1, mission_id="msn_2"), make_report(drone, 3, **ENDED))
@@ -144,9 +146,7 @@ async def test_an_ended_mission_does_not_free_a_drone_of_the_next(
     assert await shown(api, drone) == ("RESERVED", "msn_2")
 
 
-async def test_a_report_under_another_provider_says_nothing(
-    api: Any, drone: dict[str, Any]
-) -> None:
+async def test_a_report_under_another_provider_is_ignored(api: Any, drone: dict[str, Any]) -> None:
     await tell(
         api,
         make_report(drone, 1, provider_id="prv_other"),
@@ -162,7 +162,7 @@ async def test_fields_of_a_newer_composition_are_ignored(api: Any, drone: dict[s
     assert await shown(api, drone) == ("RESERVED", "msn_1")
 
 
-async def test_a_mission_that_the_drone_still_names_counts_no_more_once_ended(
+async def test_an_ended_mission_that_the_drone_still_names_does_not_count(
     api: Any, drone: dict[str, Any], db: Database, clock: ManualClock, state: Maker
 ) -> None:
     ids = (drone["provider_id"], drone["drone_id"])
@@ -201,7 +201,7 @@ async def test_ended_missions_are_forgotten_after_a_day(
     assert left == ["msn_2"]
 
 
-async def test_only_services_report(api: Any, drone: dict[str, Any]) -> None:
+async def test_only_services_may_report(api: Any, drone: dict[str, Any]) -> None:
     answer = await api(
         "provider:prv_000001", "POST", "/internal/mission-reports", make_report(drone, 1)
     )

@@ -68,7 +68,7 @@ def a_life() -> list[tuple[DroneId, PresenceMessage]]:
 
 
 @given(st.permutations(a_life()), st.data())
-def test_any_order_with_any_repeats_ends_as_the_order_of_sending(
+def test_any_order_with_any_repeats_gives_the_result_of_the_sending_order(
     shuffled: list[tuple[DroneId, PresenceMessage]], data: st.DataObject
 ) -> None:
     repeats = data.draw(st.lists(st.sampled_from(shuffled), max_size=10))
@@ -76,7 +76,7 @@ def test_any_order_with_any_repeats_ends_as_the_order_of_sending(
     assert newest([*shuffled, *repeats]) == newest(a_life())
 
 
-def test_the_last_will_of_an_older_connection_is_nothing() -> None:
+def test_the_last_will_of_an_older_connection_does_not_count() -> None:
     online, lost = make_connection(7, 2, "ONLINE"), make_connection(7, 1, "LOST")
 
     known = newest([(HERON, online), (HERON, lost)])
@@ -92,7 +92,7 @@ def test_the_last_will_of_the_present_connection_counts() -> None:
     assert known[HERON].connection == lost
 
 
-def test_a_new_session_begins_to_count_anew() -> None:
+def test_a_new_session_counts_from_the_beginning() -> None:
     old, new = make_state(7, 900), make_state(8, 1)
 
     known = newest([(HERON, new), (HERON, old)])

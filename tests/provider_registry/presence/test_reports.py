@@ -73,7 +73,7 @@ async def kept(db: Database) -> list[str]:
         return sorted(found.scalars())
 
 
-async def test_reports_that_come_meanwhile_share_the_next_transaction(
+async def test_reports_that_arrive_during_a_write_share_the_next_transaction(
     counting: CountingDatabase, clock: ManualClock, report: Makers
 ) -> None:
     keeper = ReportKeeper(counting, clock, Pace())
@@ -85,7 +85,7 @@ async def test_reports_that_come_meanwhile_share_the_next_transaction(
     assert counting.begun <= 2
 
 
-async def test_who_is_told_of_a_failure_is_one_and_the_next_tries_for_all(
+async def test_one_caller_gets_the_failure_and_the_next_tries_for_all(
     counting: CountingDatabase, clock: ManualClock, report: Makers
 ) -> None:
     counting.failing = 1
@@ -99,7 +99,7 @@ async def test_who_is_told_of_a_failure_is_one_and_the_next_tries_for_all(
     assert await kept(counting) == ["msn_0", "msn_1", "msn_2"]
 
 
-async def test_a_report_after_a_failure_is_kept(
+async def test_a_report_after_a_failure_is_stored(
     counting: CountingDatabase, clock: ManualClock, report: Makers
 ) -> None:
     counting.failing = 1

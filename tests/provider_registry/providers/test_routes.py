@@ -14,7 +14,7 @@ TARIFF = {
 }
 
 
-async def test_a_registered_provider_is_read_as_it_was_answered(api: Any) -> None:
+async def test_a_registered_provider_reads_like_the_answer(api: Any) -> None:
     body = {"name": "Hill Country Drones", "tariff": TARIFF, "terms": "net 30"}
 
     made = await api("operator:op", "POST", "/v1/providers", body)
@@ -72,7 +72,7 @@ async def test_an_unknown_service_is_refused(api: Any) -> None:
         ({"state": "ACTIVE"}, "state"),
     ],
 )
-async def test_a_bad_provider_is_told_its_field(
+async def test_a_bad_provider_is_refused_with_its_field(
     api: Any, change: dict[str, object], field: str
 ) -> None:
     body = {"name": "x", "tariff": {}, **change}
@@ -130,7 +130,7 @@ async def test_operators_see_all_and_customers_see_names_and_tariffs(api: Any) -
     assert card.json() == cards.json()["items"][0]
 
 
-async def test_a_change_leaves_the_rest_as_it_was(api: Any) -> None:
+async def test_a_change_keeps_all_other_fields(api: Any) -> None:
     provider_id = await api.provider(terms="old")
     path = f"/v1/providers/{provider_id}"
 
@@ -141,7 +141,7 @@ async def test_a_change_leaves_the_rest_as_it_was(api: Any) -> None:
     assert (answer.json()["terms"], answer.json()["name"]) == ("old", "Hill Country Drones")
 
 
-async def test_terms_may_be_taken_away_and_a_name_may_not(api: Any) -> None:
+async def test_terms_can_be_removed_and_a_name_cannot(api: Any) -> None:
     provider_id = await api.provider(terms="old")
     path = f"/v1/providers/{provider_id}"
 

@@ -14,12 +14,12 @@ from skyway.runtime.sql.database import Database
 
 async def test_a_provider_is_changed_by_itself_only(api: Any, db: Database) -> None:
     provider_id = ProviderId(await api.provider())
-    wanted = ProviderChange(name="stolen")
+    changes = ProviderChange(name="stolen")
 
     for caller in (Caller("provider", "prv_thief"), Caller("customer", provider_id)):
         with pytest.raises(NotFound):
             async with db.write() as tx:
-                await store.change(tx, caller, provider_id=provider_id, wanted=wanted)
+                await store.change(tx, caller, provider_id=provider_id, changes=changes)
 
     async with db.read() as connection:
-        assert (await store.any_one(connection, provider_id)).name == "Hill Country Drones"
+        assert (await store.by_id(connection, provider_id)).name == "Hill Country Drones"

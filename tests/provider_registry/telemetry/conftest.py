@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from skyway_provider_registry.telemetry import store
-from skyway_provider_registry.telemetry.store import HeardSample
+from skyway_provider_registry.telemetry.store import ReceivedSample
 
 from skyway.contracts.drone_report import Telemetry
 from skyway.geo import Position
@@ -50,7 +50,7 @@ class History:
 
     async def keeps(self, *samples: Telemetry) -> None:
         wall_ms = moment_to_ms(self.clock.wall_now())
-        heard = [HeardSample(DroneId(self.drone_id), sample, wall_ms) for sample in samples]
+        heard = [ReceivedSample(DroneId(self.drone_id), sample, wall_ms) for sample in samples]
         async with self.db.write() as tx:
             await store.add(tx, heard)
 

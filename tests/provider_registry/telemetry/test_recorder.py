@@ -22,7 +22,7 @@ def dropped(reason: str) -> float:
     return COUNTERS.value("skyway_telemetry_dropped", reason=reason)
 
 
-async def test_what_follows_from_the_broker_is_kept(
+async def test_samples_from_the_broker_are_stored(
     history: Any, db: Database, clock: ManualClock, make_sample: Any
 ) -> None:
     ids = (history.provider_id, history.drone_id)
@@ -33,7 +33,7 @@ async def test_what_follows_from_the_broker_is_kept(
         yield [*own, foreign]
 
     recorder = TelemetryRecorder(db, clock)
-    await PresenceFollower(batches(), db=db, clock=clock, listener=recorder.take).step()
+    await PresenceFollower(batches(), db=db, clock=clock, listener=recorder.accept).step()
     await recorder.step()
 
     assert await history.shows() == [
@@ -52,13 +52,13 @@ async def test_what_follows_from_the_broker_is_kept(
     ]
 
 
-async def test_replicas_keep_a_sample_once(
+async def test_replicas_store_a_sample_once(
     history: Any, db: Database, clock: ManualClock, make_sample: Any
 ) -> None:
     heard = [(DroneId(history.drone_id), make_sample(later_s)) for later_s in range(50)]
     replicas = [TelemetryRecorder(db, clock) for _ in range(2)]
-    replicas[0].take(heard)
-    replicas[1].take(reversed(heard))
+    replicas[0].accept(heard)
+    replicas[1].accept(reversed(heard))
 
     await asyncio.gather(*(replica.step() for replica in replicas))
 
@@ -69,7 +69,7 @@ async def test_samples_are_written_a_batch_at_a_time(
     history: Any, db: Database, clock: ManualClock, make_sample: Any
 ) -> None:
     recorder = TelemetryRecorder(db, clock)
-    recorder.take((DroneId(history.drone_id), make_sample(one)) for one in range(2 * BATCH + 1))
+    recorder.accept((DroneId(history.drone_id), make_sample(one)) for one in range(2 * BATCH + 1))
 
     has_more = [await recorder.step() for _ in range(4)]
 
@@ -77,11 +77,11 @@ async def test_samples_are_written_a_batch_at_a_time(
     assert len(await history.shows("limit=2000")) == 2 * BATCH + 1
 
 
-async def test_a_full_batch_is_written_at_once(
+async def test_a_full_batch_is_written_immediately(
     history: Any, db: Database, clock: ManualClock, make_sample: Any
 ) -> None:
     recorder = TelemetryRecorder(db, clock)
-    recorder.take((DroneId(history.drone_id), make_sample(one)) for one in range(BATCH))
+    recorder.accept((DroneId(history.drone_id), make_sample(one)) for one in range(BATCH))
 
     async with asyncio.timeout(10):
         await recorder.wake.wait(timeout_s=3600)
@@ -94,7 +94,7 @@ async def test_the_oldest_are_dropped_while_nothing_can_be_written(
     recorder = TelemetryRecorder(late, clock, most_waiting=3)
     before = dropped("database")
     for second in range(5):
-        recorder.take([(DroneId(history.drone_id), make_sample(second))])
+        recorder.accept([(DroneId(history.drone_id), make_sample(second))])
 
     with pytest.raises(ServiceUnavailable):
         await recorder.step()
@@ -105,29 +105,29 @@ async def test_the_oldest_are_dropped_while_nothing_can_be_written(
     assert await history.moments() == [f"2026-03-01T12:00:0{second}Z" for second in (2, 3, 4)]
 
 
-async def test_what_could_not_be_written_is_written_later(
+async def test_a_batch_that_could_not_be_written_is_written_later(
     history: Any, migrated_url: str, clock: ManualClock, make_sample: Any
 ) -> None:
     late = Database(migrated_url)
     recorder = TelemetryRecorder(late, clock)
-    recorder.take([(DroneId(history.drone_id), make_sample(1))])
+    recorder.accept([(DroneId(history.drone_id), make_sample(1))])
 
     with pytest.raises(ServiceUnavailable):
         await recorder.step()
-    recorder.take([(DroneId(history.drone_id), make_sample(2))])
+    recorder.accept([(DroneId(history.drone_id), make_sample(2))])
     async with late:
         while await history.moments() != ["2026-03-01T12:00:01Z", "2026-03-01T12:00:02Z"]:
             await recorder.step()
 
 
 @pytest.mark.parametrize("off", [timedelta(hours=2), timedelta(hours=-2), timedelta(days=-20_000)])
-async def test_a_sample_of_another_time_is_not_kept(
+async def test_a_sample_with_a_wrong_clock_is_not_stored(
     history: Any, db: Database, clock: ManualClock, make_sample: Any, off: timedelta
 ) -> None:
     recorder = TelemetryRecorder(db, clock)
     before = dropped("clock")
 
-    recorder.take([(DroneId(history.drone_id), make_sample(off.total_seconds()))])
+    recorder.accept([(DroneId(history.drone_id), make_sample(off.total_seconds()))])
     await recorder.step()
 
     assert (await history.shows(), dropped("clock")) == ([], before + 1)

@@ -32,7 +32,7 @@ async def test_telemetry_is_read_by_time(told: Any, query: str, expected: list[s
 
 
 @pytest.mark.parametrize("query", ["", "&resolution=raw"])
-async def test_a_long_time_is_read_in_pages(told: Any, query: str) -> None:
+async def test_a_long_period_is_read_in_pages(told: Any, query: str) -> None:
     pages, cursor = [], ""
     while True:
         page = await told.asks(f"limit=4{query}{cursor}")
@@ -90,7 +90,7 @@ async def test_a_minute_holds_means_extremes_and_the_last_position(
     ]
 
 
-async def test_a_time_with_too_many_samples_is_shown_by_minutes(
+async def test_a_period_with_too_many_samples_is_shown_by_minutes(
     history: Any, make_sample: Any
 ) -> None:
     await history.keeps(*(make_sample(number / 10) for number in range(2_001)))
@@ -141,13 +141,13 @@ async def test_a_minute_on_a_map_has_flat_properties(told: Any) -> None:
     assert all(isinstance(value, (str, int, float)) for value in properties.values())
 
 
-async def test_a_drone_reads_its_own(told: Any) -> None:
+async def test_a_drone_reads_its_own_telemetry(told: Any) -> None:
     own = await told.api(f"drone:{told.drone_id}", "GET", told.path)
 
     assert len(own.json()["items"]) == 6
 
 
-async def test_nobody_reads_anothers(told: Any) -> None:
+async def test_other_drones_and_providers_may_not_read_it(told: Any) -> None:
     other = await told.api.provider()
     others_drone = (await told.api.drone(other))["drone_id"]
     neighbour = (await told.api.drone(told.provider_id))["drone_id"]
@@ -166,7 +166,7 @@ async def test_nobody_reads_anothers(told: Any) -> None:
 
 
 @pytest.mark.parametrize("caller", ["customer:c", None])
-async def test_telemetry_is_no_business_of_customers(told: Any, caller: str | None) -> None:
+async def test_customers_may_not_read_telemetry(told: Any, caller: str | None) -> None:
     assert (await told.api(caller, "GET", told.path)).status_code == 403
 
 
@@ -193,14 +193,14 @@ async def test_a_removed_drone_is_not_shown(told: Any) -> None:
         ("since=2026-03-01T12:00:00Z", "since"),
     ],
 )
-async def test_a_question_that_makes_no_sense_is_refused(told: Any, query: str, field: str) -> None:
+async def test_an_invalid_query_is_refused(told: Any, query: str, field: str) -> None:
     answer = await told.api(f"provider:{told.provider_id}", "GET", f"{told.path}?{query}")
 
     assert answer.status_code == 422
     assert field in {error["field"].split(".")[-1] for error in answer.json()["errors"]}
 
 
-async def test_later_samples_are_asked_for_from_the_last_one(told: Any, make_sample: Any) -> None:
+async def test_later_samples_can_be_read_from_the_last_one_on(told: Any, make_sample: Any) -> None:
     told.clock.advance(timedelta(seconds=6))
     await told.keeps(make_sample())
 

@@ -6,14 +6,14 @@ from typing import Any
 
 import pytest
 from skyway_provider_registry.tables import telemetry_minutes, telemetry_samples
-from skyway_provider_registry.telemetry.thinning import Keeping, Thinning
+from skyway_provider_registry.telemetry.thinning import KeepTimes, Thinning
 from skyway_provider_registry.telemetry.thinning_store import PIECE
 from sqlalchemy import func, select
 
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.sql.database import Database
 
-KEEPING = Keeping(samples_for=timedelta(hours=24), minutes_for=timedelta(days=30))
+KEEPING = KeepTimes(samples_for=timedelta(hours=24), minutes_for=timedelta(days=30))
 
 
 @pytest.fixture
@@ -39,7 +39,7 @@ async def kept(db: Database) -> tuple[int, int]:
     return counted[0], counted[1]
 
 
-async def test_samples_become_minutes_that_say_the_same(
+async def test_samples_become_minutes_with_the_same_content(
     history: Any, db: Database, clock: ManualClock, thinning: Thinning, make_sample: Any
 ) -> None:
     await history.keeps(
@@ -76,7 +76,7 @@ async def test_a_minute_is_thinned_when_all_of_it_is_old(
     assert shown == [2, 2]
 
 
-async def test_a_time_of_which_some_is_thinned_is_shown_by_minutes(
+async def test_a_partly_thinned_period_is_shown_by_minutes(
     history: Any, clock: ManualClock, thinning: Thinning, make_sample: Any
 ) -> None:
     await history.keeps(make_sample(0), make_sample(1))
@@ -91,7 +91,7 @@ async def test_a_time_of_which_some_is_thinned_is_shown_by_minutes(
     ]
 
 
-async def test_minutes_are_forgotten_after_a_month(
+async def test_minutes_are_deleted_after_a_month(
     history: Any, db: Database, clock: ManualClock, thinning: Thinning, make_sample: Any
 ) -> None:
     await history.keeps(make_sample(0))
@@ -106,7 +106,7 @@ async def test_minutes_are_forgotten_after_a_month(
     assert await history.moments() == ["2026-03-30T12:00:00Z"]
 
 
-async def test_a_sample_that_comes_after_its_minute_was_thinned_changes_nothing(
+async def test_a_sample_of_a_thinned_minute_changes_nothing(
     history: Any, db: Database, clock: ManualClock, thinning: Thinning, make_sample: Any
 ) -> None:
     late = make_sample(30, soc=0.1)
@@ -125,7 +125,7 @@ async def test_a_sample_that_comes_after_its_minute_was_thinned_changes_nothing(
 
 
 @pytest.mark.parametrize("every_s", [1.0, 0.02])
-async def test_much_is_thinned_in_pieces(
+async def test_many_samples_are_thinned_in_pieces(
     history: Any,
     db: Database,
     clock: ManualClock,
@@ -171,7 +171,7 @@ async def test_every_drone_has_its_turn_in_a_round(
     assert (rounds, await kept(db)) == ([3, 3], (0, 3))
 
 
-async def test_nothing_is_kept_of_a_drone_that_was_removed(
+async def test_the_telemetry_of_a_removed_drone_is_deleted(
     history: Any, db: Database, clock: ManualClock, thinning: Thinning, make_sample: Any
 ) -> None:
     await history.keeps(*(make_sample(number) for number in range(PIECE + 10)))

@@ -1,1 +1,1 @@
-"""Credentials of drones: how one gets them, changes them, and loses them."""
+"""Credentials of drones: a drone enrols, rotates its credentials, and its provider revokes them."""

@@ -1,4 +1,4 @@
-"""Issuing a drone's credentials: all at once by a token, or the next ones by a rotation."""
+"""Issues a drone's credentials: the first by a token, the next ones by a rotation."""
 
 from datetime import datetime
 
@@ -30,13 +30,13 @@ from skyway_provider_registry.presence import store as presence
 
 
 class Issuer:
-    """Makes credentials; with an authority they hold a certificate too."""
+    """Makes credentials; with an authority they include a certificate."""
 
     def __init__(self, authority: CertificateAuthority | None) -> None:
         self._authority = authority
 
     def make(self, drone_id: DroneId) -> Credentials:
-        """New credentials, that nobody knows of yet: plain computing."""
+        """New credentials, not stored yet; this only computes."""
         return Credentials(
             mqtt=MqttAccount(user_name=drone_id, password=new_password()),
             certificate=self._certificate(drone_id),
@@ -55,24 +55,24 @@ class Issuer:
 
 
 async def issue_token(tx: Tx, drone_id: DroneId, *, wall_now: datetime) -> IssuedToken:
-    """A new token for a drone; the one before it stops, what the drone uses does not."""
+    """A new token for a drone; it replaces the old token, and the credentials stay valid."""
     token, expires_at = new_token(), wall_now + TOKEN_LIFE
     await tokens.put(tx, drone_id, token_hash=token_hash(token), expires_at=expires_at)
     return IssuedToken(drone_id=drone_id, enrolment_token=token, expires_at=expires_at)
 
 
 async def enrol(tx: Tx, token: str, *, issuer: Issuer, wall_now: datetime) -> Enrolment:
-    """The credentials that a token is exchanged for; whatever the drone had before stops.
+    """Exchange a token for credentials; the drone's earlier credentials stop working.
 
     Raises
     ------
     AccessDenied
         No drone has this token.
     Conflict
-        It was used before, or is too old.
+        The token was used before or is too old.
     """
-    drone_id = await tokens.take(tx, token_hash(token), at=wall_now)
-    drone = (await store.any_one(tx.connection, drone_id)).shown(wall_now)
+    drone_id = await tokens.use(tx, token_hash(token), at=wall_now)
+    drone = (await store.by_id(tx.connection, drone_id)).shown(wall_now)
     made = issuer.make(drone_id)
     await accounts.set_password(tx, drone_id, password_hash=hash_password(made.mqtt.password))
     await drone_keys.put(tx, drone_id, key_hash=key_hash(made.key))
@@ -92,27 +92,27 @@ async def enrol(tx: Tx, token: str, *, issuer: Issuer, wall_now: datetime) -> En
 
 
 async def rotate(tx: Tx, drone_id: DroneId, *, issuer: Issuer) -> Credentials:
-    """The credentials that follow; they count, and the present ones stop, once the key is shown.
+    """The next credentials; they replace the present ones when the drone first uses the new key.
 
     Raises
     ------
     AccessDenied
-        The drone was revoked meanwhile.
+        The drone's credentials were revoked in the meantime.
     """
     made = issuer.make(drone_id)
-    has_followed = await drone_keys.put_next(
+    has_key = await drone_keys.put_next(
         tx,
         drone_id,
         key_hash=key_hash(made.key),
         password_hash=hash_password(made.mqtt.password),
     )
-    if not has_followed:
+    if not has_key:
         raise AccessDenied(f"drone {drone_id} has no credentials to rotate")
     return made
 
 
 async def revoke(tx: Tx, drone_id: DroneId, *, wall_now: datetime) -> None:
-    """Stop all that a drone may log in, call or enrol with; it is as good as gone."""
+    """Stop the drone's account, key and token, and count the drone as lost."""
     await presence.cut_off(tx, drone_id)
     await accounts.revoke(tx, drone_id, at=wall_now)
     await drone_keys.remove(tx, drone_id)

@@ -65,7 +65,7 @@ def credential_routes(
             clock=clock,
         )
         response = response_of(answer)
-        # Nobody between us and the drone may keep what is shown once.
+        # No proxy between us and the drone may store secrets that are shown once.
         response.headers["Cache-Control"] = "no-store"
         return response
 
@@ -85,7 +85,7 @@ def credential_routes(
         caller.must_be("service")
 
         async with db.read() as connection:
-            await tokens.must_be_known(connection, token_hash(wanted.enrolment_token))
+            await tokens.must_exist(connection, token_hash(wanted.enrolment_token))
 
         async def act(tx: Tx) -> Enrolment:
             return await enrol(tx, wanted.enrolment_token, issuer=issuer, wall_now=clock.wall_now())

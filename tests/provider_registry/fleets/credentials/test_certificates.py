@@ -31,7 +31,7 @@ def test_a_drones_certificate_names_it_and_is_signed_for_clients(tmp_path: Path)
     assert key.public_key() == certificate.public_key()
 
 
-def test_no_two_credentials_are_the_same_or_shown(tmp_path: Path) -> None:
+def test_credentials_are_unique_and_hidden_in_representations(tmp_path: Path) -> None:
     issuer = Issuer(CertificateAuthority.make(tmp_path / "ca"))
 
     one, other = issuer.make(DRONE), issuer.make(DRONE)
@@ -48,7 +48,7 @@ def test_without_an_authority_there_is_no_certificate() -> None:
     assert Issuer(None).make(DRONE).certificate is None
 
 
-def test_an_authority_is_made_once_for_us_alone(tmp_path: Path) -> None:
+def test_an_authority_is_made_once_and_only_this_user_can_read_it(tmp_path: Path) -> None:
     first = CertificateAuthority.make(tmp_path / "ca")
     again = CertificateAuthority.make(tmp_path / "ca")
 

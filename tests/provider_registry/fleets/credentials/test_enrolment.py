@@ -32,7 +32,7 @@ def logs_in(folder: Path, drone_id: str, password: str) -> bool:
     return hashed is not None and matches(password, hashed)
 
 
-async def test_a_token_gives_what_the_drone_starts_with(api: Any, tmp_path: Path) -> None:
+async def test_a_token_is_exchanged_for_everything_a_drone_needs(api: Any, tmp_path: Path) -> None:
     drone = await api.drone(await api.provider(), soc=0.8)
 
     answer = await enrol(api, drone["enrolment_token"])
@@ -70,7 +70,7 @@ async def test_a_token_works_once(api: Any, tmp_path: Path) -> None:
     assert logs_in(tmp_path, drone["drone_id"], first["mqtt"]["password"])
 
 
-async def test_a_lost_answer_is_repeated_to_who_asked_for_it(api: Any, tmp_path: Path) -> None:
+async def test_a_lost_answer_is_repeated_for_the_same_key(api: Any, tmp_path: Path) -> None:
     drone = await api.drone(await api.provider())
     lost = await enrol(api, drone["enrolment_token"], "made up before asking")
 
@@ -94,7 +94,7 @@ async def test_a_token_lasts_a_month(api: Any, clock: ManualClock) -> None:
 
 
 @pytest.mark.parametrize("token", ["enr_made-up", "x", "x" * 201, ""])
-async def test_a_made_up_token_is_refused_and_not_repeated(api: Any, token: str) -> None:
+async def test_an_invented_token_is_refused_and_not_repeated(api: Any, token: str) -> None:
     await api.drone(await api.provider())
 
     answer = await enrol(api, token)
@@ -112,7 +112,7 @@ async def test_only_the_gateway_exchanges_tokens(api: Any, caller: str) -> None:
     assert answer.status_code == 403
 
 
-async def test_another_token_ends_the_one_before_and_nothing_else(api: Any, tmp_path: Path) -> None:
+async def test_a_new_token_replaces_the_old_one_and_nothing_else(api: Any, tmp_path: Path) -> None:
     provider_id = await api.provider()
     drone = await api.drone(provider_id)
     path = f"/v1/providers/{provider_id}/drones/{drone['drone_id']}/enrolment-tokens"
@@ -125,9 +125,7 @@ async def test_another_token_ends_the_one_before_and_nothing_else(api: Any, tmp_
     assert (await enrol(api, made.json()["enrolment_token"])).status_code == 201
 
 
-async def test_another_provider_can_neither_make_tokens_nor_revoke(
-    api: Any, tmp_path: Path
-) -> None:
+async def test_another_provider_cannot_make_tokens_or_revoke(api: Any, tmp_path: Path) -> None:
     provider_id, stranger = await api.provider(), await api.provider()
     drone = await api.drone(provider_id)
     own = f"/v1/providers/{provider_id}/drones/{drone['drone_id']}"
@@ -143,7 +141,7 @@ async def test_another_provider_can_neither_make_tokens_nor_revoke(
     assert logs_in(tmp_path, drone["drone_id"], drone["mqtt"]["password"])
 
 
-async def test_nothing_secret_is_stored(api: Any, db: Database) -> None:
+async def test_no_secret_is_stored(api: Any, db: Database) -> None:
     drone = await api.drone(await api.provider())
     enrolled = (await enrol(api, drone["enrolment_token"], "key")).json()
 

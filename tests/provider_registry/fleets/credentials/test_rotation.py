@@ -53,7 +53,7 @@ async def test_the_old_credentials_work_until_the_new_key_is_used(
     assert not logs_in(tmp_path, drone_id, following["mqtt"]["password"])
 
 
-async def test_the_first_use_of_the_new_key_ends_the_old_ones(
+async def test_the_first_use_of_the_new_key_ends_the_old_credentials(
     api: Any, enrolled: Any, tmp_path: Path
 ) -> None:
     drone_id = enrolled["drone_id"]
@@ -67,7 +67,7 @@ async def test_the_first_use_of_the_new_key_ends_the_old_ones(
     assert logs_in(tmp_path, drone_id, following["mqtt"]["password"])
 
 
-async def test_a_rotation_whose_answer_was_lost_is_made_again(
+async def test_a_rotation_whose_answer_was_lost_can_be_repeated(
     api: Any, enrolled: Any, tmp_path: Path
 ) -> None:
     drone_id = enrolled["drone_id"]
@@ -80,7 +80,7 @@ async def test_a_rotation_whose_answer_was_lost_is_made_again(
     assert logs_in(tmp_path, drone_id, following["mqtt"]["password"])
 
 
-async def test_an_enrolment_ends_a_rotation_that_was_begun(api: Any, enrolled: Any) -> None:
+async def test_an_enrolment_cancels_a_rotation(api: Any, enrolled: Any) -> None:
     drone_id, provider_id = enrolled["drone_id"], enrolled["provider_id"]
     following = await rotate(api, drone_id)
     path = f"/v1/providers/{provider_id}/drones/{drone_id}/enrolment-tokens"
@@ -93,7 +93,7 @@ async def test_an_enrolment_ends_a_rotation_that_was_begun(api: Any, enrolled: A
 
 
 @pytest.mark.parametrize("caller", ["provider:prv_1", "operator:op", "customer:c", GATEWAY])
-async def test_only_a_drone_rotates(api: Any, caller: str) -> None:
+async def test_only_a_drone_rotates_credentials(api: Any, caller: str) -> None:
     assert (await api(caller, "POST", ROTATIONS)).status_code == 403
 
 
@@ -105,7 +105,7 @@ async def test_a_drone_that_never_enrolled_has_nothing_to_rotate(api: Any) -> No
     assert answer.status_code == 403
 
 
-async def test_a_revoked_drone_has_nothing_left(
+async def test_a_revoked_drone_has_no_credentials(
     api: Any, db: Database, enrolled: Any, tmp_path: Path
 ) -> None:
     drone_id, provider_id = enrolled["drone_id"], enrolled["provider_id"]
@@ -137,7 +137,7 @@ async def test_a_revoked_drone_counts_as_lost(api: Any, db: Database, enrolled: 
     assert (await api("operator:op", "GET", path)).json()["state"] == "OFFLINE"
 
 
-async def test_a_revoked_drone_comes_back_with_another_token(
+async def test_a_revoked_drone_enrols_again_with_a_new_token(
     api: Any, enrolled: Any, tmp_path: Path
 ) -> None:
     drone_id, provider_id = enrolled["drone_id"], enrolled["provider_id"]
@@ -154,7 +154,7 @@ async def test_a_revoked_drone_comes_back_with_another_token(
     assert await whose(api, again["key"]) == drone_id
 
 
-async def test_a_removed_drone_has_nothing_left(api: Any, enrolled: Any, tmp_path: Path) -> None:
+async def test_a_removed_drone_has_no_credentials(api: Any, enrolled: Any, tmp_path: Path) -> None:
     drone_id, provider_id = enrolled["drone_id"], enrolled["provider_id"]
 
     await api(f"provider:{provider_id}", "DELETE", f"/v1/providers/{provider_id}/drones/{drone_id}")
@@ -163,7 +163,7 @@ async def test_a_removed_drone_has_nothing_left(api: Any, enrolled: Any, tmp_pat
     assert drone_id not in read_password_file(tmp_path / "passwords")
 
 
-async def test_a_drone_sees_itself_and_no_other(api: Any, enrolled: Any) -> None:
+async def test_a_drone_sees_only_itself(api: Any, enrolled: Any) -> None:
     drone_id, provider_id = enrolled["drone_id"], enrolled["provider_id"]
     sibling = await api.drone(provider_id)
     fleet = f"/v1/providers/{provider_id}/drones"

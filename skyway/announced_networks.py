@@ -1,0 +1,169 @@
+"""The stations of announced networks, cached in this process.
+
+Composition announces each new version of a network on MQTT. A process that listens can then answer
+questions about stations without asking composition. The cache lacks the stations of networks that
+are too large to be sent or cached. It may still hold a version that was replaced a moment ago. When
+an error would matter, ask composition.
+"""
+
+import asyncio
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterable, Mapping
+from dataclasses import dataclass
+from typing import Final
+
+from skyway.contracts.station_check import NetworkStations
+from skyway.contracts.topics import NETWORK_VERSION
+from skyway.contracts.world import NetworkVersion
+from skyway.geo import Position
+from skyway.ids import NetworkId, StationId
+from skyway.runtime.http.client import ServiceClient
+from skyway.runtime.loops import Wake, repeat
+from skyway.runtime.mqtt.client import MqttClient, Received
+
+#: Most stations in the cache, of all networks together; a station takes 100 to 200 bytes.
+_MOST_CACHED: Final = 200_000
+
+#: Seconds of wall time until composition is asked again after it answered an older version.
+_ASK_EVERY_S: Final = 5.0
+
+#: Answers all stations of a network's current version; no station when there are too many.
+AllStations = Callable[[NetworkId], Awaitable[NetworkStations]]
+
+
+@dataclass(frozen=True, slots=True)
+class _CachedVersion:
+    """The stations of one version, each with its position and its part of the network."""
+
+    version: int
+    places: Mapping[StationId, tuple[Position, int]]
+
+
+class CachedNetworks:
+    """One version of each network by its stations; a station belongs to one network.
+
+    `revision` grows with each change: results that were computed from the cache are then outdated.
+    """
+
+    def __init__(self) -> None:
+        self._networks: dict[NetworkId, _CachedVersion] = {}
+        self.revision = 0
+
+    def position_if_connected(
+        self, start: StationId, *, to: Iterable[StationId]
+    ) -> Position | None:
+        """The position of a station from which ways lead to all these stations.
+
+        None when the cache does not show such ways; there may still be some.
+        """
+        for network in self._networks.values():
+            if (place := network.places.get(start)) is not None:
+                position, part = place
+                ends = (network.places.get(each) for each in to)
+                return position if all(end and end[1] == part for end in ends) else None
+        return None
+
+    def network_of(self, station_id: StationId) -> NetworkId | None:
+        """The network of a station; None when the station is not cached."""
+        for network_id, network in self._networks.items():
+            if station_id in network.places:
+                return network_id
+        return None
+
+    def version_of(self, network_id: NetworkId) -> int | None:
+        """The cached version of a network; None when there is none."""
+        cached = self._networks.get(network_id)
+        return None if cached is None else cached.version
+
+    def put(self, stations: NetworkStations) -> None:
+        """Cache this version of a network, without its stations when the cache would be too big."""
+        self.drop(stations.network_id)
+        cached = sum(len(network.places) for network in self._networks.values())
+        places: Mapping[StationId, tuple[Position, int]] = {}
+        if cached + len(stations.station_ids) <= _MOST_CACHED:
+            each = zip(stations.positions, stations.parts, strict=True)
+            places = dict(zip(stations.station_ids, each, strict=True))
+        self._networks[stations.network_id] = _CachedVersion(stations.version, places)
+        self.revision += 1
+
+    def drop(self, network_id: NetworkId) -> None:
+        """Remove a network from the cache."""
+        self._networks.pop(network_id, None)
+        self.revision += 1
+
+    def clear(self) -> None:
+        """Remove all networks from the cache."""
+        self._networks.clear()
+        self.revision += 1
+
+
+def stations_from(composition: ServiceClient) -> AllStations:
+    """`AllStations` that asks composition."""
+
+    async def ask(network_id: NetworkId) -> NetworkStations:
+        path = f"/internal/networks/{network_id}/stations"
+        return await composition.call("GET", path, answer=NetworkStations)
+
+    return ask
+
+
+class NetworkLearner:
+    """Fills `cached` with announced networks, and clears it when announcements may be missed."""
+
+    def __init__(self, all_stations: AllStations) -> None:
+        self.cached = CachedNetworks()
+        self._all_stations = all_stations
+        self._announced: dict[NetworkId, int] = {}
+        self._wake = Wake()
+
+    async def run(self, mqtt: MqttClient) -> None:
+        """Cache each version that is announced; clear the cache when the connection is lost."""
+        announced = mqtt.batches(NETWORK_VERSION)
+        async with asyncio.TaskGroup() as group:
+            group.create_task(self._receive(announced))
+            group.create_task(self._clear_when_disconnected(mqtt))
+            learn = repeat("networks", self.learn, every_s=_ASK_EVERY_S, wake=self._wake)
+            group.create_task(learn)
+
+    def note(self, message: NetworkVersion) -> None:
+        """Note an announced version; an older version leaves the cache immediately."""
+        network_id, version = message.network_id, message.version
+        self._announced[network_id] = version
+        cached = self.cached.version_of(network_id)
+        if cached is not None and cached < version:
+            self.cached.drop(network_id)
+        self._wake.set()
+
+    async def learn(self) -> bool:
+        """Step of a loop: ask for the stations of announced networks that are not cached.
+
+        Raises
+        ------
+        ServiceUnavailable
+            Composition does not answer now.
+        """
+        for network_id in [each for each in self._announced if self._is_new(each)]:
+            stations = await self._all_stations(network_id)
+            # A newer announcement, or a lost connection, may have come in the meantime. The next
+            # step asks again then.
+            if stations.version >= self._announced.get(network_id, stations.version + 1):
+                self.cached.put(stations)
+        return False
+
+    def forget(self) -> None:
+        """Clear the cache until networks are announced again."""
+        self._announced.clear()
+        self.cached.clear()
+
+    def _is_new(self, network_id: NetworkId) -> bool:
+        return self.cached.version_of(network_id) is None
+
+    async def _receive(self, announced: AsyncIterator[list[Received[NetworkVersion]]]) -> None:
+        async for batch in announced:
+            for received in batch:
+                self.note(received.message)
+
+    async def _clear_when_disconnected(self, mqtt: MqttClient) -> None:
+        while True:
+            await mqtt.wait_connected()
+            await mqtt.wait_lost()
+            self.forget()

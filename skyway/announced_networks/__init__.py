@@ -1,1 +1,0 @@
-"""What a process knows of networks without asking, since their versions are announced on MQTT."""
