@@ -15,7 +15,7 @@ DAMAGES = [
     (
         "finished again",
         "UPDATE deliveries SET state = 'PLANNED' WHERE state = 'COMPLETED'",
-        "I5: a delivery that goes on has told no last event",
+        "I5: a delivery that goes on has no final event",
     ),
     (
         "never said so",

@@ -26,7 +26,7 @@ SUBJECTS = {"customer": "alice", "provider": "prv_1", "operator": "op", "drone":
 
 
 def path_of(row: Forwarded) -> str:
-    return row.path.format(**{name: IDS[name] for name in row.parameters})
+    return row.path.format(**IDS)
 
 
 # Refused and forwarded calls leave nothing in the gateway, so all rows may ask the same one.
