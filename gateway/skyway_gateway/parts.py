@@ -107,7 +107,7 @@ class Parts:
 
     @property
     def checks(self) -> RequestChecks:
-        """RequestChecks delivery requests against the world."""
+        """Checks delivery requests against networks and fleets."""
         limits = CachedPayloadLimits(self.registry, self.clock)
         return RequestChecks(limits, self.networks.cached, self.composition, self.clock)
 

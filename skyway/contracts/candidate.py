@@ -55,6 +55,7 @@ class Candidate(WireModel):
 #: NO_DRONES .. LOW_CHARGE come from the registry, the others from the planner and from booking;
 #: DESTINATION_UNREACHABLE from both: of drones that are known to stand in another network.
 ProviderReasonCode = Literal[
+    "NO_PROVIDER",
     "NOT_ADMITTED",
     "NOT_COMPARED",
     "NO_DRONES",
@@ -81,7 +82,8 @@ ProviderReasonCode = Literal[
 class ProviderReason(WireModel):
     """Why a provider makes no offer; `is_temporary` when asking again later may change it.
 
-    `provider_id` is null where the reason is nobody's: no provider was asked in time.
+    `provider_id` is null for reasons that belong to no provider: NO_PROVIDER, and TOO_LATE when the
+    deadline passed before any provider gave a reason.
     """
 
     provider_id: ProviderId | None

@@ -29,16 +29,18 @@ class QuoteQuery(WireModel):
 class OfferTerms(WireModel):
     """What one provider offers: its best drone's plan, or those of several trips, added up.
 
-    `pickup_at` is when the first drone begins; `delivery_time_s` counts from there to the last
-    delivery. `score` is what offers are ranked by, the lower the better: the weighted sum of time,
-    price and energy, each relative to the best among the offers.
+    `delivery_time_s` counts from the start of the first drone's plan, which may begin with a flight
+    to the pickup, to the last delivery. Offers are ranked by `score`, the lower the better: the
+    weighted sum of time, price and energy, each relative to the best among the offers.
     """
 
     provider_id: ProviderId
     drone_id: DroneId
     drone_model_id: DroneModelId
     price: Price
-    pickup_at: FleetMoment
+    pickup_at: Annotated[
+        FleetMoment, Field(description="when the first drone begins to load at the pickup")
+    ]
     delivery_time_s: float
     packages: tuple[PackageEta, ...]
     energy_j: float

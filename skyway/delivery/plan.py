@@ -119,6 +119,11 @@ class Plan(JsonModel):
     ] = None
 
     @property
+    def pickup_s(self) -> float:
+        """When the drone begins to load, seconds since the plan's start; 0 if it loads nothing."""
+        return next((step.start_s for step in self.steps if isinstance(step, PickUp)), 0.0)
+
+    @property
     def is_flyable(self) -> bool:
         """Whether there are steps to fly."""
         return self.status in (PlanStatus.OPTIMAL, PlanStatus.FEASIBLE)

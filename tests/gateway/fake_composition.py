@@ -26,7 +26,7 @@ from skyway.delivery.request import DeliveryRequest
 from skyway.drone.models import PAPER_SCENARIO
 from skyway.geo import Position
 from skyway.runtime.clock import ManualClock
-from skyway.runtime.errors import ServiceUnavailable
+from skyway.runtime.errors import Conflict, ServiceUnavailable
 
 #: Stations of the fake network; "island" is known, but no path leads there.
 STATIONS = ("san-marcos", "mcqueeney", "bulverde", "san-antonio", "island")
@@ -113,6 +113,7 @@ class FakeComposition:
     clock: ManualClock
     is_away: bool = False
     is_busy: bool = False
+    has_networks: bool = True
     reasons: list[ProviderReason] = field(default_factory=list)
     #: How many packages one trip takes; each trip takes another candidate, as far as they go.
     packages_per_trip: int = 100
@@ -138,6 +139,8 @@ class FakeComposition:
 
     async def check_stations(self, query: StationCheckQuery) -> StationCheck:
         self._answer()
+        if not self.has_networks:
+            raise Conflict("NO_NETWORK", "no network is published: skyway network import bundled")
         known = [one for one in query.station_ids if one in STATIONS]
         return StationCheck(
             network_ids=dict.fromkeys(known, "corridor"),

@@ -25,7 +25,7 @@ from skyway.contracts.station_check import StationCheckQuery
 from skyway.delivery.offer import Tariff
 from skyway.drone.models import PAPER_SCENARIO
 from skyway.json_model import JsonModel
-from skyway.runtime.errors import ServiceUnavailable
+from skyway.runtime.errors import Conflict, ServiceUnavailable
 from tests.gateway.fake_composition import STATIONS, FakeComposition, make_mission, make_terms
 
 __all__ = [
@@ -215,6 +215,15 @@ async def _answer(act: Act, request: httpx.Request, found: re.Match[str]) -> htt
         answer = await act(request, found[1])
     except ServiceUnavailable:
         return httpx.Response(503)
+    except Conflict as conflict:
+        problem = {
+            "type": "urn:skyway:problem:conflict",
+            "title": "Conflict",
+            "status": 409,
+            "code": conflict.code,
+            "detail": conflict.detail,
+        }
+        return httpx.Response(409, json=problem)
     if answer is None:
         return httpx.Response(204)
     return httpx.Response(200, content=answer.model_dump_json())

@@ -90,7 +90,7 @@ DAMAGES = [
     (
         "webhook not told",
         "DELETE FROM notifications WHERE sequence = 1",
-        "I14: an event is told",
+        "I14: each webhook is notified",
     ),
     (
         "out of sequence",

@@ -9,6 +9,7 @@ from datetime import timedelta
 from typing import Final
 
 from skyway.announced_networks import CachedNetworks
+from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.station_check import StationCheck, StationCheckQuery
 from skyway.delivery.request import DeliveryRequest, ProviderChoice
 from skyway.errors import InvalidInput
@@ -25,29 +26,53 @@ _LONGEST_AHEAD: Final = timedelta(days=366)
 _MASS_TOLERANCE_KG: Final = 1e-9
 
 
+#: Why a request has no offers when none of the providers that may serve it has a drone.
+NO_PROVIDER: Final = ProviderReason(
+    provider_id=None,
+    code="NO_PROVIDER",
+    detail="no provider serves it: none of the providers that may serve it has a drone",
+    is_temporary=True,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class CheckedRequest:
+    """A request that has passed all checks, and the position of its pickup.
+
+    `reasons` tell why no drone can be booked now, as far as that is known already.
+    """
+
+    request: DeliveryRequest
+    pickup_position: Position
+    reasons: tuple[ProviderReason, ...]
+
+
 @dataclass(frozen=True, slots=True)
 class RequestChecks:
-    """RequestChecks requests against the clock, the network and the fleets."""
+    """Checks requests against the clock, the network and the fleets."""
 
     payload_limits: CachedPayloadLimits
     networks: CachedNetworks
     composition: Composition
     clock: FleetClock
 
-    async def check(self, request: DeliveryRequest) -> Position:
-        """Check the whole request; the result is the position of its pickup.
+    async def check(self, request: DeliveryRequest) -> CheckedRequest:
+        """Check the whole request.
 
         Raises
         ------
         InvalidInput
             A field is impossible now: an unknown station, too heavy, a deadline in the past.
+        RemoteProblem
+            NO_NETWORK: no network is published at all.
         ServiceUnavailable
             The registry or composition does not answer now.
         """
         self._check_times(request)
+        _check_destinations(request)
         position = await self._check_stations(request)
-        await self._check_payload(request)
-        return position
+        has_provider = await self._check_payload(request)
+        return CheckedRequest(request, position, () if has_provider else (NO_PROVIDER,))
 
     def _check_times(self, request: DeliveryRequest) -> None:
         now, deadline_at = self.clock.now(), request.qos.deadline_at
@@ -80,8 +105,8 @@ class RequestChecks:
             _check_station(field, station_id, found, pickup=pickup)
         return found.positions[pickup]
 
-    async def _check_payload(self, request: DeliveryRequest) -> None:
-        """Check each package alone: all of them together may need several trips."""
+    async def _check_payload(self, request: DeliveryRequest) -> bool:
+        """Check each package alone, as several trips may carry all; False without any provider."""
         choice = request.qos.providers
         heaviest_kg = max(package.mass_kg for package in request.packages)
         limit = await self.payload_limits.limit_for(heaviest_kg, choice)
@@ -89,12 +114,21 @@ class RequestChecks:
             field = f"qos.providers.{_field_of(provider_id, choice)}"
             raise InvalidInput(field, f"provider {provider_id!r} is unknown")
         if limit.max_payload_kg is None:
-            return  # no fleet yet: the request waits for one
+            return False
         what = f"the {limit.max_payload_kg:g} kg limit of drone model {limit.drone_model_id}"
         for number, package in enumerate(request.packages):
             if package.mass_kg > limit.max_payload_kg + _MASS_TOLERANCE_KG:
                 detail = f"{package.mass_kg:g} kg exceeds {what}"
                 raise InvalidInput(f"packages.{number}.mass_kg", detail)
+        return True
+
+
+def _check_destinations(request: DeliveryRequest) -> None:
+    pickup = request.pickup.station_id
+    for number, package in enumerate(request.packages):
+        if package.destination.station_id == pickup:
+            field = f"packages.{number}.destination.station_id"
+            raise InvalidInput(field, f"{pickup!r} is the pickup: choose another station")
 
 
 def _stations_by_field(request: DeliveryRequest) -> dict[str, StationId]:

@@ -17,7 +17,7 @@ from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway_gateway.clients import Composition, Registry
 from skyway_gateway.quotes import store
-from skyway_gateway.quotes.check_request import RequestChecks
+from skyway_gateway.quotes.check_request import NO_PROVIDER, RequestChecks
 from skyway_gateway.quotes.quote import OFFER_LIFE_S, Offer, Quote
 
 
@@ -74,12 +74,15 @@ class QuoteMaker:
         )
 
     async def _quote(self, request: DeliveryRequest) -> Quote:
-        position = await self.checks.check(request)
-        found = await self.registry.candidates(_candidate_query(request, position))
+        checked = await self.checks.check(request)
+        found = await self.registry.candidates(_candidate_query(request, checked.pickup_position))
         answer = QuoteAnswer(offers=(), infeasible=())
         if not found.shortlist.is_empty:
             query = QuoteQuery(request=request, shortlist=found.shortlist)
             answer = await self.composition.quote(query)
+        infeasible = (*answer.infeasible, *found.infeasible)
+        if not answer.offers and not infeasible:
+            infeasible = (NO_PROVIDER,)
         # Offers expire this long after composition has answered.
         expires_at = self.clock.wall_now() + timedelta(seconds=OFFER_LIFE_S)
         return Quote(
@@ -91,7 +94,7 @@ class QuoteMaker:
                 _offer(terms, OfferId(self.mint("off")), expires_at=expires_at)
                 for terms in answer.offers
             ),
-            infeasible=(*answer.infeasible, *found.infeasible),
+            infeasible=infeasible,
         )
 
 

@@ -1,7 +1,7 @@
 """An offer: the trips that would carry a request, with their prices and limits."""
 
 from dataclasses import dataclass, replace
-from datetime import timedelta
+from datetime import datetime, timedelta
 from typing import Self
 
 from skyway.contracts.candidate import Candidate, ProviderReason
@@ -95,7 +95,7 @@ def terms_of(
         drone_id=values.drone_id,
         drone_model_id=first.candidate.model.model_id,
         price=offer.price,
-        pickup_at=ms_to_moment(first.trip.start_ms),
+        pickup_at=min(_pickup_at(part.trip) for part in offer.parts),
         delivery_time_s=values.time_s,
         packages=tuple(eta for part in offer.parts for eta in _etas(part.trip)),
         energy_j=values.energy_j,
@@ -118,6 +118,11 @@ def distance_flown_m(network: Network, plan: Plan) -> float:
         for segment in network.segments_from(step.from_id)
         if segment.to_id == step.to_id
     )
+
+
+def _pickup_at(trip: Trip) -> datetime:
+    """When the drone begins to load at the pickup."""
+    return ms_to_moment(trip.start_ms) + timedelta(seconds=trip.plan.pickup_s)
 
 
 def _etas(trip: Trip) -> list[PackageEta]:

@@ -1,5 +1,6 @@
 """POST /internal/quotes: ranked offers of providers, and why other providers make none."""
 
+from datetime import timedelta
 from typing import Any
 
 import pytest
@@ -79,6 +80,17 @@ async def test_a_provider_offers_its_drone_with_the_best_plan(composition: Any, 
     answer = await quote(composition, make.request("c"), empty, full)
 
     assert [offer.drone_id for offer in answer.offers] == ["drn_2"]
+
+
+async def test_the_pickup_is_when_the_drone_begins_to_load(composition: Any, make: Any) -> None:
+    at_pickup = make.candidate(1)
+    one_flight_away = make.candidate(2, provider_id="prv_2", station_id="b")
+
+    answer = await quote(composition, make.request("c"), at_pickup, one_flight_away)
+
+    near, far = sorted(answer.offers, key=lambda offer: offer.provider_id)
+    assert near.pickup_at == composition.clock.now()
+    assert far.pickup_at - near.pickup_at > timedelta(minutes=1)
 
 
 async def test_a_quote_reserves_nothing(composition: Any, make: Any, drones: Any) -> None:

@@ -49,7 +49,31 @@ async def test_a_quote_holds_the_offers_in_order_and_why_others_make_none(
     ]
 
 
-async def test_composition_is_asked_for_what_the_customer_wants(
+async def test_a_quote_without_any_provider_says_so(
+    gateway: Gateway, request_body: Callable[..., Any]
+) -> None:
+    gateway.registry.candidates_now = []
+
+    quote = (await post(gateway, request_body())).json()
+
+    assert quote["offers"] == []
+    [reason] = quote["infeasible"]
+    assert (reason["provider_id"], reason["code"]) == (None, "NO_PROVIDER")
+    assert "no provider serves it" in reason["detail"]
+
+
+async def test_a_quote_without_any_network_says_what_is_missing(
+    gateway: Gateway, request_body: Callable[..., Any]
+) -> None:
+    gateway.composition.has_networks = False
+
+    answer = await post(gateway, request_body())
+
+    assert (answer.status_code, answer.json()["code"]) == (409, "NO_NETWORK")
+    assert "skyway network import bundled" in answer.json()["detail"]
+
+
+async def test_composition_is_asked_for_what_the_customer_requests(
     gateway: Gateway, request_body: Callable[..., Any]
 ) -> None:
     wanted = request_body(packages=2, qos={"weights": {"price": 1.0}, "max_price": 900})

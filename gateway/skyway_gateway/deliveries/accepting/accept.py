@@ -9,7 +9,6 @@ from functools import partial
 from skyway.contracts.delivery_event import DeliveryEventType
 from skyway.delivery.request import DeliveryRequest
 from skyway.errors import SkywayError
-from skyway.geo import Position
 from skyway.ids import DeliveryId, SubjectId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.http.identity import Caller
@@ -28,16 +27,8 @@ from skyway_gateway.deliveries.records.stored_delivery import QueuedDelivery, St
 from skyway_gateway.deliveries.records.write_delivery import DeliveryWriter
 from skyway_gateway.notifications.record_events import Happening
 from skyway_gateway.quotes.accept_offer import accept_offer
-from skyway_gateway.quotes.check_request import RequestChecks
+from skyway_gateway.quotes.check_request import CheckedRequest, RequestChecks
 from skyway_gateway.quotes.store import one_of
-
-
-@dataclass(frozen=True, slots=True)
-class _Checked:
-    """A request that has passed all checks, and the position of its pickup."""
-
-    request: DeliveryRequest
-    position: Position
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +64,7 @@ class Acceptance:
             The registry or composition does not answer now.
         """
         try:
-            checked: _Checked | SkywayError = await self._check(caller, requested)
+            checked: CheckedRequest | SkywayError = await self._check(caller, requested)
         except SkywayError as refusal:
             # First look whether this call was accepted before: a deadline that has passed
             # meanwhile, or a service that is away, must not change that answer.
@@ -94,19 +85,21 @@ class Acceptance:
             clock=self.clock,
         )
 
-    async def _check(self, caller: Caller, requested: DeliveryRequest | OfferChoice) -> _Checked:
+    async def _check(
+        self, caller: Caller, requested: DeliveryRequest | OfferChoice
+    ) -> CheckedRequest:
         if isinstance(requested, DeliveryRequest):
-            return _Checked(requested, await self.checks.check(requested))
+            return await self.checks.check(requested)
         async with self.db.read() as connection:
             quote = await one_of(connection, caller, requested.quote_id)
-        return _Checked(quote.request, await self.checks.check(quote.request))
+        return await self.checks.check(quote.request)
 
     async def _write(
         self,
         tx: Tx,
         caller: Caller,
         requested: DeliveryRequest | OfferChoice,
-        checked: _Checked | SkywayError,
+        checked: CheckedRequest | SkywayError,
     ) -> Delivery:
         now, delivery_id = self.clock.now(), DeliveryId(self.mint("dlv"))
         offer = None
@@ -124,12 +117,17 @@ class Acceptance:
             raise checked
         request, customer_id = checked.request, SubjectId(caller.subject_id)
         delivery = new_delivery(
-            delivery_id, customer_id=customer_id, request=request, offer=offer, at=now
+            delivery_id,
+            customer_id=customer_id,
+            request=request,
+            offer=offer,
+            reasons=checked.reasons,
+            at=now,
         )
         give_up = give_up_at(request, self.clock)
         event = Happening(DeliveryEventType.REQUESTED, now, event_data.requested(delivery))
         stored = StoredDelivery(delivery, version=1, last_sequence=1)
-        queued = QueuedDelivery(stored, checked.position, give_up, current_traceparent())
+        queued = QueuedDelivery(stored, checked.pickup_position, give_up, current_traceparent())
         is_ours = self.booking.is_free
         claim = held_by(self.booking.claimant, self.clock) if is_ours else FREE
         self.writer.add(tx, queued, event, claim=claim)

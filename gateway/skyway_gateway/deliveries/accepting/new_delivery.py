@@ -2,6 +2,7 @@
 
 from datetime import datetime
 
+from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.delivery_event_data import Custodian
 from skyway.contracts.mission import OfferLimits
 from skyway.delivery.request import DeliveryRequest
@@ -23,6 +24,7 @@ def new_delivery(
     customer_id: SubjectId,
     request: DeliveryRequest,
     offer: OfferLimits | None,
+    reasons: tuple[ProviderReason, ...] = (),
     at: datetime,
 ) -> Delivery:
     """The delivery of a request that was just accepted: its packages are at the pickup."""
@@ -52,6 +54,6 @@ def new_delivery(
             for package in request.packages
         ),
         refusals=(),
-        reasons=(),
+        reasons=reasons,
         offer=offer,
     )

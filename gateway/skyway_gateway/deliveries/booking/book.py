@@ -27,6 +27,8 @@ from skyway_gateway.deliveries.booking.booking_request import booking_request, c
 from skyway_gateway.deliveries.booking.infeasibility import (
     has_too_many_refusals,
     no_reason_given,
+    not_in_time,
+    reasons_of_round,
     refusal_reasons,
     why_infeasible,
 )
@@ -101,7 +103,7 @@ class Booker:
             await self._give_up(queued.stored, (), detail="too many drones refused to fly it")
             return
         if self.clock.now() >= queued.give_up_at:
-            detail = f"no drone could be booked before {queued.give_up_at:%Y-%m-%dT%H:%M:%SZ}"
+            detail = not_in_time(queued.give_up_at, delivery.reasons)
             await self._give_up(queued.stored, delivery.reasons, detail=detail)
             return
         candidates = await self.registry.candidates(candidate_query(queued))
@@ -114,7 +116,6 @@ class Booker:
         self, stored: StoredDelivery, booking: Booking, candidates: Candidates
     ) -> None:
         delivery = stored.delivery
-        reasons = (*booking.reasons, *candidates.infeasible)
         if booking.outcome == "BOOKED":
             await self._plan(stored, booking.missions)
         elif booking.outcome == "CLOSED":  # an earlier round gave it up, and died
@@ -122,7 +123,7 @@ class Booker:
         elif infeasible := why_infeasible(delivery.offer, booking, candidates):
             await self._give_up(stored, infeasible.reasons, detail=infeasible.detail)
         else:
-            await self._try_later(delivery, reasons=reasons)
+            await self._try_later(delivery, reasons=reasons_of_round(booking, candidates))
 
     async def _plan(self, stored: StoredDelivery, missions: Sequence[Mission]) -> None:
         """Write the booked missions, unless another replica has written them already."""
@@ -157,7 +158,7 @@ class Booker:
         delivery = stored.delivery
         refused = refusal_reasons(delivery.refusals)
         reasons = (*refused, *(reason for reason in reasons if reason not in refused))
-        reasons = reasons or (no_reason_given(detail),)
+        reasons = reasons or (no_reason_given(delivery.request, detail),)
         # Store the reasons first: if this process dies, the next round still has them.
         async with self.db.write() as tx:
             await delivery_store.note_reasons(tx, delivery.delivery_id, reasons)

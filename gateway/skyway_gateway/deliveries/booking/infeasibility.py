@@ -2,12 +2,15 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from datetime import datetime
 from typing import Final
 
-from skyway.contracts.candidate import ProviderReason
+from skyway.contracts.candidate import ProviderReason, ProviderReasonCode
 from skyway.contracts.mission import Booking, OfferLimits
 from skyway.contracts.shortlist import Candidates
+from skyway.delivery.request import DeliveryRequest
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery, Refusal
+from skyway_gateway.quotes.check_request import NO_PROVIDER
 
 #: The delivery is given up after this many refusals by drones (docs/reference/booking.md).
 MOST_REFUSALS: Final = 5
@@ -63,9 +66,25 @@ def refusal_reasons(refusals: Iterable[Refusal]) -> tuple[ProviderReason, ...]:
     )
 
 
-def no_reason_given(detail: str) -> ProviderReason:
-    """The reason of a delivery that is given up before any provider gave one."""
-    return ProviderReason(provider_id=None, code="TOO_LATE", detail=detail, is_temporary=False)
+def reasons_of_round(booking: Booking, candidates: Candidates) -> tuple[ProviderReason, ...]:
+    """Why a round of booking found no drone; NO_PROVIDER when no provider gave a reason."""
+    reasons = (*booking.reasons, *candidates.infeasible)
+    return reasons if reasons or not candidates.shortlist.is_empty else (NO_PROVIDER,)
+
+
+def no_reason_given(request: DeliveryRequest, detail: str) -> ProviderReason:
+    """The reason of a delivery that is given up before any provider gave one.
+
+    It is TOO_LATE only if the customer has set a deadline.
+    """
+    code: ProviderReasonCode = "NO_PROVIDER" if request.qos.deadline_at is None else "TOO_LATE"
+    return ProviderReason(provider_id=None, code=code, detail=detail, is_temporary=False)
+
+
+def not_in_time(give_up_at: datetime, reasons: Iterable[ProviderReason]) -> str:
+    """Why a delivery is given up at the end of its waiting time, in words."""
+    detail = f"no drone could be booked before {give_up_at:%Y-%m-%dT%H:%M:%SZ}"
+    return "; ".join((detail, *(_in_words(reason) for reason in reasons)))
 
 
 def _may_pass(reason: ProviderReason, candidates: Candidates) -> bool:
@@ -91,4 +110,5 @@ def _lost(offer: OfferLimits, reasons: tuple[ProviderReason, ...]) -> Infeasible
 
 
 def _in_words(reason: ProviderReason) -> str:
-    return f"{reason.provider_id}: {reason.code}, {reason.detail}"
+    who = "" if reason.provider_id is None else f"{reason.provider_id}: "
+    return f"{who}{reason.code}, {reason.detail}"

@@ -1,7 +1,7 @@
 """The `data` of each delivery event; no other file decides what an event contains."""
 
 from collections.abc import Sequence
-from datetime import datetime
+from datetime import datetime, timedelta
 from typing import Any
 
 from skyway.contracts.candidate import ProviderReason
@@ -32,7 +32,7 @@ def planned(delivery: Delivery, missions: Sequence[Mission], *, attempt: int) ->
         "drone_id": first.drone_id,
         "mission_ids": [mission.mission_id for mission in missions],
         "price": delivery.price and delivery.price.model_dump(mode="json"),
-        "pickup_at": utc_text(min(mission.start_at for mission in missions)),
+        "pickup_at": utc_text(min(_pickup_at(mission) for mission in missions)),
         "delivery_time_s": max(mission.plan.delivery_time_s or 0.0 for mission in missions),
         "packages": [
             {"package_id": eta.package_id, "eta_at": utc_text(eta.eta_at)}
@@ -41,6 +41,11 @@ def planned(delivery: Delivery, missions: Sequence[Mission], *, attempt: int) ->
         ],
         "waiting_package_ids": [package.package_id for package in delivery.waiting],
     }
+
+
+def _pickup_at(mission: Mission) -> datetime:
+    """When the drone begins to load at the pickup."""
+    return mission.start_at + timedelta(seconds=mission.plan.pickup_s)
 
 
 def rejected(reasons: Sequence[ProviderReason], detail: str) -> Data:

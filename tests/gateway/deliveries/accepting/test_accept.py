@@ -12,7 +12,7 @@ import pytest
 from skyway.contracts.candidate import PayloadLimit
 from skyway.delivery.request import DeliveryRequest
 from skyway.runtime.http.identity import Caller
-from tests.gateway.whole_gateway import Gateway
+from tests.gateway.whole_gateway import Gateway, make_request
 
 Change = Callable[[dict[str, Any]], object]
 
@@ -35,6 +35,12 @@ BAD_REQUESTS: list[tuple[str, dict[str, Any], str, str]] = [
         {"packages": [_package(), _package(package_id="p2", destination={"station_id": "island"})]},
         "packages.1.destination.station_id",
         "no path of segments",
+    ),
+    (
+        "destination at the pickup",
+        {"packages": [_package(destination={"station_id": "san-marcos"})]},
+        "packages.0.destination.station_id",
+        "'san-marcos' is the pickup",
     ),
     ("no packages", {"packages": []}, "packages", "at least one package"),
     (
@@ -260,6 +266,30 @@ async def test_without_any_fleet_no_mass_is_too_much_yet(
     body = request_body(packages=1)
     body["packages"][0]["mass_kg"] = 900
     assert (await gateway.post(body)).status_code == 202
+
+
+async def test_a_request_without_any_network_says_what_is_missing(gateway: Gateway) -> None:
+    gateway.composition.has_networks = False
+
+    answer = await gateway.post(make_request(pickup={"station_id": "nowhere"}))
+
+    assert (answer.status_code, answer.json()["code"]) == (409, "NO_NETWORK")
+    assert "skyway network import bundled" in answer.json()["detail"]
+
+
+async def test_a_request_without_any_provider_is_accepted_with_the_reason(
+    gateway: Gateway,
+) -> None:
+    gateway.registry.limit = PayloadLimit(
+        max_payload_kg=None, drone_model_id=None, unknown_provider_ids=()
+    )
+
+    answer = await gateway.post(make_request())
+
+    assert answer.status_code == 202
+    [reason] = answer.json()["reasons"]
+    assert (reason["provider_id"], reason["code"]) == (None, "NO_PROVIDER")
+    assert "no provider serves it" in reason["detail"]
 
 
 async def test_packages_that_are_too_heavy_together_are_accepted(

@@ -268,8 +268,38 @@ async def test_a_request_is_given_up_at_its_deadline(gateway: Gateway) -> None:
     delivery = await gateway.get(delivery_id)
     assert delivery["state"] == "REJECTED"
     (reason,) = delivery["reasons"]
-    assert (reason["provider_id"], reason["code"]) == (None, "TOO_LATE")
-    assert "no drone could be booked before" in reason["detail"]
+    assert (reason["provider_id"], reason["code"]) == (None, "NO_PROVIDER")
+    rejected = (await gateway.events(delivery_id))[-1]
+    assert "no drone could be booked before 2026-03-01T17:00:00Z" in rejected["data"]["detail"]
+    assert "no provider serves it" in rejected["data"]["detail"]
+
+
+async def test_a_waiting_request_says_that_no_provider_serves_it(gateway: Gateway) -> None:
+    gateway.registry.candidates_now = []
+    delivery_id = await gateway.accepted()
+
+    await gateway.book_next()
+
+    delivery = await gateway.get(delivery_id)
+    assert delivery["state"] == "REQUESTED"
+    assert [one["code"] for one in delivery["reasons"]] == ["NO_PROVIDER"]
+
+
+@pytest.mark.parametrize(("has_deadline", "code"), [(True, "TOO_LATE"), (False, "NO_PROVIDER")])
+async def test_only_a_request_with_a_deadline_is_too_late(
+    gateway: Gateway, has_deadline: bool, code: str
+) -> None:
+    deadline_at = (gateway.clock.now() + timedelta(minutes=30)).isoformat()
+    delivery_id = await gateway.accepted(qos={"deadline_at": deadline_at} if has_deadline else {})
+    gateway.registry.is_away = True
+    await gateway.book_next()
+
+    gateway.clock.advance(timedelta(hours=2))
+    await gateway.book_next()
+
+    delivery = await gateway.get(delivery_id)
+    assert delivery["state"] == "REJECTED"
+    assert [one["code"] for one in delivery["reasons"]] == [code]
 
 
 async def test_what_was_booked_before_the_deadline_is_planned_after_it(gateway: Gateway) -> None:
