@@ -80,7 +80,7 @@ class PlannedData(WireModel):
         FleetMoment, Field(description="When the first drone begins to load, fleet time.")
     ]
     delivery_time_s: Annotated[
-        float, Field(ge=0, description="Seconds from the pickup to the last delivery.")
+        float, Field(ge=0, description="Seconds from the start of the plan to the last delivery.")
     ]
     packages: Annotated[
         tuple[ExpectedPackage, ...], Field(description="The packages that are booked.")
