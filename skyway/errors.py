@@ -1,14 +1,14 @@
 """The errors of the library.
 
     SkywayError
-    ├── InvalidInput            a value from outside breaks a named limit
+    ├── InvalidInput            a value from a caller breaks a named limit
     │   ├── InvalidStateOfCharge
     │   ├── InvalidNetwork
     │   └── InvalidProblem
     ├── PlanRejected            raised by `skyway.planner`: a plan breaks its problem's rules
     └── Unreachable...          raised by `skyway.runtime`, which draws its own branch
 
-An expected outcome (no plan exists) is a value, never one of these.
+An expected outcome (no plan exists) is a value, never an error.
 """
 
 from typing import NamedTuple
@@ -29,7 +29,7 @@ class Fault(NamedTuple):
 
 
 class InvalidInput(SkywayError):
-    """A value from outside breaks a limit.
+    """A value from a caller breaks a limit.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ class InvalidNetwork(InvalidInput):
 class InvalidProblem(InvalidInput):
     """A composition problem breaks limits, or contradicts itself or its network.
 
-    `faults` are all that were found; `field` and `detail` are those of the first.
+    `faults` holds all faults; `field` and `detail` are those of the first.
     """
 
     def __init__(self, field: str, detail: str, *others: Fault) -> None:

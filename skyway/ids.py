@@ -1,4 +1,4 @@
-"""The identifiers of Skyway: one type each, and how a server mints a new one."""
+"""The identifiers of Skyway: one type for each, and how a server makes a new one."""
 
 from typing import Annotated, NewType
 
@@ -46,9 +46,9 @@ _CROCKFORD = "0123456789abcdefghjkmnpqrstvwxyz"
 
 
 def sortable_id(prefix: str, *, unix_ms: int, entropy: int) -> str:
-    """An identifier that sorts by its moment of minting: prefix, 48 bits of time, 80 of chance.
+    """A new identifier that sorts by the moment of its making: prefix, time (48 bits), chance (80).
 
-    The layout is ULID's, in lower case so that it can stand in a topic, a path and a host name.
+    The layout is that of a ULID, in lower case, so that it fits topics, paths and host names.
     """
     number = (unix_ms << 80) | (entropy & ((1 << 80) - 1))
     digits = (_CROCKFORD[(number >> shift) & 31] for shift in range(125, -1, -5))

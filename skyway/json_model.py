@@ -1,4 +1,4 @@
-"""The one form of everything that has a JSON form: frozen, and clear about unknown fields."""
+"""The base of all models with a JSON form: frozen, and strict about unknown fields."""
 
 from typing import Self
 
@@ -19,7 +19,7 @@ class JsonModel(BaseModel):
 
     @classmethod
     def read(cls, raw: bytes | str) -> Self:
-        """The value that this JSON holds, without the fields that this version does not know."""
+        """The value in this JSON; fields that this version does not know are ignored."""
         return cls.model_validate_json(raw, extra="ignore")
 
 

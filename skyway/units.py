@@ -8,7 +8,7 @@ CHARGE_TOLERANCE = 1e-9
 #: Two moments closer than this many seconds are equal (docs/reference/planner-problem.md).
 TIME_TOLERANCE_S = 1e-6
 
-#: Two loads closer than this many kilograms are equal: they are sums of the same masses.
+#: Two loads closer than this many kilograms are equal; they are sums of the same masses.
 LOAD_TOLERANCE_KG = 1e-9
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)

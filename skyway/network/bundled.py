@@ -11,15 +11,15 @@ from typing import Any
 
 from skyway.geo import EARTH_RADIUS_M, Position, distance_m
 from skyway.ids import StationId, ZoneId
-from skyway.network.line_of_sight import segments_in_sight
+from skyway.network.near_pairs import segments_in_sight
 from skyway.network.network import DEFAULT_PADS, Network, Station, Zone
 
-#: Radius of the no-fly disc around an airport, metres. Our own simplification of controlled
-#: airspace, which in truth differs from airport to airport and with height.
+#: Radius of the no-fly disc around an airport, metres. Our own simplification: real controlled
+#: airspace differs from airport to airport and with height.
 AIRPORT_DISC_RADIUS_M = 2_000.0
 
-#: A disc reaches at most this share of the way to the nearest station, so that none stands in a
-#: disc and none is walled in: Bulverde Airpark lies 525 m from Bulverde. Our own simplification.
+#: A disc reaches at most this share of the distance to the nearest station, so no station stands
+#: in a disc or is enclosed by one. Bulverde Airpark lies 525 m from Bulverde. Our own choice.
 _NEAREST_STATION_SHARE = 0.5
 
 _DISC_CORNERS = 24

@@ -1,9 +1,11 @@
-"""Checks of whole columns of JSON values: as strict as `fields`, fast, and without words.
+"""Checks of whole columns of JSON values: as strict as `fields` and fast, but without messages.
 
-What raises `Doubtful` may still be right; `fields` decides that, and names what is wrong.
+A column that raises `Doubtful` may still be right. `fields` decides, and names the fault.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+import gc
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from itertools import chain
 from typing import Any
 
@@ -18,11 +20,28 @@ _IDENTIFIER_LENGTH_MAX = 64
 
 
 class Doubtful(Exception):
-    """Something in a column is wrong, or unusual; only reading one by one can tell."""
+    """A value in a column is wrong or unusual; only the reader of single values can tell."""
+
+
+@contextmanager
+def collector_paused() -> Iterator[None]:
+    """Pause the garbage collector while a big document is made.
+
+    A JSON document has no cycles, and looking for them takes as long as making the document.
+    Reference counting goes on. If two threads pause at the same time, the first to end resumes
+    the collector for both.
+    """
+    was_enabled = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if was_enabled:
+            gc.enable()
 
 
 def member(objects: Iterable[Any], name: str) -> list[Any]:
-    """What every object has under this name."""
+    """The member of this name of each object."""
     objects = list(objects)
     _refuse_others(objects, dict)
     try:
@@ -32,7 +51,7 @@ def member(objects: Iterable[Any], name: str) -> list[Any]:
 
 
 def constants(values: Sequence[Any], expected: Iterable[str]) -> None:
-    """Every value is its string."""
+    """Each value is the expected string."""
     _refuse_others(values, str)
     if list(values) != list(expected):
         raise Doubtful
@@ -67,7 +86,7 @@ def numbers(values: Sequence[Any], *, low: float, high: float) -> Floats:
         column = np.array(values, np.float64)
     except OverflowError as error:
         raise Doubtful from error
-    # Not a number lies in no range.
+    # NaN lies in no range.
     if not ((column >= low) & (column <= high)).all():
         raise Doubtful
     return column
@@ -82,7 +101,7 @@ def whole_numbers(values: Sequence[Any], *, low: int, high: int) -> Floats:
 
 
 def arrays(values: Sequence[Any], *, length: int) -> list[Any]:
-    """What arrays of this length hold, one after another."""
+    """The elements of arrays of this length, one after another."""
     _refuse_others(values, list, tuple)
     if not set(map(len, values)) <= {length}:
         raise Doubtful
@@ -98,7 +117,7 @@ def positions(values: Sequence[Any]) -> tuple[Floats, Floats]:
 def unknown_members(
     objects: Sequence[Mapping[str, Any]], known: frozenset[str]
 ) -> dict[int, dict[str, Any]]:
-    """The members that Skyway does not read, by index, where there are any."""
+    """The members that Skyway does not read, by the index of their object."""
     unusual = [index for index, each in enumerate(objects) if not each.keys() <= known]
     return {
         index: {name: value for name, value in objects[index].items() if name not in known}
@@ -107,6 +126,6 @@ def unknown_members(
 
 
 def _refuse_others(values: Iterable[Any], *kinds: type) -> None:
-    # Exactly these: true is an int to Python, and a subclass may do as it likes.
+    # Exactly these types: `true` is an int to Python, and a subclass may behave differently.
     if not set(map(type, values)) <= set(kinds):
         raise Doubtful

@@ -1,4 +1,4 @@
-"""A network's stations and segments as columns: what reads, writes and searches at scale."""
+"""A network's stations and segments as columns: the form for reading, writing and searching."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -19,7 +19,7 @@ Rows = npt.NDArray[np.int32]
 class Columns:
     """Stations and directed segments, a row each, in the order of the document.
 
-    The arrays are the network's own and not to be written to.
+    The arrays belong to the network. Nobody writes to them.
 
     Parameters
     ----------
@@ -34,9 +34,9 @@ class Columns:
     length_m
         ``(m,)`` float64.
     names
-        By the station's row, of those that have one.
+        By the station's row, for stations that have a name.
     station_properties, segment_properties
-        By row, where Skyway does not read some.
+        By row: the properties that Skyway does not read.
     """
 
     station_ids: tuple[StationId, ...]
@@ -75,8 +75,48 @@ class Columns:
         )
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Adjacency:
+    """The segments at each station; the segments of one station in the order of the document.
+
+    Entries ``offsets[row]`` up to ``offsets[row + 1]`` belong to the station of that row.
+
+    Parameters
+    ----------
+    offsets
+        ``(n + 1,)`` int64.
+    station
+        ``(m,)`` int32, the row of the station at the other end.
+    segment
+        ``(m,)`` int32, the segment's row.
+    length_m
+        ``(m,)`` float64.
+    """
+
+    offsets: npt.NDArray[np.int64]
+    station: Rows
+    segment: Rows
+    length_m: Floats
+
+    @classmethod
+    def of(cls, near_row: Rows, far_row: Rows, *, length_m: Floats, stations: int) -> "Adjacency":
+        """The adjacency in which each segment stands at its near end."""
+        segment = np.argsort(near_row, kind="stable").astype(np.int32)
+        offsets = np.zeros(stations + 1, np.int64)
+        np.cumsum(np.bincount(near_row, minlength=stations), out=offsets[1:])
+        return cls(offsets, far_row[segment], segment, length_m[segment])
+
+    def at(self, row: int) -> slice:
+        """The entries of this station."""
+        return slice(int(self.offsets[row]), int(self.offsets[row + 1]))
+
+    def degrees(self) -> npt.NDArray[np.int64]:
+        """How many segments each station has, ``(n,)``."""
+        return np.diff(self.offsets)
+
+
 def refuse_contradictions(columns: Columns, row_of: Mapping[StationId, int]) -> None:
-    """Refuse stations of one name, and segments without an end, of no extent, or twice.
+    """Refuse two stations of one id, and segments with a missing end, with equal ends, or repeated.
 
     Raises
     ------
@@ -109,7 +149,7 @@ def segment_keys(from_row: Rows, to_row: Rows, *, stations: int) -> npt.NDArray[
 
 
 def first_repeated(keys: npt.NDArray[np.int64]) -> int | None:
-    """The first index whose key stood at a smaller one already; None when all differ."""
+    """The first index whose key also stands at a smaller index; None when all keys differ."""
     in_order = np.sort(keys)
     if not (in_order[1:] == in_order[:-1]).any():
         return None

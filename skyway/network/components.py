@@ -1,4 +1,4 @@
-"""Which stations hang together."""
+"""Which stations are connected."""
 
 import numpy as np
 import numpy.typing as npt
@@ -14,8 +14,9 @@ Indices = npt.NDArray[np.int64]
 def components(one: Indices, other: Indices, *, stations: int) -> Indices:
     """The smallest row of each station's component, ``(n,)``; lines join both ways.
 
-    Every component's smallest row is a tree's root; roots with a smaller neighbour hang themselves
-    below it, and the trees are flattened, until no line joins two of them: about log n rounds.
+    The smallest row of a component is the root of a tree. A root with a smaller neighbour is put
+    below that neighbour, then the trees are flattened, until no line joins two trees. This takes
+    about log n rounds.
     """
     root = np.arange(stations)
     while True:
@@ -31,7 +32,7 @@ def components(one: Indices, other: Indices, *, stations: int) -> Indices:
 
 
 def station_parts(network: Network) -> Indices:
-    """The part of each station, ``(n,)``: within one, there is a way from each to each."""
+    """The part of each station, ``(n,)``; within a part, paths lead from each station to each."""
     columns, stations = network.columns, len(network.columns.station_ids)
     forth = segment_keys(columns.from_row, columns.to_row, stations=stations)
     back = segment_keys(columns.to_row, columns.from_row, stations=stations)
@@ -48,5 +49,5 @@ def station_parts(network: Network) -> Indices:
 
 
 def component_sizes(network: Network) -> list[int]:
-    """How many stations each component has: within one, there is a way from each to each."""
+    """How many stations each part has; within a part, paths lead from each station to each."""
     return [size for size in np.bincount(station_parts(network)).tolist() if size]

@@ -1,7 +1,7 @@
-"""GeoJSON features read by the column: the fast way in, for documents without a fault.
+"""GeoJSON features read by the column: the fast reader, for documents without a fault.
 
-It refuses without words whatever `geojson_features` would refuse, and then that reads the document
-anew, one feature after another, to say what is wrong.
+It refuses, without a message, every document that `geojson_features` would refuse. Then
+`geojson_features` reads the document again, feature by feature, and names the fault.
 """
 
 from collections.abc import Iterable, Sequence
@@ -32,19 +32,19 @@ def read_by_column(features: Sequence[Any]) -> tuple[Columns, list[Feature]]:
 
 
 def read_blocks(blocks: Iterable[Sequence[Any]]) -> tuple[Columns, list[Feature]]:
-    """What `read_by_column` reads, of features that come block after block."""
+    """The same as `read_by_column`, for features that come block after block."""
     stations, lines = StationColumns(), LineColumns()
     zones: list[Feature] = []
     number = 0
     for block in blocks:
         kinds, properties, coordinates = _opened(block)
         of_kind = {kind: [i for i, each in enumerate(kinds) if each == kind] for kind in SHAPES}
-        taken = {
+        read = {
             kind: ([properties[i] for i in indices], [coordinates[i] for i in indices])
             for kind, indices in of_kind.items()
         }
-        stations.take(*taken["station"])
-        lines.take(*taken["segment"], row_of=stations.row_of)
+        stations.read(*read["station"])
+        lines.read(*read["segment"], row_of=stations.row_of)
         zones.extend(
             Feature(f"features.{number + i}", "zone", properties[i], coordinates[i])
             for i in of_kind["zone"]

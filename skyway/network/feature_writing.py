@@ -27,7 +27,7 @@ def station_features(columns: Columns) -> Iterator[dict[str, Any]]:
 
 
 def segment_features(columns: Columns) -> Iterator[dict[str, Any]]:
-    """The LineStrings: one for two opposite segments of equal length and properties."""
+    """The LineStrings; two opposite segments of equal length and properties become one."""
     ids, unread = columns.station_ids, columns.segment_properties
     at = list(zip(columns.longitude_deg.tolist(), columns.latitude_deg.tolist(), strict=True))
     for row, start, end, length_m, is_one_way in lines(columns):
@@ -41,17 +41,17 @@ def segment_features(columns: Columns) -> Iterator[dict[str, Any]]:
 
 
 def lines(columns: Columns) -> Iterator[tuple[int, int, int, float, bool]]:
-    """Row, row of the start, of the end, length and `one_way` of what becomes a LineString."""
+    """For each LineString: its row, the rows of its start and end, its length, and `one_way`."""
     opposite = _opposite_rows(columns)
     rows = np.arange(len(opposite))
-    # The second of two is told by the first.
-    told = rows[(opposite < 0) | (rows < opposite)]
+    # The first of two opposite segments stands for both.
+    written = rows[(opposite < 0) | (rows < opposite)]
     return zip(
-        told.tolist(),
-        columns.from_row[told].tolist(),
-        columns.to_row[told].tolist(),
-        columns.length_m[told].tolist(),
-        (opposite[told] < 0).tolist(),
+        written.tolist(),
+        columns.from_row[written].tolist(),
+        columns.to_row[written].tolist(),
+        columns.length_m[written].tolist(),
+        (opposite[written] < 0).tolist(),
         strict=True,
     )
 
@@ -82,10 +82,10 @@ def _opposite_rows(columns: Columns) -> npt.NDArray[np.int64]:
     if not len(keys):
         return keys
     order = np.argsort(keys)
-    wanted = segment_keys(to_row, from_row, stations=stations)
-    place = np.minimum(np.searchsorted(keys, wanted, sorter=order), len(keys) - 1)
+    reversed_keys = segment_keys(to_row, from_row, stations=stations)
+    place = np.minimum(np.searchsorted(keys, reversed_keys, sorter=order), len(keys) - 1)
     opposite = order[place]
-    is_equal = (keys[opposite] == wanted) & (columns.length_m[opposite] == columns.length_m)
+    is_equal = (keys[opposite] == reversed_keys) & (columns.length_m[opposite] == columns.length_m)
     for row in unread:
         other = int(opposite[row])
         if is_equal[row] and unread.get(other) != unread[row]:

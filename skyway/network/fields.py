@@ -1,4 +1,4 @@
-"""Typed reading of what a network is made from; what is wrong is named by its path."""
+"""Typed reading of the values of a network; an error names the path of the value at fault."""
 
 import math
 from collections.abc import Mapping
@@ -57,7 +57,7 @@ def text_or_none(value: Any, path: str) -> str | None:
 
 
 def truth(value: Any, path: str) -> bool:
-    """True or false, nothing that could be taken for either."""
+    """True or false; 0, 1 and strings are refused."""
     if not isinstance(value, bool):
         raise InvalidNetwork(path, f"{shown(value)} is neither true nor false")
     return value
@@ -77,7 +77,7 @@ def number(value: Any, path: str, *, low: float, high: float) -> float:
 
 
 def whole_number(value: Any, path: str, *, low: int, high: int) -> int:
-    """A whole number from low to high; 4.0 is one, 4.5 is none."""
+    """A whole number from low to high; 4.0 is accepted, 4.5 is not."""
     as_number = number(value, path, low=low, high=high)
     if not as_number.is_integer():
         raise InvalidNetwork(path, f"{shown(value)} is not a whole number")
@@ -109,7 +109,7 @@ def position(value: Any, path: str) -> Position:
 
 
 def shown(value: Any) -> str:
-    """The value for a message, cut short so that a hostile document cannot blow it up."""
+    """The value for a message, cut short so that a hostile document cannot make it huge."""
     if isinstance(value, int) and not isinstance(value, bool):
         return str(value) if abs(value) < 10**40 else "a number of more than 40 digits"
     if isinstance(value, str):

@@ -1,8 +1,8 @@
 """Skyway networks as GeoJSON, in and out, in the form of docs/reference/planner-problem.md.
 
 A station is a Point, a segment a LineString of two positions, a zone a Polygon; `properties.kind`
-says which. What Skyway does not know in `properties` is kept and written back; foreign members
-outside `properties` are not.
+says which. Unknown members of `properties` are kept and written back; other unknown members are
+not.
 """
 
 from collections.abc import Iterable, Mapping
@@ -11,8 +11,7 @@ from typing import Any
 from skyway.errors import InvalidNetwork
 from skyway.ids import StationId, ZoneId
 from skyway.network import fields
-from skyway.network.collector_pause import collector_paused
-from skyway.network.column_fields import Doubtful
+from skyway.network.column_fields import Doubtful, collector_paused
 from skyway.network.columns import Columns
 from skyway.network.feature_columns import read_by_column
 from skyway.network.feature_writing import segment_features, station_features, zone_feature
@@ -86,7 +85,7 @@ def write_network(network: Network) -> dict[str, Any]:
 
 
 def _read_one_by_one(features: Iterable[Any]) -> tuple[Columns, list[Feature]]:
-    """What `read_by_column` reads, or an error that names the field at fault."""
+    """The same as `read_by_column`, or an error that names the field at fault."""
     by_kind: dict[str, list[Feature]] = {kind: [] for kind in SHAPES}
     for number, value in enumerate(features):
         feature = read_feature(value, f"features.{number}")

@@ -26,7 +26,7 @@ _RING_LENGTH_MIN = 4
 
 
 class Feature(NamedTuple):
-    """A feature whose kind and shape agree; what `properties` and `coordinates` hold is unread."""
+    """A feature whose kind and shape agree; `properties` and `coordinates` are not yet read."""
 
     path: str
     kind: str
@@ -49,7 +49,7 @@ class Feature(NamedTuple):
 
 
 def read_feature(value: Any, path: str) -> Feature:
-    """The feature, once its kind is known and its geometry is the shape of that kind."""
+    """The feature, after checking that its geometry has the shape of its kind."""
     feature = fields.mapping(value, path)
     fields.constant(feature.get("type"), f"{path}.type", expected="Feature")
     properties = fields.mapping(feature.get("properties"), f"{path}.properties")
@@ -63,7 +63,7 @@ def read_feature(value: Any, path: str) -> Feature:
 
 
 def read_station(feature: Feature) -> Station:
-    """The station of a Point feature; without `pads` it has the paper's number of them."""
+    """The station of a Point feature; without `pads` it has 4, as in the paper."""
     pads = feature.properties.get("pads", DEFAULT_PADS)
     return Station(
         station_id=StationId(feature.property_identifier("station_id")),

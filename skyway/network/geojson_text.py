@@ -1,6 +1,7 @@
 """Skyway networks as the text of a GeoJSON document, in and out; see `skyway.network.geojson`."""
 
 import json
+import re
 from collections.abc import Iterator
 from itertools import chain
 from json.encoder import encode_basestring_ascii
@@ -8,14 +9,21 @@ from typing import Any
 
 import numpy as np
 
-from skyway.network.collector_pause import collector_paused
-from skyway.network.column_fields import Doubtful
+from skyway.network.column_fields import Doubtful, collector_paused
 from skyway.network.columns import Columns, Floats
 from skyway.network.feature_columns import read_blocks
-from skyway.network.feature_text import FeatureText
 from skyway.network.feature_writing import lines, segment_features, station_features, zone_feature
 from skyway.network.geojson import assembled, read_network
 from skyway.network.network import Network
+
+_HEAD = re.compile(
+    r'[ \t\n\r]*\{[ \t\n\r]*"type"[ \t\n\r]*:[ \t\n\r]*"FeatureCollection"[ \t\n\r]*,'
+    r'[ \t\n\r]*"features"[ \t\n\r]*:[ \t\n\r]*\[[ \t\n\r]*'
+)
+_NEXT = re.compile(r',[ \t\n\r]*(?=\{[ \t\n\r]*"type"[ \t\n\r]*:[ \t\n\r]*"Feature")')
+
+#: Characters decoded together: few enough for their objects to stay in a processor's cache.
+_BLOCK = 50_000
 
 
 def read_network_text(text: str | bytes) -> Network:
@@ -26,7 +34,7 @@ def read_network_text(text: str | bytes) -> Network:
     InvalidNetwork
         Names the field at fault.
     ValueError
-        The text is no JSON.
+        The text is not JSON.
     """
     if isinstance(text, bytes):
         text = text.decode(json.detect_encoding(text), "surrogatepass")
@@ -38,7 +46,7 @@ def read_network_text(text: str | bytes) -> Network:
 
 
 def network_text(network: Network) -> str:
-    """The GeoJSON of this network, in one line: what `json.dumps` makes of `write_network`."""
+    """The GeoJSON of this network in one line, equal to `json.dumps` of `write_network`."""
     columns = network.columns
     with collector_paused():
         features = ", ".join(
@@ -53,7 +61,7 @@ def network_text(network: Network) -> str:
 
 
 def _read_block_by_block(text: str) -> Network:
-    features = FeatureText(text)
+    features = _FeatureText(text)
     columns, zone_features = read_blocks(features.blocks())
     return assembled(columns, zone_features, features.other_members())
 
@@ -104,3 +112,51 @@ def _dumped(value: Any) -> str:  # any JSON value
 
 def _are_finite(*columns: Floats) -> bool:
     return all(np.isfinite(column).all() for column in columns)
+
+
+class _FeatureText:
+    """The text of a FeatureCollection that begins with its type and its features.
+
+    Features are decoded block after block: a whole document as Python objects is ten times its
+    text, and slow.
+
+    Raises
+    ------
+    Doubtful
+        It begins in another way, or is not JSON; `json.loads` of the whole text decides.
+    """
+
+    def __init__(self, text: str) -> None:
+        head = _HEAD.match(text)
+        if head is None:
+            raise Doubtful
+        self._text = text
+        self._at = head.end()
+
+    def blocks(self) -> Iterator[list[Any]]:
+        """The features, a block at a time."""
+        text, at = self._text, self._at
+        try:
+            # If a text only looks like a feature's beginning, the halves are not JSON.
+            while (following := _NEXT.search(text, at + _BLOCK)) is not None:
+                yield json.loads(f"[{text[at : following.start()]}]")
+                at = following.end()
+            block, length = json.JSONDecoder().raw_decode(f"[{text[at:]}")
+        except ValueError as error:
+            raise Doubtful from error
+        yield block
+        self._at = at + length - 1
+
+    def other_members(self) -> dict[str, Any]:
+        """The members after the features, once all blocks are read."""
+        tail = self._text[self._at :].lstrip(" \t\n\r")
+        if tail.strip(" \t\n\r") == "}":
+            return {}
+        try:
+            others: dict[str, Any] = json.loads("{" + tail.removeprefix(","))
+        except ValueError as error:
+            raise Doubtful from error
+        # A comma with nothing after it is not JSON; a second `features` would replace the first.
+        if not others or not tail.startswith(",") or {"type", "features"} & others.keys():
+            raise Doubtful
+        return others

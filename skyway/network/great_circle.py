@@ -1,7 +1,7 @@
 """Great-circle distances by the array, each equal to the last bit to `skyway.geo.distance_m`.
 
-NumPy's own sine differs in the last bit from machine to machine, and a network's content, and with
-it its version, must not.
+NumPy's own sine differs in the last bit from machine to machine. The content of a network, and so
+its version, must not.
 """
 
 import math
@@ -31,7 +31,7 @@ def distances_m(
 
 
 def unit_vectors(longitude_deg: Floats, latitude_deg: Floats) -> npt.NDArray[np.float64]:
-    """The directions from the Earth's centre, ``(n, 3)``, as `skyway.geo.unit_vector` has them."""
+    """The directions from the Earth's centre, ``(n, 3)``, as in `skyway.geo.unit_vector`."""
     longitude, latitude = longitude_deg * _RAD_PER_DEG, latitude_deg * _RAD_PER_DEG
     across = _each(math.cos, latitude)
     return np.column_stack(
@@ -48,5 +48,5 @@ def _each(function: Callable[[float], float], values: Floats) -> Floats:
 
 
 def _square(values: Floats) -> Floats:
-    # As ** does it for floats; values * values may round otherwise.
+    # Squares as ** computes them for floats; values * values may round differently.
     return np.fromiter(map(math.pow, values.tolist(), repeat(2.0)), np.float64, len(values))

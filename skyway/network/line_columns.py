@@ -1,4 +1,4 @@
-"""Lines between stations read by the column, block after block, and the segments they mean."""
+"""Lines between stations read by the column, block after block, and their segments."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from skyway.network.geojson_features import (
 from skyway.network.great_circle import distances_m
 from skyway.network.station_columns import PlacedStations
 
-#: Rounding can make a distance differ by less than this, metres; the slow way judges such ends.
+#: Rounding can make a distance differ by less than this, metres; the slow reader judges such ends.
 _ROUNDING_M = 1e-3
 
 _KNOWN = frozenset(SEGMENT_PROPERTIES)
@@ -37,8 +37,8 @@ class DirectedSegments:
 class _Ends:
     """One end of each line, as the station's row.
 
-    The names are looked up and dropped at once: kept among what is thrown away, they would leave
-    the memory full of holes.
+    Names are looked up and dropped immediately. Kept beside values that are freed, they would
+    fragment the memory.
     """
 
     def __init__(self) -> None:
@@ -46,10 +46,10 @@ class _Ends:
         self._count = 0
         self._late: dict[int, Any] = {}  # any JSON values that may yet be a station's name
 
-    def take(self, names: Sequence[Any], row_of: Mapping[StationId, int]) -> None:
+    def read(self, names: Sequence[Any], row_of: Mapping[StationId, int]) -> None:
         try:
             rows = np.array([row_of.get(name, -1) for name in names], np.int32)
-        except TypeError as error:  # nothing that a station could be called
+        except TypeError as error:  # no station can have such an id
             raise Doubtful from error
         for index in np.flatnonzero(rows < 0).tolist():
             self._late[self._count + index] = names[index]
@@ -66,7 +66,7 @@ class _Ends:
 
 
 class LineColumns:
-    """The lines' columns, and the directed segments that they mean."""
+    """The lines' columns, and their directed segments."""
 
     def __init__(self) -> None:
         self._ends = {"from": _Ends(), "to": _Ends()}
@@ -76,14 +76,14 @@ class LineColumns:
         self._one_way: list[bool] = []
         self._unread: dict[int, dict[str, Any]] = {}
 
-    def take(
+    def read(
         self,
         properties: Sequence[Any],
         coordinates: Sequence[Any],
         *,
         row_of: Mapping[StationId, int],
     ) -> None:
-        """Read these lines; the rows of stations that come later are looked up later.
+        """Read these lines; stations that come later are looked up later.
 
         Raises
         ------
@@ -92,7 +92,7 @@ class LineColumns:
         """
         first = len(self._one_way)
         for name, ends in self._ends.items():
-            ends.take(column_fields.member(properties, name), row_of)
+            ends.read(column_fields.member(properties, name), row_of)
         longitude_deg, latitude_deg = column_fields.positions(
             column_fields.arrays(coordinates, length=2)
         )

@@ -1,23 +1,26 @@
-"""All pairs of positions that are near each other, found by cells of space."""
+"""All pairs of positions that are near each other, found by cells of space, and their segments."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from itertools import product
+from itertools import chain, product
 
 import numpy as np
 import numpy.typing as npt
 
 from skyway.geo import EARTH_RADIUS_M
+from skyway.ids import StationId
 from skyway.network.columns import Floats
 from skyway.network.great_circle import distances_m, unit_vectors
+from skyway.network.parts import Segment, Station, Zone
+from skyway.network.zones import crosses
 
 _HALF_EARTH_M = math.pi * EARTH_RADIUS_M
 
 #: Bits of a cell's number along one axis; three of them fit a signed 64-bit key.
 _AXIS_BITS = 21
 
-#: Candidates looked at together: enough to keep NumPy busy, little enough to stay in memory.
+#: Candidates examined together: enough to keep NumPy busy, few enough to stay in memory.
 _BLOCK = 4_000_000
 
 Indices = npt.NDArray[np.int64]
@@ -33,7 +36,7 @@ class Pairs:
 
     @classmethod
     def shortest_first(cls, length_m: Floats, one: Indices, other: Indices) -> "Pairs":
-        """Equally short ones ordered by their indices."""
+        """Sort the pairs by length, pairs of equal length by their indices."""
         order = np.lexsort((other, one, length_m))
         return cls(length_m[order], one[order], other[order])
 
@@ -57,14 +60,15 @@ def near_pairs(
     reach_m: float,
     around: npt.NDArray[np.bool_] | None = None,
 ) -> Pairs:
-    """All pairs at most `reach_m` apart, or those of them with an end in `around`.
+    """All pairs at most `reach_m` apart; with `around`, only pairs with an end in it.
 
-    Only near positions are compared: each falls into a cell of space, and the positions that it
-    reaches lie in its own cell or the 26 around it. Cells of space have no pole and no seam.
+    Only near positions are compared. Each position falls into a cell of space, and the positions
+    in its reach lie in the same cell or in the 26 cells around it. Cells of space have neither
+    poles nor a date line.
     """
     if reach_m <= 0.0:
         return Pairs(np.empty(0), np.empty(0, np.int64), np.empty(0, np.int64))
-    # A shade wider than the chord, so that rounding never loses a pair at the limit.
+    # A little wider than the chord, so that rounding never loses a pair at the limit.
     width = 2 * math.sin(min(reach_m, _HALF_EARTH_M) / (2 * EARTH_RADIUS_M)) * (1 + 1e-9) + 1e-12
     vectors = unit_vectors(longitude_deg, latitude_deg)
     keys = _cell_keys(vectors, width=width)
@@ -88,10 +92,38 @@ def near_pairs(
     )
 
 
+def segments_in_sight(
+    stations: Mapping[StationId, Station], *, max_segment_m: float, zones: Iterable[Zone] = ()
+) -> tuple[Segment, ...]:
+    """The segments, in both directions, between stations that see each other.
+
+    Two stations see each other when they are at most `max_segment_m` apart and the straight line
+    between them crosses none of the zones, active or not.
+    """
+    zones = tuple(zones)
+    in_order = list(stations.values())
+    longitude_deg, latitude_deg = (
+        np.array([station.position for station in in_order], np.float64).reshape(-1, 2).T
+    )
+    pairs = near_pairs(longitude_deg, latitude_deg, reach_m=max_segment_m)
+    rows = zip(pairs.one.tolist(), pairs.other.tolist(), pairs.length_m.tolist(), strict=True)
+    lines = ((in_order[one], in_order[other], length_m) for one, other, length_m in sorted(rows))
+    return tuple(
+        chain.from_iterable(
+            (
+                Segment(one.station_id, other.station_id, length_m),
+                Segment(other.station_id, one.station_id, length_m),
+            )
+            for one, other, length_m in lines
+            if not any(crosses(zone, one.position, other.position) for zone in zones)
+        )
+    )
+
+
 def _cell_keys(vectors: Floats, *, width: float) -> Indices:
-    """The cell of each vector as one number; cells that differ by 1 lie next to each other."""
+    """The cell of each vector as one number; neighbours along the last axis differ by 1."""
     side = max(width, 2.0 ** (3 - _AXIS_BITS))
-    # Half the axis, and one cell on either side where the neighbours of the last are looked for.
+    # Half the axis, and one more cell on either side for the neighbours of the outermost cells.
     i, j, k = (np.floor(vectors / side).astype(np.int64) + 2 ** (_AXIS_BITS - 2)).T
     keys: Indices = ((i << _AXIS_BITS | j) << _AXIS_BITS) | k
     return keys
@@ -103,7 +135,7 @@ def _candidates(
     """Pairs whose chord is at most `width`, each once, as indices into the sorted keys."""
     seekers = np.flatnonzero(seeks)
     for step_i, step_j in product((-1, 0, 1), repeat=2):
-        # Three cells in a row have keys that follow one another.
+        # Three cells in a row have consecutive keys.
         row = keys[seekers] + (step_i << 2 * _AXIS_BITS) + (step_j << _AXIS_BITS)
         start, stop = np.searchsorted(keys, row - 1), np.searchsorted(keys, row + 1, side="right")
         upto = np.cumsum(stop - start)

@@ -8,8 +8,7 @@ import numpy as np
 
 from skyway.errors import InvalidNetwork
 from skyway.ids import StationId
-from skyway.network.adjacency import Adjacency
-from skyway.network.columns import Columns, Rows, refuse_contradictions
+from skyway.network.columns import Adjacency, Columns, Rows, refuse_contradictions
 from skyway.network.parts import DEFAULT_PADS, MAX_PADS, Segment, Station, Zone
 from skyway.network.views import SegmentView, StationView
 
@@ -19,8 +18,8 @@ __all__ = ["DEFAULT_PADS", "MAX_PADS", "Network", "Segment", "Station", "Zone"]
 class Network:
     """A skyway network, never changed once made; `settings` is read by the services only.
 
-    It is held as columns, so that a million stations are no burden: `stations` and `segments`
-    make the objects that are looked at.
+    It is held as columns, so a million stations fit in memory. `stations` and `segments` make
+    objects when they are read.
 
     Raises
     ------
@@ -45,7 +44,7 @@ class Network:
         zones: Iterable[Zone] = (),
         settings: Mapping[str, Any] | None = None,
     ) -> "Network":
-        """The network of these columns; they are its own from now on."""
+        """The network of these columns, which belong to it from now on."""
         network = cls.__new__(cls)
         network._fill(columns, zones, settings)
         return network
@@ -90,7 +89,7 @@ class Network:
 
     @property
     def settings(self) -> Mapping[str, Any]:
-        """What the services read, as it came."""
+        """The settings that the services read, as they came."""
         return self._settings
 
     @cached_property

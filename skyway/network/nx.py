@@ -14,8 +14,7 @@ from skyway.errors import InvalidNetwork
 from skyway.geo import distance_m
 from skyway.ids import StationId
 from skyway.network import column_fields, fields
-from skyway.network.collector_pause import collector_paused
-from skyway.network.column_fields import Doubtful
+from skyway.network.column_fields import Doubtful, collector_paused
 from skyway.network.columns import Columns, Floats, Rows, first_repeated, segment_keys
 from skyway.network.geojson_features import MAX_SEGMENT_LENGTH_M
 from skyway.network.network import Network
@@ -31,8 +30,8 @@ _SEGMENT_ATTRIBUTES = frozenset(("length_m",))
 def from_networkx(graph: "networkx.Graph[Any]") -> Network:
     """The network of this graph; an edge of an undirected graph means both directions.
 
-    A node is called by its name or whole number. Without `pads` a station has 4; without
-    `length_m` a segment is as long as the great circle between its stations.
+    The id of a station is its node's name or whole number. Without `pads` a station has 4 pads;
+    without `length_m` a segment is as long as the great circle between its stations.
 
     Raises
     ------
@@ -81,7 +80,7 @@ def _edges(columns: Columns) -> Iterator[tuple[str, str, dict[str, Any]]]:
 
 
 def _columns(graph: "networkx.Graph[Any]") -> Columns:
-    """The graph read by the column; `Doubtful` unless all of it is as usual."""
+    """The graph read by the column; raises `Doubtful` when a value is wrong or unusual."""
     nodes, attributes = list(graph.nodes), [each for _, each in graph.nodes(data=True)]
     if not set(map(type, nodes)) <= {str, int}:
         raise Doubtful
@@ -110,7 +109,7 @@ def _columns(graph: "networkx.Graph[Any]") -> Columns:
 def _edge_columns(
     graph: "networkx.Graph[Any]", row_of: Mapping[Any, int]
 ) -> tuple[Rows, Rows, Floats, dict[int, dict[str, Any]]]:
-    """Ends, lengths and unread attributes of the directed segments that the edges mean."""
+    """Ends, lengths and unread attributes of the directed segments."""
     edges = list(graph.edges(data=True))
     start = np.array([row_of[one] for one, _, _ in edges], np.int32)
     end = np.array([row_of[other] for _, other, _ in edges], np.int32)
@@ -135,7 +134,7 @@ def _alternating(forth: Rows, back: Rows) -> Rows:
 
 
 def _columns_one_by_one(graph: "networkx.Graph[Any]") -> Columns:
-    """What `_columns` reads, or an error that names the attribute at fault."""
+    """The same as `_columns`, or an error that names the attribute at fault."""
     stations: dict[StationId, Station] = {}
     for node, attributes in graph.nodes(data=True):
         station = _station(node, attributes)
@@ -157,7 +156,7 @@ def _columns_one_by_one(graph: "networkx.Graph[Any]") -> Columns:
 def _station(node: object, attributes: dict[str, Any]) -> Station:
     path = f"nodes.{node}"
     if not isinstance(node, (str, int)):
-        raise InvalidNetwork(path, "a station is called by a string or a whole number")
+        raise InvalidNetwork(path, "the id of a station is a string or a whole number")
     if "pos" not in attributes:
         raise InvalidNetwork(f"{path}.pos", "is missing: longitude and latitude in degrees")
     return Station(

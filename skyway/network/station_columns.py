@@ -28,7 +28,7 @@ class PlacedStations:
 class StationColumns:
     """The stations' columns; `names` and `unread` properties by row, where there are any.
 
-    `row_of` tells the row of each station taken so far.
+    `row_of` holds the row of each station read so far.
     """
 
     def __init__(self) -> None:
@@ -39,7 +39,7 @@ class StationColumns:
         self._latitudes: list[Floats] = [np.empty(0)]
         self._pads: list[Floats] = [np.empty(0)]
 
-    def take(self, properties: Sequence[Any], coordinates: Sequence[Any]) -> None:
+    def read(self, properties: Sequence[Any], coordinates: Sequence[Any]) -> None:
         """Read these stations.
 
         Raises
@@ -67,11 +67,11 @@ class StationColumns:
             self.unread[first + index] = unread
 
     def placed(self) -> PlacedStations:
-        """All of them together."""
+        """All stations together."""
         return PlacedStations(
             np.concatenate(self._longitudes), np.concatenate(self._latitudes), self.row_of
         )
 
     def pads(self) -> Rows:
-        """The pads of each, ``(n,)``."""
+        """The pads of each station, ``(n,)``."""
         return np.concatenate(self._pads).astype(np.int32)

@@ -1,4 +1,4 @@
-"""A made-up city: stations scattered at random, near ones connected, the same for the same seed."""
+"""A made-up city: random stations, connected to near ones; the same seed gives the same city."""
 
 import math
 from random import Random
@@ -19,7 +19,7 @@ CITY_CENTRE = Position(-98.49363, 29.42412)
 #: Most stations that fit around the centre at the default spacing without reaching a pole.
 MAX_STATIONS = 1_000_000
 
-# A reach somewhat over the one that gives the degree in an endless city mostly connects it, too.
+# A reach a little above the one that gives the degree in an endless city usually connects the city.
 _REACH_SHARE = 1.6
 _REACH_GROWTH = 1.6
 
@@ -34,8 +34,8 @@ def synthetic_city(
 ) -> Network:
     """A connected geometric random network, called `s1`, `s2`, ...; the same for the same seed.
 
-    Stations lie uniformly in a square. The shortest pairs are connected, in both directions, as
-    many as give the mean degree; then the shortest that join what is still apart.
+    Stations lie uniformly in a square. The shortest pairs are connected in both directions until
+    the mean degree is reached, then the shortest pairs that join parts which are still apart.
 
     Parameters
     ----------
@@ -94,28 +94,28 @@ def _scattered(count: int, *, side_m: float, random: Random) -> tuple[Floats, Fl
 def _connected(
     longitude_deg: Floats, latitude_deg: Floats, *, degree: float, spacing_m: float
 ) -> Pairs:
-    """The shortest pairs that give the degree, and the shortest others that join all."""
+    """The shortest pairs that give the degree, and the shortest other pairs that join all parts."""
     stations = len(longitude_deg)
-    wanted = min(round(degree * stations / 2), stations * (stations - 1) // 2)
+    lines_of_degree = min(round(degree * stations / 2), stations * (stations - 1) // 2)
     reach_m = _REACH_SHARE * spacing_m * math.sqrt(max(degree, 1.0) / math.pi)
     pairs = near_pairs(longitude_deg, latitude_deg, reach_m=reach_m)
-    while len(pairs.one) < wanted:
+    while len(pairs.one) < lines_of_degree:
         reach_m *= _REACH_GROWTH
         pairs = near_pairs(longitude_deg, latitude_deg, reach_m=reach_m)
-    lines, others = pairs.only(slice(wanted)), pairs.only(slice(wanted, None))
+    lines, others = pairs.only(slice(lines_of_degree)), pairs.only(slice(lines_of_degree, None))
     while True:
         lines = lines.and_also(_joining(lines, others, stations=stations))
         root = components(lines.one, lines.other, stations=stations)
         if not root.any():
             return lines
-        # Most stations hang together by now; what does not looks farther.
+        # Most stations are connected by now; the others look for pairs farther away.
         reach_m *= _REACH_GROWTH
         outside = root != np.bincount(root).argmax()
         others = near_pairs(longitude_deg, latitude_deg, reach_m=reach_m, around=outside)
 
 
 def _joining(lines: Pairs, others: Pairs, *, stations: int) -> Pairs:
-    """The shortest of the others that join what the lines leave apart."""
+    """The shortest of the other pairs that join parts which the lines leave apart."""
     root = components(lines.one, lines.other, stations=stations)
     others = others.only(root[others.one] != root[others.other])
     forest = _Forest(root.tolist())
@@ -127,13 +127,13 @@ def _joining(lines: Pairs, others: Pairs, *, stations: int) -> Pairs:
 
 
 class _Forest:
-    """Which stations are connected already (union-find with path halving)."""
+    """Which stations are connected (union-find with path halving)."""
 
     def __init__(self, parents: list[int]) -> None:
         self._parents = parents
 
     def join(self, one: int, other: int) -> bool:
-        """Whether the two were apart; now they are not."""
+        """Join the two; whether they were apart before."""
         root, other_root = self._root(one), self._root(other)
         if root == other_root:
             return False

@@ -1,4 +1,4 @@
-"""Stations and segments as objects, made from the columns when somebody looks at them."""
+"""Stations and segments as objects, made from the columns when they are read."""
 
 from collections.abc import ItemsView, Iterator, Mapping, Sequence, ValuesView
 from typing import overload
@@ -12,8 +12,8 @@ from skyway.network.parts import Segment, Station
 class StationView(Mapping[StationId, Station]):
     """The stations by id, in the order of the document.
 
-    A station that was asked for by name is kept: who asks once asks often. Those that only passed
-    by are not: a million of them are heavy.
+    A station that is read by its id is kept, because such stations are read often. Stations that
+    are only iterated over are not kept: a million objects are heavy.
     """
 
     __slots__ = ("_columns", "_kept", "_row_of")
@@ -58,7 +58,7 @@ class StationView(Mapping[StationId, Station]):
         return _StationItems(self)
 
     def in_order(self) -> Iterator[Station]:
-        """Every station, made anew."""
+        """Every station, each time as a new object."""
         columns = self._columns
         rows = zip(
             columns.station_ids,

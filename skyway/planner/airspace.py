@@ -9,7 +9,7 @@ import numpy as np
 from skyway.ids import StationId
 from skyway.network.columns import Floats, Rows
 from skyway.network.network import Network, Zone
-from skyway.network.zone_rows import Points, which_cross, which_lie_in
+from skyway.network.zones import Points, which_cross, which_lie_in
 
 #: A segment by its ends; a network has at most one in each direction.
 SegmentEnds = tuple[StationId, StationId]

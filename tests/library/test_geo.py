@@ -8,7 +8,7 @@ SAN_MARCOS = Position(-97.94139, 29.88327)
 SAN_ANTONIO = Position(-98.49363, 29.42412)
 
 
-def test_the_paper_s_longest_way_is_74_km_as_the_crow_flies() -> None:
+def test_the_paper_s_longest_distance_is_74_km_by_great_circle() -> None:
     assert distance_m(SAN_MARCOS, SAN_ANTONIO) == pytest.approx(73_900, abs=100)
 
 
@@ -34,5 +34,5 @@ def test_a_point_between_divides_the_distance(fraction: float) -> None:
     assert distance_m(SAN_MARCOS, point) == pytest.approx(fraction * whole, abs=0.01)
 
 
-def test_a_point_between_one_place_and_itself_is_that_place() -> None:
+def test_a_point_between_equal_places_is_that_place() -> None:
     assert point_between(SAN_MARCOS, SAN_MARCOS, fraction=0.5) == SAN_MARCOS

@@ -6,14 +6,14 @@ from pydantic import TypeAdapter, ValidationError
 from skyway.ids import StationId, sortable_id
 
 
-def test_a_minted_id_fits_everywhere_an_id_must() -> None:
+def test_a_new_id_fits_topics_and_paths() -> None:
     minted = sortable_id("dlv", unix_ms=1_790_000_000_000, entropy=(1 << 90) - 1)
 
     assert re.fullmatch(r"dlv_[0-9a-z]{26}", minted)
     assert TypeAdapter(StationId).validate_python(minted) == minted
 
 
-def test_ids_sort_by_the_moment_they_were_minted() -> None:
+def test_ids_sort_by_the_moment_of_their_making() -> None:
     moments = [0, 1, 31, 32, 1_000, 1_790_000_000_000]
 
     minted = [sortable_id("x", unix_ms=moment, entropy=7) for moment in moments]

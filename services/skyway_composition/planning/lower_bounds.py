@@ -14,8 +14,7 @@ from skyway.drone.charging import fastest_s_per_soc
 from skyway.drone.model import DroneModel
 from skyway.drone.power import flight_power_w
 from skyway.ids import StationId
-from skyway.network.adjacency import Adjacency
-from skyway.network.columns import Floats
+from skyway.network.columns import Adjacency, Floats
 from skyway.network.network import Network
 from skyway.planner.kernels.ways import lengths_from
 from skyway_composition.networks.prepared import PreparedNetwork

@@ -27,7 +27,7 @@ def test_the_corridor_holds_the_papers_places_and_airports(corridor: Network) ->
 @pytest.mark.parametrize(
     ("town", "distance_km"), [("mcqueeney", 33.6), ("bulverde", 51.7), ("san-antonio", 73.9)]
 )
-def test_towns_are_as_far_from_san_marcos_as_the_great_circle_says(
+def test_the_towns_have_their_great_circle_distances_from_san_marcos(
     corridor: Network, town: str, distance_km: float
 ) -> None:
     start, end = corridor.stations[SAN_MARCOS], corridor.stations[StationId(town)]
@@ -42,7 +42,7 @@ def test_the_four_towns_are_connected_from_18_km_up(max_segment_m: float) -> Non
     assert networkx.descendants(graph, "san-marcos") | {"san-marcos"} >= TOWNS
 
 
-def test_few_stations_are_out_of_reach_of_the_towns(corridor: Network) -> None:
+def test_only_six_stations_are_not_connected_to_the_towns(corridor: Network) -> None:
     reached = networkx.descendants(to_networkx(corridor), "san-marcos")
 
     assert set(corridor.stations) - reached - {"san-marcos"} == {
@@ -76,5 +76,5 @@ def test_no_segment_is_longer_than_the_line_of_sight() -> None:
     assert max(segment.length_m for segment in network.segments) <= 12_000.0
 
 
-def test_the_corridor_survives_the_way_through_geojson(corridor: Network) -> None:
+def test_the_corridor_written_as_geojson_reads_as_the_same_network(corridor: Network) -> None:
     assert read_network(write_network(corridor)) == corridor

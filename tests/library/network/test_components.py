@@ -36,7 +36,7 @@ def make_network(lines: list[tuple[int, int]], *, graph: "networkx.Graph[int]") 
 
 
 @given(lines=LINES)
-def test_components_of_one_way_segments_are_the_strongly_connected(
+def test_components_of_one_way_segments_are_the_strongly_connected_ones(
     lines: list[tuple[int, int]],
 ) -> None:
     graph: networkx.DiGraph[int] = networkx.DiGraph()
@@ -47,7 +47,9 @@ def test_components_of_one_way_segments_are_the_strongly_connected(
 
 
 @given(lines=LINES)
-def test_components_of_segments_both_ways_are_the_connected(lines: list[tuple[int, int]]) -> None:
+def test_components_of_two_way_segments_are_the_connected_ones(
+    lines: list[tuple[int, int]],
+) -> None:
     graph: networkx.Graph[int] = networkx.Graph()
 
     sizes = component_sizes(make_network(lines, graph=graph))
@@ -56,7 +58,7 @@ def test_components_of_segments_both_ways_are_the_connected(lines: list[tuple[in
 
 
 @given(lines=LINES)
-def test_stations_of_one_part_reach_one_another(lines: list[tuple[int, int]]) -> None:
+def test_stations_of_one_part_reach_each_other(lines: list[tuple[int, int]]) -> None:
     graph: networkx.DiGraph[int] = networkx.DiGraph()
     network = make_network(lines, graph=graph)
 

@@ -1,4 +1,4 @@
-"""The fast way in never accepts what the slow way refuses, and where both accept they agree."""
+"""The fast reader accepts only documents that the slow reader accepts, and reads them the same."""
 
 import copy
 import json
@@ -76,7 +76,9 @@ def damaged_features(draw: st.DrawFn) -> list[Any]:
 
 
 @given(features=damaged_features())
-def test_what_the_fast_way_accepts_the_slow_way_reads_as_the_same(features: list[Any]) -> None:
+def test_both_readers_agree_on_every_document_that_the_fast_one_accepts(
+    features: list[Any],
+) -> None:
     try:
         columns, zones = read_by_column(features)
     except Doubtful:
@@ -95,7 +97,7 @@ def test_what_the_fast_way_accepts_the_slow_way_reads_as_the_same(features: list
     one_way=st.lists(st.booleans(), min_size=5, max_size=5),
     lengths=st.lists(st.none() | st.floats(0, 1e6) | st.integers(0, 9), min_size=5, max_size=5),
 )
-def test_the_fast_way_accepts_every_sound_document(
+def test_the_fast_reader_accepts_every_document_without_a_fault(
     names: list[str | None],
     roofs: list[bool],
     one_way: list[bool],
@@ -128,7 +130,7 @@ def test_the_fast_way_accepts_every_sound_document(
 
 
 @pytest.mark.parametrize("tolerance_share", [0.5, 0.999999, 1.0, 1.000001, 2.0])
-def test_a_line_that_ends_about_the_tolerance_away_is_judged_as_by_the_slow_way(
+def test_both_readers_agree_on_a_line_that_ends_near_the_tolerance(
     tolerance_share: float,
 ) -> None:
     city = synthetic_city(stations=2, seed=1)

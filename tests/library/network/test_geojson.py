@@ -70,7 +70,7 @@ def test_a_document_gives_stations_segments_zones_and_settings() -> None:
     assert network.settings == {"x": 1}
 
 
-def test_a_station_has_four_pads_when_it_does_not_say() -> None:
+def test_a_station_without_pads_property_has_four_pads() -> None:
     assert read_network(make_document(A)).stations[StationId("a")].pads == 4
 
 
@@ -95,7 +95,7 @@ def test_opposite_segments_of_equal_length_become_one_line() -> None:
     assert lines[0]["properties"]["wire"] == 1
 
 
-def test_opposite_segments_that_differ_stay_two_lines() -> None:
+def test_opposite_segments_that_differ_become_two_lines() -> None:
     there, back = make_segment(A, B, one_way=True), make_segment(B, A, one_way=True, wire=1)
     network = read_network(make_document(A, B, there, back))
 
@@ -179,7 +179,7 @@ LINE, RINGS = "features.2.geometry.coordinates", "features.3.geometry.coordinate
         (f"{RINGS}.0.2", [0.0], "1 numbers instead of"),
     ],
 )
-def test_what_is_wrong_is_named_by_path_and_limit(path: str, value: Any, detail: str) -> None:
+def test_an_error_names_the_path_and_the_limit(path: str, value: Any, detail: str) -> None:
     # A ring's end is named by its ring.
     field = f"{RINGS}.0" if path == f"{RINGS}.0.3" else path
 
@@ -190,7 +190,7 @@ def test_what_is_wrong_is_named_by_path_and_limit(path: str, value: Any, detail:
     assert detail in refusal.value.detail
 
 
-def test_what_is_no_object_at_all_is_refused() -> None:
+def test_a_document_that_is_not_an_object_is_refused() -> None:
     with pytest.raises(InvalidNetwork, match="network: an array is not an object"):
         read_network([])  # type: ignore[arg-type]
 
@@ -248,7 +248,7 @@ def zones(draw: st.DrawFn, name: str) -> Zone:
 
 
 @given(network=networks())
-def test_a_network_survives_the_way_through_json(network: Network) -> None:
+def test_a_network_written_as_json_reads_as_the_same_network(network: Network) -> None:
     document = json.loads(json.dumps(write_network(network)))
 
     again = read_network(document)

@@ -32,7 +32,7 @@ def networks(draw: st.DrawFn) -> Network:
 
 
 @given(network=networks())
-def test_the_text_is_what_dumping_the_document_gives(network: Network) -> None:
+def test_the_text_equals_the_dumped_document(network: Network) -> None:
     assert network_text(network) == json.dumps(write_network(network))
 
 
@@ -58,7 +58,7 @@ def test_a_text_of_several_blocks_reads_as_the_same_network(spaced: int | None) 
 @pytest.mark.parametrize(
     "text", ["", "{", "[1, 2", '{"type": "FeatureCollection", "features": [{}', "{} {}", "nul"]
 )
-def test_what_is_no_json_is_refused(text: str) -> None:
+def test_a_text_that_is_not_json_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match=r"."):
         read_network_text(text)
 
@@ -74,7 +74,7 @@ def test_what_is_no_json_is_refused(text: str) -> None:
         ('{"type": "FeatureCollection", "features": [], "features": 1}', "features: 1 is not an"),
     ],
 )
-def test_a_text_that_is_no_network_is_refused_by_its_field(text: str, message: str) -> None:
+def test_a_text_that_is_no_network_is_refused_with_its_field(text: str, message: str) -> None:
     with pytest.raises(InvalidNetwork) as refusal:
         read_network_text(text)
 
@@ -107,7 +107,7 @@ def reading(text: str, read: Callable[[str], Network]) -> Network | str:
     length=st.integers(0, 60),
     replacement=st.sampled_from(["", ",", "]", "}", '"', '{"type": "Feature"', "], [", "s1", "0"]),
 )
-def test_a_damaged_text_is_read_or_refused_as_the_whole_document_is(
+def test_a_damaged_text_is_read_or_refused_like_the_whole_document(
     start: int, length: int, replacement: str
 ) -> None:
     text = CITY_TEXT[:start] + replacement + CITY_TEXT[start + length :]

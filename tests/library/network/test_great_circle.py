@@ -9,7 +9,7 @@ POSITIONS = st.builds(Position, st.floats(-180, 180), st.floats(-90, 90))
 
 
 @given(start=POSITIONS, end=POSITIONS)
-def test_distances_by_the_array_equal_those_one_by_one_to_the_last_bit(
+def test_distances_of_arrays_equal_single_distances_to_the_last_bit(
     start: Position, end: Position
 ) -> None:
     longitudes, latitudes = np.array((start, end)).T
@@ -20,7 +20,7 @@ def test_distances_by_the_array_equal_those_one_by_one_to_the_last_bit(
 
 
 @given(position=POSITIONS)
-def test_directions_by_the_array_equal_those_one_by_one(position: Position) -> None:
+def test_directions_of_arrays_equal_single_directions(position: Position) -> None:
     (vector,) = unit_vectors(*map(np.atleast_1d, position)).tolist()
 
     assert tuple(vector) == unit_vector(position)

@@ -3,7 +3,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from skyway.geo import Position, distance_m
-from skyway.network.near_pairs import near_pairs
+from skyway.ids import StationId, ZoneId
+from skyway.network.near_pairs import near_pairs, segments_in_sight
+from skyway.network.network import Station, Zone
 
 POSITIONS = st.builds(Position, st.floats(-180, 180), st.floats(-90, 90))
 NEAR = st.builds(Position, st.floats(179.9, 180) | st.floats(-180, -179.9), st.floats(-0.1, 0.1))
@@ -29,14 +31,14 @@ def all_pairs(positions: list[Position], *, reach_m: float) -> list[tuple[float,
 
 
 @given(positions=st.lists(POSITIONS, max_size=12) | st.lists(NEAR, max_size=12), reach_m=REACHES)
-def test_cells_find_the_pairs_that_comparing_all_finds_shortest_first(
+def test_cells_find_the_same_pairs_as_comparing_all_positions(
     positions: list[Position], reach_m: float
 ) -> None:
     assert pairs_of(positions, reach_m=reach_m) == all_pairs(positions, reach_m=reach_m)
 
 
 @given(stations=st.lists(st.tuples(NEAR, st.booleans()), min_size=1, max_size=12), reach_m=REACHES)
-def test_pairs_around_some_have_one_of_them_at_an_end(
+def test_with_around_each_pair_has_an_end_in_it(
     stations: list[tuple[Position, bool]], reach_m: float
 ) -> None:
     positions, around = map(list, zip(*stations, strict=True))
@@ -56,3 +58,24 @@ def test_many_positions_in_one_cell_lose_no_pair() -> None:
     found = np.zeros((count, count), bool)
     found[pairs.one, pairs.other] = True
     assert np.count_nonzero(found) == count * (count - 1) // 2
+
+
+def make_stations(*positions: tuple[float, float]) -> dict[StationId, Station]:
+    ids = [StationId(f"s{number}") for number in range(len(positions))]
+    return {i: Station(i, Position(*at)) for i, at in zip(ids, positions, strict=True)}
+
+
+def test_segments_join_stations_in_sight_both_ways() -> None:
+    stations = make_stations((0.0, 0.0), (0.05, 0.0), (0.5, 0.0))
+
+    segments = segments_in_sight(stations, max_segment_m=10_000.0)
+
+    assert [(s.from_id, s.to_id) for s in segments] == [("s0", "s1"), ("s1", "s0")]
+
+
+def test_no_segment_crosses_a_zone() -> None:
+    stations = make_stations((0.0, 0.0), (0.05, 0.0))
+    wall = [(0.02, -1.0), (0.03, -1.0), (0.03, 1.0), (0.02, -1.0)]
+    zone = Zone(ZoneId("wall"), (tuple(Position(*corner) for corner in wall),))
+
+    assert segments_in_sight(stations, max_segment_m=10_000.0, zones=[zone]) == ()

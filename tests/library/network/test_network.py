@@ -35,7 +35,7 @@ def test_segments_that_contradict_the_stations_are_refused(
     assert str(refusal.value) == message
 
 
-def test_two_zones_of_one_name_are_refused() -> None:
+def test_two_zones_with_the_same_id_are_refused() -> None:
     zone = Zone(ZoneId("z"), ((Position(0, 0), Position(1, 0), Position(0, 1), Position(0, 0)),))
 
     with pytest.raises(InvalidNetwork, match="two zones share an id"):

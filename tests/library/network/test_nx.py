@@ -56,7 +56,7 @@ def test_a_random_geometric_graph_of_networkx_is_a_network() -> None:
     assert len(network.segments) == 2 * graph.number_of_edges()
 
 
-def test_a_network_survives_the_way_through_networkx() -> None:
+def test_a_network_written_as_a_graph_reads_as_the_same_network() -> None:
     network = texas_corridor()
 
     again = from_networkx(to_networkx(network))
@@ -83,7 +83,7 @@ def test_a_graph_is_the_same_network_with_and_without_lengths(kind: Any) -> None
         ([("a", {"pos": (0, 91)})], [], "nodes.a.pos.1: 91 is above 90"),
         ([("a", {"pos": (0, 0), "pads": -1})], [], "nodes.a.pads: -1 is below 0"),
         ([("a b", {"pos": (0, 0)})], [], "nodes.a b: 'a b' is not an identifier"),
-        ([((0, 1), {"pos": (0, 0)})], [], "nodes.(0, 1): a station is called by"),
+        ([((0, 1), {"pos": (0, 0)})], [], "nodes.(0, 1): the id of a station is"),
         ([(1, {"pos": (0, 0)}), ("1", {"pos": (0, 0)})], [], "a second station called '1'"),
         ([("a", {"pos": (0, 0)})], [("a", "a", {})], "edges.a.a: the segment starts where"),
         (

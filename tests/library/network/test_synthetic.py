@@ -35,13 +35,13 @@ def test_the_first_station_of_a_seed_stays_where_it_was() -> None:
     assert city.stations[StationId("s1")].position == Position(-98.4830237, 29.369359)
 
 
-def test_stations_have_the_mean_degree_asked_for() -> None:
+def test_stations_have_the_requested_mean_degree() -> None:
     city = synthetic_city(stations=400, seed=1, degree=6.0)
 
     assert len(city.segments) / len(city.stations) == pytest.approx(6.0, abs=0.3)
 
 
-def test_stations_have_the_pads_asked_for() -> None:
+def test_stations_have_the_requested_pads() -> None:
     city = synthetic_city(stations=5, seed=1, pads=2)
 
     assert {station.pads for station in city.stations.values()} == {2}

@@ -1,6 +1,7 @@
 import math
 from fractions import Fraction
 
+import numpy as np
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
@@ -8,7 +9,7 @@ from hypothesis import strategies as st
 from skyway.geo import Position
 from skyway.ids import ZoneId
 from skyway.network.network import Zone
-from skyway.network.zones import contains, crosses
+from skyway.network.zones import Points, contains, crosses, which_cross, which_lie_in
 
 
 def make_zone(*rings: list[tuple[float, float]]) -> Zone:
@@ -61,7 +62,7 @@ def test_a_line_that_misses_the_zone_does_not_cross_it(
     assert not crosses(RING, Position(*end), Position(*start)), why
 
 
-def test_a_line_in_the_mouth_of_a_horseshoe_does_not_cross_it() -> None:
+def test_a_line_between_the_arms_of_a_horseshoe_does_not_cross_it() -> None:
     assert not crosses(HORSESHOE, Position(1.5, 1.5), Position(1.5, 4.0))
     assert crosses(HORSESHOE, Position(1.5, 2.0), Position(2.5, 2.0))
 
@@ -92,7 +93,7 @@ def test_a_corner_level_with_the_position_is_not_counted_twice() -> None:
     assert not contains(diamond, Position(0.9, 0.9))
 
 
-def test_a_miss_that_rounding_would_take_for_a_touch_is_a_miss() -> None:
+def test_a_line_that_misses_by_less_than_rounding_does_not_cross() -> None:
     triangle = make_zone([(-24.0, -24.0), (24.0, 24.0), (24.0, -24.0)])
     just_above_half = math.nextafter(0.5, 1.0)
 
@@ -136,3 +137,51 @@ def test_triangles_agree_with_exact_clipping(
     assert crosses(triangle, Position(*start), Position(*end)) == meets_triangle(
         corners, start, end
     )
+
+
+# Places on a coarse grid, which touch and overlap, and places anywhere.
+PLACES = st.builds(Position, *[st.integers(0, 6).map(float)] * 2) | st.builds(
+    Position, *[st.floats(-1, 7)] * 2
+)
+RINGS = st.lists(PLACES, min_size=3, max_size=6).map(lambda ring: (*ring, ring[0]))
+ZONES = st.lists(RINGS, min_size=1, max_size=2).map(lambda rings: Zone(ZoneId("z"), tuple(rings)))
+
+
+def points_of(positions: list[Position]) -> Points:
+    longitude_deg, latitude_deg = np.array(positions, np.float64).reshape(-1, 2).T
+    return longitude_deg, latitude_deg
+
+
+def is_near(zone: Zone, *ends: Position) -> bool:
+    """Whether the box around these places meets the zone's box; callers leave out the others."""
+    south_west, north_east = zone.box
+    longitudes = [end.longitude_deg for end in ends]
+    latitudes = [end.latitude_deg for end in ends]
+    return (
+        max(longitudes) >= south_west.longitude_deg
+        and min(longitudes) <= north_east.longitude_deg
+        and max(latitudes) >= south_west.latitude_deg
+        and min(latitudes) <= north_east.latitude_deg
+    )
+
+
+@given(zone=ZONES, positions=st.lists(PLACES, max_size=8))
+def test_arrays_of_positions_lie_in_a_zone_like_single_positions(
+    zone: Zone, positions: list[Position]
+) -> None:
+    near = [position for position in positions if is_near(zone, position)]
+
+    inside = which_lie_in(zone, points_of(near))
+
+    assert inside.tolist() == [contains(zone, position) for position in near]
+
+
+@given(zone=ZONES, lines=st.lists(st.tuples(PLACES, PLACES), max_size=8))
+def test_arrays_of_lines_cross_a_zone_like_single_lines(
+    zone: Zone, lines: list[tuple[Position, Position]]
+) -> None:
+    near = [line for line in lines if is_near(zone, *line)]
+
+    met = which_cross(zone, points_of([a for a, _ in near]), points_of([b for _, b in near]))
+
+    assert met.tolist() == [crosses(zone, *line) for line in near]
