@@ -30,37 +30,6 @@ from skyway_composition.tables import (
 
 _RELEASED_AND_DELIVERED: Final = "I6 a package that a cancellation released is not delivered"
 
-
-async def violations(db: Database) -> Sequence[Mapping[str, str]]:
-    """Every violation: the rule that is broken, and the row that breaks it."""
-    found: list[Mapping[str, str]] = []
-    async with db.survey() as connection:
-        if db.dialect == "postgresql":
-            # All checks see the data of one moment; SQLite's reader does so anyway.
-            await connection.execute(text("SET TRANSACTION ISOLATION LEVEL REPEATABLE READ"))
-        for rule, statement in RULES.items():
-            subjects = (await connection.execute(statement)).scalars()
-            found.extend({"rule": rule, "subject": str(subject)} for subject in set(subjects))
-        found += await pad_violations(connection)
-        released = await _released_and_delivered(connection)
-    found.extend({"rule": _RELEASED_AND_DELIVERED, "subject": each} for each in released)
-    return found
-
-
-async def _released_and_delivered(connection: AsyncConnection) -> set[str]:
-    """Packages that a cancellation released, and that were delivered nevertheless."""
-    delivered = await connection.execute(
-        select(custody.c.package_id, cancellations.c.answer)
-        .join(cancellations, cancellations.c.delivery_id == custody.c.delivery_id)
-        .where(custody.c.custodian_kind == "RECIPIENT")
-    )
-    return {
-        row.package_id
-        for row in delivered
-        if row.package_id in Cancellation.read(row.answer).released
-    }
-
-
 _one = pad_reservations.alias("one")
 _other = pad_reservations.alias("other")
 _sent = instructions.alias("sent")
@@ -145,9 +114,39 @@ RULES: Final[Mapping[str, Select[*tuple[Any, ...]]]] = {
     ),
 }
 
-
 _UNRESERVED: Final = "I3 a live mission holds the pads of its steps"
+
 _HOARDED: Final = "I3 a live mission holds no pad that it does not need"
+
+
+async def violations(db: Database) -> Sequence[Mapping[str, str]]:
+    """Every violation: the rule that is broken, and the row that breaks it."""
+    found: list[Mapping[str, str]] = []
+    async with db.survey() as connection:
+        if db.dialect == "postgresql":
+            # All checks see the data of one moment; SQLite's reader does so anyway.
+            await connection.execute(text("SET TRANSACTION ISOLATION LEVEL REPEATABLE READ"))
+        for rule, statement in RULES.items():
+            subjects = (await connection.execute(statement)).scalars()
+            found.extend({"rule": rule, "subject": str(subject)} for subject in set(subjects))
+        found += await pad_violations(connection)
+        released = await _released_and_delivered(connection)
+    found.extend({"rule": _RELEASED_AND_DELIVERED, "subject": each} for each in released)
+    return found
+
+
+async def _released_and_delivered(connection: AsyncConnection) -> set[str]:
+    """Packages that a cancellation released, and that were delivered nevertheless."""
+    delivered = await connection.execute(
+        select(custody.c.package_id, cancellations.c.answer)
+        .join(cancellations, cancellations.c.delivery_id == custody.c.delivery_id)
+        .where(custody.c.custodian_kind == "RECIPIENT")
+    )
+    return {
+        row.package_id
+        for row in delivered
+        if row.package_id in Cancellation.read(row.answer).released
+    }
 
 
 async def pad_violations(connection: AsyncConnection) -> list[Mapping[str, str]]:

@@ -28,6 +28,9 @@ from skyway_composition.networks.station_store import (
 )
 from skyway_composition.networks.store import VersionRow
 
+#: The most stations or segments that a sentence names.
+_MOST_NAMED = 5
+
 
 @dataclass(frozen=True, slots=True)
 class Content:
@@ -160,10 +163,6 @@ async def _refuse_dropped_reservations(tx: Tx, network_id: NetworkId, network: N
             "drones have reserved pads that this version removes; close these stations or pads "
             "first: " + ", ".join(dropped),
         )
-
-
-#: The most stations or segments that a sentence names.
-_MOST_NAMED = 5
 
 
 def losses(old: PreparedNetwork, new: Network, *, now_ms: int) -> tuple[Reach, ...]:

@@ -18,6 +18,13 @@ from skyway_composition.tables import pad_reservations, stations
 _CORNER: Final[TypeAdapter[Position]] = TypeAdapter(Position)
 _NUMBERS: Final = 4
 
+# Built once, because many requests run these statements and building takes longer than running.
+_NETWORK_OF: Final = select(stations.c.network_id).where(
+    stations.c.station_id == bindparam("of_station")
+)
+
+_STATIONS_NAMED: Final = select(stations).where(in_list(stations.c.station_id, "station_ids"))
+
 
 @dataclass(frozen=True, slots=True)
 class Box:
@@ -57,13 +64,6 @@ class Box:
 
 def _corner(numbers: list[str]) -> Position:
     return _CORNER.validate_python(tuple(numbers))
-
-
-# Built once, because many requests run these statements and building takes longer than running.
-_NETWORK_OF: Final = select(stations.c.network_id).where(
-    stations.c.station_id == bindparam("of_station")
-)
-_STATIONS_NAMED: Final = select(stations).where(in_list(stations.c.station_id, "station_ids"))
 
 
 @dataclass(frozen=True, slots=True)

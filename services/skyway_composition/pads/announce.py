@@ -12,8 +12,7 @@ from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.closures.store import outages
 from skyway_composition.pads.occupancy import Occupancy, outages_by_pad
-from skyway_composition.pads.occupancy_store import pads_everywhere, pads_of_all, used_stations
-from skyway_composition.pads.store import booked_at
+from skyway_composition.pads.store import booked_at, pads_everywhere, pads_of_all, used_stations
 
 
 @dataclass(slots=True)

@@ -17,7 +17,7 @@ from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.closures.store import outages
 from skyway_composition.pads.occupancy import Outage, outages_by_pad
-from skyway_composition.pads.occupancy_store import Reservation, pads_of, reservations_of
+from skyway_composition.pads.store import Reservation, pads_of, reservations_of
 
 
 class PadNow(JsonModel):

@@ -18,7 +18,6 @@ from skyway.planner.pad_calendar import PadCalendar
 from skyway.planner.problem import Problem
 from skyway.units import CHARGE_TOLERANCE, moment_to_ms
 from skyway_composition.pads.booked_pad import BookedPad
-from skyway_composition.planning.compose_in import compose_in
 from skyway_composition.planning.problem_for import (
     Standing,
     delivery_problem,
@@ -27,7 +26,7 @@ from skyway_composition.planning.problem_for import (
 )
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.trip import Trip, soc_after
-from skyway_composition.planning.world import World
+from skyway_composition.planning.world import World, compose_in
 
 #: How many near stations are tried for a drone that cannot fly home. Our own choice.
 _MOST_ENDS: Final = 3

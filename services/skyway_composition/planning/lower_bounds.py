@@ -23,6 +23,12 @@ from skyway_composition.planning.problem_for import with_margin
 
 _Key = TypeVar("_Key")
 
+#: The search ends after this many stations; all others are at least as far as the last of them.
+_MOST_SETTLED: Final = 2_000
+
+#: All orders of up to this many destinations are compared; of more only the farthest counts.
+_MOST_ORDERED: Final = 6
+
 
 class _Paces(NamedTuple):
     """The least that drones need: per metre to the pickup, in total after it; ``(n,)`` each.
@@ -150,13 +156,6 @@ def _looked_up(by_key: Mapping[_Key, Sequence[float]], keys: Sequence[_Key]) -> 
     numbers = [number_of[key] for key in keys]
     columns: Floats = np.array([*by_key.values()], np.float64).T[:, numbers]
     return columns
-
-
-#: The search ends after this many stations; all others are at least as far as the last of them.
-_MOST_SETTLED: Final = 2_000
-
-#: All orders of up to this many destinations are compared; of more only the farthest counts.
-_MOST_ORDERED: Final = 6
 
 
 def least_m_to(network: Network, end: StationId, starts: Sequence[StationId]) -> Floats:

@@ -16,6 +16,9 @@ from skyway.units import moment_to_ms, ms_to_moment
 from skyway_composition.networks.settings import NetworkSettings
 from skyway_composition.planning.trip import Trip
 
+#: Milliseconds by which an offer's delivery time may be exceeded, because JSON rounds the time.
+_OFFER_SLACK_MS = 1_000
+
 
 @dataclass(frozen=True, slots=True)
 class Part:
@@ -133,10 +136,6 @@ def _etas(trip: Trip) -> list[PackageEta]:
         )
         for each in trip.plan.deliveries
     ]
-
-
-#: Milliseconds by which an offer's delivery time may be exceeded, because JSON rounds the time.
-_OFFER_SLACK_MS = 1_000
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,6 +20,17 @@ from skyway_composition.planning.world import World
 #: The package that stands for an empty drone on its way (docs/reference/booking.md).
 _NOTHING = PackageId("home")
 
+#: A smaller factor lies within the error of a drone's sensors. Then the drone judges its plans by
+#: its model alone, and so do we.
+_AS_PLANNED_FACTOR: Final = 1.02
+
+#: The largest factor that drones report; a larger one would have another cause.
+_LARGEST_FACTOR: Final = 4.0
+
+#: Plans add this much to the measured value and round up to one of so many steps. Gusts change
+#: the value, and an accepted plan should not be too small a minute later. Our own choice.
+_HEADROOM, _STEPS = 0.02, 20
+
 
 @dataclass(frozen=True, slots=True)
 class Standing:
@@ -173,18 +184,6 @@ def _to_deliver(package: Package, station_id: StationId) -> PackageToDeliver:
     return PackageToDeliver(
         package_id=package.package_id, mass_kg=package.mass_kg, destination=station_id
     )
-
-
-#: A smaller factor lies within the error of a drone's sensors. Then the drone judges its plans by
-#: its model alone, and so do we.
-_AS_PLANNED_FACTOR: Final = 1.02
-
-#: The largest factor that drones report; a larger one would have another cause.
-_LARGEST_FACTOR: Final = 4.0
-
-#: Plans add this much to the measured value and round up to one of so many steps. Gusts change
-#: the value, and an accepted plan should not be too small a minute later. Our own choice.
-_HEADROOM, _STEPS = 0.02, 20
 
 
 @lru_cache(maxsize=1_000)

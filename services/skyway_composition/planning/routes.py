@@ -17,10 +17,10 @@ from skyway.runtime.http.openapi_document import body_of
 from skyway.runtime.http.problem_answers import NOT_FOUND
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway_composition.networks.settings import NetworkDocument
-from skyway_composition.planning.compose_in import compose_in
 from skyway_composition.planning.problem_reader import NetworkReference, ProblemReader
 from skyway_composition.planning.quotes import Quotes
 from skyway_composition.planning.solver_pool import SolverPool
+from skyway_composition.planning.world import compose_in
 
 #: The most bytes of a problem with its network (docs/reference/rest.md).
 COMPOSITION_LIMIT_BYTES: Final = 256 * 1024 * 1024

@@ -27,26 +27,26 @@ def square(west: float, east: float) -> Area:
 
 
 def test_a_closed_station_is_closed_in_every_problem(make: Any) -> None:
-    known = conditions(make, closure("STATION", station_id="b", until_ms=5_000))
+    current = conditions(make, closure("STATION", station_id="b", until_ms=5_000))
 
-    (closed,) = known.problem_closures(2_000)
+    (closed,) = current.problem_closures(2_000)
 
     assert (closed.closes, closed.start_s, closed.end_s) == ("b", -1.0, 3.0)
-    assert known.problem_closures(5_000) == ()
+    assert current.problem_closures(5_000) == ()
 
 
 def test_a_zone_closes_its_stations_and_the_segments_that_cross_it(make: Any) -> None:
-    known = conditions(make, closure("ZONE", area=square(0.15, 0.2)))
+    current = conditions(make, closure("ZONE", area=square(0.15, 0.2)))
 
-    closes = {each.closes for each in known.problem_closures(0)}
+    closes = {each.closes for each in current.problem_closures(0)}
 
     assert closes == {"b", ("a", "b"), ("b", "a"), ("b", "c"), ("c", "b")}
 
 
 def test_a_zone_between_stations_closes_only_segments(make: Any) -> None:
-    known = conditions(make, closure("ZONE", area=square(0.05, 0.1)))
+    current = conditions(make, closure("ZONE", area=square(0.05, 0.1)))
 
-    assert {each.closes for each in known.problem_closures(0)} == {("a", "b"), ("b", "a")}
+    assert {each.closes for each in current.problem_closures(0)} == {("a", "b"), ("b", "a")}
 
 
 @pytest.mark.parametrize(
@@ -63,14 +63,14 @@ def test_a_closure_of_a_removed_station_or_segment_closes_nothing(make: Any, gon
 
 
 def test_an_outage_is_listed_until_it_ends(make: Any) -> None:
-    known = conditions(
+    current = conditions(
         make,
         closure("PAD", station_id="b", pad=1),
         closure("PAD", station_id="c", pad=0, until_ms=3_000),
     )
 
-    assert known.pad_outages(2_000) == [("b", 1, 1_000, OPEN_MS), ("c", 0, 1_000, 3_000)]
-    assert known.pad_outages(3_000) == [("b", 1, 1_000, OPEN_MS)]
+    assert current.pad_outages(2_000) == [("b", 1, 1_000, OPEN_MS), ("c", 0, 1_000, 3_000)]
+    assert current.pad_outages(3_000) == [("b", 1, 1_000, OPEN_MS)]
 
 
 @pytest.mark.parametrize(
@@ -100,9 +100,9 @@ def test_a_ground_stop_concerns_only_its_drones_area_and_time(
 
 
 def test_a_ground_stop_at_the_pickup_stops_a_drone_that_comes_from_elsewhere(make: Any) -> None:
-    known = conditions(make, closure("GROUND_STOP", area=square(0.1, 0.2)))
+    current = conditions(make, closure("GROUND_STOP", area=square(0.1, 0.2)))
 
-    assert known.ground_stop(make.candidate(), at_ms=2_000) is None
+    assert current.ground_stop(make.candidate(), at_ms=2_000) is None
     assert (
-        known.ground_stop(make.candidate(), at_ms=2_000, station_ids=[StationId("b")]) is not None
+        current.ground_stop(make.candidate(), at_ms=2_000, station_ids=[StationId("b")]) is not None
     )

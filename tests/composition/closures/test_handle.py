@@ -10,7 +10,7 @@ pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 OPERATOR = "operator:op"
 SQUARE = {"type": "Polygon", "coordinates": [[[0.3, -1], [0.4, -1], [0.4, 1], [0.3, 1], [0.3, -1]]]}
 
-#: A call that closes something of the row a to e, and the members by which it is known again.
+#: A call that closes something in the row of stations a to e, and the members that identify it.
 CLOSINGS = [
     ("/v1/stations/b/closures", {}, {"kind": "STATION", "station_id": "b"}),
     ("/v1/stations/b/pads/1/outages", {}, {"kind": "PAD", "station_id": "b", "pad": 1}),

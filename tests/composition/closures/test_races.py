@@ -78,11 +78,11 @@ async def test_a_plan_made_before_a_closure_is_not_booked_after_it(
             closed.append((await composition(OPERATOR, "POST", path, body)).status_code)
 
     bookings = replace(composition.parts.bookings, db=Meddling(composition.db, close_once))
-    wanted = BookMissions(
+    requested = BookMissions(
         attempt=1, request=make.request("c"), shortlist=Shortlist.of([make.candidate()])
     )
 
-    booking = await bookings.book(DeliveryId("dlv_1"), wanted)
+    booking = await bookings.book(DeliveryId("dlv_1"), requested)
 
     assert closed == [201]
     assert booking.outcome != "BOOKED"
@@ -123,11 +123,11 @@ async def test_a_plan_made_before_an_outage_is_not_booked_after_it(
             closed.append(answer.status_code)
 
     bookings = replace(composition.parts.bookings, db=Meddling(composition.db, fail_once))
-    wanted = BookMissions(
+    requested = BookMissions(
         attempt=1, request=make.request("c"), shortlist=Shortlist.of([make.candidate()])
     )
 
-    booking = await bookings.book(DeliveryId("dlv_1"), wanted)
+    booking = await bookings.book(DeliveryId("dlv_1"), requested)
 
     assert booking.outcome == "BOOKED"
     held = {(row.station_id, row.pad) for row in await composition.reservations()}

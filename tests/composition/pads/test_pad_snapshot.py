@@ -13,7 +13,7 @@ from skyway.planner.pad_book import OPEN_MS
 pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 
 
-async def known(composition: Any, **members: Any) -> PadSnapshot:
+async def make_snapshot(composition: Any, **members: Any) -> PadSnapshot:
     skyway = await composition.parts.networks.current("row")
     pads = PadSnapshot(composition.db, skyway.network_id, skyway.network, after_ms=0, **members)
     await pads.read(np.arange(5, dtype=np.int32))
@@ -23,8 +23,8 @@ async def known(composition: Any, **members: Any) -> PadSnapshot:
 async def test_reservations_begin_a_gap_early(composition: Any) -> None:
     await composition.book()
 
-    exact = await known(composition)
-    with_gap = await known(composition, gap_ms=120_000)
+    exact = await make_snapshot(composition)
+    with_gap = await make_snapshot(composition, gap_ms=120_000)
 
     assert len(exact.book.start_ms) > 0
     assert (with_gap.book.start_ms == exact.book.start_ms - 120_000).all()
@@ -52,7 +52,7 @@ async def test_outages_count_before_any_station_is_read(composition: Any) -> Non
 
 
 async def test_an_outage_still_counts_after_stations_are_read(composition: Any) -> None:
-    pads = await known(composition, outages=[("b", 1, 10, 20)])
+    pads = await make_snapshot(composition, outages=[("b", 1, 10, 20)])
 
     assert pads.book.end_ms.tolist() == [20]
 

@@ -57,7 +57,7 @@ async def post_and_leave(composition: Any, body: bytes) -> None:
         return messages.pop(0)
 
     async def send(_message: Any) -> None:
-        pytest.fail("nobody is there to be answered")
+        pytest.fail("the caller has left, so no answer must be sent")
 
     headers = [
         (b"authorization", b"Bearer secret of gateway"),

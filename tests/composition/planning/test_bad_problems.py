@@ -94,7 +94,7 @@ async def test_a_wrong_field_is_named_with_a_published_network_too(
 async def test_given_reservations_may_overlap_stored_ones(composition: Any, make: Any) -> None:
     await composition.publish(make.network(pads={"b": 1}))
     await composition.book()
-    (known, *_) = await composition.reservations()
+    (stored, *_) = await composition.reservations()
     given = {"station_id": "b", "pad": 0, "start_s": 0, "end_s": 9000}
     document = {
         "network": {"network_id": "row"},
@@ -106,6 +106,6 @@ async def test_given_reservations_may_overlap_stored_ones(composition: Any, make
 
     answer = await post(composition, document)
 
-    assert known is not None
+    assert stored is not None
     assert answer.status_code == 200, answer.text
     assert answer.json()["waiting_s"] > 0

@@ -5,9 +5,8 @@ from typing import Any
 
 import numpy as np
 import pytest
-from skyway_composition.planning.compose_in import compose_in
 from skyway_composition.planning.solver_pool import SolverPool
-from skyway_composition.planning.world import World
+from skyway_composition.planning.world import World, compose_in
 from skyway_composition.tables import pad_reservations
 from sqlalchemy import insert
 

@@ -25,7 +25,6 @@ from skyway_composition.missions.replanning.remainder.landing import (
     leaving_behind,
     staying,
 )
-from skyway_composition.planning.compose_in import compose_in
 from skyway_composition.planning.find_trip import NOTHING_TO_DELIVER, NoTrip, round_trip, way_home
 from skyway_composition.planning.problem_for import (
     AimedPackage,
@@ -37,7 +36,7 @@ from skyway_composition.planning.problem_for import (
 )
 from skyway_composition.planning.solver_pool import SolverPool
 from skyway_composition.planning.trip import Trip
-from skyway_composition.planning.world import World
+from skyway_composition.planning.world import World, compose_in
 
 
 @dataclass(frozen=True, slots=True)
