@@ -55,7 +55,7 @@ def alarm_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> Servi
     async def list_alarms(
         caller: Annotated[Caller, Depends(gate)], query: Annotated[AlarmQuery, Query()]
     ) -> Page[Alarm]:
-        """Alarms, the newest first: all for operators, its own for a provider."""
+        """List alarms, the newest first: operators see all, a provider sees its own."""
         caller.must_be("operator", "provider")
         own = None if caller.role == "operator" else caller.subject_id
         if own is not None and query.provider_id not in (None, own):
@@ -81,7 +81,7 @@ def alarm_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> Servi
         caller: Annotated[Caller, Depends(gate)],
         acknowledgement: Acknowledgement,
     ) -> Alarm:
-        """Take an alarm off the open ones; of several who do, the first is kept."""
+        """Acknowledge an alarm; of several acknowledgements the first is kept."""
         caller.must_be("operator")
         async with db.write() as tx:
             alarm = await store.acknowledge(

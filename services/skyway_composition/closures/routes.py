@@ -53,7 +53,7 @@ def _add_stations(router: ServiceRouter, gate: ServiceGate, closings: Closings) 
         response: Response,
         order: ClosureOrder | None = None,
     ) -> ClosureMade:
-        """Have nobody land at a station, and whoever would, go elsewhere."""
+        """Close a station; drones that plan to land there get a new plan."""
         caller.must_be("operator")
         at = await closings.around(station_id)
         closure = closure_of("STATION", at.network_id, closings, order, station_id=station_id)
@@ -66,7 +66,7 @@ def _add_stations(router: ServiceRouter, gate: ServiceGate, closings: Closings) 
         caller: Annotated[Caller, Depends(gate)],
         query: Annotated[ClosureQuery, Query()],
     ) -> Page[ClosureInfo]:
-        """The closures of a station that are not over."""
+        """List the closures of a station, by default those that are not over."""
         return await page_of_kind(closings, caller, query, "STATION", station_id=station_id)
 
     @router.delete(f"{path}/{{closure_id}}", status_code=204)
@@ -89,7 +89,7 @@ def _add_outages(router: ServiceRouter, gate: ServiceGate, closings: Closings) -
         response: Response,
         order: ClosureOrder | None = None,
     ) -> ClosureMade:
-        """Have nobody charge on a pad, and whoever would, do so elsewhere."""
+        """Put a pad out of order; drones that plan to charge there get a new plan."""
         caller.must_be("operator")
         at = await closings.around(station_id)
         if pad >= at.network.stations[station_id].pads:
@@ -105,7 +105,7 @@ def _add_outages(router: ServiceRouter, gate: ServiceGate, closings: Closings) -
         caller: Annotated[Caller, Depends(gate)],
         query: Annotated[ClosureQuery, Query()],
     ) -> Page[ClosureInfo]:
-        """The outages of a pad that are not over."""
+        """List the outages of a pad, by default those that are not over."""
         return await page_of_kind(closings, caller, query, "PAD", station_id=station_id, pad=pad)
 
     @router.delete(f"{path}/{{closure_id}}", status_code=204)
@@ -131,7 +131,7 @@ def _add_segment_closures(router: ServiceRouter, gate: ServiceGate, closings: Cl
         response: Response,
         order: ClosureOrder | None = None,
     ) -> ClosureMade:
-        """Have nobody fly a segment in this direction."""
+        """Close a segment in this direction; drones that plan to fly it get a new plan."""
         caller.must_be("operator")
         at = await closings.around(from_id)
         if all(segment.to_id != to_id for segment in at.network.segments_from(from_id)):
@@ -149,7 +149,7 @@ def _add_segment_closures(router: ServiceRouter, gate: ServiceGate, closings: Cl
         caller: Annotated[Caller, Depends(gate)],
         query: Annotated[ClosureQuery, Query()],
     ) -> Page[ClosureInfo]:
-        """The closures of a segment that are not over."""
+        """List the closures of a segment, by default those that are not over."""
         return await page_of_kind(
             closings, caller, query, "SEGMENT", station_id=from_id, to_station_id=to_id
         )
@@ -181,7 +181,7 @@ def _add_zones(router: ServiceRouter, gate: ServiceGate, closings: Closings) -> 
         query: Annotated[DryRun, Query()],
         response: Response,
     ) -> ClosureMade:
-        """Have nobody fly through an area, nor land in it."""
+        """Close an area: no drone may fly through it or land in it."""
         caller.must_be("operator")
         closure = closure_of("ZONE", order.network_id, closings, order, area=order.area)
         response.status_code = status_of(query)
@@ -191,7 +191,7 @@ def _add_zones(router: ServiceRouter, gate: ServiceGate, closings: Closings) -> 
     async def list_zones(
         caller: Annotated[Caller, Depends(gate)], query: Annotated[ClosureQuery, Query()]
     ) -> Page[ClosureInfo]:
-        """The zones that were made beside those of the networks, and are not over."""
+        """List the zones that operators made, by default those that are not over."""
         return await page_of_kind(closings, caller, query, "ZONE")
 
     @router.delete("/v1/zones/{closure_id}", status_code=204)
@@ -208,7 +208,7 @@ def _add_ground_stops(router: ServiceRouter, gate: ServiceGate, closings: Closin
         query: Annotated[DryRun, Query()],
         response: Response,
     ) -> ClosureMade:
-        """Have nobody take off; who flies, lands as planned."""
+        """Forbid drones to take off; drones in the air land as planned."""
         caller.must_be("operator")
         closure = closure_of(
             "GROUND_STOP",
@@ -226,12 +226,12 @@ def _add_ground_stops(router: ServiceRouter, gate: ServiceGate, closings: Closin
     async def list_ground_stops(
         caller: Annotated[Caller, Depends(gate)], query: Annotated[ClosureQuery, Query()]
     ) -> Page[ClosureInfo]:
-        """The ground stops that are not over."""
+        """List the ground stops, by default those that are not over."""
         return await page_of_kind(closings, caller, query, "GROUND_STOP")
 
     @router.delete("/v1/ground-stops/{closure_id}", status_code=204)
     async def delete_ground_stop(
         closure_id: ClosureId, caller: Annotated[Caller, Depends(gate)]
     ) -> None:
-        """Let drones take off again."""
+        """Lift a ground stop, so that drones may take off again."""
         await lift(closings, caller, closure_id, "GROUND_STOP")

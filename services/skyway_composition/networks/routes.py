@@ -87,7 +87,7 @@ def network_routes(
         caller: Annotated[Caller, Depends(gate)],
         if_match: Annotated[str | None, Header()] = None,
     ) -> NetworkInfo:
-        """Publish a network as GeoJSON; the same content again is the same version."""
+        """Publish a network as GeoJSON; the same content keeps its version."""
         caller.must_be("operator")
         document = await read_json(request)
         if not isinstance(document, dict):
@@ -111,7 +111,7 @@ def network_routes(
     async def list_networks(
         caller: Annotated[Caller, Depends(gate)], query: Annotated[PageQuery, Query()]
     ) -> Page[NetworkInfo]:
-        """All networks, in their current versions."""
+        """List all networks with their current versions."""
         _must_be_somebody(caller)
         after = query.after(str)
         async with db.read() as connection:
@@ -130,7 +130,7 @@ def network_routes(
         caller: Annotated[Caller, Depends(gate)],
         query: Annotated[VersionQuery, Query()],
     ) -> Response:
-        """A network as GeoJSON, with its version as ETag."""
+        """Read a network as GeoJSON, with its version as ETag."""
         _must_be_somebody(caller)
         current = await current_row(db, network_id)
         version = current.version if query.version is None else query.version
@@ -147,7 +147,7 @@ def network_routes(
         caller: Annotated[Caller, Depends(gate)],
         query: Annotated[PageQuery, Query()],
     ) -> Page[NetworkInfo]:
-        """All versions of a network, the newest first."""
+        """List all versions of a network, the newest first."""
         _must_be_somebody(caller)
         current = await current_row(db, network_id)
         after = query.after(int)
@@ -216,7 +216,7 @@ def airspace_routes(*, gate: ServiceGate, networks: PreparedNetworks) -> Service
         caller: Annotated[Caller, Depends(gate)],
         query: Annotated[PageQuery, Query()],
     ) -> Page[SegmentInfo]:
-        """The segments of the current version, each direction on its own."""
+        """List the segments of the current version, each direction separately."""
         caller.must_be("customer", "provider", "operator", "service")
         segments = (await networks.current(network_id)).network.segments
         start = _offset(query)
@@ -236,7 +236,7 @@ def airspace_routes(*, gate: ServiceGate, networks: PreparedNetworks) -> Service
         caller: Annotated[Caller, Depends(gate)],
         query: Annotated[PageQuery, Query()],
     ) -> Page[ZoneInfo]:
-        """The zones of the current version."""
+        """List the zones of the current version."""
         caller.must_be("customer", "provider", "operator", "service")
         zones = (await networks.current(network_id)).network.zones
         start = _offset(query)

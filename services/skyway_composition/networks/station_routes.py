@@ -74,7 +74,7 @@ def station_routes(
         caller: Annotated[Caller, Depends(gate)],
         query: Annotated[StationQuery, Query()],
     ) -> Page[StationInfo]:
-        """The stations of the current version, by id; those in a `bbox` if one is given."""
+        """List the stations of the current version by id, all or those in a `bbox`."""
         caller.must_be("customer", "provider", "operator", "service", "drone")
         await current_row(db, network_id)
         after = query.after(str)
@@ -108,7 +108,7 @@ def station_check_routes(
         caller: Annotated[Caller, Depends(gate)],
         query: Annotated[StationCheckQuery, Depends(internal_body(StationCheckQuery))],
     ) -> StationCheck:
-        """Which of these stations exist, where they are, and to which a path leads."""
+        """Check which of these stations exist, where they are, and which can be reached."""
         caller.must_be("service")
         return await check_stations(db, networks, query)
 
@@ -116,7 +116,7 @@ def station_check_routes(
     async def list_all_stations(
         caller: Annotated[Caller, Depends(gate)], network_id: NetworkId
     ) -> NetworkStations:
-        """All stations of the current version, where they are and which of them hang together."""
+        """All stations of the current version, their positions and their connected parts."""
         caller.must_be("service")
         return all_stations(await networks.current(network_id))
 

@@ -74,7 +74,7 @@ def pad_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> Service
     async def get_station_pads(
         station_id: StationId, caller: Annotated[Caller, Depends(gate)]
     ) -> StationPads:
-        """Which pads of a station are taken now."""
+        """Show which pads of a station are occupied now."""
         caller.must_be("customer", "provider", "operator", "service", "drone")
         at = clock.now()
         now_ms = moment_to_ms(at)
@@ -104,7 +104,7 @@ def pad_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> Service
         caller: Annotated[Caller, Depends(gate)],
         query: Annotated[PageQuery, Query()],
     ) -> Page[ReservationInfo]:
-        """The reservations of a station that are not over, by their start."""
+        """List the reservations of a station that are not over, by their start."""
         caller.must_be("customer", "provider", "operator", "service")
         after = query.after(int, int)
         async with db.read() as connection:

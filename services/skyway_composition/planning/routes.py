@@ -28,11 +28,11 @@ COMPOSITION_LIMIT_BYTES: Final = 256 * 1024 * 1024
 #: The body of POST /v1/compositions; `read_problem` reads it.
 CompositionProblem: Final = create_model(
     "CompositionProblem",
-    __doc__="A problem of the planner: its network is GeoJSON, or one that is published.",
+    __doc__="A problem of the planner; its network is GeoJSON, or a published network.",
     __base__=Problem,
     network=Annotated[
         NetworkReference | NetworkDocument,
-        Field(description="The network: a published one by its id, or GeoJSON."),
+        Field(description="The network: GeoJSON, or the id of a published network."),
     ],
 )
 
@@ -46,7 +46,7 @@ def quote_routes(*, gate: ServiceGate, quotes: Quotes) -> ServiceRouter:
         caller: Annotated[Caller, Depends(gate)],
         query: Annotated[QuoteQuery, Depends(internal_body(QuoteQuery))],
     ) -> QuoteAnswer:
-        """What each provider would offer for a request; nothing is reserved."""
+        """Plan what each provider would offer for a request; nothing is reserved."""
         caller.must_be("service")
         return await quotes.answer(query)
 
@@ -66,7 +66,7 @@ def composition_routes(
         openapi_extra=body_of(CompositionProblem),
     )
     async def compose_plan(request: Request, caller: Annotated[Caller, Depends(gate)]) -> Plan:
-        """The plan for a problem; that there is none is an answer too."""
+        """Compose the plan for a problem, or say why no plan exists."""
         caller.must_be("customer", "provider", "operator", "service")
         return await cancel_on_disconnect(request, plan_for)
 

@@ -40,7 +40,7 @@ def statistics_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> 
     async def get_pad_statistics(
         caller: Annotated[Caller, Depends(gate)], query: Annotated[PadUseQuery, Query()]
     ) -> PadStatistics:
-        """How much of a span pads were taken, station by station; by a provider's own drones."""
+        """How the pads of each station were used in a span; a provider sees its own drones' use."""
         selection = _selection(caller, query, clock)
         after = query.after(str)
         async with db.survey() as connection:
@@ -75,7 +75,7 @@ def statistics_routes(*, db: Database, gate: ServiceGate, clock: FleetClock) -> 
     async def get_drone_statistics(
         caller: Annotated[Caller, Depends(gate)], query: Annotated[UseQuery, Query()]
     ) -> DroneStatistics:
-        """What drones spent a span on; one that did not fly in it is not listed."""
+        """How each drone was used in a span; drones that did not fly are not listed."""
         selection = _selection(caller, query, clock)
         after = query.after(str)
         async with db.survey() as connection:
@@ -154,7 +154,7 @@ def mission_statistics_routes(
 
     @router.get("/v1/stats/missions")
     async def get_mission_statistics(caller: Annotated[Caller, Depends(gate)]) -> MissionStatistics:
-        """How many missions that are not over are in which state, and what waits to be sent."""
+        """Count the missions that are not over by state, and the messages that wait to be sent."""
         caller.must_be("provider", "operator")
         whose = ProviderId(caller.subject_id) if caller.role == "provider" else None
         async with db.read() as connection:
