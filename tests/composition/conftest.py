@@ -1,4 +1,4 @@
-"""A whole composition service on a new database, with drones that say what a test makes them."""
+"""A whole composition service on a new database, and drones whose messages tests make."""
 
 import asyncio
 import itertools
@@ -40,12 +40,12 @@ from skyway.runtime.loops import Wake
 from skyway.runtime.minting import CountingMint
 from skyway.runtime.mqtt.client import Received
 from skyway.runtime.sql.database import Database
-from tests.composition.drone_voice import DroneVoice
+from tests.composition.drone_messages import DroneMessages
 
-#: With the paper's drone a flight of 20 km has to be followed by a recharge.
+#: The drone of the paper's scenario must recharge after a flight of 20 km.
 SCENARIO_MODEL = DRONE_MODELS[DroneModelId("paper-scenario")]
 
-#: Degrees of longitude that are 20 km on the equator.
+#: 20 km on the equator in degrees of longitude.
 STEP_DEG = 0.17986
 
 OPERATOR = "operator:op"
@@ -55,7 +55,7 @@ GATEWAY = "service:gateway"
 def make_network(
     *, pads: dict[str, int] | None = None, stations: str = "abcde", **settings: object
 ) -> dict[str, Any]:
-    """Stations in a row, 20 km apart, each connected to its neighbours; 2 pads but for `pads`."""
+    """Stations in a row, 20 km apart, connected to their neighbours; 2 pads unless in `pads`."""
     points = [
         {
             "type": "Feature",
@@ -90,7 +90,7 @@ def make_network(
 
 
 def make_candidate(number: int = 1, **members: Any) -> Candidate:
-    """Drone `number` of provider 1, full and at home in a."""
+    """Drone `number` of provider 1, fully charged and at home at station a."""
     values = {
         "provider_id": "prv_1",
         "drone_id": f"drn_{number}",
@@ -126,7 +126,7 @@ def make_request(
 
 @dataclass
 class SilentSubscriber:
-    """`Subscriber` on which nothing arrives: tests hand batches over themselves."""
+    """`Subscriber` on which nothing arrives: tests pass batches to the follower."""
 
     async def batches(self, *_: Topic[Any]) -> AsyncIterator[list[Received[Any]]]:
         await asyncio.Event().wait()
@@ -135,7 +135,7 @@ class SilentSubscriber:
 
 @dataclass
 class Composition:
-    """The service's parts and its REST face, as the gateway sees it."""
+    """The service's parts and its REST API."""
 
     client: httpx.AsyncClient
     parts: Parts
@@ -225,7 +225,7 @@ def _instruction_topic() -> Topic[Any]:
 
 @pytest.fixture
 def make() -> SimpleNamespace:
-    """What tests are made of: make.network, make.candidate, make.request."""
+    """The makers of test data: make.network, make.candidate, make.request."""
     return SimpleNamespace(network=make_network, candidate=make_candidate, request=make_request)
 
 
@@ -241,7 +241,7 @@ def secrets_dir(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def package() -> str:
-    """Whose tables `migrated_url` has."""
+    """The package whose tables `migrated_url` has."""
     return "skyway_composition"
 
 
@@ -296,8 +296,8 @@ async def composition(unpublished: Composition) -> Composition:
 
 
 @pytest.fixture
-def drone(composition: Composition) -> DroneVoice:
-    return DroneVoice(composition)
+def drone(composition: Composition) -> DroneMessages:
+    return DroneMessages(composition)
 
 
 @asynccontextmanager

@@ -1,4 +1,4 @@
-"""A drone of a hot world: the real agent on a link and a clock that tests hold in their hands."""
+"""A drone of a busy world: the real agent with a link and a clock that tests control."""
 
 import asyncio
 import contextlib
@@ -38,12 +38,12 @@ from skyway.runtime.errors import MqttUnavailable
 from skyway.runtime.minting import CountingMint
 from skyway.runtime.mqtt.client import Received, Will
 
-#: What composition reads of what drones say.
-_HEARD = (ACKS.template, EVENTS.template, STATE.template, CONNECTION.template)
+#: The topics of drones that composition reads.
+_READ_TOPICS = (ACKS.template, EVENTS.template, STATE.template, CONNECTION.template)
 
 
-class ToldClock:
-    """A manual clock of which every drone knows."""
+class SharedClock:
+    """A manual clock that all drones share."""
 
     def __init__(self, clock: ManualClock) -> None:
         self._clock = clock
@@ -59,7 +59,7 @@ class ToldClock:
         await self._clock.sleep_until(fleet_moment)
 
     def keep(self, anchor: ClockAnchor) -> None:
-        raise AssertionError(f"nobody tells the time here: {anchor}")
+        raise AssertionError(f"unexpected clock anchor: {anchor}")
 
     async def wait_until_set(self) -> None:
         return
@@ -115,14 +115,14 @@ class HandheldLink:
 
     def cut(self) -> None:
         if self._up.is_set() and self._will_now is not None:
-            self._drone.say(self._will_now[0].topic, self._will_now[1])
+            self._drone.emit(self._will_now[0].topic, self._will_now[1])
         self._up.clear()
         self._down.set()
 
     async def publish(self, address: Address[Any], message: Any, *, timeout_s: float = 5.0) -> None:
         if not self._up.is_set():
             raise MqttUnavailable("cut")
-        self._drone.say(address.topic, message)
+        self._drone.emit(address.topic, message)
 
     def batches(
         self, *subscriptions: Topic[Any] | Address[Any]
@@ -152,7 +152,7 @@ async def _silence() -> AsyncIterator[list[Received[Any]]]:
 
 
 class OpenJournal:
-    """A journal in memory that shows what it adds up to, and all that has ever happened."""
+    """A journal in memory with its present logbook and all events that ever happened."""
 
     def __init__(self, at_first: Logbook) -> None:
         self.logbook = at_first
@@ -171,27 +171,27 @@ class OpenJournal:
         self.logbook = logbook
 
     def lose(self, at_first: Logbook) -> None:
-        """Forget everything but where the drone is."""
-        known = self.logbook
+        """Forget everything except where the drone is."""
+        old = self.logbook
         self.logbook = at_first.model_copy(
             update={
-                "session": known.session,
-                "station_id": known.station_id,
-                "position": known.position,
-                "soc": known.soc,
+                "session": old.session,
+                "station_id": old.station_id,
+                "position": old.position,
+                "soc": old.soc,
             }
         )
 
 
 class _Forgetful(SimulatedVehicle):
-    """A vehicle that does not know what it did before a restart."""
+    """A vehicle that forgets at a restart what it did before."""
 
     def recall(self, run: StepRun) -> bool | None:
         return None
 
 
 class FlownDrone:
-    """A drone with its agent's process, its journal, and what it has said and nobody heard yet."""
+    """A drone with its agent, its journal, and its messages that were not handled yet."""
 
     def __init__(
         self, drone_id: str, *, model: DroneModel, home: str, position: Position, clock: ManualClock
@@ -206,16 +206,16 @@ class FlownDrone:
             mqtt=BrokerLogin(user_name=drone_id, password="secret"),
         )
         self.ids = (str(self.drone.provider_id), drone_id)
-        self.clock = ToldClock(clock)
+        self.clock = SharedClock(clock)
         self.disturbances = UNDISTURBED
         self.has_reception = True
         self.journal = OpenJournal(self.drone.at_first())
-        self.said: list[Received[Any]] = []
+        self.unsent: list[Received[Any]] = []
         self.refuses_next = False
-        #: Once it is restarted it cannot know whether a hand-over was done.
+        #: After a restart the drone cannot know whether a hand-over was done.
         self.is_forgetful = False
-        #: What it says, or is told, is on its way.
-        self.is_held_back = self.is_deaf = False
+        #: Its messages are delayed; instructions to it are dropped.
+        self.is_held_back = self.drops_instructions = False
         self._mint = CountingMint()
         self._link: HandheldLink | None = None
         self._running: asyncio.Task[None] | None = None
@@ -228,12 +228,12 @@ class FlownDrone:
     def logbook(self) -> Logbook:
         return self.journal.logbook
 
-    def say(self, topic: Topic[Any], message: Any) -> None:
-        if topic.template in _HEARD:
-            self.said.append(Received(topic, self.ids, message, False))
+    def emit(self, topic: Topic[Any], message: Any) -> None:
+        if topic.template in _READ_TOPICS:
+            self.unsent.append(Received(topic, self.ids, message, False))
 
-    def hear(self, payload: bytes) -> None:
-        """Take an instruction, if it can be heard; `refuses_next` makes it one to be refused."""
+    def receive_instruction(self, payload: bytes) -> None:
+        """Receive an instruction if connected; `refuses_next` makes it unreadable."""
         if self._link is None or not self._link.is_connected:
             return
         content = json.loads(payload)
@@ -256,7 +256,7 @@ class FlownDrone:
         self._running = asyncio.create_task(agent.run())
 
     async def stop(self) -> None:
-        """As kill -9: the broker publishes the last will, the journal stays."""
+        """Stop as with kill -9: the broker publishes the last will, and the journal stays."""
         if self._running is None:
             return
         if self._link is not None:
@@ -273,21 +273,21 @@ class FlownDrone:
         await self.start()
 
     async def fetch(self, station_id: str, position: Position) -> None:
-        """People carry a drone that is down to a station."""
+        """Carry a drone that landed in the open to a station."""
         await self.stop()
         self.journal.append([Placed(station_id=StationId(station_id), position=position)])
         await self.start()
 
     @property
-    def is_on_its_guard(self) -> bool:
-        """Whether it may find something wrong at any moment."""
+    def may_fail_any_time(self) -> bool:
+        """Whether a failure may occur at any moment."""
         run = run_under_way(self.logbook)
         is_short = run is not None and isinstance(run.step, FlyStep | RechargeStep)
         return is_short and self.disturbances != UNDISTURBED
 
     @property
     def is_handing_over(self) -> bool:
-        """Whether packages change hands just now."""
+        """Whether a hand-over is under way."""
         run = run_under_way(self.logbook)
         if run is None or getattr(run.step, "awaits_confirmation", False):
             return False
@@ -306,14 +306,14 @@ class FlownDrone:
         return Physics(self.drone.model, self.disturbances).outcome_of(run).ended_at
 
     def next_begin(self) -> datetime | None:
-        """When the step that is waited for may begin."""
+        """When the next step may begin."""
         mission = self.logbook.mission
         if mission is None or not mission.steps or mission.began_at is not None:
             return None
         return max(mission.free_at, mission.steps[0].planned_start_at)
 
-    def look_after(self) -> None:
-        """Raise what has ended the agent's process, if anything has."""
+    def raise_agent_error(self) -> None:
+        """Raise the error that has ended the agent, if there is one."""
         if self._running is not None and self._running.done():
             self._running.result()
 
@@ -322,7 +322,7 @@ class FlownDrone:
         return self._link
 
 
-class DeafSubscriber:
+class SilentSubscriber:
     """`Subscriber` on which nothing arrives."""
 
     async def batches(self, *_: Topic[Any]) -> AsyncIterator[list[Received[Any]]]:

@@ -32,46 +32,87 @@ MissionLoading = Literal["AUTOMATIC", "CONFIRMED", "AWAITED"]
 class MissionQuery(PageQuery):
     """Which missions a list shows."""
 
-    state: MissionState | None = None
-    delivery_id: Annotated[str | None, Field(max_length=64)] = None
-    drone_id: Annotated[str | None, Field(max_length=64)] = None
-    loading: MissionLoading | None = None
+    state: Annotated[MissionState | None, Field(description="Only missions in this state.")] = None
+    delivery_id: Annotated[
+        str | None, Field(max_length=64, description="Only missions of this delivery.")
+    ] = None
+    drone_id: Annotated[
+        str | None, Field(max_length=64, description="Only missions of this drone.")
+    ] = None
+    loading: Annotated[
+        MissionLoading | None, Field(description="Only missions that are loaded like this.")
+    ] = None
 
 
 class StepProgress(JsonModel):
     """A step as it was sent to the drone, and the event that ended it."""
 
-    step: FlightStep
-    revision: int
-    status: Literal["PLANNED", "ENDED", "FAILED"]
-    event: DroneEvent | None
+    step: Annotated[FlightStep, Field(description="The step as it was sent to the drone.")]
+    revision: Annotated[int, Field(description="Revision of the mission that brought the step.")]
+    status: Annotated[
+        Literal["PLANNED", "ENDED", "FAILED"],
+        Field(description="PLANNED until the drone reports its end, then ENDED or FAILED."),
+    ]
+    event: Annotated[
+        DroneEvent | None, Field(description="The event that ended the step; null before that.")
+    ]
 
 
 class ProposedRevision(JsonModel):
-    """A revision that the drone has still to answer, and why it is proposed."""
+    """A revision that the drone has not answered yet, and its reason."""
 
-    revision: int
-    code: str
-    detail: str
+    revision: Annotated[int, Field(description="Number of the proposed revision.")]
+    code: Annotated[str, Field(description="Why it is proposed.", examples=["LATE"])]
+    detail: Annotated[str, Field(description="The reason as a sentence.")]
 
 
 class MissionProgress(JsonModel):
-    """A mission with its steps so far, and what the drone last said of itself.
+    """A mission with its steps so far, and the drone's last state.
 
     While its drone stands idle without a mission, `drone_state` may be five minutes old.
-    `trouble` is why another plan is looked for, `aims` are the packages that go elsewhere than to
-    their destinations.
     """
 
-    mission: Mission
-    steps: tuple[StepProgress, ...]
-    flown: dict[str, float]
-    waits_for_revision: dict[str, Any] | None  # code, detail, station_id and soc
-    trouble: Trouble | None
-    proposal: ProposedRevision | None
-    aims: tuple[Aim, ...]
-    drone_state: DroneState | None
-    drone_connection: Connection | None
+    mission: Annotated[Mission, Field(description="The mission.")]
+    steps: Annotated[tuple[StepProgress, ...], Field(description="Its steps, in order.")]
+    flown: Annotated[
+        dict[str, float],
+        Field(
+            description=(
+                "Totals of the ended steps: flight_s, recharging_s and waiting_s in seconds, "
+                "energy_j in joules."
+            ),
+            examples=[
+                {"flight_s": 870.0, "recharging_s": 0.0, "waiting_s": 12.0, "energy_j": 550_000.0}
+            ],
+        ),
+    ]
+    waits_for_revision: Annotated[
+        dict[str, Any] | None,  # code, detail, station_id and soc
+        Field(
+            description=(
+                "Why and where the drone waits for a new revision: code, detail, station_id and "
+                "soc; null while it does not wait."
+            )
+        ),
+    ]
+    trouble: Annotated[
+        Trouble | None, Field(description="Why another plan is needed; null if none is.")
+    ]
+    proposal: Annotated[
+        ProposedRevision | None,
+        Field(description="The revision that waits for the drone's answer; null if none does."),
+    ]
+    aims: Annotated[
+        tuple[Aim, ...],
+        Field(description="Packages that do not go to their destinations, and where they go."),
+    ]
+    drone_state: Annotated[
+        DroneState | None, Field(description="The drone's last state; null before the first.")
+    ]
+    drone_connection: Annotated[
+        Connection | None,
+        Field(description="The drone's last connection message; null before the first."),
+    ]
 
 
 def mission_routes(*, db: Database, gate: ServiceGate, bookings: Bookings) -> ServiceRouter:
@@ -173,11 +214,11 @@ def _proposed(record: MissionRecord) -> ProposedRevision | None:
 
 
 def _own(caller: Caller) -> ProviderId | None:
-    """The provider whose missions the caller may see; None when that is not what decides."""
+    """The provider whose missions the caller may see; None for operators and drones."""
     caller.must_be("operator", "provider", "drone")
     return ProviderId(caller.subject_id) if caller.role == "provider" else None
 
 
 def _own_drone(caller: Caller) -> str | None:
-    """The drone that sees its own missions only; None for everybody else."""
+    """The drone whose missions the caller may see; None unless the caller is a drone."""
     return caller.subject_id if caller.role == "drone" else None

@@ -1,4 +1,4 @@
-"""Missions on which somebody lays hands: at the pickup, loaded, under way."""
+"""Missions at several stages: accepted, at the pickup, loaded."""
 
 from collections.abc import Awaitable, Callable
 from types import SimpleNamespace
@@ -6,14 +6,14 @@ from typing import Any
 
 import pytest
 
-#: Books a mission and tells how far its drone is: its instruction.
+#: Books a mission, brings its drone to a stage, and returns its instruction.
 Begin = Callable[..., Awaitable[Any]]
 
 
 async def accepted(
     composition: Any, drone: Any, make: Any, *destinations: str, loading: str = "AUTOMATIC"
 ) -> Any:
-    """A mission that its drone will fly; it has not begun."""
+    """A mission that its drone has accepted and not begun."""
     await composition.book(
         make.candidate(loading=loading), request=make.request(*(destinations or ("c",)))
     )
@@ -23,7 +23,7 @@ async def accepted(
 
 
 async def at_pickup(composition: Any, drone: Any, make: Any, *destinations: str) -> Any:
-    """A mission whose drone stands at the pickup and waits for a loader."""
+    """A mission whose drone waits at the pickup for a loader."""
     instruction = await accepted(composition, drone, make, *destinations, loading="CONFIRMED")
     composition.clock.advance(instruction.steps[0].planned_start_at - composition.clock.now())
     await composition.receive(standing(drone, instruction))
@@ -62,5 +62,5 @@ def standing(drone: Any, instruction: Any, **members: Any) -> Any:
 
 @pytest.fixture
 def begin() -> SimpleNamespace:
-    """begin.accepted, begin.at_pickup, begin.loaded; begin.standing says so of a drone."""
+    """begin.accepted, begin.at_pickup, begin.loaded; begin.standing is such a drone's state."""
     return SimpleNamespace(accepted=accepted, at_pickup=at_pickup, loaded=loaded, standing=standing)

@@ -1,4 +1,4 @@
-"""Missions over REST: providers see their own, and nobody is told of others'."""
+"""Missions over REST: providers and drones see their own, operators see all."""
 
 from typing import Any
 
@@ -40,7 +40,7 @@ async def test_a_drone_sees_its_own_missions_only(composition: Any, make: Any) -
     assert (own.status_code, foreign.status_code) == (200, 404)
 
 
-async def test_operators_see_all_missions_and_can_narrow_them(composition: Any, make: Any) -> None:
+async def test_operators_see_all_missions_and_can_filter_them(composition: Any, make: Any) -> None:
     mine, theirs = await two_missions(composition, make)
 
     everything = await composition("operator:op", "GET", "/v1/missions")
@@ -76,13 +76,13 @@ async def test_a_mission_shows_its_steps_and_what_was_flown(composition: Any, dr
     assert answer.json()["flown"]["flight_s"] > 0
 
 
-async def test_customers_have_no_missions_to_see(composition: Any) -> None:
+async def test_customers_may_not_list_missions(composition: Any) -> None:
     answer = await composition("customer:c", "GET", "/v1/missions")
 
     assert answer.status_code == 403
 
 
-async def test_only_services_book(composition: Any, make: Any) -> None:
+async def test_only_services_may_book(composition: Any, make: Any) -> None:
     body = {"attempt": 1, "request": make.request("c").model_dump(mode="json"), "shortlist": {}}
 
     for path in ("missions", "closed"):
@@ -91,7 +91,7 @@ async def test_only_services_book(composition: Any, make: Any) -> None:
 
 
 @pytest.mark.parametrize(
-    ("wanted", "outcome", "code"),
+    ("requested", "outcome", "code"),
     [
         ({"qos": {"max_price": 1}}, "INFEASIBLE", "TOO_EXPENSIVE"),
         ({"qos": {"deadline_at": "2026-03-01T12:30:00Z"}}, "INFEASIBLE", "TOO_LATE"),
@@ -99,10 +99,10 @@ async def test_only_services_book(composition: Any, make: Any) -> None:
         ({"pickup": "nowhere"}, "INFEASIBLE", "DESTINATION_UNREACHABLE"),
     ],
 )
-async def test_a_request_that_nobody_can_meet_is_told_why(
-    composition: Any, make: Any, wanted: dict[str, Any], outcome: str, code: str
+async def test_an_infeasible_request_gets_the_reasons(
+    composition: Any, make: Any, requested: dict[str, Any], outcome: str, code: str
 ) -> None:
-    booking = await composition.book(request=make.request("c", **wanted))
+    booking = await composition.book(request=make.request("c", **requested))
 
     assert booking.outcome == outcome
     assert [reason.code for reason in booking.reasons] == [code]
@@ -116,7 +116,7 @@ async def test_a_request_that_nobody_can_meet_is_told_why(
         ({"station_id": "nowhere"}, "INFEASIBLE", "DESTINATION_UNREACHABLE"),
     ],
 )
-async def test_a_drone_that_cannot_fly_it_is_told_why(
+async def test_a_drone_that_cannot_fly_the_request_gets_a_reason(
     composition: Any, make: Any, members: dict[str, Any], outcome: str, code: str
 ) -> None:
     booking = await composition.book(make.candidate(**members))
@@ -125,7 +125,7 @@ async def test_a_drone_that_cannot_fly_it_is_told_why(
     assert [reason.code for reason in booking.reasons] == [code]
 
 
-async def test_the_cheapest_offer_is_taken_when_price_counts(composition: Any, make: Any) -> None:
+async def test_the_cheapest_offer_is_booked_when_price_counts(composition: Any, make: Any) -> None:
     dear = make.candidate(1, tariff={"base": 900})
     cheap = make.candidate(2, provider_id="prv_2", station_id="b", tariff={"base": 100})
 
@@ -141,9 +141,7 @@ async def test_the_cheapest_offer_is_taken_when_price_counts(composition: Any, m
     assert cheapest.missions[0].drone_id == "drn_2"
 
 
-async def test_without_candidates_the_gateway_is_told_to_ask_again(
-    composition: Any, make: Any
-) -> None:
+async def test_without_candidates_the_booking_is_busy(composition: Any, make: Any) -> None:
     body = {"attempt": 1, "request": make.request("c").model_dump(mode="json"), "shortlist": {}}
 
     answer = await composition(

@@ -1,4 +1,4 @@
-"""A delivery's track: flown, under way, planned; and nothing of other customers' flights."""
+"""A delivery's track: ended, present and planned steps, and no flights for other customers."""
 
 from typing import Any
 
@@ -30,7 +30,7 @@ async def test_a_planned_mission_shows_its_way_to_the_last_delivery(composition:
     assert (mission["position"], mission["soc"]) == (None, None)
 
 
-async def test_each_step_lies_where_it_happens(composition: Any, make: Any) -> None:
+async def test_each_step_shows_the_place_where_it_happens(composition: Any, make: Any) -> None:
     await booked(composition)
 
     (mission,) = await tracked(composition)
@@ -43,7 +43,7 @@ async def test_each_step_lies_where_it_happens(composition: Any, make: Any) -> N
     assert delivered["from_position"] == delivered["to_position"] == flights[-1]["to_position"]
 
 
-async def test_what_was_flown_shows_when_it_was(composition: Any, drone: Any) -> None:
+async def test_ended_steps_show_their_real_times(composition: Any, drone: Any) -> None:
     instruction = await booked(composition)
     pick_up, fly, *_ = drone.flown(instruction)
     await composition.receive(drone.ack(instruction), pick_up, fly)
@@ -54,7 +54,7 @@ async def test_what_was_flown_shows_when_it_was(composition: Any, drone: Any) ->
     assert mission["steps"][1]["end_at"] == fly.message.model_dump(mode="json")["ended_at"]
 
 
-async def test_the_step_under_way_and_the_place_come_from_the_drone(
+async def test_the_step_under_way_and_the_position_come_from_the_drones_state(
     composition: Any, drone: Any
 ) -> None:
     instruction = await booked(composition)
@@ -73,7 +73,9 @@ async def test_the_step_under_way_and_the_place_come_from_the_drone(
     assert (mission["position"], mission["soc"]) == ([0.1, 0.0], 0.9)
 
 
-async def test_a_drone_that_does_something_else_does_not_show(composition: Any, drone: Any) -> None:
+async def test_the_position_of_a_drone_on_another_mission_is_hidden(
+    composition: Any, drone: Any
+) -> None:
     instruction = await booked(composition)
     await composition.receive(
         drone.ack(instruction), *drone.flown(instruction), drone.state(mission_id="msn_other")
@@ -86,7 +88,9 @@ async def test_a_drone_that_does_something_else_does_not_show(composition: Any, 
     assert mission["steps"][-1]["kind"] == "DELIVER"
 
 
-async def test_a_refused_mission_was_nobodys_way(composition: Any, drone: Any, make: Any) -> None:
+async def test_a_refused_mission_is_not_in_the_track(
+    composition: Any, drone: Any, make: Any
+) -> None:
     instruction = await booked(composition)
     await composition.receive(drone.ack(instruction, "REJECTED", code="OVERWEIGHT"))
     await composition.book(make.candidate(2), attempt=2)
@@ -96,9 +100,7 @@ async def test_a_refused_mission_was_nobodys_way(composition: Any, drone: Any, m
     assert mission["drone_id"] == "drn_2"
 
 
-async def test_the_steps_of_a_mission_that_is_over_are_not_planned_any_more(
-    composition: Any, drone: Any
-) -> None:
+async def test_an_ended_mission_shows_no_planned_steps(composition: Any, drone: Any) -> None:
     instruction = await booked(composition)
     pick_up, *_ = drone.flown(instruction)
     drone.event_seq = 1
@@ -114,6 +116,6 @@ async def test_a_delivery_without_missions_has_an_empty_track(composition: Any) 
     assert await tracked(composition) == []
 
 
-async def test_only_services_ask_for_tracks(composition: Any) -> None:
+async def test_only_services_may_read_tracks(composition: Any) -> None:
     for caller in ("operator:op", "customer:c", "provider:prv_1"):
         assert (await composition(caller, "GET", TRACK)).status_code == 403

@@ -18,7 +18,7 @@ HEAVY_KG = 9.0
 
 
 class NoSecondInstruction(CountingMint):
-    """Fails where the second mission's instruction gets its id."""
+    """Fails when it mints the second mission's instruction."""
 
     def __call__(self, prefix: str) -> str:
         minted = super().__call__(prefix)
@@ -47,7 +47,7 @@ async def count(composition: Any, table: str) -> int:
 
 
 async def publish_short(composition: Any, make: Any, **members: Any) -> None:
-    """The row with stations near enough for heavy packages."""
+    """A row of stations near enough to each other for heavy packages."""
     network = make.network(**members)
     for feature in network["features"]:
         if feature["properties"]["kind"] == "segment":
@@ -55,7 +55,9 @@ async def publish_short(composition: Any, make: Any, **members: Any) -> None:
     await composition.publish(network)
 
 
-async def test_what_no_drone_lifts_at_once_is_split_over_two(composition: Any, make: Any) -> None:
+async def test_a_load_too_heavy_for_one_drone_is_split_over_two(
+    composition: Any, make: Any
+) -> None:
     await publish_short(composition, make)
     drones = [make.candidate(number) for number in (1, 2, 3)]
 
@@ -70,7 +72,7 @@ async def test_what_no_drone_lifts_at_once_is_split_over_two(composition: Any, m
     assert await composition.broken() == []
 
 
-async def test_the_second_trip_is_planned_around_the_first_ones_pads(
+async def test_the_second_trip_avoids_the_pads_of_the_first_trip(
     composition: Any, make: Any
 ) -> None:
     await publish_short(composition, make, pads=dict.fromkeys("abcde", 1))
@@ -85,7 +87,9 @@ async def test_the_second_trip_is_planned_around_the_first_ones_pads(
     assert await composition.broken() == []
 
 
-async def test_more_destinations_than_a_trip_takes_are_split(composition: Any, make: Any) -> None:
+async def test_more_destinations_than_one_trip_can_have_are_split(
+    composition: Any, make: Any
+) -> None:
     await composition.publish(make.network(max_destinations_per_trip=2))
     drones = [make.candidate(number) for number in (1, 2)]
 
@@ -94,7 +98,7 @@ async def test_more_destinations_than_a_trip_takes_are_split(composition: Any, m
     assert [len(mission.packages) for mission in booking.missions] == [2, 1]
 
 
-async def test_of_two_trips_both_are_booked_or_none(composition: Any, make: Any) -> None:
+async def test_two_trips_are_booked_both_or_not_at_all(composition: Any, make: Any) -> None:
     await publish_short(composition, make)
     parts = composition.parts
     failing = replace(parts.bookings, mint=NoSecondInstruction())
@@ -110,7 +114,7 @@ async def test_of_two_trips_both_are_booked_or_none(composition: Any, make: Any)
     assert {table: await count(composition, table) for table in tables} == dict.fromkeys(tables, 0)
 
 
-async def test_deliveries_that_need_two_of_three_drones_never_get_one(
+async def test_deliveries_that_need_two_drones_never_get_only_one(
     composition: Any, make: Any
 ) -> None:
     await publish_short(composition, make)
@@ -130,7 +134,9 @@ async def test_deliveries_that_need_two_of_three_drones_never_get_one(
     assert await composition.broken() == []
 
 
-async def test_with_too_few_drones_the_rest_is_left_for_later(composition: Any, make: Any) -> None:
+async def test_with_too_few_drones_some_packages_are_left_for_later(
+    composition: Any, make: Any
+) -> None:
     await publish_short(composition, make)
 
     booking = await book(composition, make.candidate(), request=heavy(make, "b", "c"))
@@ -141,7 +147,7 @@ async def test_with_too_few_drones_the_rest_is_left_for_later(composition: Any, 
     assert [row.package_id for row in rows] == [mission.packages[0].package_id]
 
 
-async def test_within_a_price_all_is_booked_or_nothing(composition: Any, make: Any) -> None:
+async def test_with_a_price_limit_all_trips_are_booked_or_none(composition: Any, make: Any) -> None:
     await publish_short(composition, make)
     request = heavy(make, "b", "c", qos={"max_price": 100_000})
 
@@ -153,7 +159,7 @@ async def test_within_a_price_all_is_booked_or_nothing(composition: Any, make: A
     assert await count(composition, "missions") == 0
 
 
-async def test_the_price_limit_is_for_all_trips_together(composition: Any, make: Any) -> None:
+async def test_the_price_limit_applies_to_all_trips_together(composition: Any, make: Any) -> None:
     await publish_short(composition, make)
     drones = [make.candidate(number) for number in (1, 2)]
     free = await composition.parts.quotes.answer(_query(heavy(make, "b", "c"), drones))
@@ -170,17 +176,17 @@ async def test_the_price_limit_is_for_all_trips_together(composition: Any, make:
     assert sum(mission.price.amount for mission in kept.missions) == price
 
 
-async def test_an_offer_that_was_taken_is_kept(composition: Any, make: Any) -> None:
+async def test_an_accepted_offer_is_kept(composition: Any, make: Any) -> None:
     drones = [make.candidate(1), make.candidate(2, provider_id="prv_2")]
     quote = await composition.parts.quotes.answer(_query(make.request("c"), drones))
-    taken = next(offer for offer in quote.offers if offer.provider_id == "prv_2")
+    accepted = next(offer for offer in quote.offers if offer.provider_id == "prv_2")
 
-    booking = await book(composition, *drones, request=make.request("c"), offer=_limits(taken))
+    booking = await book(composition, *drones, request=make.request("c"), offer=_limits(accepted))
 
     (mission,) = booking.missions
     assert mission.provider_id == "prv_2"
-    assert mission.price == taken.price
-    assert mission.plan.delivery_time_s == pytest.approx(taken.delivery_time_s, abs=1)
+    assert mission.price == accepted.price
+    assert mission.plan.delivery_time_s == pytest.approx(accepted.delivery_time_s, abs=1)
 
 
 @pytest.mark.parametrize(
@@ -202,7 +208,7 @@ async def test_an_offer_that_cannot_be_kept_is_lost(
     assert reason.data["because"] == [because]
 
 
-async def test_an_offer_whose_drones_are_taken_is_lost(composition: Any, make: Any) -> None:
+async def test_an_offer_whose_drones_are_busy_is_lost(composition: Any, make: Any) -> None:
     drone = make.candidate()
     quote = await composition.parts.quotes.answer(_query(make.request("c"), [drone]))
     await composition.book(drone, delivery_id="dlv_other")
@@ -215,7 +221,7 @@ async def test_an_offer_whose_drones_are_taken_is_lost(composition: Any, make: A
     assert booking.reasons[0].data["because"] == ["BUSY"]
 
 
-async def test_plans_show_the_margins_they_were_booked_with(composition: Any, make: Any) -> None:
+async def test_missions_show_the_margins_of_their_plans(composition: Any, make: Any) -> None:
     await composition.publish(make.network(energy_margin=0.2, pad_gap_s=60))
 
     with_margin = await composition.book()

@@ -114,7 +114,7 @@ async def drones_of_model(
         )
     )
     models = {row.drone_id: json.loads(row.candidate)["model"]["model_id"] for row in found}
-    return frozenset(drone_id for drone_id, known in models.items() if known == model_id)
+    return frozenset(drone_id for drone_id, found_id in models.items() if found_id == model_id)
 
 
 async def activities_of(

@@ -165,7 +165,7 @@ async def handle_unknown_hand_over(
     """The record with new aims of the packages, and a description of what happened."""
     match step:
         case DeliverStep():
-            detail = f"it is not known whether {_named(step.package_ids)} were handed over"
+            detail = f"it is unknown whether {_named(step.package_ids)} were handed over"
             detail = f"{detail} at {step.station_id!r}"
             packages = record.packages(frozenset(step.package_ids))
             aims = with_changed_aims(
@@ -173,22 +173,22 @@ async def handle_unknown_hand_over(
             )
             record = with_aims(work, record, aims, code=UNKNOWN, detail=detail)
         case ReturnStep():
-            detail = f"it is not known whether {_named(step.package_ids)} were handed back"
+            detail = f"it is unknown whether {_named(step.package_ids)} were handed back"
             detail = f"{detail} at {step.station_id!r}"
         case PickUpStep():
             package_ids = tuple(each.package_id for each in step.packages)
-            detail = f"it is not known whether {_named(package_ids)} were loaded"
+            detail = f"it is unknown whether {_named(package_ids)} were loaded"
             detail = f"{detail} at {step.station_id!r}"
             if event.package_ids:
                 record = await record_loading(work, record, step, event)
         case _:
-            return record, event.detail or "it is not known whether a step was done"
+            return record, event.detail or "it is unknown whether a step was done"
     await raise_alarm(
         work,
         record,
         level="URGENT",
         code="HAND_OVER_UNKNOWN",
-        detail=f"{detail}: the drone was restarted meanwhile; somebody must look",
+        detail=f"{detail}: the drone was restarted meanwhile; people must check",
         station_id=step.station_id,
         data={"step_id": step.step_id, "step_kind": step.kind},
     )

@@ -31,7 +31,7 @@ class Cancellations:
     mint: Mint
     stuck: Wake
 
-    async def cancel(self, delivery_id: DeliveryId, wanted: CancelMissions) -> Cancellation:
+    async def cancel(self, delivery_id: DeliveryId, requested: CancelMissions) -> Cancellation:
         """Cancel packages; says what becomes of each. A repeated request gets the same answer.
 
         The order of locks is the same as everywhere: the delivery, so that nothing is booked for
@@ -39,21 +39,23 @@ class Cancellations:
         """
         async with self.db.write() as tx:
             await lock_delivery(tx, delivery_id)
-            earlier = await store.cancellation(tx, delivery_id, wanted.cancellation_id)
+            earlier = await store.cancellation(tx, delivery_id, requested.cancellation_id)
             if earlier is not None:
                 return earlier
-            answer = await self._stop(tx, delivery_id, wanted)
+            answer = await self._stop(tx, delivery_id, requested)
             await store.add_cancellation(
                 tx,
                 delivery_id,
-                wanted.cancellation_id,
+                requested.cancellation_id,
                 answer=answer,
                 at_ms=moment_to_ms(self.clock.now()),
             )
             tx.after_commit(self.stuck.set)
             return answer
 
-    async def _stop(self, tx: Tx, delivery_id: DeliveryId, wanted: CancelMissions) -> Cancellation:
+    async def _stop(
+        self, tx: Tx, delivery_id: DeliveryId, requested: CancelMissions
+    ) -> Cancellation:
         drone_ids = await store.drones_serving(tx.connection, delivery_id)
         work = await MissionUnitOfWork.lock(drone_ids, tx=tx, clock=self.clock, mint=self.mint)
         records = [
@@ -64,11 +66,11 @@ class Cancellations:
         ]
         held = await held_packages(tx.connection, delivery_id)
         under_way = {each.package_id for one in records for each in one.request.packages}
-        package_ids = wanted.package_ids
+        package_ids = requested.package_ids
         if package_ids is None:
             package_ids = tuple(sorted(under_way | held.keys()))
         stopped = [
-            await stop_packages(work, record, package_ids, code=CANCELLED, reason=wanted.reason)
+            await stop_packages(work, record, package_ids, code=CANCELLED, reason=requested.reason)
             for record in records
         ]
         # Packages without a live mission: never left the pickup (True), or too late (False).

@@ -12,16 +12,36 @@ CommandName = Literal["HOLD", "RESUME", "DIVERT", "RETURN_HOME", "CANCEL"]
 
 
 class Command(JsonModel):
-    """What a mission's drone is to do; `station_id` says where a DIVERT lands.
+    """What the drone of a mission is to do; `station_id` says where a DIVERT lands.
 
-    A DIVERT or RETURN_HOME may override what the drone does by itself, and the faults behind it for
-    the rest of the mission; landing at once because no landing can be reached is never overridden.
+    A DIVERT or RETURN_HOME may override an active failsafe, and its faults for the remainder of
+    the mission. It never overrides an emergency landing that was ordered because no station can be
+    reached.
     """
 
-    command: CommandName
-    station_id: StationId | None = None
-    reason: Annotated[str, Field(min_length=1, max_length=500)]
-    overrides_failsafe: bool = False
+    command: Annotated[
+        CommandName,
+        Field(
+            description="HOLD, RESUME, DIVERT to a station, RETURN_HOME, or CANCEL.",
+            examples=["HOLD"],
+        ),
+    ]
+    station_id: Annotated[
+        StationId | None, Field(description="Station where a DIVERT lands; only for DIVERT.")
+    ] = None
+    reason: Annotated[
+        str,
+        Field(
+            min_length=1,
+            max_length=500,
+            description="Why the operator gives the command, for reports and the drone's log.",
+            examples=["crowd at the station"],
+        ),
+    ]
+    overrides_failsafe: Annotated[
+        bool,
+        Field(description="Whether a DIVERT or RETURN_HOME overrides an active failsafe."),
+    ] = False
 
     @model_validator(mode="after")
     def _says_where(self) -> Self:
@@ -33,12 +53,18 @@ class Command(JsonModel):
 
 
 class CommandAnswer(JsonModel):
-    """What was understood; without `instruction_id` the drone hears of it with its next plan.
+    """The accepted command; without `instruction_id` the drone gets it with its next plan.
 
-    That waits until a failsafe that leads the drone elsewhere is over: `waits_for`.
+    That plan waits until the failsafe in `waits_for` is over.
     """
 
-    mission_id: MissionId
-    command: CommandName
-    instruction_id: InstructionId | None = None
-    waits_for: ActiveFailsafe | None = None
+    mission_id: Annotated[MissionId, Field(description="Id of the mission.")]
+    command: Annotated[CommandName, Field(description="The accepted command.")]
+    instruction_id: Annotated[
+        InstructionId | None,
+        Field(description="Id of the instruction to the drone; null until a plan is made."),
+    ] = None
+    waits_for: Annotated[
+        ActiveFailsafe | None,
+        Field(description="Active failsafe that delays the command; null if nothing delays it."),
+    ] = None

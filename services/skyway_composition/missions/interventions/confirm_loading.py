@@ -2,7 +2,9 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
+from typing import Annotated, Literal
+
+from pydantic import Field
 
 from skyway.contracts.flight_step import PackageOnBoard
 from skyway.ids import MissionId, ProviderId
@@ -36,9 +38,14 @@ class LoadingAnswer(JsonModel):
     has ended.
     """
 
-    outcome: Literal["CONFIRMED", "REFUSED"]
-    code: str | None = None
-    detail: str | None = None
+    outcome: Annotated[
+        Literal["CONFIRMED", "REFUSED"],
+        Field(description="CONFIRMED, or REFUSED: then the mission has ended."),
+    ]
+    code: Annotated[
+        str | None, Field(description="Why it was refused: PACKAGE_MISSING or MASS_MISMATCH.")
+    ] = None
+    detail: Annotated[str | None, Field(description="The reason as a sentence.")] = None
 
 
 @dataclass(frozen=True, slots=True)

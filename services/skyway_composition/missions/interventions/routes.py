@@ -23,15 +23,27 @@ from skyway_composition.missions.interventions.give_command import Commands
 class LoadedPackage(JsonModel):
     """A package on board, with its mass as it was measured."""
 
-    package_id: PackageId
+    package_id: Annotated[PackageId, Field(description="Id of the package.")]
     # Strict: true is not 1 kg.
-    mass_kg: Annotated[float, Field(ge=0, le=MAX_PACKAGE_MASS_KG, strict=True)]
+    mass_kg: Annotated[
+        float,
+        Field(
+            ge=0,
+            le=MAX_PACKAGE_MASS_KG,
+            strict=True,
+            description="Measured mass in kilograms.",
+            examples=[0.4],
+        ),
+    ]
 
 
 class Loaded(JsonModel):
-    """Everything that is on board; a package of the mission that is not named is missing."""
+    """All packages on board; a package of the mission that is not listed is missing."""
 
-    packages: Annotated[tuple[LoadedPackage, ...], Field(max_length=MAX_PACKAGES)]
+    packages: Annotated[
+        tuple[LoadedPackage, ...],
+        Field(max_length=MAX_PACKAGES, description="All packages on board, each once."),
+    ]
 
 
 def intervention_routes(

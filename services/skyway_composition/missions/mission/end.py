@@ -152,7 +152,7 @@ async def _end(
 async def _strand(
     work: MissionUnitOfWork, record: MissionRecord, *, at: datetime, station_id: StationId | None
 ) -> tuple[PackageId, ...]:
-    """The packages that stay on board or were left behind; a known station takes custody."""
+    """The packages that stay on board or were left behind; the station takes custody if known."""
     held = record.own(await held_packages(work.tx.connection, record.mission.delivery_id))
     on_its_board = sorted(on_board(held))
     if station_id is not None:

@@ -2,7 +2,9 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Final, Literal, TypeVar
+from typing import Annotated, Final, Literal, TypeVar
+
+from pydantic import Field
 
 from skyway.contracts.candidate import Candidate
 from skyway.contracts.flight_step import FlightStep, PackageOnBoard
@@ -50,19 +52,29 @@ class Trouble(JsonModel):
     while one of its failsafes is active.
     """
 
-    code: str
-    detail: str
-    loaded: tuple[PackageOnBoard, ...] | None = None
-    land_at: StationId | None = None
-    overrides_failsafe: bool = False
+    code: Annotated[str, Field(description="Why another plan is needed.", examples=["LATE"])]
+    detail: Annotated[str, Field(description="The reason as a sentence.")]
+    loaded: Annotated[
+        tuple[PackageOnBoard, ...] | None,
+        Field(description="Packages that a loader has confirmed; null before that."),
+    ] = None
+    land_at: Annotated[
+        StationId | None, Field(description="Station to which an operator diverts the drone.")
+    ] = None
+    overrides_failsafe: Annotated[
+        bool, Field(description="Whether the plan overrides an active failsafe.")
+    ] = False
 
 
 class Aim(JsonModel):
     """Where a package goes instead of its destination, to be delivered or returned there."""
 
-    package_id: PackageId
-    station_id: StationId
-    kind: Literal["DELIVER", "RETURN"]
+    package_id: Annotated[PackageId, Field(description="Id of the package.")]
+    station_id: Annotated[StationId, Field(description="Station where it goes instead.")]
+    kind: Annotated[
+        Literal["DELIVER", "RETURN"],
+        Field(description="DELIVER: to a recipient there. RETURN: handed back there."),
+    ]
 
 
 class Proposal(JsonModel):

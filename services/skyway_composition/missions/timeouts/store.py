@@ -56,8 +56,8 @@ async def perhaps_overdue(
     connection: AsyncConnection, *, expired_ms: int, released_ms: int
 ) -> list[DroneId]:
     """Drones with an unanswered, expired booking, or with a plan that ended long ago."""
-    wanted = {"expired_ms": expired_ms, "released_ms": released_ms}
-    found = await connection.execute(_OVERDUE, wanted)
+    values = {"expired_ms": expired_ms, "released_ms": released_ms}
+    found = await connection.execute(_OVERDUE, values)
     return list(found.scalars())
 
 

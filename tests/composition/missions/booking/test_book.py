@@ -1,4 +1,4 @@
-"""Booking on both databases: all or nothing, and nothing twice."""
+"""Booking on both databases: a delivery is booked whole or not at all, and only once."""
 
 import asyncio
 import itertools
@@ -32,12 +32,12 @@ async def count(composition: Any, table: str) -> int:
 
 @pytest.fixture
 def refusals(caplog: pytest.LogCaptureFixture) -> Callable[[], list[str]]:
-    """Tells the rules of the database that refused bookings."""
+    """Returns the names of the database rules that refused bookings."""
     caplog.set_level(logging.INFO, "skyway_composition.missions.booking.book")
     return lambda: [record.__dict__["by"] for record in caplog.records if "by" in record.__dict__]
 
 
-async def test_a_booking_holds_the_drone_and_the_pads_and_sends_the_mission(
+async def test_a_booking_reserves_drone_and_pads_and_sends_the_mission(
     composition: Any,
 ) -> None:
     booking = await composition.book()
@@ -51,9 +51,7 @@ async def test_a_booking_holds_the_drone_and_the_pads_and_sends_the_mission(
     assert await composition.broken() == []
 
 
-async def test_pads_are_booked_as_long_as_the_drone_may_recharge_and_the_gap(
-    composition: Any, make: Any
-) -> None:
+async def test_pads_are_reserved_for_the_recharge_and_the_gap(composition: Any, make: Any) -> None:
     await composition.publish(make.network(pad_gap_s=90))
 
     await composition.book()
@@ -85,7 +83,7 @@ async def test_the_drone_flies_home_and_recharges_there(composition: Any) -> Non
     assert moment_to_ms(booking.missions[0].released_at) == moment_to_ms(recharge.not_after_at)
 
 
-async def test_the_same_attempt_again_answers_the_same_mission(composition: Any) -> None:
+async def test_a_repeated_attempt_returns_the_same_mission(composition: Any) -> None:
     first = await composition.book()
 
     again = await composition.book()
@@ -117,9 +115,7 @@ async def test_twelve_bookings_of_one_drone_make_one_mission(composition: Any) -
     assert await composition.broken() == []
 
 
-async def test_twelve_bookings_through_one_pad_never_hold_it_twice(
-    composition: Any, make: Any
-) -> None:
+async def test_twelve_bookings_never_reserve_one_pad_twice(composition: Any, make: Any) -> None:
     await composition.publish(make.network(pads=dict.fromkeys("abcde", 1)))
 
     bookings = await asyncio.gather(
@@ -143,7 +139,7 @@ async def test_twelve_bookings_through_one_pad_never_hold_it_twice(
     "overlap",
     ["start_ms + 1, end_ms + 1", "start_ms - 1, start_ms + 1", "end_ms - 1, end_ms + 5"],
 )
-async def test_the_database_refuses_a_pad_that_is_held(composition: Any, overlap: str) -> None:
+async def test_the_database_refuses_a_reserved_pad(composition: Any, overlap: str) -> None:
     await composition.book()
 
     with pytest.raises(Taken) as refused:
@@ -200,7 +196,7 @@ async def test_the_database_refuses_a_drone_on_two_missions(composition: Any) ->
     assert refused.value.constraint == "mission_drone"
 
 
-async def test_nothing_is_left_of_a_booking_that_fails_at_its_last_row(
+async def test_a_booking_that_fails_at_its_last_row_leaves_nothing(
     composition: Any,
     make: Any,
 ) -> None:
@@ -208,7 +204,7 @@ async def test_nothing_is_left_of_a_booking_that_fails_at_its_last_row(
     failing = Bookings(parts.db, parts.networks, parts.solver, parts.clock, NoInstruction())
 
     with pytest.raises(RuntimeError):
-        await failing.book(DeliveryId("dlv_1"), wanted(make))
+        await failing.book(DeliveryId("dlv_1"), booking_request(make))
 
     assert {table: await count(composition, table) for table in WRITTEN} == dict.fromkeys(
         WRITTEN, 0
@@ -234,7 +230,9 @@ async def test_a_booked_delivery_is_not_closed(composition: Any) -> None:
     assert closed.json()["missions"][0]["mission_id"] == booking.missions[0].mission_id
 
 
-async def test_closing_and_booking_at_once_never_do_both(composition: Any, make: Any) -> None:
+async def test_concurrent_closing_and_booking_never_both_succeed(
+    composition: Any, make: Any
+) -> None:
     async def race(number: int) -> tuple[str, bool]:
         booking, closed = await asyncio.gather(
             composition.book(make.candidate(number), delivery_id=f"dlv_{number}"),
@@ -254,14 +252,16 @@ async def test_a_plan_made_on_an_older_network_is_not_booked(composition: Any, m
         feature for feature in cut_off["features"] if feature["properties"].get("from") != "b"
     ]
 
-    booking = await book_while(composition, wanted(make), lambda: composition.publish(cut_off))
+    booking = await book_while(
+        composition, booking_request(make), lambda: composition.publish(cut_off)
+    )
 
     assert booking.outcome == "INFEASIBLE"
     assert await composition.reservations() == []
 
 
 @pytest.mark.parametrize("faster_drone", [1, 2])
-async def test_who_meets_a_delivery_that_has_just_been_booked_answers_that_booking(
+async def test_a_booking_that_loses_a_race_returns_the_winning_booking(
     composition: Any, make: Any, refusals: Callable[[], list[str]], faster_drone: int
 ) -> None:
     faster: list[Booking] = []
@@ -269,9 +269,9 @@ async def test_who_meets_a_delivery_that_has_just_been_booked_answers_that_booki
     async def book_faster() -> None:
         faster.append(await composition.book(make.candidate(faster_drone)))
 
-    booking = await book_while(composition, wanted(make), book_faster)
+    booking = await book_while(composition, booking_request(make), book_faster)
 
-    # Which of the rows of both is refused first is the database's choice.
+    # The database decides which of the two rows it refuses first.
     assert len(refusals()) == 1
     assert booking == faster[0]
     assert booking.missions[0].drone_id == f"drn_{faster_drone}"
@@ -279,7 +279,7 @@ async def test_who_meets_a_delivery_that_has_just_been_booked_answers_that_booki
     assert await composition.broken() == []
 
 
-async def test_who_meets_a_delivery_that_has_just_been_closed_books_nothing(
+async def test_a_booking_that_loses_a_race_with_closing_books_nothing(
     composition: Any, make: Any, refusals: Callable[[], list[str]]
 ) -> None:
     async def close() -> None:
@@ -287,7 +287,7 @@ async def test_who_meets_a_delivery_that_has_just_been_closed_books_nothing(
         closed = await composition("service:gateway", "PUT", path)
         assert closed.json()["is_closed"] is True
 
-    booking = await book_while(composition, wanted(make), close)
+    booking = await book_while(composition, booking_request(make), close)
 
     assert refusals() == ["deliveries_pkey"]
     assert booking.outcome == "CLOSED"
@@ -295,9 +295,7 @@ async def test_who_meets_a_delivery_that_has_just_been_closed_books_nothing(
     assert await composition.reservations() == []
 
 
-async def test_a_drone_that_is_busy_leaves_the_delivery_to_another(
-    composition: Any, make: Any
-) -> None:
+async def test_a_free_drone_is_booked_instead_of_a_busy_one(composition: Any, make: Any) -> None:
     await composition.book(make.candidate(1))
 
     booking = await composition.book(make.candidate(1), make.candidate(2), delivery_id="dlv_2")
@@ -305,7 +303,7 @@ async def test_a_drone_that_is_busy_leaves_the_delivery_to_another(
     assert booking.missions[0].drone_id == "drn_2"
 
 
-async def test_a_taken_pad_makes_the_next_drone_wait_for_it(composition: Any, make: Any) -> None:
+async def test_a_drone_waits_for_a_reserved_pad(composition: Any, make: Any) -> None:
     await composition.publish(make.network(pads={"b": 1}))
     first = await composition.book(make.candidate(1))
 
@@ -315,7 +313,7 @@ async def test_a_taken_pad_makes_the_next_drone_wait_for_it(composition: Any, ma
     assert second.missions[0].packages[0].eta_at > first.missions[0].packages[0].eta_at
 
 
-def wanted(make: Any) -> BookMissions:
+def booking_request(make: Any) -> BookMissions:
     return BookMissions(
         attempt=1, request=make.request("c"), shortlist=Shortlist.of([make.candidate()])
     )
@@ -327,7 +325,7 @@ async def write(composition: Any, statement: str) -> None:
 
 
 class NoInstruction(CountingMint):
-    """Mints everything but instructions, which are the last row of a booking."""
+    """Mints all ids except those of instructions, the last rows of a booking."""
 
     def __call__(self, prefix: str) -> str:
         if prefix == "ins":
@@ -336,17 +334,17 @@ class NoInstruction(CountingMint):
 
 
 async def book_while(
-    composition: Any, wanted: BookMissions, meanwhile: Callable[[], Awaitable[None]]
+    composition: Any, requested: BookMissions, meanwhile: Callable[[], Awaitable[None]]
 ) -> Booking:
-    """Book dlv_1, which nobody knows; as soon as its first plan is made, `meanwhile` happens."""
+    """Book the new delivery dlv_1; `meanwhile` runs as soon as the first plan is made."""
     parts = composition.parts
     async with InterruptedSolver(meanwhile) as solver:
         bookings = Bookings(parts.db, parts.networks, solver, parts.clock, parts.mint)
-        return await bookings.book(DeliveryId("dlv_1"), wanted)
+        return await bookings.book(DeliveryId("dlv_1"), requested)
 
 
 class InterruptedSolver(SolverPool):
-    """Once it has composed for the first time, something happens before anybody hears of it."""
+    """A solver that runs `meanwhile` after its first plan, before it returns that plan."""
 
     def __init__(self, meanwhile: Callable[[], Awaitable[None]]) -> None:
         super().__init__(threads=1, time_limit_s=5.0)

@@ -1,4 +1,4 @@
-"""An offer's drone and stations are taken only in the world that it was made in."""
+"""An offer's drone and stations are claimed only in an unchanged world."""
 
 import asyncio
 from collections.abc import AsyncIterator
@@ -35,7 +35,7 @@ async def take(composition: Any, *, version: int = 1) -> Any:
 
 @asynccontextmanager
 async def link_held(composition: Any) -> AsyncIterator[None]:
-    """While the block lasts, somebody else sends the drone one instruction more."""
+    """Another transaction sends the drone one more instruction, and ends with the block."""
     async with composition.db.write() as tx:
         link = await lock_link(tx, DRONE, PROVIDER)
         await save_links(tx, [link.with_next()[0]])
@@ -43,7 +43,7 @@ async def link_held(composition: Any) -> AsyncIterator[None]:
 
 
 async def blocked(composition: Any, *, on: str) -> None:
-    """Until a statement that holds these words waits for a lock."""
+    """Wait until a statement with this text waits for a lock."""
     waiting = (
         "SELECT count(*) AS n FROM pg_stat_activity WHERE wait_event_type = 'Lock' "
         f"AND query LIKE '%{on}%'"
@@ -52,18 +52,18 @@ async def blocked(composition: Any, *, on: str) -> None:
         pass
 
 
-async def test_a_link_that_was_never_begun_is_not_taken(composition: Any) -> None:
+async def test_a_drone_without_a_link_cannot_be_claimed(composition: Any) -> None:
     assert await take(composition) is None
 
 
-async def test_in_another_version_nothing_is_taken(composition: Any) -> None:
+async def test_nothing_is_claimed_in_another_network_version(composition: Any) -> None:
     await composition.book()
 
     assert await take(composition, version=2) is None
     assert (await take(composition)).seq == 2
 
 
-async def test_who_waits_for_a_link_counts_on_from_what_was_sent_meanwhile(
+async def test_a_claim_that_waited_for_a_link_gets_the_next_number(
     composition: Any,
 ) -> None:
     await composition.book()
@@ -74,9 +74,7 @@ async def test_who_waits_for_a_link_counts_on_from_what_was_sent_meanwhile(
     assert (await taking).seq == 3
 
 
-async def test_who_waits_for_a_network_that_changes_takes_nothing(
-    composition: Any, make: Any
-) -> None:
+async def test_a_claim_that_waited_for_a_changed_network_fails(composition: Any, make: Any) -> None:
     await composition.book()
     async with composition.db.write() as tx:
         await lock_version(tx, ROW)
@@ -87,7 +85,7 @@ async def test_who_waits_for_a_network_that_changes_takes_nothing(
     assert await taking is None
 
 
-async def test_a_station_is_held_until_the_block_ends(composition: Any) -> None:
+async def test_a_claimed_station_stays_locked_until_the_transaction_ends(composition: Any) -> None:
     await composition.book()
 
     async def lock(*names: str) -> None:

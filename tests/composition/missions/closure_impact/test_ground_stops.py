@@ -1,4 +1,4 @@
-"""A ground stop meets missions as they come to it."""
+"""A ground stop affects missions once it forbids their next take-off."""
 
 from datetime import timedelta
 from typing import Any
@@ -14,7 +14,7 @@ STOP = {"reason": "storm", "area": {"type": "Polygon", "coordinates": [AROUND_B]
 
 
 async def fly_to_b(composition: Any, drone: Any) -> None:
-    """Book a mission whose drone is in the air: its next take-off is from b."""
+    """Book a mission and let its drone fly: its next take-off is from b."""
     booking = await composition.book()
     (instruction,) = await composition.sent()
     flight = next(step for step in instruction.steps if step.kind == "FLY")
@@ -36,24 +36,24 @@ async def trouble(composition: Any) -> str | None:
     return None if row.trouble is None else str(row.trouble)
 
 
-def watch(composition: Any) -> GroundStopEnforcer:
+def enforcer(composition: Any) -> GroundStopEnforcer:
     return GroundStopEnforcer(composition.db, composition.parts.closings, composition.clock)
 
 
-async def test_a_mission_is_struck_once_its_next_take_off_is_forbidden(
+async def test_a_mission_needs_another_plan_once_its_next_take_off_is_forbidden(
     composition: Any, drone: Any
 ) -> None:
     await composition(OPERATOR, "POST", "/v1/ground-stops", STOP)
     await fly_to_b(composition, drone)
     before = await trouble(composition)
 
-    await watch(composition).step()
+    await enforcer(composition).step()
 
     assert before is None
     assert "GROUND_STOP" in (await trouble(composition) or "")
 
 
-async def test_a_stop_that_is_over_strikes_nobody(composition: Any, drone: Any) -> None:
+async def test_an_ended_ground_stop_changes_no_mission(composition: Any, drone: Any) -> None:
     until = composition.clock.now() + timedelta(minutes=1)
     await composition(OPERATOR, "POST", "/v1/ground-stops", STOP | {"until": until.isoformat()})
     made = await composition(OPERATOR, "POST", "/v1/ground-stops", STOP)
@@ -61,18 +61,18 @@ async def test_a_stop_that_is_over_strikes_nobody(composition: Any, drone: Any) 
     await fly_to_b(composition, drone)
     composition.clock.advance(timedelta(minutes=1))
 
-    await watch(composition).step()
+    await enforcer(composition).step()
 
     assert await trouble(composition) is None
 
 
-async def test_a_mission_that_looks_for_a_plan_is_not_struck_again(
+async def test_a_mission_that_needs_a_plan_is_not_reported_again(
     composition: Any, drone: Any
 ) -> None:
     await fly_to_b(composition, drone)
     await composition(OPERATOR, "POST", "/v1/ground-stops", STOP)
     reports = len(await composition.reports())
 
-    await watch(composition).step()
+    await enforcer(composition).step()
 
     assert len(await composition.reports()) == reports

@@ -1,4 +1,4 @@
-"""Whom a closure hits: by what missions have still to do, accepted or proposed."""
+"""Which missions a closure affects, by their planned steps and by their proposals."""
 
 from dataclasses import replace
 from datetime import timedelta
@@ -21,7 +21,7 @@ def area(ring: Any) -> dict[str, Any]:
 
 
 async def close(composition: Any, path: str, body: Any = None) -> list[Any]:
-    """The missions that are hit, which a dry run names too."""
+    """Make a closure; returns the affected missions, which a dry run must list too."""
     tried = await composition(OPERATOR, "POST", f"{path}?dry_run=true", body)
     made = await composition(OPERATOR, "POST", path, body)
     assert made.status_code == 201, made.text
@@ -60,7 +60,7 @@ def on_board_of(booking: Any) -> Any:
         ),
     ],
 )
-async def test_a_mission_that_will_meet_it_looks_for_another_plan(
+async def test_a_mission_that_meets_a_closure_needs_another_plan(
     composition: Any, path: str, body: Any, code: str
 ) -> None:
     mission = on_board_of(await composition.book())
@@ -86,7 +86,7 @@ async def test_a_mission_that_will_meet_it_looks_for_another_plan(
         ("/v1/ground-stops", {"reason": "storm", "area": area(AROUND_B)}),
     ],
 )
-async def test_a_mission_that_will_not_meet_it_goes_on(
+async def test_a_mission_that_does_not_meet_a_closure_keeps_its_plan(
     composition: Any, path: str, body: Any
 ) -> None:
     await composition.book()
@@ -113,7 +113,7 @@ async def test_a_closure_counts_only_in_its_time(composition: Any) -> None:
 
 
 @pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
-async def test_what_is_flown_is_over(composition: Any, drone: Any) -> None:
+async def test_a_closure_does_not_affect_an_ended_flight(composition: Any, drone: Any) -> None:
     await composition.book()
     (instruction,) = await composition.sent()
     await composition.receive(drone.ack(instruction))
@@ -126,7 +126,7 @@ async def test_what_is_flown_is_over(composition: Any, drone: Any) -> None:
 
 
 @pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
-async def test_of_the_flight_under_way_only_the_landing_can_be_changed(
+async def test_a_closure_affects_only_the_landing_of_a_flight_under_way(
     composition: Any, drone: Any
 ) -> None:
     mission = on_board_of(await composition.book())
@@ -161,7 +161,7 @@ async def test_an_overdue_landing_is_still_to_come(composition: Any) -> None:
 
 
 @pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
-async def test_a_proposed_revision_is_hit_too(composition: Any) -> None:
+async def test_a_closure_affects_a_proposed_revision(composition: Any) -> None:
     mission = on_board_of(await composition.book())
     (instruction,) = await composition.sent()
     flight = next(step for step in instruction.steps if isinstance(step, FlyStep))
@@ -184,7 +184,7 @@ async def test_a_proposed_revision_is_hit_too(composition: Any) -> None:
 
 
 @pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
-async def test_a_mission_that_is_over_is_not_hit(composition: Any, drone: Any) -> None:
+async def test_a_closure_does_not_affect_an_ended_mission(composition: Any, drone: Any) -> None:
     await composition.book()
     (instruction,) = await composition.sent()
     await composition.receive(drone.ack(instruction, "REJECTED", code="OVERWEIGHT"))
@@ -193,7 +193,7 @@ async def test_a_mission_that_is_over_is_not_hit(composition: Any, drone: Any) -
 
 
 @pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
-async def test_missions_are_named_in_the_order_in_which_they_are_hit(
+async def test_affected_missions_are_listed_in_the_order_of_their_hits(
     composition: Any, make: Any
 ) -> None:
     await composition.book(request=make.request("d"))
@@ -207,7 +207,7 @@ async def test_missions_are_named_in_the_order_in_which_they_are_hit(
     assert [each["at"] for each in hit] == sorted(each["at"] for each in hit)
 
 
-async def test_lifting_has_missions_without_a_plan_look_again(composition: Any) -> None:
+async def test_lifting_a_closure_plans_again_for_missions_without_a_plan(composition: Any) -> None:
     await composition.book()
     made = await composition(OPERATOR, "POST", "/v1/stations/b/closures")
     async with composition.db.write() as tx:

@@ -1,4 +1,4 @@
-"""A new version of a network takes away what missions fly by: they look for other plans."""
+"""A new version of a network: missions that use what it removes or closes need other plans."""
 
 import copy
 from typing import Any
@@ -22,7 +22,7 @@ async def publish(composition: Any, network: dict[str, Any]) -> None:
 
 
 def one_way_only(network: dict[str, Any], from_id: str, to_id: str) -> dict[str, Any]:
-    """Of these two directions only this one stays."""
+    """The network with only this direction of a segment."""
     changed = copy.deepcopy(network)
     for feature in changed["features"]:
         properties, line = feature["properties"], feature["geometry"]["coordinates"]
@@ -43,17 +43,17 @@ def with_zone(network: dict[str, Any], west: float, east: float, **times: str) -
     return {**network, "features": [*network["features"], zone]}
 
 
-async def test_a_new_zone_strikes_the_missions_that_would_fly_there(
+async def test_a_new_zone_affects_the_missions_that_would_fly_there(
     composition: Any, make: Any
 ) -> None:
     await composition.book()
 
     await publish(composition, with_zone(make.network(), 0.15, 0.2))
 
-    (told,) = await troubles(composition)
-    assert told is not None
-    assert told[0] == "ZONE_AHEAD"
-    assert "zone 'fair' is closed to flight" in told[1]
+    (expected,) = await troubles(composition)
+    assert expected is not None
+    assert expected[0] == "ZONE_AHEAD"
+    assert "zone 'fair' is closed to flight" in expected[1]
     assert (await composition.reports())[-1].kind == "REPLANNING"
 
 
@@ -62,7 +62,7 @@ async def test_a_new_zone_strikes_the_missions_that_would_fly_there(
     ("west", "east", "times"),
     [(0.6, 0.8, {}), (0.15, 0.2, {"active_until": "2026-03-01T12:00:00Z"})],
 )
-async def test_a_zone_elsewhere_or_at_another_time_strikes_nobody(
+async def test_a_zone_elsewhere_or_at_another_time_affects_no_mission(
     composition: Any, make: Any, west: float, east: float, times: dict[str, str]
 ) -> None:
     await composition.book()
@@ -73,9 +73,7 @@ async def test_a_zone_elsewhere_or_at_another_time_strikes_nobody(
 
 
 @pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
-async def test_a_zone_that_was_there_before_strikes_nobody_again(
-    composition: Any, make: Any
-) -> None:
+async def test_an_unchanged_zone_affects_no_mission_again(composition: Any, make: Any) -> None:
     zoned = with_zone(make.network(), 0.15, 0.2, active_from="2026-03-09T12:00:00Z")
     await publish(composition, zoned)
     await composition.book()
@@ -87,29 +85,29 @@ async def test_a_zone_that_was_there_before_strikes_nobody_again(
 
 @pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 @pytest.mark.parametrize(
-    ("kept", "told"),
+    ("kept", "expected"),
     [
         (("b", "a"), ("SEGMENT_CLOSED", "no longer in the network: a to b")),
         (("c", "b"), ("SEGMENT_CLOSED", "no longer in the network: b to c")),
         (("c", "d"), None),
     ],
 )
-async def test_a_segment_that_is_gone_strikes_the_missions_that_would_fly_it(
-    composition: Any, make: Any, kept: tuple[str, str], told: tuple[str, str] | None
+async def test_a_removed_segment_affects_the_missions_that_would_fly_it(
+    composition: Any, make: Any, kept: tuple[str, str], expected: tuple[str, str] | None
 ) -> None:
     await composition.book()
 
     await publish(composition, one_way_only(make.network(), *kept))
 
     (trouble,) = await troubles(composition)
-    assert (trouble and (trouble[0], trouble[1].split(" from ")[0])) == told
+    assert (trouble and (trouble[0], trouble[1].split(" from ")[0])) == expected
 
 
 @pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
-async def test_a_station_that_is_gone_strikes_the_missions_that_would_land_there(
+async def test_a_removed_station_affects_the_missions_that_would_land_there(
     composition: Any, make: Any
 ) -> None:
-    """With twice the battery the drone does not charge there, so that no pad keeps the station."""
+    """With twice the battery the drone does not charge there, so it has no pad there."""
     candidate = make.candidate()
     model = candidate.model.model_copy(update={"battery_j": 1_800_000.0})
     await composition.book(candidate.model_copy(update={"model": model}), request=make.request("b"))
@@ -122,9 +120,7 @@ async def test_a_station_that_is_gone_strikes_the_missions_that_would_land_there
 
 
 @pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
-async def test_the_next_plan_is_made_in_the_new_version(
-    composition: Any, drone: Any, make: Any
-) -> None:
+async def test_the_next_plan_uses_the_new_version(composition: Any, drone: Any, make: Any) -> None:
     await composition.book()
     (first,) = await composition.sent()
     await composition.receive(drone.ack(first))

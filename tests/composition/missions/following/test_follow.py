@@ -74,7 +74,9 @@ async def test_nothing_is_dropped_while_the_database_is_away(
     assert await composition.state_of(instruction.mission_id) == "ACCEPTED"
 
 
-async def test_a_mission_that_is_only_received_is_sent_on(composition: Any, drone: Any) -> None:
+async def test_a_received_but_unanswered_mission_is_sent_again(
+    composition: Any, drone: Any
+) -> None:
     instruction = await booked(composition)
 
     await composition.receive(drone.ack(instruction, "RECEIVED"))
@@ -109,7 +111,7 @@ async def test_a_refused_mission_frees_its_drone_and_pads(
     assert await composition.broken() == []
 
 
-async def test_a_sequence_gap_is_no_refusal(composition: Any, drone: Any) -> None:
+async def test_a_sequence_gap_does_not_refuse_the_mission(composition: Any, drone: Any) -> None:
     instruction = await booked(composition)
 
     await composition.receive(drone.ack(instruction, "REJECTED", code="SEQUENCE_GAP"))
@@ -118,7 +120,7 @@ async def test_a_sequence_gap_is_no_refusal(composition: Any, drone: Any) -> Non
     assert await composition.sent() == [instruction]
 
 
-async def test_a_flight_is_told_to_its_end_and_frees_everything(
+async def test_a_whole_flight_is_reported_and_frees_drone_and_pads(
     composition: Any, drone: Any
 ) -> None:
     instruction = await booked(composition)
@@ -168,7 +170,7 @@ async def test_events_that_come_twice_count_once(composition: Any, drone: Any) -
     ]
 
 
-async def test_a_missing_event_is_asked_for_and_the_later_ones_wait(
+async def test_a_missing_event_is_requested_before_later_ones_count(
     composition: Any, drone: Any
 ) -> None:
     instruction = await booked(composition)
@@ -184,7 +186,9 @@ async def test_a_missing_event_is_asked_for_and_the_later_ones_wait(
     assert kinds(await composition.reports())[-1] == "ENDED"
 
 
-async def test_a_drone_is_asked_again_only_after_a_while(composition: Any, drone: Any) -> None:
+async def test_missing_events_are_requested_again_only_after_a_while(
+    composition: Any, drone: Any
+) -> None:
     instruction = await booked(composition)
     await composition.receive(drone.ack(instruction))
     _, *others = drone.flown(instruction)
@@ -198,7 +202,9 @@ async def test_a_drone_is_asked_again_only_after_a_while(composition: Any, drone
     assert (asked_at_once, len(await composition.sent())) == (1, 2)
 
 
-async def test_a_state_that_knows_more_events_makes_us_ask(composition: Any, drone: Any) -> None:
+async def test_a_state_with_a_higher_event_number_requests_the_missing_events(
+    composition: Any, drone: Any
+) -> None:
     instruction = await booked(composition)
     await composition.receive(drone.ack(instruction))
 
@@ -207,7 +213,7 @@ async def test_a_state_that_knows_more_events_makes_us_ask(composition: Any, dro
     assert [sent.kind for sent in await composition.sent()] == ["REPORT"]
 
 
-async def test_after_a_connect_drones_on_missions_are_asked_for_their_events(
+async def test_after_a_connect_events_of_drones_on_missions_are_requested(
     composition: Any, drone: Any
 ) -> None:
     instruction = await booked(composition)
@@ -251,7 +257,7 @@ async def test_the_last_will_of_the_present_connection_counts(composition: Any, 
     assert mission.json()["drone_connection"]["status"] == "LOST"
 
 
-async def test_what_comes_under_another_providers_name_is_dropped(
+async def test_messages_under_another_providers_name_are_dropped(
     composition: Any, drone: Any
 ) -> None:
     instruction = await booked(composition)
@@ -263,7 +269,7 @@ async def test_what_comes_under_another_providers_name_is_dropped(
     assert await composition.sent() == [instruction]
 
 
-async def test_what_a_drone_does_is_told_once_per_change_while_it_carries(
+async def test_each_activity_with_packages_on_board_is_reported_once(
     composition: Any, drone: Any
 ) -> None:
     instruction = await booked(composition)
@@ -275,14 +281,14 @@ async def test_what_a_drone_does_is_told_once_per_change_while_it_carries(
     await composition.receive(drone.state(**flying), drone.state(**flying))
     await composition.receive(drone.state(**flying | {"activity": "RECHARGING", "station_id": "b"}))
 
-    told = [report for report in await composition.reports() if report.kind == "ACTIVITY"]
-    assert [(report.activity, report.station_id) for report in told] == [
+    reports = [report for report in await composition.reports() if report.kind == "ACTIVITY"]
+    assert [(report.activity, report.station_id) for report in reports] == [
         ("FLYING", "a"),
         ("RECHARGING", "b"),
     ]
 
 
-async def test_a_drone_that_is_late_moves_the_etas(composition: Any, drone: Any) -> None:
+async def test_a_late_drone_changes_the_arrival_times(composition: Any, drone: Any) -> None:
     booking = await composition.book()
     (instruction,) = await composition.sent()
     to_recharge, last_flight = instruction.steps[:3], instruction.steps[3]
@@ -316,7 +322,7 @@ async def test_a_drone_with_an_empty_journal_gets_its_mission_in_a_new_stream(
     assert await composition.broken() == []
 
 
-async def test_a_state_from_before_the_first_instruction_opens_no_stream(
+async def test_a_state_before_the_first_instruction_opens_no_new_stream(
     composition: Any, drone: Any
 ) -> None:
     drone.stream = 0
@@ -330,7 +336,7 @@ async def test_a_state_from_before_the_first_instruction_opens_no_stream(
     assert await composition.sent() == [instruction]
 
 
-async def test_a_drone_known_from_an_older_database_gets_a_stream_after_its_own(
+async def test_a_drone_with_a_higher_stream_number_gets_a_stream_after_it(
     composition: Any, drone: Any
 ) -> None:
     drone.stream, drone.event_seq = 7, 41
@@ -342,9 +348,7 @@ async def test_a_drone_known_from_an_older_database_gets_a_stream_after_its_own(
     assert instruction.events_confirmed_seq == 41
 
 
-async def test_a_drone_that_accepts_too_late_is_told_to_forget_the_mission(
-    composition: Any, drone: Any
-) -> None:
+async def test_a_drone_that_accepts_too_late_gets_a_cancel(composition: Any, drone: Any) -> None:
     instruction = await booked(composition)
     await composition.receive(drone.connection("LOST"))
     composition.clock.advance(timedelta(minutes=2))
@@ -356,7 +360,7 @@ async def test_a_drone_that_accepts_too_late_is_told_to_forget_the_mission(
     assert (cancel.kind, cancel.mission_id, cancel.seq) == ("CANCEL", instruction.mission_id, 2)
 
 
-async def test_an_old_event_does_not_make_us_forget_the_newer_ones(
+async def test_an_old_event_does_not_reset_the_newest_event_number(
     composition: Any, drone: Any
 ) -> None:
     instruction = await booked(composition)

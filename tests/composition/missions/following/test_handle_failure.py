@@ -1,4 +1,4 @@
-"""A drone that has forgotten what it answered hears from us in a new order."""
+"""A drone that has forgotten its answers gets its instructions in a new stream."""
 
 from typing import Any
 
@@ -7,7 +7,7 @@ import pytest
 pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 
 
-async def test_a_drone_on_an_old_copy_of_its_journal_gets_a_new_stream(
+async def test_a_drone_with_an_old_copy_of_its_journal_gets_a_new_stream(
     composition: Any, drone: Any, make: Any
 ) -> None:
     await composition.book()

@@ -1,4 +1,4 @@
-"""A drone that was silent for hours comes back with packages that were given up."""
+"""A drone that was silent for hours comes back with packages of an ended mission."""
 
 from datetime import timedelta
 from typing import Any
@@ -9,7 +9,7 @@ pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 
 
 async def back_after_hours(composition: Any, drone: Any, **members: Any) -> Any:
-    """The first instruction of a mission that was given up while its drone flew."""
+    """The instruction of a mission that was given up while its drone was flying."""
     await composition.book()
     (instruction,) = await composition.sent()
     pick_up, *_ = drone.flown(instruction)
@@ -24,7 +24,7 @@ async def back_after_hours(composition: Any, drone: Any, **members: Any) -> Any:
 
 
 def on(drone: Any, instruction: Any, **members: Any) -> Any:
-    """The state of a drone on its first flight of this mission, or as is said."""
+    """The state of a drone on its first flight of this mission, changed by `members`."""
     values = {
         "mission_id": instruction.mission_id,
         "mission_revision": 1,
@@ -42,7 +42,9 @@ async def new_instructions(composition: Any) -> list[Any]:
     return [each for each in await composition.sent() if each.kind != "REPORT"]
 
 
-async def test_it_is_told_to_hold_and_people_are_told_of_it(composition: Any, drone: Any) -> None:
+async def test_the_drone_is_told_to_hold_and_an_alarm_is_raised(
+    composition: Any, drone: Any
+) -> None:
     first = await back_after_hours(composition, drone)
     await composition.receive(on(drone, first))
 
@@ -53,7 +55,7 @@ async def test_it_is_told_to_hold_and_people_are_told_of_it(composition: Any, dr
     assert alarm["data"]["package_ids"] == ["p1"]
 
 
-async def test_it_leaves_everything_where_it_landed(composition: Any, drone: Any) -> None:
+async def test_the_drone_leaves_all_packages_where_it_landed(composition: Any, drone: Any) -> None:
     first = await back_after_hours(composition, drone)
     for instruction in await new_instructions(composition):
         status = "ACCEPTED" if instruction.kind == "HOLD" else "REJECTED"
@@ -83,7 +85,9 @@ async def test_it_leaves_everything_where_it_landed(composition: Any, drone: Any
     assert await composition.broken() == []
 
 
-async def test_it_is_not_stopped_while_it_does_so(composition: Any, drone: Any) -> None:
+async def test_the_drone_is_not_stopped_while_it_leaves_the_packages(
+    composition: Any, drone: Any
+) -> None:
     first = await back_after_hours(
         composition,
         drone,

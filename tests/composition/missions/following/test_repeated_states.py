@@ -1,4 +1,4 @@
-"""Drones that stand idle and say so again: nothing is written, and nothing is missed for that."""
+"""Idle drones that repeat their states: nothing is written, and no change is missed."""
 
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -24,7 +24,7 @@ MINUTE = timedelta(minutes=1)
 
 
 class FarDatabase(Database):
-    """A database that keeps everything, but may go away before it can say so."""
+    """A database that commits, but may lose the connection before it answers."""
 
     goes_away = False
 
@@ -37,7 +37,7 @@ class FarDatabase(Database):
 
 
 class NothingArrives:
-    """`Subscriber` of a follower that is handed its batches."""
+    """`Subscriber` on which nothing arrives: tests pass batches to the follower."""
 
     async def batches(self, *_: Topic[Any]) -> AsyncIterator[list[Received[Any]]]:
         yield []
@@ -52,7 +52,7 @@ async def kept_state(composition: Any) -> DroneState:
 
 
 async def said(composition: Any, drone: Any, **members: Any) -> Received[Any]:
-    """A state that the drone says a minute after the one before."""
+    """A state of the drone, a minute after the state before."""
     composition.clock.advance(MINUTE)
     state: Received[Any] = drone.state(**members)
     await composition.receive(state)
@@ -61,12 +61,12 @@ async def said(composition: Any, drone: Any, **members: Any) -> Received[Any]:
 
 @pytest.fixture
 def idle(drone: Any) -> Any:
-    """A drone that was never sent anything."""
+    """A drone that never got an instruction."""
     drone.stream = 0
     return drone
 
 
-async def test_only_the_first_of_equal_states_is_kept(composition: Any, idle: Any) -> None:
+async def test_only_the_first_of_equal_states_is_saved(composition: Any, idle: Any) -> None:
     first = await said(composition, idle)
 
     await said(composition, idle)
@@ -92,7 +92,7 @@ async def test_only_the_first_of_equal_states_is_kept(composition: Any, idle: An
         {"session": 2, "seq": 1},
     ],
 )
-async def test_whatever_changes_is_kept(
+async def test_every_change_of_a_state_is_saved(
     composition: Any, idle: Any, news: dict[str, object]
 ) -> None:
     await said(composition, idle)
@@ -103,20 +103,20 @@ async def test_whatever_changes_is_kept(
     assert await kept_state(composition) == changed.message
 
 
-async def test_charge_that_leaks_away_slowly_is_kept(composition: Any, idle: Any) -> None:
+async def test_slowly_falling_charge_is_saved(composition: Any, idle: Any) -> None:
     for soc in (1.0, 0.996, 0.992, 0.988):
         last = await said(composition, idle, soc=soc)
 
     assert await kept_state(composition) == last.message
 
 
-async def test_an_equal_state_is_kept_every_five_minutes(composition: Any, idle: Any) -> None:
+async def test_an_equal_state_is_saved_every_five_minutes(composition: Any, idle: Any) -> None:
     states = [await said(composition, idle) for _ in range(7)]
 
     assert await kept_state(composition) == states[5].message
 
 
-async def test_what_is_older_than_a_repeated_state_changes_nothing(
+async def test_a_state_older_than_a_repeated_state_changes_nothing(
     composition: Any, idle: Any
 ) -> None:
     first = await said(composition, idle)
@@ -128,7 +128,7 @@ async def test_what_is_older_than_a_repeated_state_changes_nothing(
     assert await kept_state(composition) == first.message
 
 
-async def test_a_drone_that_stays_idle_beyond_the_expiry_does_not_fly(
+async def test_a_drone_that_reports_idle_after_the_expiry_does_not_fly(
     composition: Any, idle: Any
 ) -> None:
     await said(composition, idle)
@@ -159,7 +159,7 @@ async def test_a_repeated_state_shows_a_lost_journal_after_a_late_answer(
     assert [row.stream for row in links] == [2]
 
 
-async def test_connections_that_are_told_again_change_nothing(composition: Any, idle: Any) -> None:
+async def test_repeated_connections_change_nothing(composition: Any, idle: Any) -> None:
     await composition.receive(idle.connection("ONLINE", 1), idle.connection("ONLINE", 2))
 
     await composition.receive(idle.connection("LOST", 1))
@@ -172,7 +172,7 @@ async def test_connections_that_are_told_again_change_nothing(composition: Any, 
     assert '"connection_number":2,"status":"LOST"' in links[0].connection
 
 
-async def test_what_was_kept_without_our_knowing_is_replaced_by_what_it_had_replaced(
+async def test_after_a_lost_commit_answer_an_earlier_state_is_saved_again(
     composition: Any, idle: Any, migrated_url: str
 ) -> None:
     async with FarDatabase(migrated_url, outbox=outbox) as far:

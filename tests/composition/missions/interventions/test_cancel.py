@@ -1,4 +1,4 @@
-"""Cancellations: what can still be stopped is, once, and the customer is told what cannot."""
+"""Cancellations: packages are stopped if possible; the answer says what becomes of each."""
 
 import asyncio
 from typing import Any
@@ -17,7 +17,7 @@ async def cancel(
     return await composition(caller, "POST", PATH, body)
 
 
-async def told(composition: Any, kind: str) -> list[Any]:
+async def reports_of(composition: Any, kind: str) -> list[Any]:
     return [each for each in await composition.reports() if each.kind == kind]
 
 
@@ -34,8 +34,8 @@ async def test_a_delivery_cancelled_before_loading_never_leaves_the_pickup(
 
     assert answer.json() == {"released": ["p1"], "returning": [], "too_late": []}
     assert await composition.state_of(instruction.mission_id) == "CANCELLED"
-    (released,) = await told(composition, "RELEASED")
-    (ended,) = await told(composition, "ENDED")
+    (released,) = await reports_of(composition, "RELEASED")
+    (ended,) = await reports_of(composition, "ENDED")
     assert (released.package_ids, released.code) == (("p1",), "CANCELLED")
     assert (ended.mission_state, ended.code) == ("CANCELLED", "CANCELLED")
     assert (await composition.sent())[-1].kind == "CANCEL"
@@ -43,7 +43,7 @@ async def test_a_delivery_cancelled_before_loading_never_leaves_the_pickup(
     assert await composition.broken() == []
 
 
-async def test_what_a_drone_out_of_reach_may_load_is_promised_to_come_back(
+async def test_packages_that_a_drone_out_of_reach_may_load_are_returning(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     instruction = await begin.accepted(composition, drone, make)
@@ -56,7 +56,7 @@ async def test_what_a_drone_out_of_reach_may_load_is_promised_to_come_back(
     assert await composition.broken() == []
 
 
-async def test_what_may_be_loaded_all_the_same_is_handed_back_where_it_is_picked_up(
+async def test_a_cancelled_package_that_is_loaded_is_returned_at_the_pickup(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     instruction = await begin.accepted(composition, drone, make)
@@ -74,7 +74,7 @@ async def test_what_may_be_loaded_all_the_same_is_handed_back_where_it_is_picked
     ] == [("PICK_UP", pickup.station_id), ("RETURN", pickup.station_id)]
 
 
-async def test_the_same_cancellation_again_says_the_same_and_does_nothing(
+async def test_a_repeated_cancellation_gets_the_same_answer_and_does_nothing(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     instruction = await begin.loaded(composition, drone, make, "b", "c")
@@ -104,7 +104,7 @@ async def test_the_same_cancellation_again_says_the_same_and_does_nothing(
     assert len(await composition.reports()) == told_before + delivered_reports
 
 
-async def test_two_of_the_same_cancellation_at_once_are_one(
+async def test_two_concurrent_equal_cancellations_count_once(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     await begin.accepted(composition, drone, make)
@@ -113,10 +113,10 @@ async def test_two_of_the_same_cancellation_at_once_are_one(
 
     assert {each.status_code for each in answers} == {200}
     assert [each.json()["released"] for each in answers] == [["p1"]] * 4
-    assert len(await told(composition, "ENDED")) == 1
+    assert len(await reports_of(composition, "ENDED")) == 1
 
 
-async def test_some_packages_stay_and_the_others_are_planned_for_anew(
+async def test_after_a_partial_cancellation_the_other_packages_get_a_new_plan(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     instruction = await begin.accepted(composition, drone, make, "b", "c")
@@ -134,7 +134,7 @@ async def test_some_packages_stay_and_the_others_are_planned_for_anew(
     assert '"p2"' not in request
 
 
-async def test_what_is_on_board_comes_back(
+async def test_cancelled_packages_on_board_come_back(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     instruction = await begin.loaded(composition, drone, make, "b", "c")
@@ -145,11 +145,11 @@ async def test_what_is_on_board_comes_back(
     progress = await shown(composition, instruction.mission_id)
     assert progress["aims"] == [{"package_id": "p2", "station_id": "a", "kind": "RETURN"}]
     assert progress["trouble"]["code"] == "CANCELLED"
-    (returning,) = await told(composition, "RETURNING")
+    (returning,) = await reports_of(composition, "RETURNING")
     assert (returning.package_ids, returning.code) == (("p2",), "CANCELLED")
 
 
-async def test_a_package_that_comes_back_already_is_told_once(
+async def test_a_returning_package_is_reported_once(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     await begin.loaded(composition, drone, make, "b", "c")
@@ -158,10 +158,13 @@ async def test_a_package_that_comes_back_already_is_told_once(
     whole = await cancel(composition, cancellation_id="cnl_2")
 
     assert whole.json()["returning"] == ["p1", "p2"]
-    assert [each.package_ids for each in await told(composition, "RETURNING")] == [("p2",), ("p1",)]
+    assert [each.package_ids for each in await reports_of(composition, "RETURNING")] == [
+        ("p2",),
+        ("p1",),
+    ]
 
 
-async def test_a_drone_that_loads_this_moment_brings_back_what_it_takes(
+async def test_packages_cancelled_during_loading_come_back(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     instruction = await begin.accepted(composition, drone, make)
@@ -176,7 +179,7 @@ async def test_a_drone_that_loads_this_moment_brings_back_what_it_takes(
     assert not any(each.kind == "CANCEL" for each in await composition.sent())
 
 
-async def test_a_drone_that_may_have_begun_without_a_word_cannot_be_told(composition: Any) -> None:
+async def test_packages_of_a_drone_that_has_not_answered_are_too_late(composition: Any) -> None:
     await composition.book()
     (instruction,) = await composition.sent()
     composition.clock.advance(instruction.steps[0].planned_start_at - composition.clock.now())
@@ -187,7 +190,7 @@ async def test_a_drone_that_may_have_begun_without_a_word_cannot_be_told(composi
     assert await composition.state_of(instruction.mission_id) == "BOOKED"
 
 
-async def test_until_a_loader_confirms_everything_can_stay(
+async def test_before_a_loader_confirms_all_packages_can_stay(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     instruction = await begin.at_pickup(composition, drone, make)
@@ -198,7 +201,7 @@ async def test_until_a_loader_confirms_everything_can_stay(
     assert await composition.state_of(instruction.mission_id) == "CANCELLED"
 
 
-async def test_what_a_loader_has_confirmed_comes_back(
+async def test_packages_that_a_loader_has_confirmed_come_back(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     instruction = await begin.at_pickup(composition, drone, make)
@@ -218,7 +221,7 @@ async def test_what_a_loader_has_confirmed_comes_back(
     )
 
 
-async def test_what_was_delivered_is_too_late(
+async def test_a_delivered_package_is_too_late_to_cancel(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     instruction = await begin.accepted(composition, drone, make)
@@ -248,12 +251,12 @@ async def test_a_cancellation_reaches_all_missions_of_the_delivery_and_no_other(
     assert await composition.broken() == []
 
 
-async def test_packages_that_were_never_booked_are_free_to_go(composition: Any) -> None:
+async def test_packages_that_were_never_booked_are_released(composition: Any) -> None:
     answer = await cancel(composition, "p7")
 
     assert answer.json() == {"released": ["p7"], "returning": [], "too_late": []}
 
 
-async def test_only_services_cancel(composition: Any) -> None:
+async def test_only_services_may_cancel(composition: Any) -> None:
     for caller in ("operator:op", "customer:c", "provider:prv_1"):
         assert (await cancel(composition, caller=caller)).status_code == 403

@@ -1,4 +1,4 @@
-"""A drone that people hold, or have sent elsewhere, does not land where that has closed."""
+"""A held or diverted drone does not land at a station that has closed."""
 
 from typing import Any
 
@@ -51,7 +51,7 @@ async def mission(composition: Any) -> Any:
     return (await composition("operator:op", "GET", path)).json()
 
 
-async def test_a_held_drone_lands_before_the_station_that_was_closed_and_waits(
+async def test_a_held_drone_lands_before_a_closed_station_and_waits(
     composition: Any, drone: Any, make: Any
 ) -> None:
     first = await fly_over_b(composition, drone, make)
@@ -70,7 +70,7 @@ async def test_a_held_drone_lands_before_the_station_that_was_closed_and_waits(
     assert await composition.broken() == []
 
 
-async def test_a_held_drone_whose_landing_is_open_is_left_alone(
+async def test_a_held_drone_with_an_open_landing_gets_no_new_plan(
     composition: Any, drone: Any, make: Any
 ) -> None:
     first = await fly_over_b(composition, drone, make)
@@ -83,7 +83,7 @@ async def test_a_held_drone_whose_landing_is_open_is_left_alone(
     assert await composition.sent() == []
 
 
-async def test_a_drone_that_cannot_land_where_it_was_sent_waits_at_the_nearest(
+async def test_a_diverted_drone_waits_at_the_nearest_station_if_its_target_closes(
     composition: Any, drone: Any, make: Any
 ) -> None:
     first = await fly_over_b(composition, drone, make)
@@ -92,7 +92,7 @@ async def test_a_drone_that_cannot_land_where_it_was_sent_waits_at_the_nearest(
     hold, divert = await composition.sent()
     assert [(each.kind, each.station_id) for each in divert.steps] == [("WAIT", "b")]
 
-    # Before it has answered.
+    # The drone has not answered yet.
     await close(composition, "b")
     await composition.receive(drone.ack(hold), drone.ack(divert))
     await composition.replanner.step()

@@ -1,4 +1,4 @@
-"""Loaders confirm what is on board, measured; what is not as agreed does not take off."""
+"""Loaders confirm measured masses; a drone with another load than agreed does not take off."""
 
 from typing import Any
 
@@ -20,7 +20,7 @@ async def shown(composition: Any, mission_id: str) -> Any:
     return (await composition("operator:op", "GET", f"/v1/missions/{mission_id}")).json()
 
 
-async def test_a_drone_that_waits_for_its_loader_is_found(
+async def test_missions_that_wait_for_a_loader_can_be_listed(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     instruction = await begin.at_pickup(composition, drone, make)
@@ -57,7 +57,7 @@ async def test_measured_masses_replace_the_agreed_ones(
         ({"p1": 0.34, "p2": 0.4}, "MASS_MISMATCH"),
     ],
 )
-async def test_what_is_not_as_agreed_ends_the_mission(
+async def test_a_loading_that_differs_from_the_request_ends_the_mission(
     composition: Any,
     drone: Any,
     make: Any,
@@ -78,7 +78,7 @@ async def test_what_is_not_as_agreed_ends_the_mission(
     assert await composition.broken() == []
 
 
-async def test_a_loading_that_failed_raises_an_alarm_with_the_provider(
+async def test_a_failed_loading_raises_an_alarm_for_the_provider(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     instruction = await begin.at_pickup(composition, drone, make)
@@ -129,7 +129,7 @@ async def test_only_a_drone_at_the_pickup_is_loaded(
     assert [each.json()["code"] for each in (before, elsewhere, idle)] == ["NOT_LOADING"] * 3
 
 
-async def test_a_drone_that_loads_by_itself_needs_no_loader(
+async def test_an_automatic_loading_cannot_be_confirmed(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     instruction = await begin.accepted(composition, drone, make)
@@ -140,7 +140,7 @@ async def test_a_drone_that_loads_by_itself_needs_no_loader(
     assert (answer.status_code, answer.json()["code"]) == (409, "NOT_LOADING")
 
 
-async def test_a_mission_that_is_over_is_not_loaded(
+async def test_an_ended_mission_cannot_be_loaded(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     instruction = await begin.at_pickup(composition, drone, make)
@@ -151,7 +151,7 @@ async def test_a_mission_that_is_over_is_not_loaded(
     assert (answer.status_code, answer.json()["code"]) == (409, "MISSION_OVER")
 
 
-async def test_others_missions_are_not_there_to_be_loaded(
+async def test_a_provider_cannot_load_missions_of_others(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     instruction = await begin.at_pickup(composition, drone, make)
@@ -164,7 +164,7 @@ async def test_others_missions_are_not_there_to_be_loaded(
 
 
 @pytest.mark.parametrize("names", [("p1", "p9"), ("p1", "p1")])
-async def test_a_package_is_of_this_mission_and_listed_once(
+async def test_each_listed_package_belongs_to_the_mission_and_occurs_once(
     composition: Any, drone: Any, make: Any, begin: Any, names: tuple[str, ...]
 ) -> None:
     instruction = await begin.at_pickup(composition, drone, make)

@@ -1,4 +1,4 @@
-"""Operators hold, resume, divert, call home and cancel; nobody else does."""
+"""Only operators may hold, resume, divert, call home and cancel."""
 
 from dataclasses import replace
 from functools import partial
@@ -35,7 +35,7 @@ async def test_a_hold_is_sent_to_the_drone(
     assert await composition.broken() == []
 
 
-async def test_a_drone_that_does_not_hold_is_shown_as_flying_on(
+async def test_a_mission_whose_drone_refuses_to_hold_is_not_shown_as_held(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     instruction = await begin.accepted(composition, drone, make)
@@ -64,7 +64,7 @@ class HoldingSolver(SolverPool):
         return await super().compose(*arguments, **options)
 
 
-async def test_a_plan_that_was_under_way_does_not_end_a_hold(
+async def test_a_plan_in_progress_does_not_end_a_hold(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     instruction = await begin.loaded(composition, drone, make)
@@ -82,7 +82,7 @@ async def test_a_plan_that_was_under_way_does_not_end_a_hold(
     assert (await shown(composition, mission_id))["mission"]["is_held"]
 
 
-async def test_a_resumed_drone_is_told_and_gets_another_plan(
+async def test_a_resumed_drone_gets_a_resume_and_another_plan(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     instruction = await begin.accepted(composition, drone, make)
@@ -111,7 +111,7 @@ async def test_a_command_must_fit_the_mission(
     assert (answers[-1].status_code, answers[-1].json()["code"]) == (409, code)
 
 
-async def test_a_diverted_drone_holds_at_once_and_where_it_is_to_land(
+async def test_a_diverted_drone_holds_immediately_and_again_at_its_landing(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     instruction = await begin.loaded(composition, drone, make)
@@ -125,7 +125,7 @@ async def test_a_diverted_drone_holds_at_once_and_where_it_is_to_land(
     assert progress["mission"]["is_held"]
 
 
-async def test_a_resumed_drone_is_not_diverted_any_more(
+async def test_resuming_ends_a_diversion(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     instruction = await begin.loaded(composition, drone, make)
@@ -147,7 +147,7 @@ async def test_a_resumed_drone_is_not_diverted_any_more(
         ("HOLD", {"reason": ""}),
     ],
 )
-async def test_a_command_that_says_too_little_or_too_much_is_refused(
+async def test_a_command_with_missing_or_extra_fields_is_refused(
     composition: Any,
     drone: Any,
     make: Any,
@@ -177,8 +177,8 @@ async def test_a_drone_called_home_brings_back_what_is_on_board(
         ("p1", "a", "RETURN"),
         ("p2", "a", "RETURN"),
     ]
-    (told,) = [each for each in await composition.reports() if each.kind == "RETURNING"]
-    assert (told.package_ids, told.code) == (("p1", "p2"), "CALLED_HOME")
+    (report,) = [each for each in await composition.reports() if each.kind == "RETURNING"]
+    assert (report.package_ids, report.code) == (("p1", "p2"), "CALLED_HOME")
 
 
 async def test_an_empty_drone_is_not_called_home(
@@ -235,7 +235,7 @@ async def test_a_mission_on_its_way_home_is_not_cancelled(
 
 
 @pytest.mark.parametrize("command", ["HOLD", "RESUME", "RETURN_HOME", "CANCEL"])
-async def test_nothing_is_done_to_a_mission_that_is_over(
+async def test_a_command_to_an_ended_mission_is_refused(
     composition: Any, drone: Any, make: Any, begin: Any, command: str
 ) -> None:
     instruction = await begin.accepted(composition, drone, make)
@@ -246,7 +246,7 @@ async def test_nothing_is_done_to_a_mission_that_is_over(
     assert (answer.status_code, answer.json()["code"]) == (409, "MISSION_OVER")
 
 
-async def test_a_drone_that_was_just_loaded_is_not_told_two_things_at_once(
+async def test_a_command_during_a_confirmed_loading_is_refused(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     instruction = await begin.at_pickup(composition, drone, make)
@@ -259,7 +259,9 @@ async def test_a_drone_that_was_just_loaded_is_not_told_two_things_at_once(
     assert (answer.status_code, answer.json()["code"]) == (409, "BEING_LOADED")
 
 
-async def test_only_operators_command(composition: Any, drone: Any, make: Any, begin: Any) -> None:
+async def test_only_operators_may_command(
+    composition: Any, drone: Any, make: Any, begin: Any
+) -> None:
     instruction = await begin.accepted(composition, drone, make)
 
     answers = [

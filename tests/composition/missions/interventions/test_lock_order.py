@@ -1,4 +1,4 @@
-"""Everybody locks deliveries, drones and missions in this order, or they wait crosswise."""
+"""All transactions lock deliveries, drones and missions in this order, to avoid deadlocks."""
 
 import asyncio
 from typing import Any
@@ -18,7 +18,7 @@ LOADED = {"packages": [{"package_id": "p1", "mass_kg": 0.4}]}
 
 
 async def somebody_waits(composition: Any) -> None:
-    """Return once a transaction waits for a row that another one holds."""
+    """Return once a transaction waits for a row that another transaction has locked."""
     async with asyncio.timeout(20):
         while not await composition.rows(
             "SELECT pid FROM pg_stat_activity "
@@ -28,7 +28,7 @@ async def somebody_waits(composition: Any) -> None:
 
 
 async def free_rows(composition: Any, table: str) -> int:
-    """How many rows of a table nobody has locked."""
+    """How many rows of a table are not locked."""
     async with composition.db.write() as tx:
         found = await tx.execute(text(f"SELECT 1 FROM {table} FOR UPDATE SKIP LOCKED"))
         return len(found.all())
@@ -42,7 +42,7 @@ async def free_rows(composition: Any, table: str) -> int:
         ("operator:op", "/v1/missions/{mission_id}/loading", LOADED, 1),
     ],
 )
-async def test_a_hand_on_a_mission_locks_the_drone_before_the_mission(
+async def test_an_intervention_locks_the_drone_before_the_mission(
     composition: Any,
     drone: Any,
     make: Any,

@@ -1,4 +1,4 @@
-"""Operators and failsafes: a command waits for one, unless it overrides it."""
+"""Operators and failsafes: a command waits for a failsafe unless it overrides the failsafe."""
 
 from datetime import timedelta
 from typing import Any
@@ -19,7 +19,7 @@ async def give(composition: Any, mission_id: str, command: str, **members: Any) 
 
 
 async def flying(composition: Any, drone: Any, make: Any, begin: Any, **members: Any) -> Any:
-    """The instruction of a drone on its first flight, led back by a failsafe if that is said."""
+    """The instruction of a drone on its first flight, with an active failsafe if one is given."""
     instruction = await begin.loaded(composition, drone, make)
     await composition.receive(in_flight(drone, instruction, **members))
     return instruction
@@ -46,7 +46,7 @@ async def with_steps(composition: Any) -> list[Any]:
 
 
 @pytest.mark.parametrize("command", ["HOLD", "RESUME", "CANCEL"])
-async def test_only_what_brings_new_steps_overrides(
+async def test_only_commands_with_new_steps_can_override_a_failsafe(
     composition: Any, drone: Any, make: Any, begin: Any, command: str
 ) -> None:
     instruction = await flying(composition, drone, make, begin)
@@ -56,7 +56,7 @@ async def test_only_what_brings_new_steps_overrides(
     assert answer.status_code == 422
 
 
-async def test_a_command_waits_for_a_failsafe_and_says_so(
+async def test_a_command_waits_for_a_failsafe_and_the_answer_says_so(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     instruction = await flying(composition, drone, make, begin, failsafe=ESCAPE)
@@ -68,7 +68,7 @@ async def test_a_command_waits_for_a_failsafe_and_says_so(
     assert await with_steps(composition) == []
 
 
-async def test_a_command_that_waited_is_done_once_the_failsafe_is_over(
+async def test_a_waiting_command_is_carried_out_after_the_failsafe(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     instruction = await flying(composition, drone, make, begin, failsafe=ESCAPE)
@@ -94,7 +94,7 @@ async def test_a_command_that_waited_is_done_once_the_failsafe_is_over(
 @pytest.mark.parametrize(
     ("command", "members"), [("RETURN_HOME", {}), ("DIVERT", {"station_id": "b"})]
 )
-async def test_a_command_that_overrides_the_failsafe_is_sent_at_once(
+async def test_a_command_that_overrides_the_failsafe_is_sent_immediately(
     composition: Any, drone: Any, make: Any, begin: Any, command: str, members: Any
 ) -> None:
     instruction = await flying(composition, drone, make, begin, failsafe=ESCAPE)
@@ -118,7 +118,7 @@ async def test_a_refused_command_raises_an_alarm_and_is_tried_again(
     await composition.replanner.step()
     (sent,) = await with_steps(composition)
 
-    # The failsafe began before the instruction came.
+    # The failsafe began before the instruction arrived.
     await composition.receive(
         in_flight(drone, instruction, failsafe=ESCAPE),
         drone.ack(sent, "REJECTED", code="FAILSAFE_ACTIVE"),
@@ -138,7 +138,7 @@ async def test_a_refused_command_raises_an_alarm_and_is_tried_again(
     assert (again.kind, again.mission_revision) == ("RETURN_HOME", sent.mission_revision + 1)
 
 
-async def test_what_is_never_overridden_is_not_tried_over_and_over(
+async def test_a_failsafe_that_cannot_be_overridden_is_tried_once(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     down = {"fault": "BATTERY_EMPTY", "failsafe": "LAND_NOW", "station_id": None}

@@ -1,4 +1,4 @@
-"""What people did to missions, until the drone has flown it."""
+"""Stories of interventions, from the request until the drone has flown the result."""
 
 from datetime import timedelta
 from typing import Any
@@ -34,7 +34,7 @@ async def cancel(composition: Any, *package_ids: str) -> Any:
 
 
 async def planned_anew(composition: Any) -> Any:
-    """The newest revision that the drone is sent once a plan was looked for."""
+    """Replan, and return the newest revision sent to the drone."""
     await composition.replanner.step()
     return [each for each in await composition.sent() if hasattr(each, "steps")][-1]
 
@@ -54,7 +54,7 @@ async def kept(composition: Any) -> list[tuple[str, str]]:
     return [(row.package_id, f"{row.custodian_kind} {row.custodian_id}") for row in rows]
 
 
-async def test_a_confirmed_drone_is_told_what_it_carries_and_takes_off(
+async def test_after_the_confirmation_the_drone_gets_its_load_and_takes_off(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     instruction = await begin.at_pickup(composition, drone, make)
@@ -70,7 +70,7 @@ async def test_a_confirmed_drone_is_told_what_it_carries_and_takes_off(
     assert await composition.broken() == []
 
 
-async def test_a_delivery_cancelled_in_flight_is_handed_back(
+async def test_a_delivery_cancelled_in_flight_is_returned(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     await begin.loaded(composition, drone, make)
@@ -103,15 +103,15 @@ async def test_one_package_of_two_comes_back_and_the_other_arrives(
     assert await composition.broken() == []
 
 
-async def test_what_is_cancelled_while_the_drone_is_told_to_take_off_comes_back(
+async def test_packages_cancelled_during_the_take_off_instruction_come_back(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     instruction = await begin.at_pickup(composition, drone, make)
     await confirm(composition, instruction.mission_id, p1=0.4)
-    told = await planned_anew(composition)
+    planned = await planned_anew(composition)
     assert (await cancel(composition))["returning"] == ["p1"]
 
-    await composition.receive(drone.ack(told))
+    await composition.receive(drone.ack(planned))
 
     progress = await shown(composition, instruction.mission_id)
     assert progress["mission"]["loading"] == "CONFIRMED"
@@ -124,38 +124,38 @@ async def test_what_is_cancelled_while_the_drone_is_told_to_take_off_comes_back(
     assert "RETURN" in kinds((await planned_anew(composition)).steps)
 
 
-async def test_what_closes_while_the_drone_is_told_to_take_off_is_flown_around(
+async def test_the_drone_avoids_a_closure_made_during_the_take_off_instruction(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     instruction = await begin.at_pickup(composition, drone, make)
     await confirm(composition, instruction.mission_id, p1=0.4)
-    told = await planned_anew(composition)
+    planned = await planned_anew(composition)
     await post(composition, "/v1/stations/c/closures", {"reason": "fire"})
 
-    await composition.receive(drone.ack(told))
+    await composition.receive(drone.ack(planned))
     revision = await planned_anew(composition)
 
-    assert [each.package_id for each in told.loaded] == ["p1"]
+    assert [each.package_id for each in planned.loaded] == ["p1"]
     assert (revision.mission_revision, revision.loaded) == (3, None)
     assert "c" not in {each.to_id for each in revision.steps if each.kind == "FLY"}
 
 
-async def test_what_closes_before_the_drone_is_told_to_take_off_changes_nothing_of_its_load(
+async def test_a_closure_before_the_take_off_instruction_keeps_the_measured_load(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     instruction = await begin.at_pickup(composition, drone, make, "b", "c")
     await confirm(composition, instruction.mission_id, p1=0.4, p2=0.4)
     await post(composition, "/v1/stations/c/closures", {"reason": "fire"})
 
-    told = await planned_anew(composition)
-    await composition.receive(drone.ack(told))
+    planned = await planned_anew(composition)
+    await composition.receive(drone.ack(planned))
 
-    assert [each.package_id for each in told.loaded] == ["p1", "p2"]
+    assert [each.package_id for each in planned.loaded] == ["p1", "p2"]
     progress = await shown(composition, instruction.mission_id)
     assert (progress["mission"]["loading"], progress["trouble"]) == ("CONFIRMED", None)
 
 
-async def test_a_package_cancelled_in_time_is_not_even_loaded(
+async def test_a_package_cancelled_in_time_is_not_loaded(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     await begin.accepted(composition, drone, make, "b", "c")
@@ -170,7 +170,7 @@ async def test_a_package_cancelled_in_time_is_not_even_loaded(
     assert await composition.broken() == []
 
 
-async def test_a_released_package_that_was_taken_anyway_comes_back(
+async def test_a_released_package_that_was_loaded_anyway_comes_back(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     instruction = await begin.accepted(composition, drone, make, "b", "c")
@@ -194,7 +194,7 @@ async def test_a_released_package_that_was_taken_anyway_comes_back(
     assert await composition.broken() == []
 
 
-async def test_a_diverted_drone_lands_where_it_was_told_and_stays_there(
+async def test_a_diverted_drone_lands_at_its_station_and_stays_there(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     instruction = await begin.loaded(composition, drone, make)
@@ -212,7 +212,7 @@ async def test_a_diverted_drone_lands_where_it_was_told_and_stays_there(
     assert (progress["mission"]["is_held"], progress["trouble"]) == (True, None)
 
 
-async def test_a_diverted_drone_delivers_once_it_may_go_on(
+async def test_a_diverted_drone_delivers_after_a_resume(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     instruction = await begin.loaded(composition, drone, make)
@@ -242,7 +242,7 @@ async def test_a_diverted_drone_delivers_once_it_may_go_on(
     assert await composition.broken() == []
 
 
-async def test_a_drone_that_cannot_get_there_stays_held_and_keeps_its_packages(
+async def test_a_drone_that_cannot_be_diverted_stays_held_with_its_packages(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     instruction = await begin.loaded(composition, drone, make)
@@ -258,6 +258,6 @@ async def test_a_drone_that_cannot_get_there_stays_held_and_keeps_its_packages(
     alarms = (await composition("operator:op", "GET", "/v1/alarms")).json()["items"]
     assert [alarm["code"] for alarm in alarms] == ["DIVERSION_IMPOSSIBLE"]
 
-    # What people say then is planned at once.
+    # The next command is planned immediately.
     await give(composition, instruction.mission_id, "RESUME")
     assert (await planned_anew(composition)).mission_revision == 2

@@ -1,4 +1,4 @@
-"""From planned steps to what a drone flies."""
+"""From a planned trip to the steps that a drone flies."""
 
 from typing import Any
 
@@ -50,7 +50,7 @@ def test_a_flight_before_a_recharge_lands(make: Any) -> None:
     assert (recharge.pad, recharge.until_soc) == (1, 0.7)
 
 
-def test_a_recharge_may_last_as_long_as_it_is_booked(make: Any) -> None:
+def test_a_recharge_may_last_as_long_as_its_pad_is_reserved(make: Any) -> None:
     charging = Recharge(
         station_id=B, pad=0, start_s=10.0004, end_s=20.0001, soc_start=0.5, soc_end=0.7
     )
@@ -62,13 +62,13 @@ def test_a_recharge_may_last_as_long_as_it_is_booked(make: Any) -> None:
     assert moment_to_ms(recharge.not_after_at) == 21_001
 
 
-def test_steps_are_numbered_on_from_the_first(make: Any) -> None:
+def test_steps_are_numbered_from_the_given_first_step(make: Any) -> None:
     steps = sent(make, fly(A, B, 0, 10), fly(B, C, 10, 20), first_step=7)
 
     assert [step.step_id for step in steps] == [7, 8]
 
 
-def test_hand_overs_name_the_packages_and_what_they_weigh(make: Any) -> None:
+def test_hand_overs_name_the_packages_and_their_masses(make: Any) -> None:
     pick_up, wait, deliver = sent(
         make,
         PickUp(station_id=A, package_ids=(P1,), start_s=0, end_s=60),

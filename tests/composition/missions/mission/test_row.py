@@ -1,4 +1,4 @@
-"""What was written or read lately is not parsed again; another text always is."""
+"""The cache of JSON values: a recent text is not parsed again, another text is."""
 
 from skyway_composition.missions.mission.row import JsonCache
 
@@ -9,30 +9,30 @@ class Note(JsonModel):
     text: str
 
 
-def test_what_was_written_is_read_as_the_same_value() -> None:
-    known, note = JsonCache(Note), Note(text="a")
+def test_a_written_value_is_read_without_parsing() -> None:
+    cache, note = JsonCache(Note), Note(text="a")
 
-    assert known.read(known.write(note)) is note
-
-
-def test_what_was_read_is_not_parsed_again() -> None:
-    known = JsonCache(Note)
-
-    assert known.read('{"text": "a"}') is known.read('{"text": "a"}')
+    assert cache.read(cache.write(note)) is note
 
 
-def test_a_text_that_somebody_else_wrote_is_parsed() -> None:
-    known = JsonCache(Note)
-    known.write(Note(text="a"))
+def test_a_text_that_was_read_is_not_parsed_again() -> None:
+    cache = JsonCache(Note)
 
-    assert known.read('{"text":"b","of_a_newer_version":1}') == Note(text="b")
+    assert cache.read('{"text": "a"}') is cache.read('{"text": "a"}')
 
 
-def test_what_is_known_for_long_is_parsed_again() -> None:
-    known, note = JsonCache(Note), Note(text="first")
-    text = known.write(note)
+def test_a_text_written_by_another_replica_is_parsed() -> None:
+    cache = JsonCache(Note)
+    cache.write(Note(text="a"))
+
+    assert cache.read('{"text":"b","of_a_newer_version":1}') == Note(text="b")
+
+
+def test_a_value_that_left_the_cache_is_parsed_again() -> None:
+    cache, note = JsonCache(Note), Note(text="first")
+    text = cache.write(note)
     for number in range(500):
-        known.write(Note(text=str(number)))
+        cache.write(Note(text=str(number)))
 
-    assert known.read(text) == note
-    assert known.read(text) is not note
+    assert cache.read(text) == note
+    assert cache.read(text) is not note

@@ -1,4 +1,4 @@
-"""Steps that were cut: what a drone did in them is not forgotten when their numbers are others'."""
+"""Cut steps: their ends are kept when other steps get their numbers."""
 
 from datetime import timedelta
 from typing import Any
@@ -15,7 +15,7 @@ async def totals(composition: Any, mission_id: MissionId) -> dict[str, float]:
         return flown_totals(await ended_events(connection, mission_id))
 
 
-async def test_a_cut_recharge_counts_once_whatever_becomes_of_its_row(
+async def test_a_cut_recharge_counts_once_before_and_after_its_row_is_replaced(
     composition: Any, drone: Any
 ) -> None:
     booking = await composition.book()
@@ -37,7 +37,7 @@ async def test_a_cut_recharge_counts_once_whatever_becomes_of_its_row(
     )
     async with composition.db.write() as tx:
         await keep_cut_step(tx, mission_id, ends[-1].message)
-        # An event that comes again, as one of a drone that was not heard, changes nothing.
+        # A repeated event changes nothing.
         await keep_cut_step(tx, mission_id, ends[-1].message)
 
     assert (await totals(composition, mission_id))["recharging_s"] == 100.0
@@ -48,7 +48,9 @@ async def test_a_cut_recharge_counts_once_whatever_becomes_of_its_row(
     assert (await totals(composition, mission_id))["recharging_s"] == 100.0
 
 
-async def test_the_end_of_a_cut_step_is_kept_when_it_is_told(composition: Any, drone: Any) -> None:
+async def test_the_end_of_a_cut_step_is_saved_when_it_is_reported(
+    composition: Any, drone: Any
+) -> None:
     booking = await composition.book()
     mission_id = booking.missions[0].mission_id
     [instruction] = await composition.sent()

@@ -1,4 +1,4 @@
-"""What a drone did by itself: the cloud goes on from there, and tells people what matters."""
+"""After a failsafe of a drone: composition plans on from there and raises alarms."""
 
 import json
 from datetime import timedelta
@@ -24,7 +24,7 @@ B, C = Position(0.17986, 0.0), Position(2 * 0.17986, 0.0)
 async def failed_at(
     composition: Any, drone: Any, failing: int, station_id: str | None, code: str, **members: Any
 ) -> Any:
-    """The first instruction, once all before this step has ended and it has failed."""
+    """The first instruction, after all steps before this one ended and this one failed."""
     await composition.book()
     (instruction,) = await composition.sent()
     before = drone.flown(instruction)[: failing - 1]
@@ -63,7 +63,9 @@ def health(consumption_factor: float) -> DroneHealth:
     )
 
 
-async def test_from_where_a_failsafe_led_the_drone_it_goes_on(composition: Any, drone: Any) -> None:
+async def test_the_mission_continues_from_where_a_failsafe_led_the_drone(
+    composition: Any, drone: Any
+) -> None:
     first = await failed_at(
         composition, drone, 4, "b", "BATTERY_SHORT", soc=0.3, energy_j=9_000.0, detail="too little"
     )
@@ -75,13 +77,13 @@ async def test_from_where_a_failsafe_led_the_drone_it_goes_on(composition: Any, 
     charge, *onward = revision.steps
     assert (charge.kind, charge.station_id, charge.step_id) == ("RECHARGE", "b", 5)
     assert [each.package_ids for each in onward if isinstance(each, DeliverStep)] == [("p1",)]
-    told = (await composition.reports())[-1]
+    report = (await composition.reports())[-1]
     words = "the drone went back to 'b' on its way to 'c': too little"
-    assert (told.kind, told.code, told.detail) == ("REPLANNED", "BATTERY_SHORT", words)
+    assert (report.kind, report.code, report.detail) == ("REPLANNED", "BATTERY_SHORT", words)
     assert await composition.broken() == []
 
 
-async def test_pads_that_the_drone_does_not_come_to_any_more_are_given_back(
+async def test_pads_that_the_drone_no_longer_needs_are_released(
     composition: Any, drone: Any
 ) -> None:
     first = await failed_at(composition, drone, 2, "a", "GEOFENCE", soc=0.9, energy_j=9_000.0)
@@ -97,7 +99,7 @@ async def test_pads_that_the_drone_does_not_come_to_any_more_are_given_back(
     assert (old.station_id, moment_to_ms(old.not_before_at)) not in held
 
 
-async def test_a_drone_down_in_the_open_ends_its_mission_and_keeps_the_packages(
+async def test_a_forced_landing_ends_the_mission_with_the_packages_on_board(
     composition: Any, drone: Any
 ) -> None:
     first = await failed_at(
@@ -114,7 +116,9 @@ async def test_a_drone_down_in_the_open_ends_its_mission_and_keeps_the_packages(
     assert await composition.broken() == []
 
 
-async def test_people_are_told_where_a_drone_is_down(composition: Any, drone: Any) -> None:
+async def test_an_alarm_says_where_a_drone_has_landed_in_the_open(
+    composition: Any, drone: Any
+) -> None:
     await failed_at(composition, drone, 4, None, "MOTOR_FAILURE", position=IN_THE_OPEN)
 
     (alarm,) = await alarms(composition)
@@ -131,7 +135,7 @@ async def test_people_are_told_where_a_drone_is_down(composition: Any, drone: An
     assert mission["position"] == list(IN_THE_OPEN)
 
 
-async def test_a_drone_is_not_booked_while_it_is_down(composition: Any, drone: Any) -> None:
+async def test_a_drone_that_landed_in_the_open_is_not_booked(composition: Any, drone: Any) -> None:
     await failed_at(composition, drone, 4, None, "MOTOR_FAILURE", position=IN_THE_OPEN)
 
     await composition.receive(drone.state(activity="DOWN", station_id=None, position=IN_THE_OPEN))
@@ -142,7 +146,7 @@ async def test_a_drone_is_not_booked_while_it_is_down(composition: Any, drone: A
     assert (down.outcome, fetched.outcome) == ("BUSY", "BOOKED")
 
 
-async def test_a_down_drone_is_told_to_forget_its_mission(composition: Any, drone: Any) -> None:
+async def test_a_drone_that_landed_in_the_open_gets_a_cancel(composition: Any, drone: Any) -> None:
     first = await failed_at(composition, drone, 4, None, "MOTOR_FAILURE", position=IN_THE_OPEN)
 
     await composition.receive(
@@ -181,7 +185,7 @@ async def test_an_occupied_pad_is_out_of_order_for_a_quarter_of_an_hour(
 
 
 @pytest.mark.parametrize(("faults", "is_left_to_wait"), [(("PAD_OCCUPIED",), True), ((), False)])
-async def test_a_drone_that_waits_for_an_occupied_pad_is_left_to_ask_by_itself(
+async def test_a_drone_that_waits_for_an_occupied_pad_requests_a_plan_itself(
     composition: Any, drone: Any, faults: tuple[str, ...], is_left_to_wait: bool
 ) -> None:
     await composition.book()
@@ -205,7 +209,7 @@ async def test_a_drone_that_waits_for_an_occupied_pad_is_left_to_ask_by_itself(
         soc=0.2,
     )
 
-    # It has charged nothing so far, and no time is left for it on the pad.
+    # It has charged nothing so far, and its time on the pad is over.
     await composition.receive(charging)
     await composition.lagging.step()
 
@@ -227,7 +231,7 @@ async def test_a_drone_waits_for_the_only_pad_that_is_occupied(
     assert moment_to_ms(charge.not_before_at) >= until_ms
 
 
-async def test_whoever_comes_to_an_occupied_pad_gets_another_plan(
+async def test_another_drone_planned_for_an_occupied_pad_gets_another_plan(
     composition: Any, drone: Any, make: Any
 ) -> None:
     await composition.publish(make.network(pads={"b": 1}))
@@ -245,7 +249,7 @@ async def test_whoever_comes_to_an_occupied_pad_gets_another_plan(
     assert is_hit == any(row.station_id == "b" and row.start_ms < until_ms for row in soon)
 
 
-async def test_what_may_have_been_delivered_comes_back_and_people_look(
+async def test_packages_that_may_have_been_delivered_return_and_raise_an_alarm(
     composition: Any, drone: Any
 ) -> None:
     await failed_at(composition, drone, 5, "c", "UNKNOWN", soc=0.9)
@@ -265,7 +269,7 @@ async def test_what_may_have_been_delivered_comes_back_and_people_look(
 
 
 @pytest.mark.parametrize("is_on_board", [False, True])
-async def test_what_may_have_been_loaded_counts_as_the_drone_says(
+async def test_packages_that_may_have_been_loaded_count_as_the_drone_reports(
     composition: Any, drone: Any, is_on_board: bool
 ) -> None:
     named = ("p1",) if is_on_board else ()
@@ -314,14 +318,14 @@ async def test_a_drone_in_headwind_gets_a_plan_that_it_can_fly(
     ("factor", "used", "planned"),
     [(0.9, 0.0, 0.0), (1.02, 0.0, 0.0), (1.03, 0.03, 0.05), (1.31, 0.31, 0.35), (9.0, 3.0, 3.05)],
 )
-def test_what_a_drone_uses_more_is_planned_with_headroom_in_bounds(
+def test_higher_energy_use_is_planned_with_headroom_within_bounds(
     migrated_url: str, factor: float, used: float, planned: float
 ) -> None:
     assert used_more(factor) == pytest.approx(used)
     assert planned_more(factor) == pytest.approx(planned)
 
 
-async def test_a_landing_below_the_reserve_is_not_planned_over_and_over(
+async def test_a_predicted_landing_below_the_reserve_requests_no_plan(
     composition: Any, drone: Any
 ) -> None:
     await composition.book()

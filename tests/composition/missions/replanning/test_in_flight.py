@@ -1,4 +1,4 @@
-"""The world changes under a drone that flies: it is led elsewhere, or down where it is safest."""
+"""Changes during a flight: the drone gets another plan, or lands where it is safest."""
 
 from datetime import timedelta
 from typing import Any
@@ -37,7 +37,7 @@ async def take_off(
 
 
 def flying(drone: Any, instruction: Any, step_id: int, **members: Any) -> Any:
-    """The state of a drone on this flight: all up to its next landing is released."""
+    """The state of a drone on this flight; all steps up to its next landing are released."""
     landing = next(
         step.step_id
         for step in instruction.steps
@@ -67,7 +67,7 @@ async def kinds(composition: Any) -> list[str]:
     return [report.kind for report in await composition.reports()]
 
 
-async def test_a_drone_lands_before_the_station_that_was_closed(
+async def test_a_drone_lands_before_a_closed_station(
     composition: Any, drone: Any, make: Any
 ) -> None:
     first = await take_off(composition, drone, "e", make=make, battery_j=FOR_TWO_FLIGHTS_J)
@@ -87,7 +87,7 @@ async def test_a_drone_lands_before_the_station_that_was_closed(
     assert await composition.broken() == []
 
 
-async def test_a_drone_lands_before_a_station_where_it_cannot_charge_any_more(
+async def test_a_drone_lands_before_a_station_whose_pad_is_out_of_order(
     composition: Any, drone: Any, make: Any
 ) -> None:
     first = await take_off(composition, drone, "e", make=make, battery_j=FOR_TWO_FLIGHTS_J)
@@ -108,7 +108,7 @@ async def test_a_drone_lands_before_a_station_where_it_cannot_charge_any_more(
     assert await composition.broken() == []
 
 
-async def test_packages_whose_recipient_cannot_be_reached_any_more_go_back(
+async def test_packages_go_back_when_their_recipient_cannot_be_reached(
     composition: Any, drone: Any, make: Any
 ) -> None:
     await take_off(composition, drone, "c", make=make)
@@ -143,7 +143,7 @@ async def test_a_package_goes_to_its_alternative_when_its_destination_is_closed(
     assert "RETURNING" not in await kinds(composition)
 
 
-async def test_a_drone_that_can_land_nowhere_else_lands_where_it_flies_to(
+async def test_a_drone_without_another_landing_lands_at_the_closed_station(
     composition: Any, drone: Any, make: Any
 ) -> None:
     first = await take_off(composition, drone, "c", make=make)
@@ -162,7 +162,7 @@ async def test_a_drone_that_can_land_nowhere_else_lands_where_it_flies_to(
     assert (replanned.kind, replanned.mission.given_up) == ("REPLANNED", "OUT_OF_RANGE")
     assert (replanned.etas, replanned.mission.packages) == ((), ())
 
-    # Its state is the last to come, so that where it stands is known from its events alone.
+    # Its state comes last, so that only its events say where it stands.
     await composition.receive(*drone.ended(first, [first.steps[1]]), *drone.flown(revision))
 
     report = (await composition.reports())[-1]
@@ -175,7 +175,7 @@ async def test_a_drone_that_can_land_nowhere_else_lands_where_it_flies_to(
     assert await composition.broken() == []
 
 
-async def test_a_drone_over_a_closed_station_lands_at_the_next_one_it_can_reach(
+async def test_a_drone_over_a_closed_station_lands_at_the_next_station_in_reach(
     composition: Any, drone: Any, make: Any
 ) -> None:
     await take_off(composition, drone, "b", make=make, battery_j=FOR_TWO_FLIGHTS_J)
@@ -195,7 +195,7 @@ async def test_a_late_drone_gets_another_plan_before_its_pad_is_lost(
     first = await take_off(composition, drone, "c", make=make)
     recharge = first.steps[2]
     assert isinstance(recharge, RechargeStep)
-    # Word of what it has done may be on its way for half a minute.
+    # Its reports may be on their way for half a minute.
     late = timedelta(seconds=30)
     composition.clock.advance(recharge.not_after_at + late - composition.clock.now())
 
@@ -206,10 +206,10 @@ async def test_a_late_drone_gets_another_plan_before_its_pad_is_lost(
     assert "pad" in (report.detail or "")
 
 
-async def test_the_margin_makes_up_for_a_lateness_that_is_tolerated(
+async def test_the_energy_margin_covers_a_tolerated_delay(
     composition: Any, drone: Any, make: Any
 ) -> None:
-    """A minute late, it charges a little less than planned, and that is enough all the same."""
+    """A minute late, the drone charges a little less than planned, which is still enough."""
     first = await take_off(composition, drone, "c", make=make)
     flight = first.steps[1]
     late_at = flight.planned_end_at + timedelta(seconds=60)
@@ -223,12 +223,12 @@ async def test_the_margin_makes_up_for_a_lateness_that_is_tolerated(
     assert "REPLANNING" not in await kinds(composition)
 
 
-async def test_a_drone_that_used_too_much_gets_another_plan(
+async def test_a_drone_that_used_too_much_energy_gets_another_plan(
     composition: Any, drone: Any, make: Any
 ) -> None:
     first = await take_off(composition, drone, "c", make=make)
 
-    # Little is left for the recharge, whose session is too short for all that is missing now.
+    # Its charge is low, and the recharge session is too short for the missing charge.
     await composition.receive(*drone.ended(first, [first.steps[1]], soc=0.62))
 
     report = (await composition.reports())[-1]
@@ -238,7 +238,7 @@ async def test_a_drone_that_used_too_much_gets_another_plan(
 async def charge_short(
     composition: Any, drone: Any, *, make: Any, lacking_soc: float, faults: tuple[str, ...] = ()
 ) -> None:
-    """The drone's first recharge, which began with these faults, ends with so much less charge."""
+    """The drone's first recharge, begun with these faults, ends short by this charge."""
     first = await take_off(composition, drone, "c", make=make)
     flight, recharge = first.steps[1:3]
     await composition.receive(*drone.ended(first, [flight]))
@@ -271,7 +271,7 @@ async def test_a_short_charge_leads_to_another_plan(
     assert (report.kind, report.code) == ("REPLANNING", "SHORT_CHARGE")
 
 
-async def test_a_short_charge_that_still_does_changes_nothing(
+async def test_a_short_charge_that_is_still_enough_changes_nothing(
     composition: Any, drone: Any, make: Any
 ) -> None:
     await charge_short(composition, drone, make=make, lacking_soc=0.0005)
@@ -279,12 +279,12 @@ async def test_a_short_charge_that_still_does_changes_nothing(
     assert "REPLANNING" not in await kinds(composition)
 
 
-async def test_word_that_comes_late_does_not_make_a_drone_late(
+async def test_a_late_message_does_not_make_a_drone_late(
     composition: Any, drone: Any, make: Any
 ) -> None:
     first = await take_off(composition, drone, "c", make=make)
     flight, recharge = first.steps[1:3]
-    # Word that took 0.6 s of wall time: the drone charges by now, whatever we know of it.
+    # A message that took 0.6 s of wall time: the drone charges by now, though not reported yet.
     composition.clock.rate = 1000.0
     late = timedelta(seconds=600)
     composition.clock.advance(recharge.not_before_at + late - composition.clock.now())
@@ -294,7 +294,7 @@ async def test_word_that_comes_late_does_not_make_a_drone_late(
     assert "REPLANNING" not in await kinds(composition)
 
 
-async def test_a_drone_may_ask_for_another_plan(composition: Any, drone: Any, make: Any) -> None:
+async def test_a_drone_may_request_another_plan(composition: Any, drone: Any, make: Any) -> None:
     first = await take_off(composition, drone, "c", make=make)
     asks = drone.event("ALARM", mission_id=first.mission_id, code="PLAN_WANTED", detail="head wind")
 
@@ -308,7 +308,9 @@ async def test_a_drone_may_ask_for_another_plan(composition: Any, drone: Any, ma
     ]
 
 
-async def test_nobody_there_sends_the_package_back(composition: Any, drone: Any, make: Any) -> None:
+async def test_a_package_goes_back_when_its_recipient_is_absent(
+    composition: Any, drone: Any, make: Any
+) -> None:
     first = await take_off(composition, drone, "c", make=make)
     *before, deliver = first.steps[1:5]
     absent = drone.ended(first, before)
@@ -327,8 +329,8 @@ async def test_nobody_there_sends_the_package_back(composition: Any, drone: Any,
     (revision,) = await composition.sent()
     (back,) = [step for step in revision.steps if isinstance(step, ReturnStep)]
     assert (back.station_id, back.package_ids) == ("a", ("p1",))
-    told = [(each.kind, each.code) for each in await composition.reports()][-3:]
-    assert told == [
+    reports = [(each.kind, each.code) for each in await composition.reports()][-3:]
+    assert reports == [
         ("RETURNING", "RECIPIENT_ABSENT"),
         ("REPLANNING", "RECIPIENT_ABSENT"),
         ("REPLANNED", "RECIPIENT_ABSENT"),

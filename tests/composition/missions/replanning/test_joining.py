@@ -1,4 +1,4 @@
-"""The flight before a diversion is kept as its drone flies it: on over its end, or to land."""
+"""The flight before a diversion: the steps after it decide whether it lands."""
 
 from typing import Any
 
@@ -15,7 +15,7 @@ pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 
 
 async def joined(composition: Any, step: Any) -> bool:
-    """Whether the first flight of a mission lands once this step is to follow it."""
+    """Whether the first flight of a mission lands when this step follows it."""
     async with composition.db.write() as tx:
         record = await get(tx.connection, MissionId("msn_000001"), provider_id=None)
         assert record is not None
@@ -29,15 +29,15 @@ async def joined(composition: Any, step: Any) -> bool:
         )
         await adjust_last_flight(tx, record.mission_id, proposal)
     async with composition.db.read() as connection:
-        known = await steps_of(connection, MissionId("msn_000001"))
-    (flight,) = [each.step for each in known if each.step.step_id == step.step_id - 1]
+        steps = await steps_of(connection, MissionId("msn_000001"))
+    (flight,) = [each.step for each in steps if each.step.step_id == step.step_id - 1]
     assert isinstance(flight, FlyStep)
     rows = await composition.rows("SELECT lands FROM mission_steps WHERE step_id = 2")
     assert [bool(row.lands) for row in rows] == [flight.lands]
     return flight.lands
 
 
-async def test_a_flight_flies_on_before_a_flight_and_lands_before_a_wait(composition: Any) -> None:
+async def test_a_flight_lands_before_a_wait_but_not_before_a_flight(composition: Any) -> None:
     await composition.book()
     (instruction,) = await composition.sent()
     flight, stop = instruction.steps[1:3]

@@ -1,4 +1,4 @@
-"""A revision for a drone that flies counts once the drone has taken it."""
+"""A revision for a flying drone becomes its plan once the drone has accepted it."""
 
 import json
 from datetime import timedelta
@@ -27,7 +27,7 @@ LATE_WIND = Trouble(code="PLAN_WANTED", detail="the wind has turned")
 
 
 async def flying(composition: Any, drone: Any) -> Any:
-    """The instruction of a drone that is on its first flight, with the packages."""
+    """The instruction of a drone on its first flight, with the packages on board."""
     await composition.book()
     (instruction,) = await composition.sent()
     pick_up, flight = instruction.steps[:2]
@@ -62,7 +62,7 @@ async def trouble(composition: Any, why: Trouble = LATE_WIND) -> None:
 
 
 async def proposed(composition: Any, drone: Any) -> tuple[Any, Any]:
-    """What the drone flies by, and what was proposed to it instead."""
+    """The instruction that the drone flies, and the proposal to replace it."""
     first = await flying(composition, drone)
     await trouble(composition)
     await composition.replanner.step()
@@ -71,7 +71,7 @@ async def proposed(composition: Any, drone: Any) -> tuple[Any, Any]:
 
 
 def windows(instruction: Any) -> list[tuple[str, int, int, int]]:
-    """The pads of an instruction's steps as they are booked, with the gap of 120 s."""
+    """The pads of an instruction's steps as they are reserved, with the gap of 120 s."""
     return [
         (each.station_id, each.pad, each.start_ms, each.end_ms)
         for each in pads_of(instruction.steps, pad_gap_s=120.0)
@@ -112,7 +112,7 @@ async def test_a_flying_drone_is_sent_a_plan_from_its_next_landing(
     assert kinds[-1] == "REPLANNING"
 
 
-async def test_until_the_drone_answers_both_plans_hold_their_pads(
+async def test_the_pads_of_both_plans_are_reserved_until_the_drone_answers(
     composition: Any, drone: Any
 ) -> None:
     first, proposal = await proposed(composition, drone)
@@ -125,9 +125,7 @@ async def test_until_the_drone_answers_both_plans_hold_their_pads(
     assert await composition.broken() == []
 
 
-async def test_an_accepted_proposal_is_the_mission_from_then_on(
-    composition: Any, drone: Any
-) -> None:
+async def test_an_accepted_proposal_becomes_the_plan(composition: Any, drone: Any) -> None:
     _, proposal = await proposed(composition, drone)
 
     await composition.receive(drone.ack(proposal))
@@ -155,7 +153,7 @@ async def test_a_rejected_proposal_leaves_the_mission_as_it_was(
     assert await composition.broken() == []
 
 
-async def test_after_a_rejection_another_plan_is_made_from_what_the_drone_says(
+async def test_after_a_rejection_another_plan_begins_where_the_drone_reports(
     composition: Any, drone: Any
 ) -> None:
     first, proposal = await proposed(composition, drone)
@@ -187,7 +185,7 @@ async def test_after_a_rejection_another_plan_is_made_from_what_the_drone_says(
 
 
 async def diverted_from_its_pad(composition: Any, drone: Any) -> tuple[Any, Any]:
-    """The first instruction, and the one that cuts the recharge the drone is at."""
+    """The first instruction, and the DIVERT that cuts the drone's present recharge."""
     first, proposal = await proposed(composition, drone)
     await composition.receive(
         drone.ack(proposal, "REJECTED", code="STEP_RELEASED"),
@@ -220,7 +218,7 @@ def cut(drone: Any, step: Any, instruction: Any) -> Any:
     return type(ended)(ended.topic, ended.ids, message, retained=False)
 
 
-async def test_a_recharge_that_was_cut_leaves_the_new_step_of_its_number(
+async def test_a_cut_recharge_does_not_end_the_new_step_with_its_number(
     composition: Any, drone: Any
 ) -> None:
     first, divert = await diverted_from_its_pad(composition, drone)
@@ -231,7 +229,7 @@ async def test_a_recharge_that_was_cut_leaves_the_new_step_of_its_number(
     assert await composition.broken() == []
 
 
-async def test_what_was_found_while_a_proposal_was_on_its_way_is_compared_with_it(
+async def test_a_change_during_a_proposal_is_checked_against_the_new_plan(
     composition: Any, drone: Any
 ) -> None:
     first, divert = await diverted_from_its_pad(composition, drone)
@@ -249,7 +247,7 @@ async def test_what_was_found_while_a_proposal_was_on_its_way_is_compared_with_i
 
 
 @pytest.mark.parametrize("is_told_first", ["state", "event"])
-async def test_a_drone_that_flies_by_a_proposal_has_taken_it(
+async def test_a_report_with_the_proposed_revision_accepts_the_proposal(
     composition: Any, drone: Any, is_told_first: str
 ) -> None:
     first, proposal = await proposed(composition, drone)
@@ -264,7 +262,7 @@ async def test_a_drone_that_flies_by_a_proposal_has_taken_it(
         code="PAD_LOST",
     )
 
-    # Its answer was lost: it says so again once it has heard the proposal again.
+    # Its answer was lost: the drone answers again when the proposal is repeated.
     await composition.receive(*landed, *([on_pad] if is_told_first == "state" else []), lost)
     await composition.receive(drone.ack(proposal))
 
@@ -276,7 +274,9 @@ async def test_a_drone_that_flies_by_a_proposal_has_taken_it(
     assert await composition.broken() == []
 
 
-async def test_a_state_alone_tells_that_a_proposal_was_taken(composition: Any, drone: Any) -> None:
+async def test_a_state_of_the_proposed_revision_accepts_the_proposal(
+    composition: Any, drone: Any
+) -> None:
     first, proposal = await proposed(composition, drone)
     on_pad = at_its_pad(drone, proposal, activity="WAITING", released_through=2)
 
@@ -288,9 +288,7 @@ async def test_a_state_alone_tells_that_a_proposal_was_taken(composition: Any, d
     assert await composition.broken() == []
 
 
-async def test_a_newer_trouble_is_planned_for_after_the_answer(
-    composition: Any, drone: Any
-) -> None:
+async def test_a_newer_trouble_is_planned_after_the_answer(composition: Any, drone: Any) -> None:
     _, proposal = await proposed(composition, drone)
     await trouble(composition, Trouble(code="STATION_CLOSED", detail="c is closed"))
 
@@ -302,7 +300,7 @@ async def test_a_newer_trouble_is_planned_for_after_the_answer(
     assert [each.mission_revision for each in await composition.sent()] == [3]
 
 
-async def test_a_recharge_that_ends_early_gives_its_pad_back_after_the_gap(
+async def test_a_recharge_that_ends_early_releases_its_pad_after_the_gap(
     composition: Any, drone: Any
 ) -> None:
     first = await flying(composition, drone)

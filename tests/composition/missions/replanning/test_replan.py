@@ -1,4 +1,4 @@
-"""Re-composition: a drone that stands and waits is given another way."""
+"""Replanning: a drone that stands and waits gets another plan."""
 
 from dataclasses import replace
 from datetime import timedelta
@@ -28,7 +28,7 @@ async def flown_until(
     soc: float = 0.9,
     code: str = "PAD_LOST",
 ) -> Any:
-    """The mission's instruction, after all steps before `failing` ended and that one failed."""
+    """The mission's instruction, after all steps before `failing` ended and `failing` failed."""
     await composition.book(*candidates, delivery_id=f"dlv_of_{drone.drone_id}")
     (instruction,) = await composition.sent(drone.drone_id)
     events = drone.flown(instruction)[: failing - 1]
@@ -63,7 +63,7 @@ async def test_a_failed_step_leads_to_a_revision_from_where_the_drone_stands(
     assert await composition.broken() == []
 
 
-async def test_the_customer_is_told_of_the_new_plan(composition: Any, drone: Any) -> None:
+async def test_a_new_plan_is_reported_to_the_customer(composition: Any, drone: Any) -> None:
     await flown_until(composition, drone, failing=3, station_id="b")
 
     await composition.replanner.step()
@@ -87,7 +87,7 @@ async def test_a_revision_is_flown_to_the_end(composition: Any, drone: Any) -> N
     assert await composition.broken() == []
 
 
-async def test_a_mission_fails_before_the_pickup_and_still_fetches_the_packages(
+async def test_after_a_failure_before_the_pickup_the_packages_are_still_fetched(
     composition: Any, drone: Any, make: Any
 ) -> None:
     await composition.book(make.candidate(station_id="b"))
@@ -103,7 +103,9 @@ async def test_a_mission_fails_before_the_pickup_and_still_fetches_the_packages(
     assert any(isinstance(step, PickUpStep) for step in revision.steps)
 
 
-async def test_a_failure_on_the_way_home_is_planned_home_only(composition: Any, drone: Any) -> None:
+async def test_after_a_failure_on_the_way_home_only_the_way_home_is_planned(
+    composition: Any, drone: Any
+) -> None:
     await composition.book()
     (instruction,) = await composition.sent()
     delivered = next(step for step in instruction.steps if isinstance(step, DeliverStep))
@@ -125,7 +127,7 @@ async def test_a_failure_on_the_way_home_is_planned_home_only(composition: Any, 
     assert revision.steps[-1].station_id == "a"
 
 
-async def test_a_refused_revision_is_planned_again_after_what_the_drone_released(
+async def test_after_a_refused_revision_the_next_plan_follows_the_released_steps(
     composition: Any, drone: Any
 ) -> None:
     first = await flown_until(composition, drone, failing=3, station_id="b")
@@ -142,7 +144,7 @@ async def test_a_refused_revision_is_planned_again_after_what_the_drone_released
     assert (another.mission_revision, another.first_step) == (3, 7)
 
 
-async def test_without_a_way_to_the_recipient_the_packages_go_back(
+async def test_without_a_route_to_the_recipient_the_packages_go_back(
     composition: Any, drone: Any, make: Any
 ) -> None:
     await flown_until(composition, drone, failing=3, station_id="b")
@@ -168,7 +170,7 @@ async def test_without_a_way_to_the_recipient_the_packages_go_back(
     assert await composition.broken() == []
 
 
-async def test_without_any_way_the_packages_are_stranded_where_the_drone_stands(
+async def test_without_any_route_the_packages_are_stranded_where_the_drone_stands(
     composition: Any, drone: Any, make: Any
 ) -> None:
     first = await flown_until(composition, drone, failing=3, station_id="b")
@@ -210,9 +212,7 @@ async def test_a_lost_journal_in_flight_leads_to_a_revision_in_a_new_stream(
     assert (revision.stream, revision.seq, revision.mission_revision) == (2, 1, 2)
 
 
-async def test_a_drone_that_lost_its_journal_hears_what_it_carries(
-    composition: Any, drone: Any
-) -> None:
+async def test_a_drone_that_lost_its_journal_is_sent_its_load(composition: Any, drone: Any) -> None:
     await composition.book()
     (instruction,) = await composition.sent()
     pick_up, *_ = drone.flown(instruction)
@@ -231,7 +231,7 @@ async def test_a_drone_that_lost_its_journal_hears_what_it_carries(
     assert await composition.broken() == []
 
 
-async def test_a_drone_that_came_below_its_reserve_charges_where_it_stands_and_goes_on(
+async def test_a_drone_below_its_reserve_charges_where_it_stands_first(
     composition: Any, drone: Any, make: Any
 ) -> None:
     keeps_some = make.candidate(model=KEEPS_A_TENTH)
@@ -247,13 +247,13 @@ async def test_a_drone_that_came_below_its_reserve_charges_where_it_stands_and_g
 
 
 class FailsAt:
-    """`OccupiedPads` that fail as a database does that is away for a moment."""
+    """`OccupiedPads` that fail like a database that is away for a moment."""
 
     async def close(self, _record: Any) -> None:
         raise ServiceUnavailable("the database", "it is away")
 
 
-async def test_a_mission_that_cannot_be_planned_for_keeps_no_other_from_it(
+async def test_an_error_for_one_mission_does_not_stop_planning_for_others(
     composition: Any, drone: Any, make: Any
 ) -> None:
     other = type(drone)(composition, drone_id="drn_2")
@@ -265,13 +265,13 @@ async def test_a_mission_that_cannot_be_planned_for_keeps_no_other_from_it(
         await failing.step()
 
     assert [each.mission_revision for each in await composition.sent("drn_2")] == [2]
-    # Whoever comes after it finds the claim over soon.
+    # The claim of the failed mission is over soon.
     composition.clock.advance(timedelta(seconds=6))
     await composition.replanner.step()
     assert [each.mission_revision for each in await composition.sent("drn_1")] == [2]
 
 
-async def test_a_plan_that_is_wanted_at_once_meanwhile_is_not_put_off(
+async def test_a_plan_requested_during_planning_is_not_put_off(
     composition: Any, drone: Any
 ) -> None:
     first = await flown_until(composition, drone, failing=3, station_id="b")
@@ -290,7 +290,9 @@ async def test_a_plan_that_is_wanted_at_once_meanwhile_is_not_put_off(
     assert found == [[], ["drn_1"]]
 
 
-async def test_a_drone_that_takes_no_revision_is_told_of_once(composition: Any, drone: Any) -> None:
+async def test_a_drone_that_refuses_all_revisions_raises_one_alarm(
+    composition: Any, drone: Any
+) -> None:
     await composition.book()
     (first,) = await composition.sent()
     pick_up, flight = first.steps[:2]

@@ -1,4 +1,4 @@
-"""A late drone meets what would have closed behind it."""
+"""A late drone may meet closures that begin after its planned time."""
 
 from datetime import datetime, timedelta
 from typing import Any
@@ -17,7 +17,7 @@ B_DEG = 0.17986
 async def take_off_for_b(
     composition: Any, drone: Any, make: Any, **model_members: Any
 ) -> tuple[Any, FlyStep]:
-    """The instruction of a drone that flies to b, and that flight."""
+    """The instruction of a drone that flies to b, and this flight."""
     candidate = make.candidate()
     members = {"battery_j": FOR_TWO_FLIGHTS_J, **model_members}
     model = candidate.model.model_copy(update=members)
@@ -52,33 +52,33 @@ async def close(composition: Any, from_at: datetime) -> None:
     assert answer.status_code == 201, answer.text
 
 
-async def told(composition: Any) -> list[str | None]:
+async def reports_of(composition: Any) -> list[str | None]:
     reports = await composition.reports()
     return [each.code for each in reports if each.kind == "REPLANNING"]
 
 
-async def test_a_drone_that_comes_only_after_a_station_closes_is_led_elsewhere(
+async def test_a_drone_that_would_arrive_after_a_closure_gets_another_plan(
     composition: Any, drone: Any, make: Any
 ) -> None:
     instruction, flight = await take_off_for_b(composition, drone, make)
     await close(composition, flight.planned_end_at + timedelta(minutes=5))
-    assert await told(composition) == []
+    assert await reports_of(composition) == []
     composition.clock.advance(
         flight.planned_end_at + timedelta(minutes=1) - composition.clock.now()
     )
-    # Half of the way, a third of an hour, lies ahead.
+    # Half of the flight, a third of an hour, lies ahead.
     await composition.receive(flying(drone, instruction, position=(B_DEG / 2, 0.0)))
 
     await composition.lagging.step()
     await composition.replanner.step()
 
-    assert await told(composition) == ["LATE"]
+    assert await reports_of(composition) == ["LATE"]
     (divert,) = await composition.sent()
     assert (divert.kind, divert.last_valid_step) == ("DIVERT", 2)
     assert divert.steps[0].kind == "FLY"
 
 
-async def test_a_late_drone_that_still_comes_in_time_is_let_be(
+async def test_a_late_drone_that_still_arrives_in_time_keeps_its_plan(
     composition: Any, drone: Any, make: Any
 ) -> None:
     instruction, flight = await take_off_for_b(composition, drone, make)
@@ -90,13 +90,13 @@ async def test_a_late_drone_that_still_comes_in_time_is_let_be(
 
     await composition.lagging.step()
 
-    assert await told(composition) == []
+    assert await reports_of(composition) == []
 
 
-async def test_what_was_closed_when_it_was_planned_to_land_there_is_no_news(
+async def test_a_landing_planned_at_a_closed_station_is_no_new_trouble(
     composition: Any, drone: Any, make: Any
 ) -> None:
-    """With half of that battery the drone reaches nothing else."""
+    """With half the battery the drone reaches no other station."""
     _, flight = await take_off_for_b(composition, drone, make, battery_j=FOR_TWO_FLIGHTS_J / 2)
     await close(composition, composition.clock.now())
     await composition.replanner.step()
@@ -108,4 +108,4 @@ async def test_what_was_closed_when_it_was_planned_to_land_there_is_no_news(
     await composition.lagging.step()
 
     assert [each.kind for each in revision.steps] == ["RETURN"]
-    assert await told(composition) == ["STATION_CLOSED"]
+    assert await reports_of(composition) == ["STATION_CLOSED"]

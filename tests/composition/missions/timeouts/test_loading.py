@@ -1,4 +1,4 @@
-"""Nobody waits for a loader for ever."""
+"""A drone waits for its loader for a limited time."""
 
 from datetime import timedelta
 from typing import Any
@@ -14,7 +14,7 @@ async def sweep(composition: Any) -> None:
     await LoadingTimeouts(parts.db, parts.networks, parts.clock, parts.mint).step()
 
 
-async def test_a_drone_that_nobody_loads_is_free_again(
+async def test_a_drone_without_a_loader_becomes_free_again(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     instruction = await begin.at_pickup(composition, drone, make)
@@ -30,7 +30,7 @@ async def test_a_drone_that_nobody_loads_is_free_again(
     assert await composition.broken() == []
 
 
-async def test_a_loader_has_all_the_time_that_the_network_gives(
+async def test_a_loader_has_the_time_that_the_network_sets(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     instruction = await begin.at_pickup(composition, drone, make)
@@ -57,7 +57,7 @@ async def test_on_a_fast_clock_a_loader_has_ten_wall_seconds(
     assert await composition.state_of(instruction.mission_id) == "CANCELLED"
 
 
-async def test_the_time_begins_when_the_drone_comes(
+async def test_the_loading_timeout_begins_when_the_drone_arrives(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     await composition.book(make.candidate(loading="CONFIRMED", station_id="b"))
@@ -88,7 +88,7 @@ async def test_the_time_begins_when_the_drone_comes(
     assert await composition.state_of(instruction.mission_id) == "CANCELLED"
 
 
-async def test_no_loader_is_late_for_a_drone_that_never_came(
+async def test_a_drone_that_never_arrived_does_not_time_out(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     instruction = await begin.accepted(composition, drone, make, loading="CONFIRMED")
@@ -99,7 +99,7 @@ async def test_no_loader_is_late_for_a_drone_that_never_came(
     assert await composition.state_of(instruction.mission_id) == "ACCEPTED"
 
 
-async def test_what_was_confirmed_in_time_is_not_given_up(
+async def test_a_loading_confirmed_in_time_does_not_time_out(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     instruction = await begin.at_pickup(composition, drone, make)
@@ -114,7 +114,7 @@ async def test_what_was_confirmed_in_time_is_not_given_up(
     assert await composition.state_of(instruction.mission_id) == "ACTIVE"
 
 
-async def test_while_an_operator_holds_the_drone_no_loader_is_late(
+async def test_a_held_drone_does_not_time_out(
     composition: Any, drone: Any, make: Any, begin: Any
 ) -> None:
     instruction = await begin.at_pickup(composition, drone, make)

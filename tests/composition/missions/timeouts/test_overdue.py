@@ -1,4 +1,4 @@
-"""Drones that say nothing: given up in bounded time, never while they may fly."""
+"""Missions of silent drones end in bounded time, but never while the drones may fly."""
 
 from datetime import timedelta
 from typing import Any
@@ -22,7 +22,9 @@ async def sweep_after(composition: Any, span: timedelta) -> None:
     await composition.overdue.step()
 
 
-async def test_a_lost_drone_that_never_answered_is_given_up(composition: Any, drone: Any) -> None:
+async def test_an_expired_booking_of_a_disconnected_drone_is_given_up(
+    composition: Any, drone: Any
+) -> None:
     instruction = await booked(composition)
     await composition.receive(drone.connection("LOST"))
 
@@ -34,7 +36,7 @@ async def test_a_lost_drone_that_never_answered_is_given_up(composition: Any, dr
     assert await composition.reservations() == []
 
 
-async def test_the_word_of_a_lost_drone_may_still_be_on_its_way(
+async def test_a_booking_is_kept_while_a_late_ack_may_still_arrive(
     composition: Any, drone: Any
 ) -> None:
     instruction = await booked(composition)
@@ -47,7 +49,7 @@ async def test_the_word_of_a_lost_drone_may_still_be_on_its_way(
     assert await composition.state_of(instruction.mission_id) == "ACCEPTED"
 
 
-async def test_before_the_instruction_expires_nobody_is_given_up(
+async def test_no_booking_is_given_up_before_its_instruction_expires(
     composition: Any, drone: Any
 ) -> None:
     instruction = await booked(composition)
@@ -58,7 +60,7 @@ async def test_before_the_instruction_expires_nobody_is_given_up(
     assert await composition.state_of(instruction.mission_id) == "BOOKED"
 
 
-async def test_a_silent_drone_may_still_have_taken_the_mission(composition: Any) -> None:
+async def test_an_expired_booking_of_a_silent_drone_is_kept_at_first(composition: Any) -> None:
     instruction = await booked(composition)
 
     await sweep_after(composition, EXPIRY)
@@ -66,7 +68,7 @@ async def test_a_silent_drone_may_still_have_taken_the_mission(composition: Any)
     assert await composition.state_of(instruction.mission_id) == "BOOKED"
 
 
-async def test_a_drone_that_does_something_else_after_the_expiry_is_free(
+async def test_a_drone_that_reports_another_activity_after_the_expiry_is_free(
     composition: Any, drone: Any
 ) -> None:
     instruction = await booked(composition)
@@ -78,7 +80,7 @@ async def test_a_drone_that_does_something_else_after_the_expiry_is_free(
     assert await composition.state_of(instruction.mission_id) == "REFUSED"
 
 
-async def test_a_drone_that_flies_it_without_our_knowing_is_left_alone(
+async def test_a_drone_that_flies_an_expired_booking_is_left_alone(
     composition: Any, drone: Any
 ) -> None:
     instruction = await booked(composition)
@@ -90,7 +92,7 @@ async def test_a_drone_that_flies_it_without_our_knowing_is_left_alone(
     assert await composition.state_of(instruction.mission_id) == "BOOKED"
 
 
-async def test_a_booking_that_nobody_ever_answers_ends_in_bounded_time(composition: Any) -> None:
+async def test_an_unanswered_booking_ends_in_bounded_time(composition: Any) -> None:
     instruction = await booked(composition)
 
     await sweep_after(composition, timedelta(days=1))
@@ -98,7 +100,7 @@ async def test_a_booking_that_nobody_ever_answers_ends_in_bounded_time(compositi
     assert await composition.state_of(instruction.mission_id) == "REFUSED"
 
 
-async def test_a_drone_silent_long_after_its_plan_is_aborted_with_what_it_carries(
+async def test_a_mission_of_a_long_silent_drone_is_aborted_with_its_packages(
     composition: Any, drone: Any
 ) -> None:
     instruction = await booked(composition)
@@ -114,7 +116,9 @@ async def test_a_drone_silent_long_after_its_plan_is_aborted_with_what_it_carrie
     assert await composition.broken() == []
 
 
-async def test_a_late_drone_that_still_flies_is_not_aborted(composition: Any, drone: Any) -> None:
+async def test_a_mission_of_a_late_but_flying_drone_is_not_aborted(
+    composition: Any, drone: Any
+) -> None:
     instruction = await booked(composition)
     await composition.receive(drone.ack(instruction))
     composition.clock.advance(timedelta(days=1))
@@ -125,7 +129,7 @@ async def test_a_late_drone_that_still_flies_is_not_aborted(composition: Any, dr
     assert await composition.state_of(instruction.mission_id) == "ACCEPTED"
 
 
-async def test_a_drone_that_flies_what_was_given_up_is_called_off_again_and_again(
+async def test_a_drone_that_flies_a_given_up_mission_gets_repeated_cancels(
     composition: Any, drone: Any
 ) -> None:
     instruction = await booked(composition)
@@ -137,7 +141,7 @@ async def test_a_drone_that_flies_what_was_given_up_is_called_off_again_and_agai
     (_, first) = await composition.sent()
     await composition.receive(drone.state(**flying))
     await composition.receive(drone.ack(first, "REJECTED", code="STEP_RELEASED"))
-    # Its answer changes its state: told at once, they would talk for ever.
+    # The answer changes the drone's state: an immediate CANCEL would repeat without end.
     await composition.receive(drone.state(**flying))
     assert [each.kind for each in await composition.sent()] == ["MISSION"]
     composition.clock.advance(first.expires_at - composition.clock.now() + timedelta(seconds=1))
@@ -148,7 +152,7 @@ async def test_a_drone_that_flies_what_was_given_up_is_called_off_again_and_agai
     assert again.seq == first.seq + 1
 
 
-async def test_a_state_that_names_a_mission_of_nobody_calls_nothing_off(
+async def test_a_state_with_an_unknown_mission_sends_no_cancel(
     composition: Any, drone: Any
 ) -> None:
     instruction = await booked(composition)

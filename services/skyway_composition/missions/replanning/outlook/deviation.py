@@ -26,7 +26,7 @@ class Closed(Protocol):
     """What is closed, as the flights of a plan need to know it."""
 
     def closes_landing(self, station_id: StationId, at_ms: float) -> bool:
-        """Whether nobody may land there at that moment."""
+        """Whether the station is closed at that moment."""
         ...
 
     def closes_segment(

@@ -1,4 +1,4 @@
-"""Drones that wait to begin: looked at only when they are not as they were booked."""
+"""Drones that wait to begin: their plans are checked only when something has changed."""
 
 from datetime import timedelta
 from typing import Any
@@ -21,7 +21,7 @@ HEALTH = {
 
 @pytest.fixture
 async def ready(composition: Any, drone: Any) -> dict[str, Any]:
-    """What a drone says that waits to begin an accepted mission."""
+    """The state of a drone that waits to begin an accepted mission."""
     await composition.receive(drone.state(stream=0))
     await composition.book()
     (instruction,) = await composition.sent()
@@ -33,7 +33,7 @@ async def troubles(composition: Any) -> list[str | None]:
     return [row.trouble for row in await composition.rows("SELECT trouble FROM missions")]
 
 
-async def test_a_drone_that_stands_as_it_was_booked_is_not_compared_with_its_plan(
+async def test_the_plan_of_an_unchanged_waiting_drone_is_not_checked(
     composition: Any, drone: Any, ready: Any
 ) -> None:
     seen: list[str] = []
@@ -58,7 +58,7 @@ async def test_a_drone_that_stands_as_it_was_booked_is_not_compared_with_its_pla
         {"health": HEALTH | {"consumption_factor": 1.8}},
     ],
 )
-async def test_a_drone_that_can_do_less_than_it_was_booked_for_is_in_trouble(
+async def test_a_drone_in_worse_condition_than_booked_needs_another_plan(
     composition: Any, drone: Any, ready: Any, said: dict[str, Any]
 ) -> None:
     await composition.receive(drone.state(**ready | said))
@@ -69,14 +69,14 @@ async def test_a_drone_that_can_do_less_than_it_was_booked_for_is_in_trouble(
 
 
 @pytest.mark.parametrize(
-    "told",
+    "changes",
     [
         {"faults": ["BATTERY_LOW"], "soc": 0.5},
         {"health": HEALTH | {"consumption_factor": 1.8}},
     ],
 )
-async def test_what_a_state_says_beside_its_alarm_is_compared_with_the_plan(
-    composition: Any, drone: Any, ready: Any, told: dict[str, Any]
+async def test_a_state_after_an_alarm_is_checked_against_the_plan(
+    composition: Any, drone: Any, ready: Any, changes: dict[str, Any]
 ) -> None:
     await composition.receive(drone.state(**ready))
     alarm = drone.event(
@@ -87,14 +87,14 @@ async def test_what_a_state_says_beside_its_alarm_is_compared_with_the_plan(
         level="URGENT",
     )
 
-    await composition.receive(alarm, drone.state(**ready | told))
+    await composition.receive(alarm, drone.state(**ready | changes))
 
     (trouble,) = await troubles(composition)
     assert trouble is not None
     assert "MORE_ENERGY" in trouble
 
 
-async def test_the_first_that_a_drone_says_is_compared_with_its_plan(
+async def test_the_first_state_of_a_drone_is_checked_against_the_plan(
     composition: Any, drone: Any
 ) -> None:
     await composition.book()
@@ -108,7 +108,7 @@ async def test_the_first_that_a_drone_says_is_compared_with_its_plan(
     assert "MORE_ENERGY" in trouble
 
 
-async def test_a_drone_that_has_not_begun_in_time_is_compared_with_its_plan(
+async def test_the_plan_of_a_drone_that_has_not_begun_in_time_is_checked(
     composition: Any, drone: Any, ready: Any
 ) -> None:
     (row,) = await composition.rows("SELECT released_ms - start_ms AS lasts FROM missions")

@@ -1,4 +1,4 @@
-"""What is expected of a drone that has said where it is and what it has left."""
+"""Predictions from a drone's last position and charge."""
 
 from datetime import timedelta
 from typing import Any
@@ -75,19 +75,19 @@ def seconds(step: PredictedStep) -> tuple[float, float]:
     return (step.start_ms - START_MS) / 1000, (step.end_ms - START_MS) / 1000
 
 
-def test_a_drone_that_stands_begins_no_step_before_its_time() -> None:
+def test_a_standing_drone_begins_no_step_before_its_planned_time() -> None:
     (flight,) = predicted([fly(1, 50.0)], where(at_s=0.0), 10.0)
 
     assert seconds(flight) == (50.0, 150.0)
 
 
-def test_a_drone_that_is_late_begins_now() -> None:
+def test_a_late_drone_begins_its_next_step_now() -> None:
     (flight,) = predicted([fly(1, 50.0)], where(at_s=0.0), 80.0)
 
     assert seconds(flight) == (80.0, 180.0)
 
 
-def test_a_flight_under_way_takes_what_is_left_of_its_segment() -> None:
+def test_a_flight_under_way_takes_the_time_for_its_remaining_length() -> None:
     half = where(at_s=60.0, released=1, done=0.5)
 
     (flight,) = predicted([fly(1, 0.0)], half, 60.0)
@@ -103,7 +103,7 @@ def test_a_flight_under_way_has_not_ended_before_now() -> None:
     assert seconds(flight)[1] == 130.0
 
 
-def test_over_a_station_the_next_flight_begins_at_once_whatever_was_planned() -> None:
+def test_after_flying_over_a_station_the_next_flight_begins_immediately() -> None:
     over, landing = predicted(
         [fly(1, 0.0, lands=False), fly(2, 500.0)], where(at_s=0.0, released=2), 0.0
     )
@@ -111,7 +111,7 @@ def test_over_a_station_the_next_flight_begins_at_once_whatever_was_planned() ->
     assert over.end_ms == landing.start_ms
 
 
-def test_a_recharge_ends_when_it_has_what_it_should() -> None:
+def test_a_recharge_ends_at_its_planned_charge() -> None:
     (charged,) = predicted([recharge(1, 0.0, 2_000.0, until_soc=1.0)], where(at_s=0.0), 0.0)
 
     assert seconds(charged)[1] == pytest.approx(774.0)
@@ -133,7 +133,7 @@ def test_a_recharge_whose_session_is_over_is_lost() -> None:
     assert charged.soc_end == 0.9
 
 
-def test_waits_make_up_for_lateness() -> None:
+def test_a_wait_reduces_a_delay() -> None:
     wait = WaitStep(
         step_id=1,
         planned_start_at=at(0.0),
@@ -147,7 +147,7 @@ def test_waits_make_up_for_lateness() -> None:
     assert seconds(flight)[0] == 100.0
 
 
-def test_what_was_handed_over_is_no_longer_carried() -> None:
+def test_a_delivered_package_is_no_longer_on_board() -> None:
     deliver = DeliverStep(
         step_id=1,
         planned_start_at=at(0.0),
@@ -163,7 +163,7 @@ def test_what_was_handed_over_is_no_longer_carried() -> None:
     assert flight.load.mass_kg == 0.0
 
 
-def test_charge_that_is_not_there_shows_below_zero() -> None:
+def test_a_flight_beyond_the_charge_ends_below_zero() -> None:
     (flight,) = predicted([fly(1, 0.0)], where(at_s=0.0, soc=0.01), 0.0)
 
     assert flight.soc_end < 0.0

@@ -16,7 +16,7 @@ MODEL = DRONE_MODELS[DroneModelId("paper-scenario")]
 
 
 def nearest(make: Any, soc: float, *closures: Any, is_in_the_air: bool = True) -> Landing | None:
-    """From c, in a row of stations 20 km apart; such a flight takes 0.61 of the charge."""
+    """The landing from c, in a row of stations 20 km apart; a flight takes 0.61 charge."""
     network = read_network(make.network())
     closed = ClosedAhead(network)
     closed.add(closures, start_ms=0)
@@ -36,14 +36,14 @@ def closed_station(station_id: str) -> StationClosure:
     return StationClosure(station_id=StationId(station_id), start_s=0.0, end_s=None)
 
 
-def test_a_drone_that_can_stand_stays_where_it_is(make: Any) -> None:
+def test_a_drone_that_can_stand_at_its_anchor_stays_there(make: Any) -> None:
     landing = nearest(make, 1.0, is_in_the_air=False)
 
     assert landing is not None
     assert (landing.station_id, landing.flights) == ("c", ())
 
 
-def test_the_nearest_open_station_is_taken(make: Any) -> None:
+def test_the_drone_lands_at_the_nearest_open_station(make: Any) -> None:
     landing = nearest(make, 1.0, closed_station("c"), closed_station("b"))
 
     assert landing is not None
@@ -59,11 +59,11 @@ def test_a_closed_segment_is_not_flown(make: Any) -> None:
     assert landing is None
 
 
-def test_what_is_out_of_reach_is_no_landing(make: Any) -> None:
+def test_a_station_out_of_reach_is_no_landing(make: Any) -> None:
     assert nearest(make, 0.5, closed_station("c")) is None
 
 
-def test_a_station_that_is_open_again_by_then_will_do(make: Any) -> None:
+def test_a_station_that_opens_before_the_arrival_is_a_landing(make: Any) -> None:
     for_a_while = StationClosure(station_id=StationId("b"), start_s=0.0, end_s=600.0)
 
     landing = nearest(make, 1.0, for_a_while, closed_station("c"), closed_station("d"))

@@ -1,4 +1,4 @@
-"""Stories of a hot world: deeds of customers, drones, loaders and operators, one after another."""
+"""Stories of a busy world: actions of customers, drones, loaders and operators, in any order."""
 
 import asyncio
 import json
@@ -14,53 +14,53 @@ from skyway_drone_agent.simulated.disturbances import Disturbances
 from skyway.contracts.mission import MissionReport
 from skyway.delivery.request import DeliveryRequest
 from skyway.ids import StationId
+from tests.composition.busy_world import BusyWorld
 from tests.composition.flown_drone import FlownDrone
-from tests.composition.hot_world import HotWorld
 
-#: A zone through which the segment from a to b leads, and no station lies in it.
+#: A zone without stations; the segment from a to b leads through it.
 _ZONE: Final = [[0.04, -0.01], [0.06, -0.01], [0.06, 0.01], [0.04, 0.01], [0.04, -0.01]]
 
-#: Each deed as often as it is done.
-DEEDS: Final = (
+#: Each action; more frequent actions are listed more often.
+ACTIONS: Final = (
     *["book"] * 6,
-    *["book_at_once"] * 2,
+    *["book_together"] * 2,
     *["time_passes"] * 12,
-    *["be_disturbed"] * 2,
+    *["disturb_a_drone"] * 2,
     *["close"] * 2,
     *["reopen"] * 2,
     *["command"] * 2,
     *["cancel"] * 2,
     *["book_again"] * 1,
-    "load_otherwise",
+    "change_the_loaders",
     "lose_the_journal",
     "refuse_next",
-    "be_out_of_reach",
-    "be_held_back",
-    "be_deaf",
-    "lose_what_was_said",
-    "hear_again_in_disorder",
+    "lose_or_find_reception",
+    "delay_messages",
+    "drop_next_instructions",
+    "lose_messages",
+    "repeat_messages_in_disorder",
     "restart_composition",
     *["break_down"] * 2,
-    *["stray"] * 2,
-    *["stand_on_pads"] * 2,
+    *["drift_off_course"] * 2,
+    *["occupy_pads"] * 2,
     *["forget_a_hand_over"] * 2,
     *["fetch"] * 2,
 )
 
 
 class Story:
-    """A world and what is done in it; `chance` decides what a deed leaves open."""
+    """A world and the actions in it; `chance` chooses the details of an action."""
 
-    def __init__(self, world: HotWorld) -> None:
+    def __init__(self, world: BusyWorld) -> None:
         self.world = world
         self.closures: list[Closure] = []
 
     @classmethod
-    async def told(cls, url: str, deeds: Sequence[tuple[str, int]]) -> list[str]:
-        """Tell a story from its first deed until everything has come to rest; all its reports."""
-        async with HotWorld(url) as world:
+    async def play(cls, url: str, actions: Sequence[tuple[str, int]]) -> list[str]:
+        """Play a story from its first action to the end of all missions; returns all reports."""
+        async with BusyWorld(url) as world:
             story = cls(world)
-            for name, seed in deeds:
+            for name, seed in actions:
                 note(f"{world.clock.now():%H:%M:%S} {name} {seed}")
                 await getattr(story, name)(Random(seed))
                 await world.check()
@@ -68,10 +68,10 @@ class Story:
             for closure in story.closures:
                 await world.reopen(closure)
             await world.end()
-            return [_retold(report) for report in await world.reports()]
+            return [_comparable(report) for report in await world.reports()]
 
-    async def book_at_once(self, chance: Random) -> None:
-        """Several customers, who all see the same drones and pads free."""
+    async def book_together(self, chance: Random) -> None:
+        """Several customers book at the same time and see the same free drones and pads."""
         async with asyncio.TaskGroup() as customers:
             for _ in range(3):
                 customers.create_task(self._order(chance))
@@ -106,7 +106,7 @@ class Story:
         note(f"  {await self.world.book(delivery_id, request, loading=loading)} {delivery_id}")
 
     async def book_again(self, chance: Random) -> None:
-        """What a drone has refused, or nobody could take at first."""
+        """Book packages again that a drone has refused or that found no drone at first."""
         if not self.world.requests:
             return
         delivery_id = chance.choice(sorted(self.world.requests))
@@ -126,7 +126,7 @@ class Story:
     async def time_passes(self, chance: Random) -> None:
         await self.world.pass_time(timedelta(minutes=chance.choice([1, 2, 4, 8, 8, 15, 30, 90])))
 
-    async def be_disturbed(self, chance: Random) -> None:
+    async def disturb_a_drone(self, chance: Random) -> None:
         drone = chance.choice(self.world.drones)
         time, energy, charge = (chance.choice([0.8, 1.0, 1.0, 1.1, 1.25, 1.6]) for _ in range(3))
         absent = frozenset(StationId(each) for each in "abc" if chance.random() < 0.2)
@@ -140,11 +140,11 @@ class Story:
         await self.world.converse()
 
     async def break_down(self, chance: Random) -> None:
-        """From now on a motor stops some time into each flight, until the drone is repaired."""
+        """From now on a motor stops during each flight, until the drone is repaired."""
         after_s = chance.choice([60, 300, 600])
         await self._disturb(chance, motor={"share": 1.0, "after_s": after_s})
 
-    async def stray(self, chance: Random) -> None:
+    async def drift_off_course(self, chance: Random) -> None:
         """The drone drifts off its course in each flight."""
         await self._disturb(chance, drift={"share": 1.0, "after_s": 60, "most_m": 600})
 
@@ -158,8 +158,8 @@ class Story:
             await drone.restart(with_journal=True)
         await self.world.converse()
 
-    async def stand_on_pads(self, chance: Random) -> None:
-        """Something stands on a station's pad for a while, as whoever comes there finds out."""
+    async def occupy_pads(self, chance: Random) -> None:
+        """Something occupies a station's pad for a while; arriving drones find it occupied."""
         now = self.world.clock.now()
         taken = {
             "station_id": chance.choice("abc"),
@@ -169,7 +169,7 @@ class Story:
         await self._disturb_these(self.world.drones, pads={"taken": [taken]})
 
     async def forget_a_hand_over(self, chance: Random) -> None:
-        """A drone is restarted while packages change hands, and cannot know whether they did."""
+        """A drone restarts during a hand-over and cannot know whether the hand-over was done."""
         for _ in range(15):
             busy = [each for each in self.world.drones if each.is_handing_over]
             if busy:
@@ -194,37 +194,37 @@ class Story:
     async def refuse_next(self, chance: Random) -> None:
         chance.choice(self.world.drones).refuses_next = True
 
-    async def be_out_of_reach(self, chance: Random) -> None:
+    async def lose_or_find_reception(self, chance: Random) -> None:
         away = [each for each in self.world.drones if not each.has_reception]
         drone = chance.choice(away or self.world.drones)
         drone.set_reception(not drone.has_reception)
         await self.world.converse()
 
-    async def be_held_back(self, chance: Random) -> None:
-        known = [each for each in self.world.drones if each.is_held_back]
-        drone = chance.choice(known or self.world.drones)
+    async def delay_messages(self, chance: Random) -> None:
+        delayed = [each for each in self.world.drones if each.is_held_back]
+        drone = chance.choice(delayed or self.world.drones)
         drone.is_held_back = not drone.is_held_back
         await self.world.converse()
 
-    async def be_deaf(self, chance: Random) -> None:
-        chance.choice(self.world.drones).is_deaf = True
+    async def drop_next_instructions(self, chance: Random) -> None:
+        chance.choice(self.world.drones).drops_instructions = True
 
-    async def lose_what_was_said(self, chance: Random) -> None:
-        """Composition was not there to hear it: the time that passes is nobody's."""
+    async def lose_messages(self, chance: Random) -> None:
+        """Composition is away for a while, and all messages of this time are lost."""
         for drone in self.world.drones:
             drone.is_held_back = True
         await self.world.pass_time(timedelta(minutes=chance.choice([1, 5, 20])))
         for drone in self.world.drones:
             drone.is_held_back = False
-            drone.said.clear()
+            drone.unsent.clear()
         self.world.restart()
         await self.world.follower.ask_live_drones()
         await self.world.converse()
 
-    async def hear_again_in_disorder(self, chance: Random) -> None:
-        batch = list(self.world.heard)
+    async def repeat_messages_in_disorder(self, chance: Random) -> None:
+        batch = list(self.world.handled)
         for drone in self.world.drones:
-            batch += drone.said
+            batch += drone.unsent
         chance.shuffle(batch)
         await self.world.receive(batch)
 
@@ -265,18 +265,18 @@ class Story:
         note(f"  {record.mission_id} {name} {station_id}")
         await self.world.command(record.mission_id, name, station_id)
 
-    async def load_otherwise(self, chance: Random) -> None:
-        """From now on loaders load less, more, or not at all; or as they should again."""
+    async def change_the_loaders(self, chance: Random) -> None:
+        """From now on loaders load a little more, too much, nothing, or correctly again."""
         self.world.loaders = chance.choice(["RIGHT", "RIGHT", "LITTLE_MORE", "WRONG", "NONE"])
 
     async def restart_composition(self, _: Random) -> None:
         self.world.restart()
 
 
-def _retold(report: MissionReport) -> str:
-    """A report as it is told, but for how long the planner took."""
-    told = report.model_dump(mode="json")
+def _comparable(report: MissionReport) -> str:
+    """A report without the time that the planner took."""
+    content = report.model_dump(mode="json")
     for plan in ("plan", "home_plan"):
-        if told["mission"] is not None and told["mission"][plan] is not None:
-            del told["mission"][plan]["stats"]
-    return json.dumps(told)
+        if content["mission"] is not None and content["mission"][plan] is not None:
+            del content["mission"][plan]["stats"]
+    return json.dumps(content)

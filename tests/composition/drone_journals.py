@@ -1,4 +1,4 @@
-"""What the drones of a hot world have done, by their own journals: the truth to compare with."""
+"""What the drones of a busy world have done, by their own journals."""
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
@@ -7,7 +7,7 @@ from tests.composition.flown_drone import FlownDrone
 
 
 def ended_missions(drones: Sequence[FlownDrone]) -> set[str]:
-    """Missions that their drones say are at their end."""
+    """The missions whose end is in a drone's journal."""
     return {
         each.mission_id or ""
         for drone in drones
@@ -17,22 +17,22 @@ def ended_missions(drones: Sequence[FlownDrone]) -> set[str]:
 
 
 def handed_over(drones: Sequence[FlownDrone]) -> Iterator[tuple[str, str]]:
-    """A delivery's package for each time it was handed over."""
+    """Each hand-over of a package, as delivery and package."""
     for drone in drones:
         for event in drone.journal.happened:
             is_delivery = (event.event, event.step_kind) == ("STEP_ENDED", "DELIVER")
             if is_delivery and event.code is None:
                 for package_id in event.package_ids:
-                    # A package of this world is called after its delivery.
+                    # The id of a package begins with the id of its delivery.
                     yield package_id.split("_")[0], package_id
 
 
 def shared_pads(
     drones: Sequence[FlownDrone], *, given_up: set[str]
 ) -> Iterator[tuple[str, str, str]]:
-    """Where drones have charged on the same pad at the same time, whatever was booked.
+    """Where two drones have charged on the same pad at the same time.
 
-    A drone that was silent for hours, and given up, may fly on by a plan without any pads.
+    Missions in `given_up` do not count: their drones may fly on without reserved pads.
     """
     sessions = sorted(
         (each.station_id or "", each.started_at, each.ended_at, drone.drone_id)

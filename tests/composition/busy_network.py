@@ -1,4 +1,4 @@
-"""The stations of a hot world, and the drones that fly there."""
+"""The stations of a busy world, and the model of its drones."""
 
 from typing import Any
 
@@ -16,14 +16,14 @@ NETWORK_ID = NetworkId("hot")
 #: Three stations, 12 km from each other, with a pad each.
 PLACES = {"a": Position(0.0, 0.0), "b": Position(0.1079, 0.0), "c": Position(0.05395, 0.0934)}
 
-#: Flies two of the three legs with one charge, and lands with something to lose.
+#: A drone that can fly two of the three segments with one charge.
 MODEL = DRONE_MODELS[DroneModelId("paper-scenario")].model_copy(
     update={"reserve_soc": 0.05, "stop_s": 30.0, "stop_j": 4_000.0}
 )
 
 
 def _network() -> dict[str, Any]:
-    """Every station connected with every other one, by segments both ways."""
+    """All stations, each connected with every other by segments in both directions."""
     points = [
         {
             "type": "Feature",
@@ -47,7 +47,7 @@ def _network() -> dict[str, Any]:
 
 
 async def add_network(tx: Tx, *, now_ms: int) -> None:
-    """Make it the first version of the network `NETWORK_ID`."""
+    """Add this network as the first version of `NETWORK_ID`."""
     content = await read_content(_network())
     row = VersionRow(NETWORK_ID, 1, content.sha256, now_ms)
     await add_version(tx, row, content=content.geojson)

@@ -1,4 +1,4 @@
-"""A hot small world: real agents, a real composition, one pad a station, and no time but ours."""
+"""A small busy world: real agents, a real composition, one pad a station, and a moved clock."""
 
 import asyncio
 from collections import Counter
@@ -52,28 +52,28 @@ from skyway.runtime.minting import CountingMint
 from skyway.runtime.mqtt.client import Received
 from skyway.runtime.sql.database import Database
 from skyway.units import moment_to_ms
-from tests.composition.flown_drone import DeafSubscriber, FlownDrone
-from tests.composition.hot_deeds import ended_missions, handed_over, shared_pads
-from tests.composition.hot_network import MODEL, NETWORK_ID, PLACES, add_network
+from tests.composition.busy_network import MODEL, NETWORK_ID, PLACES, add_network
+from tests.composition.drone_journals import ended_missions, handed_over, shared_pads
+from tests.composition.flown_drone import FlownDrone, SilentSubscriber
 
 #: Fleet seconds per second of wall time.
 _RATE = 60.0
 
-#: Composition looks after missions at least this often.
+#: Composition checks all missions at least this often.
 _LONGEST_STRIDE = timedelta(minutes=10)
 
-#: What is on its way to a drone that is connected gets there within this time.
-_DEAF_FOR = timedelta(minutes=1)
+#: Instructions to a connected drone arrive within this time.
+_DROPS_FOR = timedelta(minutes=1)
 
-#: So often do drones look out in flight: a quarter of a second of wall time.
-_LOOKOUT = timedelta(seconds=0.25 * _RATE)
+#: How often drones in flight check for failures: a quarter of a second of wall time.
+_FLIGHT_STRIDE = timedelta(seconds=0.25 * _RATE)
 
-#: No story goes on for longer than this once everything is allowed again.
+#: Every story ends within this time once all disturbances are over.
 _OVER_WITHIN = timedelta(hours=30)
 
 
-class HotWorld:
-    """Composition and its drones; whatever time passes, the test has let it pass."""
+class BusyWorld:
+    """Composition and its drones; time passes only when the test moves the clock."""
 
     def __init__(self, url: str) -> None:
         self.clock = ManualClock(datetime(2026, 3, 1, 12, tzinfo=UTC), rate=_RATE)
@@ -81,7 +81,7 @@ class HotWorld:
         self.db = Database(url, outbox=outbox)
         self.solver = SolverPool(threads=1, time_limit_s=5.0)
         self.drones: list[FlownDrone] = []
-        self.heard: list[Received[Any]] = []
+        self.handled: list[Received[Any]] = []
         self.requests: dict[str, DeliveryRequest] = {}
         self.attempts: dict[str, int] = {}
         self.released: set[tuple[str, str]] = set()
@@ -111,16 +111,16 @@ class HotWorld:
         await self.db.__aexit__(None, None, None)
 
     def restart(self) -> None:
-        """As after kill -9 of composition: new objects on the same database."""
+        """Restart composition as after kill -9: new objects on the same database."""
         db, clock, mint = self.db, self.clock, self.mint
         stuck = Wake()
         networks = PreparedNetworks(db)
-        hands = (db, clock, mint, stuck)
+        parts = (db, clock, mint, stuck)
         self.bookings = Bookings(db, networks, self.solver, clock, mint)
         self.closings = Closings(db, networks, MissionImpact(clock, mint, stuck), clock, mint)
-        self.cancellations, self.commands = Cancellations(*hands), Commands(*hands)
-        self.loadings = Loadings(*hands)
-        self.follower = Follower(db, DeafSubscriber(), clock=clock, mint=mint, stuck=stuck)
+        self.cancellations, self.commands = Cancellations(*parts), Commands(*parts)
+        self.loadings = Loadings(*parts)
+        self.follower = Follower(db, SilentSubscriber(), clock=clock, mint=mint, stuck=stuck)
         occupied = OccupiedPads(self.closings)
         self.replanner = Replanner(db, networks, self.solver, clock, mint, "hot", occupied)
         self.sweeps = (
@@ -134,25 +134,31 @@ class HotWorld:
     def now_ms(self) -> int:
         return moment_to_ms(self.clock.now())
 
-    # Time and talk
+    # Time and messages
 
     async def pass_time(self, by: timedelta) -> None:
-        """Let time pass from one thing that happens to the next."""
+        """Let time pass, from one event to the next."""
         until = self.clock.now() + by
         looked_at = self.clock.now()
         while (now := self.clock.now()) < until:
             ahead = [each.next_end() for each in self.drones]
             ahead += [each.next_begin() for each in self.drones]
             moments = [each for each in ahead if each is not None and each > now]
-            is_deaf = any(each.is_deaf for each in self.drones)
-            is_on_guard = any(each.is_on_its_guard for each in self.drones)
-            stride = _LOOKOUT if is_on_guard else _DEAF_FOR if is_deaf else _LONGEST_STRIDE
+            drops_instructions = any(each.drops_instructions for each in self.drones)
+            may_fail = any(each.may_fail_any_time for each in self.drones)
+            stride = (
+                _FLIGHT_STRIDE
+                if may_fail
+                else _DROPS_FOR
+                if drops_instructions
+                else _LONGEST_STRIDE
+            )
             self.clock.advance(min([until, now + stride, *moments]) - now)
-            if is_on_guard and await self._is_calm(since=looked_at):
+            if may_fail and await self._is_calm(since=looked_at):
                 continue
             looked_at = self.clock.now()
             for drone in self.drones:
-                drone.is_deaf = False
+                drone.drops_instructions = False
             await self.converse()
             for sweep in self.sweeps:
                 await sweep.step()
@@ -160,13 +166,13 @@ class HotWorld:
             await self.converse()
 
     async def _is_calm(self, *, since: datetime) -> bool:
-        """Whether no drone has anything to say, and nobody need look after anything yet."""
+        """Whether no drone has a message to send, and no check of missions is due."""
         await self.settle()
-        has_news = any(each.said and not each.is_held_back for each in self.drones)
+        has_news = any(each.unsent and not each.is_held_back for each in self.drones)
         return not has_news and self.clock.now() - since < _LONGEST_STRIDE
 
     async def converse(self) -> None:
-        """Everybody says what they have to say, until nobody has anything new."""
+        """Exchange messages until neither drones nor composition have new ones."""
         delivered: set[int] = set()
         for _ in range(60):
             await self.settle()
@@ -176,27 +182,27 @@ class HotWorld:
             is_quiet = not await self._instruct(delivered) and is_quiet
             if is_quiet:
                 return
-        raise AssertionError("they talk for ever")
+        raise AssertionError("the exchange of messages does not end")
 
     async def settle(self) -> None:
-        """Let the agents do all that they can do now."""
+        """Let the agents run until they have nothing more to do now."""
         calm = 0
-        said = [len(each.said) + len(each.journal.happened) for each in self.drones]
+        unsent = [len(each.unsent) + len(each.journal.happened) for each in self.drones]
         while calm < 30:
             await asyncio.sleep(0)
-            now_said = [len(each.said) + len(each.journal.happened) for each in self.drones]
-            calm, said = (calm + 1, said) if now_said == said else (0, now_said)
+            now_unsent = [len(each.unsent) + len(each.journal.happened) for each in self.drones]
+            calm, unsent = (calm + 1, unsent) if now_unsent == unsent else (0, now_unsent)
         for drone in self.drones:
-            drone.look_after()
+            drone.raise_agent_error()
 
     async def _listen(self) -> bool:
         batch: list[Received[Any]] = []
         for drone in self.drones:
             if not drone.is_held_back:
-                batch += drone.said
-                drone.said = []
+                batch += drone.unsent
+                drone.unsent = []
         if batch:
-            self.heard = (self.heard + batch)[-50:]
+            self.handled = (self.handled + batch)[-50:]
             await self.follower.handle(batch)
         return bool(batch)
 
@@ -212,8 +218,8 @@ class HotWorld:
         for row in new:
             delivered.add(row.id)
             for drone in self.drones:
-                if drone.drone_id == row.stream and not drone.is_deaf:
-                    drone.hear(row.payload)
+                if drone.drone_id == row.stream and not drone.drops_instructions:
+                    drone.receive_instruction(row.payload)
         return bool(new)
 
     # What people do
@@ -222,7 +228,7 @@ class HotWorld:
         return self.mint("dlv").replace("_", "")
 
     async def book(self, delivery_id: str, request: DeliveryRequest, *, loading: str) -> str:
-        """As the gateway books; the outcome."""
+        """Book as the gateway does; returns the outcome."""
         self.requests.setdefault(delivery_id, request)
         attempt = self.attempts[delivery_id] = self.attempts.get(delivery_id, 0) + 1
         candidates = [
@@ -268,7 +274,7 @@ class HotWorld:
         await self.converse()
 
     async def _load(self) -> None:
-        """Loaders at the pickups do what they do in these days."""
+        """Loaders at the pickups confirm as `loaders` says."""
         for record in await self.live():
             if record.mission.loading != "AWAITED" or self.loaders == "NONE":
                 continue
@@ -281,7 +287,7 @@ class HotWorld:
                 await self.loadings.confirm(record.mission_id, listed, provider_id=None)
 
     async def fetch_all(self) -> None:
-        """People carry home what is down, repaired."""
+        """Carry drones that landed in the open home, and repair them."""
         for drone in self.drones:
             if drone.logbook.is_down:
                 home = drone.drone.home_station_id
@@ -290,7 +296,7 @@ class HotWorld:
         await self.converse()
 
     async def left_to_book(self, delivery_id: str) -> DeliveryRequest | None:
-        """What of a delivery still lies at the pickup, and nobody is to fetch it."""
+        """The packages of a delivery that are at the pickup and in no live mission."""
         live = await self.live()
         request = self.requests[delivery_id]
         async with self.db.read() as connection:
@@ -326,7 +332,7 @@ class HotWorld:
     # What must hold
 
     async def check(self) -> None:
-        """Nothing is broken, in the books or in the world."""
+        """Check that no invariant is broken, in the database or in the drones' journals."""
         assert list(await violations(self.db)) == []
         times = Counter(handed_over(self.drones))
         assert [each for each, count in times.items() if count > 1] == []
@@ -336,9 +342,9 @@ class HotWorld:
         assert await self._missions("COMPLETED") - ended_missions(self.drones) == set()
 
     async def end(self) -> None:
-        """Everything is allowed again; all stories end, and nothing is left behind."""
+        """End all disturbances and check that all missions end and leave nothing reserved."""
         for drone in self.drones:
-            drone.is_held_back = drone.is_deaf = drone.refuses_next = False
+            drone.is_held_back = drone.drops_instructions = drone.refuses_next = False
             drone.set_reception(True)
             if drone.disturbances != UNDISTURBED:
                 drone.disturbances = UNDISTURBED
@@ -356,7 +362,7 @@ class HotWorld:
         await self._check_ended()
 
     async def reports(self) -> list[MissionReport]:
-        """All that the gateway is told, in order."""
+        """All reports to the gateway, in order."""
         query = select(outbox).where(outbox.c.channel == "gateway").order_by(outbox.c.id)
         async with self.db.read() as connection:
             rows = (await connection.execute(query)).all()
@@ -366,9 +372,9 @@ class HotWorld:
         reports = await self.reports()
         async with self.db.read() as connection:
             assert (await connection.execute(select(pad_reservations))).all() == []
-            told = {each.mission_id: list[MissionReport]() for each in reports}
+            by_mission = {each.mission_id: list[MissionReport]() for each in reports}
             for report in reports:
-                told[report.mission_id].append(report)
+                by_mission[report.mission_id].append(report)
             received = {
                 (delivery_id, package_id)
                 for delivery_id in self.requests
@@ -377,7 +383,7 @@ class HotWorld:
                 )
             }
         assert received <= set(handed_over(self.drones))
-        for story in told.values():
+        for story in by_mission.values():
             assert [each.seq for each in story] == list(range(1, len(story) + 1))
             ends = [each.kind for each in story if each.kind in ("ENDED", "REFUSED")]
             assert len(ends) == 1, story

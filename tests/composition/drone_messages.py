@@ -1,4 +1,4 @@
-"""What one drone says to composition, with the numbers that its agent would give."""
+"""The messages of one drone to composition, numbered as its agent would number them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,8 +18,8 @@ _MODEL = DRONE_MODELS[DroneModelId("paper-scenario")]
 
 
 @dataclass
-class DroneVoice:
-    """What one drone says, with the numbers that its agent would give."""
+class DroneMessages:
+    """Makes the messages of one drone, numbered as its agent would number them."""
 
     composition: Any  # the fixture of that name, whose clock it reads
     drone_id: str = "drn_1"
@@ -86,7 +86,7 @@ class DroneVoice:
         soc: float = 1.0,
         late_by: timedelta = timedelta(0),
     ) -> list[Received[Any]]:
-        """The end of each of these steps, charged and used as it should be from `soc` on."""
+        """The end of each of these steps, with the charge as planned from `soc` on."""
         events = []
         for step in steps:
             soc = _soc_after(step, soc)
@@ -106,7 +106,7 @@ class DroneVoice:
         return events
 
     def flown(self, instruction: Any) -> list[Received[Any]]:
-        """The end of each step as planned, and of the mission."""
+        """The end of each step as planned, and the end of the mission."""
         events = self.ended(instruction, instruction.steps)
         last = instruction.steps[-1]
         ended = self.event(
@@ -131,7 +131,7 @@ class DroneVoice:
 
 
 def _soc_after(step: FlightStep, soc: float) -> float:
-    """What a step with 400 g on board leaves of the charge, as the model says, without margin."""
+    """The charge after a step with 400 g on board, by the drone model without a margin."""
     if isinstance(step, RechargeStep):
         return max(soc, step.until_soc)
     if not isinstance(step, FlyStep):
