@@ -32,11 +32,17 @@ class CandidateQuery(WireModel):
     """
 
     pickup_station_id: StationId
-    pickup_position: Position
-    payload_kg: Annotated[float, Field(ge=0)]
-    heaviest_kg: Annotated[float, Field(ge=0)] = 0.0
-    providers: ProviderChoice
-    excluded_drone_ids: tuple[DroneId, ...] = ()
+    pickup_position: Annotated[Position, Field(description="Where the pickup is, in degrees.")]
+    payload_kg: Annotated[
+        float, Field(ge=0, description="The mass of all packages together, in kilograms.")
+    ]
+    heaviest_kg: Annotated[
+        float, Field(ge=0, description="The mass of the heaviest package, in kilograms.")
+    ] = 0.0
+    providers: Annotated[ProviderChoice, Field(description="Which providers may serve.")]
+    excluded_drone_ids: Annotated[
+        tuple[DroneId, ...], Field(description="Drones that refused before.")
+    ] = ()
 
 
 class Candidate(WireModel):
@@ -87,22 +93,31 @@ class ProviderReason(WireModel):
     """
 
     provider_id: ProviderId | None
-    code: ProviderReasonCode
-    detail: str
-    is_temporary: bool
+    code: Annotated[ProviderReasonCode, Field(description="Why, for programs.")]
+    detail: Annotated[str, Field(description="Why, for people.")]
+    is_temporary: Annotated[bool, Field(description="Whether asking again later may change it.")]
     #: Numbers behind the code, such as mass_kg and limit_kg.
-    data: dict[str, Any] = Field(default_factory=dict)
+    data: dict[str, Any] = Field(
+        default_factory=dict,
+        description="The numbers behind the code, such as mass_kg and limit_kg.",
+    )
 
 
 class PayloadLimitQuery(WireModel):
     """Asks for the heaviest payload that any admitted provider's drone can lift."""
 
-    providers: ProviderChoice
+    providers: Annotated[ProviderChoice, Field(description="Which providers may serve.")]
 
 
 class PayloadLimit(WireModel):
     """None when no admitted provider has a drone; `unknown_provider_ids` exist nowhere."""
 
-    max_payload_kg: float | None
-    drone_model_id: str | None
-    unknown_provider_ids: tuple[ProviderId, ...]
+    max_payload_kg: Annotated[
+        float | None, Field(description="The heaviest payload in kilograms; null without a drone.")
+    ]
+    drone_model_id: Annotated[
+        str | None, Field(description="The drone model that lifts it; null without a drone.")
+    ]
+    unknown_provider_ids: Annotated[
+        tuple[ProviderId, ...], Field(description="Named providers that do not exist.")
+    ]

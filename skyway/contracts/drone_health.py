@@ -48,8 +48,8 @@ class Failsafe(StrEnum):
 class Wind(WireModel):
     """Where the air goes, as estimated on board from ground against air speed."""
 
-    east_mps: float
-    north_mps: float
+    east_mps: Annotated[float, Field(description="Speed towards the east in metres per second.")]
+    north_mps: Annotated[float, Field(description="Speed towards the north in metres per second.")]
 
 
 class DroneHealth(WireModel):
@@ -60,21 +60,35 @@ class DroneHealth(WireModel):
     with this load above the reserve; `safe_landings` are the nearest stations that can be reached.
     """
 
-    voltage_v: float
-    current_a: float
-    soc_error: Annotated[float, Field(ge=0)]
-    cell_spread_v: Annotated[float, Field(ge=0)]
-    temperature_c: float
+    voltage_v: Annotated[float, Field(description="Battery voltage in volts.")]
+    current_a: Annotated[float, Field(description="Battery current in amperes.")]
+    soc_error: Annotated[
+        float, Field(ge=0, description="One standard deviation of the state of charge, 0 to 1.")
+    ]
+    cell_spread_v: Annotated[
+        float,
+        Field(
+            ge=0, description="The difference between the highest and the lowest cell, in volts."
+        ),
+    ]
+    temperature_c: Annotated[float, Field(description="Battery temperature in degrees Celsius.")]
     state_of_health: Soc
-    consumption_factor: Annotated[float, Field(gt=0)] = 1.0
-    range_m: Annotated[float, Field(ge=0)]
-    wind: Wind | None = None
-    safe_landings: tuple[StationId, ...] = ()
+    consumption_factor: Annotated[
+        float, Field(gt=0, description="Energy used per energy planned; 1.0 is as planned.")
+    ] = 1.0
+    range_m: Annotated[
+        float,
+        Field(ge=0, description="How far the drone can still fly above its reserve, in metres."),
+    ]
+    wind: Annotated[Wind | None, Field(description="The wind, if it can be estimated.")] = None
+    safe_landings: Annotated[
+        tuple[StationId, ...], Field(description="The nearest stations that can be reached.")
+    ] = ()
 
 
 class ActiveFailsafe(WireModel):
     """What the drone does by itself just now, and where it leads; no station: down on the spot."""
 
-    fault: Fault
-    failsafe: Failsafe
+    fault: Annotated[Fault, Field(description="What is wrong.")]
+    failsafe: Annotated[Failsafe, Field(description="What the drone does about it.")]
     station_id: StationId | None = None

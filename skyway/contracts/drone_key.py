@@ -14,7 +14,13 @@ DRONE_KEY_PREFIX: Final = "dk_"
 class DroneKeyQuery(WireModel):
     """The SHA-256 of a shown key, in hexadecimal."""
 
-    key_hash: Annotated[str, Field(pattern=r"^[0-9a-f]{64}$")]
+    key_hash: Annotated[
+        str,
+        Field(
+            pattern=r"^[0-9a-f]{64}$",
+            description="SHA-256 of the key that was shown, in hexadecimal.",
+        ),
+    ]
 
 
 class DroneKeyAnswer(WireModel):

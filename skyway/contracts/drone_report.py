@@ -32,13 +32,23 @@ class Ack(DroneMessage):
     """The drone's answer to one instruction: RECEIVED once journaled, then ACCEPTED or REJECTED."""
 
     instruction_id: InstructionId
-    instruction_seq: Count
-    stream: Count
-    status: Literal["RECEIVED", "ACCEPTED", "REJECTED"]
-    code: RefusalCode | None = None
-    detail: str | None = None
+    instruction_seq: Annotated[
+        Count, Field(description="The `seq` of the instruction that is answered.")
+    ]
+    stream: Annotated[Count, Field(description="The stream of the instruction that is answered.")]
+    status: Annotated[
+        Literal["RECEIVED", "ACCEPTED", "REJECTED"],
+        Field(description="RECEIVED once journaled, then ACCEPTED or REJECTED."),
+    ]
+    code: Annotated[RefusalCode | None, Field(description="Why it is rejected, for programs.")] = (
+        None
+    )
+    detail: Annotated[str | None, Field(description="Why it is rejected, for people.")] = None
     #: Numbers behind a code: need_j and have_j, expected_seq, mass_kg and limit_kg.
-    data: dict[str, Any] = Field(default_factory=dict)
+    data: dict[str, Any] = Field(
+        default_factory=dict,
+        description="The numbers behind the code, such as need_j and have_j.",
+    )
 
 
 class DroneEvent(DroneMessage):
@@ -53,25 +63,39 @@ class DroneEvent(DroneMessage):
     `mission_revision` that it belonged to; the first new step has the same `step_id`.
     """
 
-    event: Literal["STEP_ENDED", "STEP_FAILED", "MISSION_ENDED", "ALARM"]
-    stream: Count
+    event: Annotated[
+        Literal["STEP_ENDED", "STEP_FAILED", "MISSION_ENDED", "ALARM"],
+        Field(description="What happened."),
+    ]
+    stream: Annotated[
+        Count, Field(description="The stream of instructions that the drone follows.")
+    ]
     mission_id: MissionId | None = None
-    mission_revision: Count | None = None
-    step_id: Count | None = None
-    step_kind: StepKind | None = None
+    mission_revision: Annotated[
+        Count | None, Field(description="The revision of the plan that the step belongs to.")
+    ] = None
+    step_id: Annotated[Count | None, Field(description="The number of the step, from 1.")] = None
+    step_kind: Annotated[StepKind | None, Field(description="What the step does.")] = None
     started_at: FleetMoment | None = None
     ended_at: FleetMoment
     station_id: StationId | None = None
-    position: Position
+    position: Annotated[Position, Field(description="Where the drone is, in degrees.")]
     soc: Soc
     energy_j: Annotated[float, Field(description="used by the step; 0 while charging")] = 0.0
-    package_ids: tuple[PackageId, ...] = ()
-    code: str | None = None
-    detail: str | None = None
+    package_ids: Annotated[
+        tuple[PackageId, ...], Field(description="The packages that the step handled.")
+    ] = ()
+    code: Annotated[
+        str | None, Field(description="Why it failed, or what the alarm is about, for programs.")
+    ] = None
+    detail: Annotated[str | None, Field(description="The same for people.")] = None
     #: Of an alarm: how bad it is.
-    level: AlarmLevel | None = None
+    level: Annotated[AlarmLevel | None, Field(description="How bad an alarm is.")] = None
     #: Evidence: place and weights at a hand-over, need_j and have_j at a failure.
-    data: dict[str, Any] = Field(default_factory=dict)
+    data: dict[str, Any] = Field(
+        default_factory=dict,
+        description="Evidence: place and masses at a hand-over, need_j and have_j at a failure.",
+    )
 
 
 class DroneState(DroneMessage):
@@ -82,23 +106,41 @@ class DroneState(DroneMessage):
 
     at: FleetMoment
     #: DOWN: landed away from every station, it waits for people.
-    activity: Literal["IDLE", "LOADING", "FLYING", "WAITING", "RECHARGING", "DELIVERING", "DOWN"]
-    stream: Count
-    last_instruction_seq: Count
-    last_event_seq: Count
+    activity: Annotated[
+        Literal["IDLE", "LOADING", "FLYING", "WAITING", "RECHARGING", "DELIVERING", "DOWN"],
+        Field(description="What the drone does now; DOWN is landed away from every station."),
+    ]
+    stream: Annotated[
+        Count,
+        Field(description="The stream of instructions that the drone follows; 0 without one."),
+    ]
+    last_instruction_seq: Annotated[
+        Count, Field(description="The `seq` of the last instruction in the journal; 0 without one.")
+    ]
+    last_event_seq: Annotated[Count, Field(description="The `seq` of the drone's last event.")]
     mission_id: MissionId | None = None
-    mission_revision: Count | None = None
-    step_id: Count | None = None
-    released_through: Count | None = None
-    is_held: bool = False
+    mission_revision: Annotated[
+        Count | None, Field(description="The revision of the plan that it flies.")
+    ] = None
+    step_id: Annotated[Count | None, Field(description="The number of the step under way.")] = None
+    released_through: Annotated[
+        Count | None,
+        Field(description="The number of the last step that it may begin without asking."),
+    ] = None
+    is_held: Annotated[bool, Field(description="Whether it begins no further step.")] = False
     station_id: StationId | None = None
-    position: Position
+    position: Annotated[Position, Field(description="Where the drone is, in degrees.")]
     soc: Soc
-    load_kg: Annotated[float, Field(ge=0)] = 0.0
-    package_ids: tuple[PackageId, ...] = ()
-    health: DroneHealth | None = None
-    faults: tuple[Fault, ...] = ()
-    failsafe: ActiveFailsafe | None = None
+    load_kg: Annotated[float, Field(ge=0, description="The mass on board in kilograms.")] = 0.0
+    package_ids: Annotated[tuple[PackageId, ...], Field(description="The packages on board.")] = ()
+    health: Annotated[
+        DroneHealth | None, Field(description="The results of the analysis on board.")
+    ] = None
+    faults: Annotated[tuple[Fault, ...], Field(description="What is wrong now.")] = ()
+    failsafe: Annotated[
+        ActiveFailsafe | None,
+        Field(description="What the drone does by itself now; null if nothing."),
+    ] = None
 
 
 class Telemetry(DroneMessage):
@@ -108,13 +150,18 @@ class Telemetry(DroneMessage):
     """
 
     at: FleetMoment
-    position: Position
+    position: Annotated[Position, Field(description="Where the drone is, in degrees.")]
     soc: Soc
-    power_w: float
-    speed_mps: float
-    voltage_v: float | None = None
-    temperature_c: float | None = None
-    range_m: float | None = None
+    power_w: Annotated[float, Field(description="Electrical power in watts.")]
+    speed_mps: Annotated[float, Field(description="Speed over ground in metres per second.")]
+    voltage_v: Annotated[float | None, Field(description="Battery voltage in volts.")] = None
+    temperature_c: Annotated[
+        float | None, Field(description="Battery temperature in degrees Celsius.")
+    ] = None
+    range_m: Annotated[
+        float | None,
+        Field(description="How far the drone can still fly above its reserve, in metres."),
+    ] = None
 
 
 class Connection(Message):
@@ -123,6 +170,11 @@ class Connection(Message):
     Ordered by (session, connection_number) alone: a last will is fixed at CONNECT.
     """
 
-    session: Count
-    connection_number: Count
-    status: Literal["ONLINE", "OFFLINE", "LOST"]
+    session: Annotated[Count, Field(description="The drone's session; it grows with every boot.")]
+    connection_number: Annotated[
+        Count, Field(description="The number of the connection within its session.")
+    ]
+    status: Annotated[
+        Literal["ONLINE", "OFFLINE", "LOST"],
+        Field(description="ONLINE, OFFLINE, or LOST as the last will."),
+    ]

@@ -14,13 +14,15 @@ class PackageOnBoard(WireModel):
     """A package and its mass, as the drone must know it to judge its own energy."""
 
     package_id: PackageId
-    mass_kg: Annotated[float, Field(ge=0)]
+    mass_kg: Annotated[float, Field(ge=0, description="Mass in kilograms.")]
 
 
 class _FlightStep(WireModel):
     """What every step has; `step_id` counts from 1 through all revisions of the mission."""
 
-    step_id: Annotated[int, Field(ge=1)]
+    step_id: Annotated[
+        int, Field(ge=1, description="The number of the step, from 1, through all revisions.")
+    ]
     planned_start_at: FleetMoment
     planned_end_at: FleetMoment
 
@@ -31,28 +33,36 @@ class PickUpStep(_FlightStep):
     With `awaits_confirmation` it goes on until an instruction says what was `loaded`.
     """
 
-    kind: Literal["PICK_UP"] = "PICK_UP"
+    kind: Annotated[Literal["PICK_UP"], Field(description="Always PICK_UP.")] = "PICK_UP"
     station_id: StationId
-    packages: tuple[PackageOnBoard, ...]
-    awaits_confirmation: bool = False
+    packages: Annotated[
+        tuple[PackageOnBoard, ...], Field(description="The packages to take on board.")
+    ]
+    awaits_confirmation: Annotated[
+        bool, Field(description="Whether the step goes on until a loader confirms.")
+    ] = False
 
 
 class FlyStep(_FlightStep):
     """Fly this segment; `lands` says whether the plan lands at its end or flies over."""
 
-    kind: Literal["FLY"] = "FLY"
-    from_id: Annotated[StationId, Field(alias="from")]
-    to_id: Annotated[StationId, Field(alias="to")]
-    from_position: Position
-    to_position: Position
-    length_m: Annotated[float, Field(gt=0)]
-    lands: bool
+    kind: Annotated[Literal["FLY"], Field(description="Always FLY.")] = "FLY"
+    from_id: Annotated[
+        StationId, Field(alias="from", description="The station where the segment begins.")
+    ]
+    to_id: Annotated[
+        StationId, Field(alias="to", description="The station where the segment ends.")
+    ]
+    from_position: Annotated[Position, Field(description="Where the segment begins, in degrees.")]
+    to_position: Annotated[Position, Field(description="Where the segment ends, in degrees.")]
+    length_m: Annotated[float, Field(gt=0, description="Length of the segment in metres.")]
+    lands: Annotated[bool, Field(description="Whether the plan lands at its end.")]
 
 
 class WaitStep(_FlightStep):
     """Stand at the station until the moment has come."""
 
-    kind: Literal["WAIT"] = "WAIT"
+    kind: Annotated[Literal["WAIT"], Field(description="Always WAIT.")] = "WAIT"
     station_id: StationId
     until_at: FleetMoment
 
@@ -60,9 +70,9 @@ class WaitStep(_FlightStep):
 class RechargeStep(_FlightStep):
     """Charge up to `until_soc` on a pad reserved for [not_before_at, not_after_at)."""
 
-    kind: Literal["RECHARGE"] = "RECHARGE"
+    kind: Annotated[Literal["RECHARGE"], Field(description="Always RECHARGE.")] = "RECHARGE"
     station_id: StationId
-    pad: Annotated[int, Field(ge=0)]
+    pad: Annotated[int, Field(ge=0, description="The number of the pad, from 0.")]
     not_before_at: FleetMoment
     until_soc: Soc
     not_after_at: FleetMoment
@@ -74,19 +84,23 @@ class DeliverStep(_FlightStep):
     Nobody there: the drone waits `recipient_wait_s`, then the step fails: RECIPIENT_ABSENT.
     """
 
-    kind: Literal["DELIVER"] = "DELIVER"
+    kind: Annotated[Literal["DELIVER"], Field(description="Always DELIVER.")] = "DELIVER"
     station_id: StationId
-    package_ids: tuple[PackageId, ...]
-    dropoff_s: Annotated[float, Field(ge=0)]
-    recipient_wait_s: Annotated[float, Field(ge=0)] = 0.0
+    package_ids: Annotated[tuple[PackageId, ...], Field(description="The packages to hand over.")]
+    dropoff_s: Annotated[
+        float, Field(ge=0, description="How long the hand-over takes, in seconds.")
+    ]
+    recipient_wait_s: Annotated[
+        float, Field(ge=0, description="How long the drone waits for the recipient, in seconds.")
+    ] = 0.0
 
 
 class ReturnStep(_FlightStep):
     """Hand these packages back at the pickup station."""
 
-    kind: Literal["RETURN"] = "RETURN"
+    kind: Annotated[Literal["RETURN"], Field(description="Always RETURN.")] = "RETURN"
     station_id: StationId
-    package_ids: tuple[PackageId, ...]
+    package_ids: Annotated[tuple[PackageId, ...], Field(description="The packages to hand back.")]
 
 
 FlightStep = Annotated[

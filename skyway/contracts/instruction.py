@@ -16,9 +16,13 @@ class _Instruction(Message):
     """
 
     instruction_id: InstructionId
-    stream: Annotated[int, Field(ge=1)]
-    seq: Annotated[int, Field(ge=1)]
-    events_confirmed_seq: Annotated[int, Field(ge=0)] = 0
+    stream: Annotated[int, Field(ge=1, description="The stream of instructions, from 1.")]
+    seq: Annotated[
+        int, Field(ge=1, description="The number of the instruction within its stream, from 1.")
+    ]
+    events_confirmed_seq: Annotated[
+        int, Field(ge=0, description="The drone may forget its events up to this `seq`.")
+    ] = 0
     expires_at: FleetMoment
 
 
@@ -28,13 +32,18 @@ class MissionInstruction(_Instruction):
     `loaded` ends a PICK_UP that awaits confirmation: what is on board, with its measured masses.
     """
 
-    kind: Literal["MISSION"] = "MISSION"
+    kind: Annotated[Literal["MISSION"], Field(description="Always MISSION.")] = "MISSION"
     mission_id: MissionId
-    mission_revision: Annotated[int, Field(ge=1)]
+    mission_revision: Annotated[int, Field(ge=1, description="The number of the plan, from 1.")]
     delivery_id: DeliveryId
-    first_step: Annotated[int, Field(ge=1)]
-    steps: Annotated[tuple[FlightStep, ...], Field(min_length=1)]
-    loaded: tuple[PackageOnBoard, ...] | None = None
+    first_step: Annotated[int, Field(ge=1, description="The first step that this plan replaces.")]
+    steps: Annotated[
+        tuple[FlightStep, ...], Field(min_length=1, description="The steps to fly, in order.")
+    ]
+    loaded: Annotated[
+        tuple[PackageOnBoard, ...] | None,
+        Field(description="What is on board, measured; ends a PICK_UP that awaits it."),
+    ] = None
 
 
 class _Replacement(_Instruction):
@@ -49,12 +58,17 @@ class _Replacement(_Instruction):
     """
 
     mission_id: MissionId
-    mission_revision: Annotated[int, Field(ge=1)]
+    mission_revision: Annotated[int, Field(ge=1, description="The number of the plan, from 1.")]
     delivery_id: DeliveryId
-    last_valid_step: Annotated[int, Field(ge=0)]
-    steps: Annotated[tuple[FlightStep, ...], Field(min_length=1)]
-    reason: str
-    overrides_failsafe: bool = False
+    last_valid_step: Annotated[int, Field(ge=0, description="The last step that stays as it was.")]
+    steps: Annotated[
+        tuple[FlightStep, ...],
+        Field(min_length=1, description="The steps to fly after it, in order."),
+    ]
+    reason: Annotated[str, Field(description="Why, for people.")]
+    overrides_failsafe: Annotated[
+        bool, Field(description="Whether it holds although a failsafe acts.")
+    ] = False
 
     @property
     def first_step(self) -> int:
@@ -65,30 +79,32 @@ class _Replacement(_Instruction):
 class DivertInstruction(_Replacement):
     """Something ahead of a drone, flying or not, is closed or lost: go on differently."""
 
-    kind: Literal["DIVERT"] = "DIVERT"
+    kind: Annotated[Literal["DIVERT"], Field(description="Always DIVERT.")] = "DIVERT"
 
 
 class ReturnHomeInstruction(_Replacement):
     """An operator calls the drone home; what is on board goes where the new steps say."""
 
-    kind: Literal["RETURN_HOME"] = "RETURN_HOME"
+    kind: Annotated[Literal["RETURN_HOME"], Field(description="Always RETURN_HOME.")] = (
+        "RETURN_HOME"
+    )
 
 
 class HoldInstruction(_Instruction):
     """Begin no further step once the drone stands at a station; pads it charges on stay its own."""
 
-    kind: Literal["HOLD"] = "HOLD"
+    kind: Annotated[Literal["HOLD"], Field(description="Always HOLD.")] = "HOLD"
     mission_id: MissionId
-    mission_revision: Annotated[int, Field(ge=1)]
-    reason: str
+    mission_revision: Annotated[int, Field(ge=1, description="The number of the plan, from 1.")]
+    reason: Annotated[str, Field(description="Why, for people.")]
 
 
 class ResumeInstruction(_Instruction):
     """End a hold; a later revision of the mission ends it too."""
 
-    kind: Literal["RESUME"] = "RESUME"
+    kind: Annotated[Literal["RESUME"], Field(description="Always RESUME.")] = "RESUME"
     mission_id: MissionId
-    mission_revision: Annotated[int, Field(ge=1)]
+    mission_revision: Annotated[int, Field(ge=1, description="The number of the plan, from 1.")]
 
 
 class CancelInstruction(_Instruction):
@@ -97,19 +113,21 @@ class CancelInstruction(_Instruction):
     What is still on board after a failure is left at the station where the drone stands.
     """
 
-    kind: Literal["CANCEL"] = "CANCEL"
+    kind: Annotated[Literal["CANCEL"], Field(description="Always CANCEL.")] = "CANCEL"
     mission_id: MissionId
-    mission_revision: Annotated[int, Field(ge=1)]
-    reason: str
+    mission_revision: Annotated[int, Field(ge=1, description="The number of the plan, from 1.")]
+    reason: Annotated[str, Field(description="Why, for people.")]
 
 
 class ReportInstruction(_Instruction):
     """Send your events after this one again; it is about no mission."""
 
-    kind: Literal["REPORT"] = "REPORT"
-    mission_id: None = None
-    mission_revision: None = None
-    events_after_seq: Annotated[int, Field(ge=0)]
+    kind: Annotated[Literal["REPORT"], Field(description="Always REPORT.")] = "REPORT"
+    mission_id: Annotated[None, Field(description="Always null.")] = None
+    mission_revision: Annotated[None, Field(description="Always null.")] = None
+    events_after_seq: Annotated[
+        int, Field(ge=0, description="The drone sends its events after this `seq` again.")
+    ]
 
 
 AnyInstruction = (

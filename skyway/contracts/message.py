@@ -17,10 +17,14 @@ Count = Annotated[int, Field(ge=0, le=2**53 - 1)]
 class Message(WireModel):
     """The envelope of every message; `sent_at` is fleet time at the writer."""
 
-    schema_version: Literal[1] = 1
-    message_id: str
+    schema_version: Annotated[
+        Literal[1], Field(description="The version of this message's schema.")
+    ] = 1
+    message_id: Annotated[str, Field(description="Id of the message.")]
     sent_at: FleetMoment
-    traceparent: str | None = None
+    traceparent: Annotated[
+        str | None, Field(description="The W3C trace context of what led to the message.")
+    ] = None
 
 
 class DroneMessage(Message):
@@ -29,8 +33,10 @@ class DroneMessage(Message):
     `session` is max(the journal's last + 1, wall-clock seconds at boot).
     """
 
-    session: Count
-    seq: Count
+    session: Annotated[Count, Field(description="The drone's session; it grows with every boot.")]
+    seq: Annotated[
+        Count, Field(description="The number of the message within its topic and session.")
+    ]
 
 
 def is_newer(candidate: tuple[int, int], known: tuple[int, int] | None) -> bool:

@@ -44,9 +44,16 @@ class Margins(WireModel):
     its session. A drone later than `tolerated_lateness_s` gets a new plan if that loses something.
     """
 
-    energy_margin: Annotated[float, Field(ge=0)] = 0.0
-    pad_gap_s: Annotated[float, Field(ge=0)] = 0.0
-    tolerated_lateness_s: Annotated[float, Field(ge=0)] = 0.0
+    energy_margin: Annotated[
+        float, Field(ge=0, description="Energy on top of what flights need, as a share.")
+    ] = 0.0
+    pad_gap_s: Annotated[float, Field(ge=0, description="Seconds between two drones on a pad.")] = (
+        0.0
+    )
+    tolerated_lateness_s: Annotated[
+        float,
+        Field(ge=0, description="Seconds that a drone may be late before it gets a new plan."),
+    ] = 0.0
 
 
 class Mission(WireModel):
@@ -60,26 +67,47 @@ class Mission(WireModel):
 
     mission_id: MissionId
     delivery_id: DeliveryId
-    attempt: Annotated[int, Field(ge=1)]
-    trip: Annotated[int, Field(ge=1)] = 1
+    attempt: Annotated[
+        int, Field(ge=1, description="The number of the booking that made the mission, from 1.")
+    ]
+    trip: Annotated[
+        int, Field(ge=1, description="The number of the trip within its booking, from 1.")
+    ] = 1
     provider_id: ProviderId
     drone_id: DroneId
     drone_model_id: DroneModelId
-    state: MissionState
-    revision: Annotated[int, Field(ge=1)]
+    state: Annotated[MissionState, Field(description="The state of the mission.")]
+    revision: Annotated[int, Field(ge=1, description="The number of the present plan, from 1.")]
     start_at: FleetMoment
     released_at: FleetMoment
-    price: Price
-    packages: tuple[PackageEta, ...]
-    plan: Plan
-    home_plan: Plan | None = None
-    home_recharge: Recharge | None = None
-    margins: Margins = Margins()
+    price: Annotated[Price, Field(description="What the mission costs.")]
+    packages: Annotated[
+        tuple[PackageEta, ...], Field(description="The packages that it delivers, and when.")
+    ]
+    plan: Annotated[Plan, Field(description="The present plan, up to the last delivery.")]
+    home_plan: Annotated[
+        Plan | None,
+        Field(description="How the empty drone flies home; seconds count from the end of `plan`."),
+    ] = None
+    home_recharge: Annotated[
+        Recharge | None,
+        Field(
+            description="How the drone is charged at home; seconds count from the end of `plan`."
+        ),
+    ] = None
+    margins: Annotated[
+        Margins, Field(description="What the plan was booked with on top of what it needs.")
+    ] = Margins()
     #: AWAITED while the drone stands at the pickup until a loader confirms.
-    loading: Literal["AUTOMATIC", "CONFIRMED", "AWAITED"] = "AUTOMATIC"
-    is_held: bool = False
+    loading: Annotated[
+        Literal["AUTOMATIC", "CONFIRMED", "AWAITED"],
+        Field(description="AWAITED while the drone stands at the pickup until a loader confirms."),
+    ] = "AUTOMATIC"
+    is_held: Annotated[bool, Field(description="Whether an operator holds the drone.")] = False
     #: Why the plan does not deliver what is on board, but leaves it where the drone can land.
-    given_up: str | None = None
+    given_up: Annotated[
+        str | None, Field(description="Why the plan delivers nothing; null if it delivers.")
+    ] = None
 
 
 class OfferLimits(WireModel):
@@ -89,8 +117,11 @@ class OfferLimits(WireModel):
     """
 
     provider_id: ProviderId
-    price: Price
-    within_s: Annotated[float, Field(ge=0)]
+    price: Annotated[Price, Field(description="The price that was promised.")]
+    within_s: Annotated[
+        float,
+        Field(ge=0, description="Seconds from the start of the mission to the last delivery."),
+    ]
 
 
 class BookMissions(WireModel):
@@ -99,10 +130,12 @@ class BookMissions(WireModel):
     Candidates are compared by their true plans. `request` holds the packages to plan for only.
     """
 
-    attempt: Annotated[int, Field(ge=1)]
-    request: DeliveryRequest
-    shortlist: Shortlist
-    offer: OfferLimits | None = None
+    attempt: Annotated[int, Field(ge=1, description="The number of this booking, from 1.")]
+    request: Annotated[DeliveryRequest, Field(description="The packages to book, and their QoS.")]
+    shortlist: Annotated[Shortlist, Field(description="The drones to compare.")]
+    offer: Annotated[
+        OfferLimits | None, Field(description="What an accepted offer promised; null without one.")
+    ] = None
 
     @property
     def candidates(self) -> tuple[Candidate, ...]:
@@ -117,9 +150,16 @@ class Booking(WireModel):
     a price limit or an offer all are booked or none.
     """
 
-    outcome: Literal["BOOKED", "BUSY", "INFEASIBLE", "CLOSED"]
-    missions: tuple[Mission, ...] = ()
-    reasons: tuple[ProviderReason, ...] = ()
+    outcome: Annotated[
+        Literal["BOOKED", "BUSY", "INFEASIBLE", "CLOSED"],
+        Field(description="BOOKED, BUSY (ask again later), INFEASIBLE (never) or CLOSED."),
+    ]
+    missions: Annotated[
+        tuple[Mission, ...], Field(description="The missions that were booked.")
+    ] = ()
+    reasons: Annotated[
+        tuple[ProviderReason, ...], Field(description="Why each provider cannot fly it.")
+    ] = ()
 
 
 class ClosedDelivery(WireModel):
@@ -129,8 +169,10 @@ class ClosedDelivery(WireModel):
     and then the delivery is not closed.
     """
 
-    is_closed: bool
-    missions: tuple[Mission, ...] = ()
+    is_closed: Annotated[bool, Field(description="Whether nothing will be booked any more.")]
+    missions: Annotated[
+        tuple[Mission, ...], Field(description="Missions that were booked before.")
+    ] = ()
 
 
 class CancelMissions(WireModel):
@@ -139,9 +181,14 @@ class CancelMissions(WireModel):
     The same `cancellation_id` again is answered the same.
     """
 
-    cancellation_id: str
-    package_ids: tuple[PackageId, ...] | None = None
-    reason: str
+    cancellation_id: Annotated[
+        str, Field(description="Id of the call; the same id is answered the same.")
+    ]
+    package_ids: Annotated[
+        tuple[PackageId, ...] | None,
+        Field(description="The packages to cancel; all of them if null."),
+    ] = None
+    reason: Annotated[str, Field(description="Why, for people.")]
 
 
 class Cancellation(WireModel):
@@ -152,9 +199,15 @@ class Cancellation(WireModel):
     `too_late` are with their recipients, or are over.
     """
 
-    released: tuple[PackageId, ...] = ()
-    returning: tuple[PackageId, ...] = ()
-    too_late: tuple[PackageId, ...] = ()
+    released: Annotated[
+        tuple[PackageId, ...], Field(description="Packages that stay at the pickup.")
+    ] = ()
+    returning: Annotated[
+        tuple[PackageId, ...], Field(description="Packages that are on board and come back.")
+    ] = ()
+    too_late: Annotated[
+        tuple[PackageId, ...], Field(description="Packages that can no longer be stopped.")
+    ] = ()
 
 
 class MissionReport(WireModel):
@@ -178,39 +231,58 @@ class MissionReport(WireModel):
                 where the drone went down away from every station, they are with it at `position`
     """
 
-    report_id: str
+    report_id: Annotated[str, Field(description="Id of the report.")]
     delivery_id: DeliveryId
-    attempt: int
-    trip: int
+    attempt: Annotated[int, Field(description="The number of the booking, from 1.")]
+    trip: Annotated[int, Field(description="The number of the trip, from 1.")]
     mission_id: MissionId
     provider_id: ProviderId
     drone_id: DroneId
-    seq: Annotated[int, Field(ge=1)]
-    kind: Literal[
-        "ACCEPTED",
-        "REFUSED",
-        "LOADING",
-        "LOADED",
-        "ACTIVITY",
-        "DELIVERED",
-        "REPLANNING",
-        "REPLANNED",
-        "RETURNING",
-        "RETURNED",
-        "RELEASED",
-        "ENDED",
+    seq: Annotated[
+        int, Field(ge=1, description="The number of the report within its mission, from 1.")
+    ]
+    kind: Annotated[
+        Literal[
+            "ACCEPTED",
+            "REFUSED",
+            "LOADING",
+            "LOADED",
+            "ACTIVITY",
+            "DELIVERED",
+            "REPLANNING",
+            "REPLANNED",
+            "RETURNING",
+            "RETURNED",
+            "RELEASED",
+            "ENDED",
+        ],
+        Field(description="What happened."),
     ]
     at: FleetMoment
-    mission_state: MissionState
-    activity: Literal["FLYING", "WAITING", "RECHARGING", "DELIVERING"] | None = None
+    mission_state: Annotated[MissionState, Field(description="The state of the mission now.")]
+    activity: Annotated[
+        Literal["FLYING", "WAITING", "RECHARGING", "DELIVERING"] | None,
+        Field(description="What the drone does now."),
+    ] = None
     station_id: StationId | None = None
-    position: Position | None = None
+    position: Annotated[Position | None, Field(description="Where the drone is, in degrees.")] = (
+        None
+    )
     soc: Soc | None = None
-    package_ids: tuple[PackageId, ...] = ()
-    stranded_package_ids: tuple[PackageId, ...] = ()
-    etas: tuple[PackageEta, ...] = ()
-    mission: Mission | None = None
-    code: str | None = None
-    detail: str | None = None
+    package_ids: Annotated[
+        tuple[PackageId, ...], Field(description="The packages that it is about.")
+    ] = ()
+    stranded_package_ids: Annotated[
+        tuple[PackageId, ...], Field(description="The packages that were not delivered.")
+    ] = ()
+    etas: Annotated[
+        tuple[PackageEta, ...], Field(description="When each package is expected.")
+    ] = ()
+    mission: Annotated[Mission | None, Field(description="The mission with its new plan.")] = None
+    code: Annotated[str | None, Field(description="Why, for programs.")] = None
+    detail: Annotated[str | None, Field(description="Why, for people.")] = None
     #: Evidence and numbers: place and weights at a hand-over, flown seconds and joules at the end.
-    data: dict[str, Any] = Field(default_factory=dict)
+    data: dict[str, Any] = Field(
+        default_factory=dict,
+        description="Evidence: place and masses at a hand-over, seconds and joules at the end.",
+    )

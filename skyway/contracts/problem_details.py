@@ -15,8 +15,13 @@ class FieldProblem(JsonModel):
 
     model_config = ConfigDict(extra="ignore")
 
-    field: str
-    detail: str
+    field: Annotated[
+        str,
+        Field(
+            description="The path of the field in the caller's JSON, such as packages.0.mass_kg."
+        ),
+    ]
+    detail: Annotated[str, Field(description="What is wrong with it.")]
 
 
 class ProblemDetails(JsonModel):
@@ -44,9 +49,9 @@ class ProblemDetails(JsonModel):
     )
 
     type: Annotated[str, Field(description="urn:skyway:problem:<name>, stable")] = "about:blank"
-    title: str
-    status: Annotated[int, Field(ge=100, le=599)]
-    detail: str | None = None
+    title: Annotated[str, Field(description="What the type means.")]
+    status: Annotated[int, Field(ge=100, le=599, description="The HTTP status, 100 to 599.")]
+    detail: Annotated[str | None, Field(description="What went wrong this time.")] = None
     code: Annotated[str | None, Field(description="UPPER_SNAKE, stable within the type")] = None
     errors: Annotated[tuple[FieldProblem, ...], Field(description="each field at fault")] = ()
     trace_id: Annotated[str | None, Field(description="finds the request in our logs")] = None

@@ -17,8 +17,8 @@ from skyway.json_model import WireModel
 class QuoteQuery(WireModel):
     """The body of POST /internal/quotes."""
 
-    request: DeliveryRequest
-    shortlist: Shortlist
+    request: Annotated[DeliveryRequest, Field(description="What the customer asks for.")]
+    shortlist: Annotated[Shortlist, Field(description="The drones to compare.")]
 
     @property
     def candidates(self) -> tuple[Candidate, ...]:
@@ -37,24 +37,30 @@ class OfferTerms(WireModel):
     provider_id: ProviderId
     drone_id: DroneId
     drone_model_id: DroneModelId
-    price: Price
+    price: Annotated[Price, Field(description="What the delivery costs.")]
     pickup_at: Annotated[
-        FleetMoment, Field(description="when the first drone begins to load at the pickup")
+        FleetMoment, Field(description="When the first drone begins to load at the pickup.")
     ]
-    delivery_time_s: float
-    packages: tuple[PackageEta, ...]
-    energy_j: float
-    distance_m: float
-    recharges: int
-    recharging_s: float
-    waiting_s: float
-    trips: Annotated[int, Field(ge=1)] = 1
-    margins: Margins
-    score: float
+    delivery_time_s: Annotated[
+        float, Field(description="Seconds from the pickup to the last delivery.")
+    ]
+    packages: Annotated[tuple[PackageEta, ...], Field(description="When each package is expected.")]
+    energy_j: Annotated[float, Field(description="Energy of the plan in joules.")]
+    distance_m: Annotated[float, Field(description="Flown distance in metres.")]
+    recharges: Annotated[int, Field(description="How often drones recharge.")]
+    recharging_s: Annotated[float, Field(description="Seconds on pads.")]
+    waiting_s: Annotated[float, Field(description="Seconds of waiting for pads.")]
+    trips: Annotated[int, Field(ge=1, description="How many trips it takes, from 1.")] = 1
+    margins: Annotated[Margins, Field(description="What the plan has on top of what it needs.")]
+    score: Annotated[float, Field(description="What offers are ranked by; lower is better.")]
 
 
 class QuoteAnswer(WireModel):
     """One offer per provider, the best first, and why the other providers make none."""
 
-    offers: tuple[OfferTerms, ...]
-    infeasible: tuple[ProviderReason, ...]
+    offers: Annotated[
+        tuple[OfferTerms, ...], Field(description="One offer of each provider, the best first.")
+    ]
+    infeasible: Annotated[
+        tuple[ProviderReason, ...], Field(description="Why the other providers make none.")
+    ]

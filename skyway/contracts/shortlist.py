@@ -7,9 +7,9 @@ which the gateway and composition read without making a value of each.
 
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
-from typing import Self
+from typing import Annotated, Self
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from skyway.contracts.candidate import Candidate, Loading, ProviderReason
 from skyway.contracts.message import Soc
@@ -23,8 +23,8 @@ class ProviderTerms(WireModel):
     """What holds for every drone of a provider."""
 
     provider_id: ProviderId
-    tariff: Tariff
-    loading: Loading = "AUTOMATIC"
+    tariff: Annotated[Tariff, Field(description="How the provider prices a delivery.")]
+    loading: Annotated[Loading, Field(description="Who confirms what is loaded.")] = "AUTOMATIC"
 
 
 class Shortlist(WireModel):
@@ -33,14 +33,29 @@ class Shortlist(WireModel):
     The candidates of one model share it, and those of one provider its tariff.
     """
 
-    models: tuple[DroneModel, ...] = ()
-    providers: tuple[ProviderTerms, ...] = ()
-    drone_ids: tuple[DroneId, ...] = ()
-    provider_ids: tuple[ProviderId, ...] = ()
-    model_ids: tuple[DroneModelId, ...] = ()
-    socs: tuple[Soc, ...] = ()
-    station_ids: tuple[StationId, ...] = ()
-    home_station_ids: tuple[StationId, ...] = ()
+    models: Annotated[
+        tuple[DroneModel, ...], Field(description="The drone models of the candidates, once each.")
+    ] = ()
+    providers: Annotated[
+        tuple[ProviderTerms, ...],
+        Field(description="The terms of the candidates' providers, once each."),
+    ] = ()
+    drone_ids: Annotated[tuple[DroneId, ...], Field(description="The drone of each row.")] = ()
+    provider_ids: Annotated[
+        tuple[ProviderId, ...], Field(description="The provider of each row.")
+    ] = ()
+    model_ids: Annotated[
+        tuple[DroneModelId, ...], Field(description="The drone model of each row.")
+    ] = ()
+    socs: Annotated[
+        tuple[Soc, ...], Field(description="The state of charge of each row, 0 to 1.")
+    ] = ()
+    station_ids: Annotated[
+        tuple[StationId, ...], Field(description="Where the drone of each row stands.")
+    ] = ()
+    home_station_ids: Annotated[
+        tuple[StationId, ...], Field(description="The home of the drone of each row.")
+    ] = ()
 
     @classmethod
     def of(cls, candidates: Iterable[Candidate]) -> Self:
@@ -137,6 +152,11 @@ class Candidates(WireModel):
     are free again or charged.
     """
 
-    shortlist: Shortlist
-    infeasible: tuple[ProviderReason, ...]
-    more_later: tuple[ProviderId, ...] = ()
+    shortlist: Annotated[Shortlist, Field(description="The drones that could fly the request.")]
+    infeasible: Annotated[
+        tuple[ProviderReason, ...], Field(description="Why the other providers have none.")
+    ]
+    more_later: Annotated[
+        tuple[ProviderId, ...],
+        Field(description="Whether busy or silent drones may be free later."),
+    ] = ()

@@ -1,5 +1,9 @@
 """Gateway and registry ask composition: which stations exist, where, and are they connected."""
 
+from typing import Annotated
+
+from pydantic import Field
+
 from skyway.geo import Position
 from skyway.ids import NetworkId, StationId
 from skyway.json_model import WireModel
@@ -8,7 +12,7 @@ from skyway.json_model import WireModel
 class StationCheckQuery(WireModel):
     """Stations to look up; with `reachable_from`, also whether a path leads to each of them."""
 
-    station_ids: tuple[StationId, ...]
+    station_ids: Annotated[tuple[StationId, ...], Field(description="The stations to look up.")]
     reachable_from: StationId | None = None
 
 
@@ -19,10 +23,17 @@ class StationCheck(WireModel):
     there from `reachable_from` (another network counts as unreachable too).
     """
 
-    network_ids: dict[StationId, NetworkId]
-    positions: dict[StationId, Position]
-    unknown: tuple[StationId, ...]
-    unreachable: tuple[StationId, ...] = ()
+    network_ids: Annotated[
+        dict[StationId, NetworkId], Field(description="The network of each station that exists.")
+    ]
+    positions: Annotated[
+        dict[StationId, Position],
+        Field(description="Where each station that exists is, in degrees."),
+    ]
+    unknown: Annotated[tuple[StationId, ...], Field(description="The stations that do not exist.")]
+    unreachable: Annotated[
+        tuple[StationId, ...], Field(description="The stations to which no path leads.")
+    ] = ()
 
 
 class NetworkStations(WireModel):
@@ -33,7 +44,11 @@ class NetworkStations(WireModel):
     """
 
     network_id: NetworkId
-    version: int
-    station_ids: tuple[StationId, ...] = ()
-    positions: tuple[Position, ...] = ()
-    parts: tuple[int, ...] = ()
+    version: Annotated[int, Field(description="The current version of the network.")]
+    station_ids: Annotated[
+        tuple[StationId, ...], Field(description="The station of each row.")
+    ] = ()
+    positions: Annotated[
+        tuple[Position, ...], Field(description="Where the station of each row is, in degrees.")
+    ] = ()
+    parts: Annotated[tuple[int, ...], Field(description="The connected part of each row.")] = ()

@@ -1,6 +1,8 @@
 """Where a delivery's drones have been, are and will be: composition tells the gateway."""
 
-from typing import Literal
+from typing import Annotated, Literal
+
+from pydantic import Field
 
 from skyway.contracts.message import FleetMoment, Soc
 from skyway.geo import Position
@@ -11,14 +13,22 @@ from skyway.json_model import WireModel
 class TrackedStep(WireModel):
     """A flight or a stop of a mission, as planned or as it was."""
 
-    kind: Literal["PICK_UP", "FLY", "WAIT", "RECHARGE", "DELIVER", "RETURN"]
-    status: Literal["ENDED", "UNDER_WAY", "PLANNED", "FAILED"]
-    from_position: Position
-    to_position: Position
+    kind: Annotated[
+        Literal["PICK_UP", "FLY", "WAIT", "RECHARGE", "DELIVER", "RETURN"],
+        Field(description="What the step does."),
+    ]
+    status: Annotated[
+        Literal["ENDED", "UNDER_WAY", "PLANNED", "FAILED"],
+        Field(description="How far the step has come."),
+    ]
+    from_position: Annotated[Position, Field(description="Where it begins, in degrees.")]
+    to_position: Annotated[Position, Field(description="Where it ends, in degrees.")]
     station_id: StationId
     start_at: FleetMoment
     end_at: FleetMoment
-    package_ids: tuple[PackageId, ...] = ()
+    package_ids: Annotated[
+        tuple[PackageId, ...], Field(description="The packages that it handles.")
+    ] = ()
 
 
 class TrackedMission(WireModel):
@@ -27,8 +37,11 @@ class TrackedMission(WireModel):
     mission_id: MissionId
     provider_id: ProviderId
     drone_id: DroneId
-    steps: tuple[TrackedStep, ...]
-    position: Position | None
+    steps: Annotated[tuple[TrackedStep, ...], Field(description="Its flights and stops, in order.")]
+    position: Annotated[
+        Position | None,
+        Field(description="Where the drone is, in degrees; null if it is not known."),
+    ]
     position_at: FleetMoment | None
     soc: Soc | None
 
@@ -36,4 +49,6 @@ class TrackedMission(WireModel):
 class Track(WireModel):
     """The answer to GET /internal/deliveries/{delivery_id}/track."""
 
-    missions: tuple[TrackedMission, ...]
+    missions: Annotated[
+        tuple[TrackedMission, ...], Field(description="The missions of the delivery.")
+    ]

@@ -13,7 +13,7 @@ class ClockAnchor(Message):
 
     fleet_at: FleetMoment
     wall_at: WallMoment
-    rate: Annotated[float, Field(gt=0)]
+    rate: Annotated[float, Field(gt=0, description="Fleet seconds per wall second.")]
 
 
 class StationState(Message):
@@ -23,9 +23,9 @@ class StationState(Message):
     """
 
     station_id: StationId
-    pads: Annotated[int, Field(ge=0)]
-    pads_taken: Annotated[int, Field(ge=0)]
-    queue: Annotated[int, Field(ge=0)] = 0
+    pads: Annotated[int, Field(ge=0, description="How many pads the station has.")]
+    pads_taken: Annotated[int, Field(ge=0, description="How many of them are taken now.")]
+    queue: Annotated[int, Field(ge=0, description="How many reservations have not begun.")] = 0
     next_free_at: FleetMoment | None = None
 
 
@@ -33,6 +33,6 @@ class NetworkVersion(Message):
     """The current version of a network, its content's hash, and where to read it."""
 
     network_id: NetworkId
-    version: Annotated[int, Field(ge=1)]
-    sha256: str
-    href: str
+    version: Annotated[int, Field(ge=1, description="The current version, from 1.")]
+    sha256: Annotated[str, Field(description="SHA-256 of its content, in hexadecimal.")]
+    href: Annotated[str, Field(description="The path where it can be read.")]

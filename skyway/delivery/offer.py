@@ -23,17 +23,27 @@ class Tariff(JsonModel):
     """How a provider prices a delivery, in minor units of `currency`."""
 
     currency: Currency = "USD"
-    base: MinorUnits = 0
-    per_km: MinorUnits = 0
-    per_kg: MinorUnits = 0
-    per_recharge_minute: MinorUnits = 0
-    minimum: MinorUnits = 0
+    base: Annotated[MinorUnits, Field(description="Price of each delivery, in minor units.")] = 0
+    per_km: Annotated[
+        MinorUnits, Field(description="Price of each flown kilometre, in minor units.")
+    ] = 0
+    per_kg: Annotated[
+        MinorUnits, Field(description="Price of each kilogram of payload, in minor units.")
+    ] = 0
+    per_recharge_minute: Annotated[
+        MinorUnits, Field(description="Price of each minute on a pad, in minor units.")
+    ] = 0
+    minimum: Annotated[
+        MinorUnits, Field(description="The least price of a delivery, in minor units.")
+    ] = 0
 
 
 class Price(JsonModel):
     """An amount of money in minor units."""
 
-    amount: MinorUnits
+    amount: Annotated[
+        MinorUnits, Field(description="Amount in minor units of the currency, such as cents.")
+    ]
     currency: Currency
 
 

@@ -24,9 +24,11 @@ class PlanStatus(StrEnum):
 class PickUp(JsonModel):
     """The packages are taken on board."""
 
-    kind: Literal["PICK_UP"] = "PICK_UP"
+    kind: Annotated[Literal["PICK_UP"], Field(description="Always PICK_UP.")] = "PICK_UP"
     station_id: StationId
-    package_ids: tuple[PackageId, ...]
+    package_ids: Annotated[
+        tuple[PackageId, ...], Field(description="The packages that are taken on board.")
+    ]
     start_s: Seconds
     end_s: Seconds
 
@@ -34,20 +36,24 @@ class PickUp(JsonModel):
 class Fly(JsonModel):
     """One drone service: a segment is flown; a landing that the plan makes at its end is in it."""
 
-    kind: Literal["FLY"] = "FLY"
-    from_id: Annotated[StationId, Field(alias="from")]
-    to_id: Annotated[StationId, Field(alias="to")]
+    kind: Annotated[Literal["FLY"], Field(description="Always FLY.")] = "FLY"
+    from_id: Annotated[
+        StationId, Field(alias="from", description="The station where the segment begins.")
+    ]
+    to_id: Annotated[
+        StationId, Field(alias="to", description="The station where the segment ends.")
+    ]
     start_s: Seconds
     end_s: Seconds
-    load_kg: float
-    energy_j: float
+    load_kg: Annotated[float, Field(description="The mass on board in kilograms.")]
+    energy_j: Annotated[float, Field(description="Energy of the flight in joules.")]
     soc_end: Charge
 
 
 class Wait(JsonModel):
     """The drone stands at a station, needing neither pad nor energy."""
 
-    kind: Literal["WAIT"] = "WAIT"
+    kind: Annotated[Literal["WAIT"], Field(description="Always WAIT.")] = "WAIT"
     station_id: StationId
     start_s: Seconds
     end_s: Seconds
@@ -56,9 +62,9 @@ class Wait(JsonModel):
 class Recharge(JsonModel):
     """The drone holds a pad and charges."""
 
-    kind: Literal["RECHARGE"] = "RECHARGE"
+    kind: Annotated[Literal["RECHARGE"], Field(description="Always RECHARGE.")] = "RECHARGE"
     station_id: StationId
-    pad: int
+    pad: Annotated[int, Field(description="The number of the pad, from 0.")]
     start_s: Seconds
     end_s: Seconds
     soc_start: Charge
@@ -68,9 +74,11 @@ class Recharge(JsonModel):
 class Deliver(JsonModel):
     """The packages for this station are handed over; they count as delivered at the end."""
 
-    kind: Literal["DELIVER"] = "DELIVER"
+    kind: Annotated[Literal["DELIVER"], Field(description="Always DELIVER.")] = "DELIVER"
     station_id: StationId
-    package_ids: tuple[PackageId, ...]
+    package_ids: Annotated[
+        tuple[PackageId, ...], Field(description="The packages that are handed over.")
+    ]
     start_s: Seconds
     end_s: Seconds
 
@@ -89,10 +97,13 @@ class PackageDelivery(JsonModel):
 class Infeasibility(JsonModel):
     """Why no plan exists; one code and a sentence with the numbers."""
 
-    code: Literal[
-        "OVERWEIGHT", "DESTINATION_UNREACHABLE", "OUT_OF_RANGE", "NO_PAD_IN_TIME", "TOO_LATE"
+    code: Annotated[
+        Literal[
+            "OVERWEIGHT", "DESTINATION_UNREACHABLE", "OUT_OF_RANGE", "NO_PAD_IN_TIME", "TOO_LATE"
+        ],
+        Field(description="Why, for programs."),
     ]
-    detail: str
+    detail: Annotated[str, Field(description="Why, for people.")]
 
 
 class Plan(JsonModel):
@@ -102,20 +113,47 @@ class Plan(JsonModel):
     infeasible or unknown) times and energies are None and `steps` is empty.
     """
 
-    status: PlanStatus
-    delivery_time_s: float | None = None
-    lower_bound_s: float | None = None
-    energy_j: float | None = None
-    flight_s: float | None = None
-    waiting_s: float | None = None
-    recharging_s: float | None = None
-    steps: tuple[Step, ...] = ()
-    deliveries: tuple[PackageDelivery, ...] = ()
+    status: Annotated[
+        PlanStatus,
+        Field(description="Whether the plan is proven best, found, proven impossible, or unknown."),
+    ]
+    delivery_time_s: Annotated[
+        float | None,
+        Field(description="Seconds from the start to the last delivery; null without a plan."),
+    ] = None
+    lower_bound_s: Annotated[
+        float | None, Field(description="No plan delivers in fewer seconds than this.")
+    ] = None
+    energy_j: Annotated[
+        float | None, Field(description="Energy of all flights in joules; null without a plan.")
+    ] = None
+    flight_s: Annotated[
+        float | None, Field(description="Seconds in flight; null without a plan.")
+    ] = None
+    waiting_s: Annotated[
+        float | None, Field(description="Seconds of waiting; null without a plan.")
+    ] = None
+    recharging_s: Annotated[
+        float | None, Field(description="Seconds on pads; null without a plan.")
+    ] = None
+    steps: Annotated[
+        tuple[Step, ...], Field(description="What the drone does, in order, without gaps.")
+    ] = ()
+    deliveries: Annotated[
+        tuple[PackageDelivery, ...], Field(description="When and where each package is delivered.")
+    ] = ()
     #: What a strategy counted: `strategy`, `elapsed_s`, and keys of its own.
-    stats: dict[str, Any] = Field(default_factory=dict)
+    stats: dict[str, Any] = Field(
+        default_factory=dict,
+        description="What the strategy counted: strategy, elapsed_s, and more.",
+    )
     #: In the JSON only when infeasible.
     infeasibility: Annotated[
-        Infeasibility | None, Field(exclude_if=lambda value: value is None)
+        Infeasibility | None,
+        Field(
+            exclude_if=lambda value: value is None,
+            description="Why there is no plan; only if it is proven.",
+        ),
     ] = None
 
     @property

@@ -34,17 +34,31 @@ class Package(JsonModel):
 
     package_id: PackageId
     # Strict: true is not 1 kg.
-    mass_kg: Annotated[float, Field(ge=0, le=MAX_PACKAGE_MASS_KG, strict=True)]
-    destination: Place
-    alternative: Place | None = None
+    mass_kg: Annotated[
+        float,
+        Field(
+            ge=0, le=MAX_PACKAGE_MASS_KG, strict=True, description="Mass in kilograms, 0 to 1000."
+        ),
+    ]
+    destination: Annotated[Place, Field(description="Where it is handed over.")]
+    alternative: Annotated[
+        Place | None,
+        Field(description="Where it goes if nobody is at the destination; the pickup if null."),
+    ] = None
 
 
 class Weights(JsonModel):
     """How much time, price and energy count; only their proportions matter."""
 
-    time: Annotated[float, Field(ge=0, le=1_000)] = 0.0
-    price: Annotated[float, Field(ge=0, le=1_000)] = 0.0
-    energy: Annotated[float, Field(ge=0, le=1_000)] = 0.0
+    time: Annotated[
+        float, Field(ge=0, le=1_000, description="How much the delivery time counts, 0 to 1000.")
+    ] = 0.0
+    price: Annotated[
+        float, Field(ge=0, le=1_000, description="How much the price counts, 0 to 1000.")
+    ] = 0.0
+    energy: Annotated[
+        float, Field(ge=0, le=1_000, description="How much the energy counts, 0 to 1000.")
+    ] = 0.0
 
     @model_validator(mode="after")
     def _something_counts(self) -> Self:
@@ -56,9 +70,17 @@ class Weights(JsonModel):
 class ProviderChoice(JsonModel):
     """Which providers may serve: one pinned, only those allowed, none of those denied."""
 
-    pinned: ProviderId | None = None
-    allowed: Annotated[tuple[ProviderId, ...], Field(max_length=100)] | None = None
-    denied: Annotated[tuple[ProviderId, ...], Field(max_length=100)] | None = None
+    pinned: Annotated[ProviderId | None, Field(description="The only provider that may serve.")] = (
+        None
+    )
+    allowed: Annotated[
+        Annotated[tuple[ProviderId, ...], Field(max_length=100)] | None,
+        Field(description="The providers that may serve; all if null."),
+    ] = None
+    denied: Annotated[
+        Annotated[tuple[ProviderId, ...], Field(max_length=100)] | None,
+        Field(description="The providers that may not serve."),
+    ] = None
 
     def admits(self, provider_id: ProviderId) -> bool:
         """Whether this provider may serve."""
@@ -84,11 +106,25 @@ class QoS(JsonModel):
     `max_price` is in minor units of the network's currency.
     """
 
-    objective: Objective | None = None
-    weights: Weights | None = None
-    deadline_at: AwareDatetime | None = None
-    max_price: Annotated[int, Field(ge=0)] | None = None
-    providers: ProviderChoice = ProviderChoice()
+    objective: Annotated[
+        Objective | None,
+        Field(description="What makes an offer best; `fastest` without `weights`."),
+    ] = None
+    weights: Annotated[
+        Weights | None,
+        Field(description="How much time, price and energy count, instead of an objective."),
+    ] = None
+    deadline_at: Annotated[
+        AwareDatetime | None,
+        Field(description="The last delivery must be over by then, RFC 3339 UTC, fleet time."),
+    ] = None
+    max_price: Annotated[
+        Annotated[int, Field(ge=0)] | None,
+        Field(description="The most that it may cost, in minor units."),
+    ] = None
+    providers: Annotated[ProviderChoice, Field(description="Which providers may serve.")] = (
+        ProviderChoice()
+    )
 
     @model_validator(mode="after")
     def _one_way_to_rank(self) -> Self:
@@ -112,15 +148,27 @@ class QoS(JsonModel):
 class DeliveryRequest(JsonModel):
     """What a customer asks for: packages, their destinations and the QoS."""
 
-    pickup: Place
+    pickup: Annotated[Place, Field(description="Where all packages are picked up.")]
     # At least one is checked below: pydantic would count only those that are themselves valid.
     packages: Annotated[
         tuple[Package, ...],
-        Field(max_length=MAX_PACKAGES, json_schema_extra={"minItems": 1}),
+        Field(
+            max_length=MAX_PACKAGES,
+            json_schema_extra={"minItems": 1},
+            description="What is delivered, 1 to 100 packages.",
+        ),
     ]
-    qos: QoS = QoS()
-    earliest_pickup_at: AwareDatetime | None = None
-    reference: Annotated[str, Field(max_length=200)] | None = None
+    qos: Annotated[
+        QoS, Field(description="How offers are ranked, and the limits that they must keep.")
+    ] = QoS()
+    earliest_pickup_at: Annotated[
+        AwareDatetime | None,
+        Field(description="The drone does not begin to load before, RFC 3339 UTC, fleet time."),
+    ] = None
+    reference: Annotated[
+        Annotated[str, Field(max_length=200)] | None,
+        Field(description="The customer's own word for it, up to 200 characters."),
+    ] = None
 
     @field_validator("packages")
     @classmethod

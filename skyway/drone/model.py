@@ -26,19 +26,79 @@ class DroneModel(JsonModel):
     """
 
     model_id: DroneModelId
-    empty_mass_kg: Annotated[float, Field(ge=0.001, le=10_000, strict=True)]
-    max_payload_kg: Annotated[float, Field(ge=0.001, le=10_000, strict=True)]
-    battery_j: Annotated[float, Field(ge=1, le=1e12, strict=True)]
-    reserve_soc: Annotated[float, Field(ge=0, lt=1, strict=True)] = 0.0
-    speed_empty_mps: Annotated[float, Field(ge=0.01, le=1_000, strict=True)]
-    speed_full_mps: Annotated[float, Field(ge=0.01, le=1_000, strict=True)]
-    power_empty_w: Annotated[float, Field(ge=0.001, le=1e9, strict=True)]
-    stop_s: Annotated[float, Field(ge=0, le=1e6, strict=True)] = 0.0
-    stop_j: Annotated[float, Field(ge=0, le=1e12, strict=True)] = 0.0
+    empty_mass_kg: Annotated[
+        float,
+        Field(ge=0.001, le=10_000, strict=True, description="Mass without packages, in kilograms."),
+    ]
+    max_payload_kg: Annotated[
+        float,
+        Field(ge=0.001, le=10_000, strict=True, description="The heaviest payload in kilograms."),
+    ]
+    battery_j: Annotated[
+        float,
+        Field(
+            ge=1, le=1e12, strict=True, description="Usable energy of the full battery in joules."
+        ),
+    ]
+    reserve_soc: Annotated[
+        float,
+        Field(
+            ge=0,
+            lt=1,
+            strict=True,
+            description="The state of charge that every landing keeps, 0 to 1.",
+        ),
+    ] = 0.0
+    speed_empty_mps: Annotated[
+        float,
+        Field(
+            ge=0.01,
+            le=1_000,
+            strict=True,
+            description="Cruise speed without packages, in metres per second.",
+        ),
+    ]
+    speed_full_mps: Annotated[
+        float,
+        Field(
+            ge=0.01,
+            le=1_000,
+            strict=True,
+            description="Cruise speed with the heaviest payload, in metres per second.",
+        ),
+    ]
+    power_empty_w: Annotated[
+        float,
+        Field(
+            ge=0.001, le=1e9, strict=True, description="Cruise power without packages, in watts."
+        ),
+    ]
+    stop_s: Annotated[
+        float,
+        Field(
+            ge=0,
+            le=1e6,
+            strict=True,
+            description="Seconds that a landing and the next take-off take.",
+        ),
+    ] = 0.0
+    stop_j: Annotated[
+        float,
+        Field(
+            ge=0,
+            le=1e12,
+            strict=True,
+            description="Energy that a landing and the next take-off take, in joules.",
+        ),
+    ] = 0.0
     # The least number is checked below: pydantic would count only points that are valid.
     charge_curve: Annotated[
         tuple[ChargePoint, ...],
-        Field(max_length=1_000, json_schema_extra={"minItems": 2}),
+        Field(
+            max_length=1_000,
+            json_schema_extra={"minItems": 2},
+            description="Points [seconds on the pad, state of charge], rising and concave.",
+        ),
         FailFast(),
     ]
 

@@ -107,28 +107,53 @@ class Problem(JsonModel):
         one field is pydantic's ValidationError. `read_problem` raises InvalidProblem for all three.
     """
 
-    network: NetworkAsGeoJson
-    start_at: Annotated[AwareDatetime | None, BeforeValidator(_written_moment)] = None
-    drone: DroneAtStart
-    source: StationId
+    network: Annotated[NetworkAsGeoJson, Field(description="The network, as GeoJSON.")]
+    start_at: Annotated[
+        AwareDatetime | None,
+        Field(description="The fleet time of second 0; zones need it."),
+        BeforeValidator(_written_moment),
+    ] = None
+    drone: Annotated[DroneAtStart, Field(description="The drone at its start.")]
+    source: Annotated[StationId, Field(description="The station where the packages are picked up.")]
     # At least one is checked below: pydantic would count only those that are themselves valid.
     packages: Annotated[
         tuple[PackageToDeliver, ...],
-        Field(json_schema_extra={"minItems": 1, "maxItems": MAX_PACKAGES}),
+        Field(
+            json_schema_extra={"minItems": 1, "maxItems": MAX_PACKAGES},
+            description="What is delivered, 1 to 100 packages.",
+        ),
         BeforeValidator(_few_packages),
     ]
     # Of a list that has no limit only the first fault is told.
-    pad_reservations: Annotated[tuple[PadReservation, ...], FailFast()] = ()
-    closures: Annotated[tuple[Closure, ...], FailFast()] = ()
-    strategy: Annotated[str, Field(max_length=64)] | None = None
-    recharge_policy: Literal["partial", "full"] = "partial"
-    finish: Literal["recharge", "stay"] = "recharge"
+    pad_reservations: Annotated[
+        tuple[PadReservation, ...], Field(description="Pads that other drones hold."), FailFast()
+    ] = ()
+    closures: Annotated[
+        tuple[Closure, ...], Field(description="Stations and segments that are closed."), FailFast()
+    ] = ()
+    strategy: Annotated[
+        Annotated[str, Field(max_length=64)] | None,
+        Field(description="Which strategy composes; chosen by the planner if null."),
+    ] = None
+    recharge_policy: Annotated[
+        Literal["partial", "full"],
+        Field(description="Whether a recharge may end before the battery is full."),
+    ] = "partial"
+    finish: Annotated[
+        Literal["recharge", "stay"],
+        Field(description="Whether the drone is recharged after the last delivery, or stays."),
+    ] = "recharge"
     loading_s: Duration = 0.0
     dropoff_s: Duration = 0.0
     latest_delivery_s: Duration | None = None
-    time_limit_s: Annotated[float, Field(gt=0, le=MAX_SECONDS, strict=True)] | None = None
+    time_limit_s: Annotated[
+        Annotated[float, Field(gt=0, le=MAX_SECONDS, strict=True)] | None,
+        Field(description="Seconds after which the best plan so far is answered."),
+    ] = None
     label_limit: Annotated[
-        Annotated[int, Field(gt=0, le=MAX_LABELS)] | None, BeforeValidator(not_text_or_truth)
+        Annotated[int, Field(gt=0, le=MAX_LABELS)] | None,
+        Field(description="Labels after which the best plan so far is answered."),
+        BeforeValidator(not_text_or_truth),
     ] = None
 
     @property

@@ -38,8 +38,10 @@ Duration = Annotated[float, Field(ge=0, le=MAX_SECONDS, strict=True, description
 class DroneAtStart(JsonModel):
     """The drone, its charge at time 0, and where it stands then (null: at the source)."""
 
-    model: DroneModel
-    soc: Annotated[float, Field(le=1, strict=True)]
+    model: Annotated[DroneModel, Field(description="The type of drone.")]
+    soc: Annotated[
+        float, Field(le=1, strict=True, description="State of charge at time 0, up to 1.")
+    ]
     station_id: StationId | None = None
 
 
@@ -47,7 +49,9 @@ class PackageToDeliver(JsonModel):
     """A package, its mass, and the station where it is handed over."""
 
     package_id: PackageId
-    mass_kg: Annotated[float, Field(ge=0, le=MAX_PACKAGE_KG, strict=True)]
+    mass_kg: Annotated[
+        float, Field(ge=0, le=MAX_PACKAGE_KG, strict=True, description="Mass in kilograms.")
+    ]
     destination: StationId
 
 
@@ -55,7 +59,11 @@ class PadReservation(JsonModel):
     """A pad that another drone holds in [start_s, end_s); without end it is out of order."""
 
     station_id: StationId
-    pad: Annotated[int, Field(ge=0, lt=MAX_PADS), BeforeValidator(not_text_or_truth)]
+    pad: Annotated[
+        int,
+        Field(ge=0, lt=MAX_PADS, description="The number of the pad, from 0."),
+        BeforeValidator(not_text_or_truth),
+    ]
     start_s: Seconds
     end_s: Seconds | None = None
 

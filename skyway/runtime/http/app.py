@@ -4,11 +4,11 @@ import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from contextlib import AbstractAsyncContextManager, asynccontextmanager
 from importlib.metadata import version
-from typing import Final
+from typing import Annotated, Final
 
 from fastapi import APIRouter, FastAPI, Response
 from fastapi.responses import PlainTextResponse
-from pydantic import BaseModel
+from pydantic import BaseModel, Field
 from starlette.middleware import Middleware
 
 from skyway.json_model import JsonModel
@@ -34,8 +34,11 @@ Readiness = Callable[[], Awaitable[dict[str, bool]]]
 class Health(JsonModel):
     """The process is alive; with `checks`, each part it needs is there."""
 
-    service: str
-    checks: dict[str, bool]
+    service: Annotated[str, Field(description="The name of the service.")]
+    checks: Annotated[
+        dict[str, bool],
+        Field(description="Each part that the service needs, and whether it is there."),
+    ]
 
 
 #: Makes a service's own OpenAPI document the one that it shows.
