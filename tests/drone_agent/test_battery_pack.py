@@ -10,7 +10,7 @@ PACK = BatteryPack(cells=6, resistance_ohm=0.02)
 
 @settings(max_examples=100)
 @given(soc=st.floats(0.0, 1.0))
-def test_the_voltage_at_rest_tells_the_charge(soc: float) -> None:
+def test_the_voltage_at_rest_shows_the_charge(soc: float) -> None:
     assert PACK.soc_at_rest(PACK.open_voltage_v(soc)) == pytest.approx(soc, abs=1e-9)
 
 

@@ -1,4 +1,4 @@
-"""The fleet clock as the cloud tells it."""
+"""The fleet clock as the cloud sets it."""
 
 import asyncio
 from datetime import UTC, datetime, timedelta
@@ -17,7 +17,7 @@ def anchor(rate: float, fleet_at: datetime = NOON) -> ClockAnchor:
     )
 
 
-async def test_without_a_word_from_the_cloud_fleet_time_is_unknown(tmp_path: Path) -> None:
+async def test_fleet_time_is_not_set_without_the_clouds_anchor(tmp_path: Path) -> None:
     waiting = asyncio.ensure_future(KeptClock(tmp_path / "clock.json").wait_until_set())
 
     done, _ = await asyncio.wait([waiting], timeout=0.02)
@@ -46,7 +46,7 @@ async def test_after_a_restart_without_the_cloud_the_kept_anchor_counts(tmp_path
     assert NOON <= restarted.now() < NOON + timedelta(hours=1)
 
 
-async def test_the_clouds_word_comes_before_the_kept_anchor(tmp_path: Path) -> None:
+async def test_the_clouds_anchor_is_used_before_the_kept_one(tmp_path: Path) -> None:
     KeptClock(tmp_path / "clock.json").keep(anchor(rate=60.0))
 
     restarted = KeptClock(tmp_path / "clock.json", patience_s=60.0)
@@ -59,7 +59,7 @@ async def test_the_clouds_word_comes_before_the_kept_anchor(tmp_path: Path) -> N
     assert restarted.now() >= NOON + timedelta(days=1)
 
 
-async def test_a_new_anchor_wakes_who_sleeps_past_it(tmp_path: Path) -> None:
+async def test_a_new_anchor_wakes_sleepers_whose_moment_has_passed(tmp_path: Path) -> None:
     clock = KeptClock(tmp_path / "clock.json")
     clock.keep(anchor(rate=1.0))
     sleeping = asyncio.ensure_future(clock.sleep_until(NOON + timedelta(hours=5)))
@@ -70,7 +70,9 @@ async def test_a_new_anchor_wakes_who_sleeps_past_it(tmp_path: Path) -> None:
     await asyncio.wait_for(sleeping, timeout=5)
 
 
-async def test_a_clock_that_is_told_to_go_back_waits_for_the_clouds(tmp_path: Path) -> None:
+async def test_a_clock_ahead_of_a_new_anchor_runs_slower_until_the_cloud_catches_up(
+    tmp_path: Path,
+) -> None:
     clock = KeptClock(tmp_path / "clock.json")
     clock.keep(anchor(rate=600.0, fleet_at=NOON + timedelta(hours=5)))
     reached = clock.now()
@@ -83,7 +85,7 @@ async def test_a_clock_that_is_told_to_go_back_waits_for_the_clouds(tmp_path: Pa
     await asyncio.wait_for(clock.sleep_until(clock.now() + timedelta(seconds=0.2)), timeout=5)
 
 
-async def test_a_clock_that_waited_goes_by_the_clouds_in_the_end(tmp_path: Path) -> None:
+async def test_a_clock_that_was_ahead_follows_the_cloud_again(tmp_path: Path) -> None:
     clock = KeptClock(tmp_path / "clock.json")
     clock.keep(anchor(rate=600.0, fleet_at=NOON + timedelta(seconds=30)))
     told = anchor(rate=600.0)

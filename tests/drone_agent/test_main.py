@@ -60,7 +60,7 @@ def test_wrong_settings_are_named_and_end_the_process() -> None:
     assert "SKYWAY_MQTT_URL" in done.stderr
 
 
-def test_the_agent_leaves_when_told_to(tmp_path: Path, files: list[str]) -> None:
+def test_the_agent_stops_on_a_signal(tmp_path: Path, files: list[str]) -> None:
     with subprocess.Popen([*COMMAND, *files], stderr=subprocess.PIPE, text=True) as running:
         wait_for_journal(tmp_path, running)
         running.send_signal(signal.SIGTERM)
@@ -68,7 +68,7 @@ def test_the_agent_leaves_when_told_to(tmp_path: Path, files: list[str]) -> None
         assert running.wait(timeout=30) == 0
 
 
-def test_the_agent_leaves_with_its_parent(
+def test_the_agent_stops_when_its_parent_exits(
     tmp_path: Path, files: list[str], pipe: tuple[int, int]
 ) -> None:
     ours, theirs = pipe[1], pipe[0]

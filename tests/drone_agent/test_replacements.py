@@ -1,4 +1,4 @@
-"""New steps for a drone that is in the middle of something, judged without flying it."""
+"""New steps for a drone in the middle of a mission, judged without flying it."""
 
 from datetime import timedelta
 from typing import Any

@@ -1,4 +1,4 @@
-"""Arguments come before the environment, and what is missing is named."""
+"""Arguments come before the environment, and missing settings are named."""
 
 from pathlib import Path
 
@@ -63,7 +63,7 @@ def test_a_factor_that_is_not_above_zero_is_named() -> None:
         ),
     ],
 )
-def test_what_is_missing_or_wrong_is_named(environment: dict[str, str], named: str) -> None:
+def test_missing_and_wrong_settings_are_named(environment: dict[str, str], named: str) -> None:
     with pytest.raises(InvalidSettings, match=named):
         read_settings(FLEET, environment)
 

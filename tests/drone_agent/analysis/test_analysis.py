@@ -39,7 +39,7 @@ def scenario(name: str, **changes: Any) -> Disturbances:
     return changed(read_scenario(name), changes)
 
 
-def test_without_disturbances_all_is_exactly_as_the_model_says() -> None:
+def test_without_disturbances_every_step_follows_the_model() -> None:
     analysis = Analysis(MODEL)
 
     for moment in undisturbed_moments():
@@ -51,7 +51,7 @@ def test_without_disturbances_all_is_exactly_as_the_model_says() -> None:
         assert found.off_course_m < 1e-3
 
 
-def test_without_disturbances_the_charge_at_landing_is_known_all_the_way() -> None:
+def test_without_disturbances_the_predicted_charge_at_landing_is_exact() -> None:
     analysis, physics = Analysis(MODEL), flown().physics
     expected: list[float] = []
     landed: list[float] = []
@@ -69,7 +69,7 @@ def test_without_disturbances_the_charge_at_landing_is_known_all_the_way() -> No
 
 @settings(max_examples=40)
 @given(share=st.floats(0.0, 0.999))
-def test_an_agent_that_starts_in_the_middle_of_a_step_knows_the_charge(share: float) -> None:
+def test_an_agent_that_restarts_in_a_step_estimates_the_charge(share: float) -> None:
     moments = undisturbed_moments()
     moment = moments[int(share * len(moments))]
 
@@ -78,7 +78,7 @@ def test_an_agent_that_starts_in_the_middle_of_a_step_knows_the_charge(share: fl
     assert found.soc == pytest.approx(moment.true_soc, abs=1e-9)
 
 
-def test_an_agent_that_starts_against_the_wind_knows_what_the_flight_has_taken() -> None:
+def test_an_agent_that_restarts_in_headwind_estimates_the_energy_used() -> None:
     disturbances = changed(UNDISTURBED, {"wind": {"mean_mps": 8.0, "from_deg": 250.0}})
     moments = list(flown(disturbances).moments(every_s=20.0))
 
@@ -89,7 +89,7 @@ def test_an_agent_that_starts_against_the_wind_knows_what_the_flight_has_taken()
     assert max(map(abs, errors)) < 0.005
 
 
-def test_what_is_known_of_a_worn_battery_counts_from_the_first_look_after_a_restart() -> None:
+def test_the_kept_battery_health_counts_right_after_a_restart() -> None:
     disturbances = changed(
         UNDISTURBED, {"battery": {"worn_share": 1.0, "capacity": 0.75, "resistance_factor": 1.0}}
     )
@@ -209,7 +209,7 @@ def test_noise_never_makes_the_range_grow_without_bound(noise: list[tuple[float,
         assert found.cell_spread_v >= 0.0
 
 
-def test_a_drone_that_strays_is_told_how_far_it_is_off_its_leg() -> None:
+def test_the_distance_of_a_drifting_drone_from_its_leg_is_measured() -> None:
     drift = {"share": 1.0, "after_s": 60.0, "most_m": 400.0}
     analysis = Analysis(MODEL)
 
@@ -221,7 +221,7 @@ def test_a_drone_that_strays_is_told_how_far_it_is_off_its_leg() -> None:
     assert max(off) == pytest.approx(400.0, rel=0.02)
 
 
-def test_the_landings_of_a_mission_are_known_after_they_were_passed() -> None:
+def test_the_landings_of_a_mission_are_remembered_after_they_were_passed() -> None:
     analysis, known = Analysis(MODEL), set()
 
     for moment in undisturbed_moments():

@@ -111,7 +111,7 @@ def test_a_wrong_counter_is_corrected_once_the_drone_rests() -> None:
     assert abs(estimate.soc - soc) < 0.005
 
 
-def test_a_counter_that_begins_anew_uses_nothing_and_is_told_by_the_error() -> None:
+def test_a_counter_reset_raises_the_error_and_uses_no_charge() -> None:
     estimate = BatteryEstimate(PACK, soc=0.5, error=0.01)
     update(estimate, make_reading(0, 0.5))
     away = make_reading(1, 0.5)

@@ -1,4 +1,4 @@
-"""What a battery still holds, learned from charges that are well known at rest."""
+"""The capacity of a battery, learned from precise charges at rest."""
 
 from datetime import UTC, datetime, timedelta
 from itertools import pairwise
@@ -49,7 +49,7 @@ def cycle(health: BatteryHealth, *, capacity: float, low: float, from_s: float) 
         health.update(reading, resistance_ohm=PACK.resistance_ohm)
 
 
-def test_a_battery_that_holds_what_it_should_is_exactly_well() -> None:
+def test_a_new_battery_has_full_health() -> None:
     health = BatteryHealth(PACK, rated_j=RATED_J)
 
     for count in range(3):
@@ -73,7 +73,7 @@ def test_the_health_comes_nearer_to_the_capacity_with_every_cycle(capacity: floa
     assert wrong[-1] < 0.02 + 0.1 * wrong[0]
 
 
-def test_charges_on_the_flat_of_the_curve_say_nothing() -> None:
+def test_charges_on_the_flat_part_of_the_curve_are_ignored() -> None:
     health = BatteryHealth(PACK, rated_j=RATED_J)
 
     for count in range(5):

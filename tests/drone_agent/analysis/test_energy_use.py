@@ -47,13 +47,13 @@ def flown(
     return monitor
 
 
-def test_what_is_used_against_the_plan_is_found_within_minutes(leg: Leg) -> None:
+def test_a_higher_energy_use_is_found_within_minutes(leg: Leg) -> None:
     landed_at = leg.step.planned_start_at + timedelta(seconds=480)
 
     assert flown(leg, factor=1.5).factor(landed_at) == pytest.approx(1.5, rel=0.02)
 
 
-def test_what_the_wind_takes_is_not_the_drones(leg: Leg) -> None:
+def test_the_energy_for_wind_does_not_change_the_factor(leg: Leg) -> None:
     landed_at = leg.step.planned_start_at + timedelta(seconds=480)
 
     monitor = flown(leg, factor=20.0 / 15.0, wind_mps=(-5.0, 0.0))
@@ -61,7 +61,7 @@ def test_what_the_wind_takes_is_not_the_drones(leg: Leg) -> None:
     assert monitor.factor(landed_at) == pytest.approx(1.0, abs=0.01)
 
 
-def test_what_was_used_is_forgotten_while_the_drone_stands(leg: Leg) -> None:
+def test_the_factor_fades_while_the_drone_stands(leg: Leg) -> None:
     monitor, landed_at = flown(leg, factor=1.5), leg.step.planned_start_at + timedelta(seconds=480)
 
     believed = [monitor.factor(landed_at + timedelta(hours=hours)) for hours in (0, 1, 12)]
@@ -71,7 +71,7 @@ def test_what_was_used_is_forgotten_while_the_drone_stands(leg: Leg) -> None:
     assert believed[2] < 1.05
 
 
-def test_the_next_mission_begins_with_what_the_last_one_showed(leg: Leg) -> None:
+def test_the_next_mission_starts_with_the_factor_of_the_last_one(leg: Leg) -> None:
     monitor, landed_at = flown(leg, factor=1.5), leg.step.planned_start_at + timedelta(seconds=480)
     before = monitor.factor(landed_at)
 
@@ -90,7 +90,7 @@ def test_a_landing_does_not_count(leg: Leg) -> None:
     assert monitor.factor(landed_at) == pytest.approx(before, abs=1e-9)
 
 
-def test_what_is_flown_without_positions_does_not_count(leg: Leg) -> None:
+def test_a_flight_without_gps_does_not_count(leg: Leg) -> None:
     monitor, landed_at = flown(leg, factor=1.0), leg.step.planned_start_at + timedelta(seconds=480)
     before = monitor.factor(landed_at)
     lost = on_the_leg(leg, 480, factor=5.0, share=0.99)
@@ -101,7 +101,7 @@ def test_what_is_flown_without_positions_does_not_count(leg: Leg) -> None:
     assert monitor.factor(landed_at) == pytest.approx(before, abs=1e-9)
 
 
-def test_a_drone_that_is_blown_back_is_believed_to_need_the_most(leg: Leg) -> None:
+def test_the_factor_of_a_drone_that_is_blown_back_is_limited(leg: Leg) -> None:
     monitor = EnergyUseMonitor(power_w=100.0)
     for at_s in range(400):
         share = 0.5 - at_s / 1_000

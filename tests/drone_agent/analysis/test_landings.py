@@ -1,4 +1,4 @@
-"""Which stations a drone knows of: none that is only a place in the air."""
+"""The stations that count as landings; a place in the air is none of them."""
 
 from typing import Any
 
@@ -82,7 +82,7 @@ def test_a_flight_that_was_turned_does_not_begin_at_a_station(trip: Any) -> None
     assert names(landings_of(logbook)) == {"over"}
 
 
-def test_straight_down_is_no_landing_but_the_flight_instead_of_it_was_for_one(trip: Any) -> None:
+def test_a_landing_on_the_spot_counts_as_the_planned_landing(trip: Any) -> None:
     down = trip[1].model_copy(update={"from_position": IN_THE_AIR, "to_position": IN_THE_AIR})
     escape = Escape(fault=Fault.MOTOR_FAILURE, failsafe=Failsafe.LAND_NOW, instead_of=trip[1])
     before = FlownBefore(since=trip[0].planned_start_at, used_j=1.0)
@@ -93,7 +93,7 @@ def test_straight_down_is_no_landing_but_the_flight_instead_of_it_was_for_one(tr
     assert (landing.station_id, landing.position) == ("over", trip[1].to_position)
 
 
-def test_landings_that_were_passed_stay_known(trip: Any) -> None:
+def test_passed_landings_are_remembered(trip: Any) -> None:
     known = RememberedLandings(NO_LANDINGS)
     known.after(logbook_of(trip))
 
@@ -102,7 +102,7 @@ def test_landings_that_were_passed_stay_known(trip: Any) -> None:
     assert names(after) == {"home", "over", "shop", "farm"}
 
 
-def test_only_so_many_landings_are_kept_the_newest(trip: Any) -> None:
+def test_only_the_newest_landings_are_kept(trip: Any) -> None:
     known = RememberedLandings(NO_LANDINGS)
 
     for number in range(100):
@@ -133,7 +133,7 @@ def test_the_book_is_read_once_for_a_flight(trip: Any) -> None:
     assert book.readings == 1
 
 
-def test_what_is_read_during_a_flight_is_known_at_once(trip: Any) -> None:
+def test_stations_read_during_a_flight_count_immediately(trip: Any) -> None:
     book, logbook = Notes(), logbook_of(trip[1:])
     known = RememberedLandings(book)
     before = names(known.after(logbook, trip[1]))
@@ -144,14 +144,14 @@ def test_what_is_read_during_a_flight_is_known_at_once(trip: Any) -> None:
     assert "barn" in names(known.after(logbook, trip[1]))
 
 
-def test_on_the_ground_only_stations_of_missions_are_told(trip: Any) -> None:
+def test_on_the_ground_only_stations_of_missions_are_reported(trip: Any) -> None:
     book, logbook = Notes(), logbook_of(trip[1:])
     book.landings = (BARN,)
 
     assert "barn" not in names(RememberedLandings(book).after(logbook))
 
 
-def test_a_closed_station_of_a_mission_is_passed_over_but_not_where_it_flies_to(
+def test_a_closed_station_is_skipped_unless_the_flight_ends_there(
     trip: Any,
 ) -> None:
     book, logbook = Notes(), logbook_of(trip[1:])

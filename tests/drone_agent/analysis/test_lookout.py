@@ -58,7 +58,7 @@ def test_an_old_assessment_is_made_anew(
     assert vehicle.reads == 2
 
 
-def test_a_logbook_that_has_changed_is_looked_at_anew(
+def test_a_changed_logbook_needs_a_new_assessment(
     recorder: FlightRecorder, vehicle: CountedVehicle, virtual_clock: Any
 ) -> None:
     lookout = Lookout(recorder, vehicle, virtual_clock)
@@ -70,7 +70,7 @@ def test_a_logbook_that_has_changed_is_looked_at_anew(
     assert vehicle.reads == 2
 
 
-def test_twice_at_one_moment_is_one_look(
+def test_two_looks_at_one_moment_share_a_reading(
     recorder: FlightRecorder, vehicle: CountedVehicle, virtual_clock: Any
 ) -> None:
     lookout = Lookout(recorder, vehicle, virtual_clock)
@@ -92,7 +92,7 @@ def test_a_fraction_of_a_second_is_one_moment(
     assert lookout.look().at == virtual_clock.now()
 
 
-def test_what_is_only_said_to_the_cloud_is_no_reason_to_look(
+def test_messages_to_the_cloud_need_no_new_reading(
     recorder: FlightRecorder, vehicle: CountedVehicle, virtual_clock: Any
 ) -> None:
     lookout = Lookout(recorder, vehicle, virtual_clock)

@@ -42,13 +42,13 @@ def test_a_landing_against_the_wind_takes_more_than_one_before_it(drone: Any) ->
     assert taken_j["west"] == pytest.approx(LENGTH_M / 15.0 * 100.0 + 1_000.0, rel=1e-4)
 
 
-def test_a_thirsty_drone_with_a_worn_battery_uses_more_of_its_charge(drone: Any) -> None:
+def test_high_energy_use_and_a_worn_battery_use_more_charge(drone: Any) -> None:
     taken_j = used(drone, make_reach(drone, still_air_factor=1.2, state_of_health=0.8))
 
     assert taken_j["east"] == pytest.approx((LENGTH_M * 5.0 * 1.2 + 1_000.0) / 0.8, rel=1e-4)
 
 
-def test_a_landing_is_safe_only_with_the_error_of_the_charge_in_hand(drone: Any) -> None:
+def test_a_safe_landing_keeps_a_margin_for_the_error_of_the_charge(drone: Any) -> None:
     soc = (LENGTH_M * 5.0 + 1_000.0) / 360_000 + 0.05
 
     sure, unsure = (
@@ -62,7 +62,7 @@ def test_a_landing_is_safe_only_with_the_error_of_the_charge_in_hand(drone: Any)
     assert [one.is_safe for one in unsure] == [False]
 
 
-def test_what_lies_beyond_the_charge_is_out_of_reach(drone: Any) -> None:
+def test_a_landing_beyond_the_charge_is_out_of_reach(drone: Any) -> None:
     assert used(drone, make_reach(drone, soc=0.1)) == {}
 
 

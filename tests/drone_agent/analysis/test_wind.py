@@ -64,7 +64,7 @@ def test_the_wind_is_followed_when_it_turns() -> None:
     assert found == pytest.approx((0.0, 8.0), abs=0.1)
 
 
-def test_nothing_is_felt_on_the_ground_nor_without_positions() -> None:
+def test_readings_on_the_ground_or_without_gps_do_not_change_the_wind() -> None:
     estimate = WindEstimate()
 
     standing = estimate.update(make_reading(0, wind_mps=(5.0, 0.0)), is_flying=False)
@@ -73,7 +73,7 @@ def test_nothing_is_felt_on_the_ground_nor_without_positions() -> None:
     assert (standing, blind) == (None, None)
 
 
-def test_a_wind_felt_long_ago_is_forgotten() -> None:
+def test_an_old_wind_estimate_is_dropped() -> None:
     estimate = WindEstimate()
     estimate.update(make_reading(0, wind_mps=(5.0, 0.0)), is_flying=True)
 

@@ -15,7 +15,9 @@ from skyway.errors import InvalidInput
 from skyway.ids import DroneId
 
 
-def test_a_token_gives_credentials_that_are_kept_for_us_alone(tmp_path: Path, cloud: Any) -> None:
+def test_the_credentials_for_a_token_are_readable_only_by_this_user(
+    tmp_path: Path, cloud: Any
+) -> None:
     folder = CredentialsFolder(tmp_path / "journal")
 
     given = enrol("enr_good", api_url=cloud.url, folder=folder)
@@ -50,14 +52,14 @@ def test_a_lost_answer_is_asked_for_again(tmp_path: Path, cloud: Any) -> None:
     assert cloud.made == 1
 
 
-def test_who_stole_the_token_gets_nothing_after_us(tmp_path: Path, cloud: Any) -> None:
+def test_a_used_token_is_worthless_to_a_thief(tmp_path: Path, cloud: Any) -> None:
     enrol("enr_good", api_url=cloud.url, folder=CredentialsFolder(tmp_path / "ours"))
 
     with pytest.raises(CloudRefused, match="TOKEN_USED"):
         enrol("enr_good", api_url=cloud.url, folder=CredentialsFolder(tmp_path / "theirs"))
 
 
-def test_no_secret_is_told(tmp_path: Path, cloud: Any, caplog: pytest.LogCaptureFixture) -> None:
+def test_no_secret_is_shown(tmp_path: Path, cloud: Any, caplog: pytest.LogCaptureFixture) -> None:
     caplog.set_level(logging.DEBUG)
     folder = CredentialsFolder(tmp_path)
     given = enrol("enr_good", api_url=cloud.url, folder=folder)
@@ -69,18 +71,18 @@ def test_no_secret_is_told(tmp_path: Path, cloud: Any, caplog: pytest.LogCapture
         assert secret not in told
 
 
-def test_a_cloud_that_is_not_there_is_named(tmp_path: Path) -> None:
+def test_an_unreachable_cloud_is_named_in_the_error(tmp_path: Path) -> None:
     with pytest.raises(CloudUnreachable, match="does not answer"):
         enrol("enr_good", api_url="http://127.0.0.1:9", folder=CredentialsFolder(tmp_path))
 
 
 @pytest.mark.parametrize("url", ["", "ftp://host", "file:///etc/passwd", "host:80"])
-def test_an_address_that_is_none_is_refused(url: str) -> None:
+def test_an_invalid_address_is_refused(url: str) -> None:
     with pytest.raises(InvalidInput, match="api"):
         Cloud(url)
 
 
-def test_without_enrolment_there_is_nobody_to_serve(tmp_path: Path, cloud: Any) -> None:
+def test_without_an_enrolled_drone_the_agent_stops(tmp_path: Path, cloud: Any) -> None:
     folder = CredentialsFolder(tmp_path)
     with pytest.raises(NotEnrolled):
         enrolled(folder, drone_id=None)
@@ -92,7 +94,7 @@ def test_without_enrolment_there_is_nobody_to_serve(tmp_path: Path, cloud: Any) 
         enrolled(folder, drone_id=DroneId("drn_2"))
 
 
-def test_damaged_credentials_are_named_without_what_is_in_them(tmp_path: Path, cloud: Any) -> None:
+def test_an_error_about_damaged_credentials_shows_no_secret(tmp_path: Path, cloud: Any) -> None:
     folder = CredentialsFolder(tmp_path)
     enrol("enr_good", api_url=cloud.url, folder=folder)
     [path] = tmp_path.glob("*.credentials.json")

@@ -1,4 +1,4 @@
-"""A rotation may be cut short anywhere: what is kept works, or will once it is settled."""
+"""After a crash at any moment of a rotation, kept credentials work once it is finished."""
 
 import asyncio
 from pathlib import Path
@@ -32,7 +32,7 @@ def password(crew: EnrolledCrew) -> str:
     return drone.mqtt.password
 
 
-def test_a_rotation_ends_with_what_the_broker_takes(
+def test_a_rotation_ends_with_credentials_that_the_broker_accepts(
     cloud: Any, kept: KeptCredentials, folder: CredentialsFolder
 ) -> None:
     crew = EnrolledCrew([kept], folder)
@@ -56,7 +56,7 @@ def test_a_lost_rotation_leaves_the_old_credentials(
     assert password(crew) == cloud.password == kept.drone.mqtt.password
 
 
-def test_a_crash_before_the_first_use_is_made_good(
+def test_a_rotation_completes_after_a_crash_before_the_first_use(
     cloud: Any, kept: KeptCredentials, folder: CredentialsFolder
 ) -> None:
     begin(kept, folder)
@@ -69,7 +69,7 @@ def test_a_crash_before_the_first_use_is_made_good(
     assert password(crew) == cloud.password != before
 
 
-def test_a_crash_after_the_first_use_is_made_good(
+def test_a_rotation_completes_after_a_crash_behind_the_first_use(
     cloud: Any, kept: KeptCredentials, folder: CredentialsFolder
 ) -> None:
     begun = begin(kept, folder)
@@ -97,7 +97,7 @@ def test_credentials_that_were_never_in_force_are_dropped(
     assert folder.every() == (kept,)
 
 
-def test_without_the_cloud_the_drone_starts_all_the_same(
+def test_a_drone_starts_without_the_cloud(
     cloud: Any, kept: KeptCredentials, folder: CredentialsFolder
 ) -> None:
     begin(kept, folder)
@@ -109,7 +109,7 @@ def test_without_the_cloud_the_drone_starts_all_the_same(
     assert password(crew) == kept.drone.mqtt.password
 
 
-async def test_what_was_open_at_the_start_is_settled_when_the_cloud_is_back(
+async def test_an_interrupted_rotation_is_finished_when_the_cloud_is_back(
     cloud: Any, kept: KeptCredentials, folder: CredentialsFolder
 ) -> None:
     begun = begin(kept, folder)
@@ -124,7 +124,7 @@ async def test_what_was_open_at_the_start_is_settled_when_the_cloud_is_back(
     assert password(crew) == cloud.password
 
 
-def test_a_revoked_drone_cannot_rotate_and_keeps_what_it_has(
+def test_a_revoked_drone_cannot_rotate_and_keeps_its_credentials(
     cloud: Any, kept: KeptCredentials, folder: CredentialsFolder
 ) -> None:
     cloud.keys = {}

@@ -52,7 +52,7 @@ def test_the_documentation_shows_the_table_row_by_row() -> None:
         assert shown[fault.value] == [failsafe.value for failsafe in failsafes], fault
 
 
-def test_the_documentation_tells_the_level_of_every_alarm() -> None:
+def test_the_documentation_shows_the_level_of_every_alarm() -> None:
     lines = DOCUMENT.read_text().splitlines()
 
     for fault in Fault:
@@ -75,7 +75,7 @@ def test_the_severest_failsafe_acts_and_of_equal_ones_the_more_dangerous_fault()
     assert severest(standing, []) is None
 
 
-def test_the_battery_comes_before_the_fence_the_fence_before_the_link() -> None:
+def test_a_battery_fault_is_worse_than_the_geofence_and_that_than_the_link() -> None:
     faults = [Fault.LINK_LOST, Fault.GEOFENCE, Fault.BATTERY_SHORT, Fault.BATTERY_EMPTY]
 
     assert in_order_of_danger(faults) == tuple(reversed(faults))

@@ -30,7 +30,7 @@ LIMITS = [
 
 @pytest.fixture
 def signs(drone: Any, virtual_clock: Any) -> Signs:
-    """A drone in flight with which nothing is wrong."""
+    """A drone in flight without a fault."""
     vehicle, logbook = SimulatedVehicle(drone.model, virtual_clock), drone.at_first()
     reading = vehicle.read(doing_now(logbook), virtual_clock.now())
     assessment = Analysis(drone.model).assess(reading, logbook)
@@ -52,7 +52,7 @@ def landing(soc: float, *others: float) -> dict[str, Any]:
     return {"landing": NextLanding(StationId("end"), 1.0, soc), "landings_in_reach": in_reach}
 
 
-def test_with_nothing_wrong_there_is_no_fault(signs: Signs) -> None:
+def test_good_values_are_no_fault(signs: Signs) -> None:
     monitor = FaultMonitor(())
 
     assert [monitor.update(at(signs, seconds)) for seconds in range(100)] == [()] * 100
@@ -73,7 +73,7 @@ def test_a_fault_must_last_lingers_and_ends_beyond_its_margin(
 
 
 @pytest.mark.parametrize(("fault", "name", "begins", "keeps", "ends"), LIMITS)
-def test_a_fault_that_shows_now_and_then_is_none(
+def test_a_symptom_that_comes_and_goes_is_no_fault(
     signs: Signs, fault: Fault, name: str, begins: float, keeps: float, ends: float
 ) -> None:
     monitor = FaultMonitor(())
@@ -108,7 +108,7 @@ def test_the_three_battery_levels(
 
 
 @pytest.mark.parametrize("reserve_soc", [0.0, 0.01, 0.1, 0.3])
-def test_a_plan_that_lands_with_exactly_its_reserve_is_none_of_them(
+def test_a_plan_that_lands_with_exactly_its_reserve_has_no_battery_fault(
     signs: Signs, reserve_soc: float
 ) -> None:
     monitor, close = FaultMonitor(()), replace(signs, reserve_soc=reserve_soc)
@@ -117,7 +117,7 @@ def test_a_plan_that_lands_with_exactly_its_reserve_is_none_of_them(
         assert monitor.update(at(close, seconds, **landing(reserve_soc - 1e-9, 0.9))) == ()
 
 
-def test_a_drone_without_a_reserve_lands_at_once_only_when_it_would_fall() -> None:
+def test_a_drone_without_a_reserve_lands_on_the_spot_only_when_empty() -> None:
     assert empty_soc(0.0) < 0.0
     assert empty_soc(0.1) == pytest.approx(0.019)
 
@@ -129,7 +129,7 @@ def test_on_the_ground_no_prediction_is_a_fault(signs: Signs) -> None:
     assert monitor.update(at(standing, 60, **landing(-1.0))) == ()
 
 
-def test_a_motor_counts_at_once_a_lost_position_after_half_a_minute(signs: Signs) -> None:
+def test_a_motor_failure_counts_immediately_and_a_lost_position_after_30_s(signs: Signs) -> None:
     monitor = FaultMonitor(())
 
     assert monitor.update(at(signs, 0, motors_work=False, has_gps=False)) == (Fault.MOTOR_FAILURE,)
@@ -138,7 +138,7 @@ def test_a_motor_counts_at_once_a_lost_position_after_half_a_minute(signs: Signs
     assert monitor.update(at(signs, 31)) == ()
 
 
-def test_a_drone_that_does_not_know_where_it_is_is_not_off_its_course(signs: Signs) -> None:
+def test_a_drone_without_a_position_is_not_off_its_course(signs: Signs) -> None:
     monitor = FaultMonitor(())
 
     for seconds in range(10):
@@ -154,7 +154,9 @@ def test_a_drone_that_does_not_know_where_it_is_is_not_off_its_course(signs: Sig
         ("is_expired", Fault.INSTRUCTION_EXPIRED),
     ],
 )
-def test_what_others_have_found_out_counts_at_once(signs: Signs, sign: str, fault: Fault) -> None:
+def test_stations_read_for_other_drones_count_immediately(
+    signs: Signs, sign: str, fault: Fault
+) -> None:
     monitor = FaultMonitor(())
     changes: dict[str, Any] = {sign: True}
 

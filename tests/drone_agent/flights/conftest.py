@@ -30,7 +30,7 @@ from skyway.runtime.mqtt.client import Received, Will
 
 
 class FakeLink:
-    """A broker connection that tests make and cut; it acknowledges at once unless told not to."""
+    """A broker connection that tests make and cut; it confirms immediately unless tests stop it."""
 
     def __init__(
         self, world: "World", will: Will, on_connected: Callable[[], Awaitable[None]]
@@ -116,7 +116,7 @@ class FakeLink:
         self._versions.put_nowait(Received(NETWORK_VERSION, ids, message, True))
 
     def deliver_time(self, *, retained: bool) -> None:
-        """Deliver the clock's anchor, of which nothing but its coming matters here."""
+        """Deliver the clock's anchor; its content does not matter here."""
         self._ticks.put_nowait(Received(CLOCK, (), None, retained))
 
     async def _drain(self, topic: Topic[Any]) -> AsyncIterator[list[Received[Any]]]:
@@ -279,7 +279,7 @@ class World:
 
     @property
     def events(self) -> list[DroneEvent]:
-        """What the cloud knows: each event once, by its seq."""
+        """The events that reached the cloud, each once, by its seq."""
         return [event for _, event in sorted({one.seq: one for one in self._all(EVENTS)}.items())]
 
     def messages(self, topic: Topic[Any]) -> list[Any]:

@@ -11,7 +11,7 @@ from skyway.ids import StationId
 
 @pytest.fixture
 async def stood_up(world: Any, cloud: Any, steps: Any) -> Any:
-    """A drone that found nobody at the shop, after waiting for 5 minutes."""
+    """A drone that waited 5 minutes at the shop and found no recipient."""
     world.disturbances = Disturbances(absent_station_ids=frozenset({StationId("shop")}))
     trip = (
         steps()
@@ -27,7 +27,7 @@ async def stood_up(world: Any, cloud: Any, steps: Any) -> Any:
     return world
 
 
-async def test_the_drone_waits_and_tells_that_nobody_came(stood_up: Any) -> None:
+async def test_a_drone_without_recipient_waits_and_reports_the_absence(stood_up: Any) -> None:
     landed, failed = stood_up.events[1:]
 
     assert (failed.event, failed.code) == ("STEP_FAILED", "RECIPIENT_ABSENT")
@@ -72,7 +72,7 @@ async def test_the_step_that_failed_is_not_tried_again(
     assert stood_up.acks[-1].data == {"released_through": 3, "step_id": 3}
 
 
-async def test_a_drone_that_nobody_meets_can_be_called_off(stood_up: Any, cloud: Any) -> None:
+async def test_a_drone_without_a_recipient_can_be_called_off(stood_up: Any, cloud: Any) -> None:
     await stood_up.send(cloud.cancel())
 
     assert stood_up.acks[-1].status == "ACCEPTED"

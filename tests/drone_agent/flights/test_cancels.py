@@ -1,4 +1,4 @@
-"""Calling a mission off while nothing is on board, wherever the drone is."""
+"""Calling off a mission while no package is on board."""
 
 from datetime import timedelta
 from typing import Any
@@ -26,7 +26,7 @@ async def send_and_wait_for(world: Any, cloud: Any, steps: Any, activity: str) -
     await world.pass_until(lambda: world.states[-1].activity == activity)
 
 
-async def test_a_drone_that_awaits_its_load_is_called_off(
+async def test_a_mission_that_waits_for_its_load_can_be_called_off(
     world: Any, cloud: Any, steps: Any
 ) -> None:
     await send_and_wait_for(world, cloud, steps, "LOADING")
@@ -42,9 +42,7 @@ async def test_a_drone_that_awaits_its_load_is_called_off(
     assert world.states[-1].package_ids == ()
 
 
-async def test_a_drone_that_charges_before_the_pickup_keeps_what_it_has_got(
-    world: Any, cloud: Any, steps: Any
-) -> None:
+async def test_a_cancelled_recharge_keeps_its_charge(world: Any, cloud: Any, steps: Any) -> None:
     await send_and_wait_for(world, cloud, steps, "RECHARGING")
     await world.pass_time(timedelta(seconds=900))
 
@@ -55,7 +53,7 @@ async def test_a_drone_that_charges_before_the_pickup_keeps_what_it_has_got(
     assert world.states[-1].soc == world.events[-1].soc
 
 
-async def test_a_drone_on_its_way_to_the_pickup_lands_there_and_forgets(
+async def test_a_cancelled_drone_lands_at_the_pickup_and_drops_the_mission(
     world: Any, cloud: Any, steps: Any
 ) -> None:
     await send_and_wait_for(world, cloud, steps, "FLYING")

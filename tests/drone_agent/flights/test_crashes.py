@@ -1,4 +1,4 @@
-"""Whenever the process dies, the next one goes on, and nothing happens twice."""
+"""After a crash at any moment the next process continues, and nothing happens twice."""
 
 from datetime import timedelta
 from typing import Any

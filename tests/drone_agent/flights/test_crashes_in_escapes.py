@@ -1,4 +1,4 @@
-"""Whenever the process dies around a failsafe, the next one goes on with it, and nothing twice."""
+"""After a crash around a failsafe the next process continues it and does nothing twice."""
 
 from datetime import timedelta
 from typing import Any

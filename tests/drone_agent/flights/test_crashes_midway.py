@@ -1,4 +1,4 @@
-"""Whenever the process dies around an instruction in mid-mission, nothing is lost or done twice."""
+"""After a crash around an instruction in mid-mission nothing is lost or done twice."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -130,7 +130,7 @@ def absent(world: Any, cloud: Any, steps: Any) -> Script:
 
 
 async def live(world: Any, script: Script) -> None:
-    """Play the script; a process that dies is started again, and hears the last word again."""
+    """Play the script; a process that dies starts again and gets the last instruction again."""
     sent = None
     for claim, make in [*script.cues, (script.is_done, None)]:
         await world.pass_until(lambda claim=claim: world.has_died or claim())

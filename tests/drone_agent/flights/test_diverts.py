@@ -1,4 +1,4 @@
-"""New steps for a drone that flies, or stands in the middle of something."""
+"""New steps for a drone that flies, or that stands in the middle of a step."""
 
 from datetime import timedelta
 from typing import Any
@@ -71,7 +71,7 @@ async def test_a_drone_in_the_air_flies_over_the_landing_that_is_closed(
     assert world.states[-1].station_id == "farm"
 
 
-async def test_a_drone_that_is_landing_already_goes_on_no_earlier_than_it_was_told(
+async def test_a_landing_drone_flies_on_at_the_earliest_when_it_got_the_instruction(
     world: Any, cloud: Any, steps: Any
 ) -> None:
     await fly(world, cloud, steps)
@@ -92,7 +92,7 @@ async def test_a_drone_that_is_landing_already_goes_on_no_earlier_than_it_was_to
 
 
 @pytest.mark.parametrize("seconds", [50, 430])
-async def test_what_has_ended_is_not_replaced(
+async def test_an_ended_step_is_not_replaced(
     world: Any, cloud: Any, steps: Any, seconds: int
 ) -> None:
     await fly(world, cloud, steps)
@@ -187,7 +187,7 @@ async def test_what_is_being_loaded_stays_when_the_pick_up_is_cut(
     assert world.events[-2].package_ids == ("p2",)
 
 
-async def test_a_drone_called_home_hands_back_what_it_carries_with_proof(
+async def test_a_drone_sent_home_returns_its_packages_with_proof(
     world: Any, cloud: Any, steps: Any
 ) -> None:
     await fly(world, cloud, steps)
@@ -208,7 +208,7 @@ async def test_a_drone_called_home_hands_back_what_it_carries_with_proof(
     }
 
 
-async def test_what_is_on_board_when_a_mission_ends_stays_where_it_ended(
+async def test_packages_on_board_at_the_end_of_a_mission_stay_at_its_station(
     world: Any, cloud: Any, steps: Any
 ) -> None:
     await fly(world, cloud, steps)

@@ -85,7 +85,7 @@ async def test_after_a_divert_the_clouds_new_plan_is_flown_from_there(
     assert world.states[-1].faults == ()
 
 
-async def test_a_battery_that_reaches_no_landing_brings_the_drone_down_where_it_is(
+async def test_a_drone_that_can_reach_no_landing_lands_on_the_spot(
     world: Any, cloud: Any, steps: Any
 ) -> None:
     # Looked at so seldom that the way back is lost before the first alarm.
@@ -170,7 +170,7 @@ async def test_a_drone_that_will_land_below_its_reserve_says_so_and_goes_on(
         ("CELL_IMBALANCE", "WARNING", {"worn_share": 1.0, "cell_spread_v": 0.2}),
     ],
 )
-async def test_a_battery_in_a_bad_way_is_told_once(
+async def test_a_battery_fault_raises_one_alarm(
     world: Any, cloud: Any, steps: Any, code: str, level: str, battery: Any
 ) -> None:
     world.clock.rate = 40.0
@@ -201,7 +201,7 @@ async def test_a_hot_battery_keeps_the_drone_on_the_ground(
     assert world.acks[-1].data == {"fault": "BATTERY_HOT"}
 
 
-async def test_a_taken_pad_is_waited_for_and_then_another_plan_is_asked_for(
+async def test_a_drone_waits_for_an_occupied_pad_and_then_asks_for_another_plan(
     world: Any, cloud: Any, steps: Any
 ) -> None:
     taken = {"station_id": "farm", "from_at": "2026-03-01T00:00:00Z"}

@@ -51,7 +51,9 @@ async def test_the_journal_is_written_before_each_ack_and_each_act(
     assert all(written < sent for written, sent in zip(events, sendings, strict=True))
 
 
-async def test_a_delivery_is_told_with_place_and_weights(world: Any, cloud: Any, trip: Any) -> None:
+async def test_a_delivery_is_reported_with_place_and_weights(
+    world: Any, cloud: Any, trip: Any
+) -> None:
     await world.start()
     await world.send(cloud.mission(trip))
 

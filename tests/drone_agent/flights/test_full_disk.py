@@ -1,4 +1,4 @@
-"""A full disk: nothing is begun or accepted, what flies comes down, and nothing is lost."""
+"""A full disk: no step begins, no instruction is accepted, and a flying drone lands."""
 
 from datetime import timedelta
 from typing import Any
@@ -57,7 +57,7 @@ async def test_a_drone_in_the_air_flies_over_its_station_lands_and_begins_nothin
     assert state.failsafe.failsafe == "STAY"
 
 
-async def test_what_happened_without_room_is_written_and_told_once_there_is(
+async def test_events_on_a_full_disk_are_written_and_sent_once_there_is_room(
     world: Any, cloud: Any, steps: Any
 ) -> None:
     trip = steps().fly("home", "over", length_m=6000, duration_s=400, lands=False)
@@ -78,7 +78,7 @@ async def test_what_happened_without_room_is_written_and_told_once_there_is(
     assert (logbook.mission, logbook.last_event_seq) == (None, len(world.events))
 
 
-async def test_no_number_is_told_that_a_crash_could_give_to_another_event(
+async def test_an_unwritten_event_number_is_never_reported(
     world: Any, cloud: Any, steps: Any
 ) -> None:
     trip = steps().fly("home", "over", length_m=6000, duration_s=400, lands=False)

@@ -42,7 +42,7 @@ def ended(world: Any) -> list[int]:
         ({"motors_work": False}, "MOTOR_FAILURE", 6, "LAND_AT_NEXT"),
     ],
 )
-async def test_a_drone_begins_what_it_may_and_the_rest_when_the_fault_is_over(
+async def test_a_grounded_drone_takes_off_when_the_fault_ends(
     world: Any,
     cloud: Any,
     trip: Any,
@@ -117,7 +117,7 @@ async def test_a_landing_on_the_spot_is_begun_once_however_long_the_fault_lasts(
     assert world.events[-1].code == "MOTOR_FAILURE"
 
 
-async def test_after_a_failed_flight_nothing_behind_it_is_released_any_more(
+async def test_after_a_failed_flight_no_later_step_is_released(
     world: Any, cloud: Any, trip: Any, steps: Any
 ) -> None:
     world.disturbances = Disturbances(drift=Drift(share=1.0, after_s=60, most_m=900))

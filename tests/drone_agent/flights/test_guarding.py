@@ -55,7 +55,7 @@ async def test_a_drone_that_loads_is_looked_at_every_five_seconds(
     assert 6 <= len(LookedAt.looks) - before <= 8
 
 
-async def test_a_drone_that_takes_off_is_looked_at_at_once_and_each_second(
+async def test_a_drone_is_checked_at_take_off_and_then_each_second(
     looked_at: Any, cloud: Any, trip: Any
 ) -> None:
     await load(looked_at, cloud, trip)

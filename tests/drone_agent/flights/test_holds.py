@@ -1,4 +1,4 @@
-"""A drone that is held begins nothing, until it is resumed, replanned or called off."""
+"""A drone that is held begins no step until it is resumed, replanned or called off."""
 
 from datetime import timedelta
 from typing import Any

@@ -22,7 +22,7 @@ async def test_loading_waits_for_the_link(world: Any, cloud: Any, trip: Any) -> 
     assert world.events[0].started_at == back_at
 
 
-async def test_loading_waits_for_the_brokers_word_on_the_acceptance(
+async def test_loading_waits_until_the_broker_confirms_the_acceptance(
     world: Any, cloud: Any, trip: Any
 ) -> None:
     await world.start()
@@ -84,7 +84,7 @@ async def test_presence_has_a_fresh_number_on_every_connection(world: Any) -> No
     assert len({one.session for one in world.messages(CONNECTION)}) == 1
 
 
-async def test_the_state_is_told_again_on_every_connection(world: Any) -> None:
+async def test_the_state_is_sent_again_on_every_connection(world: Any) -> None:
     await world.start()
     before = len(world.states)
 
@@ -111,7 +111,7 @@ async def test_events_that_happened_without_a_link_are_sent_when_it_is_back(
     assert [event.seq for event in world.events] == list(range(1, 10))
 
 
-async def test_a_state_that_was_not_confirmed_is_sent_as_it_is_then(
+async def test_an_unconfirmed_state_is_sent_again_with_current_values(
     world: Any, cloud: Any, trip: Any
 ) -> None:
     await world.start()
@@ -128,7 +128,7 @@ async def test_a_state_that_was_not_confirmed_is_sent_as_it_is_then(
     assert STATE.retained
 
 
-async def test_an_instruction_waits_until_fleet_time_is_known(
+async def test_an_instruction_waits_until_fleet_time_is_set(
     world: Any, cloud: Any, trip: Any
 ) -> None:
     world.clock.is_set.clear()

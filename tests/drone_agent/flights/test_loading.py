@@ -1,4 +1,4 @@
-"""Loading that a loader confirms: the drone stands until the cloud says what is on board."""
+"""Loading that a loader confirms: the drone waits until the cloud reports the load."""
 
 from datetime import timedelta
 from typing import Any
@@ -27,7 +27,7 @@ async def stand_at_the_pickup(world: Any, cloud: Any, steps: Any) -> None:
     await world.pass_until(lambda: world.states[-1].activity == "LOADING")
 
 
-async def test_a_drone_stands_until_it_is_told_what_is_on_board(
+async def test_a_drone_waits_until_the_cloud_confirms_its_load(
     world: Any, cloud: Any, steps: Any
 ) -> None:
     await stand_at_the_pickup(world, cloud, steps)
@@ -38,7 +38,7 @@ async def test_a_drone_stands_until_it_is_told_what_is_on_board(
     assert (world.states[-1].activity, world.states[-1].load_kg) == ("LOADING", 0.0)
 
 
-async def test_what_was_measured_is_on_board_from_the_confirmation_on(
+async def test_the_measured_load_counts_after_the_confirmation(
     world: Any, cloud: Any, steps: Any
 ) -> None:
     await stand_at_the_pickup(world, cloud, steps)

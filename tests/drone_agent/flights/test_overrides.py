@@ -40,7 +40,7 @@ async def test_new_steps_are_refused_while_a_failsafe_acts(
 
 
 @pytest.mark.parametrize("kind", ["divert", "return_home"])
-async def test_who_overrides_has_the_drone_fly_on_as_planned_and_the_fault_is_ignored(
+async def test_after_an_override_the_drone_flies_on_and_ignores_the_fault(
     world: Any, cloud: Any, steps: Any, kind: str
 ) -> None:
     await turned(world, cloud, steps, **DRIFT)

@@ -1,4 +1,4 @@
-"""What a drone tells of itself."""
+"""The messages that a drone sends about itself."""
 
 from datetime import timedelta
 from itertools import pairwise
@@ -12,7 +12,7 @@ from skyway.contracts.topics import ACKS, EVENTS, STATE, TELEMETRY
 PRE_START = timedelta(minutes=10)
 
 
-async def test_the_state_is_told_every_30_s_of_wall_time(world: Any) -> None:
+async def test_the_state_is_sent_every_30_s_of_wall_time(world: Any) -> None:
     await world.start()
     before = len(world.states)
 
@@ -37,7 +37,7 @@ async def test_the_first_beat_is_one_state_though_the_sensors_were_read_shortly_
     assert len(world.states) == before + 1
 
 
-async def test_a_drone_that_is_connected_late_tells_its_state_once(world: Any) -> None:
+async def test_a_drone_that_connects_late_sends_its_state_once(world: Any) -> None:
     world.is_broker_up = False
     await world.start()
     world.pubacks.clear()
@@ -51,7 +51,7 @@ async def test_a_drone_that_is_connected_late_tells_its_state_once(world: Any) -
     assert len(world.states) == 1
 
 
-async def test_a_drone_that_is_connected_again_tells_its_state_once(world: Any) -> None:
+async def test_a_drone_that_reconnects_sends_its_state_once(world: Any) -> None:
     await world.start()
     world.link.cut()
     await world.settle()
@@ -105,7 +105,7 @@ async def test_events_are_sent_again_when_the_cloud_asks(world: Any, cloud: Any,
     assert [ack.status for ack in world.messages(ACKS)] == ["RECEIVED", "ACCEPTED"]
 
 
-async def test_confirmed_events_are_forgotten(world: Any, cloud: Any, trip: Any) -> None:
+async def test_confirmed_events_are_dropped(world: Any, cloud: Any, trip: Any) -> None:
     await world.start()
     await world.send(cloud.mission(trip))
     await world.pass_until(lambda: len(world.events) == 4)
@@ -184,7 +184,7 @@ async def test_a_state_never_counts_events_that_were_not_sent_before(
     assert world.states[-1].last_event_seq == 9
 
 
-async def test_a_mission_that_begins_at_once_is_told_in_one_state(
+async def test_a_mission_that_begins_immediately_is_reported_in_one_state(
     world: Any, cloud: Any, trip: Any
 ) -> None:
     await world.start()

@@ -1,4 +1,4 @@
-"""A new revision replaces what is not released."""
+"""A new revision replaces the steps that are not released."""
 
 from datetime import timedelta
 from typing import Any

@@ -1,4 +1,4 @@
-"""The link is up and the cloud behind it says nothing: the drone lands and waits."""
+"""The link is up but the cloud sends nothing: the drone lands and waits."""
 
 from datetime import timedelta
 from typing import Any
@@ -12,7 +12,7 @@ async def fly(world: Any, cloud: Any, trip: Any) -> None:
     await world.pass_until(lambda: bool(world.states) and world.states[-1].activity == "FLYING")
 
 
-async def test_a_drone_that_heard_the_cloud_and_hears_it_no_more_lands_and_waits(
+async def test_a_drone_lands_and_waits_when_the_cloud_falls_silent(
     world: Any, cloud: Any, trip: Any
 ) -> None:
     await fly(world, cloud, trip)
@@ -31,7 +31,7 @@ async def test_a_drone_that_heard_the_cloud_and_hears_it_no_more_lands_and_waits
     assert next(one for one in world.events if one.step_id == 6).started_at == back_at
 
 
-async def test_an_instruction_is_a_word_from_the_cloud_too(
+async def test_an_instruction_ends_the_silence_of_the_cloud(
     world: Any, cloud: Any, trip: Any
 ) -> None:
     await fly(world, cloud, trip)
@@ -54,7 +54,7 @@ async def test_a_cloud_that_never_repeats_its_clock_is_not_expected_to(
     assert abs(world.events[-1].ended_at - trip[-1].planned_end_at) < timedelta(milliseconds=1)
 
 
-async def test_a_cloud_that_goes_on_telling_the_time_delays_nothing(
+async def test_a_cloud_that_repeats_its_clock_delays_nothing(
     world: Any, cloud: Any, trip: Any
 ) -> None:
     await fly(world, cloud, trip)

@@ -1,4 +1,4 @@
-"""A restart in the middle of a hand-over: the vehicle says whether it was done, or cannot know."""
+"""A restart in the middle of a hand-over, with vehicles that do or do not know its result."""
 
 from datetime import timedelta
 from typing import Any
@@ -11,7 +11,7 @@ HAND_OVERS: list[str] = []
 
 
 class Forgetful(SimulatedVehicle):
-    """Cannot know, after a restart, what it has handed over; it counts what it is told to do."""
+    """Does not know after a restart whether a hand-over was done; it counts hand-overs."""
 
     def recall(self, run: StepRun) -> bool | None:
         return None
@@ -23,14 +23,14 @@ class Forgetful(SimulatedVehicle):
 
 
 class Mindful(Forgetful):
-    """Knows that it was done."""
+    """Knows that the hand-over was done."""
 
     def recall(self, run: StepRun) -> bool | None:
         return True
 
 
 async def die_in(world: Any, cloud: Any, trip: Any, activity: str) -> None:
-    """Die in the middle of this, and start again."""
+    """Kill the agent in the middle of the step, and start it again."""
     HAND_OVERS.clear()
     await world.start()
     await world.send(cloud.mission(trip))
@@ -47,7 +47,7 @@ async def die_in(world: Any, cloud: Any, trip: Any, activity: str) -> None:
         ("DELIVERING", "DELIVER", 4),
     ],
 )
-async def test_what_cannot_be_known_is_told_as_unknown_and_never_done_again(
+async def test_an_uncertain_hand_over_is_reported_as_unknown_and_not_repeated(
     world: Any, cloud: Any, trip: Any, activity: str, kind: str, step_id: int
 ) -> None:
     world.vehicle_type = Forgetful
@@ -82,7 +82,9 @@ async def test_a_package_that_may_be_on_board_is_brought_back(
     assert world.states[-1].package_ids == ()
 
 
-async def test_what_was_done_is_told_and_not_done_again(world: Any, cloud: Any, trip: Any) -> None:
+async def test_a_finished_hand_over_is_reported_and_not_repeated(
+    world: Any, cloud: Any, trip: Any
+) -> None:
     world.vehicle_type = Mindful
     await die_in(world, cloud, trip, "DELIVERING")
     await world.pass_until(lambda: world.is_over)
@@ -93,7 +95,7 @@ async def test_what_was_done_is_told_and_not_done_again(world: Any, cloud: Any, 
     assert HAND_OVERS == ["PICK_UP", "DELIVER", "DELIVER"]
 
 
-async def test_what_was_not_done_is_gone_on_with(world: Any, cloud: Any, trip: Any) -> None:
+async def test_an_unfinished_hand_over_is_continued(world: Any, cloud: Any, trip: Any) -> None:
     await die_in(world, cloud, trip, "DELIVERING")
     await world.pass_until(lambda: world.is_over)
 
@@ -101,7 +103,7 @@ async def test_what_was_not_done_is_gone_on_with(world: Any, cloud: Any, trip: A
     assert delivered.ended_at - delivered.started_at == timedelta(seconds=30)
 
 
-async def test_what_a_loader_confirms_is_waited_for_whatever_the_vehicle_knows(
+async def test_after_a_restart_the_drone_still_waits_for_the_loader(
     world: Any, cloud: Any, steps: Any
 ) -> None:
     world.vehicle_type = Mindful

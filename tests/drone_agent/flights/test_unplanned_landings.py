@@ -24,7 +24,7 @@ FARM = Position(-97.7, 30.0)
 
 
 def book_with(folder: Path, **stations: tuple[Position, bool]) -> LandingBook:
-    """What a drone that flew here before has left on its disk."""
+    """The landing book that an earlier flight here has left on the disk."""
     file = StationCacheFile(folder / "landing-book.json")
     by_tile: dict[Any, tuple[CachedStation, ...]] = {}
     for name, (position, is_closed) in stations.items():
@@ -78,7 +78,7 @@ class Listener(NoLandings):
         self.noted.append(version.version)
 
 
-async def test_the_book_hears_of_each_version_of_the_network(world: Any) -> None:
+async def test_the_book_gets_each_version_of_the_network(world: Any) -> None:
     world.book = Listener()
     await world.start()
 
@@ -98,7 +98,7 @@ async def test_the_book_hears_of_each_version_of_the_network(world: Any) -> None
     assert world.book.noted == [1, 2]
 
 
-async def test_from_there_the_clouds_new_plan_is_flown(
+async def test_after_a_failure_the_clouds_new_plan_is_flown(
     world: Any, cloud: Any, steps: Any, tmp_path: Path
 ) -> None:
     world.book = book_with(tmp_path, farm=(FARM, False), barn=(BARN, False))

@@ -45,7 +45,7 @@ def test_a_drone_with_more_than_asked_keeps_it(drone: Any, steps: Any) -> None:
     assert shortfall_of(made, model=drone.model, soc=0.9, packages=()) is None
 
 
-def test_what_is_on_board_already_weighs_too(drone: Any, steps: Any) -> None:
+def test_packages_on_board_count_as_load(drone: Any, steps: Any) -> None:
     made = steps().fly("home", "shop", length_m=60_000, duration_s=1).made
     (picked_up,) = steps().pick_up("home", p1=0.5).made
 

@@ -106,7 +106,7 @@ def test_a_flight_over_a_station_goes_on_without_the_link(
     assert act == Begin(trip[2], at=trip[1].planned_end_at, released_through=3)
 
 
-def test_nothing_is_loaded_when_the_cloud_was_told_after_the_expiry(
+def test_loading_fails_when_the_acceptance_was_confirmed_after_the_expiry(
     drone: Any, logbook: Logbook, trip: Any
 ) -> None:
     told_late = with_mission(logbook, acceptance_sent_at=START + timedelta(minutes=2))

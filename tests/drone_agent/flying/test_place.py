@@ -1,4 +1,4 @@
-"""People fetched a drone that was down, and say where they put it."""
+"""People fetched a drone that was down, and say where it stands now."""
 
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,7 @@ def test_the_station_and_its_position_are_read_from_the_command_line() -> None:
     assert read_settings(ARGUMENTS, {}).placed is None
 
 
-def test_one_without_the_other_is_refused() -> None:
+def test_station_and_position_are_only_accepted_together() -> None:
     with pytest.raises(InvalidSettings, match="belong together"):
         read_settings([*ARGUMENTS, "--placed-at", "farm"], {})
 
@@ -57,7 +57,7 @@ def test_a_drone_that_was_down_stands_there_empty_and_without_a_mission(
     assert (logbook.is_down, logbook.packages) == (False, ())
 
 
-def test_a_drone_that_knows_where_it_is_is_not_placed(drone: Any, tmp_path: Path) -> None:
+def test_a_drone_that_is_not_down_cannot_be_placed(drone: Any, tmp_path: Path) -> None:
     with (
         JournalFolder(tmp_path, [drone.drone_id]) as folder,
         pytest.raises(NotDown, match="drn_1 is not down"),
@@ -65,7 +65,7 @@ def test_a_drone_that_knows_where_it_is_is_not_placed(drone: Any, tmp_path: Path
         place([drone], folder, AT_FARM)
 
 
-def test_a_fleet_is_not_placed_at_once(drone: Any, tmp_path: Path) -> None:
+def test_only_one_drone_can_be_placed(drone: Any, tmp_path: Path) -> None:
     with (
         JournalFolder(tmp_path, [drone.drone_id]) as folder,
         pytest.raises(InvalidSettings, match="one drone, and there are 2"),

@@ -47,7 +47,7 @@ def test_a_kind_of_step_of_a_later_version_is_unsupported(desk: Any, trip: Any) 
     assert answer.code == RefusalCode.UNSUPPORTED_STEP
 
 
-def test_what_has_no_identity_is_dropped(desk: Any) -> None:
+def test_an_instruction_without_identity_is_dropped(desk: Any) -> None:
     desk.inbox.handle({"kind": "MISSION"})
 
     assert desk.answers == []

@@ -69,7 +69,7 @@ def test_what_was_appended_is_read_back_in_order(journal: Journal) -> None:
     assert [event.seq for event in logbook.events] == [1, 2]
 
 
-def test_compacting_changes_nothing_that_is_known(journal: Journal) -> None:
+def test_compacting_changes_nothing_in_the_logbook(journal: Journal) -> None:
     journal.append([make_answer(1), make_event(1)])
     before = journal.read(at_first=HOME)
 
@@ -133,7 +133,7 @@ def test_a_damaged_line_before_the_last_is_never_skipped(tmp_path: Path) -> None
 
 
 @pytest.mark.parametrize("failing", [1, 2, 3])
-def test_what_a_full_disk_tore_is_taken_away_again(tmp_path: Path, failing: int) -> None:
+def test_a_line_torn_by_a_full_disk_is_removed(tmp_path: Path, failing: int) -> None:
     path = tmp_path / "drn_1.jsonl"
     syncs: list[int] = []
 
@@ -154,7 +154,7 @@ def test_what_a_full_disk_tore_is_taken_away_again(tmp_path: Path, failing: int)
     assert [one.seq for one in FileJournal(path).read(at_first=HOME).events] == written
 
 
-def test_a_disk_that_is_full_while_compacting_keeps_the_old_journal_and_no_rest(
+def test_a_full_disk_while_compacting_keeps_only_the_old_journal(
     tmp_path: Path,
 ) -> None:
     path = tmp_path / "drn_1.jsonl"

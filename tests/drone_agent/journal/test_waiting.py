@@ -67,9 +67,7 @@ async def test_a_wait_ends_at_its_moment(waiting: NewsOrMoment, clock: CountingC
     assert wait.done()
 
 
-async def test_news_end_a_wait_and_are_read_then(
-    waiting: NewsOrMoment, news: asyncio.Event
-) -> None:
+async def test_news_ends_a_wait_and_is_cleared(waiting: NewsOrMoment, news: asyncio.Event) -> None:
     wait = await begin(waiting, NOON + MINUTE)
     news.set()
     await settle()
@@ -145,9 +143,7 @@ async def test_waits_that_end_by_news_share_a_sleep(
     assert clock.sleeps == 1
 
 
-async def test_nobody_sleeps_once_the_block_is_left(
-    news: asyncio.Event, clock: CountingClock
-) -> None:
+async def test_leaving_the_block_ends_the_sleep(news: asyncio.Event, clock: CountingClock) -> None:
     before = asyncio.all_tasks()
     with NewsOrMoment(news, clock) as waiting:
         wait = await begin(waiting, NOON + MINUTE)

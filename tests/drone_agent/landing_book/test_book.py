@@ -1,4 +1,4 @@
-"""The landing book: what it reads, when it reads again, and that nothing depends on it."""
+"""The landing book: what it reads, and when it reads again."""
 
 import asyncio
 from pathlib import Path
@@ -38,7 +38,7 @@ async def test_stations_that_no_mission_names_are_read_page_by_page(
     assert {"home", "shop", "field_0", "field_3"} < names(book, flight())
 
 
-async def test_nothing_is_read_before_the_networks_version_is_heard(
+async def test_no_station_is_read_before_the_networks_version_arrives(
     make_book: Any, flight: Any, version: Any, reads: Any, cloud: Any
 ) -> None:
     book = make_book()
@@ -84,7 +84,7 @@ async def test_another_version_is_read_again_and_the_same_one_is_not(
     assert (before, names(book, flight())) == ({"home", "shop", "barn"}, {"home", "shop", "mill"})
 
 
-async def test_a_closed_station_is_passed_over_once_it_is_read_again(
+async def test_a_station_that_was_closed_is_skipped_after_the_next_read(
     read: Any, flight: Any, reads: Any, cloud: Any
 ) -> None:
     book = await read(good_for_s=0.0)
@@ -111,7 +111,7 @@ async def test_stations_of_another_network_are_no_landings(
     assert names(book, flight("moor", "fen", moor)) == {"moor", "fen"}
 
 
-async def test_a_network_that_is_no_more_keeps_no_other_from_being_read(
+async def test_a_removed_network_does_not_stop_the_reading_of_others(
     make_book: Any, flight: Any, version: Any, reads: Any, cloud: Any
 ) -> None:
     book = make_book()
@@ -124,7 +124,7 @@ async def test_a_network_that_is_no_more_keeps_no_other_from_being_read(
     assert names(book, flight()) == {"home", "shop", "barn"}
 
 
-async def test_what_was_read_is_there_after_a_start_without_the_cloud(
+async def test_stations_are_available_after_a_start_without_the_cloud(
     read: Any, make_book: Any, flight: Any, cloud: Any
 ) -> None:
     await read()
@@ -133,7 +133,7 @@ async def test_what_was_read_is_there_after_a_start_without_the_cloud(
     assert names(make_book(), flight()) == {"home", "shop", "barn"}
 
 
-async def test_what_was_read_since_the_last_write_is_written_at_the_end(
+async def test_new_stations_are_written_at_the_end(
     read: Any, make_book: Any, flight: Any, reads: Any, cloud: Any
 ) -> None:
     book = await read()
@@ -146,7 +146,7 @@ async def test_what_was_read_since_the_last_write_is_written_at_the_end(
     assert "mill" in names(make_book(), flight("home", "mill", elsewhere))
 
 
-async def test_what_lies_on_disk_is_read_again_from_the_cloud(
+async def test_stations_from_the_disk_are_read_again_from_the_cloud(
     read: Any, flight: Any, cloud: Any
 ) -> None:
     await read()
@@ -158,7 +158,7 @@ async def test_what_lies_on_disk_is_read_again_from_the_cloud(
 
 
 @pytest.mark.parametrize("content", ["", "{", '{"tiles": [{"tile": [1]}]}'])
-def test_a_damaged_file_is_no_more_than_an_empty_book(
+def test_a_damaged_file_is_read_as_an_empty_book(
     make_book: Any, flight: Any, tmp_path: Path, content: str
 ) -> None:
     (tmp_path / "landing-book.json").write_text(content)
@@ -166,7 +166,7 @@ def test_a_damaged_file_is_no_more_than_an_empty_book(
     assert names(make_book(), flight()) == set()
 
 
-async def test_without_a_key_the_book_reads_nothing_and_is_over(
+async def test_without_a_key_the_book_stops_without_reading(
     make_book: Any, flight: Any, version: Any, cloud: Any
 ) -> None:
     cloud.keys.clear()

@@ -65,7 +65,7 @@ def test_stations_outside_of_what_was_asked_for_are_left_out() -> None:
     assert extract.nearest(Position(-98.0, 30.0), count=9) == []
 
 
-def test_the_tiles_read_longest_ago_are_forgotten_first() -> None:
+def test_the_oldest_tiles_are_dropped_first() -> None:
     by_stations, by_tiles = StationCache(most_stations=3), StationCache(most_tiles=3)
     line = [station(f"stn_{number}", -98.0 + number / 10, 30.0) for number in range(5)]
 

@@ -16,7 +16,7 @@ MINUTE, BEAT = timedelta(minutes=1), timedelta(seconds=30)
 
 
 class Connected:
-    """A link that is up; nothing else is asked of it here."""
+    """A link that is up."""
 
     is_connected = True
 
@@ -46,7 +46,7 @@ def test_only_the_first_beat_of_a_connection_comes_early(
     assert heartbeat.after(NOON + MINUTE) == first + MINUTE
 
 
-def test_what_happens_before_the_first_beat_does_not_put_it_off(
+def test_a_state_before_the_first_heartbeat_does_not_delay_it(
     watch: LinkMonitor, clock: ManualClock
 ) -> None:
     heartbeat = Heartbeat(DroneId("drn_1"), watch, clock)
@@ -55,7 +55,9 @@ def test_what_happens_before_the_first_beat_does_not_put_it_off(
     assert heartbeat.after(NOON + 0.5 * (first - NOON)) == first
 
 
-def test_a_fleet_that_connects_at_once_beats_evenly(watch: LinkMonitor, clock: ManualClock) -> None:
+def test_the_heartbeats_of_a_fleet_that_connects_together_are_spread(
+    watch: LinkMonitor, clock: ManualClock
+) -> None:
     fleet = [Heartbeat(DroneId(f"drn_{n:05}"), watch, clock) for n in range(1000)]
 
     in_second = Counter(int((one.after(NOON) - NOON).total_seconds()) for one in fleet)

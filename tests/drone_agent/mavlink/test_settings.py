@@ -1,4 +1,4 @@
-"""A real drone's options, and what is said when MAVLink cannot be spoken."""
+"""A real drone's options, and the errors when MAVLink cannot be used."""
 
 import os
 import subprocess

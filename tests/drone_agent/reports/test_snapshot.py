@@ -1,4 +1,4 @@
-"""The state tells what the analysis found, and what the drone does by itself."""
+"""The state shows the results of the analysis, and what the drone does by itself."""
 
 from datetime import timedelta
 from typing import Any
@@ -35,7 +35,7 @@ def flying(**changes: Any) -> tuple[Logbook, DroneState]:
     return logbook, snapshot_of(logbook, found, envelope=ENVELOPE)
 
 
-def test_the_state_tells_what_the_analysis_found() -> None:
+def test_the_state_shows_the_results_of_the_analysis() -> None:
     _, state = flying()
 
     assert state.health is not None
@@ -47,7 +47,7 @@ def test_the_state_tells_what_the_analysis_found() -> None:
     assert DroneState.model_validate_json(state.model_dump_json()) == state
 
 
-def test_the_state_tells_of_faults_the_most_dangerous_first() -> None:
+def test_the_state_lists_faults_with_the_most_dangerous_first() -> None:
     _, state = flying(faults=(Fault.LINK_LOST, Fault.BATTERY_LOW))
 
     assert state.faults == (Fault.BATTERY_LOW, Fault.LINK_LOST)
@@ -59,7 +59,7 @@ def test_a_drone_that_has_landed_away_from_every_station_is_down() -> None:
     assert state.activity == "DOWN"
 
 
-def test_no_failsafe_acts_while_a_fault_is_only_told() -> None:
+def test_no_failsafe_is_reported_for_a_mere_warning() -> None:
     logbook, _ = flying(faults=(Fault.BATTERY_LOW,))
 
     assert active_failsafe(logbook) is None

@@ -56,7 +56,7 @@ def test_straight_on_is_no_news_for_ten_seconds(in_flight: Assessment) -> None:
     ("name", "within", "beyond"),
     [("soc", 0.004, 0.006), ("power_w", 30.0, 60.0), ("temperature_c", 0.9, 1.1)],
 )
-def test_what_changes_beyond_its_dead_band_is_news(
+def test_a_change_beyond_the_dead_band_is_sent(
     in_flight: Assessment, name: str, within: float, beyond: float
 ) -> None:
     value = getattr(in_flight, name)
@@ -84,7 +84,7 @@ def test_a_drone_beside_its_course_is_news(in_flight: Assessment) -> None:
     assert is_news(in_flight, replace(straight, position=thirty))
 
 
-def test_slow_changes_add_up_until_they_are_told(in_flight: Assessment) -> None:
+def test_slow_changes_add_up_until_they_are_sent(in_flight: Assessment) -> None:
     thinning, told = TelemetryThinning(), 0
 
     for count in range(9):
@@ -96,7 +96,7 @@ def test_slow_changes_add_up_until_they_are_told(in_flight: Assessment) -> None:
     assert told == 3
 
 
-def test_a_sample_tells_what_was_assessed(in_flight: Assessment) -> None:
+def test_a_sample_shows_the_assessment(in_flight: Assessment) -> None:
     envelope = Envelope(message_id="msg_1", sent_at=in_flight.at, session=1, seq=1)
 
     sample = telemetry_of(in_flight, envelope=envelope)

@@ -19,16 +19,16 @@ def file_of(folder: Path, content: str) -> str:
 
 
 @pytest.mark.parametrize("name", scenario_names())
-def test_each_bundled_scenario_is_read_and_told_of_in_the_docs(name: str) -> None:
+def test_each_bundled_scenario_is_valid_and_documented(name: str) -> None:
     assert read_scenario(name).title
     assert f"`{name}`" in DOCS.read_text()
 
 
-def test_a_scenario_that_asks_for_nothing_disturbs_nothing() -> None:
+def test_an_empty_scenario_disturbs_nothing() -> None:
     assert read_scenario("calm").model_copy(update={"title": ""}) == Disturbances()
 
 
-def test_a_file_of_ones_own_is_read(tmp_path: Path) -> None:
+def test_a_scenario_file_is_read(tmp_path: Path) -> None:
     own = file_of(
         tmp_path,
         """
@@ -71,7 +71,7 @@ def test_a_wrong_file_is_refused_by_key_and_limit(
         read_scenario(file_of(tmp_path, content))
 
 
-def test_a_name_that_nobody_knows_is_answered_with_those_known() -> None:
+def test_an_unknown_scenario_name_is_answered_with_the_bundled_names() -> None:
     with pytest.raises(
         InvalidInput, match=r"wibdy is neither a file nor one of busy, calm, .*windy"
     ):

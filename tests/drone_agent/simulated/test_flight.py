@@ -105,7 +105,7 @@ def test_power_noise_differs_between_drones_and_flights(drone: Any, run: StepRun
     assert all(0.7 < (energy_j - 1000) / 30_000 < 1.3 for energy_j in used)
 
 
-def test_a_lost_gps_shows_the_last_known_place(drone: Any, run: StepRun) -> None:
+def test_without_gps_the_last_position_is_shown(drone: Any, run: StepRun) -> None:
     lost = Disturbances(gps=GpsLoss(share=1.0, after_s=60, for_s=100))
     physics = Physics(drone.model, lost, drone_id=ME)
 
@@ -146,7 +146,7 @@ def test_a_drifting_drone_is_off_its_course_and_finds_back(drone: Any, run: Step
     assert off_m == [0.0, pytest.approx(300.0, rel=1e-3), pytest.approx(0.0, abs=1.0)]
 
 
-def test_faults_befall_the_drones_that_are_named(drone: Any, run: StepRun) -> None:
+def test_faults_happen_only_to_the_named_drones(drone: Any, run: StepRun) -> None:
     named = Disturbances(motor=MotorFailure(share=1.0, after_s=0, drone_ids=frozenset({ME})))
 
     works = [
@@ -169,7 +169,7 @@ def test_a_worn_battery_holds_less_and_its_cells_part(drone: Any, run: StepRun) 
     assert reading.cell_high_v - reading.cell_low_v == pytest.approx(0.2)
 
 
-def test_sensors_err_as_much_as_told(drone: Any, run: StepRun) -> None:
+def test_sensors_have_the_given_errors(drone: Any, run: StepRun) -> None:
     exact = Physics(drone.model, drone_id=ME)
     vague = Physics(
         drone.model, Disturbances(sensors=Sensors(gps_m=3.0, voltage_v=0.1)), drone_id=ME

@@ -19,7 +19,7 @@ def in_ten_days(disturbed: Disturbances) -> list[Outage]:
     return list(takewhile(lambda outage: outage.from_at < end, found))
 
 
-def test_outages_come_in_the_share_of_spans_told_and_last_as_long() -> None:
+def test_outages_have_the_given_share_and_length() -> None:
     found = in_ten_days(LOSSY)
 
     assert 0.45 < len(found) / 1440 < 0.55
@@ -27,7 +27,7 @@ def test_outages_come_in_the_share_of_spans_told_and_last_as_long() -> None:
     assert len({int(one.from_at.timestamp() // 600) for one in found}) == len(found)
 
 
-def test_a_restart_within_an_outage_finds_its_rest() -> None:
+def test_a_restart_within_an_outage_finds_the_remaining_outage() -> None:
     first = next(outages(NOON, disturbed=LOSSY, drone_id=ME))
 
     midway = first.from_at + timedelta(seconds=10)

@@ -1,4 +1,4 @@
-"""A drone that comes to a taken pad charges once the pad is free, and only then."""
+"""A drone at an occupied pad charges once the pad is free."""
 
 from datetime import timedelta
 from typing import Any
@@ -61,7 +61,7 @@ def test_another_pad_or_station_is_no_hindrance(
     assert Physics(drone.model, other).outcome_of(run) == Physics(drone.model).outcome_of(run)
 
 
-def test_pads_are_taken_for_about_the_share_told(steps: Any) -> None:
+def test_pads_are_occupied_for_about_the_given_share(steps: Any) -> None:
     disturbed = Disturbances(pads=Pads(taken_share=0.3, taken_s=600))
     (step,) = steps().recharge("shop", until_soc=0.8, duration_s=1800).made
     moments = [step.planned_start_at + timedelta(seconds=600 * n) for n in range(1_000)]

@@ -62,7 +62,7 @@ def test_a_slow_charger_charges_longer_or_short(drone: Any, steps: Any) -> None:
     assert short.soc == sample.soc == pytest.approx(0.6)
 
 
-def test_where_nobody_is_the_drone_waits_and_the_step_fails(drone: Any, steps: Any) -> None:
+def test_without_a_recipient_the_drone_waits_and_the_step_fails(drone: Any, steps: Any) -> None:
     (step,) = steps().deliver("shop", "p1", recipient_wait_s=300).made
     nobody = Disturbances(absent_station_ids=frozenset({StationId("shop")}))
 
@@ -72,7 +72,7 @@ def test_where_nobody_is_the_drone_waits_and_the_step_fails(drone: Any, steps: A
     assert (outcome.has_failed, outcome.code) == (True, "RECIPIENT_ABSENT")
 
 
-def test_what_comes_back_is_taken_though_nobody_takes_deliveries(drone: Any, steps: Any) -> None:
+def test_a_return_succeeds_even_where_recipients_are_absent(drone: Any, steps: Any) -> None:
     (step,) = steps().bring_back("shop", "p1").made
     nobody = Disturbances(absent_station_ids=frozenset({StationId("shop")}))
 

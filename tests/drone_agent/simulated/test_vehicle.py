@@ -75,7 +75,7 @@ def test_a_recharge_that_lacks_only_the_rounding_is_not_short(drone: Any, steps:
     assert (outcome.soc, outcome.code) == (0.8, None)
 
 
-def test_a_full_drone_leaves_the_pad_at_once(drone: Any, steps: Any) -> None:
+def test_the_recharge_of_a_full_drone_ends_immediately(drone: Any, steps: Any) -> None:
     (step,) = steps().recharge("shop", until_soc=0.8, duration_s=1800).made
 
     outcome = Physics(drone.model).outcome_of(run_of(step, soc=0.9))

@@ -1,4 +1,4 @@
-"""The wind is the same whoever asks, smooth, and as strong as the scenario says."""
+"""The wind is the same for all drones, smooth, and as strong as the scenario says."""
 
 from datetime import UTC, datetime, timedelta
 from statistics import fmean, pstdev
@@ -15,7 +15,7 @@ GUSTS = Wind(mean_mps=5.0, from_deg=270.0, gust_mps=2.0, gust_span_m=1_000, gust
 
 
 def scattered(field: WindField) -> list[tuple[float, float]]:
-    """The wind at places and moments that have nothing to do with one another."""
+    """The wind at independent places and moments."""
     return [
         field.at(Position(-98.0 + (n % 60) / 3, 30.0 + n / 90), NOON + timedelta(hours=n))
         for n in range(2_000)
@@ -29,7 +29,7 @@ def test_wind_from_the_west_goes_east() -> None:
     assert north == pytest.approx(0.0, abs=1e-9)
 
 
-def test_gusts_scatter_around_the_mean_as_much_as_told() -> None:
+def test_gusts_scatter_around_the_mean_with_the_given_deviation() -> None:
     seen = scattered(wind_field(GUSTS, 1))
 
     east, north = zip(*seen, strict=True)

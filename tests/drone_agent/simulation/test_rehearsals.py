@@ -1,10 +1,15 @@
-"""Rehearsals of a drone's days: a small sweep; `python -m rehearsal.sweep` makes a large one."""
+"""Rehearsals of a drone's days: a small sweep; a large one is run by hand:
+
+python -m tests.drone_agent.simulation.rehearsal.sweep
+"""
 
 from collections import Counter
+from pathlib import Path
 
 import pytest
 
 from tests.drone_agent.simulation.rehearsal.disk import Crash
+from tests.drone_agent.simulation.rehearsal.mutants import AGENT, MUTANTS, Mutant
 from tests.drone_agent.simulation.rehearsal.story import Ending, Story, tell
 from tests.drone_agent.simulation.rehearsal.sweep import SCENARIOS, stories_of
 from tests.drone_agent.simulation.rehearsal.whims import KINDS, Whim
@@ -46,7 +51,7 @@ def test_a_restart_within_any_step_breaks_nothing(step_kind: str, down_s: float)
 
 
 @pytest.mark.parametrize("kind", sorted(set(KINDS)))
-def test_whatever_befalls_a_drone_breaks_nothing(kind: str) -> None:
+def test_no_disruption_breaks_an_invariant(kind: str) -> None:
     stories = [
         Story(seed, "windy", whims=(Whim(kind, at_s=60.0 + 110.0 * seed, for_s=300.0),))
         for seed in range(3)
@@ -55,7 +60,7 @@ def test_whatever_befalls_a_drone_breaks_nothing(kind: str) -> None:
     assert broken([tell(story) for story in stories]) == []
 
 
-def test_no_session_is_spoken_that_a_later_start_may_have_too() -> None:
+def test_no_session_is_used_that_a_later_start_may_use_again() -> None:
     whims = (
         Whim("DISK_FULL", at_s=60.0, for_s=400.0),
         Whim("KILL", at_s=120.0, for_s=3.0),
@@ -65,7 +70,7 @@ def test_no_session_is_spoken_that_a_later_start_may_have_too() -> None:
     assert broken([tell(Story(seed, "calm", whims=whims)) for seed in range(4)]) == []
 
 
-def test_the_same_story_is_told_in_the_same_words() -> None:
+def test_the_same_story_always_runs_the_same_way() -> None:
     story = Story(11, "faulty", crashes=(Crash(9, "torn"), Crash(17, "after")))
 
     first, second = tell(story), tell(story)
@@ -82,7 +87,7 @@ def test_days_without_trouble_are_flown_to_their_end() -> None:
     assert all(one.told[-1].startswith("MISSION_ENDED") for one in endings)
 
 
-def test_the_sweep_meets_what_it_is_for() -> None:
+def test_the_sweep_covers_all_important_faults() -> None:
     seen = Counter(
         event.code
         for scenario in SCENARIOS
@@ -94,10 +99,17 @@ def test_the_sweep_meets_what_it_is_for() -> None:
     assert wanted <= set(seen), seen
 
 
-def test_what_is_learned_of_a_worn_battery_is_not_forgotten_at_a_restart() -> None:
+def test_learned_battery_health_survives_a_restart() -> None:
     for crash in (Crash(15, "torn"), Crash(20, "after")):
         assert tell(Story(9, "faulty", (crash,))).broken == []
 
 
-def test_a_restart_against_the_wind_does_not_make_charge_of_what_is_used() -> None:
+def test_a_restart_against_the_wind_does_not_overestimate_the_charge() -> None:
     assert tell(Story(129, "stormy", (Crash(24, "before"),))).broken == []
+
+
+@pytest.mark.parametrize("mutant", MUTANTS, ids=lambda mutant: mutant.name)
+def test_each_mutant_still_changes_a_line_of_the_agent(mutant: Mutant) -> None:
+    agent = Path(__file__).parents[3] / AGENT
+
+    assert mutant.right in (agent / mutant.file).read_text()

@@ -32,7 +32,7 @@ TURNS, MOST_TURNS = 40, 20_000
 
 
 class Peer:
-    """A second end of pymavlink: what it is told to lose, repeat or refuse, it does."""
+    """A simulated autopilot on pymavlink; tests make it lose, repeat or refuse messages."""
 
     def __init__(self, port: int, clock: FleetClock, *, kind: int, position: Position) -> None:
         self.clock = clock
@@ -50,16 +50,16 @@ class Peer:
         self.incoming: list[Any] = []
         self.released = 0
         self.modes: list[int] = []
-        #: Messages of these types are not heard, or not sent, so many times; those sent twice.
+        #: How many messages of a type get lost before or after the peer; types that are sent twice.
         self.not_heard: Counter[str] = Counter()
         self.not_sent: Counter[str] = Counter()
         self.sent_twice: set[str] = set()
-        #: Answers other than ACCEPTED, by command; and the item that is refused.
+        #: Answers other than ACCEPTED by command, and the item that the peer refuses.
         self.answers: dict[int, int] = {}
         self.refused_item: int | None = None
-        #: Commands that are obeyed without a word.
+        #: Commands that the peer carries out without an answer.
         self.unanswered: set[int] = set()
-        #: No item is flown to its end while this is set.
+        #: While this is set, no item is flown to its end.
         self.hovers = False
         self.lands_at: Position | None = None
         self._expected = 0
@@ -81,9 +81,9 @@ class Peer:
             if self.not_heard[kind] > 0:
                 self.not_heard[kind] -= 1
                 continue
-            hear = getattr(self, f"hear_{kind.lower()}", None)
-            if hear is not None:
-                hear(message)
+            handler = getattr(self, f"on_{kind.lower()}", None)
+            if handler is not None:
+                handler(message)
 
     async def live(self) -> None:
         while True:
@@ -107,11 +107,11 @@ class Peer:
 
     # The mission protocol, from the vehicle's side
 
-    def hear_mission_count(self, message: Any) -> None:
+    def on_mission_count(self, message: Any) -> None:
         self.incoming = [None] * message.count
         self._ask_for(0)
 
-    def hear_mission_item_int(self, message: Any) -> None:
+    def on_mission_item_int(self, message: Any) -> None:
         if message.seq != self._expected or not self.incoming:
             return
         if message.seq == self.refused_item:
@@ -130,10 +130,10 @@ class Peer:
         self._expected = seq
         self.send("MISSION_REQUEST_INT", 255, 0, seq)
 
-    def hear_mission_set_current(self, message: Any) -> None:
+    def on_mission_set_current(self, message: Any) -> None:
         self.item = message.seq
 
-    def hear_command_long(self, message: Any) -> None:
+    def on_command_long(self, message: Any) -> None:
         answer = self.answers.get(message.command, mavlink.MAV_RESULT_ACCEPTED)
         if message.command == mavlink.MAV_CMD_MISSION_START and (message.param1 or message.param2):
             answer = mavlink.MAV_RESULT_DENIED  # as ArduPilot does
@@ -238,7 +238,7 @@ class Wire:
 
 @pytest.fixture
 async def vehicle(peer: Peer, port: int, drone: Any, world: Any) -> AsyncIterator[Any]:
-    """The drone that the peer flies; calling it makes it anew, as a new process would.
+    """The drone that the peer flies; calling the fixture makes it again, as a new process would.
 
     `world` starts its agents with the one made last.
     """

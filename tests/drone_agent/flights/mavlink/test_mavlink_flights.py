@@ -132,7 +132,9 @@ async def test_a_release_that_is_refused_fails_the_step(flown: Any, peer: Any, u
     assert (failed.station_id, peer.released) == ("shop", 0)
 
 
-async def test_an_agent_killed_in_flight_goes_on_with_it(flown: Any, peer: Any, until: Any) -> None:
+async def test_an_agent_killed_in_flight_continues_the_flight(
+    flown: Any, peer: Any, until: Any
+) -> None:
     await until(lambda: len(flown.events) == 1 and peer.is_in_air)
     await flown.kill()
     await flown.start()
@@ -143,7 +145,7 @@ async def test_an_agent_killed_in_flight_goes_on_with_it(flown: Any, peer: Any, 
     assert peer.released == 2
 
 
-async def test_an_agent_killed_in_a_hand_over_never_lets_go_again(
+async def test_an_agent_killed_in_a_hand_over_never_repeats_the_release(
     flown: Any, peer: Any, vehicle: Any, until: Any
 ) -> None:
     peer.unanswered.add(211)  # it is killed before it hears that the package is gone

@@ -56,7 +56,7 @@ async def test_a_recharge_that_is_cut_by_its_reservation_is_short(
     assert outcome.ended_at - step.not_after_at < timedelta(seconds=300)
 
 
-async def test_a_drone_told_to_land_now_lands_where_it_is(
+async def test_a_drone_lands_on_the_spot_on_request(
     world: Any, drone_itself: Any, peer: Any, steps: Any, until: Any
 ) -> None:
     (step,) = steps(world.clock.now()).fly("home", "shop", length_m=6000, duration_s=400).made

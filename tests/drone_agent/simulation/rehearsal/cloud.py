@@ -39,7 +39,7 @@ _CLOCK_EVERY_S = 30.0
 
 
 class FakeCloud:
-    """Composition for one drone, as simple as can be."""
+    """A very simple composition service for one drone."""
 
     def __init__(self, air: Air, findings: Findings, parcels: Sequence[Parcel]) -> None:
         self.mail = Mailbox(air, findings)
@@ -188,7 +188,7 @@ class FakeCloud:
     def _planned_from(
         self, standing: Standing, *, first_step: int, delivers: bool
     ) -> list[FlightStep]:
-        """What is left to do, from there; nothing when there is no way."""
+        """The steps that are left to do from there; none when there is no way."""
         known = self.state.health.consumption_factor if self.state and self.state.health else 1.0
         factor = max(self._factor, known) * 1.03
         plan = Plan(standing, at=self._clock.now(), first_step=first_step, factor=factor)
@@ -269,7 +269,7 @@ class FakeCloud:
     # What people wish for
 
     def await_loading(self) -> None:
-        """Have the pick-up wait for a loader's word."""
+        """Make the pick-up wait for a loader's confirmation."""
         self._is_loading = True
 
     def hold(self) -> None:
@@ -304,7 +304,7 @@ class FakeCloud:
         self._replace("RETURN_HOME", overrides=overrides, delivers=False)
 
     def _replace(self, kind: str, *, overrides: bool, delivers: bool) -> None:
-        """New steps behind the one under way, or in its place where it can be cut."""
+        """New steps after the step under way, or in its place where it can be cut."""
         is_fit = self._accepted_revision and self._failed is None and not self._is_cancelled
         ahead = [step for step in self.steps if step.step_id >= self._next_step]
         if self._is_asked or self.is_over or not is_fit or not ahead:

@@ -1,4 +1,4 @@
-"""A drone's disk: a real journal file on which power fails and room runs out as a story says."""
+"""A drone's disk: a real journal file with the power cuts and full disks of a story."""
 
 import errno
 import os
@@ -63,7 +63,7 @@ class Disk:
         return self._synced_bytes.get(status.st_ino, 0) == status.st_size
 
     def lose_power(self) -> None:
-        """Forget what was never synced; of the torn line half may be there."""
+        """Drop unsynced data; half of a torn line may stay."""
         self.has_forgotten = self.has_forgotten or self.is_full
         if not self.path.exists():
             return

@@ -1,4 +1,4 @@
-"""What a rehearsal has found to be wrong."""
+"""The broken invariants that a rehearsal has found."""
 
 from dataclasses import dataclass, field
 

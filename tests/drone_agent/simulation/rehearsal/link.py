@@ -1,4 +1,4 @@
-"""The way between a drone and its cloud: it loses, repeats, delays and swaps what it carries."""
+"""The link between a drone and its cloud: it loses, repeats, delays and swaps messages."""
 
 import asyncio
 import json
@@ -21,7 +21,7 @@ Listener = Callable[[Topic[Any], Any], None]
 
 @dataclass(frozen=True, slots=True)
 class Habits:
-    """How bad the way is; chances per message, delays in wall seconds."""
+    """How bad the link is: chances per message, delays in wall seconds."""
 
     loss: float = 0.0
     repetition: float = 0.0
@@ -62,7 +62,7 @@ class Air:
         deliver()
 
     def publish(self, topic: Topic[Any], message: Any) -> None:
-        """The broker has it; the cloud gets it at least once, some time."""
+        """The broker has the message; the cloud gets it at least once, at some time."""
         self.witness.hear(topic, message)
         copies = max(1, self.copies())
         for _ in range(copies):
@@ -181,6 +181,6 @@ class DroneLink:
             self._instructions.put_nowait(json.loads(payload))
 
     def deliver_time(self) -> None:
-        """The clock's anchor comes again, of which nothing but its coming matters here."""
+        """Deliver the clock's anchor again; its content does not matter here."""
         if self._up.is_set():
             self._ticks.put_nowait(Received(CLOCK, (), None, False))

@@ -1,4 +1,4 @@
-"""Whoever lands below the reserve has said before that it would."""
+"""A drone that lands below the reserve has raised an alarm before."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from datetime import datetime
@@ -6,17 +6,17 @@ from datetime import datetime
 from skyway.contracts.drone_report import DroneEvent
 from tests.drone_agent.simulation.rehearsal.places import MODEL
 
-#: What the drone says of its own accord when its battery is low.
+#: The alarms about a low battery.
 BATTERY_FAULTS = ("BATTERY_LOW", "BATTERY_SHORT", "BATTERY_EMPTY")
 
-#: Charge below the reserve of which a drone must have known: its prediction may err so much.
+#: Charge by which the drone's prediction may be wrong.
 _UNSEEN_SOC = 0.015
 
 
 def unsaid(events: Iterable[DroneEvent], absences: Sequence[datetime]) -> Iterator[DroneEvent]:
-    """Flights that ended below the reserve without a word.
+    """Flights that ended below the reserve without an alarm.
 
-    A flight in which the agent was not there all the time (`absences`) says nothing of it.
+    Flights in which the agent was absent for a time (`absences`) do not count.
     """
     has_said, took_off_at = False, None
     for event in events:

@@ -31,7 +31,7 @@ class _Sent:
 
 
 class Mailbox:
-    """What the cloud has told the drone and the drone has not answered yet."""
+    """The instructions that the drone has not answered yet."""
 
     def __init__(self, air: Air, findings: Findings) -> None:
         self._air = air
@@ -46,7 +46,7 @@ class Mailbox:
         return not self._waiting
 
     def send(self, kind: str, answered: Answered, **fields: Any) -> None:
-        """Tell the drone; `answered` is called with its final answer."""
+        """Send an instruction; `answered` is called with its final answer."""
         self._seq += 1
         now = self._air.clock.now()
         envelope = {
@@ -64,7 +64,7 @@ class Mailbox:
         self._transmit(instruction)
 
     def hear(self, ack: Ack) -> None:
-        """The drone's word on an instruction; only the first final one counts."""
+        """Note the drone's ack; only the first final answer counts."""
         if ack.status == "RECEIVED" or ack.code == "SEQUENCE_GAP":
             return
         sent = self._waiting.pop(ack.instruction_seq, None)
@@ -74,7 +74,7 @@ class Mailbox:
             sent.answered(sent.instruction, ack)
 
     async def repeat(self) -> None:
-        """Send again for ever what is not answered."""
+        """Repeat unanswered instructions for ever."""
         while True:
             await self._air.clock.sleep_wall(_REPEAT_S)
             for sent in list(self._waiting.values()):

@@ -1,6 +1,6 @@
-"""Bugs that the sweep must find, each put into a private copy of the agent; by hand.
+"""Bugs that the sweep must find, each in a private copy of the agent. Run by hand:
 
-cd tests/drone_agent/simulation && python -m rehearsal.mutants
+python -m tests.drone_agent.simulation.rehearsal.mutants
 """
 
 import os
@@ -12,12 +12,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 _ROOT = Path(__file__).parents[4]
-_AGENT = "services/skyway_drone_agent"
+AGENT = "services/skyway_drone_agent"
 
 
 @dataclass(frozen=True, slots=True)
 class Mutant:
-    """One line of the agent, as it must not be, and where a sweep shows it."""
+    """A wrong line in place of a right line of the agent, and the scenario that shows it."""
 
     name: str
     file: str
@@ -27,53 +27,53 @@ class Mutant:
 
 
 MUTANTS = (
-    Mutant("the journal is not synced", "journal.py", "        self._sync(file)\n", ""),
+    Mutant("the journal is not synced", "journal/journal.py", "        self._sync(file)\n", ""),
     Mutant(
-        "repeated instructions are done again",
-        "inbox.py",
+        "repeated instructions are carried out again",
+        "instructions/inbox.py",
         "envelope.seq < expected_seq:",
         "envelope.seq < 0:",
     ),
     Mutant(
-        "gaps are taken",
-        "inbox.py",
+        "gaps are accepted",
+        "instructions/inbox.py",
         "elif envelope.seq > expected_seq:",
         "elif envelope.seq < 0:",
     ),
     Mutant(
-        "hand-overs are begun anew after a restart",
-        "vehicle.py",
+        "hand-overs begin again after a restart",
+        "journal/logbook.py",
         "logbook, mission.steps[0], started_at=mission.began_at,",
         "logbook, mission.steps[0], started_at=mission.began_at.replace(microsecond=1),",
     ),
     Mutant(
         "packages are picked up again after a restart",
-        "pilot.py",
+        "flying/pilot.py",
         "if not is_left_behind or not _is_hand_over(run.step):",
         "if not is_left_behind or not isinstance(run.step, DeliverStep | ReturnStep):",
     ),
     Mutant(
-        "a step is begun before it is written",
-        "pilot.py",
+        "a step begins before it is written",
+        "flying/pilot.py",
         "            self._recorder.record(begun)",
         "            self._recorder._count((begun,))",
     ),
     Mutant(
-        "a low battery is nothing to warn of",
-        "failsafe.py",
+        "a low battery raises no alarm",
+        "failsafes/failsafe.py",
         "Fault.BATTERY_LOW:         (_GO,    _GO,    _GO,    _GO,     _GO,     _WARN,",
         "Fault.BATTERY_LOW:         (_GO,    _GO,    _GO,    _GO,     _GO,     _GO,",
         "stormy",
     ),
     Mutant(
         "the session stays",
-        "flight_recorder.py",
+        "journal/flight_recorder.py",
         "max(self.logbook.session + 1, int(wall_now.timestamp()))",
         "max(self.logbook.session, 1)",
     ),
     Mutant(
-        "a take-off is not judged",
-        "mission.py",
+        "a take-off without energy is allowed",
+        "flying/mission.py",
         "    if shortfall is not None:\n        energy",
         "    if False:\n        energy",
         "stormy",
@@ -82,15 +82,15 @@ MUTANTS = (
 
 
 def _is_found(mutant: Mutant, folder: Path) -> bool:
-    path = folder / _AGENT / mutant.file
+    path = folder / AGENT / mutant.file
     text = path.read_text()
     if mutant.right not in text:
         raise LookupError(f"{mutant.name}: not in {mutant.file}")
     path.write_text(text.replace(mutant.right, mutant.wrong, 1))
     sweep = ["--seeds", "0:10", "--scenarios", mutant.scenario, "--crashes", "6"]
     found = subprocess.run(
-        [sys.executable, "-m", "rehearsal.sweep", *sweep],
-        cwd=folder / "tests/drone_agent/simulation",
+        [sys.executable, "-m", "tests.drone_agent.simulation.rehearsal.sweep", *sweep],
+        cwd=folder,
         env={**os.environ, "PYTHONPATH": f"{folder}:{folder}/services"},
         capture_output=True,
         text=True,
@@ -103,10 +103,10 @@ def _is_found(mutant: Mutant, folder: Path) -> bool:
 
 
 def main() -> int:
-    """Try them all; the exit code is 1 when one of them lives."""
+    """Try all mutants; the exit code is 1 when the sweep misses one."""
     with tempfile.TemporaryDirectory(prefix="mutants-") as made:
         folder = Path(made)
-        for part in ("skyway", _AGENT, "tests/drone_agent/simulation"):
+        for part in ("skyway", AGENT, "tests/drone_agent/simulation"):
             shutil.copytree(_ROOT / part, folder / part)
         alive = [mutant.name for mutant in MUTANTS if not _is_found(mutant, folder)]
     print(f"{len(MUTANTS) - len(alive)} of {len(MUTANTS)} found; alive: {alive}")  # noqa: T201

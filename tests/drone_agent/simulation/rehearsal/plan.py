@@ -29,12 +29,12 @@ _LOADING_S, _DROPOFF_S, _RETURN_S = 60.0, 30.0, 45.0
 
 
 class NoWay(Exception):
-    """Not even a full battery does."""
+    """Even a full battery does not suffice."""
 
 
 @dataclass(frozen=True)
 class Standing:
-    """Where a drone is, or will be, with what."""
+    """Where a drone is, or will be, with its charge and load."""
 
     station_id: str
     soc: float
@@ -141,7 +141,7 @@ class Plan:
         )
 
     def fly_to(self, station_id: str) -> None:
-        """Over the stations between where the charge lasts, else from one pad to the next."""
+        """Fly over the stations between if the charge lasts, else from one pad to the next."""
         while self._standing.station_id != station_id:
             way = route(self._standing.station_id, station_id)
             if not (self._lasts(way) or self._recharge_for(way)):

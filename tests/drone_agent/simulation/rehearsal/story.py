@@ -1,4 +1,4 @@
-"""Stories: what a seed makes of a day, and the telling of it."""
+"""Stories: one simulated day of a drone from a seed, and how to run it."""
 
 import asyncio
 import shutil
@@ -65,7 +65,7 @@ class Ending:
     is_down: bool = False
 
     def as_bytes(self) -> bytes:
-        """The story in the drone's own words."""
+        """The story as the drone's messages."""
         return b"\n".join(event.model_dump_json().encode() for event in self.events)
 
 
@@ -134,7 +134,7 @@ class Stage:
         self._agent = asyncio.get_running_loop().create_task(agent.run())
 
     def die(self) -> None:
-        """As kill -9, or a power cut: no last word, and what was not synced is gone."""
+        """Like kill -9 or a power cut: no goodbye, and unsynced data is lost."""
         self.clock.note_absence()
         if self._journal is not None:
             self._journal.die()
@@ -149,7 +149,7 @@ class Stage:
             self._agent.cancel()
 
     async def _keep_alive(self) -> None:
-        """Start the agent again whenever it has died of something that it may die of."""
+        """Start the agent again after each expected crash."""
         while True:
             down_s = self.disk.crash.down_s if self.disk.crash else 20.0
             self._start()
@@ -192,7 +192,7 @@ class Stage:
         self.yard.end()
 
     async def _wait_over(self) -> None:
-        """Until all is over and said, or for as long as a story may take."""
+        """Wait until all missions are over and reported, or the story takes too long."""
         while self.clock.elapsed_s < _OVER_WITHIN_S:
             await self.clock.sleep_wall(2.0)
             if self.cloud.is_over and self.cloud.mail.is_empty:
@@ -231,7 +231,7 @@ class Stage:
         )
 
     def _check_custody(self) -> None:
-        """What the cloud was told of the packages is where they are."""
+        """Check that the packages are where the drone has reported them."""
         is_unknown = any(event.code == "UNKNOWN" for event in self.witness.events)
         for package_id, told in self.cloud.places.items():
             true = self.yard.places.get(package_id, "pickup")

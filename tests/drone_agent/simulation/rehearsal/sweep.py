@@ -1,10 +1,10 @@
-"""The large sweep, by hand: seeds x scenarios x every moment at which the power can fail.
+"""The large sweep, run by hand: seeds x scenarios x every moment at which the power can fail.
 
-    cd tests/drone_agent/simulation
-    python -m rehearsal.sweep --seeds 0:50 --scenarios calm,windy,stormy,faulty --crashes all
-    python -m rehearsal.sweep --story 42:faulty:torn@17      # one story again, told in full
+    sweep=tests.drone_agent.simulation.rehearsal.sweep
+    python -m $sweep --seeds 0:50 --scenarios calm,windy,stormy,faulty --crashes all
+    python -m $sweep --story 42:faulty:torn@17      # one story again, printed in full
 
-Each story is first told without a crash; its writes then are the crash points.
+Each story first runs without a crash; its writes are then the crash points.
 """
 
 import argparse

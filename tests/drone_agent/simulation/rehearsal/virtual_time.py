@@ -1,4 +1,4 @@
-"""Virtual time: an event loop that moves the clock on as soon as it has nothing else to do."""
+"""Virtual time: an event loop that moves the clock whenever it has nothing else to do."""
 
 import asyncio
 import heapq
@@ -13,7 +13,7 @@ START = datetime(2026, 3, 1, 12, tzinfo=UTC)
 
 
 class NobodyWaits(Exception):
-    """Everything has come to a stop for ever."""
+    """No task can ever continue."""
 
 
 class VirtualClock:
@@ -69,11 +69,11 @@ class VirtualClock:
         raise NobodyWaits
 
     def note_absence(self) -> None:
-        """From now on nobody looks, for a while."""
+        """Note that the agent is absent from now on for a while."""
         self.absences.append(self._now)
 
     def jump(self, by_s: float) -> None:
-        """The fleet clock is set on; the wall's stays."""
+        """Set the fleet clock forward; the wall clock stays."""
         self.note_absence()
         self._now += timedelta(seconds=by_s)
 
@@ -92,7 +92,7 @@ class VirtualClock:
 
 
 class _IdleSelector(selectors.SelectSelector):
-    """Nothing ever arrives from outside; when all wait, time passes."""
+    """A selector without sockets; when all tasks wait, time passes."""
 
     def __init__(self, clock: VirtualClock) -> None:
         super().__init__()

@@ -1,4 +1,4 @@
-"""Whims: what people, nature and computers do to a drone at moments of chance."""
+"""Whims: random disruptions of a drone by people, weather and computers."""
 
 from dataclasses import dataclass
 from random import Random
@@ -37,7 +37,7 @@ _FIRST_S, _LAST_S = 5.0, 2400.0
 
 @dataclass(frozen=True, slots=True)
 class Whim:
-    """Something befalls the story after `at_s` fleet seconds, for `for_s` if it lasts.
+    """A disruption that begins after `at_s` fleet seconds and lasts `for_s`, if it lasts.
 
     A KILL_IN_STEP comes `for_s` after the first step of the `step_kind` that begins after `at_s`.
     """
@@ -103,7 +103,7 @@ class Whim:
 
 
 def whims_of(luck: Random) -> tuple[Whim, ...]:
-    """What befalls a story by chance; a third of them go without."""
+    """The random disruptions of a story; a third of the stories have none."""
     count = luck.choice((0, 0, 1, 2, 3, 4))
     return tuple(
         Whim(

@@ -1,4 +1,4 @@
-"""What must hold of everything that a drone publishes, whatever came before."""
+"""Invariants of all messages that a drone publishes."""
 
 from typing import Any
 
@@ -12,7 +12,7 @@ _REMEMBERED = 64
 
 
 class Witness:
-    """Hears what the broker hears."""
+    """Checks every message that reaches the broker."""
 
     def __init__(self, disk: Disk, findings: Findings) -> None:
         self._disk = disk

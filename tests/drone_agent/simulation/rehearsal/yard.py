@@ -1,4 +1,4 @@
-"""The real world of a rehearsal: where the drone and its packages truly are, whoever crashes.
+"""The real world of a rehearsal: where the drone and its packages truly are, also after a crash.
 
 A step that has begun goes on by physics, whether the agent's process lives or not; so a second
 hand-over, a package from nowhere or a battery that fills by itself shows, whatever journals say.
@@ -61,7 +61,7 @@ class Yard:
         self._hand_overs: dict[int, tuple[str, ...]] = {}
 
     def begin(self, run: StepRun, *, lands_here: bool = False) -> None:
-        """The agent has the drone do this, or go on with it."""
+        """The agent begins or continues this step."""
         self.settle()
         before = self.doing
         if before is None or _key(before) != _key(run):
@@ -73,7 +73,7 @@ class Yard:
             self._lands_at = self._clock.now()
 
     def check_not_repeated(self, run: StepRun) -> None:
-        """Nobody goes on with a hand-over of an earlier process that may be done already."""
+        """Check that a hand-over of an earlier process is not repeated if it may be done."""
         was_begun = self.doing is not None and _key(self.doing) == _key(run)
         self._findings.expect(
             not (was_begun and _is_hand_over(run.step)),
@@ -82,7 +82,7 @@ class Yard:
         )
 
     def settle(self) -> None:
-        """Let happen what has happened by now."""
+        """Apply the effects of the step that have happened by now."""
         run = self.doing
         if run is None or self._has_effect or _awaits_confirmation(run.step):
             return
@@ -93,7 +93,7 @@ class Yard:
                 self._hand_over(run.step)
 
     def cut(self, step_id: int) -> None:
-        """A step was called off before its end: nothing has changed hands."""
+        """A step was called off before its end, so no package was handed over."""
         run = self.doing
         if run is not None and run.step.step_id == step_id and isinstance(run.step, PickUpStep):
             if self._has_effect and not _awaits_confirmation(run.step):
@@ -128,7 +128,7 @@ class Yard:
     def _change_hands(
         self, step: FlightStep, package_ids: Iterable[str], *, source: str | None, target: str
     ) -> None:
-        """Nothing is handed over that is not there, unless the cloud was told that this may be."""
+        """Check that handed-over packages were there, unless the drone reported UNKNOWN."""
         self._hand_overs[step.step_id] = tuple(package_ids)
         for package_id in package_ids:
             where = self.places.get(package_id)
@@ -142,7 +142,7 @@ class Yard:
                 )
 
     def _unknown(self) -> set[str]:
-        """Packages of which the drone has said that it cannot know whether it handed them over."""
+        """Packages with a hand-over that the drone has reported as UNKNOWN."""
         return {
             package_id
             for one in self._disk.records
@@ -175,7 +175,7 @@ class Yard:
         return not before.step.lands or run.step.step_id == before.step.step_id
 
     def _check_continuity(self, before: StepRun, run: StepRun) -> None:
-        """Nobody fills a battery, or carries a drone elsewhere, behind our backs."""
+        """Check that the drone's charge and position changed only in its steps."""
         if self._disk.has_forgotten or self._lands_at is not None:
             return
         outcome = self.physics.outcome_of(before)
@@ -217,7 +217,7 @@ class Yard:
         )
 
     def _check_charge(self, flight: StepRun, *, until: datetime) -> None:
-        """Below the reserve in the air only if a failsafe had acted by then."""
+        """Check that a charge below the reserve in the air comes only after a failsafe."""
         limit = MODEL.reserve_soc - _UNSEEN_SOC
         if self._has_hidden_wear():
             # The fault that makes it unavoidable: nobody knew, and its voltage tells late.
