@@ -19,10 +19,10 @@ from pathlib import Path
 from skyway_drone_agent.enrolled_drone import EnrolledDrone
 
 from benchmarks.fleet.agents import agent, resident_mib
+from benchmarks.fleet.cloud_messages import publish_clock
 from benchmarks.fleet.crew import accounts_of, crew_of
-from benchmarks.fleet.heard import hearing
+from benchmarks.fleet.drone_messages import receiving
 from benchmarks.fleet.own_broker import own_embedded
-from benchmarks.fleet.told import tell_time
 
 LIMIT_MIB = 45.0
 
@@ -37,11 +37,11 @@ ENVIRONMENT = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTEC
 
 async def measure(folder: Path, url: str, drones: Sequence[EnrolledDrone]) -> tuple[float, float]:
     """Resident MiB and seconds from the start until every drone is ONLINE."""
-    await tell_time(url)
-    async with hearing(url) as heard:
+    await publish_clock(url)
+    async with receiving(url) as messages:
         started = time.perf_counter()
         with agent(folder, drones, mqtt_url=url) as pid:
-            await heard.wait_online(len(drones), within_s=_ONLINE_WITHIN_S)
+            await messages.wait_online(len(drones), within_s=_ONLINE_WITHIN_S)
             took_s = time.perf_counter() - started
             # One heartbeat of the state, so that everything that is loaded late is loaded.
             await asyncio.sleep(1.0)

@@ -14,42 +14,42 @@ from collections.abc import AsyncIterator
 
 from benchmarks.fleet.feeding import feed
 from benchmarks.fleet.hosting import host
+from benchmarks.fleet.sizes import Sizes, read_sizes
 from benchmarks.fleet.stepping import step_up
-from benchmarks.fleet.wanted import Wanted, read_wanted
 from benchmarks.planner.machine import Machine
 from benchmarks.planner.table import Table
 
 
-async def measure(wanted: Wanted) -> AsyncIterator[Table]:
-    """The tables of each part that is wanted, one part after another."""
-    if "hosting" in wanted.only:
+async def measure(sizes: Sizes) -> AsyncIterator[Table]:
+    """The tables of each requested part, one part after another."""
+    if "hosting" in sizes.only:
         yield await host(
-            wanted.hosted, scenario=wanted.scenario, seed=wanted.seed, seconds=wanted.seconds
+            sizes.hosted, scenario=sizes.scenario, seed=sizes.seed, seconds=sizes.seconds
         )
-    if "feeding" in wanted.only:
+    if "feeding" in sizes.only:
         for table in await feed(
-            wanted.fed,
-            flying=wanted.flying,
-            agents=wanted.agents,
-            seed=wanted.seed,
-            seconds=wanted.seconds,
+            sizes.fed,
+            flying=sizes.flying,
+            agents=sizes.agents,
+            seed=sizes.seed,
+            seconds=sizes.seconds,
         ):
             yield table
-    if "embedded" in wanted.only:
-        yield await step_up(seed=wanted.seed, seconds=wanted.step_seconds)
+    if "embedded" in sizes.only:
+        yield await step_up(seed=sizes.seed, seconds=sizes.step_seconds)
 
 
-async def _print(wanted: Wanted) -> None:
-    async for table in measure(wanted):
+async def _print(sizes: Sizes) -> None:
+    async for table in measure(sizes):
         print(f"{table.as_markdown()}\n", flush=True)
 
 
 def main(arguments: list[str]) -> int:
     """Measure and print."""
-    wanted = read_wanted(arguments)
+    sizes = read_sizes(arguments)
     command = shlex.join(["python", "-m", "benchmarks", "fleet", *arguments])
-    print(f"`{command}`: {Machine.here().as_text()}, seed {wanted.seed}.\n", flush=True)
-    asyncio.run(_print(wanted))
+    print(f"`{command}`: {Machine.here().as_text()}, seed {sizes.seed}.\n", flush=True)
+    asyncio.run(_print(sizes))
     return 0
 
 

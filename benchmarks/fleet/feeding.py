@@ -14,10 +14,10 @@ from typing import Final
 from skyway_drone_agent.enrolled_drone import EnrolledDrone
 
 from benchmarks.fleet.agents import resident_mib
+from benchmarks.fleet.cloud_messages import send_missions
 from benchmarks.fleet.crew import read_drones
-from benchmarks.fleet.heard import Heard, hearing
+from benchmarks.fleet.drone_messages import DroneMessages, receiving
 from benchmarks.fleet.probe import Lag, probing, wait_caught_up
-from benchmarks.fleet.told import send_off
 from benchmarks.load.burst import Burst
 from benchmarks.load.city import City
 from benchmarks.load.cpu import CpuReading
@@ -49,7 +49,7 @@ _CAUGHT_UP_WITHIN_S: Final = 60.0
 
 @dataclass(frozen=True, slots=True)
 class Fed:
-    """What a window of seconds took of each process, and what was heard and probed in it."""
+    """What a window of seconds took of each process, and the messages and probes in it."""
 
     usage: CpuReading
     lasted_s: float
@@ -103,41 +103,43 @@ async def _measured(system: System, pids: dict[str, int], *, flying: int, burst:
     # As many of each agent's drones.
     airborne = [crew[number * len(crew) // flying] for number in range(flying)]
     password = read_secret(folder, "mqtt_registry")
-    async with hearing(url, password=password) as heard:
-        await send_off(
+    async with receiving(url, password=password) as messages:
+        await send_missions(
             url,
             airborne,
             seed=burst.seed,
             over_s=_SEND_OFF_S,
             password=read_secret(folder, "mqtt_composition"),
         )
-        await heard.wait_airborne(flying, within_s=_AIRBORNE_WITHIN_S)
+        await messages.wait_airborne(flying, within_s=_AIRBORNE_WITHIN_S)
         await asyncio.sleep(_SETTLE_S)
         async with probing(await database_urls(folder), probed) as lags:
             caught_up_s = await wait_caught_up(lags, limit_s=LAG_S, within_s=_CAUGHT_UP_WITHIN_S)
             for lag in lags.values():
                 lag.begin()
-            return await _window(pids, heard, lags, seconds=burst.seconds, caught_up_s=caught_up_s)
+            return await _window(
+                pids, messages, lags, seconds=burst.seconds, caught_up_s=caught_up_s
+            )
 
 
 async def _window(
     pids: dict[str, int],
-    heard: Heard,
+    messages: DroneMessages,
     lags: dict[str, Lag],
     *,
     seconds: float,
     caught_up_s: float,
 ) -> Fed:
-    heard.begin()
+    messages.begin()
     before, began_s = CpuReading.of(pids), time.monotonic()
     await asyncio.sleep(seconds)
     return Fed(
         usage=CpuReading.of(pids).since(before),
         lasted_s=time.monotonic() - began_s,
         memory_mib={name: resident_mib(pid) for name, pid in pids.items()},
-        airborne=len(heard.airborne),
-        states=heard.states,
-        samples=heard.samples,
+        airborne=len(messages.airborne),
+        states=messages.states,
+        samples=messages.samples,
         lags=lags,
         caught_up_s=caught_up_s,
     )
@@ -175,7 +177,7 @@ def _lags(burst: Burst, fed: Fed, *, ready_s: float) -> Table:
             f"Telemetry: {before:,} samples/s, thinned to {after:,.0f}/s: {saved:.0%} less.",
             f"States: {fed.states / fed.lasted_s:.0f}/s.",
             f"All had been taken in {fed.caught_up_s:.0f} s after the last drone had taken off.",
-            f"Wanted: p99 under {LAG_S:g} s; {'kept' if kept else 'NOT kept'}.",
+            f"Sizes: p99 under {LAG_S:g} s; {'kept' if kept else 'NOT kept'}.",
         ],
     )
 

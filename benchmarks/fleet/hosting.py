@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Final
 
 from benchmarks.fleet.agents import agent, resident_mib
+from benchmarks.fleet.cloud_messages import publish_clock, send_missions
 from benchmarks.fleet.crew import accounts_of, crew_of
-from benchmarks.fleet.heard import Heard, hearing
+from benchmarks.fleet.drone_messages import DroneMessages, receiving
 from benchmarks.fleet.own_broker import own_mosquitto
-from benchmarks.fleet.told import send_off, tell_time
 from benchmarks.load.cpu import CpuReading
 from benchmarks.planner.table import Table
 
@@ -27,7 +27,7 @@ _SETTLE_S: Final = 12.0
 
 @dataclass(frozen=True, slots=True)
 class Taken:
-    """What a window of seconds took, and what was heard in it."""
+    """What a window of seconds took, and the messages in it."""
 
     agent_cores: float
     broker_cores: float
@@ -43,35 +43,35 @@ async def host(drones: int, *, scenario: str, seed: int, seconds: float) -> Tabl
     with tempfile.TemporaryDirectory(prefix="skyway-fleet-") as name:
         folder = Path(name)
         with own_mosquitto(folder, accounts_of(crew)) as broker:
-            await tell_time(broker.services_url)
-            async with hearing(broker.services_url) as heard:
+            await publish_clock(broker.services_url)
+            async with receiving(broker.services_url) as messages:
                 began_s = time.monotonic()
                 with agent(folder, crew, mqtt_url=broker.drones_url, scenario=scenario) as pid:
                     pids = {"agent": pid, "broker": broker.pid}
-                    await heard.wait_online(drones, within_s=_ONLINE_WITHIN_S)
+                    await messages.wait_online(drones, within_s=_ONLINE_WITHIN_S)
                     online_s = time.monotonic() - began_s
                     await asyncio.sleep(_SETTLE_S)
-                    standing = await _taken(pids, heard, seconds=seconds)
-                    await send_off(broker.services_url, crew, seed=seed, over_s=_SEND_OFF_S)
-                    await heard.wait_airborne(drones, within_s=_AIRBORNE_WITHIN_S)
+                    standing = await _taken(pids, messages, seconds=seconds)
+                    await send_missions(broker.services_url, crew, seed=seed, over_s=_SEND_OFF_S)
+                    await messages.wait_airborne(drones, within_s=_AIRBORNE_WITHIN_S)
                     await asyncio.sleep(_SETTLE_S)
-                    flying = await _taken(pids, heard, seconds=seconds)
-                    airborne = len(heard.airborne)
+                    flying = await _taken(pids, messages, seconds=seconds)
+                    airborne = len(messages.airborne)
     return _table(drones, standing, flying, airborne=airborne, online_s=online_s)
 
 
-async def _taken(pids: dict[str, int], heard: Heard, *, seconds: float) -> Taken:
-    heard.begin()
+async def _taken(pids: dict[str, int], messages: DroneMessages, *, seconds: float) -> Taken:
+    messages.begin()
     before, before_s = CpuReading.of(pids), time.monotonic()
     await asyncio.sleep(seconds)
     usage, lasted_s = CpuReading.of(pids).since(before), time.monotonic() - before_s
-    late_s = sorted(heard.late_s)
+    late_s = sorted(messages.late_s)
     return Taken(
         agent_cores=usage.seconds["agent"] / lasted_s,
         broker_cores=usage.seconds["broker"] / lasted_s,
         resident_mib=resident_mib(pids["agent"]),
-        states_per_s=heard.states / lasted_s,
-        samples_per_s=heard.samples / lasted_s,
+        states_per_s=messages.states / lasted_s,
+        samples_per_s=messages.samples / lasted_s,
         late_p99_s=late_s[int(len(late_s) * 0.99)] if late_s else 0.0,
     )
 
@@ -88,7 +88,7 @@ def _table(drones: int, standing: Taken, flying: Taken, *, airborne: int, online
         ("Mosquitto, share of one core", *(f"{one.broker_cores:.2f}" for one in both)),
         ("states a second", *(f"{one.states_per_s:.1f}" for one in both)),
         ("samples a second", *(f"{one.samples_per_s:.1f}" for one in both)),
-        ("written to heard, p99", *(f"{1e3 * one.late_p99_s:.0f} ms" for one in both)),
+        ("written to received, p99", *(f"{1e3 * one.late_p99_s:.0f} ms" for one in both)),
     ]
     within = flying.agent_cores <= CORES and flying.resident_mib <= MIB
     return Table(
@@ -98,6 +98,6 @@ def _table(drones: int, standing: Taken, flying: Taken, *, airborne: int, online
         rows,
         [
             f"{airborne:,} in flight; all ONLINE {online_s:.1f} s after the start.",
-            f"Wanted: {CORES:g} core and {MIB:g} MiB; {'kept' if within else 'NOT kept'}.",
+            f"Sizes: {CORES:g} core and {MIB:g} MiB; {'kept' if within else 'NOT kept'}.",
         ],
     )

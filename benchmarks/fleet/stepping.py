@@ -17,7 +17,7 @@ from urllib.parse import urlsplit
 from skyway_drone_agent.enrolled_drone import EnrolledDrone
 
 from benchmarks.fleet.crew import accounts_of, crew_of
-from benchmarks.fleet.heard import Heard, hearing
+from benchmarks.fleet.drone_messages import DroneMessages, receiving
 from benchmarks.fleet.lines import Lines
 from benchmarks.fleet.own_broker import own_embedded
 from benchmarks.fleet.plain_sender import PlainSender, plain_sender
@@ -47,7 +47,7 @@ class Step:
     """One rate, how late its messages were, and who worked how much for them."""
 
     sent_per_s: float
-    heard_per_s: float
+    received_per_s: float
     late_p50_s: float
     late_p99_s: float
     broker_cores: float
@@ -60,18 +60,20 @@ async def step_up(*, seed: int, seconds: float) -> Table:
     async with AsyncExitStack() as stack:
         folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="skyway-fleet-"))
         broker = stack.enter_context(own_embedded(Path(folder), accounts_of(crew)))
-        heard = await stack.enter_async_context(hearing(broker.services_url))
+        messages = await stack.enter_async_context(receiving(broker.services_url))
         senders = [
             await stack.enter_async_context(_connected(broker.drones_url, drone)) for drone in crew
         ]
-        return _table(await _steps(_Chorus(crew, senders), heard, broker.pid, seconds))
+        return _table(await _steps(_Chorus(crew, senders), messages, broker.pid, seconds))
 
 
-async def _steps(chorus: "_Chorus", heard: Heard, pid: int, seconds: float) -> list[Step]:
+async def _steps(
+    chorus: "_Chorus", messages: DroneMessages, pid: int, seconds: float
+) -> list[Step]:
     steps: list[Step] = []
     per_s = _FIRST_PER_S
     while per_s <= _MOST_PER_S:
-        step = await _step(chorus, heard, per_s=per_s, pid=pid, seconds=seconds)
+        step = await _step(chorus, messages, per_s=per_s, pid=pid, seconds=seconds)
         steps.append(step)
         if step.late_p99_s > LIMIT_S:
             break
@@ -105,20 +107,22 @@ class _Chorus:
             sender.send(lines.telemetry_topic, lines.sample.now())
 
 
-async def _step(chorus: _Chorus, heard: Heard, *, per_s: float, pid: int, seconds: float) -> Step:
-    heard.begin()
+async def _step(
+    chorus: _Chorus, messages: DroneMessages, *, per_s: float, pid: int, seconds: float
+) -> Step:
+    messages.begin()
     before, began_s = CpuReading.of({"broker": pid, "own": os.getpid()}), time.monotonic()
     sent = await chorus.send(per_s, seconds=seconds)
     with contextlib.suppress(TimeoutError):
         async with asyncio.timeout(_LAST_WITHIN_S):
-            while len(heard.late_s) < sent:  # noqa: ASYNC110 - asked of what others tell us
+            while len(messages.late_s) < sent:  # noqa: ASYNC110 - the counts have no event
                 await asyncio.sleep(_BEAT_S)
     took_s = time.monotonic() - began_s
     usage = CpuReading.of({"broker": pid, "own": os.getpid()}).since(before)
-    late_s = sorted(heard.late_s) + [math.inf] * (sent - len(heard.late_s))
+    late_s = sorted(messages.late_s) + [math.inf] * (sent - len(messages.late_s))
     return Step(
         sent_per_s=sent / seconds,
-        heard_per_s=len(heard.late_s) / took_s,
+        received_per_s=len(messages.late_s) / took_s,
         late_p50_s=late_s[len(late_s) // 2],
         late_p99_s=late_s[int(len(late_s) * 0.99)],
         broker_cores=usage.seconds["broker"] / took_s,
@@ -141,7 +145,7 @@ def _table(steps: Sequence[Step]) -> Table:
     rows: list[tuple[str, ...]] = [
         (
             f"{step.sent_per_s:,.0f}",
-            f"{step.heard_per_s:,.0f}",
+            f"{step.received_per_s:,.0f}",
             f"{step.late_p50_s:.3f} s",
             f"{step.late_p99_s:.3f} s",
             f"{step.broker_cores:.2f}",
@@ -153,7 +157,7 @@ def _table(steps: Sequence[Step]) -> Table:
         "fleet-embedded",
         f"The embedded broker with {_SENDERS} drones that send and one service that listens; one "
         f"message in {_STATE_EVERY} is a state, the others are samples.",
-        ("sent/s", "heard/s", "late, p50", "late, p99", "broker, cores", "we, cores"),
+        ("sent/s", "received/s", "late, p50", "late, p99", "broker, cores", "we, cores"),
         rows,
         [f"Deliveries stay under {LIMIT_S:g} s up to {max(kept, default=0.0):,.0f} messages/s."],
     )

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from benchmarks.fleet.crew import accounts_of, crew_of
-from benchmarks.fleet.heard import hearing
+from benchmarks.fleet.drone_messages import receiving
 from benchmarks.fleet.lines import Lines
 from benchmarks.fleet.own_broker import own_embedded
 from benchmarks.fleet.plain_sender import plain_sender
@@ -20,17 +20,17 @@ async def test_what_it_sends_is_heard_whole(tmp_path: Path) -> None:
     with own_embedded(tmp_path, accounts_of([drone])) as broker:
         host, port = "127.0.0.1", int(broker.drones_url.rpartition(":")[2])
         async with (
-            hearing(broker.services_url) as heard,
+            receiving(broker.services_url) as messages,
             plain_sender(host, port, user_name=drone.drone_id, password="secret") as sender,
         ):
             for _ in range(3):
                 sender.send(lines.telemetry_topic, lines.sample.now())
             sender.send_retained(lines.state_topic, lines.state.now())
 
-            await heard.wait_airborne(1, within_s=10.0)
-            assert (heard.samples, heard.states) == (3, 1)
-            assert max(heard.late_s) < 10.0
-            assert heard.airborne == {drone.drone_id}
+            await messages.wait_airborne(1, within_s=10.0)
+            assert (messages.samples, messages.states) == (3, 1)
+            assert max(messages.late_s) < 10.0
+            assert messages.airborne == {drone.drone_id}
 
 
 async def test_who_is_not_let_in_is_told(tmp_path: Path) -> None:

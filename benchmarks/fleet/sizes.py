@@ -1,4 +1,4 @@
-"""What of the fleet is measured, how large, and for how long."""
+"""Which parts of the fleet are measured, with how many drones, and for how long."""
 
 import argparse
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ PARTS: Final = ("hosting", "feeding", "embedded")
 
 
 @dataclass(frozen=True, slots=True)
-class Wanted:
+class Sizes:
     """Sizes of the parts; each window of measuring lasts `seconds` of wall time."""
 
     only: tuple[str, ...]
@@ -22,19 +22,19 @@ class Wanted:
     seed: int
 
 
-def read_wanted(arguments: list[str]) -> Wanted:
-    """What the arguments ask for."""
+def read_sizes(arguments: list[str]) -> Sizes:
+    """The sizes that the arguments ask for."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks fleet", description=__doc__)
     parser.add_argument(
-        "--only", action="append", choices=PARTS, help="this part; may be given again"
+        "--only", action="append", choices=PARTS, help="this part; may be given several times"
     )
     parser.add_argument("--hosted", type=int, default=1_000, help="drones in one process")
     parser.add_argument("--fed", type=int, default=5_000, help="drones on a whole system")
-    parser.add_argument("--flying", type=int, default=2_000, help="how many of those fly")
+    parser.add_argument("--flying", type=int, default=2_000, help="how many of these drones fly")
     parser.add_argument("--agents", type=int, default=4, help="processes that host them")
     parser.add_argument("--scenario", default="windy", help="of the drones in one process")
     parser.add_argument("--seconds", type=float, default=40.0)
     parser.add_argument("--step-seconds", type=float, default=5.0, help="at each embedded rate")
     parser.add_argument("--seed", type=int, default=1)
     given = vars(parser.parse_args(arguments))
-    return Wanted(**(given | {"only": tuple(given["only"] or PARTS)}))
+    return Sizes(**(given | {"only": tuple(given["only"] or PARTS)}))

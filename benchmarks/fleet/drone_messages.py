@@ -1,4 +1,4 @@
-"""What drones say at the broker, as the registry hears it: who is there, how often, how late."""
+"""The messages of drones at the broker, as the registry gets them: how many, and how late."""
 
 import asyncio
 from collections.abc import AsyncIterator
@@ -14,13 +14,13 @@ from skyway.runtime.mqtt.client import MqttClient, Received
 
 _CONNECT_WITHIN_S: Final = 20.0
 
-#: Between two looks at what others tell us, wall seconds.
+#: Wall seconds between two looks at the counts.
 _LOOK_EVERY_S: Final = 0.02
 
 
 @dataclass(slots=True)
-class Heard:
-    """The drones by what they said last, and what was said since `begin`.
+class DroneMessages:
+    """The drones by their last message, and the number of messages since `begin`.
 
     Moments of messages are fleet time, which in these runs is wall time.
     """
@@ -33,11 +33,11 @@ class Heard:
     late_s: list[float] = field(default_factory=list)
 
     def begin(self) -> None:
-        """Count anew."""
+        """Start counting again."""
         self.states = self.samples = 0
         self.late_s = []
 
-    def take(self, drone_id: str, message: Connection | DroneState | Telemetry) -> None:
+    def note(self, drone_id: str, message: Connection | DroneState | Telemetry) -> None:
         """Note one message."""
         if isinstance(message, Connection):
             (self.online.add if message.status == "ONLINE" else self.online.discard)(drone_id)
@@ -51,38 +51,38 @@ class Heard:
         self.late_s.append((datetime.now(UTC) - message.sent_at).total_seconds())
 
     async def wait_online(self, count: int, *, within_s: float) -> None:
-        """Return once so many drones are there."""
+        """Return once so many drones are online."""
         async with asyncio.timeout(within_s):
-            while len(self.online) < count:  # noqa: ASYNC110 - asked of what others tell us
+            while len(self.online) < count:  # noqa: ASYNC110 - the counts have no event
                 await asyncio.sleep(_LOOK_EVERY_S)
 
     async def wait_airborne(self, count: int, *, within_s: float) -> None:
         """Return once so many drones fly."""
         async with asyncio.timeout(within_s):
-            while len(self.airborne) < count:  # noqa: ASYNC110 - asked of what others tell us
+            while len(self.airborne) < count:  # noqa: ASYNC110 - the counts have no event
                 await asyncio.sleep(_LOOK_EVERY_S)
 
 
 @asynccontextmanager
-async def hearing(
-    url: str, *, client_id: str = "bench-hears", password: str = PASSWORD
-) -> AsyncIterator[Heard]:
-    """Listen with the registry's account while the block lasts."""
-    heard = Heard()
+async def receiving(
+    url: str, *, client_id: str = "bench-receives", password: str = PASSWORD
+) -> AsyncIterator[DroneMessages]:
+    """Receive with the registry's account while the block lasts."""
+    messages = DroneMessages()
     client = MqttClient(url, client_id=client_id, user_name="registry", password=password)
     batches = client.batches(CONNECTION, STATE, TELEMETRY)
     async with client:
         async with asyncio.timeout(_CONNECT_WITHIN_S):
             await client.wait_connected()
-        listener = asyncio.create_task(_listen(heard, batches))
+        listener = asyncio.create_task(_listen(messages, batches))
         try:
-            yield heard
+            yield messages
         finally:
             listener.cancel()
 
 
-async def _listen(heard: Heard, batches: AsyncIterator[list[Received[Any]]]) -> None:
+async def _listen(messages: DroneMessages, batches: AsyncIterator[list[Received[Any]]]) -> None:
     """Any: messages of three topics."""
     async for batch in batches:
         for received in batch:
-            heard.take(received.ids[1], received.message)
+            messages.note(received.ids[1], received.message)

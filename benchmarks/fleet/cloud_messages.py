@@ -1,4 +1,4 @@
-"""What the cloud tells drones in a run without one: fleet time, and what to fly."""
+"""The messages of the cloud in a run without a cloud: fleet time and missions."""
 
 import asyncio
 import math
@@ -17,11 +17,11 @@ from skyway.runtime.mqtt.client import MqttClient
 
 _CONNECT_WITHIN_S: Final = 20.0
 
-#: Instructions on their way at a time.
-_AT_ONCE: Final = 50
+#: Instructions that are sent together.
+_TOGETHER: Final = 50
 
 
-async def tell_time(url: str) -> None:
+async def publish_clock(url: str) -> None:
     """Publish the fleet clock: wall time, at production's rate of 1."""
     moment = datetime.now(UTC)
     anchor = ClockAnchor(
@@ -35,7 +35,7 @@ async def tell_time(url: str) -> None:
         await gateway.publish(CLOCK(), anchor)
 
 
-async def send_off(
+async def send_missions(
     url: str,
     drones: Sequence[EnrolledDrone],
     *,
@@ -43,25 +43,27 @@ async def send_off(
     over_s: float,
     password: str = PASSWORD,
 ) -> None:
-    """Have each drone fly its trip, one after another over so many seconds.
+    """Send each drone its trip, spread over so many seconds.
 
-    With composition's account, which alone may instruct drones.
+    Only composition's account may instruct drones.
     """
     chance = random.Random(seed)
     async with MqttClient(
-        url, client_id="bench-tells", user_name="composition", password=password
+        url, client_id="bench-sends", user_name="composition", password=password
     ) as composition:
         async with asyncio.timeout(_CONNECT_WITHIN_S):
             await composition.wait_connected()
-        for first in range(0, len(drones), _AT_ONCE):
-            some = drones[first : first + _AT_ONCE]
+        for first in range(0, len(drones), _TOGETHER):
+            some = drones[first : first + _TOGETHER]
             async with asyncio.TaskGroup() as group:
                 for drone in some:
                     bearing_rad = chance.uniform(0.0, 2 * math.pi)
-                    group.create_task(_tell(composition, drone, bearing_rad=bearing_rad))
+                    group.create_task(_send_mission(composition, drone, bearing_rad=bearing_rad))
                 group.create_task(asyncio.sleep(over_s * len(some) / len(drones)))
 
 
-async def _tell(composition: MqttClient, drone: EnrolledDrone, *, bearing_rad: float) -> None:
+async def _send_mission(
+    composition: MqttClient, drone: EnrolledDrone, *, bearing_rad: float
+) -> None:
     trip = trip_of(drone, bearing_rad=bearing_rad, now=datetime.now(UTC))
     await composition.publish(INSTRUCTIONS(drone.provider_id, drone.drone_id), trip)
