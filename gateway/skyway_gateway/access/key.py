@@ -19,31 +19,44 @@ _SECRET_BYTES: Final = 32
 class NewKey(JsonModel):
     """The key to issue: its role, and the customer, provider or operator that it is for."""
 
-    role: KeyRole
-    subject_id: SubjectId
+    role: Annotated[KeyRole, Field(description="Who the key is for.")]
+    subject_id: Annotated[
+        SubjectId,
+        Field(description="A customer's own name, a provider's id, or an operator's name."),
+    ]
 
 
 class ApiKey(JsonModel):
     """A key, without its secret."""
 
-    key_id: KeyId
-    role: KeyRole
-    subject_id: SubjectId
+    key_id: Annotated[KeyId, Field(description="The id of the key, which is not secret.")]
+    role: Annotated[KeyRole, Field(description="Who the key is for.")]
+    subject_id: Annotated[
+        SubjectId,
+        Field(description="The customer's name, the provider's id or the operator's name."),
+    ]
     created_at: Annotated[AwareDatetime, Field(description="RFC 3339 UTC, wall time")]
 
 
 class BrokerLogin(JsonModel):
     """A broker account; each new key of a customer gives the same account a new password."""
 
-    user_name: str
-    password: str
+    user_name: Annotated[str, Field(description="The user name at the broker.")]
+    password: Annotated[
+        str, Field(description="The password; a later key of the same customer replaces it.")
+    ]
 
 
 class IssuedKey(ApiKey):
     """A new key with its secrets, which are shown only once."""
 
-    key: str
-    mqtt: BrokerLogin | None
+    key: Annotated[
+        str, Field(description="The secret key for `Authorization: Bearer`; it is shown only once.")
+    ]
+    mqtt: Annotated[
+        BrokerLogin | None,
+        Field(description="The broker account; null for providers, which have none."),
+    ]
 
 
 def new_secret() -> str:

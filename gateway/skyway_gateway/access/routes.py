@@ -4,6 +4,7 @@ from typing import Annotated
 
 from fastapi import Depends, Query, Request, Response
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
+from pydantic import Field
 
 from skyway.contracts.drone_key import DRONE_KEY_PREFIX
 from skyway.ids import KeyId, SubjectId
@@ -49,8 +50,10 @@ class KeyGate:
 class KeyListQuery(PageQuery):
     """The query of the list of keys."""
 
-    role: KeyRole | None = None
-    subject_id: SubjectId | None = None
+    role: Annotated[KeyRole | None, Field(description="Only keys of this role.")] = None
+    subject_id: Annotated[
+        SubjectId | None, Field(description="Only keys of this customer, provider or operator.")
+    ] = None
 
 
 def key_routes(*, db: Database, gate: KeyGate, keys: Keys) -> ServiceRouter:

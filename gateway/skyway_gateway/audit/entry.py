@@ -23,18 +23,22 @@ _SECRET: Final = re.compile(
 class AuditEntry(JsonModel):
     """A call of an operator or a provider, and its answer."""
 
-    entry_id: str
+    entry_id: Annotated[
+        str, Field(description="The id of the entry; later entries have larger ids.")
+    ]
     at: FleetMoment
     wall_at: WallMoment
-    role: KeyRole
-    subject_id: SubjectId
-    method: str
+    role: Annotated[KeyRole, Field(description="The role of the caller.")]
+    subject_id: Annotated[SubjectId, Field(description="Who called: a provider or an operator.")]
+    method: Annotated[str, Field(description="The HTTP method of the call.")]
     path: Annotated[str, Field(description="with its query")]
-    status: int
+    status: Annotated[
+        int, Field(description="The HTTP status of the answer; 0 when the call was not answered.")
+    ]
     body: Annotated[
         str | None, Field(description="as it came, without secrets, cut where it is long")
     ]
-    traceparent: str | None
+    traceparent: Annotated[str | None, Field(description="The W3C trace context of the call.")]
 
 
 def body_text(raw: bytes) -> str | None:

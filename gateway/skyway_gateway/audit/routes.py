@@ -20,9 +20,18 @@ from skyway_gateway.audit.store import AuditFilter
 class AuditQuery(PageQuery):
     """The query of the audit log; `path` is how the entries' paths begin."""
 
-    role: KeyRole | None = None
-    subject_id: SubjectId | None = None
-    path: Annotated[str | None, Field(min_length=1, max_length=LONGEST_PATH)] = None
+    role: Annotated[KeyRole | None, Field(description="Only calls of this role.")] = None
+    subject_id: Annotated[
+        SubjectId | None, Field(description="Only calls of this provider or operator.")
+    ] = None
+    path: Annotated[
+        str | None,
+        Field(
+            min_length=1,
+            max_length=LONGEST_PATH,
+            description="Only calls whose path begins with this text.",
+        ),
+    ] = None
 
 
 def audit_routes(*, db: Database, gate: KeyGate) -> ServiceRouter:

@@ -18,10 +18,12 @@ CLOCK_EVERY_S: Final = 30.0
 class FleetTime(JsonModel):
     """Fleet time = fleet_at + (wall time - wall_at) * rate; `now` is fleet time at the answer."""
 
-    fleet_at: AwareDatetime
-    wall_at: AwareDatetime
-    rate: Annotated[float, Field(gt=0)]
-    now: AwareDatetime
+    fleet_at: Annotated[AwareDatetime, Field(description="Fleet time at the anchor.")]
+    wall_at: Annotated[AwareDatetime, Field(description="Wall time at the anchor.")]
+    rate: Annotated[
+        float, Field(gt=0, description="Seconds of fleet time in one second of wall time, above 0.")
+    ]
+    now: Annotated[AwareDatetime, Field(description="Fleet time when this was answered.")]
 
 
 def fleet_time(anchor: AnchoredClock) -> FleetTime:

@@ -18,7 +18,7 @@ OFFER_LIFE_S: Final = 120.0
 class Offer(OfferTerms):
     """What one provider offers; its price and time hold if it is accepted before `expires_at`."""
 
-    offer_id: OfferId
+    offer_id: Annotated[OfferId, Field(description="The id of the offer, to accept it with.")]
     expires_at: WallMoment
 
 
@@ -28,11 +28,18 @@ class Quote(JsonModel):
     One of the offers can be accepted, once.
     """
 
-    quote_id: QuoteId
-    request: DeliveryRequest
+    quote_id: Annotated[QuoteId, Field(description="The id of the quote.")]
+    request: Annotated[DeliveryRequest, Field(description="What was requested.")]
     made_at: FleetMoment
     expires_at: WallMoment
     offers: Annotated[tuple[Offer, ...], Field(description="the best first")]
-    infeasible: tuple[ProviderReason, ...]
-    taken_offer_id: OfferId | None = None
-    delivery_id: DeliveryId | None = None
+    infeasible: Annotated[
+        tuple[ProviderReason, ...], Field(description="Why other providers make no offer.")
+    ]
+    taken_offer_id: Annotated[
+        OfferId | None, Field(description="The accepted offer; null while none is accepted.")
+    ] = None
+    delivery_id: Annotated[
+        DeliveryId | None,
+        Field(description="The delivery of the accepted offer; null while none is accepted."),
+    ] = None

@@ -30,7 +30,10 @@ MeanSeconds = Annotated[float | None, Field(description="mean, fleet seconds")]
 class DeliveryQuery(SpanQuery):
     """Which deliveries are counted, and in which buckets: full hours or days of UTC."""
 
-    bucket: Bucket | None = None
+    bucket: Annotated[
+        Bucket | None,
+        Field(description="Also give numbers for each full hour or day (UTC) of the span."),
+    ] = None
 
     def bucket_ms(self, span: Span) -> int | None:
         """The length of a bucket; None without buckets.
@@ -85,10 +88,14 @@ class DeliveryNumbers(JsonModel):
     that time over all missions; the remaining part is loading, handing over and starting late.
     """
 
-    deliveries: int
-    by_state: dict[str, int]
-    packages_delivered: int
-    packages_on_time: int
+    deliveries: Annotated[int, Field(description="How many deliveries were requested.")]
+    by_state: Annotated[
+        dict[str, int], Field(description="How many of them are in each state now.")
+    ]
+    packages_delivered: Annotated[int, Field(description="How many packages were delivered.")]
+    packages_on_time: Annotated[
+        int, Field(description="How many of them at most a minute after the promised moment.")
+    ]
     on_time_share: Share
     planned_s: MeanSeconds
     actual_s: MeanSeconds
@@ -108,9 +115,16 @@ class DeliveryBucket(DeliveryNumbers):
 class DeliveryStatistics(DeliveryBucket):
     """Numbers of the whole span, and of each bucket in it, also of empty ones."""
 
-    provider_id: ProviderId | None
-    bucket: Bucket | None
-    buckets: tuple[DeliveryBucket, ...]
+    provider_id: Annotated[
+        ProviderId | None,
+        Field(description="Only deliveries that this provider flies; null for all."),
+    ]
+    bucket: Annotated[
+        Bucket | None, Field(description="The length of the buckets; null without buckets.")
+    ]
+    buckets: Annotated[
+        tuple[DeliveryBucket, ...], Field(description="The numbers of each bucket in the span.")
+    ]
 
 
 def bucket_starts(span: Span, bucket_ms: int) -> Sequence[int]:

@@ -1,6 +1,9 @@
 """What a customer may send to get a delivery, and the delivery that it becomes."""
 
 from datetime import datetime
+from typing import Annotated
+
+from pydantic import Field
 
 from skyway.contracts.candidate import ProviderReason
 from skyway.contracts.delivery_event_data import Custodian
@@ -14,8 +17,8 @@ from skyway_gateway.deliveries.lifecycle.delivery import Delivery, Flags, Packag
 class OfferChoice(JsonModel):
     """An offer of a quote that the customer accepts; the quote holds the request."""
 
-    quote_id: QuoteId
-    offer_id: OfferId
+    quote_id: Annotated[QuoteId, Field(description="The quote that holds the offer.")]
+    offer_id: Annotated[OfferId, Field(description="The offer to accept.")]
 
 
 def new_delivery(

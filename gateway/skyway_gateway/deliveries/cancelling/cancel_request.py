@@ -15,8 +15,14 @@ from skyway_gateway.deliveries.lifecycle.delivery import Delivery, PackageStatus
 class CancelRequest(JsonModel):
     """What is to be cancelled: the whole delivery, or these packages; and why."""
 
-    package_ids: Annotated[tuple[PackageId, ...], Field(min_length=1)] | None = None
-    reason: Annotated[str, Field(max_length=500)] | None = None
+    package_ids: Annotated[
+        Annotated[tuple[PackageId, ...], Field(min_length=1)] | None,
+        Field(description="The packages to cancel; without them, the whole delivery."),
+    ] = None
+    reason: Annotated[
+        Annotated[str, Field(max_length=500)] | None,
+        Field(description="Why, at most 500 characters; events and packages show it."),
+    ] = None
 
 
 def requested_packages(delivery: Delivery, requested: CancelRequest) -> list[PackageStatus]:

@@ -1,9 +1,9 @@
 """Proof of a hand-over: place, time, the drone, and its load before and after."""
 
 from collections.abc import Mapping
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import Field, TypeAdapter, ValidationError
 
 from skyway.contracts.message import FleetMoment, Soc
 from skyway.contracts.mission import MissionReport
@@ -18,20 +18,33 @@ _POSITION = TypeAdapter(Position | None)
 class Proof(WireModel):
     """What a drone reported when it handed a package over, to a recipient or back to a station.
 
-    `load_before_kg` and `load_after_kg` are of the whole hand-over, in which other packages may
-    have left the drone too; `mass_kg` is of this package alone.
+    One hand-over may concern several packages: the loads are of all, `mass_kg` is of this package.
     """
 
-    station_id: StationId | None
-    position: Position | None = None
+    station_id: Annotated[
+        StationId | None,
+        Field(description="Where the package was handed over; null away from every station."),
+    ]
+    position: Annotated[
+        Position | None,
+        Field(description="Where the drone stood: longitude and latitude, degrees."),
+    ] = None
     at: FleetMoment
-    mission_id: MissionId
-    provider_id: ProviderId
-    drone_id: DroneId
-    soc: Soc | None = None
-    mass_kg: float | None = None
-    load_before_kg: float | None = None
-    load_after_kg: float | None = None
+    mission_id: Annotated[MissionId, Field(description="The mission that carried it.")]
+    provider_id: Annotated[ProviderId, Field(description="The provider of the drone.")]
+    drone_id: Annotated[DroneId, Field(description="The drone that carried it.")]
+    soc: Annotated[
+        Soc | None, Field(description="The drone's state of charge at the hand-over.")
+    ] = None
+    mass_kg: Annotated[
+        float | None, Field(description="The measured mass of this package, kilograms.")
+    ] = None
+    load_before_kg: Annotated[
+        float | None, Field(description="What the drone carried before the hand-over, kilograms.")
+    ] = None
+    load_after_kg: Annotated[
+        float | None, Field(description="What the drone carried after the hand-over, kilograms.")
+    ] = None
 
     @classmethod
     def of(cls, report: MissionReport, package_id: PackageId) -> Self:

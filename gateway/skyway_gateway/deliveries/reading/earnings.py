@@ -14,18 +14,26 @@ from skyway.json_model import JsonModel
 class EarningsQuery(JsonModel):
     """Which missions count: those that ended in [from, to); without limits, all."""
 
-    from_at: Annotated[FleetMoment | None, Field(alias="from")] = None
-    to_at: Annotated[FleetMoment | None, Field(alias="to")] = None
+    from_at: Annotated[
+        FleetMoment | None,
+        Field(alias="from", description="Only missions that ended at this moment or later."),
+    ] = None
+    to_at: Annotated[
+        FleetMoment | None,
+        Field(alias="to", description="Only missions that ended before this moment."),
+    ] = None
 
 
 class DayEarnings(JsonModel):
     """The earnings of one day in UTC, fleet time."""
 
-    day: date
+    day: Annotated[date, Field(description="The day in UTC, fleet time.")]
     currency: Currency
-    deliveries: int
-    missions: int
-    amount: int
+    deliveries: Annotated[
+        int, Field(description="Deliveries with a mission that was completed on this day.")
+    ]
+    missions: Annotated[int, Field(description="Missions that were completed on this day.")]
+    amount: Annotated[int, Field(description="What they brought, in minor units of the currency.")]
 
 
 class Earnings(JsonModel):
@@ -34,12 +42,18 @@ class Earnings(JsonModel):
     Days in an earlier currency are listed, but not part of the sums.
     """
 
-    provider_id: ProviderId
-    currency: Currency | None
-    deliveries: int
-    missions: int
-    amount: int
-    by_day: tuple[DayEarnings, ...]
+    provider_id: Annotated[ProviderId, Field(description="The provider.")]
+    currency: Annotated[
+        Currency | None,
+        Field(description="The currency of the latest mission; null without missions."),
+    ]
+    deliveries: Annotated[int, Field(description="Deliveries on all days, in this currency.")]
+    missions: Annotated[int, Field(description="Missions on all days, in this currency.")]
+    amount: Annotated[int, Field(description="What they brought, in minor units of the currency.")]
+    by_day: Annotated[
+        tuple[DayEarnings, ...],
+        Field(description="Each day with completed missions, the first day first."),
+    ]
 
 
 def earnings_of(provider_id: ProviderId, days: tuple[DayEarnings, ...]) -> Earnings:

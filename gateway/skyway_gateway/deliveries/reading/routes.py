@@ -36,8 +36,13 @@ _SSE_HEADERS = {"Cache-Control": "no-store", "X-Accel-Buffering": "no"}
 class DeliveryListQuery(PageQuery):
     """The query of the list of deliveries."""
 
-    state: DeliveryState | None = None
-    reference: Annotated[str | None, Field(max_length=200)] = None
+    state: Annotated[DeliveryState | None, Field(description="Only deliveries in this state.")] = (
+        None
+    )
+    reference: Annotated[
+        str | None,
+        Field(max_length=200, description="Only deliveries with this reference of the customer's."),
+    ] = None
 
 
 def reading_routes(

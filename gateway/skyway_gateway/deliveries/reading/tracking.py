@@ -17,30 +17,43 @@ from skyway_gateway.deliveries.lifecycle.delivery import Delivery
 class PointGeometry(JsonModel):
     """A GeoJSON point."""
 
-    type: Literal["Point"] = "Point"
-    coordinates: Position
+    type: Annotated[Literal["Point"], Field(description="The GeoJSON type.")] = "Point"
+    coordinates: Annotated[Position, Field(description="Longitude and latitude, degrees.")]
 
 
 class LineGeometry(JsonModel):
     """A GeoJSON line of at least two positions."""
 
-    type: Literal["LineString"] = "LineString"
-    coordinates: Annotated[tuple[Position, ...], Field(min_length=2)]
+    type: Annotated[Literal["LineString"], Field(description="The GeoJSON type.")] = "LineString"
+    coordinates: Annotated[
+        tuple[Position, ...],
+        Field(min_length=2, description="Positions in order: longitude and latitude, degrees."),
+    ]
 
 
 class Feature(JsonModel):
     """A point or a line; `properties.kind` is FLOWN, PLANNED, DRONE or STATION."""
 
-    type: Literal["Feature"] = "Feature"
-    geometry: Annotated[PointGeometry | LineGeometry, Field(discriminator="type")]
-    properties: dict[str, Any]  # JSON, other members for each kind
+    type: Annotated[Literal["Feature"], Field(description="The GeoJSON type.")] = "Feature"
+    geometry: Annotated[
+        PointGeometry | LineGeometry, Field(discriminator="type", description="A point or a line.")
+    ]
+    properties: Annotated[
+        dict[str, Any],
+        Field(description="`kind`: FLOWN, PLANNED, DRONE or STATION; it decides the others."),
+    ]  # JSON, other members for each kind
 
 
 class FeatureCollection(JsonModel):
     """The answer of /v1/deliveries/{delivery_id}/track."""
 
-    type: Literal["FeatureCollection"] = "FeatureCollection"
-    features: tuple[Feature, ...]
+    type: Annotated[Literal["FeatureCollection"], Field(description="The GeoJSON type.")] = (
+        "FeatureCollection"
+    )
+    features: Annotated[
+        tuple[Feature, ...],
+        Field(description="The lines and drone of each mission, then the stations."),
+    ]
 
 
 def feature_collection(delivery: Delivery, track: Track) -> FeatureCollection:

@@ -19,12 +19,24 @@ class ReplayRequest(JsonModel):
     For a delivery or a span, only event types that the webhook subscribes to are sent.
     """
 
-    event_ids: (
-        Annotated[tuple[EventId, ...], Field(min_length=1, max_length=_MOST_NAMED)] | None
-    ) = None
-    delivery_id: DeliveryId | None = None
-    from_at: Annotated[WallMoment | None, Field(alias="from")] = None
-    to_at: Annotated[WallMoment | None, Field(alias="to")] = None
+    event_ids: Annotated[
+        Annotated[tuple[EventId, ...], Field(min_length=1, max_length=_MOST_NAMED)] | None,
+        Field(description="The events to send again, 1 to 100."),
+    ] = None
+    delivery_id: Annotated[DeliveryId | None, Field(description="All events of this delivery.")] = (
+        None
+    )
+    from_at: Annotated[
+        WallMoment | None,
+        Field(alias="from", description="All events recorded at this moment or later, wall time."),
+    ] = None
+    to_at: Annotated[
+        WallMoment | None,
+        Field(
+            alias="to",
+            description="With `from`: only events recorded before this moment, wall time.",
+        ),
+    ] = None
 
     @model_validator(mode="after")
     def _says_one_thing(self) -> Self:
@@ -39,4 +51,4 @@ class ReplayRequest(JsonModel):
 class Replay(JsonModel):
     """How many events were queued again; events that were still pending are not counted."""
 
-    queued: Annotated[int, Field(ge=0)]
+    queued: Annotated[int, Field(ge=0, description="How many events were queued again.")]
