@@ -1,10 +1,12 @@
-"""docs/reference/rest.md names every error type, every code of a conflict, and the limits."""
+"""docs/reference/rest.md names every error type and code, each repeatable call, and the limits."""
 
 import ast
+import json
 import re
 from collections.abc import Iterator
 from pathlib import Path
 
+from skyway.contracts.conflict_codes import CONFLICT_CODES
 from skyway.runtime.http.paging import PageQuery
 from skyway.runtime.http.problems import status_problem
 from skyway.runtime.http.request_boundary import BODY_LIMIT_BYTES
@@ -38,7 +40,7 @@ def problem_types() -> set[tuple[str, str]]:
 
 
 def test_the_page_names_every_code_of_a_conflict() -> None:
-    codes = set(conflict_codes())
+    codes = set(conflict_codes()) | set(CONFLICT_CODES)
     on_page = set(re.findall(r"\b[A-Z]+(?:_[A-Z]+)*\b", PAGE))
 
     assert len(codes) > 15
@@ -67,3 +69,18 @@ def test_the_limits_on_the_page_are_those_of_the_code() -> None:
     assert BODY_LIMIT_BYTES == 256 * 1024
     assert "| a request body | 256 KiB |" in PAGE
     assert f"`limit` is {limits['minimum']} to {limits['maximum']} and {limits['default']}" in PAGE
+
+
+def test_the_page_names_every_call_that_takes_an_idempotency_key() -> None:
+    paths = json.loads((ROOT / "openapi/gateway.json").read_text())["paths"]
+    repeatable = {
+        path
+        for path, operations in paths.items()
+        for operation in operations.values()
+        for parameter in operation.get("parameters", [])
+        if parameter.get("name", "").lower() == "idempotency-key"
+    }
+    section = PAGE.split("## Idempotency\n")[1].split("## ")[0]
+
+    assert len(repeatable) > 5
+    assert not [path for path in repeatable if path not in section]
