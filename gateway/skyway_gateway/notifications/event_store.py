@@ -19,9 +19,9 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.delivery_event import DeliveryEvent
 from skyway.ids import DeliveryId, SubjectId
+from skyway.runtime.sql.bulk_write import DerivedRows
 from skyway.runtime.sql.connection import AnyRow
 from skyway.runtime.sql.database import Tx
-from skyway.runtime.sql.declared import Consequence
 from skyway.units import moment_to_ms
 from skyway_gateway.tables import events, notifications, webhooks
 
@@ -50,7 +50,7 @@ def _notifications_of(added: FromClause) -> Select[*tuple[Any, ...]]:
     )
 
 
-_NOTIFICATIONS: Final = Consequence(notifications, events, _notifications_of)
+_NOTIFICATIONS: Final = DerivedRows(notifications, events, _notifications_of)
 
 
 def add_events(
@@ -86,7 +86,7 @@ def add_events(
         "listener": customer_id,
         "added_wall_ms": at_ms,
     }
-    tx.follow_up(_NOTIFICATIONS, values, then=when_notified)
+    tx.add_derived(_NOTIFICATIONS, values, on_added=when_notified)
 
 
 async def events_after(

@@ -9,7 +9,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 from skyway.runtime.sql.engines import Dialect
 
 #: unique_violation, exclusion_violation and raise_exception (a trigger's own rule).
-_POSTGRESQL_TAKEN: Final = ("23505", "23P01", "P0001")
+_POSTGRESQL_REFUSALS: Final = ("23505", "23P01", "P0001")
 
 _SQLITE_UNIQUE: Final = (
     "SQLITE_CONSTRAINT_UNIQUE",
@@ -21,7 +21,7 @@ _NAMED_UNIQUE: Final = re.compile(
 )
 
 
-async def taken_constraint(
+async def violated_constraint(
     connection: AsyncConnection, error: DBAPIError, *, dialect: Dialect
 ) -> str | None:
     """Name of the unique, exclusion or trigger rule behind an error; None for any other error.
@@ -41,13 +41,13 @@ async def taken_constraint(
 
 def _on_postgresql(error: DBAPIError) -> str | None:
     refused = error.driver_exception
-    if getattr(refused, "sqlstate", None) not in _POSTGRESQL_TAKEN:
+    if getattr(refused, "sqlstate", None) not in _POSTGRESQL_REFUSALS:
         return None
     return getattr(refused, "constraint_name", None) or str(refused)
 
 
 async def _on_sqlite(connection: AsyncConnection, place: str) -> str:
-    """The name of an index or constraint, of which SQLite tells ``table.column, ...``."""
+    """The name of an index or constraint; SQLite reports only ``table.column, ...``."""
     if place.startswith("index "):
         return place.removeprefix("index ").strip("'")
     table = place.partition(".")[0]

@@ -1,4 +1,4 @@
-"""One transaction, as a write block sees it: statements, and messages that leave with them."""
+"""One transaction, as a write block sees it: statements, and messages that are sent after it."""
 
 from collections.abc import Awaitable, Callable, Sequence
 from typing import Any, Literal, TypeVar
@@ -13,22 +13,32 @@ from skyway.contracts.message import Message
 from skyway.contracts.topic import Address
 from skyway.json_model import JsonModel
 from skyway.runtime.errors import Taken
-from skyway.runtime.sql.at_once import write_at_once
+from skyway.runtime.sql.bulk_write import (
+    BulkWrite,
+    DerivedAddition,
+    DerivedRows,
+    Guard,
+    Row,
+    RowUpdates,
+    run_one_by_one,
+)
 from skyway.runtime.sql.connection import BlockConnection
-from skyway.runtime.sql.constraints import taken_constraint
-from skyway.runtime.sql.declared import Change, Consequence, Declared, Following, Guard, Row
+from skyway.runtime.sql.constraints import violated_constraint
 from skyway.runtime.sql.engines import Dialect
-from skyway.runtime.sql.in_turn import write_in_turn
+from skyway.runtime.sql.single_statement import run_as_one
 from skyway.runtime.tracing import current_traceparent
 
 MessageT = TypeVar("MessageT", bound=Message)
 
 
 class Tx:
-    """What `Database.write` lends to a block; it ends with the block.
+    """The transaction of a write block; it ends with the block.
 
     After an error in a statement the whole block is rolled back, even when the error is caught:
-    PostgreSQL could not go on, so SQLite does not either.
+    PostgreSQL cannot go on then, so SQLite does not either.
+
+    `add`, `update_rows`, `add_derived` and `only_if` write when the block ends, in one statement on
+    PostgreSQL. Until then the block does not see their rows.
     """
 
     def __init__(
@@ -37,8 +47,8 @@ class Tx:
         self.connection = connection
         self.dialect = dialect
         self._outbox = outbox
-        self._declared = Declared()
-        self._leaving: list[Row] = []
+        self._bulk = BulkWrite()
+        self._messages: list[Row] = []
         self._callbacks: list[Callable[[], None]] = []
         self._failure: Exception | None = None
 
@@ -52,7 +62,7 @@ class Tx:
         Taken
             A unique, exclusion or trigger rule refused a row.
         """
-        return await self._told(self.connection.execute(statement, parameters))
+        return await self._named_error(self.connection.execute(statement, parameters))
 
     def insert(self, table: Table) -> postgresql.Insert:
         """An INSERT that knows ON CONFLICT, which both dialects spell the same."""
@@ -63,49 +73,56 @@ class Tx:
 
     def only_if(
         self,
-        guard: ReturningUpdate[*tuple[Any, ...]],  # whatever column it returns
+        guard: ReturningUpdate[*tuple[Any, ...]],  # Any: the column may have every type
         values: Row,
         *,
         otherwise: Exception,
     ) -> None:
-        """Run this UPDATE when the block ends, and raise `otherwise` where it finds no row.
+        """Run this UPDATE before the other writes; if it finds no row, raise `otherwise` instead.
 
-        It comes before all else that is declared, which is then not written either.
+        None of the other writes happens then.
         """
-        if self._declared.guard is not None:
+        if self._bulk.guard is not None:
             raise RuntimeError("a block depends on one row")
-        self._declared.guard = Guard(guard, values, otherwise)
+        self._bulk.guard = Guard(guard, values, otherwise)
 
-    def change(
+    def update_rows(
         self,
         table: Table,
-        this: Row,
+        where: Row,
         rows: Sequence[Row],
         *,
         key: str,
-        counted: Sequence[str] = (),
+        increments: Sequence[str] = (),
     ) -> None:
-        """Change rows when the block ends, each found by its `key` among those of `this`.
+        """Change rows, each found by its `key` among the rows with the values of `where`.
 
-        They have the same columns; to those that are `counted` their values are added.
+        The rows have the same columns. The values of `increments` are added to the present ones.
         """
         if rows:
-            self._declared.changes.append(Change(table, this, rows, key, tuple(counted)))
+            self._bulk.updates.append(RowUpdates(table, where, rows, key, tuple(increments)))
 
     def add(self, table: Table, rows: Sequence[Row]) -> None:
-        """Insert rows when the block ends, all at once; until then the block does not see them.
+        """Insert rows. An error that refuses a row is raised at the end of the block.
 
-        Rows of one table have the same columns; a table comes before those that refer to it. What
-        refuses a row is raised at the end of the block.
+        The rows of one table have the same columns. Add to a table before adding to the tables that
+        refer to it.
         """
         if rows:
-            self._declared.added.setdefault(table, []).extend(rows)
+            self._bulk.added.setdefault(table, []).extend(rows)
 
-    def follow_up(
-        self, consequence: Consequence, values: Row, *, then: Callable[[], None] | None = None
+    def add_derived(
+        self,
+        derived: DerivedRows,
+        values: Row,
+        *,
+        on_added: Callable[[], None] | None = None,
     ) -> None:
-        """Insert what follows from what is added or changed; `then` is told if there was any."""
-        self._declared.following.append(Following(consequence, values, then))
+        """Insert rows that are derived from rows of this block.
+
+        `on_added` is called after the commit if there were any.
+        """
+        self._bulk.derived.append(DerivedAddition(derived, values, on_added))
 
     def send(
         self,
@@ -115,13 +132,13 @@ class Tx:
         confirmed_by: Literal["receiver", "broker"],
         stream: str,
     ) -> None:
-        """Publish a message once this block is committed, after what `stream` holds already.
+        """Publish a message after this block is committed, and after earlier messages of `stream`.
 
         `receiver`: repeated until `outbox.confirm`; `broker`: until the broker has taken it.
         """
         if message.traceparent is None:
             message = message.model_copy(update={"traceparent": current_traceparent()})
-        self._leave(
+        self._store_message(
             channel="mqtt",
             address=address.name,
             stream=stream,
@@ -133,8 +150,8 @@ class Tx:
         )
 
     def report(self, service: str, path: str, body: JsonModel, *, stream: str) -> None:
-        """POST a body to a service once this block is committed, repeated until answered 2xx."""
-        self._leave(
+        """POST a body to a service after this block is committed, until it answers 2xx."""
+        self._store_message(
             channel=service,
             address=path,
             stream=stream,
@@ -146,53 +163,53 @@ class Tx:
         )
 
     def after_commit(self, callback: Callable[[], None]) -> None:
-        """Call back once this block is on disk; not at all when it is rolled back."""
+        """Call this once the block is on disk; never when it is rolled back."""
         self._callbacks.append(callback)
 
     def outbox_table(self) -> Table:
-        """The table of messages that leave with this transaction."""
+        """The table of messages that are sent after this transaction."""
         if self._outbox is None:
             raise RuntimeError("this database was opened without an outbox")
         return self._outbox
 
     async def finish(self) -> frozenset[str]:
-        """Write what was added and leaves, right before the COMMIT; the channels it leaves on."""
+        """Write the bulk and the messages right before the COMMIT; the channels of the messages."""
         if self._failure is not None:
             raise self._failure
-        if self._leaving:
-            self.add(self.outbox_table(), self._leaving)
-        if self._declared:
-            await self._write_declared()
-        return frozenset(row["channel"] for row in self._leaving)
+        if self._messages:
+            self.add(self.outbox_table(), self._messages)
+        if self._bulk:
+            await self._write_bulk()
+        return frozenset(row["channel"] for row in self._messages)
 
     def committed(self) -> None:
-        """Tell those who asked to be told after the COMMIT."""
+        """Call what waited for the COMMIT."""
         for callback in self._callbacks:
             callback()
 
-    async def _write_declared(self) -> None:
+    async def _write_bulk(self) -> None:
         if self.dialect == "postgresql":
             last = self.connection.execute_last
-            followed = await write_at_once(self._declared, lambda *what: self._told(last(*what)))
+            added = await run_as_one(self._bulk, lambda *what: self._named_error(last(*what)))
         else:
-            followed = await write_in_turn(self._declared, self.execute)
-        self._callbacks += [each.then for each in followed if each.then is not None]
+            added = await run_one_by_one(self._bulk, self.execute)
+        self._callbacks += [each.on_added for each in added if each.on_added is not None]
 
-    async def _told(
+    async def _named_error(
         self, running: Awaitable[CursorResult[*tuple[Any, ...]]]
     ) -> CursorResult[*tuple[Any, ...]]:
-        """What a statement did, or by its name the rule that refused a row."""
+        """The result of a statement. If a rule refused a row, the error names the rule."""
         try:
             return await running
         except DBAPIError as error:
             self._failure = error
             # On PostgreSQL the transaction is already unable to answer; on SQLite it still can.
-            constraint = await taken_constraint(self.connection, error, dialect=self.dialect)
+            constraint = await violated_constraint(self.connection, error, dialect=self.dialect)
             if constraint is None:
                 raise
             self._failure = Taken(constraint)
             raise self._failure from error
 
-    def _leave(self, **row: object) -> None:
+    def _store_message(self, **row: object) -> None:
         self.outbox_table()
-        self._leaving.append({**row, "traceparent": current_traceparent()})
+        self._messages.append({**row, "traceparent": current_traceparent()})

@@ -23,9 +23,9 @@ from sqlalchemy import (
 from sqlalchemy.sql.dml import ReturningUpdate
 
 from skyway.contracts.mission import MissionReport
+from skyway.runtime.sql.bulk_write import DerivedRows
 from skyway.runtime.sql.claims import FREE
 from skyway.runtime.sql.database import Tx
-from skyway.runtime.sql.declared import Consequence
 from skyway.runtime.sql.in_list import in_list
 from skyway.units import moment_to_ms
 from skyway_gateway.deliveries.lifecycle.delivery import Delivery, FlownMission
@@ -90,7 +90,7 @@ def _links_of(moved: FromClause) -> Select[*tuple[Any, ...]]:
     )
 
 
-_HAND_OVER: Final = Consequence(custody, packages, _links_of)
+_HAND_OVER: Final = DerivedRows(custody, packages, _links_of)
 
 
 def add(tx: Tx, queued: QueuedDelivery, *, claim: Mapping[str, object]) -> None:
@@ -149,11 +149,11 @@ def _save_packages(tx: Tx, before: Delivery, after: Delivery) -> None:
         for _, new in changed
     ]
     this = {"delivery_id": after.delivery_id}
-    tx.change(packages, this, new_values, key="package_id", counted=["custody_seq"])
+    tx.update_rows(packages, this, new_values, key="package_id", increments=["custody_seq"])
     if moved:
         at_ms = moment_to_ms(after.updated_at)
         values = {"moved_of": after.delivery_id, "moved": moved, "moved_ms": at_ms}
-        tx.follow_up(_HAND_OVER, values)
+        tx.add_derived(_HAND_OVER, values)
 
 
 def _save_missions(
@@ -175,4 +175,4 @@ def _save_missions(
         changed[report.mission_id] = {**values, **reported(report)}
     for mission_id, values in changed.items():
         this = {"mission_id": mission_id}
-        tx.change(missions, this, [{**this, **values}], key="mission_id")
+        tx.update_rows(missions, this, [{**this, **values}], key="mission_id")

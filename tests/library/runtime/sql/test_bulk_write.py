@@ -20,9 +20,9 @@ from sqlalchemy import (
 )
 
 from skyway.runtime.errors import Taken
-from skyway.runtime.sql.at_once import statement_of
+from skyway.runtime.sql.bulk_write import BulkWrite, DerivedRows
 from skyway.runtime.sql.database import Database
-from skyway.runtime.sql.declared import Consequence, Declared
+from skyway.runtime.sql.single_statement import statement_of
 
 METADATA = MetaData()
 STATIONS = Table("stations", METADATA, Column("name", Text, primary_key=True))
@@ -57,7 +57,7 @@ OF_A = (
     .values(name=bindparam("now"))
     .returning(STATIONS.c.name)
 )
-MOVED = Consequence(
+MOVED = DerivedRows(
     MOVES,
     CRATES,
     lambda crates: select(crates.c.name, crates.c.moves.label("number")).where(
@@ -100,15 +100,15 @@ async def test_rows_of_several_tables_are_added_when_the_block_ends(db: Database
 
 
 def test_a_server_is_told_the_same_however_many_rows_there_are() -> None:
-    few, _ = statement_of(Declared(added={PADS: [pad("a"), pad("b")]}))
-    many, parameters = statement_of(Declared(added={PADS: [pad("b"), pad("b", b"1"), pad("c")]}))
+    few, _ = statement_of(BulkWrite(added={PADS: [pad("a"), pad("b")]}))
+    many, parameters = statement_of(BulkWrite(added={PADS: [pad("b"), pad("b", b"1"), pad("c")]}))
 
     assert many is few
     assert parameters["new_pads_sign"] == [None, b"1", None]
 
 
 def test_a_single_row_is_told_without_arrays() -> None:
-    _, parameters = statement_of(Declared(added={PADS: [pad("b", b"1")]}))
+    _, parameters = statement_of(BulkWrite(added={PADS: [pad("b", b"1")]}))
 
     assert parameters["new_pads_sign"] == b"1"
 
@@ -144,14 +144,16 @@ async def move(db: Database, *, known: str, heavier_than: int = 0) -> list[str]:
     told: list[str] = []
     async with db.write() as tx:
         tx.add(STATIONS, [{"name": "c"}])
-        tx.follow_up(
-            MOVED, {"of": "top", "heavier_than": heavier_than}, then=lambda: told.append("moved")
+        tx.add_derived(
+            MOVED,
+            {"of": "top", "heavier_than": heavier_than},
+            on_added=lambda: told.append("moved"),
         )
         new = [
             {"name": name, "weight": weight, "moves": moves}
             for name, weight, moves in (("oak", 7, 1), ("elm", 0, 0), ("fir", 9, 2))
         ]
-        tx.change(CRATES, {"shelf": "top"}, new, key="name", counted=["moves"])
+        tx.update_rows(CRATES, {"shelf": "top"}, new, key="name", increments=["moves"])
         tx.only_if(OF_A, {"known": known, "now": "b"}, otherwise=GoneError())
     return told
 
