@@ -56,7 +56,7 @@ def make_network(
     *, pads: dict[str, int] | None = None, stations: str = "abcde", **settings: object
 ) -> dict[str, Any]:
     """Stations in a row, 20 km apart, connected to their neighbours; 2 pads unless in `pads`."""
-    points = [
+    points: list[dict[str, Any]] = [
         {
             "type": "Feature",
             "geometry": {"type": "Point", "coordinates": [(ord(name) - 97) * STEP_DEG, 0.0]},
@@ -74,14 +74,14 @@ def make_network(
             "geometry": {
                 "type": "LineString",
                 "coordinates": [
-                    before["geometry"]["coordinates"],  # type: ignore[index]
-                    after["geometry"]["coordinates"],  # type: ignore[index]
+                    before["geometry"]["coordinates"],
+                    after["geometry"]["coordinates"],
                 ],
             },
             "properties": {
                 "kind": "segment",
-                "from": before["properties"]["station_id"],  # type: ignore[index]
-                "to": after["properties"]["station_id"],  # type: ignore[index]
+                "from": before["properties"]["station_id"],
+                "to": after["properties"]["station_id"],
             },
         }
         for before, after in itertools.pairwise(points)

@@ -112,7 +112,7 @@ def network_routes(
         caller: Annotated[Caller, Depends(gate)], query: Annotated[PageQuery, Query()]
     ) -> Page[NetworkInfo]:
         """List all networks with their current versions."""
-        _must_be_somebody(caller)
+        _must_be_reader(caller)
         after = query.after(str)
         async with db.read() as connection:
             rows = await store.current_after(
@@ -131,7 +131,7 @@ def network_routes(
         query: Annotated[VersionQuery, Query()],
     ) -> Response:
         """Read a network as GeoJSON, with its version as ETag."""
-        _must_be_somebody(caller)
+        _must_be_reader(caller)
         current = await current_row(db, network_id)
         version = current.version if query.version is None else query.version
         async with db.read() as connection:
@@ -148,7 +148,7 @@ def network_routes(
         query: Annotated[PageQuery, Query()],
     ) -> Page[NetworkInfo]:
         """List all versions of a network, the newest first."""
-        _must_be_somebody(caller)
+        _must_be_reader(caller)
         current = await current_row(db, network_id)
         after = query.after(int)
         newest = current.version + 1
@@ -163,7 +163,7 @@ def network_routes(
     return router
 
 
-def _must_be_somebody(caller: Caller) -> None:
+def _must_be_reader(caller: Caller) -> None:
     caller.must_be("customer", "provider", "operator", "service")
 
 

@@ -96,15 +96,15 @@ def fit_among(
     missing = [place for place in places if place not in row_of]
     is_plain = not missing and not world.conditions.has_ground_stops
     fit: list[int] = []
-    for row, is_doubtful in enumerate(_doubts(world, shortlist, busy)):
-        if is_plain and not is_doubtful:
+    for row, may_be_unfit in enumerate(_may_be_unfit(world, shortlist, busy)):
+        if is_plain and not may_be_unfit:
             fit.append(row)
             continue
         candidate = shortlist.candidate(row)
         reason = (
-            _away(world, candidate, missing)
-            or _stopped(world, candidate, request.pickup.station_id, at_ms=at_ms)
-            or _unfit(world, candidate, busy)
+            _missing_station(world, candidate, missing)
+            or _ground_stop(world, candidate, request.pickup.station_id, at_ms=at_ms)
+            or _unfit_drone(world, candidate, busy)
         )
         if reason is None:
             fit.append(row)
@@ -113,7 +113,7 @@ def fit_among(
     return shortlist.only(fit)
 
 
-def _doubts(world: World, shortlist: Shortlist, busy: frozenset[DroneId]) -> Iterator[bool]:
+def _may_be_unfit(world: World, shortlist: Shortlist, busy: frozenset[DroneId]) -> Iterator[bool]:
     """For each candidate, whether it may be unfit for a reason other than places or ground stops.
 
     A quick test, because nearly all candidates are fit.
@@ -137,7 +137,9 @@ def _doubts(world: World, shortlist: Shortlist, busy: frozenset[DroneId]) -> Ite
         )
 
 
-def _away(world: World, candidate: Candidate, missing: Sequence[StationId]) -> NoTrip | None:
+def _missing_station(
+    world: World, candidate: Candidate, missing: Sequence[StationId]
+) -> NoTrip | None:
     away = [*missing]
     if candidate.station_id not in world.skyway.network.row_of:
         away.append(candidate.station_id)
@@ -147,18 +149,20 @@ def _away(world: World, candidate: Candidate, missing: Sequence[StationId]) -> N
     return NoTrip("DESTINATION_UNREACHABLE", detail, is_temporary=False)
 
 
-def _stopped(world: World, candidate: Candidate, pickup: StationId, *, at_ms: int) -> NoTrip | None:
+def _ground_stop(
+    world: World, candidate: Candidate, pickup: StationId, *, at_ms: int
+) -> NoTrip | None:
     """The ground stop that forbids a take-off from the drone's station or from the pickup."""
     stop = world.conditions.ground_stop(candidate, at_ms=at_ms, station_ids=(pickup,))
     return None if stop is None else NoTrip("GROUND_STOP", stop, is_temporary=True)
 
 
-def _unfit(world: World, candidate: Candidate, busy: frozenset[DroneId]) -> NoTrip | None:
+def _unfit_drone(world: World, candidate: Candidate, busy: frozenset[DroneId]) -> NoTrip | None:
     if candidate.drone_id in busy:
         return NoTrip("BUSY", "its drones are on missions", is_temporary=True)
     reserve_soc, currency = candidate.model.reserve_soc, world.skyway.settings.currency
     if candidate.soc < reserve_soc:
-        detail = f"charge {candidate.soc:.3f} is below the reserve"
+        detail = f"charge {candidate.soc:.3f} is below the reserve of {reserve_soc:.3f}"
         data = (("soc", candidate.soc), ("reserve_soc", reserve_soc))
         return NoTrip("LOW_CHARGE", detail, is_temporary=True, data=data)
     if candidate.tariff.currency != currency:

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.step_store import steps_of
+from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.flight_step import FlyStep
 from skyway.contracts.mission import BookMissions
@@ -44,7 +45,11 @@ class Meddling(Database):
     def __init__(self, db: Database, meddle: Callable[[], Awaitable[None]]) -> None:
         self._db = db
         self._meddle = meddle
-        self.read = db.read  # type: ignore[method-assign]
+
+    @asynccontextmanager
+    async def read(self) -> AsyncIterator[AsyncConnection]:
+        async with self._db.read() as connection:
+            yield connection
 
     @asynccontextmanager
     async def write(self) -> AsyncIterator[Tx]:
