@@ -6,8 +6,10 @@ from typing import Annotated, Any, Final, get_args, get_origin
 from pydantic import BaseModel
 from pydantic.json_schema import models_json_schema
 
+from skyway.contracts.delivery_event_forms import AnyDeliveryEvent
 from skyway.contracts.message_examples import message_examples
 from skyway.contracts.topic import Topic
+from skyway.contracts.topics import DELIVERY_EVENTS
 
 #: A JSON document, whose members have no common static type.
 Document = dict[str, Any]
@@ -73,12 +75,17 @@ def channel_name(topic: Topic[Any]) -> str:
     return "-".join(word for word in words if not word.startswith("{"))
 
 
+def documented_message(topic: Topic[Any]) -> Any:  # a model, or an annotated union of models
+    """The message type that documents show: for delivery events one form for each type."""
+    return AnyDeliveryEvent if topic is DELIVERY_EVENTS else topic.message
+
+
 def _messages_of(topics: Iterable[Topic[Any]]) -> list[type[BaseModel]]:
     return list(dict.fromkeys(model for topic in topics for model in _models_of(topic)))
 
 
 def _models_of(topic: Topic[Any]) -> Iterator[type[BaseModel]]:
-    message = topic.forms or topic.message
+    message = documented_message(topic)
     if get_origin(message) is Annotated:
         yield from get_args(get_args(message)[0])
     else:

@@ -33,8 +33,6 @@ class Topic(Generic[M]):
     writer: BrokerRole
     readers: tuple[BrokerRole, ...]
     about: str
-    #: The union of the message's forms, where documents show more of them than `message` says.
-    forms: Any = None
     _adapter: TypeAdapter[M] = field(init=False, repr=False, compare=False)
     #: Where placeholders and words stand in the template, looked at for each message: most topics
     #: differ in their last word.

@@ -3,7 +3,6 @@
 from typing import Any, Final
 
 from skyway.contracts.delivery_event import DeliveryEvent
-from skyway.contracts.delivery_event_forms import AnyDeliveryEvent
 from skyway.contracts.drone_report import Ack, Connection, DroneEvent, DroneState, Telemetry
 from skyway.contracts.instruction import AnyInstruction, Instruction
 from skyway.contracts.topic import Topic
@@ -71,7 +70,6 @@ DELIVERY_EVENTS: Final[Topic[DeliveryEvent]] = Topic(
     writer="gateway",
     readers=("customer", "operator"),
     about="What happened to a customer's delivery.",
-    forms=AnyDeliveryEvent,
 )
 STATION_STATE: Final[Topic[StationState]] = Topic(
     "skyway/v1/stations/{s}/state",
