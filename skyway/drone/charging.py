@@ -1,4 +1,4 @@
-"""How long a recharge takes, and how far it gets: the charge curve read both ways."""
+"""How long a recharge takes, and how much it gives: the charge curve read in both directions."""
 
 from bisect import bisect_left
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ def recharge_time_s(model: DroneModel, soc_from: float, soc_to: float) -> float:
     Raises
     ------
     InvalidStateOfCharge
-        A value lies outside the charge curve, or they are reversed.
+        A value lies outside the charge curve, or the values are reversed.
 
     Notes
     -----
@@ -36,7 +36,7 @@ def recharge_time_s(model: DroneModel, soc_from: float, soc_to: float) -> float:
 def soc_after_recharge(model: DroneModel, soc_from: float, duration_s: float) -> float:
     """State of charge after so long on a pad; it never passes the top of the charge curve.
 
-    A drone that comes with more than the top of its curve keeps what it has.
+    A drone that arrives with more than the top of its curve keeps its charge.
 
     Raises
     ------
@@ -73,7 +73,7 @@ def _time_at(model: DroneModel, soc: float) -> float:
 
 
 def _interpolate(xs: Sequence[float], ys: Sequence[float], x: float) -> float:
-    """The value at `x` of the straight lines through the points; the ends go on flat."""
+    """The value at `x` of the straight lines through the points; constant beyond both ends."""
     after = bisect_left(xs, x)
     if after == 0:
         return ys[0]

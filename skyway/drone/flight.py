@@ -1,4 +1,4 @@
-"""How long a flight takes, and what it takes out of the battery.
+"""How long a flight takes, and how much energy it uses.
 
 A landing (`stop_s`, `stop_j` of the model) is not in these numbers: a station may be flown over.
 """
@@ -24,5 +24,5 @@ def flight_energy_j(model: DroneModel, *, length_m: float, load_kg: float) -> fl
 
 
 def soc_after_use(model: DroneModel, soc: float, *, energy_j: float) -> float:
-    """State of charge once this energy is used; an empty battery stays at 0."""
+    """State of charge after this energy is used; at least 0."""
     return max(0.0, soc - energy_j / model.battery_j)

@@ -118,7 +118,7 @@ class DroneModel(JsonModel):
         for earlier, later in pairwise(slopes):
             if later > earlier * (1 + 1e-9):
                 raise ValueError("charge_curve must be concave: charging may only get slower")
-        # Not there when it is wrong itself, which is told then.
+        # Missing when `reserve_soc` itself is wrong; that is another error.
         reserve_soc = info.data.get("reserve_soc")
         if reserve_soc is not None and reserve_soc < curve[0].soc:
             raise ValueError(
@@ -128,7 +128,7 @@ class DroneModel(JsonModel):
         return curve
 
     def __hash__(self) -> int:
-        """By its name, which equal models share: of all fields it would take long."""
+        """By the model's id, which equal models share; hashing all fields would take long."""
         return hash(self.model_id)
 
     @cached_property

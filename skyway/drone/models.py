@@ -47,7 +47,7 @@ def _cc_cv_curve() -> tuple[ChargePoint, ...]:
 
 
 def _paper_model(model_id: str, *, range_m: float) -> DroneModel:
-    """The paper's drone with a battery for this range empty; it charges linearly, to the full."""
+    """The paper's drone with a battery for this range without load; it charges linearly to 1."""
     power_empty_w = _BATTERY_J / _ENDURANCE_S
     return DroneModel(
         model_id=DroneModelId(model_id),

@@ -1,4 +1,4 @@
-"""What the zones of a network close: geometry only, the same for every problem on the network."""
+"""The stations and segments that zones close: geometry, the same for every problem."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from skyway.network.zones import Points, which_cross, which_lie_in
 SegmentEnds = tuple[StationId, StationId]
 
 
-# Without slots: the ids are made when somebody asks for them, and kept.
+# Without slots: the ids are made when they are first read, and cached.
 @dataclass(frozen=True, eq=False)
 class ZoneReach:
     """The stations that lie in a zone, and the segments that meet it.
@@ -48,7 +48,7 @@ class ZoneReach:
 
 @dataclass(frozen=True, slots=True)
 class Airspace:
-    """The reach of every zone. Who composes often on one network makes this once."""
+    """The reach of every zone. Make it once to compose often on one network."""
 
     reaches: tuple[ZoneReach, ...]
 
@@ -59,7 +59,7 @@ class Airspace:
 
     @classmethod
     def over(cls, network: Network, zones: Sequence[Zone]) -> "Airspace":
-        """The airspace above this network, were these its zones."""
+        """The airspace above this network with these zones instead of its own."""
         if not zones:
             return cls(())
         columns = network.columns
@@ -87,10 +87,10 @@ class _Boxes:
         self._tallest_deg = float(np.max(self._north - south, initial=0.0))
 
     def rows_near(self, zone: Zone) -> Rows:
-        """The rows, rising, of the boxes that meet the zone's."""
+        """The rows, ascending, of the boxes that meet the zone's box."""
         south_west, north_east = zone.box
         low = south_west.latitude_deg - self._tallest_deg
-        # A shade lower, so that rounding never loses a box that only touches.
+        # A little lower, so that rounding never loses a box that only touches.
         first = np.searchsorted(self._sorted_south, low - 1e-9)
         last = np.searchsorted(self._sorted_south, north_east.latitude_deg, side="right")
         rows = self._order[first:last]

@@ -1,4 +1,4 @@
-"""When segments may not be flown and stations not be landed at, in seconds since the start."""
+"""When segments are closed to flight and stations to landing, in seconds since the start."""
 
 import math
 from collections import defaultdict
@@ -29,7 +29,7 @@ class Use:
 
 @dataclass(frozen=True, slots=True)
 class Departure:
-    """The moment to leave (infinite: never) and what makes it so late, None if nothing does."""
+    """The moment to leave (infinite: never), and the closure that delays it, if any."""
 
     at_s: float
     because_of: SegmentEnds | StationId | None
@@ -43,7 +43,7 @@ class Closures:
 
     @classmethod
     def of(cls, problem: Problem, airspace: Airspace) -> "Closures":
-        """What is closed during this problem."""
+        """The closures of this problem."""
         closed: dict[SegmentEnds | StationId, list[Interval]] = defaultdict(list)
         for reach in airspace.reaches:
             active = _active_s(reach.zone, problem.start_at)
@@ -80,11 +80,11 @@ class Closures:
         return departure
 
     def _next_departure(self, uses: Sequence[Use], at_s: float) -> Departure | None:
-        """A later departure that a use asks for, None when this one is good."""
+        """A later departure that a use needs; None when this departure is good."""
         for use in uses:
             start_s = at_s + use.after_s
             for closed_from_s, closed_until_s in self._closed[use.what]:
-                # A landing is a moment when it takes no time, and a moment has to be met too.
+                # A landing that takes no time is one moment, which a closure may cover too.
                 meets = closed_from_s < start_s + use.duration_s or closed_from_s == start_s
                 if meets and start_s < closed_until_s - _ROUNDING_S:
                     return Departure(closed_until_s - use.after_s, use.what)

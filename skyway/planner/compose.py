@@ -102,7 +102,7 @@ def compose_with(
     booked: PadBook = NO_RESERVATIONS,
     hierarchy: Hierarchy | None = None,
 ) -> Plan:
-    """`compose` by a strategy of the caller's own, called `name` in the plan's stats."""
+    """`compose` with the caller's own strategy, which the plan's stats call `name`."""
     if problem.time_limit_s is not None:
         stop = first_of(stop, TimeLimit(problem.time_limit_s))
     elapsed_s = stopwatch()
@@ -138,7 +138,7 @@ def _strategy_of(problem: Problem) -> tuple[str, Strategy]:
 
 
 def _plan_of(situation: Situation, findings: Findings, stop: Stop) -> Plan:
-    """The plan found; without one the proof that there is none, if it comes cheap."""
+    """The plan found; without a plan, the proof that there is none, if the proof is cheap."""
     if findings.itinerary is not None:
         status = PlanStatus.OPTIMAL if findings.is_proven_best else PlanStatus.FEASIBLE
         return _flyable(findings.itinerary, status, findings.lower_bound_s)

@@ -21,10 +21,10 @@ from skyway.planner.itinerary import Itinerary
 from skyway.planner.situation import Situation
 from skyway.planner.stop import Effort
 
-#: Labels after which a search that is not over yet looks for some plan, to have one at all.
+#: Labels after which an unfinished search looks for any plan, so that there is one.
 _PATIENCE_LABELS = 1 << 16
 
-#: By how much the bound is exaggerated to find some plan soon. Our own choice.
+#: Factor by which the bound is raised to find any plan soon. Our own choice.
 _HASTE = 3.0
 
 
@@ -74,7 +74,7 @@ def _itinerary_of(situation: Situation, search: ExactSearch) -> Itinerary | None
 
 
 def _at_most(bound_s: float | None, itinerary: Itinerary | None) -> float | None:
-    """The bound, which sums of floats may have put a hair behind the plan's own time."""
+    """The bound, at most the plan's own time: sums of floats may make it a little later."""
     if bound_s is None or itinerary is None:
         return bound_s
     return min(bound_s, itinerary.delivered_s)

@@ -1,4 +1,4 @@
-"""What the drone of a plan does, read from the labels that lead to it."""
+"""The acts of a plan's drone, read from the labels that lead to the plan."""
 
 import math
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ _NONE: Final = -1
 
 @dataclass(frozen=True, slots=True)
 class Act:
-    """One thing that the drone of a plan does: a kind of label.
+    """One act of a plan's drone: a kind of label.
 
     `segment` is the row of the segment flown, -1 without one; `level_j` the level with which it
     leaves the pad; `not_before_s` the moment before which the flight, landing or session may not

@@ -47,19 +47,19 @@ def legs_of(situation: Situation) -> Legs:
 
 @dataclass(frozen=True, slots=True)
 class Weights:
-    """By what a bound counts: so much for each second flown, so much for each joule used."""
+    """The weights of a bound: for each second flown and for each joule used."""
 
     per_second: float
     per_joule: float
 
     def of(self, seconds: Number, joules: Number) -> Number:
-        """The count of these seconds and joules."""
+        """The weighted sum of these seconds and joules."""
         return self.per_second * seconds + self.per_joule * joules
 
 
 @dataclass(frozen=True, slots=True)
 class Bound:
-    """What is still to come at least, counted by the weights.
+    """The least remaining cost, by these weights.
 
     `per_m` is by mask, ``(2**k + 1,)``; ``after[mask, j]`` what follows once destination j is
     reached; `least` the least of all from the source.
@@ -74,7 +74,7 @@ class Bound:
 def bounds_of(
     situation: Situation, legs: Legs, *, guide: str, required: Ints, apart_m: Floats
 ) -> tuple[Bound, Bound]:
-    """The bound of flying alone, and that of the need to charge (see `Task`).
+    """The bound by flight time alone, and the bound by the need to charge (see `Task`).
 
     Parameters
     ----------
@@ -94,7 +94,7 @@ def bounds_of(
 
 
 def _weights_of(model: DroneModel, recharge_policy: str, guide: str) -> tuple[Weights, Weights]:
-    """The weights of both bounds, of flying alone and of the need to charge (see `Task`).
+    """The weights of both bounds: flight time alone, and the need to charge (see `Task`).
 
     Just above the reserve the concave curve is fastest; sessions that go on to its top are counted
     by their joules, whose time is worked out from what is on board.

@@ -1,4 +1,4 @@
-"""The itinerary of the best plan found: its acts, flown with the charges they settled on."""
+"""The itinerary of the best plan found: its acts, flown with the charges of its labels."""
 
 import math
 from collections.abc import Sequence
@@ -17,7 +17,7 @@ _SAME_SOC = 1e-12
 
 
 def itinerary_of(situation: Situation, acts: Sequence[Act]) -> Itinerary:
-    """The steps of these acts, as early as the charges and the closures let them be."""
+    """The steps of these acts, as early as charges and closures allow."""
     flight = _Flight(situation)
     for act in acts:
         flight.do(act)
@@ -25,9 +25,9 @@ def itinerary_of(situation: Situation, acts: Sequence[Act]) -> Itinerary:
 
 
 class _Flight:
-    """A drone that does act after act; what it does in the air waits for the landing.
+    """A drone that does act after act; flights are written when the drone lands.
 
-    Nobody waits in the air: who may not fly a segment yet leaves the ground so much later.
+    No drone waits in the air. If a segment is still closed, the drone leaves the ground later.
     """
 
     def __init__(self, situation: Situation) -> None:

@@ -1,4 +1,4 @@
-"""The notes of a search as arrays: how large they begin, and how they grow."""
+"""The memory of a search as arrays: their first sizes, and how they grow."""
 
 from dataclasses import dataclass
 from typing import Final
@@ -39,7 +39,7 @@ class Room:
     labels: int = 1 << 10
 
 
-#: What local requests hardly ever fill.
+#: Sizes that local requests hardly ever fill.
 AMPLE: Final = Room()
 
 
@@ -56,7 +56,7 @@ def new_memory(trees: int, ranks: int = 0, *, room: Room = AMPLE) -> Memory:
 
 
 def enlarged(memory: Memory) -> Memory:
-    """The same notes with twice the room wherever half of it is in use."""
+    """The same memory with twice the room in each array that is half full."""
     count = memory.counts
     larger = _sized(memory.radius.size, 0, _larger_room(memory))
     used = {
@@ -88,7 +88,7 @@ def _larger_room(memory: Memory) -> Room:
     used = memory.counts[[PLACES, ARCS, WINDOWS, STATES, LABELS]]
     grows = 2 * used >= sizes
     if not grows.any():
-        # One station asked for more arcs or windows at once than were left.
+        # One station needed more arcs or windows than were left.
         grows[:] = True
     return Room(*np.where(grows, 2 * sizes, sizes).tolist())
 

@@ -1,4 +1,4 @@
-"""Why the exact search found nothing: the proof, by searching again with less in the way."""
+"""Why the exact search found nothing: the proof, by searching again with fewer obstacles."""
 
 from skyway.delivery.plan import Infeasibility
 from skyway.ids import StationId
@@ -10,15 +10,15 @@ from skyway.planner.situation import Situation
 from skyway.planner.stop import Effort
 from skyway.units import TIME_TOLERANCE_S
 
-#: How finely the gap in range is told, as a share of the battery. Our own choice.
+#: Precision of the reported gap in range, as a share of the battery. Our own choice.
 _GAP_STEP = 0.05
 
-#: Labels that one look at a larger battery may make. Our own choice: some 10 ms.
+#: Labels of one test with a larger battery. Our own choice: about 10 ms.
 _GAP_LABELS = 1 << 14
 
 
 def proof_of_infeasibility(situation: Situation, effort: Effort) -> Infeasibility | None:
-    """What stands in the way of every plan; None when the effort ended before it was known.
+    """The reason that excludes every plan; None when the effort ended first.
 
     The search without reservations and without deadline tells: what it finds would be flown if
     others held no pads or time did not press; if it finds nothing the drone does not get there.
@@ -51,7 +51,7 @@ def proof_of_infeasibility(situation: Situation, effort: Effort) -> Infeasibilit
 
 
 def unreachable_behind_closures(situation: Situation) -> Infeasibility | None:
-    """DESTINATION_UNREACHABLE if what is closed for good cuts a place off.
+    """DESTINATION_UNREACHABLE if permanent closures cut a place off.
 
     The hierarchy's distances know of no closures, so a search that they guide would go through all
     the network before it is over.
@@ -136,7 +136,7 @@ def _share_of_battery_missing(free: Situation, effort: Effort) -> float | None:
 
 
 def _reaches(free: Situation, size: float, effort: Effort) -> bool:
-    """Whether a battery of this many times the size would be enough, as far as is cheap to say."""
+    """Whether a battery of this many times the size would be enough, if that is cheap to find."""
     model = free.model.model_copy(update={"battery_j": free.model.battery_j * size})
     drone = free.problem.drone.model_copy(update={"model": model})
     problem = free.problem.model_copy(update={"drone": drone})

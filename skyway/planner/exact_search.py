@@ -18,7 +18,7 @@ from skyway.planner.network_rows import rows_of
 from skyway.planner.situation import Situation
 from skyway.planner.stop import Effort
 
-#: Labels between two looks at the effort: some 10 ms of search.
+#: Labels between two checks of the effort: about 10 ms of search.
 _LABELS_PER_RUN = 1 << 14
 
 
@@ -31,7 +31,7 @@ class Ending(Enum):
 
 
 class ExactSearch:
-    """A search that can be run on, label by label, until it is proven.
+    """A search that can be continued, label by label, until its result is proven.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ class ExactSearch:
         self._memory.best_s[0] = min(self._memory.best_s[0], delivered_s)
 
     def best_acts(self) -> list[Act] | None:
-        """What the drone of the best plan so far does, from the start on; None without a plan."""
+        """The acts of the best plan so far, from the start on; None without a plan."""
         is_full = self._situation.problem.recharge_policy == "full"
         return best_acts(self._memory, is_lazy=not is_full and self._method.charging == "lazy")
 

@@ -23,7 +23,7 @@ from skyway.units import CHARGE_TOLERANCE, TIME_TOLERANCE_S
 
 @dataclass(frozen=True, slots=True)
 class Method:
-    """How the exact search works; all but the default is for finding out what a part is worth.
+    """How the exact search works; other values than the default measure what a part is worth.
 
     `bound` is what guides it: flying and charging, flying alone, or nothing. Without `dominance`
     every label is kept. `charging` is decided as late as possible, or at once: then it is the
@@ -41,7 +41,7 @@ def book_of(book: PadBook) -> Book:
 
 
 def book_handle(book: PadBook) -> Book:
-    """The same behind its handle; of books without reservations, which are many, there is one."""
+    """The same behind its handle; all books without reservations share one handle."""
     return handle_of(book_of(book)) if len(book.station) else _empty_book()
 
 
@@ -51,7 +51,7 @@ def _empty_book() -> Book:
 
 
 def closed_handle(situation: Situation) -> Closed:
-    """All closures behind their handle; where nothing is closed, as mostly, it is made once."""
+    """All closures behind their handle; problems without closures share one handle."""
     first_station_key = len(situation.network.columns.length_m)
     if situation.closures.intervals():
         return handle_of(closed_of(situation))
@@ -101,7 +101,7 @@ def curve_of(model: DroneModel) -> tuple[Floats, Floats]:
 
 
 def required_before(situation: Situation, order: Sequence[StationId] | None) -> Ints:
-    """For each destination, as a mask, what must be delivered before it."""
+    """For each destination, as a mask, the destinations that must be delivered before it."""
     destinations = situation.destinations
     required = np.zeros(len(destinations), np.int32)
     delivered = 0
@@ -118,7 +118,7 @@ def rounding_j(model: DroneModel) -> float:
 
 
 def latest_s(situation: Situation) -> float:
-    """The last moment at which everything may be delivered, with the tolerance; inf without one."""
+    """The latest moment of the last delivery, with the tolerance; inf without a limit."""
     limit_s = situation.problem.latest_delivery_s
     return math.inf if limit_s is None else limit_s + TIME_TOLERANCE_S
 

@@ -1,4 +1,4 @@
-"""The paper's baseline: every order, every way, over the whole network, by plain enumeration.
+"""The paper's baseline: every order and every path over the whole network, enumerated.
 
 Its time grows exponentially with the network; that is its point. It prunes nothing, so that it
 stays a fair measure of the heuristic, and proves nothing, since it recharges by the same rule.
@@ -24,7 +24,7 @@ def exhaustive(situation: Situation, effort: Effort) -> Findings:
 
 
 def exhaustive_with_walks(situation: Situation, effort: Effort) -> Findings:
-    """The same over walks that may come twice to a station on each stretch: detours to a pad."""
+    """The same over walks, which may visit a station twice on each stretch: detours to a pad."""
     return _best_of_all(situation, effort, visits=2)
 
 
@@ -47,7 +47,7 @@ def _best_of_all(situation: Situation, effort: Effort, *, visits: int) -> Findin
 def _routes(
     start: StationId, flights: Sequence[Stretch], *, visits: int, effort: Effort
 ) -> Iterator[Route]:
-    """Every combination of ways through these stretches."""
+    """Every combination of paths through these stretches."""
     if not flights:
         yield ()
         return
@@ -61,7 +61,7 @@ def _routes(
 def _ways(
     start: StationId, flight: Stretch, *, visits: int, effort: Effort
 ) -> Iterator[tuple[Segment, ...]]:
-    """Every way from start to the target that comes to no station more often than `visits`."""
+    """Every path from start to target that visits each station at most `visits` times."""
     way: list[Segment] = []
     seen = Counter([start])
     branches = [iter(flight.subnetwork.segments_from(start))]

@@ -1,4 +1,4 @@
-"""What a strategy hands back, and the form that every strategy has."""
+"""The result of a strategy, and the signature of every strategy."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from skyway.units import TIME_TOLERANCE_S
 
 @dataclass(frozen=True, slots=True)
 class Findings:
-    """The best itinerary found, None without one, and how many stations the search looked at.
+    """The best itinerary found or None, and how many stations the search examined.
 
     `lower_bound_s` is a moment before which no plan delivers everything, None where none is
     proven; `infeasibility` the proof that there is no plan, if the search has made one.

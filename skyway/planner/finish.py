@@ -15,7 +15,7 @@ def energy_to_pad_j(network: Network, model: DroneModel, start: StationId) -> fl
 
     Zones, closures and the landing itself do not count (docs/reference/planner-problem.md).
     """
-    # With one speed and one power the way of least energy is the shortest.
+    # With one speed and one power the path of least energy is the shortest path.
     tie_breaker = count()
     heap = [(0.0, next(tie_breaker), start)]
     settled: set[StationId] = set()

@@ -1,4 +1,4 @@
-"""A drone along its plan: each act moves its clock, its charge and its load, and is a step."""
+"""A drone along its plan: each act is a step and changes time, charge and load."""
 
 from skyway.delivery.plan import Deliver, Fly, PickUp, Recharge, Step, Wait
 from skyway.drone.charging import recharge_time_s
@@ -10,7 +10,7 @@ from skyway.units import TIME_TOLERANCE_S
 
 
 class FlightLog:
-    """Where the drone is, when, with what charge; `steps` is what it did to get there."""
+    """Where the drone is, when, and with what charge; `steps` led there."""
 
     def __init__(self, situation: Situation) -> None:
         self._situation = situation
@@ -42,7 +42,7 @@ class FlightLog:
         self.here, self.now_s, self.soc = segment.to_id, end_s, soc
 
     def wait(self, *, until_s: float) -> None:
-        """Stand until this moment; no step if it has come, or as good as come."""
+        """Stand until this moment; no step if the moment has come, within the tolerance."""
         if until_s > self.now_s + TIME_TOLERANCE_S:
             self.steps.append(Wait(station_id=self.here, start_s=self.now_s, end_s=until_s))
             self.now_s = until_s
@@ -70,14 +70,14 @@ class FlightLog:
         self.now_s, self.soc = end_s, until_soc
 
     def hand_over(self) -> None:
-        """Take the packages on board at the source, or hand over what is for this station."""
+        """Take the packages on board at the source, or hand over the packages for this station."""
         if self.here == self._situation.problem.source:
             self.pick_up()
         else:
             self._deliver()
 
     def pick_up(self) -> None:
-        """Take all packages on board; those for the source itself are handed over right after."""
+        """Take all packages on board; hand over those for the source right after."""
         end_s = self.now_s + self._situation.problem.loading_s
         self.steps.append(
             PickUp(

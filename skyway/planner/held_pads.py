@@ -21,7 +21,7 @@ _MS_TOLERANCE = TIME_TOLERANCE_S * _MS_PER_S
 
 
 class HeldPads:
-    """The reservations of these stations: the problem's own, and those booked beside it."""
+    """The reservations of these stations: the problem's own, and the booked ones."""
 
     def __init__(
         self, problem: Problem, stations: Set[StationId], *, booked: "PadBook | None"
@@ -56,7 +56,7 @@ class HeldPads:
 
 
 def _outward_ms(start_s: float, end_s: float) -> tuple[float, float]:
-    """Whole milliseconds that hold this time, whatever a float lost in the seventh digit."""
+    """The span of whole milliseconds around this time, despite rounding of floats."""
     start_ms, end_ms = start_s * _MS_PER_S, end_s * _MS_PER_S
     return (
         math.floor(start_ms + _MS_TOLERANCE + math.ulp(start_ms)),

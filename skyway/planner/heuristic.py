@@ -39,7 +39,7 @@ _MAX_ROUTES = 8
 
 
 def heuristic(situation: Situation, effort: Effort) -> Findings:
-    """The best plan of the narrowest sector that holds one, and a way around if it has to wait."""
+    """The best plan of the narrowest sector that holds one, or a detour if that plan waits."""
     return _find(situation, effort, first_sector=0)
 
 
@@ -81,7 +81,7 @@ def _in_narrowest_sector(
 def _best_in_sector(
     situation: Situation, sector: Subnetwork, *, approach: Subnetwork, effort: Effort
 ) -> Itinerary | None:
-    """Simulate the orders, the one of least time in the matrix first; keep the best."""
+    """Simulate the orders by their least time in the matrix; keep the best."""
     matrix = TimeMatrix(situation, sector, approach=approach)
     ranked = orders_by_cost(len(situation.destinations), matrix.flight_and_recharge_s)
     best: Itinerary | None = None
@@ -104,7 +104,7 @@ def _itineraries(
     approach: Subnetwork,
     effort: Effort,
 ) -> list[Itinerary]:
-    """Itineraries of this order: of the shortest route, then around what hindered it, and so on."""
+    """Itineraries of this order: of the shortest route, then of routes around each obstacle."""
     flights = stretches(situation, order, subnetwork=sector, approach=approach)
     avoided: set[SegmentEnds | StationId] = set()
     itineraries: list[Itinerary] = []

@@ -19,7 +19,7 @@ from skyway.planner.kernels.records import Skyway
 from skyway.planner.network_rows import rows_of
 
 
-# Without slots: what the kernels read is made once, for all problems.
+# Without slots: the arrays for the kernels are made once, for all problems.
 @dataclass(frozen=True, eq=False)
 class Hierarchy:
     """A contraction hierarchy of a network's segments by their length.

@@ -1,4 +1,4 @@
-"""Whether the battery reaches at all: the search without time, in which every pad is free.
+"""Whether the range suffices at all: a search without time, in which every pad is free.
 
 A label is the least energy used since a full battery with which a drone can be at a station while
 certain destinations wait. Time does not count, so less is always better and one label per station
@@ -19,14 +19,14 @@ from skyway.units import CHARGE_TOLERANCE
 
 @dataclass(frozen=True, slots=True)
 class _Place:
-    """A station, and the destinations that wait; None while the packages are not on board."""
+    """A station and the remaining destinations; None while the packages are not on board."""
 
     here: StationId
     waiting: frozenset[StationId] | None
 
 
 def is_out_of_range(situation: Situation, whole: Subnetwork, effort: Effort) -> bool:
-    """Whether it is proven that no recharging on the way lets the drone deliver everything."""
+    """Whether it is proven that the drone cannot deliver everything, however it recharges."""
     search = _RangeSearch(situation)
     tie_breaker = count()
     place, used_j = search.start()

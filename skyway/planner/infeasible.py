@@ -1,4 +1,4 @@
-"""Proofs that no plan exists, as far as they come cheap; what they leave open is unknown."""
+"""Cheap proofs that no plan exists; without such a proof the status is unknown."""
 
 import math
 
@@ -11,7 +11,7 @@ from skyway.planner.stop import Effort, LabelLimit, Stop, first_of
 from skyway.planner.subnetwork import Subnetwork
 from skyway.units import LOAD_TOLERANCE_KG, TIME_TOLERANCE_S
 
-#: Labels after which the proof that all is out of range is given up. Our own choice: about 1 s.
+#: Labels after which the proof of OUT_OF_RANGE is given up. Our own choice: about 1 s.
 _MAX_LABELS = 50_000
 
 

@@ -72,11 +72,11 @@ def fly(situation: Situation, route: Route) -> Itinerary:
 
 
 class _Stuck(Exception):
-    """The route cannot be flown on; never leaves this file."""
+    """The route cannot be continued; caught in this file."""
 
 
 class _RouteFlight:
-    """One flight along a route, recharging nowhere at the stations left out.
+    """One flight along a route that does not recharge at the stations left out.
 
     Places on the route are numbered from 0, the start; passage i leads from place i to i + 1.
     """
@@ -161,7 +161,7 @@ class _RouteFlight:
         return len(self._passages)
 
     def _recharge(self, place: int) -> None:
-        """Recharge here by the policy, waiting for a pad if need be."""
+        """Recharge here by the policy, waiting for a pad if necessary."""
         model, station = self._situation.model, self._stations[place]
         until_soc = model.top_soc
         if self._situation.problem.recharge_policy == "partial":
@@ -197,7 +197,7 @@ class _RouteFlight:
             self._log.fly(passage.segment, load_kg=passage.load_kg, lands=number == len(hop))
 
     def _uses(self, hop: Sequence[_Passage]) -> list[Use]:
-        """What a hop uses of the sky: every segment, and the station where it lands."""
+        """The segments that a hop flies, and the station where it lands."""
         uses: list[Use] = []
         after_s = 0.0
         for passage in hop:

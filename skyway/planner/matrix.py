@@ -1,4 +1,4 @@
-"""The paper's matrix of delivery times: what each leg takes at least, for the chosen drone.
+"""The paper's matrix of delivery times: the least time of each leg for the chosen drone.
 
 The load falls along the way, so an entry depends on what is still on board. Its times are lower
 bounds: no recharging is faster than the charge curve just above the reserve, and no pad is taken.
@@ -40,12 +40,12 @@ class TimeMatrix:
         return self._lengths_m[at][to] * self._s_per_m(undelivered) + self._each_end_s
 
     def flight_and_recharge_s(self, at: int, to: int, undelivered: int) -> float:
-        """Time of a leg, with recharging what it uses."""
+        """Time of a leg, with the time to recharge the energy that it uses."""
         s_per_m = self._s_per_m(undelivered) + self._j_per_m(undelivered) * self._s_per_j
         return self._lengths_m[at][to] * s_per_m + self._each_end_and_recharge_s
 
     def delivery_bound_s(self, flight_and_recharge_s: float) -> float:
-        """No delivery is over earlier whose legs sum up to this."""
+        """A delivery with this sum of legs cannot end earlier."""
         before_s, before_j = self._before
         recharge_s = (before_j - self._usable_j) * self._s_per_j
         return before_s + recharge_s + flight_and_recharge_s
@@ -89,7 +89,7 @@ class TimeMatrix:
 
 
 def _lengths_m(situation: Situation, subnetwork: Subnetwork) -> list[list[float]]:
-    """The length of the shortest way of every leg, infinite without one."""
+    """The length of the shortest path of every leg; infinite without a path."""
     trees = [subnetwork.lengths_to_m(target) for target in situation.destinations]
     starts = (*situation.destinations, situation.problem.source)
     return [[tree.get(start, math.inf) for tree in trees] for start in starts]

@@ -7,7 +7,7 @@ from skyway.planner.kernels.records import Skyway
 
 
 def rows_of(network: Network) -> Skyway:
-    """The network's segments from both their ends, and its pads; without a hierarchy."""
+    """The network's segments by both ends, and its pads; without a hierarchy."""
     incoming, outgoing = network.incoming, network.outgoing
     no_ranks, no_lengths = np.empty(0, np.int64), np.empty(0)
     return Skyway(

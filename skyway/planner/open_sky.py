@@ -1,4 +1,4 @@
-"""What a verified flight may not meet: closures and zones; and whether a pad is within reach.
+"""The closures and zones that a verified flight must not meet, and pads within reach.
 
 Written for `verify` alone, from docs/reference/planner-problem.md; looks at one flight at a time.
 """
@@ -21,7 +21,7 @@ _Interval = tuple[float, float]
 
 
 class OpenSky:
-    """What the closures and zones of a problem leave open to a plan's flights."""
+    """The closures and zones of a problem, asked about one flight or landing."""
 
     def __init__(self, problem: Problem, steps: Iterable[Step]) -> None:
         self._problem = problem

@@ -1,4 +1,4 @@
-"""Reservations of pads as arrays: looked up station by station, never copied whole.
+"""Reservations of pads as arrays, looked up by station and never copied as a whole.
 
 Calendars are whole milliseconds: reservations are rounded outward, so what looks free here is free
 in every database that keeps whole milliseconds, and rounding never makes an overlap.
@@ -37,7 +37,7 @@ def booked_until_ms(end_s: float) -> int:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PadBook:
-    """Who holds which pad from when to when; ``(n_reservations,)`` each, sorted.
+    """Which pad is reserved from when to when; ``(n_reservations,)`` each, sorted.
 
     `station` are rows of the network, int32; `pad` int32; `start_ms` and `end_ms` int64 on a scale
     of the book's own, on which `zero_ms` is the moment that a reader counts from. The order is
@@ -76,7 +76,7 @@ class PadBook:
         start_ms: npt.NDArray[np.integer],
         end_ms: npt.NDArray[np.integer],
     ) -> Self:
-        """The book of these columns, in any order; an end of `OPEN_MS` is none."""
+        """The book of these columns, in any order; `OPEN_MS` means without end."""
         order = np.lexsort((start_ms, pad, station))
         return cls(
             np.ascontiguousarray(station[order], np.int32),
@@ -86,7 +86,7 @@ class PadBook:
         )
 
     def seen_from(self, moment_ms: int) -> Self:
-        """The same book for who counts from this moment of its scale."""
+        """The same book with this moment of its scale as time 0."""
         return replace(self, zero_ms=moment_ms)
 
     def at(
@@ -110,13 +110,13 @@ class PadBook:
         ]
 
     def _of(self, station_row: int) -> slice:
-        # Of another type than the column's they would make numpy convert the whole column.
+        # With another type than the column's, numpy would convert the whole column.
         rows = np.array((station_row, station_row + 1), np.int32)
         first, end = np.searchsorted(self.station, rows).tolist()
         return slice(first, end)
 
 
-#: Nobody holds any pad.
+#: No pad is reserved.
 NO_RESERVATIONS: Final = PadBook(
     np.empty(0, np.int32), np.empty(0, np.int32), np.empty(0, np.int64), np.empty(0, np.int64)
 )

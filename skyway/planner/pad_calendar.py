@@ -1,4 +1,4 @@
-"""When the pads of a station are free, read from the books of who holds them."""
+"""When the pads of a station are free, read from the books of reservations."""
 
 import math
 from collections.abc import Iterable, Iterator
@@ -13,7 +13,7 @@ _MS_PER_S = 1000
 
 @dataclass(frozen=True, slots=True, order=True)
 class FreeWindow:
-    """A pad that nobody else holds in [start_s, end_s); both are whole milliseconds or infinite."""
+    """A pad that is free in [start_s, end_s); both are whole milliseconds or infinite."""
 
     start_s: float
     pad: int
@@ -29,7 +29,7 @@ class Session:
 
 
 class PadCalendar:
-    """The free windows of every station's pads, worked out when first asked for."""
+    """The free windows of every station's pads, computed when they are first read."""
 
     def __init__(self, network: Network, books: Iterable[PadBook]) -> None:
         self._network = network
@@ -48,7 +48,7 @@ class PadCalendar:
     ) -> Session | None:
         """The first session of this length that fits between the reservations, or None.
 
-        Among pads that are free equally early the lowest number is taken.
+        Among pads that are free equally early, the lowest number wins.
         """
         best: Session | None = None
         for window in self.free_windows(station_id):

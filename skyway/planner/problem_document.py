@@ -1,4 +1,4 @@
-"""Reads a problem from JSON, and names everything in it that is wrong."""
+"""Reads a problem from JSON, and names every fault in it."""
 
 from collections.abc import Mapping, Sequence
 from itertools import islice

@@ -1,4 +1,4 @@
-"""Replays a plan's steps and notes every rule of the problem that one breaks."""
+"""Replays a plan's steps and notes every rule of the problem that a step breaks."""
 
 import math
 from collections.abc import Sequence
@@ -61,7 +61,7 @@ class Replay:
         self._now_s = step.end_s
 
     def check_end(self) -> None:
-        """After the last step: everything delivered, and a pad within reach if asked for."""
+        """After the last step: all is delivered, and a pad is in reach if the finish needs it."""
         if not self._has_picked_up or self._undelivered:
             missing = ", ".join(self._undelivered) or "all"
             self._note_of_plan("delivery", f"not delivered: {missing}")
@@ -162,7 +162,7 @@ class Replay:
         except InvalidStateOfCharge as error:
             self._note("charge", error.detail)
             return
-        # The charge is read off a time, so the tolerance of time counts too, at the curve's rate.
+        # The charge follows from a time, so the tolerance of times counts too, at the curve's rate.
         by_time = time_tolerance_s(step.end_s) / self._fastest_s_per_soc
         if not abs(step.soc_end - soc_end) <= CHARGE_TOLERANCE + by_time:
             self._note("charge", f"ends at {step.soc_end} told, at {soc_end} by the curve")
@@ -198,5 +198,5 @@ class Replay:
 
 
 def time_tolerance_s(moment_s: float) -> float:
-    """How far two moments about here may differ; after some decades floats lose microseconds."""
+    """The tolerance of moments of this size; after some decades floats lose microseconds."""
     return TIME_TOLERANCE_S + 4 * math.ulp(moment_s)

@@ -1,6 +1,6 @@
 """A route: the segments that a drone flies, stretch after stretch, and where it hands over.
 
-A route says nothing of time: when to wait and where to recharge is the itinerary's matter.
+A route has no times: the itinerary decides when to wait and where to recharge.
 """
 
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from skyway.planner.subnetwork import Subnetwork
 
 @dataclass(frozen=True, slots=True)
 class Stretch:
-    """A flight still to be found: to this target, with this load, through this part of the sky.
+    """A flight without segments yet: its target, its load, and the part of the network to use.
 
     `keep_off` are destinations whose packages are on board: flying there would deliver them.
     """

@@ -27,7 +27,7 @@ Avoided = AbstractSet[SegmentEnds | StationId]
 
 @dataclass(frozen=True, slots=True)
 class _Label:
-    """A way to stand (or pass) somewhere: what it took, and the label and segment it came by."""
+    """A partial route: its place, its cost, and the label and segment before."""
 
     stretch: int
     here: StationId
@@ -98,7 +98,7 @@ class _RouteSearch:
         )
 
     def _flown(self, label: _Label, segment: Segment) -> _Label:
-        """The label at the end of this segment; what it used is beyond the limit if too far."""
+        """The label at the end of this segment; its energy exceeds the limit if it is too far."""
         situation, number, here = self._situation, label.stretch, segment.to_id
         flown_s = label.flown_s + segment.length_m / self._speeds[number]
         used_j = label.used_j + segment.length_m * self._j_per_m[number]

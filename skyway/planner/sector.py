@@ -1,4 +1,4 @@
-"""The paper's sector: the part of the sky that holds the lines of sight to all destinations.
+"""The paper's sector: the area that holds the lines of sight to all destinations.
 
 Notes
 -----
@@ -26,7 +26,7 @@ _WIDENINGS = (
 #: How many sectors there are before the whole network.
 WIDENINGS = len(_WIDENINGS)
 
-#: Radians and share of the radius by which a destination on the very edge still lies inside.
+#: Tolerance of the edge, in radians and as a share of the radius.
 _ROUNDING = 1e-9
 
 

@@ -1,4 +1,4 @@
-"""A problem made ready for search: what every strategy asks again and again, worked out once."""
+"""A problem prepared for search: values that every strategy reads often, computed once."""
 
 import math
 from collections.abc import Set as AbstractSet
@@ -23,7 +23,7 @@ class Situation:
 
     problem: Problem
     closures: Closures
-    #: Who holds pads: the problem's own reservations, and those known beside it.
+    #: Reservations of pads: the problem's own, and the booked ones.
     books: tuple[PadBook, PadBook]
     #: Distances prepared for the whole network, None without.
     hierarchy: Hierarchy | None = None
@@ -49,7 +49,7 @@ class Situation:
         *,
         hierarchy: Hierarchy | None = None,
     ) -> "Situation":
-        """The situation of this problem, with reservations known beside its own."""
+        """The situation of this problem, with booked reservations beside its own."""
         given = NO_RESERVATIONS
         if problem.pad_reservations:
             given = PadBook.of(problem.network, problem.pad_reservations)
@@ -71,13 +71,13 @@ class Situation:
         return (self.model.top_soc - self.model.reserve_soc) * self.model.battery_j
 
     def packages_for(self, station_id: StationId) -> tuple[PackageToDeliver, ...]:
-        """What is handed over at this station."""
+        """The packages for this station."""
         return tuple(
             package for package in self.problem.packages if package.destination == station_id
         )
 
     def load_kg(self, undelivered: AbstractSet[StationId]) -> float:
-        """The load while these destinations wait; summed anew, so that no rounding piles up."""
+        """The load while these destinations wait; summed each time, so that no rounding adds up."""
         return math.fsum(
             package.mass_kg
             for package in self.problem.packages
@@ -93,7 +93,7 @@ class Situation:
         return flight_energy_j(self.model, length_m=segment.length_m, load_kg=load_kg)
 
     def has_free_pad(self, station_id: StationId) -> bool:
-        """Whether one of its pads is ever free."""
+        """Whether one of the station's pads is ever free."""
         return bool(self.pads.free_windows(station_id))
 
     def can_land_to_recharge(self, station_id: StationId) -> bool:
@@ -109,7 +109,7 @@ class Situation:
     def finish_j(self, station_id: StationId) -> float:
         """Energy that must be left after a last delivery here, above the reserve.
 
-        Infinite when the finish asks for a pad and none can be flown to.
+        Infinite when the finish needs a pad and no pad is in reach.
         """
         if self.problem.finish == "stay":
             return 0.0

@@ -48,7 +48,7 @@ def first_of(*stops: Stop) -> Stop:
 
 @dataclass(slots=True)
 class Effort:
-    """The labels one search has made so far, and the word that it must end."""
+    """The labels that one search has made so far, and whether it must end."""
 
     stop: Stop
     labels: int = 0

@@ -40,7 +40,7 @@ class Subnetwork:
         return self._leaving.get(station_id, ())
 
     def lengths_to_m(self, target: StationId) -> Mapping[StationId, float]:
-        """The length of the shortest way from every station that has one to this target.
+        """The length of the shortest path to this target from every station that has a path.
 
         A reverse shortest-path tree (Dijkstra), grown when first asked for.
         """

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 #: Sums over a whole plan may differ by this share: each summand is rounded.
 _SUM_TOLERANCE = 1e-9
-#: What a plan adds up over its steps.
+#: The sums of a plan over its steps.
 _SUMS = ("energy_j", "flight_s", "waiting_s", "recharging_s")
 
 
@@ -40,7 +40,7 @@ def verify(
     Parameters
     ----------
     booked
-        Reservations known beside the problem's own, counted from the plan's start.
+        Booked reservations beside the problem's own, in seconds from the plan's start.
     """
     if not plan.is_flyable:
         return tuple(_of_no_plan(problem, plan))
@@ -78,7 +78,7 @@ def _of_no_plan(problem: Problem, plan: Plan) -> Iterator[Violation]:
 
 
 def _of_deliveries(problem: Problem, plan: Plan) -> Iterator[Violation]:
-    """`deliveries` must say of each package once what the DELIVER steps say."""
+    """`deliveries` must name each package once, as the DELIVER steps do."""
     told = sorted((told.package_id, told.station_id, told.delivered_s) for told in plan.deliveries)
     done = sorted(
         (package_id, step.station_id, step.end_s)

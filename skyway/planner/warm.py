@@ -1,4 +1,4 @@
-"""Warming: everything that plans are made with compiled, or loaded from disk, before it is needed.
+"""Warming: compile the planner, or load it from disk, before it is needed.
 
 ``python -m skyway.planner.warm`` leaves the compiled planner on disk for the processes to come.
 """
