@@ -29,13 +29,13 @@ class Climate:
 
 @dataclass(slots=True)
 class Day:
-    """One flight's luck: a wind that stays, a drone's own thirst, and chance along the way."""
+    """One flight's chance: a constant wind, the drone's own energy use, and noise on the way."""
 
     climate: Climate
     random: Random
     wind_mps: float
     wind_to_rad: float
-    thirst: float
+    energy_use: float
 
     @classmethod
     def of(cls, climate: Climate, random: Random) -> Self:
@@ -47,7 +47,7 @@ class Day:
             random,
             wind_mps=scale * math.sqrt(-2 * math.log(1 - random.random())),
             wind_to_rad=random.uniform(0, 2 * math.pi),
-            thirst=random.gauss(1.0, noise),
+            energy_use=random.gauss(1.0, noise),
         )
 
     def slowness(self, start: Position, end: Position, *, air_speed_mps: float) -> float:
@@ -62,7 +62,7 @@ class Day:
     def power_factor(self) -> float:
         """How many times the model's power this segment takes."""
         noise = self.climate.power_noise / math.sqrt(2)
-        return max(0.0, self.thirst + self.random.gauss(0.0, noise))
+        return max(0.0, self.energy_use + self.random.gauss(0.0, noise))
 
     def pad_delay_s(self) -> float:
         """How long the pad is still held when the session should begin."""

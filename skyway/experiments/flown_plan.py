@@ -22,10 +22,10 @@ class Flown:
 def fly_plan(problem: Problem, plan: Plan, day: Day) -> Flown:
     """Fly the plan as it stands, without planning anew.
 
-    A session begins when it is planned and drone and pad are ready, and charges to the planned
-    charge, however long that takes. An empty battery stays at 0: such a flight counts as below the
-    reserve, and is flown on to have a time. `problem` holds the true drone; the plan may have been
-    made for a thirstier one.
+    A session begins at its planned time, or when drone and pad are ready, and lasts until the
+    planned charge. An empty battery stays at 0: such a flight counts as below the reserve, and goes
+    on so that it has a time. `problem` holds the true drone; the plan may have been made for a
+    drone that uses more energy.
     """
     model = problem.drone.model
     now_s, soc, lowest_soc = 0.0, problem.drone.soc, problem.drone.soc

@@ -90,11 +90,11 @@ def _flights(problem: Problem, plan: Plan, climate: str, trial: Trial) -> Flight
 def _with_margin(problem: Problem, margin: float) -> Problem:
     """The problem for a drone that needs so much more power."""
     model = problem.drone.model
-    thirsty = model.model_copy(update={"power_empty_w": model.power_empty_w * (1 + margin)})
+    with_margin = model.model_copy(update={"power_empty_w": model.power_empty_w * (1 + margin)})
     return problem.model_copy(
         update={
             "strategy": EXACT,
-            "drone": problem.drone.model_copy(update={"model": thirsty}),
+            "drone": problem.drone.model_copy(update={"model": with_margin}),
             "time_limit_s": 20.0,
         }
     )

@@ -38,7 +38,7 @@ def test_no_pad_charges_beyond_the_top_of_the_curve():
     assert soc_after_recharge(KINKED, 0.7, 10_000.0) == 0.8
 
 
-def test_a_drone_that_comes_with_more_than_the_top_keeps_it():
+def test_a_drone_charged_above_the_top_keeps_its_charge():
     assert soc_after_recharge(KINKED, 0.95, 10.0) == 0.95
 
 

@@ -32,7 +32,7 @@ def test_use_lowers_the_charge_by_its_share_of_the_battery():
     assert soc_after_use(SLOWING, 0.9, energy_j=250_000.0) == pytest.approx(0.65)
 
 
-def test_a_battery_is_never_emptier_than_empty():
+def test_the_charge_of_a_battery_is_never_below_zero():
     assert soc_after_use(SLOWING, 0.1, energy_j=100_000.0000001) == 0.0
 
 

@@ -27,5 +27,5 @@ def test_a_limit_does_not_make_the_growth_look_slower():
     assert np.polyfit(cut.stations, cut.log_s, 1)[0] < 0.6 * SLOPE
 
 
-def test_limits_alone_tell_no_slope():
+def test_only_censored_times_give_no_slope():
     assert not times(limit=-10.0).tells_a_slope

@@ -54,5 +54,5 @@ def test_far_faster_is_ten_times(make_run, make_contest, slow_s, answer):
         ([0.0] * 18 + [9.0, 9.0], "open"),
     ],
 )
-def test_near_optimal_is_about_the_middle_and_the_tail(gaps, answer):
+def test_near_optimal_means_the_median_and_the_95th_percentile(gaps, answer):
     assert is_near_optimal(Sample.of(gaps), seed=1).answer == answer

@@ -8,7 +8,7 @@ PROBLEM = city_problem(Setting(stations=8), seed=2)
 
 
 @pytest.mark.parametrize("turn", [0, 1, 2])
-def test_runs_come_in_the_order_of_their_names_whoever_begins(turn):
+def test_runs_have_the_order_of_their_names_in_every_turn(turn):
     runs = contest(PROBLEM, (HEURISTIC, EXHAUSTIVE, EXACT), limit_s=20, turn=turn)
 
     assert [run.contestant for run in runs] == [HEURISTIC, EXHAUSTIVE, EXACT]
@@ -29,7 +29,7 @@ def test_exhaustive_counts_the_routes_that_it_simulates():
     assert 0 < counted.compositions < counted.labels
 
 
-def test_plain_python_finds_what_the_compiled_code_finds():
+def test_plain_python_finds_the_same_as_the_compiled_code():
     compiled = run(PROBLEM, EXACT, limit_s=20)
 
     with PlainPython() as plain:

@@ -33,7 +33,7 @@ def test_the_same_results_make_the_same_file(tmp_path):
     assert (tmp_path / "one.png").read_bytes() == (tmp_path / "other.png").read_bytes()
 
 
-def test_what_never_comes_is_not_drawn(tmp_path):
+def test_infinite_values_are_not_drawn(tmp_path):
     never = Estimate(float("inf"), 1.0, float("inf"), is_at_least=True)
 
     draw_lines(tmp_path / "never.png", "Never", x=X, y=Y, lines=[Line("who", [1], [never])])

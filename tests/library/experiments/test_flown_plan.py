@@ -24,7 +24,7 @@ def days(climate: Climate, number: int = 50) -> list[Day]:
     return [Day.of(climate, chance(day)) for day in range(number)]
 
 
-def test_on_a_calm_day_everything_comes_as_planned(plan):
+def test_on_a_calm_day_everything_happens_as_planned(plan):
     (day,) = days(Climate(), 1)
 
     flown = fly_plan(PROBLEM, plan, day)
@@ -41,7 +41,7 @@ def test_noise_takes_some_flights_below_the_reserve_and_not_others(plan):
     assert max(lowest) > min(lowest)
 
 
-def test_late_pads_make_deliveries_late_and_nothing_else(plan):
+def test_late_pads_only_make_deliveries_late(plan):
     flights = [fly_plan(PROBLEM, plan, day) for day in days(Climate(late_share=1.0))]
 
     lowest = min(step.soc_end for step in plan.steps if isinstance(step, Fly))
@@ -49,7 +49,7 @@ def test_late_pads_make_deliveries_late_and_nothing_else(plan):
     assert all(flown.lowest_soc == pytest.approx(lowest) for flown in flights)
 
 
-def test_wind_costs_more_than_it_gives():
+def test_head_wind_costs_more_than_tail_wind_saves():
     wind = [Day.of(Climate(wind_mps=5.0), chance(number)) for number in range(400)]
     one, other = (PROBLEM.network.stations[s].position for s in ("san-marcos", "san-antonio"))
 

@@ -14,7 +14,7 @@ def test_the_same_seed_makes_the_same_instance(make_problem):
     assert make_problem(setting, seed=5) != make_problem(setting, seed=6)
 
 
-def test_the_request_is_the_same_whatever_is_taken_and_however_it_charges():
+def test_the_request_depends_neither_on_reservations_nor_on_the_policy():
     setting = Setting(stations=12)
     other = replace(setting, taken=0.5, recharge_policy="partial")
 

@@ -6,11 +6,11 @@ def square(number: int) -> int:
     return number * number
 
 
-def test_results_come_in_the_order_of_their_trials(laboratory):
+def test_results_have_the_order_of_their_trials(laboratory):
     assert laboratory.results("squares", square, [3, 1, 2]) == [9, 1, 4]
 
 
-def test_a_laboratory_with_workers_tells_the_same(tmp_path):
+def test_a_laboratory_with_workers_gives_the_same_results(tmp_path):
     with open_laboratory(seed=1, is_quick=True, folder=tmp_path / "new") as laboratory:
         results = laboratory.results("absolutes", abs, [-3, 1, -2])
 

@@ -16,7 +16,7 @@ SETTING = Setting(
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_on_its_own_route_the_best_plan_is_between_the_heuristic_s_and_the_best_of_all(seed):
+def test_on_a_fixed_route_the_best_plan_lies_between_the_heuristic_and_the_optimum(seed):
     problem = city_problem(SETTING, seed=seed)
     heuristic = compose(problem.model_copy(update={"strategy": "heuristic"}))
     exact = compose(problem)

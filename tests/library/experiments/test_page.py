@@ -2,7 +2,7 @@ from skyway.experiments.page import write_fragment, write_page
 from skyway.experiments.section import Finding, Section
 
 
-def test_a_part_run_again_leaves_the_others_on_the_page(laboratory):
+def test_running_one_part_again_keeps_the_others_on_the_page(laboratory):
     for name, text in (("paper", "first"), ("scale", "other"), ("paper", "second")):
         section = Section(name, [text], [Finding("is it there", "yes")])
         write_fragment(laboratory, name, section, elapsed_s=1.0)

@@ -6,7 +6,7 @@ from skyway.experiments.parts import PARTS
 
 
 @pytest.mark.parametrize("name", [name for name in PARTS if name != "paper"])
-def test_every_part_ends_with_findings_rows_and_the_figures_that_it_shows(laboratory, name):
+def test_every_part_writes_findings_rows_and_its_figures(laboratory, name):
     section = PARTS[name](laboratory)
 
     written = (laboratory.folder / f"{name}.csv").read_text(encoding="utf-8")

@@ -11,7 +11,7 @@ def times(*values: float, censored: int = 0) -> Sample:
     return Sample(values, tuple(number >= whole for number in range(len(values))))
 
 
-def test_a_median_below_the_limit_is_true_though_some_runs_are_censored():
+def test_a_median_below_the_limit_is_exact_although_some_runs_are_censored():
     median = times(1.0, 2.0, 3.0, 10.0, 10.0, censored=2).median()
 
     assert (median.value, median.is_at_least) == (3.0, False)
@@ -30,7 +30,7 @@ def test_a_mean_counts_the_censored_with_their_limit():
     assert (mean.value, mean.is_at_least) == (4.0, True)
 
 
-def test_the_share_finished_leaves_out_the_censored():
+def test_the_finished_share_excludes_censored_runs():
     assert times(1.0, 2.0, 9.0, 9.0, censored=2).share_finished == 0.5
 
 
@@ -47,7 +47,7 @@ def test_a_quantile_is_one_of_the_values(share, value):
     assert sample.quantile(share).value == value
 
 
-def test_an_interval_holds_its_value_and_comes_again_with_its_seed():
+def test_an_interval_contains_its_value_and_repeats_with_its_seed():
     sample = Sample.of([float(number % 17) for number in range(60)])
     mean = sample.mean(seed=3)
 

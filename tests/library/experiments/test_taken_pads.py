@@ -50,5 +50,5 @@ def test_the_same_seed_takes_the_same_pads():
     assert taken_pads(CITY, share=0.5, seed=1) != taken_pads(CITY, share=0.5, seed=2)
 
 
-def test_nothing_is_taken_at_0():
+def test_at_share_0_no_pad_is_reserved():
     assert taken_pads(CITY, share=0.0, seed=1) == ()

@@ -17,7 +17,7 @@ from skyway.experiments.words import duration, estimated, markdown_table, percen
         (math.inf, "never"),
     ],
 )
-def test_a_duration_is_told_in_the_unit_that_reads_best(value_s, text):
+def test_a_duration_is_shown_in_the_unit_that_reads_best(value_s, text):
     assert duration(value_s) == text
 
 
@@ -25,11 +25,11 @@ def test_a_censored_value_says_that_it_is_at_least():
     assert estimated(Estimate(2.0, 1.0, 3.0, is_at_least=True), duration) == "≥ 2 s"
 
 
-def test_what_rounding_leaves_is_nothing():
+def test_a_rounding_error_counts_as_zero():
     assert percent(-4.7e-17) == "0 %"
 
 
-def test_a_table_sets_its_numbers_right():
+def test_a_table_aligns_its_numbers_to_the_right():
     assert markdown_table(("who", "s"), [("exact", "1")]).splitlines() == [
         "| who | s |",
         "| --- | ---: |",

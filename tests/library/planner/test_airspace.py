@@ -18,7 +18,7 @@ def make_zone(number: int, *, chance: random.Random) -> Zone:
     return Zone(ZoneId(f"z{number}"), ((*corners, corners[0]),))
 
 
-def test_a_zone_reaches_what_testing_everything_finds() -> None:
+def test_a_zone_reaches_the_same_as_testing_every_segment() -> None:
     city = synthetic_city(stations=300, seed=1)
     chance = random.Random(1)
     zones = [make_zone(number, chance=chance) for number in range(20)]
@@ -37,7 +37,7 @@ def test_a_zone_reaches_what_testing_everything_finds() -> None:
         )
 
 
-def test_rows_are_those_of_the_stations_and_segments_and_rise() -> None:
+def test_rows_are_the_rows_of_stations_and_segments_in_ascending_order() -> None:
     city = synthetic_city(stations=300, seed=1)
     zone = make_zone(1, chance=random.Random(2))
 

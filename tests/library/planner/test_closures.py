@@ -37,13 +37,13 @@ def test_a_flight_that_starts_later_in_a_hop_delays_the_whole_hop():
     assert (departure.at_s, departure.because_of) == (30.0, A_TO_B)
 
 
-def test_closures_that_overlap_are_left_behind_together():
+def test_overlapping_closures_end_together():
     closures = closed((50.0, 60.0), (55.0, 80.0), (85.0, 90.0))
 
     assert closures.earliest_departure([fly()], not_before_s=45.0).at_s == 90.0
 
 
-def test_an_open_closure_is_never_left_behind():
+def test_a_closure_without_end_never_ends():
     closures = closed((50.0, math.inf))
 
     departure = closures.earliest_departure([fly()], not_before_s=45.0)
@@ -71,7 +71,7 @@ def test_only_what_is_closed_from_the_start_without_end_is_closed_for_good(inter
     assert closed(*intervals).is_closed_for_good(A_TO_B) is is_for_good
 
 
-def test_a_zone_closes_what_meets_it_while_it_is_active(make_network, make_problem):
+def test_a_zone_closes_the_segments_that_meet_it_while_it_is_active(make_network, make_problem):
     corners = [(0.009, -1.0), (0.011, -1.0), (0.011, 1.0), (0.009, 1.0), (0.009, -1.0)]
     zone = Zone(
         ZoneId("z"),

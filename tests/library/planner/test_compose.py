@@ -134,7 +134,7 @@ def test_every_plan_is_accepted_by_verify(random_problem, strategy: str, seed: i
     assert verify(problem, plan) == ()
 
 
-def test_random_problems_are_a_fair_mix(random_problem):
+def test_random_problems_include_all_kinds(random_problem):
     plans = [compose(random_problem(seed)) for seed in range(100)]
 
     assert sum(plan.status == "optimal" for plan in plans) > 25
@@ -145,7 +145,7 @@ def test_random_problems_are_a_fair_mix(random_problem):
     }
 
 
-def test_the_default_strategy_always_proves_what_it_says(random_problem):
+def test_the_default_strategy_always_proves_its_answer(random_problem):
     for seed in range(100):
         plan = compose(random_problem(seed))
 
@@ -181,7 +181,7 @@ def test_walks_are_never_worse_than_simple_paths(random_problem, seed: int):
 
 @given(seed=SEEDS)
 @BOUNDED
-def test_what_one_strategy_proves_impossible_none_finds(random_problem, seed: int):
+def test_no_strategy_finds_a_plan_that_another_proves_impossible(random_problem, seed: int):
     problem = random_problem(seed, stations=5, destinations=2)
     if compose(problem).status != "infeasible":
         return
@@ -225,7 +225,7 @@ def test_the_same_problem_gives_the_same_plan(random_problem, seed: int):
     assert again.steps == plan.steps
 
 
-def test_a_strategy_that_is_not_there_is_refused_with_the_names_of_those_that_are(make_problem):
+def test_an_unknown_strategy_is_refused_with_the_names_of_all_strategies(make_problem):
     with pytest.raises(InvalidProblem, match=r"'best' is .*; there are exact, heuristic, exh"):
         compose(make_problem("a-b:1", "b", strategy="best"))
 
@@ -237,13 +237,13 @@ def test_a_stop_ends_the_search(make_problem):
     assert compose(problem, stop=LabelLimit(1)).status == "unknown"
 
 
-def test_no_strategy_named_means_the_exact_one(make_problem):
+def test_without_a_strategy_the_exact_one_is_used(make_problem):
     plan = compose(make_problem("a-b:1", "b"))
 
     assert (plan.status, plan.stats["strategy"]) == ("optimal", "exact")
 
 
-def test_a_label_limit_ends_the_exact_search_at_the_same_place_every_time(crowded_problem):
+def test_a_label_limit_always_ends_the_exact_search_at_the_same_place(crowded_problem):
     limited = crowded_problem.model_copy(update={"label_limit": 20_000})
 
     plan, again = compose(limited), compose(limited)
@@ -253,7 +253,7 @@ def test_a_label_limit_ends_the_exact_search_at_the_same_place_every_time(crowde
     assert again.stats["labels"] == plan.stats["labels"]
 
 
-def test_a_plan_that_is_not_proven_tells_its_gap(crowded_problem):
+def test_a_plan_without_proof_shows_its_gap(crowded_problem):
     limited = crowded_problem.model_copy(update={"label_limit": 20_000})
 
     plan = compose(limited)
@@ -284,7 +284,7 @@ def test_a_stop_cancels_the_exact_search(crowded_problem):
     assert len(looks) <= 3
 
 
-def test_a_time_limit_ends_an_enumeration_that_would_not(make_problem):
+def test_a_time_limit_ends_an_endless_enumeration(make_problem):
     names = "abcdefgh"
     complete = " ".join(f"{a}-{b}:1" for a in names for b in names if a < b)
 
@@ -294,7 +294,7 @@ def test_a_time_limit_ends_an_enumeration_that_would_not(make_problem):
     assert 0.05 <= plan.stats["elapsed_s"] < 1
 
 
-def test_an_airspace_made_before_gives_the_same_plan(random_problem):
+def test_a_prepared_airspace_gives_the_same_plan(random_problem):
     problem = random_problem(7)
 
     plan = compose(problem, airspace=Airspace.of(problem.network))
@@ -302,7 +302,7 @@ def test_an_airspace_made_before_gives_the_same_plan(random_problem):
     assert plan.steps == compose(problem).steps
 
 
-def test_the_result_says_how_it_was_found(make_problem):
+def test_the_stats_say_how_the_plan_was_found(make_problem):
     stats = compose(make_problem("a-b:1 b-c:1", "c")).stats
 
     assert stats["strategy"] == "exact"

@@ -2,7 +2,7 @@ from skyway.delivery.plan import Fly
 from skyway.planner import compose
 
 
-def test_it_finds_the_way_that_is_longer_but_has_no_waiting(make_problem, taken):
+def test_it_finds_the_longer_path_without_waiting(make_problem, taken):
     fields = {"pad_reservations": taken("b", 0, 9000), "strategy": "exhaustive"}
 
     plan = compose(make_problem("a-b:8 b-d:8 a-c:9 c-d:9", "d", **fields))

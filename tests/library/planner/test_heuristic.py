@@ -32,7 +32,7 @@ def test_it_flies_over_stations_while_the_next_pad_is_in_reach(make_problem):
     assert plan.delivery_time_s == 800.0
 
 
-def test_under_the_partial_policy_it_recharges_only_what_the_next_pad_asks_for(make_problem):
+def test_under_the_partial_policy_it_recharges_only_to_reach_the_next_pad(make_problem):
     plan = planned(make_problem("a-b:8 b-c:5", "c"))
 
     assert told(plan) == ["fly b", "recharge 0.50", "fly c", "deliver c"]
@@ -95,7 +95,7 @@ def test_it_recharges_elsewhere_if_a_station_is_congested(make_problem, taken):
     assert told(plan) == ["fly b", "recharge 0.90", "fly c", "fly d", "deliver d"]
 
 
-def test_it_takes_another_way_round_a_congested_station(make_problem, taken):
+def test_it_takes_another_path_around_a_congested_station(make_problem, taken):
     network = "a-b:8 b-d:8 a-c:9 c-d:9"
 
     plan = planned(make_problem(network, "d", pad_reservations=taken("b", 0, 5000)))
@@ -111,7 +111,7 @@ def test_it_waits_on_the_ground_until_a_segment_opens(make_problem):
     assert told(plan) == ["wait 600", "fly b", "fly c", "deliver c"]
 
 
-def test_it_takes_another_way_if_a_segment_closes_for_good_on_the_way(make_problem):
+def test_it_takes_another_path_if_a_segment_closes_for_good_during_the_flight(make_problem):
     closures = [{"from": "b", "to": "d", "start_s": 500, "end_s": None}]
 
     plan = planned(make_problem("a-b:4 b-d:4 a-c:5 c-d:5", "d", closures=closures))
@@ -138,7 +138,7 @@ def test_it_delivers_in_the_best_order(make_problem):
     ]
 
 
-def test_a_heavier_load_is_slower_and_thirstier(make_problem, model):
+def test_a_heavier_load_is_slower_and_needs_more_energy(make_problem, model):
     model = model.model_copy(update={"speed_full_mps": 5.0})
     packages = [
         {"package_id": "p1", "mass_kg": 0.6, "destination": "b"},
@@ -190,7 +190,7 @@ def test_packages_for_the_source_are_handed_over_right_after_loading(make_proble
     assert plan.delivery_time_s == 80.0
 
 
-def test_a_plan_later_than_asked_for_is_no_plan(make_problem, taken):
+def test_a_plan_later_than_the_requested_time_is_no_plan(make_problem, taken):
     problem = make_problem("a-b:8 b-c:5", "c", pad_reservations=taken("b", 0, 5000))
     assert planned(problem).status == "feasible"
 
@@ -199,7 +199,7 @@ def test_a_plan_later_than_asked_for_is_no_plan(make_problem, taken):
     assert (late.status, late.steps) == ("unknown", ())
 
 
-def test_a_label_limit_ends_the_search_at_the_same_place_every_time(make_problem):
+def test_a_label_limit_always_ends_the_search_at_the_same_place(make_problem):
     problem = make_problem("a-b:4 b-c:4 c-d:4 b-d:5", "c", "d", label_limit=2)
 
     first, second = planned(problem), planned(problem)

@@ -33,7 +33,7 @@ FOR_GOOD = {"start_s": 0, "end_s": None}
         ("a-b:8 b-c:5", ["c"], {"latest_delivery_s": 1599.0}, "TOO_LATE"),
     ],
 )
-def test_what_is_provably_impossible_is_named(
+def test_a_provably_impossible_problem_names_its_reason(
     make_problem, strategy, network, destinations, fields, code
 ):
     plan = compose(make_problem(network, *destinations, strategy=strategy, **fields))
@@ -43,7 +43,7 @@ def test_what_is_provably_impossible_is_named(
     assert (plan.delivery_time_s, plan.energy_j, plan.steps) == (None, None, ())
 
 
-def test_the_numbers_that_overweigh_are_told(make_problem):
+def test_an_overweight_problem_names_mass_and_limit(make_problem):
     plan = compose(make_problem("a-b:1", "b", "b", mass_kg=0.75))
 
     assert plan.infeasibility.detail == (
@@ -81,20 +81,20 @@ def test_pads_booked_beside_the_problem_count_too(make_problem, taken):
     assert plan.infeasibility.code == "NO_PAD_IN_TIME"
 
 
-def test_how_late_it_would_be_is_told(make_problem):
+def test_the_detail_says_how_late_the_plan_would_be(make_problem):
     plan = compose(make_problem("a-b:8 b-c:5", "c", latest_delivery_s=1599.0))
 
     assert plan.infeasibility.code == "TOO_LATE"
     assert "1.000 s more than latest_delivery_s 1599" in plan.infeasibility.detail
 
 
-def test_the_battery_that_would_be_enough_is_told(make_problem):
+def test_the_detail_names_the_battery_that_would_be_enough(make_problem):
     plan = compose(make_problem("a-b:11", "b"))
 
     assert "more battery it could" in plan.infeasibility.detail
 
 
-def test_contestants_prove_nothing_by_reserved_pads(make_problem, taken):
+def test_contestants_prove_nothing_because_of_reserved_pads(make_problem, taken):
     reserved = taken("b", 0, None)
     problem = make_problem("a-b:8 b-c:5", "c", pad_reservations=reserved, strategy="heuristic")
 

@@ -23,7 +23,7 @@ def test_all_orders_come_once_the_cheapest_first(seed, destinations: int):
     assert [cost for cost, _ in ranked] == sorted(total(order, costs) for _, order in ranked)
 
 
-def test_the_cost_of_a_leg_may_depend_on_what_still_waits():
+def test_the_cost_of_a_leg_may_depend_on_the_remaining_destinations():
     def cost(at: int, to: int, waiting: int) -> float:
         return float(waiting.bit_count()) * (10.0 if to == 0 else 1.0)
 
@@ -32,7 +32,7 @@ def test_the_cost_of_a_leg_may_depend_on_what_still_waits():
     assert (cheapest, order) == (12.0, (1, 0))
 
 
-def test_orders_with_an_impossible_leg_do_not_come():
+def test_orders_with_an_impossible_leg_are_left_out():
     def cost(at: int, to: int, waiting: int) -> float:
         return float("inf") if (at, to) == (SOURCE, 0) else 1.0
 
@@ -40,7 +40,7 @@ def test_orders_with_an_impossible_leg_do_not_come():
 
 
 @pytest.mark.parametrize("destinations", [12])
-def test_the_first_orders_of_twelve_destinations_come_without_trying_all(destinations: int):
+def test_the_first_orders_of_twelve_destinations_need_no_full_enumeration(destinations: int):
     ranked = orders_by_cost(destinations, lambda at, to, _waiting: float(abs(to - at)))
 
     assert [order for _, order in islice(ranked, 1)] == [tuple(range(12))]

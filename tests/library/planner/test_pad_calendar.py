@@ -28,7 +28,7 @@ def test_a_station_without_pads_has_no_windows(calendar_of):
     assert calendar_of(pads=0).free_windows("b") == ()
 
 
-def test_windows_lie_between_reservations_however_they_overlap(calendar_of):
+def test_windows_lie_between_reservations_that_may_overlap(calendar_of):
     calendar = calendar_of((0, 50.0, 60.0), (0, 10.0, 20.0), (0, 15.0, 30.0), (0, -5.0, 2.0))
 
     windows = [(window.start_s, window.end_s) for window in calendar.free_windows("b")]
@@ -49,7 +49,7 @@ def test_windows_shrink_inward_to_whole_milliseconds(calendar_of):
 
 
 @pytest.mark.parametrize("milliseconds", [1, 1001, 1009, 4_005, 1_234_567_891])
-def test_a_whole_millisecond_stays_itself_though_floats_cannot_hold_it(milliseconds: int):
+def test_a_whole_millisecond_is_kept_although_floats_round_it(milliseconds: int):
     assert booked_from_ms(milliseconds / 1000) == milliseconds
     assert booked_until_ms(milliseconds / 1000) == milliseconds
 
@@ -82,7 +82,7 @@ def test_the_pad_that_is_free_first_is_taken(calendar_of):
     assert session == Session(pad=1, start_s=30.0)
 
 
-def test_among_pads_free_at_once_the_lowest_number_is_taken(calendar_of):
+def test_among_pads_that_are_free_immediately_the_lowest_number_wins(calendar_of):
     calendar = calendar_of((0, 0.0, 40.0), (1, 0.0, 6.0), pads=3)
 
     session = calendar.earliest_session("b", not_before_s=10.0, duration_s=10.0)

@@ -41,7 +41,9 @@ DATED_ZONE = {
         ({"closures": [{"station_id": "x", "start_s": 0}]}, "closures.0.station_id", "'x'"),
     ],
 )
-def test_what_contradicts_the_network_is_named_with_its_field(make_problem, fields, field, told):
+def test_a_contradiction_with_the_network_is_named_with_its_field(
+    make_problem, fields, field, told
+):
     destinations = fields.pop("destinations", ("b",))
 
     with pytest.raises(InvalidProblem) as refused:
@@ -58,7 +60,7 @@ def test_a_charge_below_the_reserve_is_refused(make_problem, model):
         make_problem("a-b:1", "b", soc=0.19, model=model)
 
 
-def test_a_second_package_of_one_name_is_refused(make_problem):
+def test_a_second_package_with_the_same_id_is_refused(make_problem):
     packages = [{"package_id": "p", "mass_kg": 0, "destination": "b"}] * 2
 
     with pytest.raises(InvalidProblem, match=r"packages.1.package_id: .*'p'"):
@@ -88,7 +90,7 @@ def test_thirteen_destinations_are_one_too_many(make_problem):
         ({"start_at": "2026-01-01T00:00:00"}, ("start_at",)),
     ],
 )
-def test_what_breaks_a_limit_of_one_field_is_named(make_problem, fields, where):
+def test_a_field_that_breaks_its_limit_is_named(make_problem, fields, where):
     with pytest.raises(ValidationError) as refused:
         make_problem("a-b:1", "b", **fields)
 
@@ -102,7 +104,7 @@ def test_a_hundred_and_one_packages_are_one_too_many(make_problem):
         make_problem("a-b:1", *["b"] * 101)
 
 
-def test_a_broken_network_is_named_by_its_path(make_problem):
+def test_a_fault_of_the_network_is_named_by_its_path(make_problem):
     document = make_problem("a-b:1", "b").model_dump(mode="json", by_alias=True)
     document["network"]["features"][1]["properties"]["pads"] = -1
 
@@ -133,6 +135,6 @@ def test_a_problem_written_as_json_reads_back_the_same(make_problem):
     assert Problem.model_validate_json(problem.model_dump_json()) == problem
 
 
-def test_the_drone_stands_at_the_source_unless_it_says_otherwise(make_problem):
+def test_without_a_station_the_drone_stands_at_the_source(make_problem):
     assert make_problem("a-b:1", "b").start_station_id == "a"
     assert make_problem("a-b:1", "b", station="b").start_station_id == "b"

@@ -28,7 +28,7 @@ def test_a_problem_with_every_field_is_accepted(good_problem):
     assert compose(read_problem(good_problem)).delivery_time_s is not None
 
 
-def test_what_is_wrong_is_named_with_its_limit(bad_problems, subtests):
+def test_an_error_names_the_field_and_its_limit(bad_problems, subtests):
     for bad in bad_problems:
         with subtests.test(bad.name):
             error = refusal(bad.document)
@@ -38,7 +38,7 @@ def test_what_is_wrong_is_named_with_its_limit(bad_problems, subtests):
             assert str(error).isprintable()
 
 
-def test_all_faults_are_named_at_once(good_problem):
+def test_all_faults_are_named_in_one_answer(good_problem):
     document = copy.deepcopy(good_problem)
     document["surprise"] = 1
     document["network"]["features"][0]["properties"]["pads"] = -1
@@ -57,7 +57,7 @@ def test_all_faults_are_named_at_once(good_problem):
     )
 
 
-def test_all_that_contradicts_itself_is_named_at_once(good_problem):
+def test_all_contradictions_are_named_in_one_answer(good_problem):
     document = copy.deepcopy(good_problem)
     document["drone"]["soc"] = 0.01
     document["packages"][1] |= {"package_id": "p1", "destination": "x"}
@@ -196,7 +196,9 @@ def a_deep_value(document: dict[str, Any]) -> None:
         a_deep_value,
     ],
 )
-def test_a_flood_is_refused_soon_and_briefly(good_problem, flood: Callable[[Any], None]):
+def test_a_flood_of_faults_is_refused_soon_and_with_a_short_answer(
+    good_problem, flood: Callable[[Any], None]
+):
     document = copy.deepcopy(good_problem)
     flood(document)
     began_s = time.perf_counter()
@@ -208,7 +210,7 @@ def test_a_flood_is_refused_soon_and_briefly(good_problem, flood: Callable[[Any]
     assert len(str(error)) < 5_000
 
 
-def test_of_many_overlaps_the_first_are_told(good_problem):
+def test_of_many_overlaps_the_first_are_named(good_problem):
     held = good_problem["pad_reservations"][1]
 
     error = refusal(good_problem | {"pad_reservations": [held] * 100_000})
@@ -217,7 +219,7 @@ def test_of_many_overlaps_the_first_are_told(good_problem):
 
 
 @pytest.mark.parametrize("document", [None, 7, "x", [], True, float("nan")])
-def test_what_is_no_object_is_refused(document: Any):
+def test_a_problem_that_is_not_an_object_is_refused(document: Any):
     assert "is not an object" in str(refusal(document))
 
 
@@ -231,7 +233,7 @@ EXTREMES: dict[str, dict[str, Any]] = {
     "next to no power": {"power_empty_w": 0.001},
     "a power station": {"power_empty_w": 1e9},
     "long stops": {"stop_s": 1e6, "stop_j": 0.0},
-    "thirsty stops": {"stop_j": 1e12},
+    "costly stops": {"stop_j": 1e12},
     "a sudden charge": {"charge_curve": [[0, 0], [1e-9, 1.0]]},
     "an endless charge": {"charge_curve": [[0, 0], [1e9, 1.0]]},
     "a hair of charge": {"charge_curve": [[0, 0.1], [1, 0.1000000001]]},
@@ -251,7 +253,7 @@ def test_extremes_within_the_limits_are_planned(good_problem, model: Any, mass_k
     assert compose(read_problem(document)).status
 
 
-def test_a_mass_beyond_all_measure_is_overweight(good_problem):
+def test_an_enormous_mass_is_overweight(good_problem):
     document = copy.deepcopy(good_problem)
     for package in document["packages"]:
         package["mass_kg"] = 1e12

@@ -27,7 +27,7 @@ def test_the_first_sector_is_the_smallest_angle_with_the_farthest_target(compass
     assert narrowest == {"source", "n1", "n2", "ne1", "ne2", "e1", "e2"}
 
 
-def test_the_sector_may_look_across_north(compass):
+def test_the_sector_may_span_north(compass):
     narrowest = next(widening_sectors(compass, StationId("source"), targets=["nw2", "ne1"]))
 
     assert {"nw2", "n1", "ne1"} <= narrowest

@@ -8,7 +8,7 @@ def test_effort_is_spent_with_the_last_label_of_the_limit():
     assert effort.labels == 4
 
 
-def test_a_stop_is_told_of_the_last_labels_that_may_be_made():
+def test_a_stop_learns_how_many_labels_remain():
     told: list[int] = []
     effort = Effort(lambda labels: bool(told.append(labels)), most_labels=3)
 
@@ -16,7 +16,7 @@ def test_a_stop_is_told_of_the_last_labels_that_may_be_made():
     assert told == [2, 3]
 
 
-def test_a_time_limit_of_nothing_is_over_at_once_and_a_long_one_is_not():
+def test_a_time_limit_of_zero_is_over_immediately_and_a_long_one_is_not():
     assert TimeLimit(0.0)(0)
     assert not TimeLimit(3600.0)(10**9)
 

@@ -106,7 +106,7 @@ def test_a_sum_that_is_wrong_or_missing_is_caught(problem, plan, name: str):
     assert name in rules(problem, plan.model_copy(update={name: None}))
 
 
-def test_deliveries_that_tell_something_else_are_caught(problem, plan):
+def test_deliveries_that_contradict_the_steps_are_caught(problem, plan):
     first, second = plan.deliveries
     early = first.model_copy(update={"delivered_s": first.delivered_s - 1})
 
@@ -256,7 +256,7 @@ def test_a_landing_whose_cost_was_forgotten_is_caught(problem, plan, model):
 
 
 @pytest.mark.parametrize("status", ["infeasible", "unknown"])
-def test_a_plan_without_flights_tells_no_times(problem, plan, status: str):
+def test_a_plan_without_flights_shows_no_times(problem, plan, status: str):
     assert rules(problem, plan.model_copy(update={"status": status})) == {"no plan"}
 
 

@@ -15,7 +15,7 @@ from tests.library.planner.damages.good_plans import good_plans
 DAMAGES = (*of_fields.DAMAGES, *of_order.DAMAGES, *of_physics.DAMAGES, *of_claims.DAMAGES)
 
 
-def test_the_good_plans_are_good_and_of_all_kinds():
+def test_the_good_plans_are_accepted_and_of_all_kinds():
     kinds = Counter(step.kind for good in good_plans() for step in good.steps)
 
     assert len(good_plans()) >= 24

@@ -11,7 +11,7 @@ from skyway.planner import compose
 from skyway.planner.problem import Problem
 from tests.library.planner.damages.good_plan import GoodPlan
 
-#: Flies about 10 km; slower and thirstier when loaded; landings cost; never quite full.
+#: Flies about 10 km; slower and with more power when loaded; landings cost; never quite full.
 MODEL = DroneModel(
     model_id=DroneModelId("all-features"),
     empty_mass_kg=5.0,

@@ -18,7 +18,7 @@ _BLOCK = 50
 
 
 @pytest.mark.parametrize("first", range(0, 300, _BLOCK))
-def test_no_plan_is_later_than_the_grids_or_earlier_than_possible(first: int) -> None:
+def test_no_plan_is_later_than_the_grid_s_or_earlier_than_possible(first: int) -> None:
     said = {}
     for seed in range(first, first + _BLOCK):
         problem = make_problem(seed)
@@ -29,7 +29,9 @@ def test_no_plan_is_later_than_the_grids_or_earlier_than_possible(first: int) ->
 
 
 @pytest.mark.parametrize("make", [make_busy_problem, make_stormy_problem])
-def test_nor_where_pads_are_busy_or_much_is_closed(make: Callable[[int], Problem]) -> None:
+def test_no_plan_is_later_than_the_grids_with_busy_pads_or_many_closures(
+    make: Callable[[int], Problem],
+) -> None:
     said = {}
     for seed in range(40):
         problem = make(seed)
@@ -47,7 +49,7 @@ def test_the_reason_why_there_is_no_plan_is_true() -> None:
     assert {seed: words for seed, words in said.items() if words} == {}
 
 
-def test_a_fair_share_of_the_problems_has_no_plan() -> None:
+def test_many_of_the_problems_have_no_plan() -> None:
     infeasible = [seed for seed in range(100) if compose(make_problem(seed)).status == "infeasible"]
 
     assert 10 <= len(infeasible) <= 30
@@ -64,7 +66,7 @@ def test_a_fair_share_of_the_problems_has_no_plan() -> None:
         32165,
     ],
 )
-def test_what_the_sweep_once_found_stays_right(seed: int) -> None:
+def test_problems_that_the_sweep_once_found_stay_right(seed: int) -> None:
     problem = make_problem(seed)
 
     assert disagreements(problem, compose(problem), bracket(problem, tick_s=2.0)) == []

@@ -17,7 +17,7 @@ _INSTANCE: dict[str, Any] = json.loads((Path(__file__).parent / "fixed_routes.js
 
 
 @pytest.mark.parametrize("result", _INSTANCE["results"])
-def test_stations_and_charges_inserted_take_as_long_as_frvcpys(result: dict[str, Any]) -> None:
+def test_inserted_charging_stops_take_as_long_as_those_of_frvcpy(result: dict[str, Any]) -> None:
     problem = as_problem(_INSTANCE, result["charger"], result["route"])
     situation = Situation.of(problem, Airspace.of(problem.network))
     strategy = exact_with(Method(), order=order_of(result["route"]))

@@ -49,7 +49,7 @@ def test_only_what_is_half_full_grows() -> None:
     assert (len(larger.label), len(larger.window_s), len(larger.row)) == (16, 8, 8)
 
 
-def test_all_grows_where_one_station_asks_for_more_than_is_left() -> None:
+def test_the_memory_grows_when_one_station_needs_more_than_is_left() -> None:
     memory = new_memory(1, room=Room(places=8, arcs=8, windows=8, states=8, labels=8))
     memory.counts[WINDOWS] = 3
 
@@ -68,7 +68,7 @@ def test_places_are_found_again_after_growing() -> None:
     assert larger.counts[PLACES] == 60
 
 
-def test_a_full_memory_has_no_place_for_one_more() -> None:
+def test_a_full_memory_has_no_room_for_another_place() -> None:
     memory = new_memory(1, room=Room(places=2, arcs=8, windows=8, states=8, labels=8))
     places = [place_of(handle_of(memory), row) for row in (5, 9, 11)]
 

@@ -27,7 +27,7 @@ _SEEDS = range(7000, 7025)
 @pytest.mark.parametrize(
     "method", [Method(bound="flight"), Method(bound="none"), Method(dominance="none")]
 )
-def test_bounds_and_dominance_change_the_effort_alone(method: Method) -> None:
+def test_bounds_and_dominance_change_only_the_effort(method: Method) -> None:
     for seed in _SEEDS:
         problem = make_problem(seed)
 
@@ -56,7 +56,7 @@ def test_the_best_of_all_fixed_orders_is_the_best() -> None:
 
 
 @pytest.mark.parametrize("label_limit", [1, 5, 20, 60])
-def test_a_search_cut_short_claims_nothing_false(label_limit: int) -> None:
+def test_a_search_that_ends_early_claims_nothing_false(label_limit: int) -> None:
     for seed in _SEEDS:
         plan = compose(make_problem(seed, label_limit=label_limit))
         found = bracket(make_problem(seed), tick_s=5.0)

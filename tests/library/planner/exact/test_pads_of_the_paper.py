@@ -24,7 +24,7 @@ MakeProblem = Callable[..., Problem]
 
 
 @pytest.mark.parametrize(("pads", "makespan_min"), [(1, 200), (2, 110), (3, 70), (4, 60), (5, 60)])
-def test_first_come_in_the_order_given(
+def test_drones_that_come_in_the_given_order_have_the_published_makespan(
     pads: int, makespan_min: int, make_problem: MakeProblem, model: Any
 ) -> None:
     assert _makespan_min(_JOBS_MIN, pads, make_problem, model) == pytest.approx(makespan_min)

@@ -80,7 +80,7 @@ def test_more_labels_raise_the_lower_bound(wide: Problem) -> None:
     assert bounds_s == sorted(bounds_s)
 
 
-def test_a_stop_is_heard_between_two_runs(wide: Problem) -> None:
+def test_a_stop_ends_the_search_between_two_runs(wide: Problem) -> None:
     asked = chain((False,), repeat(True))
 
     plan = compose_with(

@@ -16,7 +16,7 @@ _FOLDER = Path(__file__).parent / "texas"
 
 
 @pytest.mark.parametrize("model_id", DRONE_MODELS)
-def test_the_plan_is_the_one_written_down(model_id: DroneModelId) -> None:
+def test_the_plan_equals_the_stored_one(model_id: DroneModelId) -> None:
     problem = texas_problem(model_id)
 
     told = as_text(model_id, problem, compose(problem))

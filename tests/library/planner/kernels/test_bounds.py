@@ -9,7 +9,7 @@ from skyway.planner.kernels.bounds import fill_orders
 
 
 @pytest.mark.parametrize("seed", range(20))
-def test_the_least_over_all_orders_is_that_of_the_best_order(seed: int) -> None:
+def test_the_least_time_over_all_orders_is_the_time_of_the_best_order(seed: int) -> None:
     random = np.random.default_rng(seed)
     count = int(random.integers(1, 6))
     apart_m = random.uniform(1, 100, (count + 1, count))

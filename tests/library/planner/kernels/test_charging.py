@@ -43,7 +43,7 @@ def test_time_and_level_are_those_of_the_drone(
     )
 
 
-def test_staying_and_raising_end_where_the_pad_has_no_more_to_give(
+def test_staying_and_raising_end_when_the_pad_cannot_give_more(
     plain: SimpleNamespace, task: SimpleNamespace
 ) -> None:
     charging = plain.charging
@@ -57,7 +57,7 @@ def test_staying_and_raising_end_where_the_pad_has_no_more_to_give(
     assert charging.after_raising(task, charge, 71_000.0).position == -1.0
 
 
-def test_full_sessions_take_least_when_as_few_as_possible(
+def test_the_fewest_full_sessions_take_the_least_time(
     plain: SimpleNamespace, task: SimpleNamespace
 ) -> None:
     assert plain.charging.full_sessions_s(task, 0.0) == 0.0
@@ -65,7 +65,7 @@ def test_full_sessions_take_least_when_as_few_as_possible(
     assert plain.charging.full_sessions_s(task, 95_000.0 + 20_000.0) == pytest.approx(3060.0)
 
 
-def test_what_dominates_has_as_much_charge_at_every_moment(
+def test_a_dominating_label_has_at_least_as_much_charge_at_every_moment(
     plain: SimpleNamespace, task: SimpleNamespace
 ) -> None:
     random = np.random.default_rng(3)

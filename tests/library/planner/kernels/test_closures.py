@@ -10,7 +10,7 @@ _STEP_S = 0.25
 
 
 @pytest.mark.parametrize("seed", range(40))
-def test_the_first_and_last_moments_to_leave_are_those_found_by_trying(
+def test_the_first_and_last_moments_to_leave_equal_those_found_by_trying(
     plain: SimpleNamespace, seed: int
 ) -> None:
     random = np.random.default_rng(seed)

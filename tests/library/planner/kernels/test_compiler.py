@@ -23,7 +23,7 @@ def test_the_stamp_changes_with_any_source(tmp_path: Path) -> None:
     assert _stamp(tmp_path) != before
 
 
-def test_every_entrance_is_compiled_for_one_signature() -> None:
+def test_every_entry_point_is_compiled_for_one_signature() -> None:
     warm()
 
     assert [len(each.signatures) for each in (search.begin, search.run, trees.plant_all)] == [1] * 3

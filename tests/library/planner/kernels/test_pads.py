@@ -17,7 +17,7 @@ from skyway.planner.pad_calendar import PadCalendar
 
 @pytest.mark.parametrize("recharges_fully", [True, False])
 @pytest.mark.parametrize("seed", range(25))
-def test_windows_are_those_of_the_calendar(
+def test_windows_equal_those_of_the_calendar(
     plain: SimpleNamespace, make_network: Callable[..., Network], seed: int, recharges_fully: bool
 ) -> None:
     random = np.random.default_rng(seed)

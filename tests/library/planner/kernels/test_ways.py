@@ -31,11 +31,11 @@ def found_m(network: Network, *, most_settled: int) -> npt.NDArray[np.float64]:
     return lengths_from(away.offsets, away.station, away.length_m, _ROOT, rows, most_settled)
 
 
-def test_every_length_is_that_of_the_shortest_way(city: Network) -> None:
+def test_every_length_is_that_of_the_shortest_path(city: Network) -> None:
     assert found_m(city, most_settled=80) == pytest.approx(true_m(city))
 
 
-def test_a_search_that_ends_early_tells_the_nearest_and_the_least_of_the_others(
+def test_a_search_that_ends_early_gives_the_nearest_and_a_bound_for_the_others(
     city: Network,
 ) -> None:
     in_order = np.sort(true_m(city))
@@ -46,7 +46,7 @@ def test_a_search_that_ends_early_tells_the_nearest_and_the_least_of_the_others(
     assert found[20:] == pytest.approx(in_order[20])
 
 
-def test_without_a_way_the_length_is_infinite(city: Network) -> None:
+def test_without_a_path_the_length_is_infinite(city: Network) -> None:
     nobody = np.zeros(81, np.int64)
     nothing = np.empty(0)
 
