@@ -1,4 +1,4 @@
-"""`python -m skyway_broker`: the embedded broker, until its parent leaves or it is told to."""
+"""`python -m skyway_broker`: the embedded broker, until its parent ends or a signal stops it."""
 
 import asyncio
 import logging
@@ -19,22 +19,22 @@ log = logging.getLogger(__name__)
 async def serve(settings: BrokerSettings) -> None:
     """Serve until SIGTERM, SIGINT, or until the pipe to the parent closes."""
     loop = asyncio.get_running_loop()
-    asked_to_leave = asyncio.Event()
+    stopping = asyncio.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
-        loop.add_signal_handler(number, asked_to_leave.set)
+        loop.add_signal_handler(number, stopping.set)
     if settings.parent_fd is not None:
-        # The parent never writes into its pipe: readable means that it closed it.
-        loop.add_reader(settings.parent_fd, asked_to_leave.set)
+        # The parent never writes into the pipe: readable means that the parent closed it.
+        loop.add_reader(settings.parent_fd, stopping.set)
     listener = settings.listener()
     gate = Gate(settings.password_file)
     broker = HardenedBroker(listener, gate=gate, rules=BrokerRules())
     await broker.start()
     log.info("broker listens", extra={"port": listener.getsockname()[1]})
-    await asked_to_leave.wait()
+    await stopping.wait()
     if settings.parent_fd is not None:
         loop.remove_reader(settings.parent_fd)
     await broker.shutdown()
-    log.info("broker left")
+    log.info("broker stopped")
 
 
 def main() -> int:
@@ -45,7 +45,7 @@ def main() -> int:
         sys.stderr.write(f"skyway_broker: {error}\n")
         return 2
     configure_logs("broker", settings.log_level)
-    # amqtt tells every connection in prose; what matters of it, we tell ourselves.
+    # amqtt logs every connection; this package logs the important events itself.
     for library in ("amqtt", "transitions"):
         logging.getLogger(library).setLevel(logging.WARNING)
     keep_what_is_loaded()

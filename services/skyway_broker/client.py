@@ -1,9 +1,10 @@
-"""One client's connection: reads its packets in order, and writes to it without waiting."""
+"""The connection of one client: reads its packets in order, and writes without waiting."""
 
 import asyncio
 import logging
 from typing import Protocol
 
+from amqtt.adapters import StreamReaderAdapter, StreamWriterAdapter
 from amqtt.errors import MQTTError
 from amqtt.mqtt import packet_class
 from amqtt.mqtt.connack import CONNECTION_ACCEPTED, NOT_AUTHORIZED, ConnackPacket
@@ -19,17 +20,50 @@ from amqtt.mqtt.unsuback import UnsubackPacket
 from amqtt.mqtt.unsubscribe import UnsubscribePacket
 from amqtt.session import Session
 
-from skyway_broker.streams import ClientReader, ClientWriter
+
+class ClientReader(StreamReaderAdapter):  # type: ignore[misc] # amqtt has no types
+    """amqtt's reader, which refuses an invented length instead of reading everything."""
+
+    async def read(self, n: int = -1) -> bytes:
+        """Exactly `n` bytes."""
+        if n < 0:
+            raise MQTTError("a length in a packet is wrong")
+        data: bytes = await super().read(n)
+        return data
+
+
+class ClientWriter(StreamWriterAdapter):  # type: ignore[misc] # amqtt has no types
+    """amqtt's writer, which also counts waiting bytes, and closes without waiting."""
+
+    def __init__(self, writer: asyncio.StreamWriter) -> None:
+        super().__init__(writer)
+        self._transport = writer.transport
+
+    @property
+    def waiting_bytes(self) -> int:
+        """Written bytes that the client has not received yet."""
+        return self._transport.get_write_buffer_size()
+
+    async def close(self) -> None:
+        """Close the connection once everything is written; this does not wait."""
+        self.is_closed = True
+        self._transport.close()
+
+    def abort(self) -> None:
+        """Close the connection now."""
+        self.is_closed = True
+        self._transport.abort()
+
 
 log = logging.getLogger(__name__)
 
 #: Largest packet that is read; a mission of a thousand steps has about 300 KiB.
 MAX_PACKET_BYTES = 1 << 20
 
-#: Bytes that may wait for a client that does not read, before it is put out.
+#: Bytes that may wait for a client that does not read, before it is disconnected.
 MAX_WAITING_BYTES = 32 << 20
 
-#: The SUBACK's code for what is no filter.
+#: The SUBACK code for an invalid filter.
 NOT_A_FILTER = 0x80
 
 #: A silence of this many keepalives ends a connection [MQTT-3.1.2-24].
@@ -37,26 +71,26 @@ _PATIENCE = 1.5
 
 
 class Traffic(Protocol):
-    """What a connection hands on to the broker."""
+    """The calls of a connection to the broker."""
 
     def publish(self, client: "Client", packet: PublishPacket) -> None:
         """Distribute a message, or raise `MQTTError` to end the connection."""
 
     def subscribe(self, client: "Client", filters: list[tuple[str, int]]) -> list[int | None]:
-        """Subscribe, and return the `mqtt_qos` granted for each, or None for what is no filter."""
+        """Subscribe; the result is the `mqtt_qos` of each filter, None for an invalid filter."""
 
-    def send_retained(self, client: "Client", wanted: str, mqtt_qos: int) -> None:
-        """Send what is retained under a filter and may be read."""
+    def send_retained(self, client: "Client", topic_filter: str, mqtt_qos: int) -> None:
+        """Send the retained messages of a filter that the client may read."""
 
     def unsubscribe(self, client: "Client", filters: list[str]) -> None:
-        """Forget these filters."""
+        """Remove these filters."""
 
 
 class Client:
-    """The connection of one client that was let in.
+    """The connection of one accepted client.
 
-    amqtt starts a task for each packet, and for each message that it delivers; here packets are
-    handled one after another and written at once, so that order needs no care.
+    amqtt starts a task for each packet and for each delivered message. Here packets are handled one
+    after another and written immediately, so they stay in order.
     """
 
     def __init__(
@@ -76,14 +110,14 @@ class Client:
         self._traffic = traffic
 
     async def serve(self) -> bool:
-        """Handle packet after packet; True if the client leaves with a goodbye.
+        """Handle packet after packet; True when the client leaves with a DISCONNECT.
 
         Raises
         ------
         TimeoutError
-            Nothing came for 1.5 times the keepalive.
+            No packet came for 1.5 times the keepalive.
         MQTTError
-            The client broke the protocol or published what it may not.
+            The client broke the protocol or published on a forbidden topic.
         """
         self._send(ConnackPacket.build(0, CONNECTION_ACCEPTED))
         patience_s = _PATIENCE * self.session.keep_alive or None
@@ -96,16 +130,16 @@ class Client:
             await self._writer.drain()
 
     def deliver(self, topic: str, data: bytes, mqtt_qos: int, *, retained: bool) -> None:
-        """Write a message to the client, in the order of the calls; never resent."""
+        """Write a message to the client, in the order of the calls; no message is resent."""
         if self._writer.waiting_bytes > MAX_WAITING_BYTES:
-            log.warning("client does not read, put out", extra={"client": self.place})
-            self.put_out()
+            log.warning("client does not read, disconnected", extra={"client": self.place})
+            self.disconnect()
             return
         packet_id = self.session.next_packet_id if mqtt_qos else None
         self._send(PublishPacket.build(topic, data, packet_id, False, mqtt_qos, retained))
 
-    def put_out(self) -> None:
-        """Hang up now."""
+    def disconnect(self) -> None:
+        """Close the connection now."""
         self._writer.abort()
 
     async def _next_packet(self) -> MQTTPacket | None:
@@ -119,9 +153,9 @@ class Client:
     def _handle(self, packet: MQTTPacket) -> None:
         match packet:
             case PublishPacket():
-                self._take(packet)
+                self._publish(packet)
             case PubackPacket():
-                pass  # nothing is resent, so nothing waits for it
+                pass  # no message is resent, so none waits for its PUBACK
             case PingReqPacket():
                 self._send(PingRespPacket.build())
             case SubscribePacket():
@@ -133,17 +167,17 @@ class Client:
                 raise MQTTError(f"unexpected {type(packet).__name__}")
 
     def _subscribe(self, packet: SubscribePacket) -> None:
-        filters = [wanted for wanted, _ in packet.payload.topics]
+        filters = [topic_filter for topic_filter, _ in packet.payload.topics]
         granted = self._traffic.subscribe(self, packet.payload.topics)
         codes = [NOT_A_FILTER if mqtt_qos is None else mqtt_qos for mqtt_qos in granted]
         self._send(SubackPacket.build(packet.variable_header.packet_id, codes))
-        for wanted, mqtt_qos in zip(filters, granted, strict=True):
+        for topic_filter, mqtt_qos in zip(filters, granted, strict=True):
             if mqtt_qos is not None:
-                self._traffic.send_retained(self, wanted, mqtt_qos)
+                self._traffic.send_retained(self, topic_filter, mqtt_qos)
 
-    def _take(self, packet: PublishPacket) -> None:
+    def _publish(self, packet: PublishPacket) -> None:
         if packet.qos > 1:
-            raise MQTTError("mqtt_qos 2 is not spoken here")
+            raise MQTTError("mqtt_qos 2 is not supported")
         self._traffic.publish(self, packet)
         if packet.qos == 1:
             self._send(PubackPacket.build(packet.packet_id))
@@ -153,5 +187,5 @@ class Client:
 
 
 def refuse(writer: ClientWriter) -> None:
-    """Tell a client that it is not let in."""
+    """Answer a client that it is not authorized."""
     writer.write(ConnackPacket.build(0, NOT_AUTHORIZED).to_bytes())

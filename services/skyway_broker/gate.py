@@ -1,4 +1,4 @@
-"""Who may come in: the accounts of the password file, read again whenever it changes."""
+"""The accounts that may connect: those of the password file, read again when it changes."""
 
 import logging
 from pathlib import Path
@@ -10,7 +10,7 @@ log = logging.getLogger(__name__)
 
 
 class Gate:
-    """The accounts of a password file; nobody is anonymous, and no file means no accounts."""
+    """The accounts of a password file; without a file there are no accounts."""
 
     def __init__(self, password_file: Path) -> None:
         self._file = password_file
@@ -18,9 +18,9 @@ class Gate:
         self._accounts: dict[str, str] = {}
 
     def refresh(self) -> bool:
-        """Read the file if it was replaced, and tell whether it was.
+        """Read the file if it was replaced; True when it was read.
 
-        A file that is missing for a moment changes nothing: the last accounts stay.
+        A file that is missing for a moment changes nothing: the accounts stay.
         """
         try:
             status = self._file.stat()
@@ -45,9 +45,9 @@ class Gate:
 
 
 def place_of(user_name: str, client_id: str) -> str:
-    """The place that a client takes; whoever takes it again puts the former holder out.
+    """The place of a client; a new client with the same place disconnects the previous one.
 
-    Drones and customers have one place each, whatever client id they send; the replicas of a
-    service differ by theirs. No account can take a place of another.
+    A drone and a customer have one place each, for all client ids. The replicas of a service have
+    different client ids, and so different places. No account can use the place of another.
     """
     return f"{user_name}/{client_id}" if user_name in SERVICE_ACCOUNTS else user_name

@@ -1,4 +1,4 @@
-"""What the broker reads from its environment."""
+"""The settings that the broker reads from its environment."""
 
 import os
 import socket
@@ -11,7 +11,7 @@ from skyway.runtime.errors import InvalidSettings
 
 @dataclass(frozen=True, slots=True)
 class BrokerSettings:
-    """Where to listen, and whose accounts count."""
+    """Where the broker listens, and the file of its accounts."""
 
     #: The file of accounts that the registry writes.
     password_file: Path

@@ -1,7 +1,7 @@
 """Which clients a topic finds."""
 
 import pytest
-from skyway_broker.subscriptions import Subscriptions, is_filter, matches
+from skyway_broker.subscriptions import Retained, Subscriptions, is_filter, matches
 
 
 @pytest.mark.parametrize(
@@ -67,3 +67,30 @@ def test_a_dropped_client_is_not_found():
     wanted.drop("c")
 
     assert wanted.matching("a/b") == {}
+
+
+def test_the_last_message_of_a_topic_is_kept():
+    kept = Retained()
+    kept.keep("a/b", b"1", 1)
+    kept.keep("a/b", b"2", 1)
+
+    assert list(kept.under("a/b")) == [("a/b", b"2", 1)]
+
+
+def test_an_empty_message_clears_a_topic():
+    kept = Retained()
+    kept.keep("a/b", b"1", 1)
+
+    kept.keep("a/b", b"", 1)
+
+    assert list(kept.under("#")) == []
+
+
+def test_a_wildcard_finds_all_topics_that_it_matches():
+    kept = Retained()
+    kept.keep("a/b", b"1", 1)
+    kept.keep("a/c", b"2", 0)
+    kept.keep("x/c", b"3", 0)
+
+    assert sorted(kept.under("a/+")) == [("a/b", b"1", 1), ("a/c", b"2", 0)]
+    assert list(kept.under("a/x")) == []

@@ -74,7 +74,7 @@ async def test_the_broker_exits_on_sigterm(process, connect):
     _, errors = process.running.communicate(timeout=10)
     assert process.running.returncode == 0
     assert b"Traceback" not in errors
-    assert b'"event": "broker left"' in errors
+    assert b'"event": "broker stopped"' in errors
 
 
 @pytest.mark.parametrize(
