@@ -199,3 +199,29 @@ def good_answers(operation: Any) -> dict[str, set[str]]:
         for status, answer in operation["responses"].items()
         if status.startswith("2")
     }
+
+
+def test_every_discriminator_of_asyncapi_names_a_property_that_tells_its_forms_apart() -> None:
+    document = asyncapi()
+    choices = [
+        schema
+        for schema in schemas_in(document["components"]["schemas"])
+        if "discriminator" in schema
+    ]
+
+    assert choices
+    for schema in choices:
+        name = schema["discriminator"]
+        forms = [resolve(document, form["$ref"]) for form in schema["oneOf"]]
+        values = [form["properties"][name]["const"] for form in forms]
+        assert len(values) == len(set(values)), name
+
+
+def schemas_in(value: object) -> Iterator[Any]:
+    """The objects within a JSON value, the value itself too."""
+    if isinstance(value, dict):
+        yield value
+        value = list(value.values())
+    if isinstance(value, list):
+        for each in value:
+            yield from schemas_in(each)

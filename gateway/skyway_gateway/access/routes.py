@@ -67,7 +67,10 @@ def key_routes(*, db: Database, gate: KeyGate, keys: Keys) -> ServiceRouter:
         wanted: NewKey,
         idempotency_key: IdempotencyKey = None,
     ) -> Response:
-        """Issue an API key; its secrets are shown only in this answer."""
+        """Make an API key; its secrets are shown only in this answer.
+
+        Callers: operator.
+        """
         caller.must_be("operator")
         answer = await keys.issue(
             caller, wanted, idempotency_key=idempotency_key, body=await request.body()
@@ -78,7 +81,10 @@ def key_routes(*, db: Database, gate: KeyGate, keys: Keys) -> ServiceRouter:
     async def list_keys(
         caller: Annotated[Caller, Depends(gate)], query: Annotated[KeyListQuery, Query()]
     ) -> Page[ApiKey]:
-        """All keys that are in use, without their secrets."""
+        """List all keys in use, without their secrets.
+
+        Callers: operator.
+        """
         caller.must_be("operator")
         wanted = KeyFilter(query.role, query.subject_id)
         async with db.read() as connection:
@@ -87,14 +93,20 @@ def key_routes(*, db: Database, gate: KeyGate, keys: Keys) -> ServiceRouter:
 
     @router.get("/v1/keys/{key_id}")
     async def get_key(key_id: KeyId, caller: Annotated[Caller, Depends(gate)]) -> ApiKey:
-        """A key, without its secret."""
+        """Show a key, without its secret.
+
+        Callers: operator.
+        """
         caller.must_be("operator")
         async with db.read() as connection:
             return await store.one(connection, key_id)
 
     @router.delete("/v1/keys/{key_id}", status_code=204)
     async def delete_key(key_id: KeyId, caller: Annotated[Caller, Depends(gate)]) -> Response:
-        """Stop a key at once."""
+        """Delete a key; calls with it are refused from now on.
+
+        Callers: operator.
+        """
         caller.must_be("operator")
         await keys.delete(key_id)
         return Response(status_code=204)

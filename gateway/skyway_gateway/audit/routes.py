@@ -42,7 +42,10 @@ def audit_routes(*, db: Database, gate: KeyGate) -> ServiceRouter:
     async def list_audit_entries(
         caller: Annotated[Caller, Depends(gate)], query: Annotated[AuditQuery, Query()]
     ) -> Page[AuditEntry]:
-        """What operators and providers did, the newest first."""
+        """List what operators and providers changed, the newest first.
+
+        Callers: operator.
+        """
         caller.must_be("operator")
         wanted = AuditFilter(query.role, query.subject_id, query.path)
         async with db.survey() as connection:

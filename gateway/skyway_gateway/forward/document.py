@@ -63,7 +63,12 @@ def forwarded_document(services: Mapping[Service, Document]) -> Document:
         paths.setdefault(row.path, {})[row.method.lower()] = _for_callers(row, operation)
         _merge(schemas, _needed_schemas(operation, document["components"]["schemas"]))
     paths[_PROVIDERS]["post"] = _with_key(paths[_PROVIDERS]["post"], schemas)
-    return {"paths": _sorted_paths(paths), "components": {"schemas": dict(sorted(schemas.items()))}}
+    answers: Document = {}
+    for document in services.values():
+        _merge(answers, document["components"]["responses"])
+    _merge(schemas, _needed_schemas(answers, services["registry"]["components"]["schemas"]))
+    components = {"responses": answers, "schemas": dict(sorted(schemas.items()))}
+    return {"paths": _sorted_paths(paths), "components": components}
 
 
 def whole_document(own: Document, forwarded: Document) -> Document:
@@ -72,14 +77,18 @@ def whole_document(own: Document, forwarded: Document) -> Document:
     paths = {path: calls for path, calls in paths.items() if not path.startswith(_INTERNAL)}
     for path, calls in forwarded["paths"].items():
         paths.setdefault(path, {}).update(calls)
-    schemas = {**own["components"]["schemas"]}
+    schemas, answers = ({**own["components"][name]} for name in ("schemas", "responses"))
     _merge(schemas, forwarded["components"]["schemas"])
+    _merge(answers, forwarded["components"]["responses"])
     parts = {
         "paths": _sorted_paths(paths),
         **({"webhooks": own["webhooks"]} if "webhooks" in own else {}),
     }
-    needed = _needed_schemas([parts, own["components"]["responses"]], schemas)
-    components = {**own["components"], "schemas": dict(sorted(needed.items()))}
+    components = {
+        **own["components"],
+        "responses": answers,
+        "schemas": dict(sorted(_needed_schemas([parts, answers], schemas).items())),
+    }
     return {**own, "tags": tags_of(parts), **parts, "components": components}
 
 
@@ -130,7 +139,7 @@ def _sorted_paths(paths: Document) -> Document:
 def _merge(schemas: Document, more: Document) -> None:
     for name, schema in more.items():
         if schemas.setdefault(name, schema) != schema:
-            raise ValueError(f"two services have different schemas of the name {name}")
+            raise ValueError(f"two services have different things of the name {name}")
 
 
 def _needed_schemas(part: object, schemas: Document) -> Document:

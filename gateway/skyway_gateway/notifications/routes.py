@@ -38,7 +38,10 @@ def clock_routes(*, gate: KeyGate, anchor: AnchoredClock) -> ServiceRouter:
 
     @router.get("/v1/clock")
     async def get_clock(_caller: Annotated[Caller, Depends(gate)]) -> FleetTime:
-        """Fleet time, and the anchor from which it is computed."""
+        """Show fleet time, and the anchor from which it is computed.
+
+        Callers: every API key.
+        """
         return fleet_time(anchor)
 
     return router
@@ -63,7 +66,10 @@ def webhook_routes(
         wanted: NewWebhook,
         idempotency_key: IdempotencyKey = None,
     ) -> Response:
-        """Be told of deliveries' events; the signing secret is shown only in this answer."""
+        """Have the events of deliveries sent to a URL; its secret is shown only in this answer.
+
+        Callers: customer.
+        """
         caller.must_be("customer")
         await targets.check(wanted.url)
         webhook = IssuedWebhook(
@@ -97,7 +103,10 @@ def webhook_routes(
     async def list_webhooks(
         caller: Annotated[Caller, Depends(gate)], query: Annotated[PageQuery, Query()]
     ) -> Page[Webhook]:
-        """The caller's webhooks, without their secrets."""
+        """List the caller's webhooks, without their secrets.
+
+        Callers: customer, operator.
+        """
         caller.must_be("customer", "operator")
         async with db.read() as connection:
             found = await webhook_store.webhooks_page(connection, caller, query)
@@ -107,7 +116,10 @@ def webhook_routes(
     async def get_webhook(
         webhook_id: WebhookId, caller: Annotated[Caller, Depends(gate)]
     ) -> Webhook:
-        """A webhook, without its secret."""
+        """Show a webhook, without its secret.
+
+        Callers: customer, operator.
+        """
         caller.must_be("customer", "operator")
         async with db.read() as connection:
             return await webhook_store.webhook_of(connection, caller, webhook_id)
@@ -118,7 +130,10 @@ def webhook_routes(
         caller: Annotated[Caller, Depends(gate)],
         wanted: WebhookChange,
     ) -> Webhook:
-        """Change where or of what it is told, or make a disabled one active again."""
+        """Change the URL or the events of a webhook, or make a disabled one active again.
+
+        Callers: customer.
+        """
         caller.must_be("customer")
         if wanted.url is not None:
             await targets.check(wanted.url)
@@ -132,7 +147,10 @@ def webhook_routes(
     async def delete_webhook(
         webhook_id: WebhookId, caller: Annotated[Caller, Depends(gate)]
     ) -> Response:
-        """Be told no more; its attempts are forgotten."""
+        """Delete a webhook and its attempts.
+
+        Callers: customer.
+        """
         caller.must_be("customer")
         async with db.write() as tx:
             await webhook_store.webhook_of(tx.connection, caller, webhook_id)
@@ -143,7 +161,10 @@ def webhook_routes(
     async def test_webhook(
         webhook_id: WebhookId, caller: Annotated[Caller, Depends(gate)]
     ) -> WebhookAttempt:
-        """Send a `webhook.test` event now, once, and say how it went."""
+        """Send a `webhook.test` event once, now, and show how it was answered.
+
+        Callers: customer.
+        """
         caller.must_be("customer")
         async with db.read() as connection:
             endpoint = await webhook_store.endpoint_of(connection, caller, webhook_id)
@@ -157,7 +178,10 @@ def webhook_routes(
     async def replay_webhook(
         webhook_id: WebhookId, caller: Annotated[Caller, Depends(gate)], wanted: ReplayRequest
     ) -> Replay:
-        """Have past events sent again, under their own ids and in their sequence."""
+        """Send past events again, with their own ids and in their order.
+
+        Callers: customer.
+        """
         caller.must_be("customer")
         return await replay(db, caller, webhook_id, wanted, clock=clock, wake=sender.wake)
 
@@ -167,7 +191,10 @@ def webhook_routes(
         caller: Annotated[Caller, Depends(gate)],
         query: Annotated[PageQuery, Query()],
     ) -> Page[WebhookAttempt]:
-        """Each try to notify it, the newest first."""
+        """List the attempts to notify a webhook, the newest first.
+
+        Callers: customer, operator.
+        """
         caller.must_be("customer", "operator")
         async with db.read() as connection:
             await webhook_store.webhook_of(connection, caller, webhook_id)

@@ -33,7 +33,10 @@ def quote_routes(*, db: Database, gate: KeyGate, maker: QuoteMaker) -> ServiceRo
         wanted: DeliveryRequest,
         idempotency_key: IdempotencyKey = None,
     ) -> Response:
-        """Ask for offers, the best first; they reserve nothing, and one of them can be taken."""
+        """Ask for offers, the best first; an offer reserves nothing, and one can be accepted.
+
+        Callers: customer, operator.
+        """
         caller.must_be("customer", "operator")
         answer = await maker.make(
             caller, wanted, idempotency_key=idempotency_key, body=await request.body()
@@ -42,7 +45,10 @@ def quote_routes(*, db: Database, gate: KeyGate, maker: QuoteMaker) -> ServiceRo
 
     @router.get("/v1/quotes/{quote_id}")
     async def get_quote(quote_id: QuoteId, caller: Annotated[Caller, Depends(gate)]) -> Quote:
-        """A quote, and whether one of its offers was taken."""
+        """Show a quote, and which of its offers was accepted.
+
+        Callers: customer, operator.
+        """
         caller.must_be("customer", "operator")
         async with db.read() as connection:
             return await store.one_of(connection, caller, quote_id)

@@ -28,7 +28,10 @@ def statistics_routes(*, db: Database, gate: KeyGate, clock: FleetClock) -> Serv
     async def get_delivery_statistics(
         caller: Annotated[Caller, Depends(gate)], query: Annotated[DeliveryQuery, Query()]
     ) -> DeliveryStatistics:
-        """How deliveries went that were requested in a span; a provider sees those it flies."""
+        """Sum up the deliveries of a span; a provider sees those that its drones fly.
+
+        Callers: provider, operator.
+        """
         caller.must_be("provider", "operator")
         span, provider_id = query.span(clock.now()), _provider(caller, query.provider_id)
         counted = Counted(span, provider_id, query.bucket_ms(span))

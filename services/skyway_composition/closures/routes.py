@@ -30,7 +30,7 @@ from skyway_composition.closures.orders import (
     ZoneOrder,
 )
 
-PadNumber = Annotated[int, Path(ge=0, lt=MAX_PADS)]
+PadNumber = Annotated[int, Path(ge=0, lt=MAX_PADS, description="The number of the pad, from 0.")]
 
 
 def place_routes(*, gate: ServiceGate, closings: Closings) -> ServiceRouter:

@@ -149,7 +149,7 @@ def mission_routes(*, db: Database, gate: ServiceGate, bookings: Bookings) -> Se
     async def list_missions(
         caller: Annotated[Caller, Depends(gate)], query: Annotated[MissionQuery, Query()]
     ) -> Page[Mission]:
-        """Missions, the newest first: all for operators, its own for a provider or a drone."""
+        """List missions, the newest first: all for operators, its own for a provider or a drone."""
         shown = MissionFilter(
             provider_id=_own(caller),
             state=query.state,
@@ -176,7 +176,7 @@ def mission_routes(*, db: Database, gate: ServiceGate, bookings: Bookings) -> Se
     async def get_mission(
         mission_id: MissionId, caller: Annotated[Caller, Depends(gate)]
     ) -> MissionProgress:
-        """A mission with its progress."""
+        """Show a mission with its progress."""
         async with db.read() as connection:
             record = await store.get(connection, mission_id, provider_id=_own(caller))
             if record is None or _own_drone(caller) not in (None, record.drone_id):

@@ -24,7 +24,7 @@ def drone_model_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
     async def list_drone_models(
         caller: Annotated[Caller, Depends(gate)], query: Annotated[PageQuery, Query()]
     ) -> Page[DroneModel]:
-        """All drone models, sorted by id."""
+        """List all drone models, by id."""
         after = query.after(str)
         async with db.read() as connection:
             models = await drone_model_store.every(connection)
@@ -36,7 +36,7 @@ def drone_model_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
     async def get_drone_model(
         model_id: DroneModelId, caller: Annotated[Caller, Depends(gate)]
     ) -> DroneModel:
-        """A drone model."""
+        """Show a drone model."""
         async with db.read() as connection:
             models = await drone_model_store.every(connection)
         if model_id not in models:
@@ -56,7 +56,7 @@ def drone_model_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
         wanted: DroneModel,
         response: Response,
     ) -> DroneModel:
-        """Add a drone model, or replace one that no drone is of; operators only."""
+        """Add a drone model, or replace one that no drone has."""
         caller.must_be("operator")
         if wanted.model_id != model_id:
             raise InvalidInput("model_id", f"{wanted.model_id!r} is not the path's {model_id!r}")

@@ -96,7 +96,10 @@ def registration_routes(
         wanted: NewDrones,
         idempotency_key: IdempotencyKey = None,
     ) -> Response:
-        """Register drones, all or none; `enrolment_token` and `mqtt` are shown this once."""
+        """Register one drone or a list of drones, all or none.
+
+        `enrolment_token` and `mqtt` are shown only in this answer.
+        """
         caller.must_be("operator", "provider")
         raw = await request.body()
         new_drones = wanted if isinstance(wanted, list) else [wanted]

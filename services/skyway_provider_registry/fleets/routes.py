@@ -38,7 +38,7 @@ def fleet_routes(
         caller: Annotated[Caller, Depends(gate)],
         query: Annotated[PageQuery, Query()],
     ) -> Page[Drone]:
-        """The drones of a provider, sorted by id."""
+        """List the drones of a provider, by id."""
         caller.must_be("operator", "provider")
         async with db.read() as connection:
             await providers.of_caller(connection, caller, provider_id=provider_id)
@@ -57,7 +57,7 @@ def fleet_routes(
     async def get_drone(
         provider_id: ProviderId, drone_id: DroneId, caller: Annotated[Caller, Depends(gate)]
     ) -> Drone:
-        """A drone and what is known of it now; a drone sees itself."""
+        """Show a drone and its present state; a drone sees itself."""
         caller.must_be("operator", "provider", "drone")
         async with db.read() as connection:
             drone = await store.of_caller(
@@ -72,7 +72,7 @@ def fleet_routes(
         caller: Annotated[Caller, Depends(gate)],
         wanted: DroneChange,
     ) -> Drone:
-        """Change name, registration or home station, or take it out of service and back."""
+        """Change a drone's name, registration or home, or take it out of service and back."""
         caller.must_be("operator", "provider")
         values = await _columns(wanted, stations)
         async with db.write() as tx:
@@ -88,7 +88,7 @@ def fleet_routes(
     async def delete_drone(
         provider_id: ProviderId, drone_id: DroneId, caller: Annotated[Caller, Depends(gate)]
     ) -> Response:
-        """Remove a drone that is on no mission; its broker account goes at once."""
+        """Remove a drone that is on no mission, and its broker account."""
         caller.must_be("operator", "provider")
         async with db.write() as tx:
             drone = await store.of_caller(

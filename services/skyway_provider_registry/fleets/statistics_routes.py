@@ -21,7 +21,7 @@ def fleet_statistics_routes(*, db: Database, gate: ServiceGate, clock: FleetCloc
 
     @router.get("/v1/stats/fleets")
     async def get_fleet_statistics(caller: Annotated[Caller, Depends(gate)]) -> FleetStatistics:
-        """How many drones are in which state now, and how late what they say is heard."""
+        """Count the drones in each state, and measure how late their messages arrive."""
         caller.must_be("provider", "operator")
         provider_id = ProviderId(caller.subject_id) if caller.role == "provider" else None
         since_ms = moment_to_ms(clock.wall_now() - SILENCE)

@@ -37,7 +37,7 @@ def provider_routes(
         wanted: NewProvider,
         idempotency_key: IdempotencyKey = None,
     ) -> Response:
-        """Register a provider; operators only."""
+        """Register a provider."""
         caller.must_be("operator")
         provider = Provider(
             provider_id=ProviderId(mint("prv")),
@@ -70,7 +70,7 @@ def provider_routes(
     async def list_providers(
         caller: Annotated[Caller, Depends(gate)], query: Annotated[PageQuery, Query()]
     ) -> Page[Provider] | Page[ProviderCard]:
-        """All providers for operators, its own for a provider, names and tariffs for customers."""
+        """List providers: all for operators, its own for a provider, cards for customers."""
         caller.must_be("operator", "provider", "customer")
         async with db.read() as connection:
             if caller.role == "customer":
@@ -86,7 +86,7 @@ def provider_routes(
     async def get_provider(
         provider_id: ProviderId, caller: Annotated[Caller, Depends(gate)]
     ) -> Provider | ProviderCard:
-        """A provider; customers see its name and tariff."""
+        """Show a provider; customers see its name and tariff."""
         caller.must_be("operator", "provider", "customer")
         async with db.read() as connection:
             if caller.role == "customer":
@@ -97,7 +97,7 @@ def provider_routes(
     async def update_provider(
         provider_id: ProviderId, caller: Annotated[Caller, Depends(gate)], wanted: ProviderChange
     ) -> Provider:
-        """Change name, tariff or terms; `state` is the operators' to change."""
+        """Change a provider's name, tariff, terms or loading; only operators change `state`."""
         caller.must_be("operator", "provider")
         if wanted.state is not None and caller.role != "operator":
             raise AccessDenied("only an operator changes a provider's state")

@@ -38,7 +38,7 @@ def telemetry_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
         query: Annotated[TelemetryQuery, Query()],
         accept: Annotated[str, Header()] = "",
     ) -> Response:
-        """What a drone measured, the oldest first: samples or minutes, as JSON or GeoJSON."""
+        """List what a drone measured, the oldest first: samples or minutes, JSON or GeoJSON."""
         caller.must_be("operator", "provider", "drone")
         async with db.read() as connection:
             await fleets.of_caller(connection, caller, provider_id=provider_id, drone_id=drone_id)

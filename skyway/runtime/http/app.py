@@ -86,7 +86,6 @@ def create_app(
         description=description,
         version=version("skyway"),
         license_info={"name": "MIT", "url": "https://opensource.org/license/mit"},
-        contact={"name": "The Skyway developers"},
         lifespan=lifespan,
         docs_url=None,
         redoc_url=None,

@@ -60,7 +60,12 @@ def complete_document(
             # The customer answers, and nobody says how an invalid event is answered.
             call["responses"].pop("422", None)
     components = document.setdefault("components", {})
-    components["responses"] = shared_problem_answers()
+    text = json.dumps(document["paths"])
+    components["responses"] = {
+        name: answer
+        for name, answer in shared_problem_answers().items()
+        if f'"#/components/responses/{name}"' in text
+    }
     _add_schemas(document, [*bodies.values(), *models, ProblemDetails])
     document = _with_items(_with_page_names(document))
     complete_descriptions(document)

@@ -45,7 +45,10 @@ def delivery_routes(*, gate: KeyGate, acceptance: Acceptance) -> ServiceRouter:
         wanted: Annotated[RequestOrOffer, Body()],
         idempotency_key: IdempotencyKey = None,
     ) -> Response:
-        """Request a delivery, or take an offer; it is booked and flown without further calls."""
+        """Request a delivery, or accept an offer; it is booked and flown without further calls.
+
+        Callers: customer, operator.
+        """
         # An operator has stranded packages collected.
         caller.must_be("customer", "operator")
         answer = await acceptance.accept(

@@ -24,7 +24,10 @@ def cancelling_routes(*, gate: KeyGate, canceller: Canceller) -> ServiceRouter:
         caller: Annotated[Caller, Depends(gate)],
         wanted: Annotated[CancelRequest | None, Body()] = None,
     ) -> Delivery:
-        """Cancel a delivery, or some of its packages; 409 TOO_LATE when nothing can be stopped."""
+        """Cancel a delivery, or some of its packages.
+
+        Callers: customer, operator.
+        """
         caller.must_be("customer", "operator")
         return await canceller.cancel(caller, delivery_id, wanted or CancelRequest())
 

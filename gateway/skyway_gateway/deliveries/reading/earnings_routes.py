@@ -24,7 +24,10 @@ def earnings_routes(*, db: Database, gate: KeyGate) -> ServiceRouter:
         caller: Annotated[Caller, Depends(gate)],
         query: Annotated[EarningsQuery, Query()],
     ) -> Earnings:
-        """What a provider's completed missions brought, in all and by day."""
+        """Sum what a provider's completed missions earned, in all and by day.
+
+        Callers: provider, operator.
+        """
         caller.must_be("provider", "operator")
         if caller.role == "provider" and caller.subject_id != provider_id:
             raise NotFound("provider", provider_id)

@@ -62,7 +62,10 @@ def _add_lists(router: ServiceRouter, db: Database, gate: KeyGate) -> None:
         caller: Annotated[Caller, Depends(gate)],
         query: Annotated[DeliveryListQuery, Query()],
     ) -> Page[Delivery]:
-        """The caller's deliveries, the newest first; operators see everybody's."""
+        """List the caller's deliveries, the newest first; operators see all deliveries.
+
+        Callers: customer, operator.
+        """
         caller.must_be("customer", "operator")
         wanted = DeliveryFilter(query.state, query.reference)
         async with db.read() as connection:
@@ -75,7 +78,10 @@ def _add_lists(router: ServiceRouter, db: Database, gate: KeyGate) -> None:
         caller: Annotated[Caller, Depends(gate)],
         query: Annotated[PageQuery, Query()],
     ) -> Page[ProviderDelivery]:
-        """The deliveries that a provider's drones fly, the newest first."""
+        """List the deliveries that a provider's drones fly, the newest first.
+
+        Callers: provider, operator.
+        """
         caller.must_be("provider", "operator")
         if caller.role == "provider" and caller.subject_id != provider_id:
             raise NotFound("provider", provider_id)
@@ -93,7 +99,10 @@ def _add_details(
     async def get_delivery(
         delivery_id: DeliveryId, caller: Annotated[Caller, Depends(gate)]
     ) -> Delivery:
-        """A delivery with its packages and missions."""
+        """Show a delivery with its packages and missions.
+
+        Callers: customer, operator.
+        """
         caller.must_be("customer", "operator")
         async with db.read() as connection:
             return await delivery_store.one_of(connection, caller, delivery_id)
@@ -102,7 +111,10 @@ def _add_details(
     async def get_delivery_plan(
         delivery_id: DeliveryId, caller: Annotated[Caller, Depends(gate)]
     ) -> DeliveryPlan:
-        """How it is flown; no missions while it is not planned."""
+        """Show how a delivery is flown; it has no missions before it is planned.
+
+        Callers: customer, operator.
+        """
         caller.must_be("customer", "operator")
         async with db.read() as connection:
             delivery = await delivery_store.one_of(connection, caller, delivery_id)
@@ -114,7 +126,10 @@ def _add_details(
     async def get_delivery_proof(
         delivery_id: DeliveryId, caller: Annotated[Caller, Depends(gate)]
     ) -> DeliveryProof:
-        """What proves the hand-over of each package: place, time and weights."""
+        """Show what proves the hand-over of each package: place, time and masses.
+
+        Callers: customer, operator.
+        """
         caller.must_be("customer", "operator")
         async with db.read() as connection:
             delivery = await delivery_store.one_of(connection, caller, delivery_id)
@@ -124,7 +139,10 @@ def _add_details(
     async def get_delivery_track(
         delivery_id: DeliveryId, caller: Annotated[Caller, Depends(gate)]
     ) -> FeatureCollection:
-        """GeoJSON: what was flown, what will be, where the drones are and the stations they use."""
+        """Show as GeoJSON what was flown, what will be flown, and where the drones are.
+
+        Callers: customer, operator.
+        """
         caller.must_be("customer", "operator")
         async with db.read() as connection:
             delivery = await delivery_store.one_of(connection, caller, delivery_id)
@@ -147,7 +165,12 @@ def _add_events(router: ServiceRouter, db: Database, gate: KeyGate, stream: Even
         caller: Annotated[Caller, Depends(gate)],
         last_event_id: Annotated[int | None, Header(ge=0, le=2**31 - 1)] = None,
     ) -> Response:
-        """Server-sent events: what happened, and what happens, up to the delivery's end."""
+        """Follow a delivery by server-sent events, from its first event to its last.
+
+        The `data` of each event is one of the forms of the `delivery-event` webhook.
+
+        Callers: customer, operator.
+        """
         caller.must_be("customer", "operator")
         async with db.read() as connection:
             await delivery_store.one_of(connection, caller, delivery_id)

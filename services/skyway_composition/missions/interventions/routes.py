@@ -61,7 +61,7 @@ def intervention_routes(
     async def confirm_loading(
         mission_id: MissionId, caller: Annotated[Caller, Depends(gate)], loaded: Loaded
     ) -> LoadingAnswer:
-        """Say what is on board, measured; the plan is checked with it, or the mission is over."""
+        """Confirm the measured masses on board; the plan is checked with them."""
         caller.must_be("provider", "operator")
         own = ProviderId(caller.subject_id) if caller.role == "provider" else None
         listed = [
@@ -87,7 +87,7 @@ def intervention_routes(
     async def command_mission(
         mission_id: MissionId, caller: Annotated[Caller, Depends(gate)], command: Command
     ) -> CommandAnswer:
-        """Hold a mission's drone, let it go on, divert it, call it home, or cancel the mission."""
+        """Hold a mission's drone, resume it, divert it, call it home, or cancel the mission."""
         caller.must_be("operator")
         return await commands.give(mission_id, command)
 

@@ -81,7 +81,10 @@ def credential_routes(
         wanted: EnrolmentRequest,
         idempotency_key: IdempotencyKey = None,
     ) -> Response:
-        """Exchange an enrolment token, once; with an Idempotency-Key a lost answer is repeated."""
+        """Exchange an enrolment token for a drone's credentials, once.
+
+        With an Idempotency-Key a lost answer can be asked for again.
+        """
         caller.must_be("service")
 
         async with db.read() as connection:
@@ -100,7 +103,10 @@ def credential_routes(
         caller: Annotated[Caller, Depends(gate)],
         idempotency_key: IdempotencyKey = None,
     ) -> Response:
-        """New credentials for the drone; the old ones stop when the new key is first used."""
+        """Give the calling drone new credentials.
+
+        The old credentials stop when the new key is first used.
+        """
         caller.must_be("drone")
 
         async def act(tx: Tx) -> Credentials:
@@ -116,7 +122,7 @@ def credential_routes(
         caller: Annotated[Caller, Depends(gate)],
         idempotency_key: IdempotencyKey = None,
     ) -> Response:
-        """Another enrolment token; the one before stops, the drone's credentials do not."""
+        """Make another enrolment token; the token before stops, the drone's credentials do not."""
         caller.must_be("operator", "provider")
 
         async def act(tx: Tx) -> IssuedToken:
@@ -129,7 +135,7 @@ def credential_routes(
     async def revoke_drone_credentials(
         provider_id: ProviderId, drone_id: DroneId, caller: Annotated[Caller, Depends(gate)]
     ) -> Response:
-        """Cut a drone off at once; it may enrol again with another token."""
+        """Refuse a drone's credentials from now on; it may enrol again with another token."""
         caller.must_be("operator", "provider")
         async with db.write() as tx:
             await store.of_caller(tx.connection, caller, provider_id=provider_id, drone_id=drone_id)
