@@ -3,11 +3,16 @@
 from http import HTTPStatus
 from typing import Any, Final
 
+from skyway.drone.model import ChargePoint
+from skyway.geo import Position
+
 #: A JSON document, whose members have no common static type.
 Document = dict[str, Any]
 
 #: What FastAPI says of an answer of which nothing is said.
 _UNSAID: Final = "Successful Response"
+#: Models of which pydantic shows no docstring.
+_TUPLES: Final = (Position, ChargePoint)
 _REPEATABLE: Final = (
     "Repeats are answered like the first call with this key and body, for 24 hours; "
     "1 to 200 characters."
@@ -23,6 +28,9 @@ _HEADERS: Final = {
 def complete_descriptions(document: Document) -> None:
     """Describe properties, parameters and answers by what their types already say."""
     schemas = document["components"]["schemas"]
+    for model in _TUPLES:
+        if model.__name__ in schemas:
+            schemas[model.__name__].setdefault("description", str(model.__doc__))
     for schema in schemas.values():
         for each in schema.get("properties", {}).values():
             _describe(each)
