@@ -111,7 +111,7 @@ def process(tmp_path: Path) -> Iterator[Process]:
 
 
 @pytest.mark.integration
-def test_what_was_answered_survives_a_kill(process: Process) -> None:
+def test_an_accepted_delivery_survives_a_kill(process: Process) -> None:
     headers = {"Authorization": f"Bearer {KEY}", "Idempotency-Key": "k"}
     body = {"role": "provider", "subject_id": "prv_1"}
     with httpx.Client(base_url=process.url, timeout=30) as client:
@@ -132,7 +132,7 @@ def test_what_was_answered_survives_a_kill(process: Process) -> None:
 
 
 @pytest.mark.integration
-async def test_a_client_that_leaves_a_stream_does_not_hold_up_the_exit(
+async def test_an_open_stream_does_not_hold_up_the_exit(
     process: Process, request_body: Any
 ) -> None:
     headers = {"Authorization": f"Bearer {KEY}"}

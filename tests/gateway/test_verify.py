@@ -135,7 +135,7 @@ async def test_a_package_cannot_be_delivered_twice(lived: Any) -> None:
         )
 
 
-async def test_an_event_cannot_have_the_place_of_another(lived: Any) -> None:
+async def test_two_events_cannot_have_the_same_sequence_number(lived: Any) -> None:
     with pytest.raises(Taken, match="event_sequence"):
         await lived.execute(
             "INSERT INTO events SELECT 'evt_x', delivery_id, sequence, type, body, 0 FROM events"

@@ -21,14 +21,14 @@ async def test_a_key_that_another_replica_deletes_stops_within_a_second(gateway:
     assert (before, await status(gateway)) == (200, 401)
 
 
-async def test_a_key_that_is_deleted_here_stops_at_once(gateway: Gateway) -> None:
+async def test_a_key_that_is_deleted_here_stops_immediately(gateway: Gateway) -> None:
     before = await status(gateway)
     await gateway.http.delete("/v1/keys/key_customer", headers=gateway.operator)
 
     assert (before, await status(gateway)) == (200, 401)
 
 
-async def test_a_key_that_was_deleted_while_it_was_looked_up_is_not_kept(gateway: Gateway) -> None:
+async def test_a_key_that_is_deleted_during_its_lookup_is_not_cached(gateway: Gateway) -> None:
     known = gateway.parts.cached_keys
     lookup = asyncio.create_task(known.caller_of("sk_customer"))
     await asyncio.sleep(0)  # it has begun

@@ -27,7 +27,7 @@ async def test_a_revoked_key_stops_with_the_next_call(gateway: Gateway) -> None:
     assert (before.status_code, after.status_code) == (200, 401)
 
 
-async def test_a_key_that_nobody_can_judge_now_is_not_refused_for_good(gateway: Gateway) -> None:
+async def test_a_drone_key_works_again_after_the_registry_was_away(gateway: Gateway) -> None:
     gateway.registry.is_away = True
 
     answer = await gateway.http.get("/v1/clock", headers=gateway.drone)
@@ -36,13 +36,13 @@ async def test_a_key_that_nobody_can_judge_now_is_not_refused_for_good(gateway: 
 
 
 @pytest.mark.parametrize("key", ["dk_", "dk_unknown", "sk_drone", "drn_1"])
-async def test_a_made_up_key_opens_nothing(gateway: Gateway, key: str) -> None:
+async def test_an_invented_drone_key_is_refused(gateway: Gateway, key: str) -> None:
     answer = await gateway.http.get("/v1/clock", headers={"Authorization": f"Bearer {key}"})
 
     assert answer.status_code == 401
 
 
-async def test_a_drone_may_call_what_is_listed_and_nothing_else(
+async def test_a_drone_may_make_only_the_listed_calls(
     gateway: Gateway, subtests: pytest.Subtests
 ) -> None:
     ids = dict.fromkeys(("pad",), "0")

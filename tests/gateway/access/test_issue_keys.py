@@ -41,7 +41,7 @@ async def test_operators_share_an_account_and_providers_have_none(gateway: Gatew
 
 
 @pytest.mark.parametrize("name", ["operator", "gateway", "registry", "composition", "drn_01"])
-async def test_a_customer_cannot_be_called_like_a_process_or_a_drone(
+async def test_a_customer_cannot_have_the_name_of_a_process_or_a_drone(
     gateway: Gateway, name: str
 ) -> None:
     answer = await _issue(gateway, "customer", name)
@@ -66,7 +66,7 @@ async def test_a_bad_key_request_names_the_field(
     assert answer.json()["errors"][0]["field"] == field
 
 
-async def test_only_operators_handle_keys(gateway: Gateway) -> None:
+async def test_only_operators_manage_keys(gateway: Gateway) -> None:
     for headers, status in ((gateway.customer, 403), (gateway.provider, 403), ({}, 401)):
         for method, path in (
             ("POST", "/v1/keys"),
@@ -79,9 +79,7 @@ async def test_only_operators_handle_keys(gateway: Gateway) -> None:
             assert answer.status_code == status, (method, path)
 
 
-async def test_neither_keys_nor_answers_lie_readable_in_the_database(
-    gateway: Gateway, tmp_path: Any
-) -> None:
+async def test_the_database_holds_no_readable_keys(gateway: Gateway, tmp_path: Any) -> None:
     headers = {"Idempotency-Key": "k"}
     issued = (await _issue(gateway, "customer", "carol", **headers)).json()
     content = b"".join(path.read_bytes() for path in tmp_path.glob("service.db*"))
@@ -90,7 +88,7 @@ async def test_neither_keys_nor_answers_lie_readable_in_the_database(
         assert secret.encode() not in content
 
 
-async def test_a_deleted_key_stops_at_once_and_takes_the_account_along(gateway: Gateway) -> None:
+async def test_a_deleted_key_stops_immediately_and_its_account_is_closed(gateway: Gateway) -> None:
     first = (await _issue(gateway, "customer", "carol")).json()
     second = (await _issue(gateway, "customer", "carol")).json()
     for key, accounts in ((first, {"carol"}), (second, set())):
@@ -103,7 +101,7 @@ async def test_a_deleted_key_stops_at_once_and_takes_the_account_along(gateway: 
         assert set(gateway.registry.accounts) == accounts
 
 
-async def test_an_account_is_closed_once_the_registry_is_back(gateway: Gateway) -> None:
+async def test_an_account_is_closed_when_the_registry_is_back(gateway: Gateway) -> None:
     issued = (await _issue(gateway, "customer", "carol")).json()
     gateway.registry.is_away = True
     await gateway.http.delete(f"/v1/keys/{issued['key_id']}", headers=gateway.operator)
@@ -117,7 +115,7 @@ async def test_an_account_is_closed_once_the_registry_is_back(gateway: Gateway) 
     assert gateway.registry.accounts != {}, "closed once only"
 
 
-async def test_a_key_whose_account_could_not_be_opened_is_finished_by_the_same_call(
+async def test_repeating_the_call_opens_the_account_of_a_key(
     gateway: Gateway,
 ) -> None:
     headers = {"Idempotency-Key": "k"}
@@ -130,7 +128,7 @@ async def test_a_key_whose_account_could_not_be_opened_is_finished_by_the_same_c
     assert len(listed.json()["items"]) == 1
 
 
-async def test_a_repeated_call_does_not_bring_an_old_password_back(gateway: Gateway) -> None:
+async def test_a_repeated_call_does_not_restore_an_old_password(gateway: Gateway) -> None:
     headers = {"Idempotency-Key": "k"}
     old = (await _issue(gateway, "customer", "carol", **headers)).json()
     new = (await _issue(gateway, "customer", "carol")).json()
@@ -138,7 +136,7 @@ async def test_a_repeated_call_does_not_bring_an_old_password_back(gateway: Gate
     assert gateway.registry.accounts == {"carol": new["mqtt"]["password"]}
 
 
-async def test_the_first_keys_are_made_once_and_stay_deleted(gateway: Gateway) -> None:
+async def test_the_first_keys_are_added_once_and_stay_deleted(gateway: Gateway) -> None:
     operator = _bearer("operator_key-0123456789abcdef")
     newcomer = _bearer("customer_key-0123456789abcdef")
     assert (await gateway.http.get("/v1/deliveries", headers=newcomer)).status_code == 200

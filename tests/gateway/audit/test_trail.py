@@ -34,7 +34,7 @@ async def close_station(gateway: Gateway, **headers: str) -> None:
     )
 
 
-async def test_what_an_operator_does_is_written_down_with_its_answer(
+async def test_a_call_of_an_operator_is_logged_with_its_answer(
     gateway_on_both: Gateway,
 ) -> None:
     await close_station(gateway_on_both, traceparent=TRACE)
@@ -51,7 +51,7 @@ async def test_what_an_operator_does_is_written_down_with_its_answer(
     assert json.loads(gateway_on_both.forwarded[0].body) == {"reason": "storm"}
 
 
-async def test_refused_calls_are_written_down_too(gateway: Gateway) -> None:
+async def test_refused_calls_are_logged(gateway: Gateway) -> None:
     await gateway.http.put("/v1/networks/texas", json={}, headers=gateway.provider)
     await gateway.http.post("/v1/keys", json={"role": "king"}, headers=gateway.operator)
 
@@ -62,7 +62,7 @@ async def test_refused_calls_are_written_down_too(gateway: Gateway) -> None:
     ]
 
 
-async def test_reading_and_what_customers_do_is_not_written_down(
+async def test_reading_and_calls_of_customers_are_not_logged(
     gateway: Gateway, request_body: Callable[..., Any]
 ) -> None:
     await gateway.post(request_body())
@@ -90,12 +90,12 @@ async def test_the_log_is_paged_and_filtered(gateway_on_both: Gateway) -> None:
     assert last["path"].startswith("/v1/stations/")
 
 
-async def test_only_operators_read_it(gateway: Gateway) -> None:
+async def test_only_operators_read_the_log(gateway: Gateway) -> None:
     for headers in (gateway.customer, gateway.provider):
         assert (await gateway.http.get("/v1/audit", headers=headers)).status_code == 403
 
 
-async def test_a_long_body_passes_whole_and_is_cut_in_the_log(gateway: Gateway) -> None:
+async def test_a_long_body_is_passed_on_whole_and_cut_in_the_log(gateway: Gateway) -> None:
     body = json.dumps({"features": ["x" * 100] * 1000})
     headers = {**gateway.operator, "content-type": "application/json"}
     await gateway.http.put("/v1/networks/texas", content=body, headers=headers)
@@ -116,7 +116,7 @@ async def test_a_long_body_passes_whole_and_is_cut_in_the_log(gateway: Gateway) 
         (b"\xff\x00", "\ufffd\ufffd"),
     ],
 )
-def test_secrets_and_what_cannot_be_stored_are_taken_out(raw: bytes, kept: str | None) -> None:
+def test_secrets_and_unstorable_characters_are_removed(raw: bytes, kept: str | None) -> None:
     assert body_text(raw) == kept
 
 
@@ -125,7 +125,7 @@ def test_a_long_path_is_cut() -> None:
     assert len(path_text("/v1/" + "x" * 1000, b"")) == 500
 
 
-async def test_a_call_that_broke_is_written_down_as_not_answered(gateway: Gateway) -> None:
+async def test_a_failed_call_is_logged_as_not_answered(gateway: Gateway) -> None:
     await gateway.execute("DROP TABLE idempotency")
     headers = {**gateway.operator, "Idempotency-Key": "k"}
     wanted = {"role": "customer", "subject_id": "carol"}
@@ -136,7 +136,7 @@ async def test_a_call_that_broke_is_written_down_as_not_answered(gateway: Gatewa
     assert (entry["path"], entry["status"]) == ("/v1/keys", 0)
 
 
-async def test_an_entry_that_is_lost_does_not_keep_the_answer_back(tmp_path: Path) -> None:
+async def test_a_lost_log_entry_does_not_hold_back_the_answer(tmp_path: Path) -> None:
     async def answered(scope: Any, _receive: Any, send: Any) -> None:
         scope["state"]["caller"] = Caller("operator", "op")
         await send({"type": "http.response.start", "status": 201})

@@ -314,5 +314,5 @@ def _check_package(before: PackageStatus, after: PackageStatus) -> None:
         assert before.state == "CREATED"
 
 
-def test_whatever_happens_a_delivery_ends_once_and_no_package_is_lost() -> None:
+def test_a_delivery_always_ends_once_and_loses_no_package() -> None:
     run_state_machine_as_test(Life, settings=settings(max_examples=200, stateful_step_count=30))

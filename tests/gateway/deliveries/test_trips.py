@@ -58,7 +58,7 @@ async def test_each_package_is_carried_by_one_of_several_missions(
     assert planned["data"]["waiting_package_ids"] == []
 
 
-async def test_the_mission_that_is_furthest_along_counts(drones: Any) -> None:
+async def test_the_mission_that_is_furthest_along_sets_the_state(drones: Any) -> None:
     delivery_id = await booked(drones, packages=3)
 
     async def state() -> str:
@@ -95,7 +95,7 @@ async def test_a_delivery_ends_with_the_last_of_its_missions(drones: Any) -> Non
     assert told.count("package.delivered") == 3
 
 
-async def test_packages_that_are_left_over_are_booked_by_a_later_attempt(
+async def test_left_over_packages_are_booked_by_a_later_attempt(
     gateway_on_both: Gateway, candidate: Callable[..., Any]
 ) -> None:
     gateway = with_drones(gateway_on_both, candidate, 2)
@@ -117,7 +117,7 @@ async def test_packages_that_are_left_over_are_booked_by_a_later_attempt(
     assert (await gateway.told(delivery_id)).count("delivery.planned") == 2
 
 
-async def test_a_refused_trip_goes_back_with_its_packages_alone(drones: Any) -> None:
+async def test_only_the_packages_of_a_refused_trip_wait_again(drones: Any) -> None:
     delivery_id = await booked(drones, packages=3)
     await reports(drones, delivery_id, "ACCEPTED", trip=1)
     await drones.report(delivery_id, "REFUSED", seq=1, trip=2, code="NOT_AT_START")
@@ -138,7 +138,7 @@ async def test_a_refused_trip_goes_back_with_its_packages_alone(drones: Any) -> 
     assert drones.registry.queries[-1].excluded_drone_ids == ("drn_2", "drn_3")
 
 
-async def test_when_the_furthest_mission_is_refused_the_others_count(drones: Any) -> None:
+async def test_the_other_missions_set_the_state_after_a_refusal(drones: Any) -> None:
     delivery_id = await booked(drones, packages=2)
     await reports(drones, delivery_id, "ACCEPTED", trip=1)
     await drones.report(delivery_id, "REFUSED", seq=2, trip=1, code="EXPIRED")
@@ -155,7 +155,7 @@ async def test_a_price_limit_is_for_the_sum_of_all_missions(drones: Any) -> None
     assert drones.composition.asked[-1].request.qos.max_price == 3000 - 1234
 
 
-async def test_what_waits_too_long_is_given_up_and_the_rest_goes_on(
+async def test_packages_that_wait_too_long_are_given_up_and_the_others_go_on(
     gateway_on_both: Gateway, candidate: Callable[..., Any], reason: Callable[..., Any]
 ) -> None:
     gateway = with_drones(gateway_on_both, candidate, 1)
@@ -179,7 +179,7 @@ async def test_what_waits_too_long_is_given_up_and_the_rest_goes_on(
     assert (await gateway.get(delivery_id))["state"] == "PARTIALLY_COMPLETED"
 
 
-async def test_waiting_packages_outlive_the_other_missions(
+async def test_packages_wait_on_after_the_other_missions_have_ended(
     gateway: Gateway, candidate: Callable[..., Any]
 ) -> None:
     with_drones(gateway, candidate, 1)
@@ -233,7 +233,7 @@ async def test_a_mission_that_ends_takes_only_its_own_packages(drones: Any) -> N
     assert (delivery["packages"][0]["code"], delivery["state"]) == ("NO_PLAN", "IN_PROGRESS")
 
 
-async def test_a_round_that_is_overtaken_by_reports_keeps_what_they_said(drones: Any) -> None:
+async def test_a_booking_round_keeps_reports_that_came_meanwhile(drones: Any) -> None:
     """What the booking loop read before it asked composition is out of date by now."""
     delivery_id = await drones.accepted(packages=2)
     drones.composition.packages_per_trip = 1
@@ -250,7 +250,7 @@ async def test_a_round_that_is_overtaken_by_reports_keeps_what_they_said(drones:
 
 
 @pytest.mark.parametrize("order", list(itertools.permutations((1, 2, 3))))
-async def test_reports_of_several_missions_mix_in_any_order(
+async def test_reports_of_several_missions_may_mix_in_any_order(
     drones: Any, order: tuple[int, ...]
 ) -> None:
     delivery_id = await booked(drones, packages=3)

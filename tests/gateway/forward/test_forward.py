@@ -30,7 +30,7 @@ def path_of(row: Forwarded) -> str:
 
 
 # Refused and forwarded calls leave nothing in the gateway, so all rows may ask the same one.
-async def test_a_call_reaches_its_service_for_its_roles_alone(
+async def test_a_call_reaches_its_service_only_for_its_roles(
     gateway: Gateway, subtests: pytest.Subtests
 ) -> None:
     for row in (row for row in FORWARDED if row.roles):
@@ -92,7 +92,7 @@ async def test_a_token_is_exchanged_without_a_key(gateway: Gateway) -> None:
     assert [row.path for row in FORWARDED if not row.roles] == ["/v1/enrolments"]
 
 
-async def test_a_provider_reaches_its_own_alone(gateway: Gateway) -> None:
+async def test_a_provider_reaches_only_its_own_resources(gateway: Gateway) -> None:
     for method, path in (
         ("GET", "/v1/providers/prv_2"),
         ("PATCH", "/v1/providers/prv_2"),
@@ -117,7 +117,7 @@ async def test_a_provider_reaches_its_own_alone(gateway: Gateway) -> None:
         "/",
     ],
 )
-async def test_nothing_else_is_passed_on(gateway: Gateway, path: str) -> None:
+async def test_other_calls_are_not_forwarded(gateway: Gateway, path: str) -> None:
     for method in ("GET", "POST", "PUT", "DELETE"):
         answer = await gateway.http.request(method, path, headers=gateway.operator)
         assert answer.status_code in (404, 405), (method, path, answer.text)
@@ -137,7 +137,7 @@ async def test_a_new_providers_key_is_in_the_answer_and_works(gateway: Gateway) 
     assert gateway.forwarded[-1].headers["skyway-caller"] == "provider:prv_new"
 
 
-async def test_the_same_provider_call_has_the_same_key(gateway: Gateway) -> None:
+async def test_a_repeated_provider_call_gives_the_same_key(gateway: Gateway) -> None:
     headers = {**gateway.operator, "Idempotency-Key": "k"}
     body = {"name": "Fleet One"}
     first = await gateway.http.post("/v1/providers", json=body, headers=headers)
@@ -146,14 +146,14 @@ async def test_the_same_provider_call_has_the_same_key(gateway: Gateway) -> None
     assert [seen.headers["idempotency-key"] for seen in gateway.forwarded] == ["k", "k"]
 
 
-async def test_only_operators_make_providers(gateway: Gateway) -> None:
+async def test_only_operators_register_providers(gateway: Gateway) -> None:
     for headers in (gateway.customer, gateway.provider):
         answer = await gateway.http.post("/v1/providers", json={"name": "x"}, headers=headers)
         assert answer.status_code == 403
     assert gateway.forwarded == []
 
 
-async def test_large_networks_may_pass_and_other_large_bodies_not(gateway: Gateway) -> None:
+async def test_only_networks_may_have_large_bodies(gateway: Gateway) -> None:
     large = b'"' + b"x" * 300_000 + b'"'
     headers = {**gateway.operator, "content-type": "application/json"}
     for method, path, status in (

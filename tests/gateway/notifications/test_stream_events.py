@@ -7,7 +7,7 @@ from skyway_gateway.notifications.stream_events import EventListeners, EventStre
 from tests.gateway.whole_gateway import Gateway
 
 
-async def test_a_new_event_wakes_the_stream_at_once(gateway: Gateway) -> None:
+async def test_a_new_event_wakes_the_stream_immediately(gateway: Gateway) -> None:
     delivery_id = await gateway.accepted()
     stream = EventStream(gateway.parts.db, gateway.parts.listeners, poll_s=3600, heartbeat_s=3600)
     frames = stream.frames(delivery_id, after=0)
@@ -18,7 +18,7 @@ async def test_a_new_event_wakes_the_stream_at_once(gateway: Gateway) -> None:
     await frames.aclose()
 
 
-async def test_an_event_of_another_replica_is_found_by_looking(gateway: Gateway) -> None:
+async def test_a_stream_finds_events_of_another_replica_in_the_table(gateway: Gateway) -> None:
     delivery_id = await gateway.accepted()
     deaf = EventStream(gateway.parts.db, EventListeners(), poll_s=0.01, heartbeat_s=3600)
     frames = deaf.frames(delivery_id, after=1)
@@ -28,7 +28,7 @@ async def test_an_event_of_another_replica_is_found_by_looking(gateway: Gateway)
     await frames.aclose()
 
 
-async def test_silence_is_filled_with_comments(gateway: Gateway) -> None:
+async def test_a_silent_stream_sends_comments(gateway: Gateway) -> None:
     delivery_id = await gateway.accepted()
     stream = EventStream(gateway.parts.db, gateway.parts.listeners, poll_s=0.001, heartbeat_s=0)
     frames = stream.frames(delivery_id, after=1)
@@ -36,7 +36,7 @@ async def test_silence_is_filled_with_comments(gateway: Gateway) -> None:
     await frames.aclose()
 
 
-async def test_a_client_that_leaves_leaves_nothing_behind(gateway: Gateway) -> None:
+async def test_a_client_that_disconnects_is_no_longer_a_listener(gateway: Gateway) -> None:
     delivery_id = await gateway.accepted()
     stream = EventStream(gateway.parts.db, gateway.parts.listeners, poll_s=3600)
     frames = stream.frames(delivery_id, after=0)

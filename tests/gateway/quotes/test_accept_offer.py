@@ -40,7 +40,7 @@ async def take_first(
         )
 
 
-async def test_what_is_taken_is_the_request_and_what_was_promised(
+async def test_an_accepted_offer_gives_the_request_and_the_promise(
     gateway_on_both: Gateway, quote: Any
 ) -> None:
     taken = await take_first(gateway_on_both, quote)
@@ -55,7 +55,7 @@ async def test_what_is_taken_is_the_request_and_what_was_promised(
     assert shown["delivery_id"] == "dlv_1"
 
 
-async def test_an_offer_can_be_taken_up_to_its_last_millisecond(
+async def test_an_offer_can_be_accepted_up_to_its_last_millisecond(
     gateway_on_both: Gateway, quote: Any
 ) -> None:
     gateway_on_both.clock.advance(timedelta(seconds=120) - timedelta(milliseconds=1))
@@ -69,7 +69,7 @@ async def test_an_expired_offer_is_refused(gateway_on_both: Gateway, quote: Any)
     assert refused.value.code == "QUOTE_EXPIRED"
 
 
-async def test_a_second_taking_is_refused_also_after_the_expiry(
+async def test_a_second_acceptance_is_refused_even_after_the_expiry(
     gateway_on_both: Gateway, quote: Any
 ) -> None:
     await take_first(gateway_on_both, quote)
@@ -79,7 +79,9 @@ async def test_a_second_taking_is_refused_also_after_the_expiry(
     assert refused.value.code == "QUOTE_TAKEN"
 
 
-async def test_of_many_at_once_one_takes_it(gateway_on_both: Gateway, quote: Any) -> None:
+async def test_one_of_many_simultaneous_acceptances_succeeds(
+    gateway_on_both: Gateway, quote: Any
+) -> None:
     outcomes = await asyncio.gather(
         *(take_first(gateway_on_both, quote, delivery_id=f"dlv_{n}") for n in range(8)),
         return_exceptions=True,
@@ -89,7 +91,9 @@ async def test_of_many_at_once_one_takes_it(gateway_on_both: Gateway, quote: Any
     assert (len(taken), refused) == (1, ["QUOTE_TAKEN"] * 7)
 
 
-async def test_nobody_elses_offer_can_be_taken(gateway_on_both: Gateway, quote: Any) -> None:
+async def test_an_offer_of_another_customer_cannot_be_accepted(
+    gateway_on_both: Gateway, quote: Any
+) -> None:
     for caller in (Caller("customer", "bob"), Caller("provider", "alice")):
         with pytest.raises(NotFound):
             await take_first(gateway_on_both, quote, caller=caller)
@@ -98,7 +102,9 @@ async def test_nobody_elses_offer_can_be_taken(gateway_on_both: Gateway, quote: 
         await take_first(gateway_on_both, unknown)
 
 
-async def test_what_is_rolled_back_is_not_taken(gateway_on_both: Gateway, quote: Any) -> None:
+async def test_an_acceptance_that_is_rolled_back_does_not_count(
+    gateway_on_both: Gateway, quote: Any
+) -> None:
     async def take_and_break() -> None:
         async with gateway_on_both.parts.db.write() as tx:
             await store.mark_accepted(

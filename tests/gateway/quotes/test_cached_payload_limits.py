@@ -54,7 +54,7 @@ async def test_the_same_choice_is_asked_once_in_two_seconds(clock: ManualClock) 
     assert registry.asked == [ANYBODY, PINNED, ANYBODY]
 
 
-async def test_a_package_above_the_known_limit_is_asked_for(clock: ManualClock) -> None:
+async def test_a_package_above_the_cached_limit_asks_the_registry_again(clock: ManualClock) -> None:
     registry = Registry(5.0)
     limits = CachedPayloadLimits(registry, clock)
     await limits.limit_for(1.0, ANYBODY)
@@ -64,7 +64,7 @@ async def test_a_package_above_the_known_limit_is_asked_for(clock: ManualClock) 
 
 
 @pytest.mark.parametrize("reason", ["unknown provider", "no fleet", "too heavy"])
-async def test_a_refusal_is_not_remembered(clock: ManualClock, reason: str) -> None:
+async def test_a_refusal_is_not_cached(clock: ManualClock, reason: str) -> None:
     registry = Registry(None if reason == "no fleet" else 5.0)
     registry.unknown = (ProviderId("prv_1"),) if reason == "unknown provider" else ()
     limits = CachedPayloadLimits(registry, clock)

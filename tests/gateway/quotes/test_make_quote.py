@@ -87,7 +87,7 @@ async def test_composition_is_asked_for_what_the_customer_requests(
     assert (asked.payload_kg, asked.heaviest_kg) == (2.5, 2.0)
 
 
-async def test_without_drones_there_is_a_quote_that_says_why(
+async def test_a_quote_without_offers_says_why(
     gateway: Gateway, request_body: Callable[..., Any], reason: Callable[..., Any]
 ) -> None:
     gateway.registry.candidates_now = []
@@ -100,7 +100,7 @@ async def test_without_drones_there_is_a_quote_that_says_why(
     assert gateway.composition.quote_queries == []
 
 
-async def test_an_impossible_request_is_refused_as_a_delivery_would_be(
+async def test_a_quote_refuses_what_a_delivery_would_refuse(
     gateway: Gateway, request_body: Callable[..., Any]
 ) -> None:
     nowhere = await post(gateway, request_body(pickup={"station_id": "nowhere"}))
@@ -111,7 +111,7 @@ async def test_an_impossible_request_is_refused_as_a_delivery_would_be(
     assert past.json()["errors"][0]["field"] == "qos.deadline_at"
 
 
-async def test_a_service_that_is_away_is_told_and_nothing_is_kept(
+async def test_a_quote_fails_and_stores_nothing_while_a_service_is_away(
     gateway: Gateway, request_body: Callable[..., Any]
 ) -> None:
     gateway.composition.is_away = True
@@ -122,7 +122,7 @@ async def test_a_service_that_is_away_is_told_and_nothing_is_kept(
     assert (away.status_code, back.status_code) == (503, 201)
 
 
-async def test_the_same_key_has_the_same_quote(
+async def test_the_same_idempotency_key_gives_the_same_quote(
     gateway: Gateway, request_body: Callable[..., Any]
 ) -> None:
     first = await post(gateway, request_body(), **{"Idempotency-Key": "k"})
@@ -133,7 +133,7 @@ async def test_the_same_key_has_the_same_quote(
     assert again.json() == first.json()
 
 
-async def test_a_quote_is_read_by_its_customer_and_operators_alone(
+async def test_only_its_customer_and_operators_read_a_quote(
     gateway_on_both: Gateway, request_body: Callable[..., Any]
 ) -> None:
     gateway = gateway_on_both
@@ -159,7 +159,7 @@ async def test_customers_and_operators_ask_for_quotes(
         assert answer.status_code == status
 
 
-async def test_only_quotes_that_expired_before_are_forgotten(
+async def test_only_expired_quotes_are_deleted(
     gateway_on_both: Gateway, request_body: Callable[..., Any]
 ) -> None:
     gateway = gateway_on_both

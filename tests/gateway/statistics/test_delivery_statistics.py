@@ -173,7 +173,7 @@ async def stats(gateway: Gateway, query: str = "", *, by: str = "operator") -> A
     return answer.json()
 
 
-async def test_the_whole_morning(flown: Any) -> None:
+async def test_numbers_of_a_whole_morning(flown: Any) -> None:
     found = await stats(flown)
 
     assert (found["from"], found["to"]) == ("2026-03-01T08:00:00Z", "2026-03-01T11:00:00Z")
@@ -194,7 +194,7 @@ async def test_the_whole_morning(flown: Any) -> None:
     assert found["buckets"] == []
 
 
-async def test_hour_by_hour_the_empty_ones_too(flown: Any) -> None:
+async def test_hours_without_deliveries_have_a_bucket(flown: Any) -> None:
     found = await stats(flown, "&bucket=hour")
 
     assert [bucket["from"][11:16] for bucket in found["buckets"]] == ["08:00", "09:00", "10:00"]
@@ -214,7 +214,7 @@ async def test_hour_by_hour_the_empty_ones_too(flown: Any) -> None:
     }
 
 
-async def test_days_are_those_of_utc_cut_to_the_span(flown: Any) -> None:
+async def test_days_are_days_of_utc_cut_to_the_span(flown: Any) -> None:
     span = "?from=2026-02-28T12:00:00Z&to=2026-03-01T09:30:00Z&bucket=day"
     answer = await flown.http.get(f"/v1/stats/deliveries{span}", headers=flown.operator)
     found = [(one["from"], one["to"], one["deliveries"]) for one in answer.json()["buckets"]]
@@ -225,7 +225,9 @@ async def test_days_are_those_of_utc_cut_to_the_span(flown: Any) -> None:
 
 
 @pytest.mark.parametrize(("by", "query"), [("operator", "&provider_id=prv_1"), ("provider", "")])
-async def test_a_providers_own_only(flown: Any, by: str, query: str) -> None:
+async def test_a_provider_sees_numbers_of_its_own_deliveries(
+    flown: Any, by: str, query: str
+) -> None:
     found = await stats(flown, query, by=by)
 
     assert found["provider_id"] == "prv_1"
@@ -237,12 +239,12 @@ async def test_a_providers_own_only(flown: Any, by: str, query: str) -> None:
     assert found["recharging_share"] == pytest.approx(600 / carried_s)
 
 
-async def test_who_was_refused_has_not_flown(flown: Any) -> None:
+async def test_refused_missions_do_not_count(flown: Any) -> None:
     await flown.execute("UPDATE missions SET provider_id = 'prv_9' WHERE mission_id = 'msn_0'")
     assert (await stats(flown, "&provider_id=prv_9"))["deliveries"] == 0
 
 
-async def test_who_may_see_what(gateway: Gateway) -> None:
+async def test_customers_see_no_statistics_and_providers_only_their_own(gateway: Gateway) -> None:
     path = "/v1/stats/deliveries"
     for headers, query, status in (
         (gateway.customer, "", 403),
@@ -254,7 +256,7 @@ async def test_who_may_see_what(gateway: Gateway) -> None:
         assert answer.status_code == status
 
 
-async def test_without_deliveries_there_is_nothing_to_share(gateway: Gateway) -> None:
+async def test_shares_are_null_without_deliveries(gateway: Gateway) -> None:
     answer = await gateway.http.get("/v1/stats/deliveries", headers=gateway.operator)
     found = answer.json()
     assert (found["from"], found["to"]) == ("2026-02-28T12:00:00Z", "2026-03-01T12:00:00Z")
@@ -272,7 +274,7 @@ async def test_without_deliveries_there_is_nothing_to_share(gateway: Gateway) ->
         ("?from=yesterday", "from"),
     ],
 )
-async def test_a_span_that_is_none_is_refused_by_field(
+async def test_an_impossible_span_is_refused_by_field(
     gateway: Gateway, query: str, field: str
 ) -> None:
     answer = await gateway.http.get(f"/v1/stats/deliveries{query}", headers=gateway.operator)
@@ -280,7 +282,7 @@ async def test_a_span_that_is_none_is_refused_by_field(
     assert answer.json()["errors"][0]["field"].endswith(field)
 
 
-async def test_what_reports_tell_is_what_is_added_up(gateway_on_both: Gateway) -> None:
+async def test_numbers_are_the_sums_of_mission_reports(gateway_on_both: Gateway) -> None:
     gateway = gateway_on_both
     delivery_id = await gateway.planned()
     flown = {"flight_s": 500.0, "waiting_s": 60.0, "recharging_s": 100.0, "energy_j": 1.0}

@@ -145,7 +145,7 @@ async def test_a_bad_request_is_answered_with_field_and_limit(
 
 
 @pytest.mark.parametrize("mass", ["NaN", "Infinity", "-Infinity", "1e999"])
-async def test_a_mass_that_is_no_number_is_refused(
+async def test_a_mass_that_is_not_a_number_is_refused(
     gateway: Gateway, request_body: Callable[..., dict[str, Any]], mass: str
 ) -> None:
     import json
@@ -158,7 +158,7 @@ async def test_a_mass_that_is_no_number_is_refused(
 
 
 @pytest.mark.parametrize("field", ["pinned", "allowed", "denied"])
-async def test_a_provider_that_does_not_exist_is_named(
+async def test_an_unknown_provider_is_named(
     gateway: Gateway, request_body: Callable[..., dict[str, Any]], field: str
 ) -> None:
     gateway.registry.limit = PayloadLimit(
@@ -182,7 +182,7 @@ async def test_broken_json_is_a_400_and_a_large_body_a_413(gateway: Gateway) -> 
     assert "262144" in answer.json()["detail"]
 
 
-async def test_a_customer_or_an_operator_with_a_key_requests(
+async def test_customers_and_operators_with_a_key_may_request(
     gateway: Gateway, request_body: Callable[..., dict[str, Any]]
 ) -> None:
     body = request_body()
@@ -219,7 +219,7 @@ async def test_an_accepted_request_is_a_delivery_in_its_first_state(
 
 
 @pytest.mark.parametrize("service", ["registry", "composition"])
-async def test_when_a_service_is_away_the_customer_may_come_again(
+async def test_a_customer_may_repeat_the_call_after_a_service_was_away(
     gateway: Gateway, request_body: Callable[..., dict[str, Any]], service: str
 ) -> None:
     getattr(gateway, service).is_away = True
@@ -230,7 +230,7 @@ async def test_when_a_service_is_away_the_customer_may_come_again(
     assert (await gateway.post(request_body(), **{"Idempotency-Key": "k"})).status_code == 202
 
 
-async def test_the_same_key_is_the_same_delivery_whatever_has_changed(
+async def test_the_same_idempotency_key_gives_the_same_delivery(
     gateway_on_both: Gateway, request_body: Callable[..., dict[str, Any]]
 ) -> None:
     gateway = gateway_on_both
@@ -247,7 +247,7 @@ async def test_the_same_key_is_the_same_delivery_whatever_has_changed(
     ] == "urn:skyway:problem:idempotency-key-reused"
 
 
-async def test_keys_of_two_customers_do_not_meet(
+async def test_two_customers_may_use_the_same_idempotency_key(
     gateway: Gateway, request_body: Callable[..., dict[str, Any]]
 ) -> None:
     mine = await gateway.post(request_body(), **{"Idempotency-Key": "k"})
@@ -257,7 +257,7 @@ async def test_keys_of_two_customers_do_not_meet(
     assert theirs.json()["delivery_id"] != mine.json()["delivery_id"]
 
 
-async def test_without_any_fleet_no_mass_is_too_much_yet(
+async def test_no_mass_is_too_heavy_before_the_first_fleet_registers(
     gateway: Gateway, request_body: Callable[..., dict[str, Any]]
 ) -> None:
     gateway.registry.limit = PayloadLimit(
@@ -301,7 +301,7 @@ async def test_packages_that_are_too_heavy_together_are_accepted(
     assert (await gateway.post(body)).status_code == 202
 
 
-async def test_what_this_process_books_itself_is_claimed_for_a_moment(
+async def test_a_delivery_that_this_process_books_is_claimed_when_it_is_added(
     gateway_on_both: Gateway, request_body: Any
 ) -> None:
     """Nobody else looks at it meanwhile; when the process is killed first, somebody does later."""
@@ -329,7 +329,7 @@ async def test_what_this_process_books_itself_is_claimed_for_a_moment(
     assert await gateway.parts.booker.claim(limit=9) == []
 
 
-async def test_a_running_loop_books_what_is_accepted_without_looking_for_it(
+async def test_a_running_loop_books_an_accepted_delivery_without_a_look_at_the_queue(
     gateway: Gateway,
 ) -> None:
     async def find_nothing(*, limit: int) -> list[Any]:

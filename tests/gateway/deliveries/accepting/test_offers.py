@@ -23,7 +23,7 @@ async def taken(gateway: Gateway, choice: dict[str, str], **headers: str) -> htt
     return answer
 
 
-async def test_a_taken_offer_is_booked_with_its_limits(
+async def test_an_accepted_offer_is_booked_within_its_limits(
     gateway_on_both: Gateway, request_body: Callable[..., dict[str, Any]]
 ) -> None:
     gateway = gateway_on_both
@@ -46,7 +46,7 @@ async def test_a_taken_offer_is_booked_with_its_limits(
     assert gateway.registry.queries[-1].providers.pinned == offer["provider_id"]
 
 
-async def test_a_quote_is_taken_once(
+async def test_one_offer_of_a_quote_is_accepted_once(
     gateway: Gateway, request_body: Callable[..., dict[str, Any]]
 ) -> None:
     _, choice = await quoted(gateway, request_body())
@@ -57,7 +57,7 @@ async def test_a_quote_is_taken_once(
     assert (other.status_code, other.json()["code"]) == (409, "QUOTE_TAKEN")
 
 
-async def test_an_expired_offer_is_refused_at_once(
+async def test_an_expired_offer_is_refused_immediately(
     gateway: Gateway, request_body: Callable[..., dict[str, Any]]
 ) -> None:
     _, choice = await quoted(gateway, request_body())
@@ -66,7 +66,7 @@ async def test_an_expired_offer_is_refused_at_once(
     assert (answer.status_code, answer.json()["code"]) == (409, "QUOTE_EXPIRED")
 
 
-async def test_an_offer_can_be_taken_later_when_a_service_was_away(
+async def test_an_offer_can_be_accepted_after_a_service_was_away(
     gateway: Gateway, request_body: Callable[..., dict[str, Any]]
 ) -> None:
     _, choice = await quoted(gateway, request_body())
@@ -76,7 +76,7 @@ async def test_an_offer_can_be_taken_later_when_a_service_was_away(
     assert (await taken(gateway, choice)).status_code == 202
 
 
-async def test_somebody_elses_offer_looks_like_none(
+async def test_an_offer_of_another_customer_is_not_found(
     gateway: Gateway, request_body: Callable[..., dict[str, Any]]
 ) -> None:
     _, choice = await quoted(gateway, request_body())
@@ -105,7 +105,7 @@ async def test_a_body_that_is_neither_form_names_its_fields(
 
 
 @pytest.mark.parametrize("is_busy", [True, False], ids=["busy", "infeasible"])
-async def test_an_offer_that_is_lost_is_rejected_in_one_round(
+async def test_a_delivery_of_a_lost_offer_is_rejected_in_one_round(
     gateway_on_both: Gateway,
     request_body: Callable[..., dict[str, Any]],
     reason: Callable[..., Any],
@@ -124,7 +124,7 @@ async def test_an_offer_that_is_lost_is_rejected_in_one_round(
     assert delivery_id in gateway.composition.closed
 
 
-async def test_an_offer_outlives_a_service_that_is_away(
+async def test_an_accepted_offer_survives_a_service_that_is_away(
     gateway: Gateway, request_body: Callable[..., dict[str, Any]]
 ) -> None:
     _, choice = await quoted(gateway, request_body())
@@ -138,7 +138,7 @@ async def test_an_offer_outlives_a_service_that_is_away(
     assert (await gateway.get(delivery_id))["state"] == "PLANNED"
 
 
-async def test_a_refused_trip_of_an_offer_is_booked_within_what_is_left(
+async def test_a_refused_trip_of_an_offer_is_booked_within_the_remaining_price(
     gateway: Gateway, request_body: Callable[..., dict[str, Any]], candidate: Callable[..., Any]
 ) -> None:
     gateway.registry.candidates_now = [candidate("drn_1"), candidate("drn_2")]

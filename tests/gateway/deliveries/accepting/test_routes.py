@@ -8,7 +8,7 @@ import pytest
 from tests.gateway.whole_gateway import Gateway
 
 
-async def test_somebody_elses_delivery_looks_like_none(gateway: Gateway) -> None:
+async def test_a_delivery_of_another_customer_is_not_found(gateway: Gateway) -> None:
     delivery_id = await gateway.planned()
     for path in ("", "/plan", "/events"):
         url = f"/v1/deliveries/{delivery_id}{path}"
@@ -21,7 +21,7 @@ async def test_somebody_elses_delivery_looks_like_none(gateway: Gateway) -> None
     assert nobody.json()["items"] == []
 
 
-async def test_an_operator_sees_everybodys(gateway: Gateway) -> None:
+async def test_an_operator_sees_the_deliveries_of_all_customers(gateway: Gateway) -> None:
     delivery_id = await gateway.planned()
     listed = await gateway.http.get("/v1/deliveries", headers=gateway.operator)
     assert [one["delivery_id"] for one in listed.json()["items"]] == [delivery_id]
@@ -67,7 +67,9 @@ async def test_the_plan_tells_when_each_mission_starts(gateway: Gateway) -> None
     assert mission["plan"]["delivery_time_s"] == 600
 
 
-async def test_a_provider_sees_what_its_drones_fly_and_not_for_whom(gateway: Gateway) -> None:
+async def test_a_provider_sees_deliveries_of_its_drones_without_the_customer(
+    gateway: Gateway,
+) -> None:
     delivery_id = await gateway.planned()
     path = "/v1/providers/prv_1/deliveries"
     [seen] = (await gateway.http.get(path, headers=gateway.provider)).json()["items"]
@@ -93,7 +95,7 @@ async def _end(gateway: Gateway, delivery_id: str) -> None:
     await gateway.report(delivery_id, "DELIVERED", seq=4, package_ids=["p1"])
 
 
-async def test_a_stream_tells_everything_and_ends_with_the_last_event(
+async def test_a_stream_sends_all_events_and_ends_with_the_final_one(
     gateway_on_both: Gateway,
 ) -> None:
     gateway = gateway_on_both
@@ -109,7 +111,7 @@ async def test_a_stream_tells_everything_and_ends_with_the_last_event(
     assert gateway.parts.listeners.listener_count == 0
 
 
-async def test_a_stream_goes_on_after_the_last_event_that_was_seen(gateway: Gateway) -> None:
+async def test_a_stream_continues_after_the_last_event_id(gateway: Gateway) -> None:
     delivery_id = await gateway.planned()
     await _end(gateway, delivery_id)
     answer = await _stream(gateway, delivery_id, "5")
@@ -121,9 +123,7 @@ async def test_a_stream_goes_on_after_the_last_event_that_was_seen(gateway: Gate
 
 
 @pytest.mark.parametrize("last_event_id", ["x", "-1", "99999999999"])
-async def test_a_last_event_id_that_we_never_sent_is_refused(
-    gateway: Gateway, last_event_id: str
-) -> None:
+async def test_an_impossible_last_event_id_is_refused(gateway: Gateway, last_event_id: str) -> None:
     delivery_id = await gateway.planned()
     answer = await _stream(gateway, delivery_id, last_event_id)
     assert answer.status_code == 422

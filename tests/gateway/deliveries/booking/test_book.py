@@ -32,7 +32,7 @@ async def test_a_request_becomes_a_planned_delivery(gateway_on_both: Gateway) ->
     assert [p["package_id"] for p in planned["data"]["packages"]] == ["p1", "p2", "p3"]
 
 
-async def test_the_registry_is_asked_with_place_mass_and_choice(gateway: Gateway) -> None:
+async def test_the_registry_is_asked_with_pickup_mass_and_providers(gateway: Gateway) -> None:
     await gateway.accepted(packages=2, qos={"providers": {"denied": ["prv_9"]}})
     await gateway.book_next()
     [query] = gateway.registry.queries
@@ -66,7 +66,7 @@ async def _is_killed(step: Coroutine[Any, Any, bool], wait: int) -> bool:
 
 
 @pytest.mark.parametrize("is_feasible", [True, False], ids=["booked", "rejected"])
-async def test_a_round_that_is_killed_anywhere_is_finished_by_the_next(
+async def test_the_next_round_finishes_a_round_that_was_killed_anywhere(
     gateway: Gateway, is_feasible: bool, reason: Callable[..., Any]
 ) -> None:
     if not is_feasible:
@@ -91,7 +91,7 @@ async def test_a_round_that_is_killed_anywhere_is_finished_by_the_next(
     assert set(ends) == {"PLANNED" if is_feasible else "REJECTED"}
 
 
-async def test_a_booking_whose_drone_is_no_candidate_any_more_is_still_found(
+async def test_a_booking_is_found_after_its_drone_stopped_being_a_candidate(
     gateway: Gateway,
 ) -> None:
     """The only drone is busy with our own mission, which we booked before we died."""
@@ -106,7 +106,7 @@ async def test_a_booking_whose_drone_is_no_candidate_any_more_is_still_found(
     assert gateway.composition.booking_count == 1
 
 
-async def test_a_mission_that_was_refused_before_it_was_planned_here_is_asked_anew(
+async def test_a_mission_that_was_refused_before_it_was_written_is_booked_again(
     gateway: Gateway, candidate: Callable[..., Any]
 ) -> None:
     """We died after booking; the drone refused before we were back."""
@@ -148,7 +148,7 @@ async def test_a_claimed_delivery_is_left_alone_until_the_claim_runs_out(
     assert len(await _claimed(gateway)) == 1
 
 
-async def test_a_claim_that_is_renewed_by_whose_it_is_does_not_run_out(
+async def test_a_claim_that_its_owner_renews_does_not_run_out(
     gateway_on_both: Gateway,
 ) -> None:
     gateway = gateway_on_both
@@ -167,7 +167,9 @@ async def test_a_claim_that_is_renewed_by_whose_it_is_does_not_run_out(
     assert [one.delivery.delivery_id for one in await other.claim(limit=9)] == [first]
 
 
-async def test_what_is_planned_or_put_off_is_not_held_any_more(gateway_on_both: Gateway) -> None:
+async def test_planned_and_postponed_deliveries_are_no_longer_claimed(
+    gateway_on_both: Gateway,
+) -> None:
     gateway = gateway_on_both
     planned = await gateway.planned()
     gateway.composition.is_busy = True
@@ -180,7 +182,7 @@ async def test_what_is_planned_or_put_off_is_not_held_any_more(gateway_on_both: 
     assert [one.delivery.delivery_id for one in await _claimed(gateway)] == [put_off]
 
 
-async def test_busy_keeps_the_request_and_tries_again_in_a_while(
+async def test_a_busy_fleet_keeps_the_request_for_a_later_round(
     gateway: Gateway, reason: Callable[..., Any]
 ) -> None:
     gateway.registry.candidates_now = []
@@ -201,7 +203,7 @@ async def test_busy_keeps_the_request_and_tries_again_in_a_while(
     assert await gateway.book_next()
 
 
-async def test_composition_says_busy_although_all_reasons_are_final(
+async def test_a_busy_answer_keeps_the_request_although_all_reasons_are_final(
     gateway: Gateway, reason: Callable[..., Any]
 ) -> None:
     gateway.composition.is_busy = True
@@ -211,14 +213,14 @@ async def test_composition_says_busy_although_all_reasons_are_final(
     assert (await gateway.get(delivery_id))["state"] == "REQUESTED"
 
 
-async def test_nobody_registered_yet_is_not_never(gateway: Gateway) -> None:
+async def test_a_request_without_providers_waits_until_one_registers(gateway: Gateway) -> None:
     gateway.registry.candidates_now = []
     delivery_id = await gateway.accepted()
     await gateway.book_next()
     assert (await gateway.get(delivery_id))["state"] == "REQUESTED"
 
 
-async def test_only_final_reasons_close_the_delivery_and_reject_it(
+async def test_a_delivery_with_only_final_reasons_is_closed_and_rejected(
     gateway_on_both: Gateway, reason: Callable[..., Any]
 ) -> None:
     gateway = gateway_on_both
@@ -239,7 +241,7 @@ async def test_only_final_reasons_close_the_delivery_and_reject_it(
     ]
 
 
-async def test_a_request_is_given_up_when_its_patience_ends(
+async def test_a_request_is_given_up_when_its_waiting_time_ends(
     gateway: Gateway, reason: Callable[..., Any]
 ) -> None:
     gateway.registry.candidates_now = []
@@ -302,7 +304,7 @@ async def test_only_a_request_with_a_deadline_is_too_late(
     assert [one["code"] for one in delivery["reasons"]] == [code]
 
 
-async def test_what_was_booked_before_the_deadline_is_planned_after_it(gateway: Gateway) -> None:
+async def test_a_booking_before_the_deadline_is_written_after_it(gateway: Gateway) -> None:
     delivery_id = await gateway.accepted()
     [queued] = await _claimed(gateway)
     await _ask(gateway, queued)
@@ -312,7 +314,7 @@ async def test_what_was_booked_before_the_deadline_is_planned_after_it(gateway: 
 
 
 @pytest.mark.parametrize("service", ["registry", "composition"])
-async def test_a_service_that_is_away_costs_time_and_nothing_else(
+async def test_a_delivery_is_booked_after_a_service_was_away(
     gateway: Gateway, service: str
 ) -> None:
     delivery_id = await gateway.accepted()

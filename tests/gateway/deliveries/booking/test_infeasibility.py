@@ -27,7 +27,7 @@ BUSY, NEVER = True, False
         ("INFEASIBLE", False, [], False),
     ],
 )
-def test_only_reasons_that_last_are_never(
+def test_only_lasting_reasons_make_a_delivery_infeasible(
     reason: Callable[..., Any],
     candidate: Callable[..., Any],
     outcome: Any,
@@ -49,7 +49,7 @@ def test_only_reasons_that_last_are_never(
         ("OTHER_CURRENCY", ("prv_1",), True),
     ],
 )
-def test_what_holds_for_free_drones_may_not_hold_for_busy_ones(
+def test_a_reason_of_free_drones_may_not_hold_for_busy_ones(
     reason: Callable[..., Any],
     candidate: Callable[..., Any],
     code: str,
@@ -64,7 +64,7 @@ def test_what_holds_for_free_drones_may_not_hold_for_busy_ones(
     assert (why_infeasible(None, booking, found) is not None) == is_never
 
 
-def test_the_sentence_names_provider_code_and_detail(reason: Callable[..., Any]) -> None:
+def test_the_detail_names_provider_code_and_reason(reason: Callable[..., Any]) -> None:
     booking = Booking(outcome="INFEASIBLE", reasons=(reason("OUT_OF_RANGE", is_temporary=False),))
     never = why_infeasible(None, booking, Candidates(shortlist=Shortlist(), infeasible=()))
     assert never is not None

@@ -86,7 +86,7 @@ async def test_a_slow_booking_holds_up_no_other(until: Until) -> None:
     await _run(booker, 2, test)
 
 
-async def test_no_more_than_the_most_are_booked_at_once(until: Until) -> None:
+async def test_no_more_than_the_limit_are_booked_at_the_same_time(until: Until) -> None:
     booker = Booker(["slow 1", "slow 2", "slow 3"])
 
     async def test() -> None:
@@ -101,7 +101,7 @@ async def test_no_more_than_the_most_are_booked_at_once(until: Until) -> None:
     await _run(booker, 2, test)
 
 
-async def test_a_booking_that_breaks_leaves_the_others_alone(until: Until) -> None:
+async def test_a_failed_booking_does_not_disturb_the_others(until: Until) -> None:
     booker = Booker(["broken", "a"])
 
     async def test() -> None:
@@ -113,7 +113,7 @@ async def test_a_booking_that_breaks_leaves_the_others_alone(until: Until) -> No
     await _run(booker, 2, test)
 
 
-async def test_one_look_claims_all_that_is_due(until: Until) -> None:
+async def test_one_look_claims_everything_that_is_due(until: Until) -> None:
     booker = Booker(["slow 1", "slow 2", "slow 3"])
 
     async def test() -> None:
@@ -123,7 +123,7 @@ async def test_one_look_claims_all_that_is_due(until: Until) -> None:
     await _run(booker, 8, test)
 
 
-async def test_what_is_handed_over_is_booked_without_a_look(until: Until) -> None:
+async def test_a_delivery_that_is_handed_over_is_booked_without_a_look(until: Until) -> None:
     booker = Booker([])
     loop = BookingLoop(booker.queued, claimant="bkr_1", most=2)
     assert not loop.is_free
@@ -154,7 +154,7 @@ async def test_nothing_is_handed_over_while_older_deliveries_wait(until: Until) 
     await _run(booker, 2, test, loop=loop)
 
 
-async def test_the_most_may_be_handed_over_and_no_more(until: Until) -> None:
+async def test_deliveries_are_handed_over_up_to_the_limit(until: Until) -> None:
     booker = Booker([])
     loop = BookingLoop(booker.queued, claimant="bkr_1", most=2)
 
@@ -168,7 +168,7 @@ async def test_the_most_may_be_handed_over_and_no_more(until: Until) -> None:
     await _run(booker, 2, test, loop=loop)
 
 
-async def test_what_one_commit_hands_over_beyond_the_most_waits(until: Until) -> None:
+async def test_deliveries_of_one_commit_beyond_the_limit_wait(until: Until) -> None:
     booker = Booker([])
     loop = BookingLoop(booker.queued, claimant="bkr_1", most=2)
 
@@ -185,7 +185,7 @@ async def test_what_one_commit_hands_over_beyond_the_most_waits(until: Until) ->
     await _run(booker, 2, test, loop=loop)
 
 
-async def test_what_is_under_way_is_held_again_and_again() -> None:
+async def test_claims_of_running_bookings_are_renewed() -> None:
     booker = Booker(["slow 1", "a", "slow 2"])
 
     async def test() -> None:

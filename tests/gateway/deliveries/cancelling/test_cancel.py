@@ -33,7 +33,7 @@ def states(delivery: dict[str, Any]) -> list[str]:
     return [package["state"] for package in delivery["packages"]]
 
 
-async def test_a_request_that_waits_is_closed_and_then_cancelled(gateway_on_both: Gateway) -> None:
+async def test_a_waiting_request_is_closed_before_it_is_cancelled(gateway_on_both: Gateway) -> None:
     gateway = gateway_on_both
     delivery_id = await gateway.accepted(packages=2)
     answer = await cancel(gateway, delivery_id, reason="ordered twice")
@@ -52,14 +52,14 @@ async def test_a_request_that_waits_is_closed_and_then_cancelled(gateway_on_both
     assert not await gateway.book_next()
 
 
-async def test_cancelling_again_is_answered_alike_and_told_once(gateway: Gateway) -> None:
+async def test_cancelling_again_gets_the_same_answer_and_no_second_event(gateway: Gateway) -> None:
     delivery_id = await gateway.accepted()
     answers = [await cancel(gateway, delivery_id) for _ in range(3)]
     assert {answer.status_code for answer in answers} == {200}
     assert (await gateway.told(delivery_id)).count("delivery.cancelled") == 1
 
 
-async def test_a_planned_delivery_is_called_off_before_it_is_loaded(
+async def test_a_planned_delivery_is_cancelled_before_it_is_loaded(
     gateway_on_both: Gateway,
 ) -> None:
     gateway = gateway_on_both
@@ -75,7 +75,7 @@ async def test_a_planned_delivery_is_called_off_before_it_is_loaded(
     assert (await gateway.told(delivery_id))[-1] == "delivery.cancelled"
 
 
-async def test_what_is_on_board_comes_back_to_the_pickup(gateway_on_both: Gateway) -> None:
+async def test_packages_on_board_come_back_to_the_pickup(gateway_on_both: Gateway) -> None:
     gateway = gateway_on_both
     delivery_id = await gateway.planned(packages=2)
     await reports(gateway, delivery_id, "ACCEPTED", "LOADING", "LOADED")
@@ -121,7 +121,7 @@ async def test_one_package_is_cancelled_and_the_others_are_delivered(gateway: Ga
     assert delivery["state"] == "PARTIALLY_COMPLETED"
 
 
-async def test_one_package_that_waits_is_left_out_of_the_booking(gateway: Gateway) -> None:
+async def test_a_cancelled_waiting_package_is_left_out_of_the_booking(gateway: Gateway) -> None:
     delivery_id = await gateway.accepted(packages=2)
     delivery = (await cancel(gateway, delivery_id, package_ids=["p1"])).json()
     assert (delivery["state"], states(delivery)) == ("REQUESTED", ["CANCELLED", "CREATED"])
@@ -131,7 +131,7 @@ async def test_one_package_that_waits_is_left_out_of_the_booking(gateway: Gatewa
     assert package.package_id == "p2"
 
 
-async def test_a_package_that_is_cancelled_while_it_is_booked_is_called_off(
+async def test_a_package_that_is_cancelled_during_booking_is_not_carried(
     gateway: Gateway,
 ) -> None:
     delivery_id = await gateway.accepted(packages=2)
@@ -145,7 +145,7 @@ async def test_a_package_that_is_cancelled_while_it_is_booked_is_called_off(
     assert told["package_ids"] == ["p1"]
 
 
-async def test_a_delivery_that_is_cancelled_while_it_is_booked_is_called_off(
+async def test_a_delivery_that_is_cancelled_during_booking_is_not_flown(
     gateway: Gateway,
 ) -> None:
     delivery_id = await gateway.accepted(packages=2)
@@ -159,7 +159,7 @@ async def test_a_delivery_that_is_cancelled_while_it_is_booked_is_called_off(
     assert not await gateway.book_next()
 
 
-async def test_a_mission_that_is_booked_after_all_is_called_off_when_it_reports(
+async def test_a_mission_that_is_booked_too_late_is_cancelled_by_its_report(
     gateway: Gateway,
 ) -> None:
     delivery_id = await gateway.accepted(packages=1)
@@ -174,7 +174,7 @@ async def test_a_mission_that_is_booked_after_all_is_called_off_when_it_reports(
     assert (await gateway.get(delivery_id))["missions"] == []
 
 
-async def test_what_is_delivered_cannot_be_cancelled(gateway: Gateway) -> None:
+async def test_a_delivered_package_cannot_be_cancelled(gateway: Gateway) -> None:
     delivery_id = await gateway.planned(packages=2)
     await reports(gateway, delivery_id, "ACCEPTED", "LOADING", "LOADED")
     await gateway.report(delivery_id, "DELIVERED", seq=4, package_ids=["p1"])
@@ -192,7 +192,7 @@ async def test_what_is_delivered_cannot_be_cancelled(gateway: Gateway) -> None:
     assert (await cancel(gateway, delivery_id)).json()["code"] == "TOO_LATE"
 
 
-async def test_composition_knows_better_than_we_what_is_too_late(gateway: Gateway) -> None:
+async def test_composition_decides_what_is_too_late_to_cancel(gateway: Gateway) -> None:
     delivery_id = await gateway.planned()
     await reports(gateway, delivery_id, "ACCEPTED", "LOADING", "LOADED")
     gateway.composition.delivered = {"p1"}
@@ -201,7 +201,7 @@ async def test_composition_knows_better_than_we_what_is_too_late(gateway: Gatewa
     assert (await gateway.get(delivery_id))["state"] == "IN_PROGRESS"
 
 
-async def test_what_is_being_loaded_this_moment_comes_back_once_it_is_loaded(
+async def test_a_package_that_is_cancelled_during_loading_comes_back(
     gateway: Gateway,
 ) -> None:
     delivery_id = await gateway.planned()
@@ -221,7 +221,7 @@ async def test_what_is_being_loaded_this_moment_comes_back_once_it_is_loaded(
     assert (await gateway.get(delivery_id))["state"] == "CANCELLED"
 
 
-async def test_trips_that_have_not_begun_are_called_off_and_the_others_return(
+async def test_trips_that_have_not_begun_are_cancelled_and_the_others_return(
     gateway: Gateway, candidate: Callable[..., Any]
 ) -> None:
     gateway.composition.packages_per_trip = 1
@@ -237,7 +237,9 @@ async def test_trips_that_have_not_begun_are_called_off_and_the_others_return(
     assert not await gateway.book_next(), "booked what was cancelled"
 
 
-async def test_a_package_that_nobody_takes_and_returns_fails_the_delivery(gateway: Gateway) -> None:
+async def test_a_package_that_returns_without_a_recipient_fails_the_delivery(
+    gateway: Gateway,
+) -> None:
     delivery_id = await gateway.planned()
     await reports(gateway, delivery_id, "ACCEPTED", "LOADING", "LOADED")
     await gateway.report(
@@ -252,7 +254,7 @@ async def test_a_package_that_nobody_takes_and_returns_fails_the_delivery(gatewa
 
 
 @pytest.mark.parametrize("service_is", ["away before", "away and back"])
-async def test_without_composition_nothing_is_said_to_be_cancelled(
+async def test_nothing_is_cancelled_while_composition_is_away(
     gateway: Gateway, service_is: str
 ) -> None:
     delivery_id = await gateway.accepted()
@@ -267,7 +269,7 @@ async def test_without_composition_nothing_is_said_to_be_cancelled(
     assert (await gateway.get(delivery_id))["state"] == "CANCELLED"
 
 
-async def test_cancelling_and_giving_up_at_once_say_one_of_both(
+async def test_cancelling_and_giving_up_at_the_same_time_give_one_end(
     gateway_on_both: Gateway, reason: Callable[..., Any]
 ) -> None:
     gateway = gateway_on_both
@@ -279,7 +281,7 @@ async def test_cancelling_and_giving_up_at_once_say_one_of_both(
     assert (answer.status_code == 200) == (delivery["state"] == "CANCELLED")
 
 
-async def test_who_cancels_first_is_not_told_that_nobody_flies_it(gateway: Gateway) -> None:
+async def test_a_delivery_that_is_cancelled_first_is_not_rejected(gateway: Gateway) -> None:
     """The customer has closed it; the round that finds it closed leaves the last word to them."""
     delivery_id = await gateway.accepted()
     queued = await _claimed(gateway)
@@ -306,7 +308,7 @@ def _until_wait(call: Coroutine[Any, Any, Any], wait: int) -> Generator[Any, Any
     raise AssertionError
 
 
-async def test_a_cancellation_that_is_killed_anywhere_is_ended_or_never_began(
+async def test_a_cancellation_that_is_killed_anywhere_is_finished_or_never_began(
     gateway: Gateway,
 ) -> None:
     from skyway_gateway.deliveries.cancelling.cancel_request import CancelRequest
@@ -333,7 +335,7 @@ async def test_a_cancellation_that_is_killed_anywhere_is_ended_or_never_began(
     assert set(ends) == {"PLANNED", "CANCELLED"}
 
 
-async def test_only_whose_delivery_it_is_and_operators_cancel(gateway: Gateway) -> None:
+async def test_only_the_customer_and_operators_cancel_a_delivery(gateway: Gateway) -> None:
     delivery_id = await gateway.accepted()
     path = f"/v1/deliveries/{delivery_id}/cancel"
     for headers, status in (({}, 401), (gateway.other, 404), (gateway.provider, 403)):

@@ -13,16 +13,16 @@ def test_terminal_states_are_final() -> None:
         assert may_follow(after, before) == (after == before)
 
 
-def test_rejected_comes_only_from_requested() -> None:
+def test_rejected_follows_only_requested() -> None:
     assert [one for one in STATES if may_follow("REJECTED", one)] == ["REQUESTED", "REJECTED"]
 
 
-def test_cancelled_and_failed_come_from_any_that_is_not_terminal() -> None:
+def test_cancelled_and_failed_follow_any_state_that_is_not_terminal() -> None:
     for before in set(STATES) - TERMINAL_STATES:
         assert may_follow("CANCELLED", before)
         assert may_follow("FAILED", before)
 
 
-def test_only_a_drone_that_has_not_begun_leads_back_to_the_queue() -> None:
+def test_only_a_delivery_that_has_not_begun_returns_to_requested() -> None:
     back = [one for one in STATES if may_follow("REQUESTED", one)]
     assert back == ["REQUESTED", "PLANNED", "DISPATCHED"]

@@ -40,7 +40,7 @@ async def test_completed_missions_are_added_up_by_day(gateway_on_both: Gateway) 
     ]
 
 
-async def test_from_and_to_bound_the_moments_of_the_ends(gateway_on_both: Gateway) -> None:
+async def test_from_and_to_limit_when_missions_ended(gateway_on_both: Gateway) -> None:
     gateway = gateway_on_both
     await completed(gateway)
     gateway.clock.advance(timedelta(days=1))
@@ -60,7 +60,7 @@ async def test_a_provider_without_missions_has_earned_nothing(gateway: Gateway) 
     assert (found["currency"], found["amount"], found["by_day"]) == (None, 0, [])
 
 
-async def test_what_was_earned_before_the_currency_changed_is_listed_only(gateway: Gateway) -> None:
+async def test_earnings_in_an_earlier_currency_are_only_listed(gateway: Gateway) -> None:
     await completed(gateway)
     await gateway.execute("UPDATE missions SET currency = 'EUR'")
     gateway.clock.advance(timedelta(days=1))
@@ -70,7 +70,7 @@ async def test_what_was_earned_before_the_currency_changed_is_listed_only(gatewa
     assert [day["currency"] for day in found["by_day"]] == ["EUR", "USD"]
 
 
-async def test_only_its_own_earnings_are_a_providers_to_see(gateway: Gateway) -> None:
+async def test_a_provider_sees_only_its_own_earnings(gateway: Gateway) -> None:
     path = "/v1/providers/prv_2/earnings"
     assert (await gateway.http.get(path, headers=gateway.provider)).status_code == 404
     assert (await gateway.http.get(path, headers=gateway.operator)).status_code == 200

@@ -61,7 +61,7 @@ async def test_a_hand_over_leaves_its_proof(gateway_on_both: Gateway) -> None:
     "data",
     [{}, {"mass_kg": "heavy", "place": "here"}, {"place": {"position": "x"}, "mass_kg": {}}],
 )
-async def test_evidence_that_cannot_be_read_holds_nothing_up(
+async def test_unreadable_evidence_does_not_hold_up_the_delivery(
     gateway: Gateway, data: dict[str, Any]
 ) -> None:
     delivery_id = await gateway.planned()
@@ -75,7 +75,7 @@ async def test_evidence_that_cannot_be_read_holds_nothing_up(
 
 
 @pytest.mark.parametrize("what", ["proof", "track"])
-async def test_proof_and_track_are_the_customers_own(gateway: Gateway, what: str) -> None:
+async def test_only_the_customer_reads_proof_and_track(gateway: Gateway, what: str) -> None:
     delivery_id = await gateway.planned()
     path = f"/v1/deliveries/{delivery_id}/{what}"
     for headers, status in (
@@ -101,7 +101,7 @@ def _step(gateway: Gateway, kind: str, status: str, *, number: int, way: tuple[A
     )
 
 
-async def test_the_track_shows_what_was_flown_what_will_be_and_where_the_drone_is(
+async def test_the_track_shows_flown_and_planned_lines_and_the_drone(
     gateway: Gateway,
 ) -> None:
     delivery_id = await gateway.planned()
@@ -142,7 +142,7 @@ async def test_the_track_shows_what_was_flown_what_will_be_and_where_the_drone_i
     assert [stop["kind"] for stop in stations[2]["properties"]["stops"]] == ["DELIVER"]
 
 
-async def test_a_drone_that_stands_has_flown_up_to_where_it_is(gateway: Gateway) -> None:
+async def test_the_flown_line_of_a_standing_drone_ends_at_its_station(gateway: Gateway) -> None:
     delivery_id = await gateway.planned()
     steps = (
         _step(gateway, "FLY", "ENDED", number=0, way=(PICKUP, MIDDLE)),
@@ -164,7 +164,7 @@ async def test_a_drone_that_stands_has_flown_up_to_where_it_is(gateway: Gateway)
     assert planned["geometry"]["coordinates"] == [list(MIDDLE), list(END)]
 
 
-async def test_before_the_booking_there_is_an_empty_track(gateway: Gateway) -> None:
+async def test_the_track_is_empty_before_the_booking(gateway: Gateway) -> None:
     delivery_id = await gateway.accepted()
     gateway.composition.is_away = True
     track = (await read(gateway, delivery_id, "track")).json()

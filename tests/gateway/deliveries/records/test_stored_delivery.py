@@ -30,7 +30,9 @@ async def _follow(
     await gateway.parts.applier.apply(report)
 
 
-async def test_what_was_just_written_is_not_read_again(gateway: Gateway, statements: Any) -> None:
+async def test_a_delivery_that_was_just_written_is_not_read_again(
+    gateway: Gateway, statements: Any
+) -> None:
     with statements() as seen:
         delivery_id = await gateway.accepted()
         await gateway.book_next()
@@ -43,7 +45,7 @@ async def test_what_was_just_written_is_not_read_again(gateway: Gateway, stateme
     assert delivery["missions"][0]["state"] == "ACCEPTED"
 
 
-async def test_what_another_replica_accepted_is_booked_here(
+async def test_a_delivery_that_another_replica_accepted_is_booked_here(
     gateway_on_both: Gateway, replica: Gateway
 ) -> None:
     delivery_id = await gateway_on_both.accepted(packages=2)
@@ -53,7 +55,7 @@ async def test_what_another_replica_accepted_is_booked_here(
     assert (await replica.get(delivery_id))["state"] == "LOADING"
 
 
-async def test_a_plan_takes_account_of_a_cancellation_since_the_claim(
+async def test_a_plan_respects_a_cancellation_after_the_claim(
     gateway_on_both: Gateway, replica: Gateway
 ) -> None:
     """Cancelled here or by another replica: the package is not planned, and called off."""
@@ -147,7 +149,7 @@ async def test_reports_in_one_request_are_applied_without_reading(
         assert f"{number:032x}" in dispatched["traceparent"]
 
 
-async def test_reports_in_one_request_are_applied_although_one_delivery_was_written_elsewhere(
+async def test_reports_in_one_request_are_applied_after_a_write_of_another_replica(
     gateway_on_both: Gateway, replica: Gateway
 ) -> None:
     gateway = gateway_on_both
@@ -171,7 +173,7 @@ async def test_a_report_that_comes_too_early_refuses_those_after_it(gateway: Gat
     assert (await gateway.get(second))["state"] == "PLANNED"
 
 
-async def test_a_report_sees_what_was_cancelled_elsewhere(
+async def test_a_report_sees_a_cancellation_by_another_replica(
     gateway_on_both: Gateway, replica: Gateway
 ) -> None:
     """The drone loads what is left: p1 stays at the pickup, although we remember it planned."""
@@ -194,7 +196,7 @@ async def _cancel(gateway: Gateway, delivery_id: DeliveryId, package_ids: list[s
     return await gateway.parts.canceller.cancel(caller, delivery_id, wanted)
 
 
-async def test_only_the_youngest_are_remembered(gateway: Gateway) -> None:
+async def test_only_the_latest_deliveries_are_cached(gateway: Gateway) -> None:
     from skyway_gateway.deliveries.records.stored_delivery import DeliveryCache, StoredDelivery
 
     await gateway.accepted()

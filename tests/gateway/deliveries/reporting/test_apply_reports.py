@@ -92,7 +92,7 @@ async def test_a_delivery_goes_from_dispatch_to_its_last_package(gateway_on_both
     assert [package["package_id"] for package in completed["packages"]] == ["p1", "p2"]
 
 
-async def test_a_report_that_comes_before_its_turn_is_asked_for_again(
+async def test_a_report_that_comes_too_early_must_be_repeated(
     gateway_on_both: Gateway,
 ) -> None:
     gateway = gateway_on_both
@@ -120,7 +120,7 @@ async def test_a_repeated_report_changes_nothing(gateway_on_both: Gateway) -> No
     assert (await gateway.told(delivery_id)).count("delivery.dispatched") == 1
 
 
-async def test_reports_in_every_wrong_order_end_alike(gateway: Gateway) -> None:
+async def test_reports_in_a_wrong_order_give_the_same_end(gateway: Gateway) -> None:
     delivery_id = await gateway.planned()
     waiting: list[tuple[int, str, dict[str, Any]]] = [
         (4, "DELIVERED", {"package_ids": ["p1"]}),
@@ -166,14 +166,14 @@ async def test_a_report_that_overtakes_the_booking_waits_for_it(
     assert (await gateway.get(delivery_id))["state"] == "DISPATCHED"
 
 
-async def test_a_report_about_a_delivery_that_is_none_of_ours_is_dropped(gateway: Gateway) -> None:
+async def test_a_report_about_an_unknown_delivery_is_dropped(gateway: Gateway) -> None:
     delivery_id = await gateway.planned()
     booked = gateway.composition.booked[delivery_id, 1]
     gateway.composition.booked["dlv_other", 1] = booked
     assert (await gateway.report("dlv_other", "ACCEPTED", seq=1)).status_code == 404
 
 
-async def test_late_words_about_a_refused_mission_change_nothing(
+async def test_late_reports_about_a_refused_mission_change_nothing(
     gateway: Gateway, candidate: Callable[..., Any]
 ) -> None:
     gateway.registry.candidates_now = [candidate("drn_1"), candidate("drn_2")]
@@ -185,7 +185,7 @@ async def test_late_words_about_a_refused_mission_change_nothing(
     assert await gateway.get(delivery_id) == before
 
 
-async def test_refusing_again_after_a_long_time_leaves_patience_to_ask_others(
+async def test_a_late_refusal_restarts_the_waiting_time(
     gateway: Gateway, candidate: Callable[..., Any]
 ) -> None:
     gateway.registry.candidates_now = [candidate("drn_1"), candidate("drn_2")]
@@ -196,7 +196,7 @@ async def test_refusing_again_after_a_long_time_leaves_patience_to_ask_others(
     assert (await gateway.get(delivery_id))["state"] == "PLANNED"
 
 
-async def test_a_mission_that_is_aborted_strands_what_it_carries(gateway_on_both: Gateway) -> None:
+async def test_an_aborted_mission_strands_its_packages(gateway_on_both: Gateway) -> None:
     gateway = gateway_on_both
     delivery_id = await gateway.planned(packages=3)
     await _reports(gateway, delivery_id, "ACCEPTED", "LOADING", "LOADED")
@@ -237,7 +237,7 @@ async def test_a_mission_that_ends_before_loading_fails_the_delivery(gateway: Ga
     assert (await gateway.told(delivery_id))[-1] == "delivery.failed"
 
 
-async def test_packages_that_went_down_with_a_drone_stay_in_its_custody(gateway: Gateway) -> None:
+async def test_packages_of_a_crashed_drone_stay_in_its_custody(gateway: Gateway) -> None:
     delivery_id = await gateway.planned()
     await _reports(gateway, delivery_id, "ACCEPTED", "LOADING", "LOADED")
     await gateway.report(
@@ -259,7 +259,7 @@ async def test_packages_that_went_down_with_a_drone_stay_in_its_custody(gateway:
 
 
 @pytest.mark.parametrize(("late_s", "is_told"), [(59, False), (61, True)])
-async def test_a_delay_is_told_when_it_is_more_than_a_minute(
+async def test_a_delay_of_more_than_a_minute_causes_an_event(
     gateway: Gateway, late_s: int, is_told: bool
 ) -> None:
     delivery_id = await gateway.planned(packages=2)
@@ -284,7 +284,7 @@ async def test_a_delay_is_told_when_it_is_more_than_a_minute(
         assert [one["late_s"] for one in told["data"]["packages"]] == [61, 61]
 
 
-async def test_a_new_plan_is_told_with_its_etas(gateway: Gateway) -> None:
+async def test_a_new_plan_causes_an_event_with_its_etas(gateway: Gateway) -> None:
     delivery_id = await gateway.planned()
     await _reports(gateway, delivery_id, "ACCEPTED", "LOADING", "LOADED")
     mission = gateway.composition.booked[delivery_id, 1]
@@ -311,7 +311,9 @@ async def test_reports_of_several_missions_come_in_one_request(gateway: Gateway)
         assert (await gateway.get(delivery_id))["state"] == "DISPATCHED"
 
 
-async def test_reports_that_come_together_are_refused_when_one_is(gateway: Gateway) -> None:
+async def test_one_refused_report_refuses_all_reports_after_it_in_the_request(
+    gateway: Gateway,
+) -> None:
     first, second = await gateway.planned(), await gateway.planned()
     too_early = gateway.mission_report(second, "LOADING", seq=2)
 

@@ -24,7 +24,7 @@ def later(mission: Any, **by: float) -> Any:
     return mission.model_copy(update={"revision": revision, "packages": etas, "state": "ACTIVE"})
 
 
-async def test_a_plan_that_does_not_hold_is_flagged_until_there_is_another(
+async def test_replanning_is_flagged_until_there_is_a_new_plan(
     gateway_on_both: Gateway,
 ) -> None:
     gateway = gateway_on_both
@@ -49,7 +49,9 @@ async def test_a_plan_that_does_not_hold_is_flagged_until_there_is_another(
     assert told["promised_at"] < told["eta_at"]
 
 
-async def test_what_a_new_plan_leaves_behind_has_no_eta_and_is_told_so(gateway: Gateway) -> None:
+async def test_a_package_that_a_new_plan_leaves_out_has_no_eta_in_its_event(
+    gateway: Gateway,
+) -> None:
     delivery_id = await under_way(gateway)
     mission = gateway.composition.booked[delivery_id, 1]
     given_up = later(mission).model_copy(update={"packages": (), "given_up": "OUT_OF_RANGE"})
@@ -81,7 +83,7 @@ async def test_times_count_from_the_start_that_was_booked_first(gateway: Gateway
     assert (planned["delivery_time_s"], actual["delivery_time_s"]) == (600, 2400)
 
 
-async def test_of_two_plans_that_do_not_hold_one_is_not_enough(
+async def test_replanning_ends_only_when_all_missions_have_new_plans(
     gateway: Gateway, candidate: Callable[..., Any]
 ) -> None:
     gateway.composition.packages_per_trip = 1
@@ -102,7 +104,7 @@ async def test_of_two_plans_that_do_not_hold_one_is_not_enough(
     assert not await is_replanning()
 
 
-async def test_a_mission_that_ends_is_not_planned_anew_any_more(
+async def test_an_ended_mission_is_no_longer_replanning(
     gateway: Gateway, candidate: Callable[..., Any]
 ) -> None:
     gateway.composition.packages_per_trip = 1
@@ -115,7 +117,7 @@ async def test_a_mission_that_ends_is_not_planned_anew_any_more(
     assert not (await gateway.get(delivery_id))["flags"]["replanning"]
 
 
-async def test_an_eta_behind_the_deadline_is_told_at_once(gateway: Gateway) -> None:
+async def test_an_eta_after_the_deadline_is_a_delay_immediately(gateway: Gateway) -> None:
     """Ten minutes of flight from 12:01 on, and one second to spare."""
     delivery_id = await under_way(gateway, qos={"deadline_at": "2026-03-01T12:11:01Z"})
     mission = gateway.composition.booked[delivery_id, 1]
@@ -128,7 +130,7 @@ async def test_an_eta_behind_the_deadline_is_told_at_once(gateway: Gateway) -> N
     assert (told["late_s"], told["deadline_at"]) == (2, "2026-03-01T12:11:01.000Z")
 
 
-async def test_silence_behind_the_eta_is_told_as_a_delay_once(gateway_on_both: Gateway) -> None:
+async def test_a_passed_eta_without_reports_is_one_delay_event(gateway_on_both: Gateway) -> None:
     gateway = gateway_on_both
     delivery_id = await under_way(gateway)
     watch = gateway.parts.overdue_notifier
@@ -148,7 +150,7 @@ async def test_silence_behind_the_eta_is_told_as_a_delay_once(gateway_on_both: G
     assert (await gateway.get(delivery_id))["state"] == "COMPLETED"
 
 
-async def test_what_is_delivered_or_over_is_never_overdue(gateway: Gateway) -> None:
+async def test_delivered_and_ended_packages_are_never_overdue(gateway: Gateway) -> None:
     delivery_id = await under_way(gateway, packages=2)
     await gateway.report(delivery_id, "DELIVERED", seq=4, package_ids=["p1"])
     gateway.clock.advance(timedelta(minutes=15))
@@ -160,7 +162,7 @@ async def test_what_is_delivered_or_over_is_never_overdue(gateway: Gateway) -> N
     assert "delivery.delayed" not in await gateway.told(delivery_id)
 
 
-async def test_nobody_there_brings_the_package_to_the_alternative(gateway: Gateway) -> None:
+async def test_an_absent_recipient_sends_the_package_to_the_alternative(gateway: Gateway) -> None:
     delivery_id = await under_way(gateway)
     mission = gateway.composition.booked[delivery_id, 1]
     await gateway.report(delivery_id, "REPLANNING", seq=4, code="RECIPIENT_ABSENT")
@@ -176,7 +178,7 @@ async def test_nobody_there_brings_the_package_to_the_alternative(gateway: Gatew
     assert package["proof"]["station_id"] == "san-antonio"
 
 
-async def test_nobody_there_and_no_alternative_says_why_the_delivery_failed(
+async def test_an_absent_recipient_without_alternative_fails_the_delivery_with_the_reason(
     gateway: Gateway,
 ) -> None:
     delivery_id = await under_way(gateway)
@@ -190,7 +192,7 @@ async def test_nobody_there_and_no_alternative_says_why_the_delivery_failed(
     assert {name: failed["data"][name] for name in why} == why
 
 
-async def test_what_is_delivered_stays_delivered_whatever_is_said_later(gateway: Gateway) -> None:
+async def test_a_delivered_package_stays_delivered_after_later_reports(gateway: Gateway) -> None:
     delivery_id = await under_way(gateway, packages=2)
     await gateway.report(delivery_id, "DELIVERED", seq=4, package_ids=["p1"])
     for seq, kind in enumerate(("RETURNING", "RETURNED", "DELIVERED", "RELEASED"), start=5):
@@ -202,7 +204,7 @@ async def test_what_is_delivered_stays_delivered_whatever_is_said_later(gateway:
     assert (package["state"], package["custodian"]["id"]) == ("DELIVERED", "mcqueeney")
 
 
-async def test_what_was_on_its_way_back_when_its_drone_was_lost_is_stranded(
+async def test_a_returning_package_is_stranded_when_its_drone_is_lost(
     gateway: Gateway,
 ) -> None:
     delivery_id = await under_way(gateway)

@@ -48,7 +48,7 @@ async def states(gateway: Gateway) -> list[tuple[str, str]]:
 
 
 @pytest.mark.parametrize("was", ["DELIVERED", "GIVEN_UP"])
-async def test_a_deliverys_events_are_due_again_in_sequence(
+async def test_replayed_events_of_a_delivery_are_due_in_sequence(
     gateway_on_both: Gateway, was: str
 ) -> None:
     gateway = gateway_on_both
@@ -64,7 +64,7 @@ async def test_a_deliverys_events_are_due_again_in_sequence(
     assert await states(gateway) == [(first, "PENDING"), (second, "PENDING")]
 
 
-async def test_an_event_may_be_told_again_after_later_ones(gateway_on_both: Gateway) -> None:
+async def test_an_event_may_be_replayed_after_later_ones(gateway_on_both: Gateway) -> None:
     gateway = gateway_on_both
     webhook_id = await make_webhook(gateway)
     delivery_id = await gateway.planned()
@@ -77,7 +77,7 @@ async def test_an_event_may_be_told_again_after_later_ones(gateway_on_both: Gate
     assert await gateway.verified() == []
 
 
-async def test_a_new_webhook_can_be_told_what_was_before_it(gateway_on_both: Gateway) -> None:
+async def test_a_new_webhook_can_get_earlier_events(gateway_on_both: Gateway) -> None:
     gateway = gateway_on_both
     delivery_id = await gateway.planned()
     webhook_id = await make_webhook(gateway, event_types=["delivery.planned"])
@@ -90,7 +90,7 @@ async def test_a_new_webhook_can_be_told_what_was_before_it(gateway_on_both: Gat
     assert await due(gateway, webhook_id) == [(first, 0)]
 
 
-async def test_what_is_on_its_way_is_left_alone(gateway_on_both: Gateway) -> None:
+async def test_pending_events_are_not_queued_again(gateway_on_both: Gateway) -> None:
     gateway = gateway_on_both
     webhook_id = await make_webhook(gateway)
     delivery_id = await gateway.accepted()
@@ -100,7 +100,7 @@ async def test_what_is_on_its_way_is_left_alone(gateway_on_both: Gateway) -> Non
     assert [attempts for _, attempts in await due(gateway, webhook_id)] == [3]
 
 
-async def test_a_span_takes_what_was_recorded_in_it(gateway_on_both: Gateway) -> None:
+async def test_a_span_replays_the_events_that_were_recorded_in_it(gateway_on_both: Gateway) -> None:
     gateway = gateway_on_both
     webhook_id = await make_webhook(gateway)
     moments, deliveries = [], []
@@ -130,7 +130,7 @@ async def test_a_span_of_too_many_events_is_refused(
     assert answer.json()["errors"][0]["field"] == "from"
 
 
-async def test_nothing_of_others_is_told(
+async def test_events_of_other_customers_are_not_replayed(
     gateway_on_both: Gateway, request_body: Callable[..., Any]
 ) -> None:
     gateway = gateway_on_both
@@ -151,7 +151,7 @@ async def test_nothing_of_others_is_told(
     assert by_other.status_code == 404
 
 
-async def test_a_disabled_webhook_is_told_nothing(gateway: Gateway) -> None:
+async def test_a_disabled_webhook_cannot_replay(gateway: Gateway) -> None:
     webhook_id = await make_webhook(gateway)
     delivery_id = await gateway.accepted()
     await gateway.http.patch(
@@ -171,5 +171,5 @@ async def test_a_disabled_webhook_is_told_nothing(gateway: Gateway) -> None:
         {"from": "2026-03-01T12:00:00Z", "to": "2026-03-01T12:00:00Z"},
     ],
 )
-async def test_it_must_be_said_what_to_tell(gateway: Gateway, wanted: dict[str, Any]) -> None:
+async def test_a_replay_must_name_its_events(gateway: Gateway, wanted: dict[str, Any]) -> None:
     assert (await replay(gateway, await make_webhook(gateway), **wanted)).status_code == 422

@@ -16,6 +16,6 @@ def test_pauses_grow_and_end() -> None:
     assert sum(given) > 24 * 3600
 
 
-def test_pauses_differ_so_that_receivers_are_not_stormed() -> None:
+def test_pauses_vary_between_notifications() -> None:
     chance = random.Random(1)
     assert len({pause_s(3, chance) for _ in range(20)}) == 20

@@ -120,7 +120,7 @@ async def test_each_event_arrives_signed_in_sequence_under_its_id(
     ] * 2
 
 
-async def test_a_failed_notification_comes_again_under_the_same_id(
+async def test_a_failed_notification_is_repeated_under_the_same_id(
     gateway_on_both: Gateway, receiver: Receiver
 ) -> None:
     gateway = gateway_on_both
@@ -161,7 +161,7 @@ async def test_later_events_of_a_delivery_wait_for_the_earlier_ones(
     assert receiver.types[2:] == ["delivery.requested", "delivery.planned"]
 
 
-async def test_a_notification_is_given_up_after_the_schedule_and_says_so(
+async def test_a_notification_is_given_up_after_its_last_attempt(
     gateway: Gateway, receiver: Receiver
 ) -> None:
     webhook = await _webhook(gateway, receiver.url)
@@ -182,7 +182,7 @@ async def test_a_notification_is_given_up_after_the_schedule_and_says_so(
     assert receiver.types[-1] == "delivery.planned"
 
 
-async def test_a_receiver_that_is_gone_is_told_no_more(
+async def test_a_receiver_that_answers_410_is_disabled(
     gateway: Gateway, receiver: Receiver
 ) -> None:
     webhook = await _webhook(gateway, receiver.url)
@@ -212,7 +212,7 @@ async def test_a_redirect_is_not_followed(gateway: Gateway, receiver: Receiver) 
     assert (attempt["outcome"], attempt["status"]) == ("FAILED", 302)
 
 
-async def test_a_name_that_leads_inside_later_is_not_called(
+async def test_a_name_that_later_has_a_private_address_is_not_called(
     gateway: Gateway, receiver: Receiver
 ) -> None:
     webhook = await _webhook(gateway, receiver.url)
@@ -224,14 +224,18 @@ async def test_a_name_that_leads_inside_later_is_not_called(
     assert "not a public address" in attempt["detail"]
 
 
-async def test_only_wanted_types_are_told(gateway: Gateway, receiver: Receiver) -> None:
+async def test_a_webhook_gets_only_the_types_it_subscribes_to(
+    gateway: Gateway, receiver: Receiver
+) -> None:
     await _webhook(gateway, receiver.url, event_types=["delivery.planned"])
     await gateway.planned()
     await _notify(gateway)
     assert receiver.types == ["delivery.planned"]
 
 
-async def test_others_deliveries_are_not_told(gateway: Gateway, receiver: Receiver) -> None:
+async def test_a_webhook_gets_no_events_of_other_customers(
+    gateway: Gateway, receiver: Receiver
+) -> None:
     answer = await gateway.http.post(
         "/v1/webhooks", json={"url": receiver.url}, headers=gateway.other
     )
@@ -250,7 +254,7 @@ async def test_two_replicas_send_a_notification_once(
     assert len(receiver.received) == 1
 
 
-async def test_what_a_dead_sender_held_is_sent_again(gateway: Gateway, receiver: Receiver) -> None:
+async def test_claims_of_a_dead_sender_are_sent_again(gateway: Gateway, receiver: Receiver) -> None:
     await _webhook(gateway, receiver.url)
     await gateway.accepted()
     receiver.answers = ["hang"]
@@ -265,9 +269,7 @@ async def test_what_a_dead_sender_held_is_sent_again(gateway: Gateway, receiver:
     assert first[0]["webhook-id"] == second[0]["webhook-id"]
 
 
-async def test_an_endpoint_that_hangs_delays_nobody_else(
-    gateway: Gateway, receiver: Receiver
-) -> None:
+async def test_a_slow_endpoint_delays_no_other(gateway: Gateway, receiver: Receiver) -> None:
     """With the loop running: a healthy receiver is told while another one hangs."""
     async with receiving() as hanging:
         hanging.answers = ["hang"] * 10
@@ -288,7 +290,7 @@ async def test_an_endpoint_that_hangs_delays_nobody_else(
             await asyncio.gather(running, return_exceptions=True)
 
 
-async def test_a_customer_can_try_a_webhook(gateway: Gateway, receiver: Receiver) -> None:
+async def test_a_customer_can_test_a_webhook(gateway: Gateway, receiver: Receiver) -> None:
     webhook = await _webhook(gateway, receiver.url)
     path = f"/v1/webhooks/{webhook['webhook_id']}/test"
     answer = await gateway.http.post(path, headers=gateway.customer)

@@ -9,14 +9,14 @@ from standardwebhooks import Webhook, WebhookVerificationError
 BODY = '{"type": "package.delivered", "data": {"place": "Zürich"}}'.encode()
 
 
-def test_a_receiver_with_the_secret_accepts_what_we_sign() -> None:
+def test_a_receiver_with_the_secret_accepts_a_signed_notification() -> None:
     secret = new_webhook_secret()
     headers = signed_headers(secret, webhook_id="evt_1", at=datetime.now(UTC), body=BODY)
     assert Webhook(secret).verify(BODY, headers)["type"] == "package.delivered"
 
 
 @pytest.mark.parametrize("changed", ["webhook-id", "webhook-timestamp", "body", "secret"])
-def test_a_receiver_refuses_what_was_changed(changed: str) -> None:
+def test_a_receiver_refuses_a_changed_notification(changed: str) -> None:
     secret, body = new_webhook_secret(), BODY
     headers = signed_headers(secret, webhook_id="evt_1", at=datetime.now(UTC), body=body)
     if changed == "body":
@@ -31,7 +31,7 @@ def test_a_receiver_refuses_what_was_changed(changed: str) -> None:
         Webhook(secret).verify(body, headers)
 
 
-def test_secrets_are_long_and_never_the_same() -> None:
+def test_signing_secrets_are_long_and_unique() -> None:
     secrets = {new_webhook_secret() for _ in range(100)}
     assert len(secrets) == 100
     assert all(secret.startswith("whsec_") and len(secret) == 50 for secret in secrets)

@@ -29,7 +29,7 @@ async def test_the_secret_is_shown_once(gateway: Gateway) -> None:
     assert listed["items"] == [shown]
 
 
-async def test_the_same_key_makes_one_webhook_with_one_secret(gateway: Gateway) -> None:
+async def test_the_same_idempotency_key_makes_one_webhook(gateway: Gateway) -> None:
     first = await _made(gateway, **{"Idempotency-Key": "k"})
     assert await _made(gateway, **{"Idempotency-Key": "k"}) == first
 
@@ -56,7 +56,7 @@ async def test_a_bad_target_is_refused_by_field(gateway: Gateway, url: str, deta
         assert detail in error["detail"]
 
 
-async def test_another_customers_webhook_looks_like_none(gateway: Gateway) -> None:
+async def test_a_webhook_of_another_customer_is_not_found(gateway: Gateway) -> None:
     path = f"/v1/webhooks/{(await _made(gateway))['webhook_id']}"
     for method, url in (
         ("GET", path),
@@ -92,20 +92,20 @@ async def test_a_webhook_is_changed_disabled_and_deleted(gateway: Gateway) -> No
 
 
 @pytest.mark.parametrize("field", ["url", "state"])
-async def test_what_cannot_be_nothing_is_not_set_to_null(gateway: Gateway, field: str) -> None:
+async def test_url_and_state_cannot_be_set_to_null(gateway: Gateway, field: str) -> None:
     path = f"/v1/webhooks/{(await _made(gateway))['webhook_id']}"
     answer = await gateway.http.patch(path, json={field: None}, headers=gateway.customer)
     assert answer.status_code == 422
 
 
-async def test_the_clock_tells_fleet_time_to_any_key(gateway: Gateway) -> None:
+async def test_any_key_may_read_the_fleet_clock(gateway: Gateway) -> None:
     answer = await gateway.http.get("/v1/clock", headers=gateway.provider)
     assert answer.json()["rate"] == 1.0
     assert set(answer.json()) == {"fleet_at", "wall_at", "rate", "now"}
     assert (await gateway.http.get("/v1/clock")).status_code == 401
 
 
-async def test_what_happens_while_a_webhook_is_disabled_is_not_told_to_it(
+async def test_a_disabled_webhook_misses_events(
     gateway_on_both: Gateway,
 ) -> None:
     gateway = gateway_on_both
