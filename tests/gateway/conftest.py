@@ -19,7 +19,7 @@ def package() -> str:
 
 @pytest.fixture
 async def gateway(sqlite_url: str, tmp_path: Path) -> AsyncIterator[Gateway]:
-    """A gateway on SQLite; what its invariants forbid fails the test at its end."""
+    """A gateway on SQLite; a broken invariant fails the test at its end."""
     async with opened_gateway(sqlite_url, tmp_path) as opened:
         yield opened
 

@@ -1,4 +1,4 @@
-"""Composition as a test says it is: it books like the real one, and flies nothing."""
+"""A fake composition that books like the real one and flies nothing."""
 
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
@@ -28,7 +28,7 @@ from skyway.geo import Position
 from skyway.runtime.clock import ManualClock
 from skyway.runtime.errors import Conflict, ServiceUnavailable
 
-#: Stations of the fake network; "island" is known, but no path leads there.
+#: Stations of the fake network; "island" exists, but no path leads there.
 STATIONS = ("san-marcos", "mcqueeney", "bulverde", "san-antonio", "island")
 
 
@@ -108,28 +108,28 @@ def make_terms(request: DeliveryRequest, candidate: Candidate, at: datetime) -> 
 
 @dataclass
 class FakeComposition:
-    """Books like the real one: once per (delivery, attempt), and nothing after the tombstone."""
+    """Books once for each (delivery, attempt), and nothing after a delivery is closed."""
 
     clock: ManualClock
     is_away: bool = False
     is_busy: bool = False
     has_networks: bool = True
     reasons: list[ProviderReason] = field(default_factory=list)
-    #: How many packages one trip takes; each trip takes another candidate, as far as they go.
+    #: How many packages one trip carries; each trip uses another candidate.
     packages_per_trip: int = 100
     #: The first trip of each booking, and those after it.
     booked: dict[tuple[str, int], Mission] = field(default_factory=dict)
     further: dict[tuple[str, int], tuple[Mission, ...]] = field(default_factory=dict)
     closed: set[str] = field(default_factory=set)
     quote_queries: list[QuoteQuery] = field(default_factory=list)
-    #: What each booking asked for, the same one again too.
+    #: What each booking asked for, repeated ones included.
     asked: list[BookMissions] = field(default_factory=list)
     #: Packages that are on board, and those that are with their recipients.
     loaded: set[str] = field(default_factory=set)
     delivered: set[str] = field(default_factory=set)
     cancellations: list[CancelMissions] = field(default_factory=list)
     tracks: dict[str, Track] = field(default_factory=dict)
-    #: How often something was booked anew, which must be once per attempt.
+    #: How many bookings were new: at most one for each attempt.
     booking_count: int = 0
 
     def trips_of(self, delivery_id: str, attempt: int) -> tuple[Mission, ...]:
@@ -204,7 +204,7 @@ class FakeComposition:
         return ClosedDelivery(is_closed=True)
 
     async def cancel(self, delivery_id: str, wanted: CancelMissions) -> Cancellation:
-        """What is on board comes back; a mission of which nothing is left is over."""
+        """Packages on board come back; a mission without packages is over."""
         self._answer()
         self.cancellations.append(wanted)
         known = {eta.package_id for one in self._all(delivery_id) for eta in one.packages}

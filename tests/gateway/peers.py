@@ -1,4 +1,4 @@
-"""The registry and composition as a test says they are, reached over HTTP as in life."""
+"""A fake registry and composition that the gateway reaches over HTTP."""
 
 import json
 import re
@@ -60,7 +60,7 @@ def make_reason(code: str, *, is_temporary: bool, provider_id: str = "prv_1") ->
 
 @dataclass
 class FakeRegistry:
-    """Answers what a test says; `is_away` makes it unreachable."""
+    """A registry with answers set by a test; `is_away` makes it unreachable."""
 
     candidates_now: list[Candidate] = field(default_factory=lambda: [make_candidate()])
     infeasible: list[ProviderReason] = field(default_factory=list)
@@ -118,14 +118,14 @@ Act = Callable[[httpx.Request, str], Awaitable[JsonModel | None]]
 
 @dataclass
 class Peers:
-    """Both services as transports; what they do not know is noted in `seen` and answered 200."""
+    """Both services as transports; other calls are noted in `seen` and answered with 200."""
 
     registry: FakeRegistry
     composition: FakeComposition
     seen: list[Forwarded] = field(default_factory=list)
 
     def transport(self, service: str) -> httpx.MockTransport:
-        """The way to one of them."""
+        """The transport of one service."""
 
         async def answer(request: httpx.Request) -> httpx.Response:
             await request.aread()
@@ -230,7 +230,7 @@ async def _answer(act: Act, request: httpx.Request, found: re.Match[str]) -> htt
 
 
 def _streamed(status: int, value: object) -> httpx.Response:
-    """A response that is not read yet, as it comes from a socket."""
+    """A response whose body is not read yet, as it comes from a socket."""
     headers = {"content-type": "application/json", "etag": '"1-abc"'}
     return httpx.Response(
         status, headers=headers, stream=httpx.ByteStream(json.dumps(value).encode())

@@ -1,4 +1,4 @@
-"""The gateway as a process: it starts without its peers, answers, and comes back after a kill."""
+"""The gateway as a process: it starts without its peers and recovers after a kill."""
 
 import asyncio
 import json
@@ -50,7 +50,7 @@ def test_settings_read_networks_and_name_what_is_missing(
 
 
 class Process:
-    """The gateway on a socket of ours, as the supervisor runs it; its peers are away."""
+    """The gateway on a socket of the test, as the supervisor runs it; its peers are away."""
 
     def __init__(self, folder: Path) -> None:
         secrets = folder / "secrets"

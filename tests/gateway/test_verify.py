@@ -1,4 +1,4 @@
-"""Each invariant of the gateway's database is checked: a check that cannot fail is not one."""
+"""Each check of the gateway's invariants finds the damage that breaks it."""
 
 from datetime import timedelta
 from typing import Any
@@ -127,7 +127,7 @@ async def test_damage_is_found(lived: Any, damage: str, rule: str) -> None:
 
 
 async def test_a_package_cannot_be_delivered_twice(lived: Any) -> None:
-    """The database itself refuses it."""
+    """The database refuses a second delivery of a package."""
     with pytest.raises(Taken, match="custody_delivered"):
         await lived.execute(
             "INSERT INTO custody SELECT delivery_id, package_id, 9, custodian_kind, custodian_id, 0"

@@ -1,4 +1,4 @@
-"""A whole gateway on a new database, with a registry and a composition that tests instruct."""
+"""A whole gateway on a new database, with a fake registry and a fake composition."""
 
 import json
 from collections.abc import AsyncIterator
@@ -125,7 +125,7 @@ class Gateway:
             headers={**headers, "content-type": "application/json"},
         )
 
-    async def tell_together(self, *reports: MissionReport) -> httpx.Response:
+    async def report_together(self, *reports: MissionReport) -> httpx.Response:
         """POST several mission reports in one request."""
         together = MissionReports(reports=tuple(TracedReport(report=each) for each in reports))
         headers = ServiceIdentity("composition", self.secrets_dir).headers(None)
@@ -145,7 +145,7 @@ class Gateway:
         trip: int = 1,
         **fields: Any,
     ) -> MissionReport:
-        """What composition says of one of its missions."""
+        """A mission report as composition makes it."""
         mission = self.composition.trips_of(delivery_id, attempt)[trip - 1]
         states = {"ACCEPTED": "ACCEPTED", "REFUSED": "REFUSED", "ENDED": "COMPLETED"}
         return MissionReport.model_validate(
@@ -165,7 +165,7 @@ class Gateway:
             }
         )
 
-    async def told(self, delivery_id: str) -> list[str]:
+    async def event_types(self, delivery_id: str) -> list[str]:
         """The types of a delivery's events, whose sequence has no gap."""
         return [event["type"] for event in await self.events(delivery_id)]
 
@@ -178,13 +178,13 @@ class Gateway:
         return [json.loads(row.body) for row in rows]
 
     async def execute(self, statement: str, **values: object) -> None:
-        """Change the database behind the gateway's back."""
+        """Change the database without the gateway."""
         async with self.parts.db.write() as tx:
             await tx.execute(text(statement), values)
 
-    async def misremembered(self) -> list[str]:
-        """Deliveries of which the gateway remembers something else than is written."""
-        remembered = self.parts.writer.cache
+    async def wrongly_cached(self) -> list[str]:
+        """Deliveries whose cached state differs from the stored state."""
+        cache = self.parts.writer.cache
         async with self.parts.db.write() as tx:
             written = {
                 delivery_id: await lock(tx, delivery_id)
@@ -193,7 +193,7 @@ class Gateway:
         return [
             delivery_id
             for delivery_id, now in written.items()
-            if (known := remembered.matching([(delivery_id, now.version)]).get(delivery_id))
+            if (known := cache.matching([(delivery_id, now.version)]).get(delivery_id))
             and _writable(known) != _writable(now)
         ]
 
@@ -258,11 +258,11 @@ async def opened_gateway(database_url: str, folder: Path) -> AsyncIterator[Gatew
         yield gateway
         if not gateway.is_damaged:
             assert await gateway.verified() == []
-            assert await gateway.misremembered() == []
+            assert await gateway.wrongly_cached() == []
 
 
 def _writable(known: StoredDelivery) -> object:
-    """All that could be written of a delivery: its moments are kept to the millisecond."""
+    """Everything that a write stores of a delivery; moments are stored in milliseconds."""
     delivery = known.delivery
     return (
         changing(known),

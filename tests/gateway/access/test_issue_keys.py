@@ -1,4 +1,4 @@
-"""API keys: shown once, stored as hashes, stopped at once."""
+"""API keys: shown once, stored as hashes, deleted with immediate effect."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""The audit log: what operators and providers did, without secrets, and nothing else."""
+"""The audit log: the calls of operators and providers, without secrets."""
 
 import json
 from collections.abc import Callable
@@ -47,7 +47,7 @@ async def test_a_call_of_an_operator_is_logged_with_its_answer(
     assert json.loads(entry["body"]) == {"reason": "storm"}
     assert entry["at"] == "2026-03-01T12:00:00Z"
     assert entry["traceparent"].split("-")[1] == TRACE.split("-")[1]
-    # The body has also reached who answers it.
+    # The handler has received the whole body.
     assert json.loads(gateway_on_both.forwarded[0].body) == {"reason": "storm"}
 
 

@@ -1,4 +1,4 @@
-"""The life of a delivery, whatever its missions, its customer and the clock do to it (I5, I6)."""
+"""The life of a delivery under any order of reports, cancellations and delays (I5, I6)."""
 
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
@@ -32,13 +32,13 @@ from tests.gateway.peers import make_mission, make_reason
 START = datetime(2026, 3, 1, 12, tzinfo=UTC)
 PICKUP = "san-marcos"
 
-#: Which of the missions under way something happens to.
+#: Which of the missions under way is meant.
 WHICH = st.integers(0, 11)
 under_way = precondition(lambda self: bool(self.flights))
 
 
 class Flight:
-    """A mission as composition knows it: which of its packages are where."""
+    """A mission as composition sees it: where each of its packages is."""
 
     def __init__(self, mission: Mission) -> None:
         self.mission, self.state, self.seq = mission, "BOOKED", 0
@@ -52,7 +52,7 @@ class Life(RuleBasedStateMachine):
 
     @initialize(count=st.integers(1, 4), troubles=st.integers(0, 4))
     def request(self, count: int, troubles: int) -> None:
-        """Up to four packages; so often its customer or the booking gives some of them up."""
+        """Up to four packages; `troubles` limits cancellations, refusals and given-up bookings."""
         self.troubles = troubles
         packages = [
             {"package_id": f"p{n}", "mass_kg": 1.0, "destination": {"station_id": f"s{n}"}}
@@ -77,7 +77,7 @@ class Life(RuleBasedStateMachine):
     @precondition(lambda self: self.delivery.is_queued)
     @rule(cuts=st.lists(st.integers(1, 3), min_size=1, max_size=3))
     def book(self, cuts: list[int]) -> None:
-        """Trips of as many packages as drawn; those behind the last cut are left over."""
+        """Trips with the drawn numbers of packages; packages after the last cut are left over."""
         waiting = [package.package_id for package in self.delivery.waiting]
         flights = []
         for trip, size in enumerate(cuts, start=1):
@@ -154,7 +154,7 @@ class Life(RuleBasedStateMachine):
     @under_way
     @rule(which=WHICH, kind=st.sampled_from(["DELIVERED", "RETURNED", "RETURNING", "LOADED"]))
     def say_it_otherwise(self, which: int, kind: str) -> None:
-        """What is settled stays so, whatever is said of it later."""
+        """Reports about settled packages change nothing."""
         flight = self._flight(which)
         if flight.handed_over:
             self._report(flight, kind, package_ids=sorted(flight.handed_over), station_id=PICKUP)
@@ -162,7 +162,7 @@ class Life(RuleBasedStateMachine):
     @under_way
     @rule(which=WHICH, is_seen=st.booleans())
     def come_home(self, which: int, *, is_seen: bool) -> None:
-        """Home, or down with what is on board, where nobody knows."""
+        """The drone comes home, or goes down with its packages."""
         flight = self._flight(which)
         self.flights.remove(flight)
         is_done = flight.state == "ACTIVE" and not flight.on_board
@@ -174,7 +174,7 @@ class Life(RuleBasedStateMachine):
         is_in_time=st.booleans(),
     )
     def cancel(self, wanted: set[PackageId], *, is_in_time: bool) -> None:
-        """What cannot be kept off a drone any more is brought back once it is loaded."""
+        """A package that is cancelled too late to stay is loaded and brought back."""
         self.troubles -= 1
         to_load = set().union(*(flight.to_load for flight in self.flights)) & wanted
         on_board = set().union(*(flight.on_board for flight in self.flights)) & wanted
@@ -194,7 +194,7 @@ class Life(RuleBasedStateMachine):
 
     @rule()
     def say_nothing(self) -> None:
-        """For so long that it is late."""
+        """Time passes until the delivery is late."""
         self.now += timedelta(minutes=20)
         self._happen(lambda now: Progress(*when_overdue(now, at=self.now)))
 
@@ -293,7 +293,7 @@ class Life(RuleBasedStateMachine):
         self._happen(lambda now: after_report(now, report), is_report=True)
 
     def _happen(self, change: Callable[[Delivery], Progress], *, is_report: bool = False) -> None:
-        """Apply a change as `writing` does: what is over only hears of its drones' way home."""
+        """Apply a change as `write_delivery` does: a delivery that is over does not change."""
         self.now += timedelta(seconds=30)
         before = self.delivery
         if before.is_over and not is_report:

@@ -1,4 +1,4 @@
-"""Deliveries of several missions: each package has one, and the furthest along counts."""
+"""Deliveries of several missions: each package has one, and the furthest one sets the state."""
 
 import asyncio
 import itertools
@@ -77,7 +77,7 @@ async def test_the_mission_that_is_furthest_along_sets_the_state(drones: Any) ->
     await reports(drones, delivery_id, "LOADED", first=3, trip=1)
     await drones.report(delivery_id, "ACTIVITY", seq=4, trip=2, activity="FLYING")
     assert states(await drones.get(delivery_id)) == ["LOADED", "IN_TRANSIT", "CREATED"]
-    told = await drones.told(delivery_id)
+    told = await drones.event_types(delivery_id)
     assert told.count("delivery.dispatched") == told.count("delivery.started") == 1
 
 
@@ -90,7 +90,7 @@ async def test_a_delivery_ends_with_the_last_of_its_missions(drones: Any) -> Non
         await drones.report(delivery_id, "DELIVERED", seq=4, trip=trip, package_ids=[f"p{trip}"])
         await drones.report(delivery_id, "ENDED", seq=5, trip=trip)
     assert (await drones.get(delivery_id))["state"] == "COMPLETED"
-    told = await drones.told(delivery_id)
+    told = await drones.event_types(delivery_id)
     assert told[-1] == "delivery.completed"
     assert told.count("package.delivered") == 3
 
@@ -114,7 +114,7 @@ async def test_left_over_packages_are_booked_by_a_later_attempt(
     delivery = await gateway.get(delivery_id)
     assert (delivery["state"], delivery["attempt"]) == ("IN_PROGRESS", 2)
     assert len({package["mission_id"] for package in delivery["packages"]}) == 3
-    assert (await gateway.told(delivery_id)).count("delivery.planned") == 2
+    assert (await gateway.event_types(delivery_id)).count("delivery.planned") == 2
 
 
 async def test_only_the_packages_of_a_refused_trip_wait_again(drones: Any) -> None:
@@ -172,7 +172,7 @@ async def test_packages_that_wait_too_long_are_given_up_and_the_others_go_on(
     assert states(delivery) == ["LOADED", "CANCELLED"]
     assert delivery["packages"][1]["code"] == "NOT_PLANNED"
     assert [one["code"] for one in delivery["reasons"]] == ["BUSY"]
-    assert (await gateway.told(delivery_id))[-1] == "package.cancelled"
+    assert (await gateway.event_types(delivery_id))[-1] == "package.cancelled"
     assert not await gateway.book_next()
 
     await gateway.report(delivery_id, "DELIVERED", seq=4, package_ids=["p1"])
@@ -234,7 +234,7 @@ async def test_a_mission_that_ends_takes_only_its_own_packages(drones: Any) -> N
 
 
 async def test_a_booking_round_keeps_reports_that_came_meanwhile(drones: Any) -> None:
-    """What the booking loop read before it asked composition is out of date by now."""
+    """The delivery changes between the claim of the booking loop and its write."""
     delivery_id = await drones.accepted(packages=2)
     drones.composition.packages_per_trip = 1
     drones.registry.candidates_now = drones.registry.candidates_now[:1]
@@ -259,7 +259,7 @@ async def test_reports_of_several_missions_may_mix_in_any_order(
         for trip in order
         for seq, kind in enumerate(("ACCEPTED", "LOADING", "LOADED", "DELIVERED"), start=1)
     ]
-    # The last first: each is asked for again until its turn has come.
+    # The last report first: each is repeated until its turn has come.
     waiting.reverse()
     while waiting:
         trip, seq, kind = waiting.pop(0)
@@ -268,7 +268,7 @@ async def test_reports_of_several_missions_may_mix_in_any_order(
         if answer.status_code == 409:
             waiting.append((trip, seq, kind))
     assert (await drones.get(delivery_id))["state"] == "COMPLETED"
-    assert (await drones.told(delivery_id))[-1] == "delivery.completed"
+    assert (await drones.event_types(delivery_id))[-1] == "delivery.completed"
 
 
 async def test_concurrent_reports_leave_no_gap(
@@ -283,4 +283,4 @@ async def test_concurrent_reports_leave_no_gap(
 
     await asyncio.gather(*map(fly, (1, 2, 3)))
     assert (await gateway.get(delivery_id))["state"] == "COMPLETED"
-    assert (await gateway.told(delivery_id)).count("package.delivered") == 3
+    assert (await gateway.event_types(delivery_id)).count("package.delivered") == 3

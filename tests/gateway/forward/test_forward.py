@@ -1,4 +1,4 @@
-"""Forwarded calls: exactly the table's, in the caller's name, whole."""
+"""Forwarded calls: exactly the calls of the table, whole, in the caller's name."""
 
 import json
 
@@ -29,7 +29,7 @@ def path_of(row: Forwarded) -> str:
     return row.path.format(**IDS)
 
 
-# Refused and forwarded calls leave nothing in the gateway, so all rows may ask the same one.
+# These calls leave nothing in the gateway, so all rows may share one gateway.
 async def test_a_call_reaches_its_service_only_for_its_roles(
     gateway: Gateway, subtests: pytest.Subtests
 ) -> None:

@@ -1,4 +1,4 @@
-"""Streams of events: at once from this process, soon from another, and nothing left behind."""
+"""Streams of events: immediately from this process, soon from another one."""
 
 import asyncio
 

@@ -1,4 +1,4 @@
-"""Taking an offer: once, before it expires, and by whom it was made for."""
+"""Accepting an offer: once, before it expires, by its customer."""
 
 import asyncio
 from collections.abc import Callable
@@ -19,14 +19,14 @@ ALICE = Caller("customer", "alice")
 
 @pytest.fixture
 async def quote(gateway_on_both: Gateway, request_body: Callable[..., Any]) -> Any:
-    """A quote of alice's."""
+    """A quote of the customer alice."""
     answer = await gateway_on_both.http.post(
         "/v1/quotes", json=request_body(packages=2), headers=gateway_on_both.customer
     )
     return answer.json()
 
 
-async def take_first(
+async def accept_first(
     gateway: Gateway, quote: Any, *, caller: Caller = ALICE, delivery_id: str = "dlv_1"
 ) -> AcceptedOffer:
     async with gateway.parts.db.write() as tx:
@@ -43,7 +43,7 @@ async def take_first(
 async def test_an_accepted_offer_gives_the_request_and_the_promise(
     gateway_on_both: Gateway, quote: Any
 ) -> None:
-    taken = await take_first(gateway_on_both, quote)
+    taken = await accept_first(gateway_on_both, quote)
 
     assert [package.package_id for package in taken.request.packages] == ["p1", "p2"]
     assert taken.limits.provider_id == "prv_1"
@@ -59,23 +59,23 @@ async def test_an_offer_can_be_accepted_up_to_its_last_millisecond(
     gateway_on_both: Gateway, quote: Any
 ) -> None:
     gateway_on_both.clock.advance(timedelta(seconds=120) - timedelta(milliseconds=1))
-    await take_first(gateway_on_both, quote)
+    await accept_first(gateway_on_both, quote)
 
 
 async def test_an_expired_offer_is_refused(gateway_on_both: Gateway, quote: Any) -> None:
     gateway_on_both.clock.advance(timedelta(seconds=120))
     with pytest.raises(Conflict) as refused:
-        await take_first(gateway_on_both, quote)
+        await accept_first(gateway_on_both, quote)
     assert refused.value.code == "QUOTE_EXPIRED"
 
 
 async def test_a_second_acceptance_is_refused_even_after_the_expiry(
     gateway_on_both: Gateway, quote: Any
 ) -> None:
-    await take_first(gateway_on_both, quote)
+    await accept_first(gateway_on_both, quote)
     gateway_on_both.clock.advance(timedelta(seconds=500))
     with pytest.raises(Conflict) as refused:
-        await take_first(gateway_on_both, quote, delivery_id="dlv_2")
+        await accept_first(gateway_on_both, quote, delivery_id="dlv_2")
     assert refused.value.code == "QUOTE_TAKEN"
 
 
@@ -83,7 +83,7 @@ async def test_one_of_many_simultaneous_acceptances_succeeds(
     gateway_on_both: Gateway, quote: Any
 ) -> None:
     outcomes = await asyncio.gather(
-        *(take_first(gateway_on_both, quote, delivery_id=f"dlv_{n}") for n in range(8)),
+        *(accept_first(gateway_on_both, quote, delivery_id=f"dlv_{n}") for n in range(8)),
         return_exceptions=True,
     )
     taken = [one for one in outcomes if isinstance(one, AcceptedOffer)]
@@ -96,10 +96,10 @@ async def test_an_offer_of_another_customer_cannot_be_accepted(
 ) -> None:
     for caller in (Caller("customer", "bob"), Caller("provider", "alice")):
         with pytest.raises(NotFound):
-            await take_first(gateway_on_both, quote, caller=caller)
+            await accept_first(gateway_on_both, quote, caller=caller)
     unknown = {**quote, "offers": [{"offer_id": "off_other"}]}
     with pytest.raises(NotFound):
-        await take_first(gateway_on_both, unknown)
+        await accept_first(gateway_on_both, unknown)
 
 
 async def test_an_acceptance_that_is_rolled_back_does_not_count(
@@ -117,4 +117,4 @@ async def test_an_acceptance_that_is_rolled_back_does_not_count(
 
     with pytest.raises(NotFound):
         await take_and_break()
-    await take_first(gateway_on_both, quote)
+    await accept_first(gateway_on_both, quote)

@@ -1,4 +1,4 @@
-"""The registry's limit is asked once in a moment, but for a refusal."""
+"""The registry's limit is cached for a moment, except before a refusal."""
 
 from datetime import UTC, datetime, timedelta
 
@@ -16,7 +16,7 @@ PINNED = ProviderChoice(pinned=ProviderId("prv_1"))
 
 
 class Registry:
-    """Counts what it is asked."""
+    """Counts the questions."""
 
     def __init__(self, max_payload_kg: float | None) -> None:
         self.max_payload_kg = max_payload_kg

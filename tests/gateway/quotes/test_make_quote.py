@@ -1,4 +1,4 @@
-"""POST /v1/quotes: offers of composition under ids of ours; they expire, and reserve nothing."""
+"""POST /v1/quotes: composition's offers get ids, expire, and reserve nothing."""
 
 from collections.abc import Callable
 from datetime import datetime, timedelta
@@ -126,7 +126,7 @@ async def test_the_same_idempotency_key_gives_the_same_quote(
     gateway: Gateway, request_body: Callable[..., Any]
 ) -> None:
     first = await post(gateway, request_body(), **{"Idempotency-Key": "k"})
-    # Meanwhile the world has changed: that must not change an answer that was given.
+    # A later change of the fleet must not change the repeated answer.
     gateway.composition.is_away = True
     again = await post(gateway, request_body(), **{"Idempotency-Key": "k"})
 

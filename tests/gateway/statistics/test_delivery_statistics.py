@@ -20,7 +20,7 @@ async def insert(gateway: Gateway, table: str, **values: object) -> None:
 async def add_delivery(
     gateway: Gateway, delivery_id: str, *, state: str, created: timedelta
 ) -> None:
-    """A delivery requested so long after the day's beginning."""
+    """A delivery that was requested this long after the day began."""
     gateway.is_damaged = True  # it has no events
     at_ms = moment_to_ms(DAY + created)
     await insert(
@@ -53,7 +53,7 @@ async def add_mission(
     flown: tuple[float, float, float] | None = None,
     **values: object,
 ) -> None:
-    """A mission from so long after the day's beginning; `flown`, waited, recharged seconds."""
+    """A mission that starts this long after the day began; `flown`, waited, recharged seconds."""
     flight_s, waiting_s, recharging_s = flown or (None, None, None)
     row = {
         "mission_id": mission_id,
@@ -82,7 +82,7 @@ async def add_package(
     promised: timedelta,
     delivered: timedelta | None,
 ) -> None:
-    """A package; moments are told from the day's beginning."""
+    """A package; its moments count from the beginning of the day."""
     await insert(
         gateway,
         "packages",

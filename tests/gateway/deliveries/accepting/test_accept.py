@@ -1,4 +1,4 @@
-"""Accepting requests: what is wrong is named with field and limit, and never a 500."""
+"""Accepting requests: a bad request is answered with field and limit, never with a 500."""
 
 import asyncio
 from collections.abc import Callable
@@ -304,13 +304,13 @@ async def test_packages_that_are_too_heavy_together_are_accepted(
 async def test_a_delivery_that_this_process_books_is_claimed_when_it_is_added(
     gateway_on_both: Gateway, request_body: Any
 ) -> None:
-    """Nobody else looks at it meanwhile; when the process is killed first, somebody does later."""
+    """No other process books it meanwhile; if this process dies, another one does later."""
     gateway = gateway_on_both
     handed: list[Any] = []
     booking: Any = SimpleNamespace(claimant="bkr_1", is_free=True, begin=handed.append)
     acceptance = replace(gateway.parts.acceptance, booking=booking)
 
-    for _ in range(2):  # the second is the first, repeated
+    for _ in range(2):  # the second call repeats the first
         await acceptance.accept(
             Caller(role="customer", subject_id="alice"),
             DeliveryRequest.model_validate(request_body()),
@@ -325,7 +325,7 @@ async def test_a_delivery_that_this_process_books_is_claimed_when_it_is_added(
     assert found == queued
     await gateway.parts.booker.book(queued)
     delivery_id = queued.delivery.delivery_id
-    assert await gateway.told(delivery_id) == ["delivery.requested", "delivery.planned"]
+    assert await gateway.event_types(delivery_id) == ["delivery.requested", "delivery.planned"]
     assert await gateway.parts.booker.claim(limit=9) == []
 
 

@@ -1,4 +1,4 @@
-"""Taking an offer: booked at once within what it promised, or rejected with the reason."""
+"""Accepting an offer: it is booked within its limits immediately, or rejected with the reason."""
 
 from collections.abc import Callable
 from datetime import timedelta

@@ -1,4 +1,4 @@
-"""Booking: every round may be the last one of a process, and nothing is booked twice."""
+"""Booking: a process may die in any round, and nothing is booked twice."""
 
 import asyncio
 import itertools
@@ -45,7 +45,7 @@ async def test_the_registry_is_asked_with_pickup_mass_and_providers(gateway: Gat
 
 @types.coroutine
 def _until_wait(step: Coroutine[Any, Any, bool], wait: int) -> Generator[Any, Any, bool]:
-    """Run a step, and kill it in its n-th wait; what it does while it unwinds may wait too."""
+    """Run a step and kill it in its n-th wait; its clean-up may wait, too."""
     for number in itertools.count(1):
         try:
             awaited = (
@@ -94,7 +94,7 @@ async def test_the_next_round_finishes_a_round_that_was_killed_anywhere(
 async def test_a_booking_is_found_after_its_drone_stopped_being_a_candidate(
     gateway: Gateway,
 ) -> None:
-    """The only drone is busy with our own mission, which we booked before we died."""
+    """The only drone is busy with the mission that the killed round has booked."""
     delivery_id = await gateway.accepted()
     [queued] = await _claimed(gateway)
     await _ask(gateway, queued)
@@ -109,7 +109,7 @@ async def test_a_booking_is_found_after_its_drone_stopped_being_a_candidate(
 async def test_a_mission_that_was_refused_before_it_was_written_is_booked_again(
     gateway: Gateway, candidate: Callable[..., Any]
 ) -> None:
-    """We died after booking; the drone refused before we were back."""
+    """The round is killed after booking, and the drone refuses before the next round."""
     gateway.registry.candidates_now = [candidate("drn_1"), candidate("drn_2")]
     delivery_id = await gateway.accepted()
     [queued] = await _claimed(gateway)
@@ -133,7 +133,7 @@ async def test_two_replicas_with_the_same_delivery_plan_it_once(gateway_on_both:
     delivery_id = await gateway.accepted()
     [queued] = await _claimed(gateway)
     await asyncio.gather(*(gateway.parts.booker.book(queued) for _ in range(3)))
-    assert await gateway.told(delivery_id) == ["delivery.requested", "delivery.planned"]
+    assert await gateway.event_types(delivery_id) == ["delivery.requested", "delivery.planned"]
     assert gateway.composition.booking_count == 1
 
 
@@ -362,7 +362,7 @@ async def test_after_five_refusals_the_delivery_is_rejected(
             update={"state": "REFUSED"}
         )
         await gateway.report(delivery_id, "REFUSED", seq=1, attempt=attempt, code="EXPIRED")
-        # The fifth time the tombstone cannot be written at first.
+        # At the fifth refusal composition cannot close the delivery at first.
         gateway.composition.is_away = attempt == 5
         await gateway.book_next()
     gateway.composition.is_away = False
@@ -380,7 +380,7 @@ async def _claimed(gateway: Gateway) -> Any:
 
 
 async def _ask(gateway: Gateway, queued: Any) -> Any:
-    """Have it booked, and die before anything is written down."""
+    """Book a delivery in composition and stop before anything is written here."""
     from skyway_gateway.deliveries.booking.booking_request import booking_request, candidate_query
 
     found = await gateway.registry.candidates(candidate_query(queued))

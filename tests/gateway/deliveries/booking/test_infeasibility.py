@@ -1,4 +1,4 @@
-"""Busy or never."""
+"""Which reasons make a delivery infeasible, and which only for now."""
 
 from collections.abc import Callable
 from typing import Any
@@ -10,19 +10,19 @@ from skyway.contracts.mission import Booking, OfferLimits
 from skyway.contracts.shortlist import Candidates, Shortlist
 from skyway.delivery.offer import Price
 
-BUSY, NEVER = True, False
+TEMPORARY, LASTING = True, False
 
 
 @pytest.mark.parametrize(
-    ("outcome", "has_candidates", "told", "is_never"),
+    ("outcome", "has_candidates", "given", "is_infeasible"),
     [
-        ("INFEASIBLE", True, [NEVER], True),
-        ("INFEASIBLE", True, [NEVER, BUSY], False),
-        ("BUSY", True, [NEVER], False),
+        ("INFEASIBLE", True, [LASTING], True),
+        ("INFEASIBLE", True, [LASTING, TEMPORARY], False),
+        ("BUSY", True, [LASTING], False),
         ("BUSY", True, [], False),
-        ("BUSY", False, [NEVER], True),
-        ("BUSY", False, [BUSY], False),
-        ("BUSY", False, [NEVER, BUSY], False),
+        ("BUSY", False, [LASTING], True),
+        ("BUSY", False, [TEMPORARY], False),
+        ("BUSY", False, [LASTING, TEMPORARY], False),
         ("BUSY", False, [], False),
         ("INFEASIBLE", False, [], False),
     ],
@@ -32,17 +32,17 @@ def test_only_lasting_reasons_make_a_delivery_infeasible(
     candidate: Callable[..., Any],
     outcome: Any,
     has_candidates: bool,
-    told: list[bool],
-    is_never: bool,
+    given: list[bool],
+    is_infeasible: bool,
 ) -> None:
-    reasons = tuple(reason("NO_DRONES", is_temporary=is_temporary) for is_temporary in told)
+    reasons = tuple(reason("NO_DRONES", is_temporary=is_temporary) for is_temporary in given)
     shortlist = Shortlist.of([candidate()] if has_candidates else [])
     found = Candidates(shortlist=shortlist, infeasible=reasons)
-    assert (why_infeasible(None, Booking(outcome=outcome), found) is not None) == is_never
+    assert (why_infeasible(None, Booking(outcome=outcome), found) is not None) == is_infeasible
 
 
 @pytest.mark.parametrize(
-    ("code", "more_later", "is_never"),
+    ("code", "more_later", "is_infeasible"),
     [
         ("DESTINATION_UNREACHABLE", ("prv_1",), False),
         ("DESTINATION_UNREACHABLE", ("prv_2",), True),
@@ -54,28 +54,28 @@ def test_a_reason_of_free_drones_may_not_hold_for_busy_ones(
     candidate: Callable[..., Any],
     code: str,
     more_later: Any,
-    is_never: bool,
+    is_infeasible: bool,
 ) -> None:
     booking = Booking(outcome="INFEASIBLE", reasons=(reason(code, is_temporary=False),))
     shortlist = Shortlist.of([candidate()])
 
     found = Candidates(shortlist=shortlist, infeasible=(), more_later=more_later)
 
-    assert (why_infeasible(None, booking, found) is not None) == is_never
+    assert (why_infeasible(None, booking, found) is not None) == is_infeasible
 
 
 def test_the_detail_names_provider_code_and_reason(reason: Callable[..., Any]) -> None:
     booking = Booking(outcome="INFEASIBLE", reasons=(reason("OUT_OF_RANGE", is_temporary=False),))
-    never = why_infeasible(None, booking, Candidates(shortlist=Shortlist(), infeasible=()))
-    assert never is not None
-    assert never.detail == "no provider can fly it: prv_1: OUT_OF_RANGE, why OUT_OF_RANGE"
+    infeasible = why_infeasible(None, booking, Candidates(shortlist=Shortlist(), infeasible=()))
+    assert infeasible is not None
+    assert infeasible.detail == "no provider can fly it: prv_1: OUT_OF_RANGE, why OUT_OF_RANGE"
 
 
 def test_an_offer_does_not_wait_and_its_loss_is_a_reason(reason: Callable[..., Any]) -> None:
     price = Price(amount=700, currency="USD")
     offer = OfferLimits(provider_id="prv_1", price=price, within_s=900)
     booking = Booking(outcome="BUSY", reasons=(reason("BUSY", is_temporary=True),))
-    never = why_infeasible(offer, booking, Candidates(shortlist=Shortlist(), infeasible=()))
-    assert never is not None
-    assert [one.code for one in never.reasons] == ["OFFER_LOST", "BUSY"]
-    assert never.reasons[0].data["price"] == {"amount": 700, "currency": "USD"}
+    infeasible = why_infeasible(offer, booking, Candidates(shortlist=Shortlist(), infeasible=()))
+    assert infeasible is not None
+    assert [one.code for one in infeasible.reasons] == ["OFFER_LOST", "BUSY"]
+    assert infeasible.reasons[0].data["price"] == {"amount": 700, "currency": "USD"}

@@ -1,4 +1,4 @@
-"""Cancelling at every state: what still can be stopped is, and only that is said."""
+"""Cancelling in each state: everything that can still be stopped is stopped."""
 
 import asyncio
 import itertools
@@ -43,7 +43,7 @@ async def test_a_waiting_request_is_closed_before_it_is_cancelled(gateway_on_bot
     assert states(delivery) == ["CANCELLED", "CANCELLED"]
     assert {package["detail"] for package in delivery["packages"]} == {"ordered twice"}
     assert delivery_id in gateway.composition.closed
-    assert await gateway.told(delivery_id) == [
+    assert await gateway.event_types(delivery_id) == [
         "delivery.requested",
         "package.cancelled",
         "package.cancelled",
@@ -56,7 +56,7 @@ async def test_cancelling_again_gets_the_same_answer_and_no_second_event(gateway
     delivery_id = await gateway.accepted()
     answers = [await cancel(gateway, delivery_id) for _ in range(3)]
     assert {answer.status_code for answer in answers} == {200}
-    assert (await gateway.told(delivery_id)).count("delivery.cancelled") == 1
+    assert (await gateway.event_types(delivery_id)).count("delivery.cancelled") == 1
 
 
 async def test_a_planned_delivery_is_cancelled_before_it_is_loaded(
@@ -69,10 +69,10 @@ async def test_a_planned_delivery_is_cancelled_before_it_is_loaded(
     [asked] = gateway.composition.cancellations
     assert asked.package_ids == ("p1", "p2")
     assert "customer alice" in asked.reason
-    # What composition reports of it afterwards is known already.
+    # The reports that composition sends afterwards change nothing.
     await gateway.report(delivery_id, "RELEASED", seq=1, package_ids=["p1", "p2"])
     await gateway.report(delivery_id, "ENDED", seq=2, mission_state="CANCELLED", code="CANCELLED")
-    assert (await gateway.told(delivery_id))[-1] == "delivery.cancelled"
+    assert (await gateway.event_types(delivery_id))[-1] == "delivery.cancelled"
 
 
 async def test_packages_on_board_come_back_to_the_pickup(gateway_on_both: Gateway) -> None:
@@ -101,7 +101,7 @@ async def test_packages_on_board_come_back_to_the_pickup(gateway_on_both: Gatewa
     assert states(delivery) == ["RETURNED", "RETURNED"]
     assert delivery["packages"][0]["custodian"] == {"kind": "STATION", "id": "san-marcos"}
     assert delivery["packages"][0]["proof"]["load_before_kg"] == 1.0
-    assert (await gateway.told(delivery_id))[-3:] == [
+    assert (await gateway.event_types(delivery_id))[-3:] == [
         "package.returned",
         "package.returned",
         "delivery.cancelled",
@@ -206,7 +206,7 @@ async def test_a_package_that_is_cancelled_during_loading_comes_back(
 ) -> None:
     delivery_id = await gateway.planned()
     await reports(gateway, delivery_id, "ACCEPTED", "LOADING")
-    gateway.composition.loaded = {"p1"}  # composition knows more than it has reported
+    gateway.composition.loaded = {"p1"}  # composition has not reported it yet
     answer = await cancel(gateway, delivery_id)
     assert answer.status_code == 200, answer.text
     assert states(answer.json()) == ["CREATED"]
@@ -262,7 +262,7 @@ async def test_nothing_is_cancelled_while_composition_is_away(
     assert (await cancel(gateway, delivery_id)).status_code == 503
     assert (await gateway.get(delivery_id))["state"] == "REQUESTED"
     gateway.composition.is_away = False
-    if service_is == "away and back":  # the loop ends what was begun
+    if service_is == "away and back":  # the loop finishes the cancellation
         await gateway.book_next()
     else:
         await cancel(gateway, delivery_id)
@@ -282,7 +282,7 @@ async def test_cancelling_and_giving_up_at_the_same_time_give_one_end(
 
 
 async def test_a_delivery_that_is_cancelled_first_is_not_rejected(gateway: Gateway) -> None:
-    """The customer has closed it; the round that finds it closed leaves the last word to them."""
+    """The cancellation has closed the delivery; a booking round leaves the end to it."""
     delivery_id = await gateway.accepted()
     queued = await _claimed(gateway)
     await gateway.execute("UPDATE deliveries SET cancel_reason = 'ordered twice'")
@@ -296,7 +296,7 @@ async def test_a_delivery_that_is_cancelled_first_is_not_rejected(gateway: Gatew
 
 @types.coroutine
 def _until_wait(call: Coroutine[Any, Any, Any], wait: int) -> Generator[Any, Any, Any]:
-    """Run a call, and kill it in its n-th wait."""
+    """Run a call and kill it in its n-th wait."""
     for number in itertools.count(1):
         try:
             awaited = (
@@ -369,7 +369,7 @@ async def _claimed(gateway: Gateway) -> Any:
 
 
 async def _booked_in_composition(gateway: Gateway) -> None:
-    """A round of booking that died before it wrote anything down."""
+    """A round of booking that died before it wrote anything."""
     from skyway_gateway.deliveries.booking.booking_request import booking_request
 
     from skyway.contracts.shortlist import Shortlist
@@ -390,7 +390,7 @@ async def _wanted(gateway: Gateway, delivery_id: str) -> Any:
 
 
 async def _told_to_composition(gateway: Gateway) -> list[dict[str, Any]]:
-    """What waits in the outbox to be posted to composition."""
+    """The outbox messages for composition."""
     import json
 
     from sqlalchemy import text

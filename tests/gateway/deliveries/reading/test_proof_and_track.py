@@ -1,4 +1,4 @@
-"""Proof of delivery, package by package, and the track as GeoJSON."""
+"""The proof of each package, and the track as GeoJSON."""
 
 from datetime import timedelta
 from typing import Any

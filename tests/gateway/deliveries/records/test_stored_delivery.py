@@ -1,4 +1,4 @@
-"""Writing from what is remembered: whatever was written since is noticed, whoever wrote it."""
+"""Writes from the cache: a write that came in between is noticed, also from another replica."""
 
 import asyncio
 from collections.abc import Callable
@@ -14,7 +14,7 @@ from tests.gateway.whole_gateway import Gateway
 
 @pytest.fixture
 def replica(gateway_on_both: Gateway) -> Any:
-    """The same gateway in another process, on the same database: it remembers nothing of ours."""
+    """The same gateway in another process on the same database, with an empty cache."""
     from skyway_gateway.deliveries.records.stored_delivery import DeliveryCache
 
     parts = gateway_on_both.parts
@@ -22,10 +22,8 @@ def replica(gateway_on_both: Gateway) -> Any:
     return replace(gateway_on_both, parts=replace(parts, writer=writer))
 
 
-async def _follow(
-    gateway: Gateway, delivery_id: str, kind: str, *, seq: int, **fields: Any
-) -> None:
-    """Have this replica, and no other, follow a report."""
+async def _apply(gateway: Gateway, delivery_id: str, kind: str, *, seq: int, **fields: Any) -> None:
+    """Apply a report in this replica only."""
     report = gateway.mission_report(delivery_id, kind, seq=seq, **fields)
     await gateway.parts.applier.apply(report)
 
@@ -36,7 +34,7 @@ async def test_a_delivery_that_was_just_written_is_not_read_again(
     with statements() as seen:
         delivery_id = await gateway.accepted()
         await gateway.book_next()
-        await _follow(gateway, delivery_id, "ACCEPTED", seq=1)
+        await _apply(gateway, delivery_id, "ACCEPTED", seq=1)
     asked = [one for one in seen if one.startswith("SELECT")]
     assert not [one for one in asked if "api_keys" not in one and "webhooks" not in one]
     assert not [one for one in seen if one.startswith("UPDATE missions") and "body" in one]
@@ -50,15 +48,15 @@ async def test_a_delivery_that_another_replica_accepted_is_booked_here(
 ) -> None:
     delivery_id = await gateway_on_both.accepted(packages=2)
     assert await replica.book_next()
-    await _follow(gateway_on_both, delivery_id, "ACCEPTED", seq=1)
-    await _follow(replica, delivery_id, "LOADING", seq=2)
+    await _apply(gateway_on_both, delivery_id, "ACCEPTED", seq=1)
+    await _apply(replica, delivery_id, "LOADING", seq=2)
     assert (await replica.get(delivery_id))["state"] == "LOADING"
 
 
 async def test_a_plan_respects_a_cancellation_after_the_claim(
     gateway_on_both: Gateway, replica: Gateway
 ) -> None:
-    """Cancelled here or by another replica: the package is not planned, and called off."""
+    """A package that either replica cancels is not planned, and is cancelled in composition."""
     for canceller in (gateway_on_both, replica):
         delivery_id = await gateway_on_both.accepted(packages=2)
         [queued] = await gateway_on_both.parts.booker.claim(limit=1)
@@ -70,7 +68,7 @@ async def test_a_plan_respects_a_cancellation_after_the_claim(
         assert delivery["state"] == "PLANNED"
         assert [one["state"] for one in delivery["packages"]] == ["CANCELLED", "CREATED"]
         assert [one["mission_id"] is None for one in delivery["packages"]] == [True, False]
-        assert await gateway_on_both.told(delivery_id) == [
+        assert await gateway_on_both.event_types(delivery_id) == [
             "delivery.requested",
             "package.cancelled",
             "delivery.planned",
@@ -86,12 +84,12 @@ async def test_a_plan_of_an_older_attempt_is_not_written(
     delivery_id = await gateway.accepted()
     [queued] = await gateway.parts.booker.claim(limit=1)
     await replica.parts.booker.book(queued)
-    await _follow(replica, delivery_id, "REFUSED", seq=1, code="EXPIRED")
+    await _apply(replica, delivery_id, "REFUSED", seq=1, code="EXPIRED")
 
     await gateway.parts.booker.book(queued)
     delivery = await gateway.get(delivery_id)
     assert (delivery["state"], delivery["attempt"]) == ("REQUESTED", 2)
-    assert await gateway.told(delivery_id) == ["delivery.requested", "delivery.planned"]
+    assert await gateway.event_types(delivery_id) == ["delivery.requested", "delivery.planned"]
 
 
 async def test_reports_to_two_replicas_are_applied_once_each(
@@ -101,17 +99,17 @@ async def test_reports_to_two_replicas_are_applied_once_each(
     delivery_id = await gateway.planned()
     steps = [("ACCEPTED", {}), ("LOADING", {}), ("LOADED", {"package_ids": ["p1"]})]
     for seq, (kind, fields) in enumerate(steps, start=1):
-        # Each remembers the delivery as it wrote it two reports ago.
+        # Each replica has cached the delivery as it wrote it two reports ago.
         for one in (gateway, replica) if seq % 2 else (replica, gateway):
-            await _follow(one, delivery_id, kind, seq=seq, **fields)
+            await _apply(one, delivery_id, kind, seq=seq, **fields)
     await asyncio.gather(
         *(
-            _follow(one, delivery_id, "DELIVERED", seq=4, package_ids=["p1"])
+            _apply(one, delivery_id, "DELIVERED", seq=4, package_ids=["p1"])
             for one in (gateway, replica)
         )
     )
     assert (await gateway.get(delivery_id))["state"] == "COMPLETED"
-    assert await gateway.told(delivery_id) == [
+    assert await gateway.event_types(delivery_id) == [
         "delivery.requested",
         "delivery.planned",
         "delivery.dispatched",
@@ -123,7 +121,7 @@ async def test_reports_to_two_replicas_are_applied_once_each(
 
 
 async def _follow_all(gateway: Gateway, kind: str, reports: dict[str, int]) -> None:
-    """Have this replica follow reports that came in one request, by delivery their numbers."""
+    """Apply reports of one request in this replica: numbers of reports by delivery."""
     from skyway.contracts.mission_reports import TracedReport
 
     traced = [
@@ -154,7 +152,7 @@ async def test_reports_in_one_request_are_applied_after_a_write_of_another_repli
 ) -> None:
     gateway = gateway_on_both
     first, second, third = [await gateway.planned() for _ in range(3)]
-    await _follow(replica, second, "ACCEPTED", seq=1)
+    await _apply(replica, second, "ACCEPTED", seq=1)
     await _follow_all(gateway, "ACCEPTED", {first: 1, second: 1, third: 1})
     await asyncio.gather(
         _follow_all(gateway, "LOADING", {first: 2, second: 2, third: 2}),
@@ -162,7 +160,7 @@ async def test_reports_in_one_request_are_applied_after_a_write_of_another_repli
     )
     for delivery_id in (first, second, third):
         assert (await gateway.get(delivery_id))["state"] == "LOADING"
-        assert (await gateway.told(delivery_id))[2:] == ["delivery.dispatched"]
+        assert (await gateway.event_types(delivery_id))[2:] == ["delivery.dispatched"]
 
 
 async def test_a_report_that_comes_too_early_refuses_those_after_it(gateway: Gateway) -> None:
@@ -176,12 +174,12 @@ async def test_a_report_that_comes_too_early_refuses_those_after_it(gateway: Gat
 async def test_a_report_sees_a_cancellation_by_another_replica(
     gateway_on_both: Gateway, replica: Gateway
 ) -> None:
-    """The drone loads what is left: p1 stays at the pickup, although we remember it planned."""
+    """The drone loads the other package: p1 stays at the pickup, although the cache differs."""
     gateway = gateway_on_both
     delivery_id = await gateway.planned(packages=2)
-    await _follow(gateway, delivery_id, "ACCEPTED", seq=1)
+    await _apply(gateway, delivery_id, "ACCEPTED", seq=1)
     await _cancel(replica, delivery_id, ["p1"])
-    await _follow(gateway, delivery_id, "LOADED", seq=2, package_ids=["p2"])
+    await _apply(gateway, delivery_id, "LOADED", seq=2, package_ids=["p2"])
     delivery = await gateway.get(delivery_id)
     assert [one["state"] for one in delivery["packages"]] == ["CANCELLED", "LOADED"]
 

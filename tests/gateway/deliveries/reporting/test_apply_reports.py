@@ -1,4 +1,4 @@
-"""Mission reports: each once, in order, and the customer is told each thing once."""
+"""Mission reports: each is applied once, in order, with one event for each change."""
 
 import asyncio
 from collections.abc import Callable
@@ -61,7 +61,7 @@ async def test_a_delivery_goes_from_dispatch_to_its_last_package(gateway_on_both
     assert delivery["state"] == "COMPLETED"
     assert delivery["activity"] is None
 
-    # The way home is no longer the customer's.
+    # The way home does not concern the customer.
     await gateway.report(delivery_id, "ACTIVITY", seq=7, activity="FLYING")
     await gateway.report(delivery_id, "ENDED", seq=8)
     delivery = await gateway.get(delivery_id)
@@ -117,7 +117,7 @@ async def test_a_repeated_report_changes_nothing(gateway_on_both: Gateway) -> No
     for seq, kind in ((1, "ACCEPTED"), (2, "LOADING"), (3, "LOADED")):
         assert (await gateway.report(delivery_id, kind, seq=seq)).status_code == 204
     assert await gateway.get(delivery_id) == before
-    assert (await gateway.told(delivery_id)).count("delivery.dispatched") == 1
+    assert (await gateway.event_types(delivery_id)).count("delivery.dispatched") == 1
 
 
 async def test_reports_in_a_wrong_order_give_the_same_end(gateway: Gateway) -> None:
@@ -134,7 +134,7 @@ async def test_reports_in_a_wrong_order_give_the_same_end(gateway: Gateway) -> N
         if answer.status_code == 409:
             waiting.append((seq, kind, fields))
     assert (await gateway.get(delivery_id))["state"] == "COMPLETED"
-    assert await gateway.told(delivery_id) == [
+    assert await gateway.event_types(delivery_id) == [
         "delivery.requested",
         "delivery.planned",
         "delivery.dispatched",
@@ -234,7 +234,7 @@ async def test_a_mission_that_ends_before_loading_fails_the_delivery(gateway: Ga
     assert delivery["state"] == "FAILED"
     assert delivery["packages"][0]["state"] == "CANCELLED"
     assert delivery["packages"][0]["custodian"] == {"kind": "STATION", "id": "san-marcos"}
-    assert (await gateway.told(delivery_id))[-1] == "delivery.failed"
+    assert (await gateway.event_types(delivery_id))[-1] == "delivery.failed"
 
 
 async def test_packages_of_a_crashed_drone_stay_in_its_custody(gateway: Gateway) -> None:
@@ -274,7 +274,7 @@ async def test_a_delay_of_more_than_a_minute_causes_an_event(
     delivery = await gateway.get(delivery_id)
     assert delivery["flags"]["delayed"] == is_told
     assert delivery["activity"] == "WAITING"
-    assert (await gateway.told(delivery_id)).count("delivery.delayed") == int(is_told)
+    assert (await gateway.event_types(delivery_id)).count("delivery.delayed") == int(is_told)
     if is_told:
         [told] = [
             event
@@ -297,14 +297,17 @@ async def test_a_new_plan_causes_an_event_with_its_etas(gateway: Gateway) -> Non
     delivery = await gateway.get(delivery_id)
     assert delivery["missions"][0]["revision"] == 2
     assert delivery["flags"]["delayed"]
-    assert (await gateway.told(delivery_id))[-2:] == ["delivery.replanned", "delivery.delayed"]
+    assert (await gateway.event_types(delivery_id))[-2:] == [
+        "delivery.replanned",
+        "delivery.delayed",
+    ]
 
 
 async def test_reports_of_several_missions_come_in_one_request(gateway: Gateway) -> None:
     delivery_ids = [await gateway.planned(), await gateway.planned()]
     reports = [gateway.mission_report(one, "ACCEPTED", seq=1) for one in delivery_ids]
 
-    answer = await gateway.tell_together(*reports)
+    answer = await gateway.report_together(*reports)
 
     assert answer.status_code == 204, answer.text
     for delivery_id in delivery_ids:
@@ -317,14 +320,14 @@ async def test_one_refused_report_refuses_all_reports_after_it_in_the_request(
     first, second = await gateway.planned(), await gateway.planned()
     too_early = gateway.mission_report(second, "LOADING", seq=2)
 
-    answer = await gateway.tell_together(
+    answer = await gateway.report_together(
         gateway.mission_report(first, "ACCEPTED", seq=1), too_early
     )
     again = await gateway.report(first, "ACCEPTED", seq=1)
 
     assert answer.status_code == 409
     assert again.status_code == 204
-    assert (await gateway.told(first)).count("delivery.dispatched") == 1
+    assert (await gateway.event_types(first)).count("delivery.dispatched") == 1
 
 
 async def test_only_a_service_reports(gateway: Gateway) -> None:

@@ -1,4 +1,4 @@
-"""Plans that change under way, and what customers are told of it, early."""
+"""Plans that change during a mission, and the events that customers get."""
 
 from collections.abc import Callable
 from datetime import timedelta
@@ -16,7 +16,7 @@ async def under_way(gateway: Gateway, *, packages: int = 1, **changes: object) -
 
 
 def later(mission: Any, **by: float) -> Any:
-    """The next revision of a mission, which delivers so much later."""
+    """The next revision of a mission, with later ETAs."""
     etas = tuple(
         eta.model_copy(update={"eta_at": eta.eta_at + timedelta(**by)}) for eta in mission.packages
     )
@@ -68,7 +68,7 @@ async def test_a_package_that_a_new_plan_leaves_out_has_no_eta_in_its_event(
 
 
 async def test_times_count_from_the_start_that_was_booked_first(gateway: Gateway) -> None:
-    """Ten minutes were promised; the new plan begins when these are over."""
+    """The promise was ten minutes; the new plan starts after them."""
     delivery_id = await under_way(gateway)
     mission = gateway.composition.booked[delivery_id, 1]
     restarted = later(mission, minutes=30).model_copy(
@@ -118,7 +118,7 @@ async def test_an_ended_mission_is_no_longer_replanning(
 
 
 async def test_an_eta_after_the_deadline_is_a_delay_immediately(gateway: Gateway) -> None:
-    """Ten minutes of flight from 12:01 on, and one second to spare."""
+    """Ten minutes of flight from 12:01 on, with one second of margin."""
     delivery_id = await under_way(gateway, qos={"deadline_at": "2026-03-01T12:11:01Z"})
     mission = gateway.composition.booked[delivery_id, 1]
     etas = [eta.model_dump() for eta in later(mission, seconds=2).packages]
@@ -144,7 +144,7 @@ async def test_a_passed_eta_without_reports_is_one_delay_event(gateway_on_both: 
     delivery = await gateway.get(delivery_id)
     assert delivery["flags"]["delayed"]
     assert delivery["packages"][0]["eta_at"] > delivery["packages"][0]["promised_at"]
-    assert (await gateway.told(delivery_id)).count("delivery.delayed") == 1
+    assert (await gateway.event_types(delivery_id)).count("delivery.delayed") == 1
 
     await gateway.report(delivery_id, "DELIVERED", seq=4, package_ids=["p1"])
     assert (await gateway.get(delivery_id))["state"] == "COMPLETED"
@@ -159,7 +159,7 @@ async def test_delivered_and_ended_packages_are_never_overdue(gateway: Gateway) 
     await gateway.report(delivery_id, "DELIVERED", seq=5, package_ids=["p2"])
     gateway.clock.advance(timedelta(hours=1))
     await gateway.parts.overdue_notifier.step()
-    assert "delivery.delayed" not in await gateway.told(delivery_id)
+    assert "delivery.delayed" not in await gateway.event_types(delivery_id)
 
 
 async def test_an_absent_recipient_sends_the_package_to_the_alternative(gateway: Gateway) -> None:

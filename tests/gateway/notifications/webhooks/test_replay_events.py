@@ -1,4 +1,4 @@
-"""Replays: a customer's own past events become due again at one webhook, in sequence."""
+"""Replays: a customer's past events become due again at one webhook, in sequence."""
 
 from collections.abc import Callable
 from datetime import timedelta
@@ -28,12 +28,12 @@ async def replay(gateway: Gateway, webhook_id: str, **wanted: object) -> httpx.R
 
 
 async def all_are(gateway: Gateway, state: str) -> None:
-    """Have every notification in this state, as a sender would have left it."""
+    """Set each notification to this state, as the sender does."""
     await gateway.execute("UPDATE notifications SET state = :state, attempts = 10", state=state)
 
 
 async def due(gateway: Gateway, webhook_id: str) -> list[tuple[str, int]]:
-    """What is sent there next: the event of each delivery, and how often it was tried."""
+    """What is sent next: the event of each delivery, and its number of attempts."""
     found = await claim_due(
         gateway.parts.db, WebhookId(webhook_id), limit=9, claimant="test", clock=gateway.clock
     )
@@ -85,7 +85,7 @@ async def test_a_new_webhook_can_get_earlier_events(gateway_on_both: Gateway) ->
     assert (await replay(gateway, webhook_id, delivery_id=delivery_id)).json() == {"queued": 1}
     first, second = [event["event_id"] for event in await gateway.events(delivery_id)]
     assert await due(gateway, webhook_id) == [(second, 0)]
-    # What is named is told, whatever the webhook wants else.
+    # Events that are named by id are sent although the webhook does not subscribe to them.
     assert (await replay(gateway, webhook_id, event_ids=[first])).json() == {"queued": 1}
     assert await due(gateway, webhook_id) == [(first, 0)]
 

@@ -1,4 +1,4 @@
-"""Notifying webhooks: at least once, under one id, in sequence, or visibly given up."""
+"""Notifying webhooks: at least once, under one id, in sequence, or given up."""
 
 import asyncio
 import contextlib
@@ -177,7 +177,7 @@ async def test_a_notification_is_given_up_after_its_last_attempt(
     ]
     assert [one["outcome"] for one in attempts] == ["FAILED"] * 9 + ["GIVEN_UP"]
     assert attempts[-1]["next_try_at"] is None
-    # The next event goes its own way.
+    # The next event is sent independently.
     await _notify(gateway)
     assert receiver.types[-1] == "delivery.planned"
 
@@ -270,7 +270,7 @@ async def test_claims_of_a_dead_sender_are_sent_again(gateway: Gateway, receiver
 
 
 async def test_a_slow_endpoint_delays_no_other(gateway: Gateway, receiver: Receiver) -> None:
-    """With the loop running: a healthy receiver is told while another one hangs."""
+    """With the running loop, a healthy receiver is notified while another one hangs."""
     async with receiving() as hanging:
         hanging.answers = ["hang"] * 10
         await _webhook(gateway, hanging.url)

@@ -1,4 +1,4 @@
-"""Signatures, judged by the reference implementation of Standard Webhooks."""
+"""Signatures, checked by the reference implementation of Standard Webhooks."""
 
 from datetime import UTC, datetime
 

@@ -1,4 +1,4 @@
-"""Where webhooks may point: every address is judged, by what it leads to."""
+"""Where webhooks may point: each address is checked, embedded addresses, too."""
 
 from collections.abc import Sequence
 from ipaddress import ip_network
@@ -61,7 +61,7 @@ async def test_only_plain_http_urls_are_allowed(url: str) -> None:
     ],
 )
 async def test_literal_addresses_of_our_own_network_are_refused(url: str) -> None:
-    """Through the system's own resolver, which knows all these ways to write 127.0.0.1."""
+    """Uses the system's resolver, which accepts all these forms of 127.0.0.1."""
     with pytest.raises(ForbiddenTarget):
         await Targets().check(url)
 

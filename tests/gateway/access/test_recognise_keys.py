@@ -1,10 +1,48 @@
-"""A drone's key: what it opens, and that it opens nothing once the registry has dropped it."""
+"""Recognising keys: they are cached for a second; keys of drones are never cached."""
+
+import asyncio
+from datetime import timedelta
 
 import pytest
 
 from tests.gateway.whole_gateway import Gateway
 
-#: All that a drone may call; whose what is, the services decide.
+DELETED_ELSEWHERE = "UPDATE api_keys SET deleted_wall_ms = 1 WHERE key_id = 'key_customer'"
+
+
+async def status(gateway: Gateway) -> int:
+    answer = await gateway.http.get("/v1/deliveries", headers=gateway.customer)
+    return int(answer.status_code)
+
+
+async def test_a_key_that_another_replica_deletes_stops_within_a_second(gateway: Gateway) -> None:
+    before = await status(gateway)
+    await gateway.execute(DELETED_ELSEWHERE)
+    gateway.clock.advance(timedelta(seconds=1))
+
+    assert (before, await status(gateway)) == (200, 401)
+
+
+async def test_a_key_that_is_deleted_here_stops_immediately(gateway: Gateway) -> None:
+    before = await status(gateway)
+    await gateway.http.delete("/v1/keys/key_customer", headers=gateway.operator)
+
+    assert (before, await status(gateway)) == (200, 401)
+
+
+async def test_a_key_that_is_deleted_during_its_lookup_is_not_cached(gateway: Gateway) -> None:
+    cached = gateway.parts.cached_keys
+    lookup = asyncio.create_task(cached.caller_of("sk_customer"))
+    await asyncio.sleep(0)  # it has begun
+
+    cached.forget()
+    await lookup
+    await gateway.execute(DELETED_ELSEWHERE)
+
+    assert await status(gateway) == 401
+
+
+#: All calls that a drone may make; the services check what is its own.
 ALLOWED = {
     ("GET", "/v1/clock"),
     ("GET", "/v1/missions"),
@@ -57,6 +95,6 @@ async def test_a_drone_may_make_only_the_listed_calls(
                 answer = await gateway.http.request(method, url, json={}, headers=gateway.drone)
 
                 is_allowed = (method, path) in ALLOWED or not path.startswith("/v1/")
-                # Where a body is read before the role, an empty one may be refused first.
+                # A call that reads its body first may refuse the empty body before the role.
                 refused = {403, 422} if not is_allowed else {403}
                 assert (answer.status_code in refused) is not is_allowed, answer.text
