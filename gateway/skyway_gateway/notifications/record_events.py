@@ -78,7 +78,7 @@ class EventRecorder:
     def _announce(self, delivery_id: DeliveryId, events: Sequence[DeliveryEvent]) -> None:
         self._listeners.wake(delivery_id)
         for event in events:
-            count("skyway_delivery_events", "events told to customers", type=event.type)
+            count("skyway_delivery_events", "events recorded for customers", type=event.type)
 
     def _event(self, happening: Happening, delivery_id: DeliveryId, sequence: int) -> DeliveryEvent:
         return DeliveryEvent(

@@ -59,8 +59,8 @@ async def mark_accepted(
 ) -> bool:
     """Note that an offer is accepted; False when an offer of the quote was accepted before."""
     this = and_(quotes.c.quote_id == quote_id, quotes.c.taken_offer_id.is_(None))
-    taken = {"taken_offer_id": offer_id, "delivery_id": delivery_id}
-    return (await tx.execute(update(quotes).where(this).values(taken))).rowcount == 1
+    accepted = {"taken_offer_id": offer_id, "delivery_id": delivery_id}
+    return (await tx.execute(update(quotes).where(this).values(accepted))).rowcount == 1
 
 
 async def delete_expired(tx: Tx, *, before: datetime) -> None:

@@ -26,14 +26,14 @@ class DeliveryFilter:
 
 
 async def page_of(
-    connection: AsyncConnection, caller: Caller, query: PageQuery, wanted: DeliveryFilter
+    connection: AsyncConnection, caller: Caller, query: PageQuery, requested: DeliveryFilter
 ) -> Sequence[Delivery]:
     """Up to limit + 1 of the caller's deliveries, the newest first."""
     statement = select(deliveries).where(owned(caller, deliveries.c.customer_id))
-    if wanted.state is not None:
-        statement = statement.where(deliveries.c.state == wanted.state)
-    if wanted.reference is not None:
-        statement = statement.where(deliveries.c.reference == wanted.reference)
+    if requested.state is not None:
+        statement = statement.where(deliveries.c.state == requested.state)
+    if requested.reference is not None:
+        statement = statement.where(deliveries.c.reference == requested.reference)
     return await _page(connection, statement, query)
 
 

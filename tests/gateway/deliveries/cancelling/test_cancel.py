@@ -9,7 +9,14 @@ from typing import Any
 
 import httpx
 import pytest
+from skyway_gateway.deliveries.booking.booking_request import booking_request
+from skyway_gateway.deliveries.cancelling.cancel_request import CancelRequest
+from sqlalchemy import text
 
+from skyway.contracts.mission import BookMissions
+from skyway.contracts.shortlist import Shortlist
+from skyway.delivery.request import DeliveryRequest
+from skyway.runtime.http.identity import Caller
 from tests.gateway.whole_gateway import Gateway
 
 
@@ -311,10 +318,6 @@ def _until_wait(call: Coroutine[Any, Any, Any], wait: int) -> Generator[Any, Any
 async def test_a_cancellation_that_is_killed_anywhere_is_finished_or_never_began(
     gateway: Gateway,
 ) -> None:
-    from skyway_gateway.deliveries.cancelling.cancel_request import CancelRequest
-
-    from skyway.runtime.http.identity import Caller
-
     alice, was_killed, wait, ends = Caller("customer", "alice"), True, 0, []
     while was_killed:
         wait += 1
@@ -370,20 +373,12 @@ async def _claimed(gateway: Gateway) -> Any:
 
 async def _booked_in_composition(gateway: Gateway) -> None:
     """A round of booking that died before it wrote anything."""
-    from skyway_gateway.deliveries.booking.booking_request import booking_request
-
-    from skyway.contracts.shortlist import Shortlist
-
     delivery = (await _claimed(gateway)).delivery
     wanted = booking_request(delivery, Shortlist.of(gateway.registry.candidates_now))
     await gateway.composition.book(delivery.delivery_id, wanted)
 
 
 async def _wanted(gateway: Gateway, delivery_id: str) -> Any:
-    from skyway.contracts.mission import BookMissions
-    from skyway.contracts.shortlist import Shortlist
-    from skyway.delivery.request import DeliveryRequest
-
     request = DeliveryRequest.model_validate((await gateway.get(delivery_id))["request"])
     shortlist = Shortlist.of(gateway.registry.candidates_now)
     return BookMissions(attempt=1, request=request, shortlist=shortlist)
@@ -392,8 +387,6 @@ async def _wanted(gateway: Gateway, delivery_id: str) -> Any:
 async def _told_to_composition(gateway: Gateway) -> list[dict[str, Any]]:
     """The outbox messages for composition."""
     import json
-
-    from sqlalchemy import text
 
     async with gateway.parts.db.read() as connection:
         rows = await connection.execute(

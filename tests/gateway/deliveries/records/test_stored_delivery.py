@@ -6,17 +6,19 @@ from dataclasses import replace
 from typing import Any
 
 import pytest
+from skyway_gateway.deliveries.cancelling.cancel_request import CancelRequest
+from skyway_gateway.deliveries.records.stored_delivery import DeliveryCache, StoredDelivery
 
+from skyway.contracts.mission_reports import TracedReport
 from skyway.ids import DeliveryId
 from skyway.runtime.errors import Conflict
+from skyway.runtime.http.identity import Caller
 from tests.gateway.whole_gateway import Gateway
 
 
 @pytest.fixture
 def replica(gateway_on_both: Gateway) -> Any:
     """The same gateway in another process on the same database, with an empty cache."""
-    from skyway_gateway.deliveries.records.stored_delivery import DeliveryCache
-
     parts = gateway_on_both.parts
     writer = replace(parts.writer, cache=DeliveryCache())
     return replace(gateway_on_both, parts=replace(parts, writer=writer))
@@ -122,8 +124,6 @@ async def test_reports_to_two_replicas_are_applied_once_each(
 
 async def _follow_all(gateway: Gateway, kind: str, reports: dict[str, int]) -> None:
     """Apply reports of one request in this replica: numbers of reports by delivery."""
-    from skyway.contracts.mission_reports import TracedReport
-
     traced = [
         TracedReport(
             traceparent=f"00-{number:032x}-{1:016x}-01",
@@ -185,18 +185,12 @@ async def test_a_report_sees_a_cancellation_by_another_replica(
 
 
 async def _cancel(gateway: Gateway, delivery_id: DeliveryId, package_ids: list[str]) -> Any:
-    from skyway_gateway.deliveries.cancelling.cancel_request import CancelRequest
-
-    from skyway.runtime.http.identity import Caller
-
     wanted = CancelRequest(package_ids=tuple(package_ids))
     caller = Caller(role="customer", subject_id="alice")
     return await gateway.parts.canceller.cancel(caller, delivery_id, wanted)
 
 
 async def test_only_the_latest_deliveries_are_cached(gateway: Gateway) -> None:
-    from skyway_gateway.deliveries.records.stored_delivery import DeliveryCache, StoredDelivery
-
     await gateway.accepted()
     [queued] = await gateway.parts.booker.claim(limit=1)
     cache = DeliveryCache()
