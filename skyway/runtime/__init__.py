@@ -1,6 +1,6 @@
-"""What every process stands on.
+"""What every process uses.
 
-Packages: `sql` (a service's own database), `outbox` (messages that leave with a transaction),
-`idempotency` (calls that may come again), `http` (between services and from outside), `mqtt` (the
-broker). Beside them what all of these use: clock, loops, logs, metrics, settings, errors.
+Folders: `sql` (a service's own database), `outbox` (messages that are stored with a transaction and
+sent after it), `idempotency` (calls that may be repeated), `http` (between services and from
+outside), `mqtt` (the broker). Files: clock, loops, logs, metrics, settings, errors and others.
 """

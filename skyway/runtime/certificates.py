@@ -1,7 +1,7 @@
-"""A deployment's own certificate authority: it signs its broker and its drones, and nobody else.
+"""A deployment's own certificate authority: it signs only its broker and its drones.
 
-A certificate alone lets nobody in: the broker asks for the password too, so that taking the account
-out of the password file is enough to keep a drone out, without lists of revoked certificates.
+A certificate alone is not enough to connect: the broker asks for the password too. So removing the
+account from the password file locks a drone out, without a list of revoked certificates.
 """
 
 from collections.abc import Iterable
@@ -56,7 +56,7 @@ class SignedKey:
 
 
 class CertificateAuthority:
-    """Signs with the key in its folder, which nobody else can read."""
+    """Signs with the key in its folder, which only this user can read."""
 
     def __init__(self, certificate: x509.Certificate, key: ec.EllipticCurvePrivateKey) -> None:
         self._certificate = certificate
@@ -90,25 +90,25 @@ class CertificateAuthority:
             builder = builder.add_extension(x509.BasicConstraints(True, 0), critical=True)
             builder = builder.add_extension(_SIGNS_CERTIFICATES, critical=True)
             signed = _signed(builder, key, by=key)
-            # The certificate last: it says that both are there.
+            # The certificate is written last: its presence means that both files exist.
             write_private(folder / _KEY, signed.private_key_pem)
             write_private(folder / _CERTIFICATE, signed.certificate_pem)
         return cls.load(folder)
 
     @property
     def certificate_pem(self) -> str:
-        """What everybody checks the others' certificates by."""
+        """The certificate by which all certificates of this deployment are checked."""
         return self._certificate.public_bytes(Encoding.PEM).decode()
 
     def sign_drone(self, drone_id: str) -> SignedKey:
-        """A new key for a drone, good for connecting as a client and nothing else."""
+        """A new key for a drone, valid only for connecting as a client."""
         return self._sign(drone_id, ExtendedKeyUsageOID.CLIENT_AUTH, (), life=_CLIENT_LIFE)
 
     def sign_broker(self, names: Iterable[str]) -> SignedKey:
         """A new key for a broker under these host names and addresses."""
-        known = tuple(names)
+        host_names = tuple(names)
         usage = ExtendedKeyUsageOID.SERVER_AUTH
-        return self._sign(known[0], usage, known, life=_AUTHORITY_LIFE)
+        return self._sign(host_names[0], usage, host_names, life=_AUTHORITY_LIFE)
 
     def _sign(
         self, subject: str, usage: x509.ObjectIdentifier, names: Iterable[str], *, life: timedelta

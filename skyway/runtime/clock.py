@@ -13,12 +13,12 @@ from typing import Annotated, Protocol, Self
 
 from pydantic import AwareDatetime, Field, TypeAdapter
 
-#: Longest single sleep, in seconds of wall time: the machine's clock may be set meanwhile.
+#: The longest single sleep, seconds of wall time: the machine's clock may be set during it.
 _LONGEST_SLEEP_S = 60.0
 
 
 class FleetClock(Protocol):
-    """Where fleet time and wall time come from."""
+    """Fleet time and wall time."""
 
     @property
     def rate(self) -> float:
@@ -34,13 +34,13 @@ class FleetClock(Protocol):
         ...
 
     async def sleep_until(self, fleet_moment: datetime) -> None:
-        """Return once fleet time has reached the moment; at once when it is past."""
+        """Return once fleet time has reached the moment; immediately when it is past."""
         ...
 
 
 @dataclass(frozen=True, slots=True)
 class AnchoredClock:
-    """The clock in life: an anchor and the machine's clock."""
+    """The clock of a running process: an anchor and the machine's clock."""
 
     fleet_at: AwareDatetime
     wall_at: AwareDatetime
@@ -70,7 +70,7 @@ class AnchoredClock:
 
 
 class ManualClock:
-    """A clock that stands still until it is advanced: tests, and replays of what happened."""
+    """A clock that stands still until it is advanced, for tests and replays."""
 
     def __init__(self, start: datetime, rate: float = 1.0) -> None:
         self.rate = rate
@@ -97,7 +97,7 @@ class ManualClock:
         await awake
 
     def advance(self, by: timedelta) -> None:
-        """Move fleet time on and wake whoever slept until then, the earliest first."""
+        """Move fleet time on, and wake the sleepers that are due, the earliest first."""
         self._now += by
         self._wall_now += by / self.rate
         while self._sleepers and self._sleepers[0][0] <= self._now:
@@ -114,7 +114,7 @@ def load_clock(path: Path | None) -> AnchoredClock:
 
 
 def fleet_margin(clock: FleetClock, *, fleet_s: float, wall_s: float) -> timedelta:
-    """A span of fleet time that is also long enough for people and networks: the larger of both."""
+    """The larger of two spans, as fleet time: people and networks need wall time."""
     return timedelta(seconds=max(fleet_s, wall_s * clock.rate))
 
 

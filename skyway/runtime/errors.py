@@ -1,16 +1,16 @@
-"""The runtime's branch of the tree of errors; `http/problems.py` says what each becomes over HTTP.
+"""The runtime's branch of the tree of errors; `http/problems.py` maps each to its HTTP answer.
 
 SkywayError
-├── Unauthenticated         nobody we know
-├── AccessDenied            known, but this is not theirs to do
-├── NotFound                also what is not the caller's own
-├── Conflict                the state of things forbids it; `code` names the reason
+├── Unauthenticated         the caller is unknown
+├── AccessDenied            the caller may not do this
+├── NotFound                also for things of other callers
+├── Conflict                the present state forbids it; `code` names the reason
 ├── PreconditionFailed      If-Match named another version
 ├── TooLarge                a body above its limit
 ├── IdempotencyKeyReused    the same key came with another body
 ├── Taken                   a unique, exclusion or trigger rule of the database refused a row
 ├── ServiceUnavailable      another service or the database does not answer now
-│   └── MqttUnavailable     the broker did not take a message
+│   └── MqttUnavailable     the broker did not accept a message
 ├── RemoteProblem           another service answered with a problem document
 ├── InvalidSettings         the environment of this process is incomplete or wrong
 └── UnsafeDatabase          a database that would lose answered writes
@@ -31,7 +31,7 @@ class Unauthenticated(SkywayError):
 
 
 class AccessDenied(SkywayError):
-    """The caller is known, and may not do this."""
+    """The caller is known, but may not do this."""
 
     def __init__(self, detail: str) -> None:
         super().__init__(detail)
@@ -39,7 +39,7 @@ class AccessDenied(SkywayError):
 
 
 class NotFound(SkywayError):
-    """There is no such thing, or it is not the caller's: the two look alike on purpose."""
+    """There is no such thing, or it belongs to another caller: both look the same on purpose."""
 
     def __init__(self, kind: str, identifier: str) -> None:
         super().__init__(f"no {kind} {identifier!r}")
@@ -65,7 +65,7 @@ class Conflict(SkywayError):
 
 
 class PreconditionFailed(SkywayError):
-    """The caller decided on another version than the present one."""
+    """The caller has read another version than the present one."""
 
     def __init__(self, *, expected: str, present: str) -> None:
         super().__init__(f"version {expected} was expected, the present one is {present}")
@@ -74,7 +74,7 @@ class PreconditionFailed(SkywayError):
 
 
 class TooLarge(SkywayError):
-    """A body is larger than its route takes."""
+    """A body is larger than its route accepts."""
 
     def __init__(self, limit_bytes: int) -> None:
         super().__init__(f"the body is larger than the limit of {limit_bytes} bytes")
@@ -89,7 +89,7 @@ class IdempotencyKeyReused(SkywayError):
 
 
 class Taken(SkywayError):
-    """A rule of the database refused a row: somebody else holds what it wanted.
+    """A rule of the database refused a row: what the row claims is held already.
 
     Parameters
     ----------

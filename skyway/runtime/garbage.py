@@ -1,7 +1,7 @@
-"""Garbage collection for processes that load much once and then answer for weeks.
+"""Garbage collection for processes that load much at their start and then run for weeks.
 
-Python looks through everything that lives, again and again; with the modules, models and planner
-of a service that stops the event loop for 60 to 250 ms each time (measured: docs/load.md).
+Python scans all live objects again and again. With the modules, models and planner of a service
+each scan stops the event loop for 60 to 250 ms (measured: docs/load.md).
 """
 
 import gc
@@ -12,7 +12,7 @@ _THRESHOLDS: Final = (20_000, 20, 20)
 
 
 def keep_what_is_loaded() -> None:
-    """Look no more at what is there now, and less often at what comes."""
+    """Never scan the present objects again, and scan later objects less often."""
     gc.collect()
     gc.freeze()
     gc.set_threshold(*_THRESHOLDS)

@@ -1,4 +1,4 @@
-"""Logs as JSON lines on standard error: events, with ids as members."""
+"""Logs as JSON lines on standard error: one event a line, with ids as members."""
 
 import json
 import logging
@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 
 from skyway.runtime.tracing import current_trace_id
 
-#: What a record has before anybody adds a field to it.
+#: The attributes of every record, without added fields.
 _PLAIN = frozenset(vars(logging.makeLogRecord({}))) | {"message", "asctime", "taskName"}
 
 #: Members whose name holds one of these are never written.
@@ -48,7 +48,7 @@ def configure_logs(service: str, level: str) -> None:
     handler.setFormatter(JsonLines(service))
     logging.basicConfig(level=level.upper(), handlers=[handler], force=True)
     logging.captureWarnings(capture=True)
-    # It writes a line for each request of ours to another service, which logs what it does itself.
+    # httpx logs each request to another service. That service logs the request itself.
     logging.getLogger("httpx").setLevel(logging.WARNING)
 
 

@@ -1,4 +1,4 @@
-"""Loops that run for as long as a process lives: one step after another, for ever."""
+"""Loops that run as long as their process: one step after another."""
 
 import asyncio
 import contextlib
@@ -17,7 +17,7 @@ _FIRST_PAUSE_S, _LONGEST_PAUSE_S = 0.1, 5.0
 
 
 class Wake:
-    """Tells one waiting loop that there is something to do."""
+    """Wakes one waiting loop."""
 
     def __init__(self) -> None:
         self._event = asyncio.Event()
@@ -37,7 +37,7 @@ class Wake:
 async def repeat(
     name: str, step: Callable[[], Awaitable[bool]], *, every_s: float, wake: Wake | None = None
 ) -> Never:
-    """Run `step` for ever: again at once while it returns True, else when woken or in a while.
+    """Run `step` for ever: again immediately after True, else when woken or after `every_s`.
 
     A step that fails is logged and counted, and tried again after a growing pause.
     """
@@ -54,7 +54,7 @@ async def repeat(
             continue
         failures = 0
         if has_more:
-            # A step that never waits must still let the other loops run, and be cancelled.
+            # A step that never waits must not keep the other loops from running, or block a cancel.
             await asyncio.sleep(0)
         else:
             await wake.wait(every_s)

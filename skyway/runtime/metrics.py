@@ -15,14 +15,14 @@ _Labels = tuple[tuple[str, str], ...]
 
 
 class Counters:
-    """Numbers that only grow, each named ``skyway_...`` and told apart by labels."""
+    """Numbers that only grow, each named ``skyway_...`` and distinguished by labels."""
 
     def __init__(self) -> None:
         self._about: dict[str, str] = {}
         self._values: dict[str, dict[_Labels, float]] = defaultdict(dict)
 
     def add(self, name: str, about: str, amount: float = 1.0, **labels: str) -> None:
-        """Count `amount` more of `name`, which says in `about` what it counts."""
+        """Add `amount` to the counter `name`; `about` says what it counts."""
         self._about[name] = about
         series = self._values[name]
         key = tuple(sorted(labels.items()))

@@ -1,4 +1,4 @@
-"""How a process mints new identifiers: unique everywhere, sorted by their moment."""
+"""How a process makes new identifiers: unique everywhere, sorted by their time."""
 
 import secrets
 import time

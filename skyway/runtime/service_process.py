@@ -25,7 +25,7 @@ Violation = Mapping[str, object]
 
 @dataclass(frozen=True, slots=True)
 class ServiceProcess(Generic[S]):
-    """What differs between the services' processes."""
+    """What differs from one service's process to the next."""
 
     name: str
     package: str

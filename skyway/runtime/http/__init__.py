@@ -1,1 +1,1 @@
-"""HTTP between services and from outside: what all of them ask and answer alike."""
+"""HTTP between services and from outside: what all services ask and answer in the same way."""

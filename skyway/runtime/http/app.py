@@ -1,4 +1,4 @@
-"""The HTTP face of every cloud service: what all of them answer alike."""
+"""The HTTP side of every cloud service: what all services answer in the same way."""
 
 import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
@@ -73,12 +73,12 @@ def create_app(
     webhooks: APIRouter | None = None,
     publish: Publish | None = None,
 ) -> FastAPI:
-    """An app with these routers, and with everything that all services answer alike.
+    """An app with these routers, and with the routes that all services have.
 
     Nothing is opened before the lifespan begins. Without `body_limit`, every body ends at 256 KiB.
-    `middleware` sees requests within their trace and their limit. Of the OpenAPI document: `models`
-    are those to which routes refer, `webhooks` are the calls that the service makes, `publish`
-    changes it before it is shown.
+    `middleware` runs inside the request boundary, so each request has its trace and its limit.
+    For the OpenAPI document: `models` are the models to which routes refer, `webhooks` are the
+    calls that the service makes, `publish` changes the document before it is shown.
     """
     boundary = Middleware(RequestBoundary, body_limit=body_limit or body_limits({}))
     app = ServiceApp(

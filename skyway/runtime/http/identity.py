@@ -1,4 +1,4 @@
-"""Who is calling: a service, by its own secret, and the customer or provider it speaks for."""
+"""Who is calling: a service with its own secret, and the customer or provider that it names."""
 
 import hmac
 import re
@@ -16,7 +16,7 @@ from skyway.runtime.errors import AccessDenied, InvalidSettings, Unauthenticated
 
 CallerRole = Literal["customer", "provider", "operator", "drone", "service"]
 
-#: The header in which a service says for whom it calls; believed only with the service's secret.
+#: The header in which a service names its caller; it is trusted only with the service's secret.
 CALLER_HEADER: Final = "Skyway-Caller"
 
 _SUBJECT: Final = re.compile(r"[A-Za-z0-9_-]{1,64}")
@@ -24,7 +24,7 @@ _SUBJECT: Final = re.compile(r"[A-Za-z0-9_-]{1,64}")
 
 @dataclass(frozen=True, slots=True)
 class Caller:
-    """Who asks for something: a role, and who in it."""
+    """Who asks for something: a role and the subject in that role."""
 
     role: CallerRole
     subject_id: str
@@ -53,9 +53,9 @@ class Caller:
             The text is not ``role:subject``.
         """
         role, _, subject_id = text.partition(":")
-        for known in get_args(CallerRole):
-            if role == known and _SUBJECT.fullmatch(subject_id):
-                return cls(role=known, subject_id=subject_id)
+        for each in get_args(CallerRole):
+            if role == each and _SUBJECT.fullmatch(subject_id):
+                return cls(role=each, subject_id=subject_id)
         raise Unauthenticated(f"{CALLER_HEADER} must be role:subject")
 
 
@@ -77,7 +77,7 @@ def read_secret(secrets_dir: Path, name: str) -> str:
 
 
 class ServiceIdentity:
-    """How one service shows the others who it is; its secret is read at the first call."""
+    """How one service proves its identity to others; its secret is read at the first call."""
 
     def __init__(self, name: str, secrets_dir: Path) -> None:
         self.name = name
@@ -94,9 +94,9 @@ class ServiceIdentity:
 
 
 class ServiceGate(SecurityBase):
-    """A dependency that lets only known services in, and gives the caller they speak for.
+    """A dependency that accepts only services with a secret, and gives the caller they name.
 
-    It is its own security scheme: FastAPI's would be solved as one more dependency.
+    It is its own security scheme: FastAPI's own would be one more dependency to resolve.
     """
 
     model = HTTPBearerModel(description="the secret of the calling service")
@@ -114,16 +114,16 @@ class ServiceGate(SecurityBase):
         }
 
     async def __call__(self, request: Request) -> Caller:
-        """The caller of a call that carries a known service's secret."""
+        """The caller of a request that carries a service's secret."""
         scheme, shown = get_authorization_scheme_param(request.headers.get("Authorization"))
         if scheme.lower() != "bearer" or not shown:
             raise Unauthenticated
-        # Every secret is compared, in constant time: neither which nor how far may show.
+        # Every secret is compared, in constant time: the duration must not reveal a match.
         secret = shown.encode()
         matching = [
-            name for name, known in self._secrets.items() if hmac.compare_digest(secret, known)
+            name for name, each in self._secrets.items() if hmac.compare_digest(secret, each)
         ]
         if not matching:
-            raise Unauthenticated("the bearer is of no service known here")
+            raise Unauthenticated("the bearer is not the secret of a service")
         named = request.headers.get(CALLER_HEADER)
         return Caller("service", matching[0]) if named is None else Caller.parse(named)

@@ -1,7 +1,7 @@
-"""JSON as it may come in: UTF-8, of finite numbers, not too deep, and storable everywhere.
+"""The JSON that we accept: UTF-8, finite numbers, not too deep, and storable everywhere.
 
-Python's parser takes more than JSON allows (NaN, UTF-16) and more than a database can hold (NUL,
-lone surrogates, integers beyond 64 bits). What slips through breaks far from here, as a 500.
+Python's parser accepts more than JSON allows (NaN, UTF-16) and more than a database can store (NUL,
+lone surrogates, integers beyond 64 bits). Such values would fail far from here, as a 500.
 """
 
 import json
@@ -21,16 +21,16 @@ from starlette.exceptions import HTTPException
 M = TypeVar("M", bound=BaseModel)
 Path = tuple[int | str, ...]
 
-#: No body of ours nests deeper than about ten levels.
+#: Our own bodies nest at most about ten levels.
 MAX_DEPTH: Final = 100
 _MAX_INTEGER: Final = 2**63 - 1
 _SURROGATES = re.compile("[\ud800-\udfff]")
-#: What a value that cannot be stored looks like in the raw text; most bodies have none of these.
+#: How values that cannot be stored look in the raw text; most bodies have none of them.
 _SUSPICIOUS = re.compile(rb"\\u|NaN|Infinity|[0-9]{19}|[eE]\+?[0-9]{3}")
 
 
 async def refuse_unstorable_json(request: Request) -> None:
-    """Dependency of every route: where a JSON body is due, it must be JSON, and storable."""
+    """Dependency of every route: if the route has a JSON body, the body must be storable JSON."""
     route = request.scope.get("route")
     if not isinstance(route, APIRoute) or route.body_field is None:
         return

@@ -86,7 +86,7 @@ def page_of(
     item: Callable[[R], T],
     sort_key: Callable[[R], SortKey],
 ) -> Page[T]:
-    """The page from at most `limit` + 1 rows, of which the last says only that there are more."""
+    """The page of at most `limit` + 1 rows; the last row only shows that there are more."""
     shown = rows[: query.limit]
     has_more = len(rows) > query.limit
     return Page(
@@ -96,7 +96,7 @@ def page_of(
 
 
 def _is_comparable(value: str | int) -> bool:
-    """Whether a database can compare with it: a cursor is made up as easily as a body."""
+    """Whether a database can compare with it: a client may invent a cursor."""
     if isinstance(value, int):
         return abs(value) <= _MAX_INTEGER
     return value.isprintable()

@@ -74,7 +74,7 @@ _HEADERS: Final = {401: {"WWW-Authenticate": "Bearer"}, 503: {"Retry-After": "1"
 
 
 def problem_of(error: SkywayError) -> ProblemDetails:
-    """The problem document of an error; one that the table does not know is our own failure."""
+    """The problem document of an error; an error that is not in the table is our own failure."""
     if isinstance(error, RemoteProblem):
         return _remote_problem(error)
     kind = next((_TABLE[cls] for cls in type(error).__mro__ if cls in _TABLE), _FAILED)
@@ -89,8 +89,8 @@ def problem_of(error: SkywayError) -> ProblemDetails:
 
 
 def our_failure() -> ProblemDetails:
-    """The problem document of a bug: nothing of the inside, only where to find it in the logs."""
-    return _problem(_FAILED, "the request was not carried out; the logs tell why by its trace_id")
+    """The problem document of a bug: no details, only where to find it in the logs."""
+    return _problem(_FAILED, "the request was not carried out; the logs say why under its trace_id")
 
 
 def status_problem(status: int, detail: str | None) -> ProblemDetails:
@@ -147,7 +147,7 @@ async def _on_http_exception(request: Request, error: Exception) -> Response:
     if not isinstance(error, HTTPException):
         raise error
     if error.status_code == HTTPStatus.BAD_REQUEST and error.__cause__ is not None:
-        # What FastAPI makes of a body its JSON parser gave up on, other than by a JSONDecodeError.
+        # FastAPI raises this when its JSON parser fails otherwise than by a JSONDecodeError.
         detail = "the text is not UTF-8, nests too deeply, or holds too long a number"
         return problem_response(_problem(_BROKEN_JSON, detail))
     headers = dict(error.headers or {})
@@ -157,7 +157,7 @@ async def _on_http_exception(request: Request, error: Exception) -> Response:
 
 
 def allowed_methods(request: Request) -> list[str]:
-    """All methods of a path, sorted: the framework only names those of one of its routes."""
+    """All methods of a path, sorted: the framework names only the methods of one route."""
     app: FastAPI = request.app
     path = request.scope["path"].removeprefix(request.scope.get("root_path", ""))
     methods: set[str] = set()

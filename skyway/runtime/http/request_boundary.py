@@ -1,4 +1,4 @@
-"""The outermost frame of every request: its trace, its size, and the last net under it."""
+"""The outermost frame of every request: its trace, its size, and its uncaught errors."""
 
 import asyncio
 import logging
@@ -23,7 +23,7 @@ log = logging.getLogger(__name__)
 #: The most bytes of a request body (docs/reference/rest.md); single routes take more.
 BODY_LIMIT_BYTES: Final = 256 * 1024
 
-#: A refused body is read up to here: a client that is cut off while it sends sees no answer.
+#: A refused body is read up to here: a client that is cut off while it sends gets no answer.
 _DRAINED_BYTES: Final = 8 * 1024 * 1024
 _DRAIN_S: Final = 2.0
 
@@ -33,7 +33,7 @@ BodyLimit = Callable[[Request], int]
 
 
 def body_limits(larger: Mapping[str, int]) -> BodyLimit:
-    """256 KiB, but for routes named like ``PUT /v1/networks/{network_id}``."""
+    """256 KiB, except for the `larger` routes, named like ``PUT /v1/networks/{network_id}``."""
     routes = [
         (method, compile_path(path)[0], limit_bytes)
         for (method, path), limit_bytes in ((name.split(" "), n) for name, n in larger.items())
@@ -51,7 +51,7 @@ def body_limits(larger: Mapping[str, int]) -> BodyLimit:
 
 
 class RequestBoundary:
-    """ASGI middleware: continues the trace, limits the body, answers what nobody caught."""
+    """ASGI middleware: continues the trace, limits the body, answers uncaught errors."""
 
     def __init__(self, app: ASGIApp, body_limit: BodyLimit) -> None:
         self._app = app
@@ -81,7 +81,7 @@ class RequestBoundary:
             except ClientDisconnect:
                 log.info("client left", extra={"path": request.scope["path"]})
             except Exception:  # noqa: BLE001 - the outermost frame of a request: log and answer
-                await _last_net(request, exchange)
+                await _answer_uncaught(request, exchange)
 
 
 class _Exchange:
@@ -107,7 +107,7 @@ class _Exchange:
         return message
 
     async def send(self, message: Message) -> None:
-        """Pass the answer on; whatever a route makes of a body too large, the answer is 413."""
+        """Pass the answer on. If the body is too large, the answer is always 413."""
         if self.status == 0 and self._received_bytes > self.limit_bytes:
             await self.refuse_body()
         elif self._received_bytes <= self.limit_bytes:
@@ -116,7 +116,7 @@ class _Exchange:
 
     async def refuse_body(self) -> None:
         """Answer 413, after reading what the client is still sending."""
-        # Who sends Expect is still waiting with the body, and reading would call for it.
+        # A client that sent Expect still waits with its body; reading would ask for the body.
         if "expect" not in Headers(scope=self._scope):
             await self._drain()
         await self.answer(problem_of(TooLarge(self.limit_bytes)))
@@ -138,7 +138,7 @@ class _Exchange:
             log.info("refused body goes on", extra={"drained_bytes": drained_bytes})
 
 
-async def _last_net(request: Request, exchange: _Exchange) -> None:
+async def _answer_uncaught(request: Request, exchange: _Exchange) -> None:
     place = {"method": request.method, "path": request.scope["path"]}
     log.exception("request failed", extra=place)
     if exchange.status == 0:
@@ -152,7 +152,7 @@ def _announced_bytes(request: Request) -> int:
 
 def _count_request(request: Request, status: int, elapsed_s: float) -> None:
     route = getattr(request.scope.get("route"), "path", "")
-    # A method is the client's own word: counted as it came, it could be any number of series.
+    # The client chooses the method: counting unknown ones could make any number of series.
     method = request.method if request.method in _METHODS else "OTHER"
     code = str(status)
     count("skyway_http_requests", "requests", method=method, route=route, status=code)

@@ -1,4 +1,4 @@
-"""Serving an app until the parent leaves: on the socket it passed, so that no request is lost."""
+"""Serves an app until the parent ends, on the socket of the parent, so that no request is lost."""
 
 import asyncio
 import os
@@ -14,13 +14,13 @@ from starlette.types import ASGIApp
 
 from skyway.runtime.garbage import keep_what_is_loaded
 
-#: An open SSE stream would otherwise hold the exit up for ever.
+#: Without it an open SSE stream would delay the exit for ever.
 _GRACE_S: Final = 2
 _STARTUP_FAILURE: Final = 3
 
 
 class ServingSettings(Protocol):
-    """Where to listen, and whom to leave with; `ServiceSettings` has it all."""
+    """Where to listen, and which parent process to end with; `ServiceSettings` has it all."""
 
     @property
     def host(self) -> str:
@@ -53,7 +53,7 @@ def serve(app: ASGIApp, settings: ServingSettings) -> int:
         access_log=False,
         server_header=False,
         lifespan="on",
-        ws="none",  # an Upgrade to what we do not speak is ignored, and the request answered
+        ws="none",  # an Upgrade is ignored, and the request is answered
         timeout_graceful_shutdown=_GRACE_S,
     )
     server = _Server(config)
@@ -62,7 +62,7 @@ def serve(app: ASGIApp, settings: ServingSettings) -> int:
 
 
 class _Server(uvicorn.Server):
-    """A server that ends by returning: uvicorn's own raises the signal again, ending in -15."""
+    """A server that ends by returning: uvicorn's own raises the signal again and ends with -15."""
 
     @contextmanager
     def capture_signals(self) -> Iterator[None]:

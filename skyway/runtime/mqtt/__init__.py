@@ -1,1 +1,1 @@
-"""The broker: a client that connects again for ever, and how a broker is set up."""
+"""The broker: a client that reconnects for ever, and the files that configure a broker."""

@@ -30,7 +30,7 @@ def hash_password(password: str) -> str:
 
 
 def matches(password: str, hashed: str) -> bool:
-    """Whether the hash was made of this password; False for a hash of another kind."""
+    """Whether this is the hash of the password; False for a hash of another kind."""
     try:
         nothing, kind, rounds, salt, key = hashed.split("$")
         expected = base64.b64decode(key, validate=True)
@@ -41,7 +41,7 @@ def matches(password: str, hashed: str) -> bool:
 
 
 def write_password_file(path: Path, accounts: Mapping[str, str]) -> None:
-    """Replace the file by these accounts (user name to hash), at once and readable by us alone.
+    """Replace the file by these accounts (user name to hash), atomically and readable by us only.
 
     Raises
     ------

@@ -1,7 +1,7 @@
-"""A socket for paho that asks the system seldom: once for all there is to read or to write.
+"""A socket for paho that makes few system calls: one for everything to read or to write.
 
-Paho reads a packet in three pieces, and writes each packet by itself. A system call takes longer
-than all else that is done for a small packet.
+Paho reads a packet in three pieces and writes each packet by itself. A system call takes longer
+than everything else that is done for a small packet.
 """
 
 import select
@@ -9,7 +9,7 @@ import socket
 import ssl
 from typing import Final
 
-#: Most that is read at once, and taken from paho before the system has taken any of it.
+#: The most bytes of one read, and of packets that wait to be written.
 _MOST_BYTES: Final = 64 * 1024
 
 _NOT_NOW: Final = (BlockingIOError, ssl.SSLWantReadError, ssl.SSLWantWriteError)
@@ -20,27 +20,27 @@ class BufferedSocket:
 
     Notes
     -----
-    What `send` has taken counts as written. It is as safe as in the system's own buffer: both are
-    lost with the connection, and whoever needs to know waits for the PUBACK.
+    Data that `send` has accepted counts as written. It is as safe as in the system's own buffer:
+    both are lost with the connection. A sender that needs to know waits for the PUBACK.
     """
 
     def __init__(self, sock: socket.socket) -> None:
         self._sock = sock
         self._read = b""
-        self._taken = 0  # how much of that paho has
+        self._consumed = 0  # how much of it paho has read
         self._unsent = bytearray()
-        self._end: OSError | bytes | None = None  # what paho is answered when all is read
-        #: Asked for further records: TLS gives one at a time, a whole one, of 16 KiB at most.
+        self._end: OSError | bytes | None = None  # what paho gets when everything is read
+        #: Says whether more TLS records have arrived: each read gives one record, 16 KiB at most.
         self._records = _arrivals(sock) if isinstance(sock, ssl.SSLSocket) else None
 
     @property
     def has_unread(self) -> bool:
-        """Whether paho has something to read without asking the system, be it the end."""
-        return self._taken < len(self._read) or self._end is not None
+        """Whether paho has something to read without a system call; the end counts too."""
+        return self._consumed < len(self._read) or self._end is not None
 
     @property
     def has_unsent(self) -> bool:
-        """Whether the system has not taken all yet."""
+        """Whether some data still waits to be written."""
         return bool(self._unsent)
 
     def fill(self) -> None:
@@ -56,17 +56,17 @@ class BufferedSocket:
 
     @property
     def _has_room(self) -> bool:
-        """Whether to ask for more: others of this process want their turn too."""
+        """Whether to read more now: the rest of the process needs its turn too."""
         return self._end is None and len(self._read) < _MOST_BYTES
 
     def _keep(self, data: bytes) -> None:
-        self._read = self._read[self._taken :] + data
-        self._taken = 0
+        self._read = self._read[self._consumed :] + data
+        self._consumed = 0
         if not data:
             self._end = data
 
     def flush(self) -> None:
-        """Write what `send` took, as far as the system takes it; a failure is read as the end."""
+        """Write as much as the system accepts; after a failure paho reads the end."""
         try:
             while self._unsent:
                 del self._unsent[: self._sock.send(self._unsent)]
@@ -77,11 +77,11 @@ class BufferedSocket:
             self._end = error
 
     def recv(self, size: int) -> bytes:
-        """At most so many of the bytes that `fill` has read."""
-        start = self._taken
+        """At most `size` of the bytes that `fill` has read."""
+        start = self._consumed
         if start < len(self._read):
-            self._taken = min(start + size, len(self._read))
-            return self._read[start : self._taken]
+            self._consumed = min(start + size, len(self._read))
+            return self._read[start : self._consumed]
         if isinstance(self._end, OSError):
             raise self._end
         if self._end is None:
@@ -89,7 +89,7 @@ class BufferedSocket:
         return self._end
 
     def send(self, data: bytes | bytearray) -> int:
-        """Take a packet, unless the system is behind with what was taken before."""
+        """Accept a packet, unless too much still waits to be written."""
         if len(self._unsent) >= _MOST_BYTES:
             self.flush()
         if len(self._unsent) >= _MOST_BYTES:
@@ -98,7 +98,7 @@ class BufferedSocket:
         return len(data)
 
     def close(self) -> None:
-        """Write what can still be written, a goodbye mostly, and close."""
+        """Write what can still be written, usually a goodbye, and close."""
         if self.fileno() != -1:
             self.flush()
         self._sock.close()
@@ -108,7 +108,7 @@ class BufferedSocket:
         return self._sock.fileno()
 
     def setblocking(self, flag: bool) -> None:
-        """Block or not, as paho asks; it never wants to."""
+        """Block or not, as paho asks; it never asks to block."""
         self._sock.setblocking(flag)
 
 

@@ -1,4 +1,4 @@
-"""A client of the broker that connects again for ever, with typed messages and batches."""
+"""A client of the broker that reconnects for ever, with typed messages and batches."""
 
 import asyncio
 import contextlib
@@ -32,7 +32,7 @@ Will = Callable[[], tuple[Address[Any], Message]]
 
 
 class MqttClient:
-    """A connection to the broker that is made again whenever it is lost.
+    """A connection to the broker that is opened again whenever it is lost.
 
     Parameters
     ----------
@@ -43,15 +43,15 @@ class MqttClient:
     on_connected
         Runs after every connect, once the subscriptions are renewed: republish what is retained.
     keepalive_s
-        Wall seconds of silence after which the broker is asked for; it takes a client that is
-        silent for 1.5 times as long for lost, and sends its last will.
+        Wall seconds of silence after which a ping is sent. When a client is silent for 1.5 times as
+        long, the broker gives it up and sends its last will.
     tls
-        Whom ``mqtts`` trusts and what it shows, if not the system's roots and nothing.
+        What ``mqtts`` trusts and shows; by default the system's roots and no certificate.
 
     Notes
     -----
-    Nothing is kept over a lost connection: a publish that is not acknowledged raises
-    `MqttUnavailable`, and its sender decides what to do.
+    A publish that is not acknowledged raises `MqttUnavailable`, and its sender decides what to do:
+    nothing is sent again by itself after a reconnect.
     """
 
     def __init__(
@@ -100,7 +100,7 @@ class MqttClient:
         await self._connected.wait()
 
     async def wait_lost(self) -> None:
-        """Return once there is no connection; at once while there is none."""
+        """Return once there is no connection; immediately while there is none."""
         await self._lost.wait()
 
     async def publish(self, address: Address[M], message: M, *, timeout_s: float = 5.0) -> None:
@@ -138,7 +138,7 @@ class MqttClient:
             raise MqttUnavailable(f"no PUBACK on {name} within {timeout_s:g} s") from error
 
     def drop(self) -> None:
-        """Lose the connection as a radio loses it: without a goodbye, so the last will is sent."""
+        """Close the connection without a goodbye, as a radio loses it: the last will is sent."""
         if self._link is not None:
             self._link.drop()
 
@@ -160,7 +160,7 @@ class MqttClient:
         return inbox.batches()
 
     def _arrived(self, name: str, payload: bytes, retained: bool) -> None:
-        if not payload:  # how MQTT tells that a retained message was cleared: nothing to read
+        if not payload:  # this is how MQTT clears a retained message
             return
         for inbox in self._inboxes:
             inbox.offer(name, payload, retained=retained)
@@ -168,7 +168,7 @@ class MqttClient:
     async def _run(self) -> Never:
         """Connect, serve until the connection is lost, and again, for ever."""
         loop = asyncio.get_running_loop()
-        pause_s, known_reason = _FIRST_PAUSE_S, ""
+        pause_s, logged_reason = _FIRST_PAUSE_S, ""
         while True:
             started_s = loop.time()
             try:
@@ -176,9 +176,9 @@ class MqttClient:
             except (OSError, MqttUnavailable) as error:
                 reason = str(error) or type(error).__name__
             if loop.time() - started_s > _LONGEST_PAUSE_S:
-                pause_s, known_reason = _FIRST_PAUSE_S, ""
-            if reason != known_reason:
-                known_reason = reason
+                pause_s, logged_reason = _FIRST_PAUSE_S, ""
+            if reason != logged_reason:
+                logged_reason = reason
                 who = {"client_id": self._login.client_id, "reason": reason}
                 log.warning("no connection to the broker", extra=who)
             await asyncio.sleep(pause_s * random.uniform(0.5, 1.0))  # noqa: S311 - only jitter
@@ -225,7 +225,7 @@ class MqttClient:
         self._has_new_inbox.clear()
 
     async def _greet(self) -> None:
-        """Run `on_connected`; a connection lost meanwhile starts it anew on the next one."""
+        """Run `on_connected`. If the connection is lost, it runs again on the next connection."""
         if self._on_connected is not None:
             with contextlib.suppress(MqttUnavailable):
                 await self._on_connected()

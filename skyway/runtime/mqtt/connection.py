@@ -17,14 +17,14 @@ from skyway.runtime.mqtt.buffered_socket import BufferedSocket
 if TYPE_CHECKING:
     from paho.mqtt.client import SocketLike
 
-#: Stands for the broker's answer to CONNECT, which has no packet id; ids start at 1.
-_GREETING = 0
+#: Stands for the packet id of the broker's answer to CONNECT, which has none; ids start at 1.
+_CONNACK = 0
 
 Arrival = Callable[[str, bytes, bool], None]
 
-#: Looks in one keepalive while something is due: a ping, or the end of a connection that answers
-#: none, is late by a fifth of it at most.
-_LOOKS: Final = 5
+#: Checks in one keepalive while a ping is due: the ping, or the end of a connection that does not
+#: answer it, is late by a fifth of the keepalive at most.
+_CHECKS: Final = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,7 +57,7 @@ class PahoClient(Client):
 
 
 def new_paho_client(login: Login, will: RawMessage | None) -> PahoClient:
-    """A client that has not connected, and never connects again by itself."""
+    """A client that is not connected and never reconnects by itself."""
     paho = PahoClient(CallbackAPIVersion.VERSION2, login.client_id, reconnect_on_failure=False)
     paho.username_pw_set(login.user_name, login.password)
     paho.max_inflight_messages = 0
@@ -67,10 +67,10 @@ def new_paho_client(login: Login, will: RawMessage | None) -> PahoClient:
 
 
 class MqttConnection:
-    """A single connection, from CONNECT to its loss; never connected again.
+    """A single connection, from CONNECT to its loss; it never connects again.
 
-    A fresh paho client per connection: what was not acknowledged is told to its sender and not
-    kept, so nothing is sent behind a sender's back after a reconnect.
+    Each connection has a paho client of its own. The sender of an unacknowledged message gets an
+    error, and nothing is sent by itself after a reconnect.
     """
 
     def __init__(self, login: Login, *, will: RawMessage | None, on_message: Arrival) -> None:
@@ -79,7 +79,7 @@ class MqttConnection:
         self._waiters: dict[int, asyncio.Future[None]] = {}
         self._is_watching_writes = False
         self._keepalive_check: asyncio.TimerHandle | None = None
-        self._heard_s = self._said_s = self._loop.time()
+        self._received_s = self._sent_s = self._loop.time()
         #: Done as soon as the connection is lost, with the reason.
         self.lost: asyncio.Future[str] = self._loop.create_future()
         self._keepalive_s = login.keepalive_s
@@ -87,7 +87,7 @@ class MqttConnection:
 
     def _make_paho(self, login: Login, will: RawMessage | None) -> PahoClient:
         paho = new_paho_client(login, will)
-        paho.on_connect = lambda _c, _u, _f, reason, _p: self._greeted(reason)
+        paho.on_connect = lambda _c, _u, _f, reason, _p: self._on_connack(reason)
         paho.on_disconnect = lambda _c, _u, _f, reason, _p: self._has_lost(str(reason))
         paho.on_subscribe = lambda _c, _u, mid, _r, _p: self._acknowledged(mid)
         paho.on_publish = lambda _c, _u, mid, _r, _p: self._acknowledged(mid)
@@ -110,7 +110,7 @@ class MqttConnection:
         self._paho.opened = BufferedSocket(await broker.open_socket(tls))
         self._paho.connect(broker.host, broker.port, keepalive=self._keepalive_s)
         self._check_keepalive()
-        await self._answer_to(_GREETING)
+        await self._answer_to(_CONNACK)
 
     async def subscribe(self, filters: Mapping[str, int]) -> None:
         """Subscribe to these filters, each with its `mqtt_qos`, and wait for the SUBACK."""
@@ -145,7 +145,7 @@ class MqttConnection:
         if not self.lost.done():
             self._paho.disconnect()
             self._paho.loop_write()
-        # Still there when the goodbye did not fit into a full socket.
+        # The socket is still open when the goodbye did not fit into its buffer.
         self._close_socket()
         self._has_lost("closed by this side")
 
@@ -176,17 +176,17 @@ class MqttConnection:
         if waiter is not None and not waiter.done():
             waiter.set_result(None)
 
-    def _greeted(self, reason: ReasonCode) -> None:
+    def _on_connack(self, reason: ReasonCode) -> None:
         if reason.is_failure:
             self._has_lost(f"refused by the broker: {reason}")
         else:
-            self._acknowledged(_GREETING)
+            self._acknowledged(_CONNACK)
 
     def _arrived(self, _client: Client, _data: object, message: MQTTMessage) -> None:
         self._on_message(message.topic, bytes(message.payload), message.retain)
 
     def _has_lost(self, reason: str) -> None:
-        """Tell everyone who waits for this connection that no answer comes any more."""
+        """Give every waiting call the error that the connection is lost."""
         if self.lost.done():
             return
         self.lost.set_result(reason)
@@ -201,23 +201,23 @@ class MqttConnection:
         self._read_on()
 
     def _read_on(self) -> None:
-        """Have paho read all that there is: the selector does not know of what is buffered."""
-        self._heard_s = self._loop.time()
+        """Let paho read everything: the selector does not know what is buffered."""
+        self._received_s = self._loop.time()
         while self._paho.opened.has_unread and not self.lost.done():
             self._paho.loop_read()
 
     def _write_soon(self) -> None:
-        """Write once the present callback is done: packets made together leave together."""
+        """Write after the present callback: packets that are made together are sent together."""
         self._loop.call_soon(self._write)
 
     def _write(self) -> None:
-        """Write at once; the selector is asked only when the socket takes no more."""
+        """Write now; ask the selector only when the socket accepts no more."""
         self._paho.loop_write()
         sock = self._paho.opened
         if self._paho.socket() is None:
             return
         sock.flush()
-        self._said_s = self._loop.time()
+        self._sent_s = self._loop.time()
         if sock.has_unsent or self._paho.want_write():
             self._watch_writes(sock)
         else:
@@ -241,23 +241,24 @@ class MqttConnection:
             self._loop.remove_writer(sock)
 
     def _check_keepalive(self) -> None:
-        """Have paho look whether a ping is due, and come again when the next one can be."""
+        """Let paho send a ping if one is due, and check again when the next one may be due."""
         if self.lost.done():
             return
         self._paho.loop_misc()
-        look_s = next_look_s(
+        check_s = next_check_s(
             self._loop.time(),
-            heard_s=self._heard_s,
-            said_s=self._said_s,
+            received_s=self._received_s,
+            sent_s=self._sent_s,
             keepalive_s=self._keepalive_s,
         )
-        self._keepalive_check = self._loop.call_at(look_s, self._check_keepalive)
+        self._keepalive_check = self._loop.call_at(check_s, self._check_keepalive)
 
 
-def next_look_s(now_s: float, *, heard_s: float, said_s: float, keepalive_s: float) -> float:
-    """When to look, by when something was last heard and said; all by the event loop's clock.
+def next_check_s(now_s: float, *, received_s: float, sent_s: float, keepalive_s: float) -> float:
+    """When to check the connection again; all times are those of the event loop's clock.
 
-    Before a keepalive of silence has passed there is nothing to do. A fleet has a connection per
-    drone, so most of its wake-ups would be these.
+    `received_s` and `sent_s` are when something was last received and sent. Before a keepalive of
+    silence has passed there is nothing to do. A fleet has a connection per drone, so most wake-ups
+    would be these checks.
     """
-    return max(min(heard_s, said_s) + keepalive_s, now_s + keepalive_s / _LOOKS)
+    return max(min(received_s, sent_s) + keepalive_s, now_s + keepalive_s / _CHECKS)

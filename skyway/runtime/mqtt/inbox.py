@@ -1,4 +1,4 @@
-"""What has arrived for one reader: kept in order, read as typed messages batch by batch."""
+"""The messages that have arrived for one reader: kept in order, read in typed batches."""
 
 import asyncio
 import logging
@@ -15,9 +15,9 @@ from skyway.runtime.metrics import count
 
 log = logging.getLogger(__name__)
 
-#: Most messages that are handed over at once: receivers write one transaction per batch.
+#: The most messages in one batch: receivers write one transaction per batch.
 BATCH_SIZE: Final = 500
-#: Most messages of mqtt_qos 0 that wait for a reader: some 20 MiB of samples.
+#: The most messages of mqtt_qos 0 that wait for a reader: about 20 MiB of samples.
 MOST_LIGHT: Final = 20_000
 
 #: A whole topic, or one address of it. Any: each topic has a message type of its own.
@@ -39,8 +39,8 @@ class Received(Generic[R]):
 class Inbox:
     """The subscriptions of one reader and what has arrived on them.
 
-    Whoever writes with mqtt_qos 0 has said that a message may be lost: while the reader is stuck
-    and too many of them wait, the older half of them is dropped.
+    A message with mqtt_qos 0 may be lost. While the reader is stuck and too many of these messages
+    wait, the older half of them is dropped.
     """
 
     def __init__(self, subscriptions: tuple[Subscription, ...]) -> None:
@@ -51,7 +51,7 @@ class Inbox:
             for wanted in subscriptions
         )
         self._waiting: deque[tuple[Topic[Any], tuple[str, ...], bytes, bool]] = deque()
-        self._light = 0  # how many of those that wait are of mqtt_qos 0
+        self._light = 0  # how many waiting messages have mqtt_qos 0
         self._has_news = asyncio.Event()
         self._unreadable: set[str] = set()
 
@@ -79,16 +79,16 @@ class Inbox:
         while True:
             await self._has_news.wait()
             count = min(len(self._waiting), BATCH_SIZE)
-            taken = [self._waiting.popleft() for _ in range(count)]
-            self._light -= sum(topic.mqtt_qos == 0 for topic, *_ in taken)
+            items = [self._waiting.popleft() for _ in range(count)]
+            self._light -= sum(topic.mqtt_qos == 0 for topic, *_ in items)
             if not self._waiting:
                 self._has_news.clear()
-            batch = [received for item in taken if (received := self._read(*item)) is not None]
+            batch = [received for item in items if (received := self._read(*item)) is not None]
             if batch:
                 yield batch
 
     def _drop_older_half(self) -> None:
-        """Of the messages of mqtt_qos 0; the others stay as they are."""
+        """Drop the older half of the messages of mqtt_qos 0."""
         doomed = self._light // 2
         count("skyway_mqtt_shed", "messages of mqtt_qos 0 dropped: their reader is stuck", doomed)
         self._light -= doomed
@@ -116,10 +116,10 @@ class Inbox:
 
 
 def _narrower_than(topic: Topic[Any]) -> tuple[Topic[Any], ...]:
-    """The topics that name with words what this one takes for ids.
+    """The topics that have words where this topic has ids.
 
     ``skyway/v1/stations/s1/state`` is not the state of drone s1 of provider "stations", though a
-    broker delivers it to whoever subscribes to all drones' states.
+    broker delivers it to a subscriber of all drones' states.
     """
     return tuple(
         other for other in TOPICS if other is not topic and topic.ids_in(other.template) is not None

@@ -6,7 +6,7 @@ from pathlib import Path
 
 @dataclass(frozen=True, slots=True)
 class TlsFiles:
-    """What a TLS listener shows, and the authority by which it judges who connects."""
+    """The certificate of a TLS listener, and the authority by which it checks its clients."""
 
     port: int
     ca_file: Path
@@ -30,7 +30,7 @@ def mosquitto_conf(
     Parameters
     ----------
     user
-        Whom Mosquitto becomes when root starts it: must be able to read the files, which are 0600.
+        The user that Mosquitto becomes when root starts it; it must be able to read the 0600 files.
     host
         The address of all listeners.
     tls
@@ -50,7 +50,7 @@ allow_anonymous false
 password_file {password_file}
 acl_file {acl_file}
 
-# No fact lives only in a broker.
+# The broker stores nothing: every message is stored in a database.
 persistence false
 
 # Zero is "no limit": the default of 1000 drops silently.
@@ -65,7 +65,7 @@ log_type error
 log_type notice
 connection_messages false
 
-# Drones and customers: nobody can take another's client id.
+# Drones and customers: a client id is always the user name, so it cannot be stolen.
 listener {port} {host}
 use_username_as_clientid true
 

@@ -1,6 +1,6 @@
-"""What a service keeps: its database, the same to use on SQLite and PostgreSQL.
+"""A service's own database: connections, transactions and bulk writes, on SQLite and PostgreSQL.
 
-Read `database` first, then `transaction` and `declared`. Beneath them, SQLite has `sqlite_driver`,
-`sqlite_writer` and `in_turn`; PostgreSQL has `lending`, `direct_connection` with `written`,
-`prepared` and `found`, and `at_once` with `given`. For statements: `among`, `claims`, `taken`.
+Start at `database`, whose write blocks use `transaction`. Below it: `storage` (connections of a
+file or a server), `sqlite_writer`, `engines`, `connection`; `bulk_write` and `single_statement`
+(what a block writes at its end). For statements: `in_list`, `claims`, `constraints`.
 """

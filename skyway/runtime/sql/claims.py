@@ -1,6 +1,6 @@
-"""Who works on a due row: a claim for a while, so that replicas never take the same one.
+"""Claims on due rows: a claim lasts for a while, and no two replicas claim the same row.
 
-A claimant that dies loses its claims when they run out; whoever finishes frees them.
+A claimant frees the row when it has finished. The claims of a dead claimant run out.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -29,7 +29,7 @@ from skyway.units import moment_to_ms
 #: The values that free a claim.
 FREE: Final = {"claimed_by": None, "claimed_until_ms": 0}
 
-_NOTHING_ELSE: Final[Mapping[str, ColumnElement[Any]]] = MappingProxyType({})
+_NO_VALUES: Final[Mapping[str, ColumnElement[Any]]] = MappingProxyType({})
 
 #: The moment of a claim within its statement, wall time in milliseconds.
 NOW_MS: Final = bindparam("now_ms", type_=BigInteger)
@@ -45,7 +45,7 @@ def claim_columns() -> tuple[Column[str], Column[int]]:
 
 @dataclass(frozen=True, slots=True)
 class Claiming:
-    """How rows of one table are claimed: made once, since making statements takes long."""
+    """How rows of one table are claimed. It is made once, since making statements takes long."""
 
     statement: ReturningUpdate[*tuple[Any, ...]]  # rows have the types of their table
     order_by: tuple[Column[Any], ...]
@@ -57,11 +57,11 @@ class Claiming:
         *,
         where: ColumnElement[bool],
         order_by: Sequence[Column[Any]],
-        also: Mapping[str, ColumnElement[Any]] = _NOTHING_ELSE,
+        also: Mapping[str, ColumnElement[Any]] = _NO_VALUES,
     ) -> Self:
         """Rows that meet a condition, in this order; the condition may be about `NOW_MS`.
 
-        `also` is set in each that is taken. Any: columns have the types of their table.
+        The values of `also` are set in each row. Any: columns have the types of their table.
         """
         key = [*table.primary_key]
         due = (
@@ -70,30 +70,30 @@ class Claiming:
             .order_by(*order_by)
             .limit(bindparam("most", type_=Integer))
             .with_for_update(skip_locked=True)
-            # A subquery could be run more than once by PostgreSQL, and take more than the limit.
+            # PostgreSQL could run a subquery more than once, and so claim more than the limit.
             .cte("due")
         )
-        taken = table.update().where(tuple_(*key).in_(select(*due.c)))
+        claimed = table.update().where(tuple_(*key).in_(select(*due.c)))
         new = {
             **also,
             "claimed_by": bindparam("claimant", type_=Text),
             "claimed_until_ms": bindparam("until_ms", type_=BigInteger),
         }
-        return cls(taken.values(new).returning(table), tuple(order_by))
+        return cls(claimed.values(new).returning(table), tuple(order_by))
 
     async def run(
         self, tx: Tx, *, limit: int, claimant: str, lease_s: float, clock: FleetClock
     ) -> list[Row[Any]]:
-        """At most `limit` rows that nobody holds, now held by `claimant`; in order.
+        """Claim at most `limit` free rows for `claimant`; the rows in order.
 
         Any: rows have the types of their table.
         """
         values = claim_values(limit=limit, claimant=claimant, lease_s=lease_s, clock=clock)
         return self.in_order(await tx.execute(self.statement, values))
 
-    def in_order(self, taken: Iterable[Row[Any]]) -> list[Row[Any]]:
+    def in_order(self, claimed: Iterable[Row[Any]]) -> list[Row[Any]]:
         """What the statement returned, in the order of the claim."""
-        return sorted(taken, key=lambda row: [row._mapping[each] for each in self.order_by])
+        return sorted(claimed, key=lambda row: [row._mapping[each] for each in self.order_by])
 
 
 def claim_values(
@@ -120,7 +120,7 @@ async def claim(
     lease_s: float,
     clock: FleetClock,
 ) -> list[Row[Any]]:
-    """At most `limit` rows that nobody holds, now held by `claimant` for `lease_s` of wall time.
+    """Claim at most `limit` free rows for `claimant`, for `lease_s` of wall time.
 
     Any: rows and sort columns have the types of their table.
     """

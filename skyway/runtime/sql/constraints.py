@@ -65,7 +65,7 @@ async def _on_sqlite(connection: AsyncConnection, place: str) -> str:
 
 
 async def _named_in_table(connection: AsyncConnection, table: str, columns: list[str]) -> str:
-    """The constraint's own name in CREATE TABLE, or the one that PostgreSQL would give it."""
+    """The constraint's name in CREATE TABLE, or else the name that PostgreSQL would give it."""
     found = await connection.exec_driver_sql(
         "SELECT sql FROM sqlite_master WHERE type = 'table' AND name = ?", (table,)
     )

@@ -1,7 +1,7 @@
-"""A service's own database, the same to use on SQLite and PostgreSQL.
+"""A service's own database, used in the same way on SQLite and PostgreSQL.
 
-`read` lends a connection that cannot write, `survey` one for questions that take long. `write`
-lends a transaction, and leaving its block is the only commit there is. SQLite has one writer whose
+`read` gives a connection that cannot write, `survey` a connection for long reads. `write` gives a
+transaction, which is committed only by leaving its block. SQLite has one writer whose
 commits are grouped (`sqlite_writer`); on PostgreSQL each block has a connection from a pool.
 `write_alone` is for a write of one statement.
 """
@@ -52,22 +52,22 @@ class Database:
         self._storage = None
 
     def read(self) -> AbstractAsyncContextManager[AsyncConnection]:
-        """A connection to read from: on SQLite one moment's data, however long it is held.
+        """A connection to read from. On SQLite all reads of a block see the data of one moment.
 
         On PostgreSQL each statement sees the data of its own moment.
         """
         return self._open().read()
 
     def survey(self) -> AbstractAsyncContextManager[AsyncConnection]:
-        """A connection to read much from, all of it one moment's data.
+        """A connection for long reads, which all see the data of one moment.
 
-        On SQLite others go on while a statement runs.
+        On SQLite the event loop goes on while a statement runs.
         """
         return self._open().survey()
 
     @asynccontextmanager
     async def write(self) -> AsyncIterator[Tx]:
-        """A transaction: all of the block is on disk when it is left, or nothing of it.
+        """A transaction. When the block is left, all of it is on disk; after an error, nothing.
 
         Raises
         ------
@@ -86,14 +86,14 @@ class Database:
     async def write_alone(
         self, statement: Executable, parameters: Values | Sequence[Values]
     ) -> Sequence[AnyRow]:
-        """Run one statement that is a transaction of its own; the rows that it returns.
+        """Run one statement as a transaction by itself; the rows that it returns.
 
         PostgreSQL then needs neither BEGIN nor COMMIT, two round trips of three.
 
         Raises
         ------
         ServiceUnavailable
-            As of `write`; the statement may have been run.
+            As for `write`; the statement may have been run.
         """
         async with self._open().write() as connection:
             done = await connection.execute_last(statement, parameters)

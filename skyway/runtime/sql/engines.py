@@ -1,4 +1,4 @@
-"""How Skyway opens SQLite and PostgreSQL: drivers, durability, who begins a transaction."""
+"""How Skyway opens SQLite and PostgreSQL: drivers, durability, transactions."""
 
 import asyncio
 from collections.abc import Mapping
@@ -31,7 +31,7 @@ _CONNECTIONS: Final = 8
 #: How long a block waits for a free connection, seconds.
 _POOL_TIMEOUT_S: Final = 30.0
 
-#: What a connection to SQLite must say of itself: 2 is FULL, every commit is synced.
+#: The settings that a SQLite connection must have; synchronous 2 is FULL: every commit is synced.
 _SAFE: Final = {"journal_mode": "wal", "synchronous": 2, "foreign_keys": 1}
 
 
@@ -50,7 +50,7 @@ def read_url(text: str) -> URL:
     dialect = url.get_backend_name()
     if dialect not in ("sqlite", "postgresql") or (dialect == "sqlite" and not url.database):
         raise InvalidInput(
-            "database_url", f"{dialect}: only sqlite:///path and postgresql://... are known"
+            "database_url", f"{dialect}: only sqlite:///path and postgresql://... are supported"
         )
     return url.set(drivername=dialect)
 
@@ -58,11 +58,11 @@ def read_url(text: str) -> URL:
 def sqlite_engine(url: URL, **driver: Any) -> AsyncEngine:
     """An engine that leaves BEGIN and COMMIT to its caller, and never commits by itself.
 
-    Any: what else the driver is told; each option has a type of its own.
+    Any: more options of the driver; each has a type of its own.
     """
     engine = create_async_engine(
         url.set(drivername="sqlite+aiosqlite"),
-        hide_parameters=True,  # in the text of errors: there are addresses among them
+        hide_parameters=True,  # in the text of errors: some parameters are addresses
         # Without an isolation level the driver begins nothing by itself.
         connect_args={
             "timeout": _BUSY_TIMEOUT_S,
@@ -82,7 +82,7 @@ def sqlite_engine(url: URL, **driver: Any) -> AsyncEngine:
 def sqlite_reader_engine(url: URL, **driver: Any) -> AsyncEngine:
     """An engine that cannot write, and whose transactions see one moment's data.
 
-    Any: what else the driver is told; each option has a type of its own.
+    Any: more options of the driver; each has a type of its own.
     """
     engine = sqlite_engine(url, **driver)
     event.listen(engine.sync_engine, "connect", _make_read_only)
@@ -169,19 +169,19 @@ def _refuse_unusable(connection: DBAPIConnection, _record: Any, _proxy: Any) -> 
 
 
 def _begin_deferred(connection: Connection) -> None:
-    # Past SQLAlchemy's execution, which takes ten times as long as this does.
+    # The driver's cursor takes a tenth of the time of SQLAlchemy's execution.
     connection.connection.cursor().execute("BEGIN DEFERRED")
 
 
 def _make_read_only(connection: DBAPIConnection, _record: Any) -> None:
-    """Any: the pool's record of the connection, which is not looked at."""
+    """Any: the pool's record of the connection, which is not used."""
     cursor = connection.cursor()
     cursor.execute("PRAGMA query_only = ON")
     cursor.close()
 
 
 def _make_durable(connection: DBAPIConnection, _record: Any) -> None:
-    """Any: the pool's record of the connection, which is not looked at."""
+    """Any: the pool's record of the connection, which is not used."""
     cursor = connection.cursor()
     try:
         for setting in ("journal_mode = WAL", "synchronous = FULL", "foreign_keys = ON"):
@@ -198,8 +198,8 @@ def _make_durable(connection: DBAPIConnection, _record: Any) -> None:
 def _outlive_cancellation(context: ExceptionContext) -> None:
     """Keep a SQLite connection whose statement was cancelled.
 
-    The driver's thread finishes the statement before the next one, the rollback, so that nothing
-    is left half done; dropping the connection would drop what others wrote in the same group.
+    The driver's thread finishes the statement before it runs the rollback, so nothing is left half
+    done. Closing the connection would lose what other blocks wrote in the same group.
     """
     if isinstance(context.original_exception, asyncio.CancelledError):
         context.is_disconnect = False

@@ -1,7 +1,7 @@
-"""A column's value is one of many, in SQL that stays the same however many there are.
+"""Whether a column's value is in a list, in SQL that is the same for lists of every length.
 
-SQLAlchemy's own ``in_`` writes a parameter for each value: another text for every number of them,
-written anew at each execution and prepared anew by each connection.
+SQLAlchemy's own ``in_`` writes a parameter for each value. So each length of the list is another
+text, which is written for each execution and prepared again by each connection.
 """
 
 from typing import Any, Self
@@ -31,20 +31,20 @@ class _InList(FunctionElement[bool]):
     type = Boolean()
 
     def self_group(self, against: OperatorType | None = None) -> Self:
-        """As it is: SQLAlchemy would ask SQLite whether it equals 1, and so past the index."""
+        """Unchanged. SQLAlchemy would compare it with 1 on SQLite, which then ignores the index."""
         return self
 
 
 @compiles(_InList, "postgresql")
 def _on_postgresql(element: _InList, compiler: SQLCompiler, **options: Any) -> str:
-    """Any: what a statement's parts are told when they are compiled."""
+    """Any: options of SQLAlchemy's compiler."""
     value, values = (compiler.process(each, **options) for each in element.clauses)
     return f"{value} = ANY ({values})"
 
 
 @compiles(_InList, "sqlite")
 def _on_sqlite(element: _InList, compiler: SQLCompiler, **options: Any) -> str:
-    """Any: what a statement's parts are told when they are compiled."""
+    """Any: options of SQLAlchemy's compiler."""
     value, values = (compiler.process(each, **options) for each in element.clauses)
-    # These are compiled parts, such as a column and a question mark: nobody's input.
+    # These are compiled parts, such as a column and a question mark, and no input.
     return f"{value} IN (SELECT value FROM json_each({values}))"  # noqa: S608

@@ -1,4 +1,4 @@
-"""Brings a service's database to the tables that its code knows."""
+"""Upgrades a service's database to the tables that its code uses."""
 
 import logging
 from typing import Final
@@ -22,7 +22,7 @@ async def migrate(db_url: str, package: str) -> None:
 
     A package's migrations folder needs no env.py. Replicas that start together wait for the first.
     """
-    # Alembic tells each revision as INFO; a start has more to say than that.
+    # Alembic logs each revision as INFO, which would hide our own log lines of the start.
     logging.getLogger("alembic").setLevel(logging.WARNING)
     engine = _engine(db_url)
     try:

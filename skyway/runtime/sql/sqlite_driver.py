@@ -1,8 +1,8 @@
 """SQLite's driver without a hop to a thread for each statement.
 
-aiosqlite hands every cursor, statement and row to a thread of the connection's own and waits for
-its answer; that takes several times as long as a statement of ours does. Here they run where they
-are awaited, and only what waits for the disk or for another process's lock goes to the thread.
+aiosqlite passes every cursor, statement and row to a thread of the connection and waits for its
+answer. That takes several times as long as our statements. Here statements run where they are
+awaited. Only those that wait for the disk or for the lock of another process run in the thread.
 """
 
 import sqlite3
@@ -11,15 +11,15 @@ from typing import Any, Final
 
 import aiosqlite
 
-#: Statements that wait: for the lock that one writer holds, and for the disk.
+#: The statements that wait: for the writer's lock, and for the disk.
 _WAITING: Final = (("BEGIN IMMEDIATE",), ("COMMIT",))
 
 
 class PromptConnection(aiosqlite.Connection):
-    """A connection whose statements are over when they are awaited.
+    """A connection whose statements run in the thread of the event loop.
 
-    Readers of a write-ahead log wait for nobody, and there is one writer: so none of them blocks
-    the event loop for longer than it works.
+    Readers of a write-ahead log never wait, and there is one writer. So no statement blocks the
+    event loop for longer than it works.
     """
 
     async def _execute(self, fn: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
@@ -33,9 +33,9 @@ class PromptConnection(aiosqlite.Connection):
 
 
 def connect(database: str, **options: Any) -> PromptConnection:
-    """A connection to be awaited; the options are those of `sqlite3.connect`."""
+    """A connection that opens when it is awaited; the options are those of `sqlite3.connect`."""
     options["check_same_thread"] = False
     connection = PromptConnection(lambda: sqlite3.connect(database, **options), iter_chunk_size=64)
-    # SQLAlchemy does so for the connections that it makes: a forgotten one must not keep us alive.
+    # A forgotten connection must not keep the process alive. SQLAlchemy sets this for its own.
     connection._thread.daemon = True
     return connection

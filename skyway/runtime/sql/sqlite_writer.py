@@ -1,8 +1,8 @@
-"""The one writer of a SQLite database: blocks one after another, many in one COMMIT.
+"""The only writer of a SQLite database: blocks one after another, many in one COMMIT.
 
-A sync to disk costs more than many writes. While one COMMIT is under way, blocks queue up; they
+A sync to disk costs more than many writes. While one COMMIT is under way, blocks queue up. They
 then run one after another, each a savepoint of one transaction, and all are answered after its
-single COMMIT. A block that fails rolls back to its savepoint, alone.
+single COMMIT. A block that fails rolls back to its own savepoint only.
 """
 
 import asyncio
@@ -22,7 +22,7 @@ from skyway.runtime.sql.engines import sqlite_engine
 
 log = logging.getLogger(__name__)
 
-#: Blocks in one COMMIT at most: the first of them waits for the last.
+#: The most blocks in one COMMIT: the first of them waits for the last.
 _LARGEST_GROUP: Final = 64
 
 
@@ -38,11 +38,11 @@ class _Turn:
 
     @property
     def is_kept(self) -> bool:
-        """Whether the block ended well, so that the COMMIT is about it."""
+        """Whether the block ended without an error, so that the COMMIT stores it."""
         return self.ended.done() and self.ended.result()
 
     def refuse(self, error: ServiceUnavailable) -> None:
-        """Tell the block, if it still waits, that nothing of it is kept."""
+        """Give the block, if it still waits, the error that nothing of it is stored."""
         if not self.granted.done():
             self.granted.set_exception(error)
         elif self.is_kept and not self.settled.done():
@@ -50,7 +50,7 @@ class _Turn:
 
 
 class _NotCommitted(Exception):
-    """A group was rolled back, and each of its blocks told so."""
+    """A group was rolled back. Each of its blocks has got its error."""
 
 
 class SqliteWriter:
@@ -113,7 +113,7 @@ class SqliteWriter:
             await self._serve()
 
     async def _has_work(self) -> bool:
-        """Wait until a block has come; False when none has and none will."""
+        """Wait until a block has come; False when the writer is closing and none waits."""
         while not self._queue and not self._is_closing:
             self._arrived.clear()
             await self._arrived.wait()
@@ -126,7 +126,7 @@ class SqliteWriter:
                 while await self._has_work():
                     await self._commit_group(connection)
         except _NotCommitted:
-            # Leaving the connection rolled the group back; who came after it is served next.
+            # Leaving the connection rolled the group back. The blocks after it are served next.
             log.exception("group not committed")
         except Exception as error:
             log.exception("sqlite cannot be written")
@@ -150,10 +150,10 @@ class SqliteWriter:
                 turn.settled.set_result(None)
 
     async def _run_block(self, turn: _Turn, connection: AsyncConnection) -> None:
-        """Let one block run as a savepoint, to which it is rolled back when it fails."""
+        """Let one block run within a savepoint. If the block fails, roll back to the savepoint."""
         if turn.granted.done():
             return  # its task was cancelled while it waited
-        # Never released: the COMMIT does that for all, and the innermost is the present block's.
+        # Savepoints are not released: the COMMIT does that. The innermost is this block's.
         await _control(connection, "SAVEPOINT block")
         if turn.granted.done():
             return

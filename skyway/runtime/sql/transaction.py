@@ -134,7 +134,7 @@ class Tx:
     ) -> None:
         """Publish a message after this block is committed, and after earlier messages of `stream`.
 
-        `receiver`: repeated until `outbox.confirm`; `broker`: until the broker has taken it.
+        `receiver`: repeated until `outbox.confirm`; `broker`: until the broker has acknowledged it.
         """
         if message.traceparent is None:
             message = message.model_copy(update={"traceparent": current_traceparent()})
