@@ -8,7 +8,7 @@ SkywayError
 ├── PreconditionFailed      If-Match named another version
 ├── TooLarge                a body above its limit
 ├── IdempotencyKeyReused    the same key came with another body
-├── Taken                   a unique, exclusion or trigger rule of the database refused a row
+├── RowRefused              a unique, exclusion or trigger rule of the database refused a row
 ├── ServiceUnavailable      another service or the database does not answer now
 │   └── MqttUnavailable     the broker did not accept a message
 ├── RemoteProblem           another service answered with a problem document
@@ -88,7 +88,7 @@ class IdempotencyKeyReused(SkywayError):
         super().__init__("this Idempotency-Key was used before with another body")
 
 
-class Taken(SkywayError):
+class RowRefused(SkywayError):
     """A rule of the database refused a row: what the row claims is held already.
 
     Parameters

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from skyway.runtime.errors import Taken
+from skyway.runtime.errors import RowRefused
 from tests.gateway.whole_gateway import Gateway
 
 COMPLETED = "SELECT delivery_id FROM deliveries WHERE state = 'COMPLETED'"
@@ -128,7 +128,7 @@ async def test_damage_is_found(lived: Any, damage: str, rule: str) -> None:
 
 async def test_a_package_cannot_be_delivered_twice(lived: Any) -> None:
     """The database refuses a second delivery of a package."""
-    with pytest.raises(Taken, match="custody_delivered"):
+    with pytest.raises(RowRefused, match="custody_delivered"):
         await lived.execute(
             "INSERT INTO custody SELECT delivery_id, package_id, 9, custodian_kind, custodian_id, 0"
             " FROM custody WHERE custodian_kind = 'RECIPIENT'"
@@ -136,7 +136,7 @@ async def test_a_package_cannot_be_delivered_twice(lived: Any) -> None:
 
 
 async def test_two_events_cannot_have_the_same_sequence_number(lived: Any) -> None:
-    with pytest.raises(Taken, match="event_sequence"):
+    with pytest.raises(RowRefused, match="event_sequence"):
         await lived.execute(
             "INSERT INTO events SELECT 'evt_x', delivery_id, sequence, type, body, 0 FROM events"
             " WHERE sequence = 1"

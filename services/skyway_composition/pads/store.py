@@ -93,7 +93,7 @@ async def lock_stations(tx: Tx, booked: Iterable[BookedPad]) -> None:
 def reserve(tx: Tx, booked: Mapping[MissionId, Sequence[BookedPad]]) -> None:
     """Reserve pads at locked stations when the transaction ends, all or none.
 
-    The end raises `Taken` for `pad_taken` when a reservation overlaps another one of the same pad.
+    The end raises `RowRefused` for `pad_taken` when a reservation overlaps another one of the pad.
     """
     tx.add(pad_reservations, _rows(booked))
 
@@ -103,7 +103,7 @@ async def hold(tx: Tx, mission_id: MissionId, booked: Iterable[BookedPad]) -> No
 
     Raises
     ------
-    Taken
+    RowRefused
         Another mission holds one of the pads for some of the time.
     """
     needed = set(merged(booked))

@@ -9,7 +9,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection
 from skyway.drone.model import DroneModel
 from skyway.geo import Position
 from skyway.ids import DroneId, DroneModelId, ProviderId
-from skyway.runtime.errors import Conflict, NotFound, Taken
+from skyway.runtime.errors import Conflict, NotFound, RowRefused
 from skyway.runtime.http.identity import Caller
 from skyway.runtime.http.paging import PageQuery
 from skyway.runtime.sql.connection import AnyRow
@@ -58,7 +58,7 @@ async def add(tx: Tx, new_drones: Sequence[FleetDrone]) -> None:
     ]
     try:
         await tx.execute(drones.insert(), rows)
-    except Taken as error:
+    except RowRefused as error:
         raise _conflict("of one of these drones") from error
 
 
@@ -128,7 +128,7 @@ async def change(
     statement = update(drones).where(condition).values(values or {"name": drones.c.name})
     try:
         found = await tx.execute(statement)
-    except Taken as error:
+    except RowRefused as error:
         raise _conflict(repr(values["registration"])) from error
     if found.rowcount == 0:
         raise NotFound("drone", drone_id)

@@ -27,8 +27,8 @@ from skyway.runtime.errors import (
     NotFound,
     PreconditionFailed,
     RemoteProblem,
+    RowRefused,
     ServiceUnavailable,
-    Taken,
     TooLarge,
     Unauthenticated,
 )
@@ -57,7 +57,7 @@ _TABLE: Final[Mapping[type[SkywayError], _Kind]] = {
     AccessDenied: _Kind(403, "access-denied", "The caller may not do this"),
     NotFound: _Kind(404, "not-found", "There is no such thing"),
     Conflict: _Kind(409, "conflict", "The state of things does not allow this"),
-    Taken: _Kind(409, "taken", "Somebody else holds this"),
+    RowRefused: _Kind(409, "taken", "Somebody else holds this"),
     PreconditionFailed: _Kind(412, "precondition-failed", "It changed since it was read"),
     TooLarge: _Kind(413, "too-large", "The body exceeds the limit"),
     IdempotencyKeyReused: _Kind(

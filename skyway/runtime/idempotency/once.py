@@ -12,7 +12,7 @@ from typing import Final
 
 from skyway.errors import SkywayError
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.errors import Taken
+from skyway.runtime.errors import RowRefused
 from skyway.runtime.idempotency.answer_store import StoredAnswer
 from skyway.runtime.idempotency.key_secrets import Answer, KeySecrets
 from skyway.runtime.sql.database import Database, Tx
@@ -59,7 +59,7 @@ async def once(
         previous = None if stored is None else await stored.load(db)
         if previous is not None:
             return previous
-        if stored is not None and isinstance(error, Taken) and error.constraint == _ONE_ANSWER:
+        if stored is not None and isinstance(error, RowRefused) and error.constraint == _ONE_ANSWER:
             await stored.delete_if_expired(db)
             return await once(
                 db, caller=caller, route=route, key=key, body=body, act=act, clock=clock

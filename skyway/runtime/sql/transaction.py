@@ -12,7 +12,7 @@ from sqlalchemy.sql.dml import ReturningUpdate
 from skyway.contracts.message import Message
 from skyway.contracts.topic import Address
 from skyway.json_model import JsonModel
-from skyway.runtime.errors import Taken
+from skyway.runtime.errors import RowRefused
 from skyway.runtime.sql.bulk_write import (
     BulkWrite,
     DerivedAddition,
@@ -59,7 +59,7 @@ class Tx:
 
         Raises
         ------
-        Taken
+        RowRefused
             A unique, exclusion or trigger rule refused a row.
         """
         return await self._named_error(self.connection.execute(statement, parameters))
@@ -207,7 +207,7 @@ class Tx:
             constraint = await violated_constraint(self.connection, error, dialect=self.dialect)
             if constraint is None:
                 raise
-            self._failure = Taken(constraint)
+            self._failure = RowRefused(constraint)
             raise self._failure from error
 
     def _store_message(self, **row: object) -> None:

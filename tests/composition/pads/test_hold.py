@@ -7,7 +7,7 @@ from skyway_composition.pads.booked_pad import BookedPad
 from skyway_composition.pads.store import hold
 
 from skyway.ids import MissionId, StationId
-from skyway.runtime.errors import Taken
+from skyway.runtime.errors import RowRefused
 
 
 def pad(station: str, number: int, start_ms: int, end_ms: int) -> BookedPad:
@@ -73,7 +73,7 @@ async def test_a_pad_of_another_mission_is_refused_and_nothing_changes(
         await hold(tx, first, [pad("b", 0, 0, 100)])
         await hold(tx, second, [pad("c", 0, 0, 100)])
 
-    with pytest.raises(Taken):
+    with pytest.raises(RowRefused):
         async with composition.db.write() as tx:
             await hold(tx, second, [pad("b", 0, 99, 150)])
 

@@ -19,8 +19,8 @@ from skyway.runtime.errors import (
     NotFound,
     PreconditionFailed,
     RemoteProblem,
+    RowRefused,
     ServiceUnavailable,
-    Taken,
     TooLarge,
     Unauthenticated,
 )
@@ -94,7 +94,7 @@ ERRORS: dict[str, Exception] = {
     "denied": AccessDenied("only operators"),
     "missing": NotFound("delivery", "d1"),
     "conflict": Conflict("TOO_LATE", "it has left"),
-    "taken": Taken("one_mission_per_drone"),
+    "taken": RowRefused("one_mission_per_drone"),
     "changed": PreconditionFailed(expected="1", present="2"),
     "large": TooLarge(7),
     "reused": IdempotencyKeyReused(),

@@ -12,7 +12,7 @@ from skyway.runtime import errors
         (errors.NotFound("delivery", "dlv_1"), "no delivery 'dlv_1'"),
         (errors.Conflict("TOO_LATE", "it has left"), "TOO_LATE: it has left"),
         (errors.TooLarge(262144), "the body is larger than the limit of 262144 bytes"),
-        (errors.Taken("pad_taken"), "taken: pad_taken"),
+        (errors.RowRefused("pad_taken"), "taken: pad_taken"),
         (errors.MqttUnavailable("no PUBACK"), "broker is unavailable: no PUBACK"),
         (errors.RemoteProblem(422, {"title": "Bad"}), "422: Bad"),
         (

@@ -17,7 +17,7 @@ from skyway.contracts.mission import Booking, BookMissions, ClosedDelivery
 from skyway.contracts.shortlist import Shortlist
 from skyway.ids import DeliveryId, DroneId
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.errors import Taken
+from skyway.runtime.errors import RowRefused
 from skyway.runtime.metrics import count
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
@@ -159,7 +159,7 @@ class Bookings:
             try:
                 async with self.db.write() as tx:
                     return await self._book_offer(tx, this_round, best), offers.reasons
-            except Taken as taken:
+            except RowRefused as taken:
                 delivery_id = this_round.delivery_id
                 log.info("offer taken", extra={"delivery_id": delivery_id, "by": taken.constraint})
                 _count_conflict(taken.constraint)

@@ -43,8 +43,8 @@ async def engage(
 ) -> tuple[Mission, ...]:
     """Add the missions of a claimed offer, and send them as instructions at these places.
 
-    The rows are added when the transaction ends. It then fails with `Taken` if another mission has
-    one of the drones or pads.
+    The rows are added when the transaction ends. It then fails with `RowRefused` if another mission
+    has one of the drones or pads.
     """
     courier = Courier(clock, mint)
     expires_at = courier.expiry()

@@ -62,6 +62,6 @@ def needed_pads(record: MissionRecord, steps: Sequence[StepRecord]) -> tuple[Boo
 
 
 async def release_unneeded_pads(work: MissionUnitOfWork, record: MissionRecord) -> None:
-    """Reserve exactly the pads that the mission still needs; `Taken` if a new pad is not free."""
+    """Reserve only the pads that the mission still needs; `RowRefused` if a new pad is not free."""
     steps = await steps_of(work.tx.connection, record.mission_id)
     await hold(work.tx, record.mission_id, needed_pads(record, steps))

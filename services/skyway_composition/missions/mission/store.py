@@ -70,7 +70,7 @@ async def live_missions_of(
 def add(tx: Tx, record: MissionRecord) -> None:
     """Add a mission when the transaction ends.
 
-    The transaction then fails with `Taken`: `mission_drone` if the drone has another mission,
+    The transaction then fails with `RowRefused`: `mission_drone` if the drone has another mission,
     `mission_attempt` if this attempt was booked before.
     """
     tx.add(missions, [new_row(record)])
@@ -157,7 +157,7 @@ async def lock_delivery(tx: Tx, delivery_id: DeliveryId) -> bool:
 def add_delivery(tx: Tx, delivery_id: DeliveryId) -> None:
     """Add a delivery when the transaction ends.
 
-    The transaction then fails with `Taken` (`deliveries_pkey`) if another one has added it.
+    The transaction then fails with `RowRefused` (`deliveries_pkey`) if another one has added it.
     """
     tx.add(deliveries, [{"delivery_id": delivery_id}])
 

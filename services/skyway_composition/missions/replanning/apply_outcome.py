@@ -10,7 +10,7 @@ from typing import Final
 from skyway.contracts.flight_step import PickUpStep
 from skyway.ids import DroneId
 from skyway.runtime.clock import FleetClock
-from skyway.runtime.errors import Taken
+from skyway.runtime.errors import RowRefused
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms
@@ -55,7 +55,7 @@ class Outcomes:
         try:
             async with self.db.write() as tx:
                 await self._send(tx, case, anchor, remainder)
-        except Taken as taken:
+        except RowRefused as taken:
             mission_id = case.record.mission_id
             log.info("pad taken", extra={"mission_id": mission_id, "by": taken.constraint})
             await self.retry_later(case.record)

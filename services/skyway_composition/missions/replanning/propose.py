@@ -65,7 +65,7 @@ async def propose(
 
     Raises
     ------
-    Taken
+    RowRefused
         Another mission has one of the new pads.
     """
     draft = _draft(revision, anchor, trouble)
@@ -187,7 +187,7 @@ async def replace_plan(
 
     Raises
     ------
-    Taken
+    RowRefused
         Another mission has one of the new pads.
     """
     mission = revision.mission

@@ -17,7 +17,7 @@ from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.plan import Plan
 from skyway.ids import DeliveryId
 from skyway.planner.problem import Problem
-from skyway.runtime.errors import Taken
+from skyway.runtime.errors import RowRefused
 from skyway.runtime.minting import CountingMint
 from skyway.units import moment_to_ms
 
@@ -142,7 +142,7 @@ async def test_twelve_bookings_never_reserve_one_pad_twice(composition: Any, mak
 async def test_the_database_refuses_a_reserved_pad(composition: Any, overlap: str) -> None:
     await composition.book()
 
-    with pytest.raises(Taken) as refused:
+    with pytest.raises(RowRefused) as refused:
         await write(
             composition,
             f"INSERT INTO pad_reservations SELECT station_id, pad, {overlap}, mission_id "
@@ -162,7 +162,7 @@ async def test_the_database_refuses_to_move_a_reservation_onto_another(
         "(SELECT 100 AS n UNION SELECT 200) AS starts",
     )
 
-    with pytest.raises(Taken) as refused:
+    with pytest.raises(RowRefused) as refused:
         await write(composition, "UPDATE pad_reservations SET end_ms = 201 WHERE start_ms = 100")
 
     assert refused.value.constraint == "pad_taken"
@@ -183,7 +183,7 @@ async def test_reservations_that_touch_do_not_overlap(composition: Any) -> None:
 async def test_the_database_refuses_a_drone_on_two_missions(composition: Any) -> None:
     await composition.book()
 
-    with pytest.raises(Taken) as refused:
+    with pytest.raises(RowRefused) as refused:
         await write(
             composition,
             "INSERT INTO missions (mission_id, delivery_id, attempt, trip, provider_id, drone_id, "

@@ -19,7 +19,7 @@ from sqlalchemy import (
     update,
 )
 
-from skyway.runtime.errors import Taken
+from skyway.runtime.errors import RowRefused
 from skyway.runtime.sql.bulk_write import BulkWrite, DerivedRows
 from skyway.runtime.sql.database import Database
 from skyway.runtime.sql.single_statement import statement_of
@@ -120,7 +120,7 @@ async def test_a_row_that_is_refused_undoes_the_block(db: Database) -> None:
 
     await add("a")
 
-    with pytest.raises(Taken) as refused:
+    with pytest.raises(RowRefused) as refused:
         await add("b", "a")
 
     assert refused.value.constraint == "stations_pkey"

@@ -14,7 +14,7 @@ from sqlalchemy import (
 )
 from sqlalchemy.exc import IntegrityError
 
-from skyway.runtime.errors import Taken
+from skyway.runtime.errors import RowRefused
 from skyway.runtime.sql.database import Database
 
 METADATA = MetaData()
@@ -83,7 +83,7 @@ async def db(database: Database) -> Database:
 async def test_a_refused_row_names_its_rule(
     db: Database, row: dict[str, object], constraint: str
 ) -> None:
-    with pytest.raises(Taken) as refused:
+    with pytest.raises(RowRefused) as refused:
         async with db.write() as tx:
             await tx.execute(MISSIONS.insert(), row)
 
@@ -122,7 +122,7 @@ async def test_an_exclusion_constraint_names_itself(db: Database) -> None:
 
     await hold(1, 5)
     await hold(5, 9)
-    with pytest.raises(Taken) as refused:
+    with pytest.raises(RowRefused) as refused:
         await hold(4, 6)
 
     assert refused.value.constraint == "pad_taken"

@@ -7,7 +7,7 @@ import pytest
 from sqlalchemy import Column, Integer, MetaData, Table, Text, func, select, text
 from sqlalchemy.exc import DBAPIError
 
-from skyway.runtime.errors import ServiceUnavailable, Taken
+from skyway.runtime.errors import RowRefused, ServiceUnavailable
 from skyway.runtime.sql.database import Database
 
 METADATA = MetaData()
@@ -118,10 +118,10 @@ async def test_an_error_in_a_statement_fails_the_block_even_when_it_is_caught(
     async def go_on_regardless() -> None:
         async with db.write() as tx:
             await tx.execute(STATIONS.insert(), {"name": "san-marcos"})
-            with contextlib.suppress(Taken):
+            with contextlib.suppress(RowRefused):
                 await tx.execute(STATIONS.insert(), {"name": "san-marcos"})
 
-    with pytest.raises(Taken):
+    with pytest.raises(RowRefused):
         await go_on_regardless()
 
     assert await names(db) == []
@@ -269,7 +269,7 @@ async def test_a_block_after_a_lone_write_is_one_transaction_still(db: Database)
 
 
 async def test_a_lone_write_that_fails_half_way_leaves_nothing(db: Database) -> None:
-    with pytest.raises((DBAPIError, Taken)):
+    with pytest.raises((DBAPIError, RowRefused)):
         await db.write_alone(STATIONS.insert(), [{"name": "san-marcos"}, {"name": "san-marcos"}])
 
     assert await names(db) == []

@@ -25,7 +25,7 @@ from sqlalchemy import (
 )
 from sqlalchemy.exc import DBAPIError, MultipleResultsFound, NoResultFound, StatementError
 
-from skyway.runtime.errors import ServiceUnavailable, Taken
+from skyway.runtime.errors import RowRefused, ServiceUnavailable
 from skyway.runtime.sql.database import Database
 from skyway.runtime.sql.in_list import in_list
 
@@ -177,7 +177,7 @@ async def test_a_refused_row_is_taken_each_time(db: Database) -> None:
             await tx.execute(ADD, OAK)
 
     for _ in range(TIMES):
-        with pytest.raises(Taken) as refused:
+        with pytest.raises(RowRefused) as refused:
             await add_again()
         assert refused.value.constraint == "crates_pkey"
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from sqlalchemy import Column, Integer, MetaData, Table, Text, select, text
 
-from skyway.runtime.errors import ServiceUnavailable, Taken, UnsafeDatabase
+from skyway.runtime.errors import RowRefused, ServiceUnavailable, UnsafeDatabase
 from skyway.runtime.sql.database import Database
 
 METADATA = MetaData()
@@ -87,7 +87,12 @@ async def test_a_failing_block_rolls_back_alone(db: Database, path: Path) -> Non
         add(db, "first"), fail(), add(db, "first"), add(db, "last"), return_exceptions=True
     )
 
-    assert [type(outcome) for outcome in outcomes] == [type(None), LookupError, Taken, type(None)]
+    assert [type(outcome) for outcome in outcomes] == [
+        type(None),
+        LookupError,
+        RowRefused,
+        type(None),
+    ]
     assert await names(db) == {"first", "last"}
     assert commits(path) - before == 1
 

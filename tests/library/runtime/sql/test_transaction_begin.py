@@ -4,7 +4,7 @@ import pytest
 from asyncpg.connection import LoggedQuery
 from sqlalchemy import Column, Integer, MetaData, Table, Text, func, insert, select
 
-from skyway.runtime.errors import Taken
+from skyway.runtime.errors import RowRefused
 from skyway.runtime.sql.database import Database, Tx
 
 METADATA = MetaData()
@@ -71,7 +71,7 @@ async def test_a_refused_row_of_a_block_that_only_adds_undoes_all_of_it(db: Data
             tx.add(LABELS, [{"label": "fragile"}])
             tx.add(CRATES, [PINE, OAK])
 
-    with pytest.raises(Taken, match="crates_pkey"):
+    with pytest.raises(RowRefused, match="crates_pkey"):
         await add()
     async with db.read() as connection:
         labels = (await connection.execute(select(func.count()).select_from(LABELS))).scalar_one()
@@ -84,7 +84,7 @@ async def test_what_was_run_before_is_undone_with_what_is_added(db: Database) ->
             await tx.execute(insert(CRATES), PINE)
             tx.add(CRATES, [OAK])
 
-    with pytest.raises(Taken, match="crates_pkey"):
+    with pytest.raises(RowRefused, match="crates_pkey"):
         await run_and_add()
     assert await names(db) == ["oak"]
 
