@@ -1,6 +1,6 @@
-"""`skyway compose`: problems in, plans out, one a line.
+"""`skyway compose`: reads problems, and prints a plan for each, one per line.
 
-The planner is imported when a problem is there: other commands start without it.
+The planner is imported only by this command, because that takes time.
 """
 
 import json
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 class _ExitCode(IntEnum):
-    """How the command ended; the worst line counts, in the order 2, 3, 0."""
+    """How the command ended; the worst line decides, in the order 2, 3, 0."""
 
     ALL_ANSWERED = 0
     SOME_UNREADABLE = 2
@@ -29,7 +29,7 @@ class _ExitCode(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class NotJson:
-    """What stands where a document should, and the line at fault, counted from 1."""
+    """A text that is not JSON: the line of the error, counted from 1, and the error."""
 
     line: int
     detail: str
@@ -46,14 +46,17 @@ class Document:
 def compose_command(
     file: Annotated[
         typer.FileBinaryRead,
-        typer.Argument(help="A problem, or JSON Lines with a problem a line; - is standard input."),
+        typer.Argument(
+            help="A problem, or JSON Lines with one problem per line; - is standard input."
+        ),
     ],
     strategy: Annotated[
         str | None,
-        typer.Option(help="exact, heuristic or exhaustive, in place of the problem's own."),
+        typer.Option(help="exact, heuristic or exhaustive; replaces the problem's own strategy."),
     ] = None,
     time_limit: Annotated[
-        float | None, typer.Option(help="Seconds for one problem, in place of its own limit.")
+        float | None,
+        typer.Option(help="Seconds for one problem; replaces the problem's own limit."),
     ] = None,
 ) -> None:
     """Compose a plan for each problem in a file."""
@@ -101,7 +104,7 @@ def _overrides(strategy: str | None, time_limit_s: float | None) -> dict[str, An
 def _outcome(
     composer: "ProblemComposer", document: Document | NotJson
 ) -> Plan | tuple[int, list[Fault]]:
-    """The plan; or the line, and what is wrong in it."""
+    """The plan; or the line number and the faults of the problem."""
     if isinstance(document, NotJson):
         return document.line, [Fault("problem", document.detail)]
     try:
@@ -111,7 +114,7 @@ def _outcome(
 
 
 def _show_progress(number: int) -> None:
-    """How many problems are done, for whoever looks at a terminal while plans go elsewhere."""
+    """Print the number of finished problems on the terminal, while plans go to a file."""
     if sys.stderr.isatty() and not sys.stdout.isatty():
         typer.echo(f"\r{number} problems done", nl=False, err=True)
 
@@ -124,7 +127,7 @@ def _clear_progress() -> None:
 def documents(file: BinaryIO) -> Iterator[Document | NotJson]:
     """The documents of a file, each as soon as it is read.
 
-    A first line that is JSON by itself is followed by others of its kind.
+    When the first line is JSON by itself, each line is a document.
     """
     for number, line in enumerate(file, start=1):
         if not line.strip():
@@ -140,13 +143,13 @@ def documents(file: BinaryIO) -> Iterator[Document | NotJson]:
 
 
 def _whole_or_lines(raw: bytes) -> Iterator[Document | NotJson]:
-    """One document over many lines, or lines of which the first is broken."""
+    """One document over many lines, or one document per line with a broken first line."""
     whole = _read(raw, 1)
     if isinstance(whole, Document):
         yield whole
         return
     lines = raw.splitlines()
-    # A broken single document is told by its one brace that is not indented.
+    # A broken single document has only one brace that is not indented.
     unindented = [line for line in lines if line[:1] == b"{"]
     if len(unindented) > 1 or any(isinstance(_read(line, 1), Document) for line in unindented):
         yield from _lines(lines, first_line=1)

@@ -1,4 +1,4 @@
-"""Where everything of one local system lives: one folder, and the names in it."""
+"""The data folder of a local system: its files and folders, and its lock."""
 
 import fcntl
 import os
@@ -24,7 +24,7 @@ CLOUD_SERVICES = ("registry", "composition", "gateway")
 
 @dataclass(frozen=True, slots=True)
 class DataFolder:
-    """The data folder of `skyway up`, and where in it each thing lies."""
+    """The data folder of `skyway up`, and the path of each file in it."""
 
     path: Path
 
@@ -35,7 +35,7 @@ class DataFolder:
 
     @property
     def keys_file(self) -> Path:
-        """The newcomer's keys and addresses, for the command line and for a shell to source."""
+        """The keys and addresses for the command line, and for a shell to source."""
         return self.path / "keys.env"
 
     @property
@@ -59,22 +59,22 @@ class DataFolder:
 
     @property
     def broker(self) -> Path:
-        """What the broker reads: passwords, rules, and Mosquitto's configuration."""
+        """The broker's files: passwords, access rules, and Mosquitto's configuration."""
         return self.path / "broker"
 
     @property
     def broker_passwords(self) -> Path:
-        """The broker's accounts, written by the registry alone."""
+        """The broker's accounts; only the registry writes them."""
         return self.broker / "passwords"
 
     @property
     def broker_pid(self) -> Path:
-        """Where Mosquitto notes its process id, so that the registry can have it reload."""
+        """The file with Mosquitto's process id; the registry needs it to make Mosquitto reload."""
         return self.broker / "mosquitto.pid"
 
     @property
     def drone_ca(self) -> Path:
-        """The authority that signs drones' certificates, where there is one."""
+        """The authority that signs drones' certificates, if there is one."""
         return self.path / "drone-ca"
 
     @property
@@ -84,7 +84,7 @@ class DataFolder:
 
     @property
     def lock_file(self) -> Path:
-        """Held by the one supervisor that runs on this folder."""
+        """The lock of the supervisor that runs on this folder."""
         return self.path / "lock"
 
     def database_url(self, service: str) -> str:
@@ -92,7 +92,7 @@ class DataFolder:
         return f"sqlite:///{(self.path / f'{service}.db').resolve()}"
 
     def make(self) -> None:
-        """Make the folders that are missing, closed to other users."""
+        """Make the missing folders; other users cannot read them."""
         for folder in (self.path, self.secrets, self.logs, self.broker, self.journals):
             folder.mkdir(parents=True, exist_ok=True, mode=0o700)
 
@@ -104,12 +104,12 @@ def data_folder(given: Path | None = None) -> DataFolder:
 
 @contextmanager
 def held(folder: DataFolder) -> Iterator[None]:
-    """Hold the folder; the kernel lets go of it when this process ends, however it ends.
+    """Lock the folder; the kernel releases the lock when this process ends for any reason.
 
     Raises
     ------
     SkywayError
-        Another process holds it.
+        Another process has locked it.
     """
     with folder.lock_file.open("w") as lock:
         try:

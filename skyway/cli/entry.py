@@ -1,10 +1,10 @@
-"""Where the installed `skyway` command begins: says what is missing where only the library is."""
+"""The start of the installed `skyway` command; it works where only the library is installed."""
 
 import sys
 
 
 def main() -> None:
-    """Run the command; without its extra installed, say so in one line."""
+    """Run the command; when its extra is not installed, print how to install it."""
     try:
         from skyway.cli.main import main as run
     except ModuleNotFoundError as error:

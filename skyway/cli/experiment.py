@@ -15,7 +15,7 @@ def experiment_command(
         bool, typer.Option("--quick", help="Tiny sizes: all experiments within a minute.")
     ] = False,
     only: Annotated[
-        list[str] | None, typer.Option(help="Run this part alone; may be given again.")
+        list[str] | None, typer.Option(help="Run only this part; repeat it for more.")
     ] = None,
     out: Annotated[
         Path, typer.Option(help="Where experiments.md and the folder experiments/ are written.")

@@ -1,4 +1,4 @@
-"""The `skyway` command: one line per subcommand."""
+"""The `skyway` command: its subcommands, `--version`, and the printing of errors."""
 
 import sys
 from typing import Annotated, NoReturn

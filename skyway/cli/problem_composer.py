@@ -15,15 +15,18 @@ from skyway.planner.problem import Problem, network_of
 from skyway.planner.problem_document import read_problem
 from skyway.planner.verify import PlanRejected
 
-#: Networks kept; each may take as much memory as the rest of the program.
-_KEPT = 4
+#: Networks in the cache; each may need as much memory as the rest of the program.
+_MOST_CACHED = 4
 
 
 @dataclass(slots=True)
 class RecentNetworks:
-    """Networks and their airspaces by the content of their JSON, the latest last."""
+    """A cache of networks and their airspaces by the content of their JSON, the latest last.
 
-    _kept: dict[bytes, tuple[Network, Airspace]] = field(default_factory=dict)
+    Hundreds of problems often share one network, and reading a network is slow.
+    """
+
+    _cached: dict[bytes, tuple[Network, Airspace]] = field(default_factory=dict)
 
     def prepared(self, value: Any) -> tuple[Network, Airspace]:  # any JSON value
         """The network that this JSON describes, ready to compose on.
@@ -31,18 +34,18 @@ class RecentNetworks:
         Raises
         ------
         InvalidNetwork
-            It describes none.
+            The JSON is not a network.
         """
-        # Version 2 of the format writes equal values equally, and tells true from 1.
+        # Version 2 of the format writes equal values equally, and distinguishes true from 1.
         key = sha256(marshal.dumps(value, 2)).digest()
-        known = self._kept.pop(key, None)
-        if known is None:
+        cached = self._cached.pop(key, None)
+        if cached is None:
             network = network_of(value)
-            known = network, Airspace.of(network)
-        self._kept[key] = known
-        if len(self._kept) > _KEPT:
-            del self._kept[next(iter(self._kept))]
-        return known
+            cached = network, Airspace.of(network)
+        self._cached[key] = cached
+        if len(self._cached) > _MOST_CACHED:
+            del self._cached[next(iter(self._cached))]
+        return cached
 
 
 @dataclass(slots=True)
@@ -64,7 +67,7 @@ class ProblemComposer:
         try:
             return compose(problem, airspace=airspace)
         except PlanRejected as error:
-            # A defect of the planner: such a plan must not fly, so there is none.
+            # A defect of the planner: no drone may fly this plan, so there is no plan.
             return Plan(status=PlanStatus.UNKNOWN, stats={"rejected": str(error)})
 
     def _problem(self, document: Any) -> tuple[Problem, Airspace | None]:
@@ -73,7 +76,7 @@ class ProblemComposer:
         document = document | self.overrides
         airspace = None
         if "network" in document:
-            # What is wrong with a network, read_problem says, beside what else is wrong.
+            # read_problem reports the faults of the network together with all other faults.
             with suppress(InvalidNetwork):
                 document["network"], airspace = self._networks.prepared(document["network"])
         return read_problem(document), airspace

@@ -1,4 +1,4 @@
-"""`skyway verify`: each service checks its own database's invariants; this adds up."""
+"""`skyway verify`: each service checks the invariants of its database; this adds up."""
 
 import asyncio
 import os
@@ -13,12 +13,12 @@ from skyway.cli.gateway import fail
 from skyway.cli.system.children import PACKAGES
 from skyway.cli.system.databases import database_urls
 
-#: A service checks a database of millions of rows in minutes, not hours.
+#: Seconds for one service; millions of rows take minutes, not hours.
 _WITHIN_S = 600.0
 
 
 def verify_command(data: DataOption = None) -> None:
-    """Check every invariant over the databases; exits 1 when one is violated."""
+    """Check all invariants of the databases; exit code 1 when one is violated."""
     folder = data_folder(data)
     urls = asyncio.run(database_urls(folder))
     for url in urls.values():
@@ -49,7 +49,7 @@ def verify_command(data: DataOption = None) -> None:
 
 
 def _must_exist(url: str) -> None:
-    """SQLite would make the file that it does not find."""
+    """End the command when a SQLite file is missing; SQLite itself would create it."""
     file = url.removeprefix("sqlite:///")
     if file != url and not Path(file).exists():
         fail(f"there is no database {file}: no Skyway has run on this data folder")

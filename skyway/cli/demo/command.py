@@ -1,4 +1,4 @@
-"""`skyway demo`: the whole system, the paper's scenario, and nothing left behind."""
+"""`skyway demo`: plays the paper's scenario on a whole system of its own."""
 
 import asyncio
 import shutil
@@ -22,17 +22,17 @@ _WALL_S = 35.0
 def demo_command(
     data: DataOption = None,
     stay: Annotated[
-        bool, typer.Option("--stay", help="Leave the system up afterwards, until Ctrl-C.")
+        bool, typer.Option("--stay", help="Keep the system running afterwards, until Ctrl-C.")
     ] = False,
 ) -> None:
-    """Play the paper's scenario through real processes; ends by itself."""
+    """Play the paper's scenario through real processes, and end."""
     folder = DataFolder(data_folder(data).path / "demo")
     _empty(folder)
     asyncio.run(_demo(folder, stay=stay))
 
 
 def _empty(folder: DataFolder) -> None:
-    """Make the folder new: a demo never meets what an earlier one left."""
+    """Empty the folder: a demo does not use the files of an earlier demo."""
     folder.make()
     with held(folder):
         for path in folder.path.iterdir():
@@ -44,7 +44,7 @@ def _empty(folder: DataFolder) -> None:
 
 async def _demo(folder: DataFolder, *, stay: bool) -> None:
     console = Console()
-    # Imported late: the planner takes a second, and the other commands do without it.
+    # Imported here: the planner takes a second, and other commands do not need it.
     from skyway.cli.demo.scenario import play
     from skyway.cli.demo.world import rehearse
 

@@ -1,4 +1,4 @@
-"""The paper's scenario, played by a customer through the public faces of a running system."""
+"""The paper's scenario: a customer plays it through the public interfaces of a running system."""
 
 import asyncio
 import time
@@ -27,9 +27,9 @@ from skyway.contracts.topics import EVENTS, STATE, TELEMETRY
 from skyway.errors import SkywayError
 from skyway.runtime.mqtt.client import MqttClient
 
-#: How long the cast may take to get ready, and the delivery to end, wall seconds: some eight times
-#: what they take, since a newcomer's machine may have little free, and every pause makes drones
-#: late. What keeps dying is seen at once.
+#: How long the drones may take to get ready, and the delivery to end, wall seconds: about eight
+#: times the usual time, because the machine may be busy. A process that keeps dying ends the demo
+#: immediately.
 _READY_WITHIN_S = 90.0
 _ENDED_WITHIN_S = 300.0
 
@@ -41,7 +41,7 @@ _HOLD_S = 1.0
 
 
 async def play(system: System, screen: DemoScreen) -> None:
-    """Register everybody, request the delivery, and show it until its last notification.
+    """Register all participants, request the delivery, and show it until its last webhook.
 
     Raises
     ------
@@ -58,10 +58,10 @@ async def play(system: System, screen: DemoScreen) -> None:
                 await until_all_stand_ready(api, operator_key, world)
             async with _loading(api, operator_key):
                 await _others_request(api, world, screen)
-                await _tell_me_at(api, world, receiver)
+                await _register_webhook(api, world, receiver)
                 started = time.monotonic()
                 async with _in_time(_ENDED_WITHIN_S, "the delivery has not ended", system):
-                    path = await _take_best_offer(api, world, screen)
+                    path = await _accept_best_offer(api, world, screen)
                     delivery = await _follow(api, world, path, receiver, watch, screen)
             screen.end(delivery, watch.flown, wall_s=time.monotonic() - started)
     if delivery["state"] != "COMPLETED":
@@ -71,8 +71,8 @@ async def play(system: System, screen: DemoScreen) -> None:
         )
 
 
-class _Watch:
-    """What an operator's eye on MQTT has seen: each drone's state and charge, the steps flown."""
+class _Observed:
+    """What an operator observed on MQTT: each drone's state and charge, and the flown steps."""
 
     def __init__(self) -> None:
         self.states: dict[str, DroneState] = {}
@@ -80,7 +80,7 @@ class _Watch:
         self.flown = Flown()
 
     async def look(self, mqtt: MqttClient) -> None:
-        """Take in states, telemetry and events for ever."""
+        """Record states, telemetry and events; this never returns."""
         async for batch in mqtt.batches(STATE, TELEMETRY, EVENTS):
             for received in batch:
                 message = received.message
@@ -94,15 +94,15 @@ class _Watch:
 
 
 @asynccontextmanager
-async def _watching(system: System) -> AsyncIterator[_Watch]:
-    """An operator's MQTT account, reading along while the block runs."""
+async def _watching(system: System) -> AsyncIterator[_Observed]:
+    """Observe all drones with the operator's MQTT account while the block runs."""
     mqtt = MqttClient(
         system.mqtt_url,
         client_id="operator",
         user_name="operator",
         password=read_secret(system.folder, "mqtt_operator"),
     )
-    watch = _Watch()
+    watch = _Observed()
     async with mqtt, asyncio.TaskGroup() as tasks:
         looking = tasks.create_task(watch.look(mqtt))
         yield watch
@@ -111,7 +111,7 @@ async def _watching(system: System) -> AsyncIterator[_Watch]:
 
 @asynccontextmanager
 async def _loading(api: GatewayApi, operator_key: str) -> AsyncIterator[None]:
-    """The providers' loaders at work while the block runs."""
+    """Let the providers' loaders work while the block runs."""
     async with asyncio.TaskGroup() as tasks:
         loading = tasks.create_task(load_for_ever(api, operator_key))
         yield
@@ -129,34 +129,34 @@ async def _in_time(limit_s: float, trouble: str, system: System) -> AsyncIterato
 
 
 async def _others_request(api: GatewayApi, world: World, screen: DemoScreen) -> None:
-    """Have the other customer's deliveries planned first, so that pads and drones are taken."""
+    """Have the other customer's deliveries planned first, so that some pads and drones are busy."""
     key = world.other_customer_key
     for pickup, packages in OTHER_REQUESTS:
         body = delivery_request(pickup, packages, objective="cheapest")
         await api.call("POST", "/v1/deliveries", key=key, body=body)
     page = await api.call("GET", "/v1/deliveries", key=key)
     while any(delivery["state"] == "REQUESTED" for delivery in page["items"]):
-        await asyncio.sleep(0.1)  # asked of another process: there is nothing to wait on
+        await asyncio.sleep(0.1)  # another process decides: no event can be awaited
         page = await api.call("GET", "/v1/deliveries", key=key)
     screen.others(page["items"])
 
 
-async def _tell_me_at(api: GatewayApi, world: World, receiver: WebhookReceiver) -> None:
+async def _register_webhook(api: GatewayApi, world: World, receiver: WebhookReceiver) -> None:
     body = {"url": receiver.url}
     answer = await api.call("POST", "/v1/webhooks", key=world.customer_key, body=body)
     receiver.secret = answer["secret"]
 
 
-async def _take_best_offer(api: GatewayApi, world: World, screen: DemoScreen) -> str:
-    """Ask for offers by two objectives, take the fastest; the path of the delivery."""
+async def _accept_best_offer(api: GatewayApi, world: World, screen: DemoScreen) -> str:
+    """Ask for offers by two objectives and accept the fastest; the path of the delivery."""
     key = world.customer_key
     for objective in ("cheapest", "fastest"):
         request = delivery_request(PICKUP, PACKAGES, objective=objective)
         quote: dict[str, Any] = await api.call("POST", "/v1/quotes", key=key, body=request)
         screen.offers(quote, objective=objective)
     screen.request(request)
-    taken = {"quote_id": quote["quote_id"], "offer_id": quote["offers"][0]["offer_id"]}
-    created = await api.call("POST", "/v1/deliveries", key=key, body=taken)
+    accepted = {"quote_id": quote["quote_id"], "offer_id": quote["offers"][0]["offer_id"]}
+    created = await api.call("POST", "/v1/deliveries", key=key, body=accepted)
     return f"/v1/deliveries/{created['delivery_id']}"
 
 
@@ -165,7 +165,7 @@ async def _follow(
     world: World,
     path: str,
     receiver: WebhookReceiver,
-    watch: _Watch,
+    watch: _Observed,
     screen: DemoScreen,
 ) -> dict[str, Any]:
     """The delivery's JSON at its end, once its last webhook has arrived."""

@@ -1,4 +1,4 @@
-"""What the demo shows: a timeline that stays, and one live line about the drone in flight."""
+"""The demo's output: a timeline, and one live line about the drone in flight."""
 
 from datetime import datetime
 from typing import Any
@@ -17,7 +17,7 @@ _BATTERY_CELLS = 20
 
 
 class DemoScreen:
-    """Prints to a terminal live, and to a file or pipe as plain lines."""
+    """Prints live to a terminal, and as plain lines to a file or pipe."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
@@ -35,7 +35,7 @@ class DemoScreen:
             self._live.stop()
 
     def starting(self, *, planned_s: float, rate: float) -> None:
-        """Say how fast the fleet clock will run, and why."""
+        """Print how fast the fleet clock runs, and why."""
         self._console.rule("[bold]Skyway: San Marcos to McQueeney, Bulverde and San Antonio")
         self._console.print(
             f"Rehearsed: about {_duration(planned_s)} of flying and recharging; the fleet clock "
@@ -44,13 +44,13 @@ class DemoScreen:
         )
 
     def cast(self, provider_names: dict[str, str]) -> None:
-        """Say who can fly."""
+        """Print the providers."""
         self._provider_names = provider_names
         names = " and ".join(provider_names.values())
         self._console.print(f"Registered: {names}, five drones each. Their agents connect ...")
 
     def others(self, deliveries: list[dict[str, Any]]) -> None:
-        """Say what else is going on."""
+        """Print the other customer's deliveries."""
         for delivery in deliveries:
             places = ", ".join(p["destination"]["station_id"] for p in delivery["packages"])
             pickup = delivery["request"]["pickup"]["station_id"]
@@ -58,7 +58,7 @@ class DemoScreen:
             self._console.print(f"[dim]  others: {pickup} to {places}: {flies}[/]")
 
     def request(self, request: dict[str, Any]) -> None:
-        """Show what the customer asks."""
+        """Print the customer's request."""
         self._console.print(
             f"\n[bold]Request[/] QoS {request['qos']['objective']}, "
             f"pickup {request['pickup']['station_id']}"
@@ -69,7 +69,7 @@ class DemoScreen:
             self._console.print(line)
 
     def offers(self, quote: dict[str, Any], *, objective: str) -> None:
-        """Show what is offered, the best by this objective first, and who offers nothing."""
+        """Print the offers, the best by this objective first, and providers without an offer."""
         self._console.print(f"\n[bold]Offers[/] {objective} first")
         for offer in quote["offers"]:
             price = offer["price"]
@@ -96,7 +96,7 @@ class DemoScreen:
         self._console.print(f"[bold green]{_proven(mission['plan'])}[/]", highlight=False)
 
     def progress(self, delivery: dict[str, Any], state: DroneState, *, charge: float) -> None:
-        """Show where the drone is, its battery, and what it does."""
+        """Show the drone's place, its battery and its activity."""
         line = (
             f"{delivery['state']:<12} {state.activity:<10} "
             f"{'at ' + state.station_id if state.station_id else 'in the air':<22}"
@@ -108,7 +108,7 @@ class DemoScreen:
         self._last_progress = line
 
     def notified(self, notification: Notification) -> None:
-        """Show a webhook as it arrived at the customer."""
+        """Print a webhook that arrived at the customer."""
         event = notification.event
         what = event["data"].get("package_id", "")
         where = event["data"].get("station_id", "")
@@ -118,7 +118,7 @@ class DemoScreen:
         self._console.print(f"  [{style}]{text}[/] {what} {where} [dim]({signed})[/]")
 
     def end(self, delivery: dict[str, Any], flown: Flown, *, wall_s: float) -> None:
-        """Show what was delivered when, and planned against flown."""
+        """Print when each package was delivered, and compare the plan with the flight."""
         self._live.update(Text())
         self._console.print(f"\n[bold]{delivery['state']}[/] after {wall_s:.0f} s of wall time")
         for package in delivery["packages"]:

@@ -1,4 +1,4 @@
-"""Who takes part in the demo: the corridor, two providers with five drones each, the requests."""
+"""The demo's world: the corridor, two providers with five drones each, loaders and requests."""
 
 import asyncio
 import json
@@ -16,7 +16,7 @@ from skyway.planner.problem import Problem
 
 NETWORK_ID: Final = "texas-corridor"
 
-#: The paper's motivating scenario; masses are ours, it names none.
+#: The paper's motivating scenario; the masses are ours, because the paper names none.
 PICKUP: Final = "san-marcos"
 PACKAGES: Final = (
     ("medicine", 0.5, "mcqueeney"),
@@ -24,7 +24,7 @@ PACKAGES: Final = (
     ("books", 1.2, "san-antonio"),
 )
 
-#: Two providers: tariff in US cents, and where their five drones are at home.
+#: Two providers: tariff in US cents, and the home stations of their five drones.
 PROVIDERS: Final[tuple[dict[str, Any], ...]] = (
     {
         "name": "Hill Country Drones",
@@ -41,7 +41,7 @@ PROVIDERS: Final[tuple[dict[str, Any], ...]] = (
 #: The default of a network's settings.
 _ENERGY_MARGIN: Final = 0.15
 
-#: What others ask for at the same time, so that some pads are taken.
+#: Requests of another customer at the same time, so that some pads are busy.
 OTHER_REQUESTS: Final = (
     ("san-marcos", (("parts", 0.6, "san-antonio"),)),
     ("mcqueeney", (("flowers", 0.4, "universal-city"), ("keys", 0.1, "san-antonio"))),
@@ -52,7 +52,7 @@ OTHER_REQUESTS: Final = (
 
 @dataclass(frozen=True, slots=True)
 class World:
-    """The demo's cast once it is registered."""
+    """The registered participants of the demo."""
 
     customer_key: str
     other_customer_key: str
@@ -61,9 +61,9 @@ class World:
 
 
 def rehearse() -> float:
-    """How long the delivery takes when nobody else flies, in fleet seconds.
+    """How long the delivery takes when no other drone flies, in fleet seconds.
 
-    With the margin on energy that a network has by default, as composition plans it.
+    The plan has a network's default energy margin, as in composition.
     """
     power_w = (1 + _ENERGY_MARGIN) * PAPER_SCENARIO.power_empty_w
     model = PAPER_SCENARIO.model_copy(update={"power_empty_w": power_w})
@@ -85,7 +85,7 @@ def rehearse() -> float:
 
 
 async def register(api: GatewayApi, operator_key: str, *, folder: Path) -> World:
-    """Publish the corridor, register customers, providers and fleets, as an operator would."""
+    """As an operator, publish the corridor and register customers, providers and fleets."""
 
     async def operate(method: str, path: str, body: object) -> Any:
         return await api.call(method, path, key=operator_key, body=body)
@@ -98,7 +98,7 @@ async def register(api: GatewayApi, operator_key: str, *, folder: Path) -> World
     names: dict[str, str] = {}
     drones: list[dict[str, Any]] = []
     for provider in PROVIDERS:
-        # Its loaders weigh what is put on board; in the demo they are simulated.
+        # Its loaders weigh the packages; in the demo they are simulated.
         terms = {"name": provider["name"], "tariff": provider["tariff"], "loading": "CONFIRMED"}
         provider_id = (await operate("POST", "/v1/providers", terms))["provider_id"]
         names[provider_id] = provider["name"]
@@ -115,12 +115,12 @@ async def register(api: GatewayApi, operator_key: str, *, folder: Path) -> World
 
 
 async def until_all_stand_ready(api: GatewayApi, operator_key: str, world: World) -> None:
-    """Wait until the registry has heard of every drone."""
+    """Wait until all drones are AVAILABLE."""
     for provider_id in world.provider_names:
         path = f"/v1/providers/{provider_id}/drones"
         page = await api.call("GET", path, key=operator_key)
         while any(drone["state"] != "AVAILABLE" for drone in page["items"]):
-            await asyncio.sleep(0.1)  # asked of another process: there is nothing to wait on
+            await asyncio.sleep(0.1)  # another process decides: no event can be awaited
             page = await api.call("GET", path, key=operator_key)
 
 
@@ -142,20 +142,20 @@ def delivery_request(
     }
 
 
-#: Wall seconds between two looks for drones that wait; loaders are asked of another process.
-_LOOK_EVERY_S: Final = 0.2
+#: Wall seconds between two checks for drones that wait for a loader.
+_CHECK_EVERY_S: Final = 0.2
 
 
 async def load_for_ever(api: GatewayApi, key: str) -> Never:
-    """Confirm what every waiting drone of this key's provider, or of all, is to take on board.
+    """Simulate loaders: confirm the packages of every drone that waits for a loader.
 
-    What lies on the scale is what the customer said.
+    The measured masses are those that the customer named. This never returns.
     """
     while True:
         page = await api.call("GET", "/v1/missions?loading=AWAITED&state=ACTIVE", key=key)
         for mission in page["items"]:
             await _load(api, key, mission["mission_id"])
-        await asyncio.sleep(_LOOK_EVERY_S)
+        await asyncio.sleep(_CHECK_EVERY_S)
 
 
 async def _load(api: GatewayApi, key: str, mission_id: str) -> None:
@@ -171,4 +171,4 @@ async def _load(api: GatewayApi, key: str, mission_id: str) -> None:
             body = {"packages": step["packages"]}
             await api.call("POST", f"/v1/missions/{mission_id}/loading", key=key, body=body)
         except SkywayError:
-            continue  # not there yet after all, or confirmed a moment ago: the next look tells
+            continue  # not there yet, or confirmed a moment ago: the next check decides

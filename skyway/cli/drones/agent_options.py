@@ -1,4 +1,4 @@
-"""The options of `skyway drone` and `skyway fleet` that the agent is told as they come."""
+"""The options of `skyway drone` and `skyway fleet` that are passed on to the agent."""
 
 from pathlib import Path
 from typing import Annotated
@@ -25,23 +25,27 @@ EnrolOption = Annotated[
 
 ApiOption = Annotated[
     str | None,
-    typer.Option(help="Where; else SKYWAY_GATEWAY_URL.", rich_help_panel=_ENROLMENT),
+    typer.Option(
+        help="The gateway's URL; without it SKYWAY_GATEWAY_URL.", rich_help_panel=_ENROLMENT
+    ),
 ]
 
 RotateOption = Annotated[
     bool,
     typer.Option(
-        "--rotate", help="Change its credentials before it flies.", rich_help_panel=_ENROLMENT
+        "--rotate",
+        help="Rotate the credentials before the drone flies.",
+        rich_help_panel=_ENROLMENT,
     ),
 ]
 
-_DISTURBED = "What goes otherwise than planned"
+_DISTURBED = "Differences from the plan"
 
 ScenarioOption = Annotated[
     str | None,
     typer.Option(
         metavar="NAME|FILE",
-        help="A day with its wind and faults: calm, windy, stormy, ... or a file.",
+        help="A day with wind and faults: calm, windy, stormy, ... or a file.",
         rich_help_panel=_DISTURBED,
     ),
 ]
@@ -49,30 +53,32 @@ ScenarioOption = Annotated[
 SeedOption = Annotated[
     int | None,
     typer.Option(
-        min=0, help="Which of the scenario's many days it is.", rich_help_panel=_DISTURBED
+        min=0,
+        help="The seed of the scenario; each seed is another day.",
+        rich_help_panel=_DISTURBED,
     ),
 ]
 
 FlightTimeOption = Annotated[
     float | None,
-    typer.Option(help="Flights take so many times as long.", rich_help_panel=_DISTURBED),
+    typer.Option(help="Flight times are multiplied by this.", rich_help_panel=_DISTURBED),
 ]
 
 FlightEnergyOption = Annotated[
     float | None,
-    typer.Option(help="Flights take so many times the energy.", rich_help_panel=_DISTURBED),
+    typer.Option(help="Flight energies are multiplied by this.", rich_help_panel=_DISTURBED),
 ]
 
 ChargeTimeOption = Annotated[
     float | None,
-    typer.Option(help="Recharges take so many times as long.", rich_help_panel=_DISTURBED),
+    typer.Option(help="Recharge times are multiplied by this.", rich_help_panel=_DISTURBED),
 ]
 
 AbsentOption = Annotated[
     list[str] | None,
     typer.Option(
         metavar="STATION",
-        help="Nobody is there to take packages; may be given again.",
+        help="A station without a recipient; repeat it for more.",
         rich_help_panel=_DISTURBED,
     ),
 ]
@@ -83,7 +89,7 @@ VehicleOption = Annotated[
     str | None,
     typer.Option(
         metavar="mavlink:ADDRESS",
-        help="Its autopilot: mavlink:udpin:127.0.0.1:14550.",
+        help="The autopilot, such as mavlink:udpin:127.0.0.1:14550.",
         rich_help_panel=_REAL,
     ),
 ]
@@ -92,17 +98,17 @@ PayloadOption = Annotated[
     str | None,
     typer.Option(
         metavar="RELEASE",
-        help="What lets go: gripper:NUMBER or servo:NUMBER:MICROSECONDS.",
+        help="The package release: gripper:NUMBER or servo:NUMBER:MICROSECONDS.",
         rich_help_panel=_REAL,
     ),
 ]
 
 AltitudeOption = Annotated[
-    float | None, typer.Option(help="Metres above the take-off.", rich_help_panel=_REAL)
+    float | None, typer.Option(help="Metres above the take-off point.", rich_help_panel=_REAL)
 ]
 
 
 def agent_arguments(options: dict[str, object], absent: list[str] | None) -> list[str]:
-    """Options as the agent's arguments; what is not given is left to it and the scenario."""
+    """The options as arguments of the agent, without options that are not given."""
     given = [f"--{name}={value}" for name, value in options.items() if value is not None]
     return given + [f"--absent-station={station}" for station in absent or ()]

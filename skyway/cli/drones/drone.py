@@ -27,7 +27,9 @@ from skyway.cli.gateway import fail
 
 def drone_command(
     file: FileArgument = None,
-    drone_id: Annotated[str | None, typer.Option(help="Which one, when there are many.")] = None,
+    drone_id: Annotated[
+        str | None, typer.Option(help="The drone's id, when FILE has several.")
+    ] = None,
     enrol: EnrolOption = None,
     api: ApiOption = None,
     rotate: RotateOption = False,
@@ -44,7 +46,7 @@ def drone_command(
 ) -> None:
     """Run the agent of one drone until Ctrl-C.
 
-    Without FILE it is the drone that enrolled here before, or enrols now with a token.
+    Without FILE it is a drone that enrolled here before, or one that enrols now with a token.
     """
     arguments = agent_arguments(
         {
@@ -60,23 +62,25 @@ def drone_command(
         absent_station,
     )
     if file is None:
-        _run_enrolled(data_folder(data), enrol, arguments + _wishes(drone_id, api, rotate))
+        _run_enrolled(
+            data_folder(data), enrol, arguments + _enrolment_arguments(drone_id, api, rotate)
+        )
     if enrol is not None or rotate:
         fail("--enrol and --rotate are for a drone without FILE")
     chosen = [drone for drone in read_drones(file) if drone_id in (None, drone["drone_id"])]
     if len(chosen) != 1:
-        fail(f"{file} holds {len(chosen)} drones to choose from: name one with --drone-id")
+        fail(f"{file} has {len(chosen)} drones to choose from: name one with --drone-id")
     fly(data_folder(data), chosen, arguments)
 
 
-def _wishes(drone_id: str | None, api: str | None, rotate: bool) -> list[str]:
-    """What is wanted of an enrolled drone, as the agent's arguments."""
+def _enrolment_arguments(drone_id: str | None, api: str | None, rotate: bool) -> list[str]:
+    """The options of an enrolled drone as the agent's arguments."""
     named = {"--drone-id": drone_id, "--api": api}
     arguments = [f"{option}={value}" for option, value in named.items() if value is not None]
     return arguments + (["--rotate"] if rotate else [])
 
 
 def _run_enrolled(folder: DataFolder, token: str | None, arguments: list[str]) -> NoReturn:
-    """Become the agent of drones that enrolled with this data folder."""
+    """Become the agent of the drones that enrolled with this data folder."""
     secrets = {} if token is None else {"SKYWAY_ENROLMENT_TOKEN": token}
     become_agent(folder, arguments, secrets=secrets)

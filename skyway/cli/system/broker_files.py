@@ -1,4 +1,4 @@
-"""What Mosquitto reads: its configuration and rules, beside the passwords of the registry."""
+"""Mosquitto's files: its configuration, its access rules, and its TLS files."""
 
 import getpass
 import os
@@ -10,7 +10,7 @@ from skyway.contracts.broker_rules import BrokerRules
 from skyway.runtime.mqtt.mosquitto import TlsFiles, mosquitto_conf
 from skyway.runtime.private_file import write_private
 
-#: Where drones and customers, and where services meet Mosquitto when no setting says.
+#: Mosquitto's ports for drones and customers, and for services, when no setting names them.
 _DRONE_PORT = 1883
 _SERVICE_PORT = 1884
 
@@ -18,8 +18,8 @@ _SERVICE_PORT = 1884
 def write_mosquitto_files(folder: DataFolder, *, host: str = "127.0.0.1") -> None:
     """Write the files with which ``mosquitto -c`` serves this system.
 
-    The ports are those of `SKYWAY_MQTT_DRONE_URL`, for services `SKYWAY_MQTT_URL`, and, where the
-    deployment has an authority for drones, `SKYWAY_MQTT_TLS_URL`.
+    The settings `SKYWAY_MQTT_DRONE_URL`, `SKYWAY_MQTT_URL` (for services) and `SKYWAY_MQTT_TLS_URL`
+    (where the deployment has an authority for drones) name the ports.
     """
     acl_file = folder.broker / "acl"
     acl_file.write_text(BrokerRules().mosquitto_acl())
@@ -42,7 +42,7 @@ def _port(setting: str, otherwise: int) -> int:
     return urlsplit(os.environ.get(setting, "")).port or otherwise
 
 
-#: Where drones meet Mosquitto over TLS when no setting says.
+#: Mosquitto's TLS port for drones, when no setting names it.
 _TLS_PORT = 8883
 
 
@@ -53,7 +53,7 @@ def made_tls_files(folder: DataFolder) -> TlsFiles | None:
 
 
 def tls_files(folder: DataFolder) -> TlsFiles:
-    """Where the files are, made or not."""
+    """The paths of the files, which may not exist yet."""
     broker = folder.broker.resolve()
     return TlsFiles(
         port=urlsplit(os.environ.get("SKYWAY_MQTT_TLS_URL", "")).port or _TLS_PORT,
@@ -64,14 +64,14 @@ def tls_files(folder: DataFolder) -> TlsFiles:
 
 
 def make_drone_ca(folder: DataFolder, broker_names: Sequence[str]) -> None:
-    """Make the authority once, and each time a new certificate for the broker under these names."""
+    """Make the authority once, and at each call a new certificate for the broker's names."""
     # Imported here: X.509 takes a tenth of a second, and no other command needs it.
     from skyway.runtime.certificates import CertificateAuthority
 
     authority = CertificateAuthority.make(folder.drone_ca)
     signed = authority.sign_broker(broker_names)
     files = tls_files(folder)
-    # Copies beside the broker's other files: it needs no more of the authority's folder.
+    # Copies in the broker's folder: the broker needs nothing else of the authority's folder.
     write_private(files.ca_file, authority.certificate_pem)
     write_private(files.key_file, signed.private_key_pem)
     write_private(files.certificate_file, signed.certificate_pem)

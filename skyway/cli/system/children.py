@@ -1,4 +1,4 @@
-"""Which processes make up a local Skyway, on which sockets, and what each of them is told."""
+"""The processes of a local Skyway: their sockets, their environment and their commands."""
 
 import os
 import socket
@@ -23,31 +23,39 @@ PACKAGES = {
 
 @dataclass(frozen=True, slots=True)
 class Ports:
-    """Where the public faces listen; 0 takes a free port. Everything else takes free ones."""
+    """The public ports; 0 is any free port. All other processes use free ports."""
 
     gateway: int = 8000
     broker: int = 1883
 
 
 def bind(ports: Ports, held: ExitStack) -> dict[str, socket.socket]:
-    """The sockets by process, in start order: the registry writes what the broker reads."""
-    wanted = {"registry": 0, "broker": ports.broker, "composition": 0, "gateway": ports.gateway}
+    """The sockets by process, in start order: the registry starts before the broker.
+
+    The registry writes the accounts that the broker reads.
+    """
+    ports_by_name = {
+        "registry": 0,
+        "broker": ports.broker,
+        "composition": 0,
+        "gateway": ports.gateway,
+    }
     if named_broker() is not None:
-        del wanted["broker"]
+        del ports_by_name["broker"]
     return {
         name: held.enter_context(listen(_HOST, port, purpose=f"the {name}"))
-        for name, port in wanted.items()
+        for name, port in ports_by_name.items()
     }
 
 
 def service_urls(sockets: Mapping[str, socket.socket]) -> dict[str, str]:
-    """Where each cloud service answers."""
+    """The URL of each cloud service."""
     return {name: f"http://{_HOST}:{_port(sockets[name])}" for name in CLOUD_SERVICES}
 
 
 def environment(folder: DataFolder, sockets: Mapping[str, socket.socket]) -> dict[str, str]:
-    """What every process is told; its database and its own socket come on top."""
-    told = {
+    """The settings of all processes; each process gets its database and socket in addition."""
+    settings = {
         "SKYWAY_SECRETS_DIR": str(folder.secrets.resolve()),
         "SKYWAY_CLOCK_FILE": str(folder.clock_file.resolve()),
         "SKYWAY_BROKER_PASSWORD_FILE": str(folder.broker_passwords.resolve()),
@@ -56,16 +64,16 @@ def environment(folder: DataFolder, sockets: Mapping[str, socket.socket]) -> dic
         ),
     }
     if folder.drone_ca.exists():
-        told["SKYWAY_DRONE_CA_DIR"] = str(folder.drone_ca.resolve())
+        settings["SKYWAY_DRONE_CA_DIR"] = str(folder.drone_ca.resolve())
     for name, url in service_urls(sockets).items():
-        told[f"SKYWAY_{name.upper()}_URL"] = url
+        settings[f"SKYWAY_{name.upper()}_URL"] = url
     broker = named_broker()
     if broker is None:
-        told["SKYWAY_MQTT_URL"] = f"mqtt://{_HOST}:{_port(sockets['broker'])}"
+        settings["SKYWAY_MQTT_URL"] = f"mqtt://{_HOST}:{_port(sockets['broker'])}"
     else:
-        told["SKYWAY_MQTT_URL"] = broker
-        told["SKYWAY_BROKER_PID_FILE"] = str(folder.broker_pid.resolve())
-    return told
+        settings["SKYWAY_MQTT_URL"] = broker
+        settings["SKYWAY_BROKER_PID_FILE"] = str(folder.broker_pid.resolve())
+    return settings
 
 
 def child(
@@ -73,11 +81,11 @@ def child(
     folder: DataFolder,
     *,
     listener: socket.socket,
-    told: Mapping[str, str],
+    shared: Mapping[str, str],
     database_urls: Mapping[str, str],
 ) -> Child:
-    """One process to keep running."""
-    own = dict(told)
+    """One process for the supervisor to keep running; `shared` are the settings of all."""
+    own = dict(shared)
     if name in database_urls:
         own["SKYWAY_DATABASE_URL"] = database_urls[name]
         own["SKYWAY_PORT"] = str(_port(listener))
@@ -95,12 +103,12 @@ def _port(listener: socket.socket) -> int:
     return port
 
 
-#: keys.env says with it that the broker of its `SKYWAY_MQTT_URL` runs only while the system does.
-#: A shell that sourced keys.env names no other broker to the next `skyway up`.
+#: This setting in keys.env says that the broker of `SKYWAY_MQTT_URL` is the embedded broker. So a
+#: shell that sourced keys.env does not name another broker to the next `skyway up`.
 OWN_BROKER_URL = "SKYWAY_OWN_MQTT_URL"
 
 
 def named_broker() -> str | None:
-    """The address of the broker that somebody else runs; None when it is ours to start."""
+    """The URL of an external broker; None when `skyway up` starts the embedded broker."""
     url = os.environ.get("SKYWAY_MQTT_URL")
     return None if url == os.environ.get(OWN_BROKER_URL) else url

@@ -1,4 +1,4 @@
-"""Which database each service of a local system uses: a SQLite file, or one on the server given."""
+"""The database of each service of a local system: a SQLite file, or PostgreSQL."""
 
 import os
 from urllib.parse import SplitResult, urlsplit
@@ -8,9 +8,9 @@ from skyway.errors import SkywayError
 
 
 async def database_urls(folder: DataFolder) -> dict[str, str]:
-    """The database by service; on a PostgreSQL server missing databases are created.
+    """The database URL of each service; missing PostgreSQL databases are created.
 
-    `SKYWAY_DATABASE_URL` names the server and the database to connect to while creating.
+    `SKYWAY_DATABASE_URL` names the server, and the database to connect to for that.
     """
     server = os.environ.get("SKYWAY_DATABASE_URL")
     if server is None:
@@ -18,7 +18,7 @@ async def database_urls(folder: DataFolder) -> dict[str, str]:
     parts = urlsplit(server)
     if parts.scheme != "postgresql":
         raise SkywayError(
-            f"SKYWAY_DATABASE_URL is of kind {parts.scheme!r}; a server is postgresql://..."
+            f"SKYWAY_DATABASE_URL begins with {parts.scheme}://; it must begin with postgresql://"
         )
     names = {service: f"skyway_{service}" for service in CLOUD_SERVICES}
     await _create_missing(parts, list(names.values()))

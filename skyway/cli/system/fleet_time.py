@@ -1,7 +1,7 @@
-"""The supervisor's part of the fleet clock: the anchor it writes, and the heartbeat it keeps.
+"""The supervisor's part of the fleet clock: it writes the anchor and a heartbeat.
 
-Fleet time never goes back, and it runs on while the system stands still: drones elsewhere go by
-the anchor they know, and fly on by it. So a start anchors where the clock of the one before is.
+Fleet time never goes back, and it runs on while the system is stopped: drones elsewhere fly on by
+the last anchor. So each start continues the clock of the previous start.
 """
 
 import asyncio
@@ -11,22 +11,22 @@ from pathlib import Path
 
 from skyway.cli.data_folder import DataFolder
 
-#: How often the supervisor notes the fleet time reached, wall seconds.
+#: Wall seconds between two heartbeats, which store the fleet time.
 _HEARTBEAT_S = 1.0
 
-#: The clock ran on after the last heartbeat: for at most one interval, doubled to be safe. A
-#: machine's clock that was set back says less.
+#: The clock ran on for at most one interval after the last heartbeat, doubled to be safe. A
+#: machine's clock that was set back would show less.
 _RAN_ON_AT_LEAST = timedelta(seconds=2 * _HEARTBEAT_S)
 
-#: A folder that nobody used for longer has no drones that fly on: its time runs on no further.
+#: In a folder that was not used for longer no drone still flies: its time runs on no further.
 _RUNS_ON_AT_MOST = timedelta(days=1)
 
-#: Until then all drones have heard that the clock is slower from now on; wall time.
-_HEARD_WITHIN = timedelta(minutes=1)
+#: After this wall time all drones have received a new, slower rate.
+_RATE_RECEIVED_WITHIN = timedelta(minutes=1)
 
 
 def anchor_clock(folder: DataFolder, *, rate: float) -> None:
-    """Write the anchor for this start, after everything that anybody can have reached."""
+    """Write the anchor for this start, later than any fleet time reached so far."""
     wall_at = datetime.now(UTC)
     fleet_at = max(wall_at, _reached(folder, wall_at, next_rate=rate))
     _replace(folder.clock_file, fleet_at, wall_at, rate=rate)
@@ -34,7 +34,7 @@ def anchor_clock(folder: DataFolder, *, rate: float) -> None:
 
 
 async def keep_heartbeat(folder: DataFolder) -> None:
-    """Note the fleet time reached, for ever."""
+    """Store the fleet time again and again; this never returns."""
     anchor = json.loads(folder.clock_file.read_text())
     fleet_at, wall_at = (datetime.fromisoformat(anchor[name]) for name in ("fleet_at", "wall_at"))
     rate = anchor["rate"]
@@ -45,7 +45,7 @@ async def keep_heartbeat(folder: DataFolder) -> None:
 
 
 def _reached(folder: DataFolder, wall_at: datetime, *, next_rate: float) -> datetime:
-    """What the clock of the last start shows now, or will before the next rate is known."""
+    """The latest fleet time that a drone can reach by the clock of the last start."""
     if not folder.heartbeat_file.exists():
         return wall_at
     last = json.loads(folder.heartbeat_file.read_text())
@@ -54,7 +54,7 @@ def _reached(folder: DataFolder, wall_at: datetime, *, next_rate: float) -> date
     ran_on = min(max(wall_at - noted_at, _RAN_ON_AT_LEAST), _RUNS_ON_AT_MOST)
     slower_by = max(float(last["rate"]) - next_rate, 0.0)
     fleet_at = datetime.fromisoformat(last["fleet_at"])
-    return fleet_at + ran_on * float(last["rate"]) + _HEARD_WITHIN * slower_by
+    return fleet_at + ran_on * float(last["rate"]) + _RATE_RECEIVED_WITHIN * slower_by
 
 
 def _replace(path: Path, fleet_at: datetime, wall_at: datetime, *, rate: float) -> None:

@@ -1,4 +1,4 @@
-"""Waiting until a local system is ready, and saying what it waits for when that takes long."""
+"""Waits until a local system is ready, and explains a long wait."""
 
 import asyncio
 from collections.abc import Callable, Mapping
@@ -8,14 +8,14 @@ import httpx
 from skyway.cli.system.children import named_broker
 from skyway.runtime.mqtt.address import BrokerAddress
 
-#: After so many wall seconds somebody wants to know why nothing happens; where the machine is
-#: slow, the services take longer until they can say it.
+#: A wait is explained after this many wall seconds. A service that does not answer at all is
+#: named later, because on a slow machine services take longer to start.
 _LONG_S, _LONG_TO_START_S = 5.0, 30.0
 
-#: Between two looks, wall seconds.
+#: Wall seconds between two checks.
 _EVERY_S = 0.05
 
-#: How long a service may take to say what it lacks, and a broker to be reached, wall seconds.
+#: How long a service and a broker may take to answer, wall seconds.
 _ANSWERS_WITHIN_S = 2.0
 
 
@@ -26,24 +26,24 @@ async def until_ready(
     long_s: float = _LONG_S,
     long_to_start_s: float = _LONG_TO_START_S,
 ) -> None:
-    """Return once every service is ready; what they lack is said, once, when it takes long."""
+    """Return once all services are ready; in a long wait, `say` gets each reason once."""
     loop = asyncio.get_running_loop()
-    tells_from_s, starts_until_s = loop.time() + long_s, loop.time() + long_to_start_s
-    told = set[str]()
+    explains_from_s, starts_until_s = loop.time() + long_s, loop.time() + long_to_start_s
+    said = set[str]()
     async with httpx.AsyncClient(timeout=_ANSWERS_WITHIN_S) as client:
         while lacks := await _lacks(client, urls):
-            if loop.time() >= tells_from_s:
+            if loop.time() >= explains_from_s:
                 if loop.time() < starts_until_s:
                     lacks = {name: lack for name, lack in lacks.items() if lack is not None}
                 for words in await _in_words(lacks):
-                    if words not in told:
-                        told.add(words)
+                    if words not in said:
+                        said.add(words)
                         say(words)
             await asyncio.sleep(_EVERY_S)
 
 
 async def _lacks(client: httpx.AsyncClient, urls: Mapping[str, str]) -> dict[str, str | None]:
-    """What each service lacks that is not ready, in its own words; None where it says nothing."""
+    """The reason of each service that is not ready, in its own words; None without an answer."""
     answers = await asyncio.gather(*(_answer(client, url) for url in urls.values()))
     return {
         name: None if answer is None else _detail(answer)
@@ -77,7 +77,7 @@ async def _in_words(lacks: Mapping[str, str | None]) -> list[str]:
 
 
 async def _trouble_with(broker: str) -> str:
-    """Why the services are not connected to a broker that somebody else runs."""
+    """Why the services are not connected to an external broker."""
     named = f"The broker that SKYWAY_MQTT_URL names, {broker},"
     address = BrokerAddress.parse(broker)
     try:
@@ -89,4 +89,4 @@ async def _trouble_with(broker: str) -> str:
             " one of its own."
         )
     writer.close()
-    return f"{named} is there, but does not let them in: does it know this folder's accounts?"
+    return f"{named} answers, but does not let them in: does it use the accounts of this folder?"

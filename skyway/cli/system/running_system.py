@@ -1,4 +1,4 @@
-"""One local Skyway, from its first process to its last."""
+"""Runs one local Skyway: starts all its processes, and ends all of them."""
 
 import asyncio
 import os
@@ -18,14 +18,14 @@ from skyway.cli.system.secrets import make_secrets, write_keys_file
 from skyway.cli.system.supervisor import Child, Supervisor, first_of
 from skyway.errors import SkywayError
 
-#: How long all services together may take until they answer /readyz, wall seconds. The first start
-#: on a machine where `make setup` was not run compiles the planner: a minute where little is free.
+#: How long all services together may take until they are ready, wall seconds. Without `make setup`
+#: the first start compiles the planner, which takes a minute on a busy machine.
 _READY_WITHIN_S = 180.0
 
 
 @dataclass(frozen=True, slots=True)
 class System:
-    """A running local system; drones and customers meet the broker at `mqtt_url`."""
+    """A running local system; drones and customers connect to the broker at `mqtt_url`."""
 
     folder: DataFolder
     supervisor: Supervisor
@@ -33,7 +33,7 @@ class System:
     mqtt_url: str
 
     def start_fleet(self, name: str, fleet_file: Path, *, gives_way_by: int = 0) -> None:
-        """Keep an agent process running that hosts the drones of this file."""
+        """Keep an agent process running that flies the drones of this file."""
         self.supervisor.start(
             Child(
                 name=name,
@@ -52,24 +52,24 @@ class System:
 async def running_system(
     folder: DataFolder, *, rate: float, ports: Ports, say: Callable[[str], None]
 ) -> AsyncIterator[System]:
-    """Start everything, wait until it is ready, and end all of it on leaving.
+    """Start everything, wait until it is ready, and end everything on leaving.
 
-    `SKYWAY_DATABASE_URL` and `SKYWAY_MQTT_URL` replace the embedded database and broker. `say` is
-    told what is waited for, should it take long.
+    `SKYWAY_DATABASE_URL` and `SKYWAY_MQTT_URL` replace the embedded database and broker. When the
+    start takes long, `say` gets the reason.
 
     Raises
     ------
     SkywayError
-        Something does not start; the message says what, and where its log is.
+        A process does not start; the message names it and its log.
     """
-    # Also in a folder that others may enter, databases and logs are its user's alone.
+    # Even in a folder that others may enter, only this user can read databases and logs.
     os.umask(0o077)
     make_secrets(folder)
     with ExitStack() as opened:
         opened.enter_context(held(folder))
         anchor_clock(folder, rate=rate)
         sockets = bind(ports, opened)
-        told = environment(folder, sockets)
+        settings = environment(folder, sockets)
         if "broker" not in sockets:
             write_mosquitto_files(folder)
         databases = await database_urls(folder)
@@ -77,9 +77,9 @@ async def running_system(
             folder=folder,
             supervisor=Supervisor(),
             urls=service_urls(sockets),
-            mqtt_url=os.environ.get("SKYWAY_MQTT_DRONE_URL", told["SKYWAY_MQTT_URL"]),
+            mqtt_url=os.environ.get("SKYWAY_MQTT_DRONE_URL", settings["SKYWAY_MQTT_URL"]),
         )
-        own_broker_url = told["SKYWAY_MQTT_URL"] if "broker" in sockets else ""
+        own_broker_url = settings["SKYWAY_MQTT_URL"] if "broker" in sockets else ""
         write_keys_file(
             folder, system.urls["gateway"], system.mqtt_url, own_broker_url=own_broker_url
         )
@@ -88,7 +88,7 @@ async def running_system(
             async with system.supervisor:
                 for name, listener in sockets.items():
                     process = child(
-                        name, folder, listener=listener, told=told, database_urls=databases
+                        name, folder, listener=listener, shared=settings, database_urls=databases
                     )
                     system.supervisor.start(process)
                 await _until_ready(system, say)
@@ -100,7 +100,7 @@ async def running_system(
 
 
 async def _until_ready(system: System, say: Callable[[str], None]) -> None:
-    """Wait until every service is ready, or for a child that keeps dying."""
+    """Wait until all services are ready; a child that keeps dying raises its error."""
     try:
         async with asyncio.timeout(_READY_WITHIN_S):
             await first_of(until_ready(system.urls, say=say), system.supervisor.failed())

@@ -1,4 +1,4 @@
-"""Every secret of a local system, made on the first start and kept."""
+"""The secrets of a local system, which the first start makes."""
 
 import secrets
 from pathlib import Path
@@ -10,12 +10,12 @@ from skyway.runtime.private_file import write_private
 #: Broker accounts that exist before any drone: the services' and the operator's.
 _BROKER_ACCOUNTS = (*CLOUD_SERVICES, "operator")
 
-#: API keys that exist before any request: whom `skyway up` writes into keys.env.
+#: API keys that exist before any request; `skyway up` writes them into keys.env.
 _API_KEYS = ("operator_key", "customer_key")
 
 
 def make_secrets(folder: DataFolder) -> None:
-    """Write the secrets that are missing, each readable by this user alone."""
+    """Write the missing secrets; only this user can read them."""
     folder.make()
     for service in CLOUD_SERVICES:
         _write_once(folder.secrets / f"service_{service}", secrets.token_urlsafe(32))
@@ -31,10 +31,10 @@ def read_secret(folder: DataFolder, name: str) -> str:
 
 
 def make_database_passwords(folder: DataFolder, passwords: Path, *, host: str) -> None:
-    """Write a password per PostgreSQL role: for the server, and as the service's passfile.
+    """Write a password for each PostgreSQL role: for the server, and as the service's passfile.
 
-    `passwords` is a folder that only the server mounts; its user is another one than ours, so the
-    files in it are readable to all who can reach the folder.
+    `passwords` is a folder that only the server mounts. The server runs as another user, so all
+    users who can reach the folder can read its files.
     """
     passwords.mkdir(parents=True, exist_ok=True)
     for role in ("superuser", *CLOUD_SERVICES):
@@ -49,9 +49,9 @@ def make_database_passwords(folder: DataFolder, passwords: Path, *, host: str) -
 def write_keys_file(
     folder: DataFolder, gateway_url: str, mqtt_url: str, *, own_broker_url: str = ""
 ) -> None:
-    """Write the newcomer's keys and where to use them, as lines that a shell can source.
+    """Write the keys and addresses as lines that a shell can source.
 
-    `own_broker_url`: where the system's own broker listens, if it runs one.
+    `own_broker_url` is the URL of the embedded broker, if the system runs it.
     """
     values = {
         "SKYWAY_GATEWAY_URL": gateway_url,

@@ -1,4 +1,4 @@
-"""`skyway secrets`: what must exist before the processes start, where no `skyway up` makes it."""
+"""`skyway secrets`: makes the files that the processes need where `skyway up` is not used."""
 
 from pathlib import Path
 from typing import Annotated
@@ -25,8 +25,8 @@ def secrets_command(
         list[str] | None,
         typer.Option(
             metavar="HOST",
-            help="A name or address of the broker: make an authority that signs drones, and a TLS"
-            " listener that asks for their certificates; may be given again.",
+            help="A name or address of the broker; repeat it for more. Makes an authority that"
+            " signs drones' certificates, and a TLS listener that requires them.",
         ),
     ] = None,
     postgres_host: Annotated[
@@ -37,7 +37,7 @@ def secrets_command(
     ] = None,
     data: DataOption = None,
 ) -> None:
-    """Make the secrets that are missing, keys.env, and Mosquitto's configuration."""
+    """Make the missing secrets, keys.env and Mosquitto's configuration."""
     if (postgres_host is None) != (postgres_passwords is None):
         fail("--postgres-host and --postgres-passwords go together")
     folder = data_folder(data)

@@ -1,4 +1,4 @@
-"""Keeps child processes running: starts, restarts with back-off, gives up in time, reaps all."""
+"""Keeps child processes running: starts them, restarts them with back-off, and ends them all."""
 
 import asyncio
 import os
@@ -21,7 +21,7 @@ _DEATHS_WITHIN_S = 30.0
 
 
 class ProcessKeepsDying(SkywayError):
-    """A child died too often; the message says which, and where its log is."""
+    """A child died too often; the message names the child and its log."""
 
     def __init__(self, name: str, *, exit_code: int, log: Path) -> None:
         super().__init__(
@@ -32,9 +32,10 @@ class ProcessKeepsDying(SkywayError):
 
 @dataclass(frozen=True, slots=True)
 class Child:
-    """A process to keep running; `listener` is bound by the parent, so requests outlive a death.
+    """A process to keep running.
 
-    `gives_way_by`: how much nicer it is than others (`niceness`).
+    The parent binds `listener`, so connections wait while the process restarts. `gives_way_by` is
+    how much nicer the process is than others (nice(1)).
     """
 
     name: str
@@ -46,7 +47,7 @@ class Child:
 
 
 class Supervisor:
-    """Runs children until it is left; they leave by themselves should this process be killed.
+    """Runs children until its `async with` block ends; they also end when this process is killed.
 
     `leave_within_s`: how long a child may take after SIGTERM before it is killed.
     """
@@ -69,7 +70,7 @@ class Supervisor:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        # Last started, first stopped: drones before services, services before the broker.
+        # In reverse order of their start: drones before services, services before the broker.
         for name in reversed(list(self._keepers)):
             await self.stop(name)
         for end in self._parent_pipe:
@@ -78,11 +79,11 @@ class Supervisor:
             self._failure.cancel()
 
     def start(self, child: Child) -> None:
-        """Keep this child running from now on."""
+        """Start this child and keep it running."""
         self._keepers[child.name] = asyncio.create_task(self._keep(child), name=child.name)
 
     async def stop(self, name: str) -> None:
-        """End this child and keep it no more."""
+        """End this child."""
         keeper = self._keepers.pop(name)
         keeper.cancel()
         with suppress(asyncio.CancelledError):
@@ -92,7 +93,7 @@ class Supervisor:
             await _end(process, within_s=self._leave_within_s)
 
     def pid(self, name: str) -> int | None:
-        """The process id of a child, None between two lives."""
+        """The process id of a child; None while it restarts."""
         process = self._processes.get(name)
         return process.pid if process is not None and process.returncode is None else None
 
@@ -135,7 +136,7 @@ class Supervisor:
                 stderr=log,
                 env=environment,
                 pass_fds=passed,
-                # Ctrl-C is for the parent, which ends its children in order.
+                # Ctrl-C reaches only the parent, which ends its children in order.
                 start_new_session=True,
             )
 
@@ -153,12 +154,12 @@ async def _end(process: asyncio.subprocess.Process, *, within_s: float) -> None:
 
 
 def listen(host: str, port: int, *, purpose: str) -> socket.socket:
-    """A listening socket to pass to a child; port 0 takes a free one.
+    """A listening socket to pass to a child; port 0 is any free port.
 
     Raises
     ------
     SkywayError
-        The port is taken; the message names it and what it is for.
+        The port is in use; the message names the port and its purpose.
     """
     listener = socket.socket(socket.AF_INET, socket.SOCK_STREAM)
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -166,9 +167,7 @@ def listen(host: str, port: int, *, purpose: str) -> socket.socket:
         listener.bind((host, port))
     except OSError as error:
         listener.close()
-        raise SkywayError(
-            f"port {port} for {purpose} is not to be had: {error.strerror}"
-        ) from error
+        raise SkywayError(f"port {port} for {purpose} cannot be used: {error.strerror}") from error
     listener.listen(1024)
     return listener
 
@@ -178,30 +177,30 @@ def listen(host: str, port: int, *, purpose: str) -> socket.socket:
 SIMULATES: Final = 5
 
 _NICEST: Final = 19
-#: Linux changes one group in so many seconds, unless root asks.
+#: Linux changes the niceness of a group at most once in this many seconds, except for root.
 _BETWEEN_GROUPS_S: Final = 0.1
 _TRIES: Final = 20
 
 
 def give_way(pid: int, *, by: int) -> None:
-    """Make a process that has just begun nicer than this one; where that is unknown, do nothing.
+    """Make a new process nicer than this one; do nothing where the system has no niceness.
 
-    Being nicer needs no rights, and what the process starts later is as nice.
+    This needs no privileges, and children of the process inherit it.
     """
     if not hasattr(os, "setpriority"):
         return
     niceness = min(os.getpriority(os.PRIO_PROCESS, 0) + by, _NICEST)
-    with suppress(OSError):  # it may have ended, or be nicer already
+    with suppress(OSError):  # it may have ended, or it may be nicer already
         os.setpriority(os.PRIO_PROCESS, pid, niceness)
         if os.getsid(pid) == pid:
             _give_way_as_group(pid, niceness)
 
 
 def _give_way_as_group(pid: int, niceness: int) -> None:
-    """The same for the process's session.
+    """Make the process's session nicer too.
 
-    With autogroup on, as on most desktops, Linux shares a processor among sessions first, and looks
-    at the niceness of processes only within one (sched(7)).
+    With autogroup on, as on most desktops, Linux first shares a processor among sessions. The
+    niceness of processes counts only within a session (sched(7)).
     """
     group = Path(f"/proc/{pid}/autogroup")
     for _ in range(_TRIES if group.exists() else 0):

@@ -15,11 +15,13 @@ from skyway.cli.system.running_system import System, running_system
 from skyway.cli.system.supervisor import first_of
 
 RateOption = Annotated[
-    float, typer.Option(min=1.0, max=100_000.0, help="Fleet seconds per wall second.")
+    float, typer.Option(min=1.0, max=100_000.0, help="Fleet seconds per second of wall time.")
 ]
-PortOption = Annotated[int, typer.Option(min=0, max=65535, help="The gateway's; 0: any free one.")]
+PortOption = Annotated[
+    int, typer.Option(min=0, max=65535, help="The gateway's port; 0 is any free port.")
+]
 MqttPortOption = Annotated[
-    int, typer.Option(min=0, max=65535, help="The embedded broker's; 0: any free one.")
+    int, typer.Option(min=0, max=65535, help="The embedded broker's port; 0 is any free port.")
 ]
 
 
@@ -49,7 +51,7 @@ async def _run(console: Console, folder: DataFolder, *, rate: float, ports: Port
 
 @contextmanager
 def asked_to_stop() -> Iterator[asyncio.Event]:
-    """An event that Ctrl-C and SIGTERM set, so that everything can be ended in order."""
+    """An event that Ctrl-C and SIGTERM set, so that everything ends in order."""
     asked = asyncio.Event()
     loop = asyncio.get_running_loop()
     numbers = (signal.SIGINT, signal.SIGTERM)
@@ -63,9 +65,9 @@ def asked_to_stop() -> Iterator[asyncio.Event]:
 
 
 def announce(console: Console, system: System) -> None:
-    """Say where the system answers and how to greet it.
+    """Print the addresses, keys and logs of the system.
 
-    Its lines are not broken: they hold addresses and paths that people copy.
+    The lines are not wrapped, because people copy addresses and paths from them.
     """
     console.print(
         f"Skyway is up: [bold]{system.urls['gateway']}[/] (its pages: /docs), "

@@ -1,4 +1,4 @@
-"""`skyway top`: what drones, missions and deliveries do now, on one screen, until Ctrl-C."""
+"""`skyway top`: drones, missions, deliveries and alarms on one screen, until Ctrl-C."""
 
 import time
 from contextlib import suppress
@@ -12,7 +12,7 @@ from skyway.cli.gateway import fail, read_keys
 from skyway.cli.top.reader import NoAnswer, TopReader
 from skyway.cli.top.screen import TopScreen
 
-#: Wall seconds between two looks.
+#: Wall seconds between two reads.
 _EVERY_S = 1.0
 
 _NEEDED = ("SKYWAY_GATEWAY_URL", "SKYWAY_OPERATOR_KEY")
@@ -22,7 +22,7 @@ def top_command(
     once: Annotated[bool, typer.Option("--once", help="Print it once, for scripts.")] = False,
     data: DataOption = None,
 ) -> None:
-    """Watch a running Skyway: drones, missions, deliveries, alarms, lag."""
+    """Show a running Skyway on one screen: drones, missions, deliveries, alarms, lag."""
     folder = data_folder(data)
     settings = read_keys(folder)
     for name in _NEEDED:
@@ -42,7 +42,7 @@ def top_command(
 
 
 def _print_once(reader: TopReader) -> None:
-    """Two looks: what comes a second is only seen between them."""
+    """Print the second of two reads: rates need two reads."""
     time.sleep(_EVERY_S)
     console = Console()
     console.print(TopScreen(console).shown(reader.read()))

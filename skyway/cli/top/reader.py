@@ -1,4 +1,4 @@
-"""What `skyway top` reads: a handful of small answers of the gateway each second."""
+"""Reads the numbers for `skyway top`: a few small answers of the gateway each second."""
 
 import time
 from collections.abc import Mapping
@@ -24,7 +24,7 @@ class Alarm:
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """Counts by state, and how well the talk with drones goes; rates are None at the first look."""
+    """The numbers of one read; rates are None in the first."""
 
     url: str
     at: str
@@ -41,19 +41,19 @@ class Picture:
 
 
 @dataclass(frozen=True, slots=True)
-class Said:
+class MessageCounts:
     """How many messages drones had sent at a moment of the machine's monotonic clock."""
 
     at_s: float
     states: int
     samples: int
 
-    def states_since(self, earlier: "Said") -> float:
-        """States a second; an agent that begins anew counts from 1, which is no step back."""
+    def states_since(self, earlier: "MessageCounts") -> float:
+        """States per second; never negative, although a restarted agent counts from 1 again."""
         return max(0, self.states - earlier.states) / (self.at_s - earlier.at_s)
 
-    def samples_since(self, earlier: "Said") -> float:
-        """Samples a second."""
+    def samples_since(self, earlier: "MessageCounts") -> float:
+        """Samples per second."""
         return max(0, self.samples - earlier.samples) / (self.at_s - earlier.at_s)
 
 
@@ -61,7 +61,7 @@ class Said:
 _TIMEOUT_S: Final = 10.0
 _ALARMS: Final = 8
 
-#: Statistics of a day's deliveries take longer than all else: asked for less often, wall seconds.
+#: Wall seconds between two reads of a day's deliveries, which take longer than everything else.
 _DELIVERIES_EVERY_S: Final = 5.0
 
 _EVENTS: Final = "skyway_delivery_events_total"
@@ -69,11 +69,11 @@ _REPLANNED: Final = 'type="delivery.replanned"'
 
 
 class NoAnswer(SkywayError):
-    """The gateway does not answer, or not as asked."""
+    """The gateway does not answer, or answers with a problem."""
 
 
 class TopReader:
-    """Reads one picture after another; rates are what has come between the last two."""
+    """Reads one picture after another; rates come from the last two."""
 
     def __init__(self, url: str, *, key: str, transport: httpx.BaseTransport | None = None) -> None:
         self._url = url
@@ -85,7 +85,7 @@ class TopReader:
         )
         self._deliveries: Mapping[str, int] = {}
         self._deliveries_due_s = 0.0
-        self._before: Said | None = None
+        self._before: MessageCounts | None = None
 
     def __enter__(self) -> Self:
         self._client.__enter__()
@@ -100,7 +100,7 @@ class TopReader:
         self._client.close()
 
     def read(self) -> Picture:
-        """All there is to see now.
+        """The numbers of this moment.
 
         Raises
         ------
@@ -108,8 +108,8 @@ class TopReader:
             The gateway cannot be reached, or refuses.
         """
         fleets = self._ask("/v1/stats/fleets").json()
-        said = Said(time.monotonic(), states=fleets["states"], samples=fleets["samples"])
-        before, self._before = self._before, said
+        counts = MessageCounts(time.monotonic(), states=fleets["states"], samples=fleets["samples"])
+        before, self._before = self._before, counts
         missions = self._ask("/v1/stats/missions").json()
         alarms = self._ask(f"/v1/alarms?state=OPEN&limit={_ALARMS}").json()["items"]
         return Picture(
@@ -121,8 +121,8 @@ class TopReader:
             alarms=tuple(_alarm(alarm) for alarm in alarms),
             lag_mean_s=fleets["lag_mean_s"],
             lag_max_s=fleets["lag_max_s"],
-            states_per_s=None if before is None else said.states_since(before),
-            samples_per_s=None if before is None else said.samples_since(before),
+            states_per_s=None if before is None else counts.states_since(before),
+            samples_per_s=None if before is None else counts.samples_since(before),
             recompositions=_replanned(self._ask("/metrics").text),
             unsent=missions["unsent"],
         )
@@ -156,10 +156,10 @@ def _alarm(row: Mapping[str, Any]) -> Alarm:  # an alarm as JSON
 
 
 def _replanned(metrics: str) -> int:
-    """How many recompositions customers were told of since the gateway's start."""
-    told = [
+    """How many replans were announced to customers since the gateway's start."""
+    replanned = [
         float(line.rpartition(" ")[2])
         for line in metrics.splitlines()
         if line.startswith(_EVENTS) and _REPLANNED in line
     ]
-    return int(sum(told))
+    return int(sum(replanned))

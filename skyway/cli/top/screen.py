@@ -1,4 +1,4 @@
-"""What `skyway top` shows: counts side by side, how the talk with drones goes, alarms below."""
+"""The screen of `skyway top`: counts side by side, message rates, and alarms below."""
 
 from collections.abc import Mapping
 from datetime import datetime
@@ -15,7 +15,7 @@ from skyway.cli.top.reader import Alarm, Picture
 
 _LEVELS: Final = {"CRITICAL": "bold red", "URGENT": "red", "WARNING": "yellow"}
 
-#: In the order in which they are lived through; what is not named here comes after.
+#: The order of states on the screen; other states come last.
 _ORDERS: Final = {
     "drones": (
         "AVAILABLE",
@@ -44,7 +44,7 @@ _ORDERS: Final = {
 
 
 class TopScreen:
-    """A live screen in a terminal; elsewhere one picture after another."""
+    """A live screen in a terminal; otherwise one picture after another."""
 
     def __init__(self, console: Console) -> None:
         self._live = Live(console=console, auto_refresh=False, screen=console.is_terminal)
@@ -58,12 +58,12 @@ class TopScreen:
         self._live.stop()
 
     def show(self, picture: Picture) -> None:
-        """Show this instead of what was shown before."""
+        """Show this picture instead of the previous one."""
         self._last = self.shown(picture)
         self._live.update(self._last, refresh=True)
 
     def show_silence(self, why: str) -> None:
-        """Keep what was shown, and say that it is old."""
+        """Keep the last picture, and show why there is no new one."""
         self._live.update(Group(Text(why, style="bold red"), self._last), refresh=True)
 
     def shown(self, picture: Picture) -> RenderableType:
@@ -80,7 +80,7 @@ class TopScreen:
         return Group(
             heading,
             "",
-            Columns([*tables, _talk_table(picture)], padding=(0, 3)),
+            Columns([*tables, _message_table(picture)], padding=(0, 3)),
             "",
             _alarm_list(picture.alarms),
         )
@@ -90,19 +90,19 @@ def _count_table(name: str, counted: Mapping[str, int]) -> Table:
     table = Table(box=None, header_style="bold", padding=(0, 1))
     table.add_column(name)
     table.add_column(f"{sum(counted.values()):,}", justify="right")
-    known = _ORDERS[name]
-    for state in (*known, *sorted(counted.keys() - set(known))):
+    order = _ORDERS[name]
+    for state in (*order, *sorted(counted.keys() - set(order))):
         if counted.get(state):
             table.add_row(state, f"{counted[state]:,}")
     return table
 
 
-def _talk_table(picture: Picture) -> Table:
+def _message_table(picture: Picture) -> Table:
     table = Table(box=None, header_style="bold", padding=(0, 1))
-    table.add_column("what drones say")
+    table.add_column("messages of drones")
     table.add_column("", justify="right")
-    table.add_row("states a second", _number(picture.states_per_s))
-    table.add_row("samples a second", _number(picture.samples_per_s))
+    table.add_row("states per second", _number(picture.states_per_s))
+    table.add_row("samples per second", _number(picture.samples_per_s))
     table.add_row("lag of the newest, mean", _seconds(picture.lag_mean_s))
     table.add_row("lag of the newest, max", _seconds(picture.lag_max_s))
     table.add_row("recompositions", f"{picture.recompositions:,}")
@@ -112,7 +112,7 @@ def _talk_table(picture: Picture) -> Table:
 
 
 def _alarm_list(alarms: tuple[Alarm, ...]) -> RenderableType:
-    """Two lines for each: ids are long, and what happened has to be read on a narrow screen too."""
+    """Two lines for each alarm, so that long ids and details fit on a narrow screen."""
     if not alarms:
         return Text("no open alarms", style="dim")
     lines: list[RenderableType] = [Text(" newest alarms", style="bold")]

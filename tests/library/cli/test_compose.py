@@ -72,7 +72,7 @@ def test_one_problem_may_be_spread_over_lines(tmp_path: Path):
     assert json.loads(result.stdout)["delivery_time_s"] == pytest.approx(100.0)
 
 
-def test_json_lines_give_a_plan_a_line_in_their_order():
+def test_json_lines_give_one_plan_per_line_in_order():
     heavy = json.dumps(
         make_problem(packages=[{"package_id": "p", "mass_kg": 9, "destination": "b"}])
     )
@@ -84,7 +84,7 @@ def test_json_lines_give_a_plan_a_line_in_their_order():
     assert plans[1]["infeasibility"]["code"] == "OVERWEIGHT"
 
 
-def test_what_cannot_be_read_is_named_by_line_and_field_and_left_out():
+def test_unreadable_problems_are_named_by_line_and_field_and_skipped():
     negative = GOOD.replace('"mass_kg": 0.7', '"mass_kg": -0.7')
     nowhere = json.dumps(make_problem(source="x"))
 
@@ -117,7 +117,7 @@ def test_what_cannot_be_read_is_named_by_line_and_field_and_left_out():
         ),
     ],
 )
-def test_a_document_that_is_no_problem_exits_with_2(text: str | bytes, message: str):
+def test_a_document_that_is_not_a_problem_exits_with_2(text: str | bytes, message: str):
     code, plans, messages = run(text)
 
     assert (code, plans) == (2, [])
@@ -149,7 +149,7 @@ def test_options_override_the_problem():
         ("--time-limit", "inf"),
     ],
 )
-def test_options_that_mean_nothing_are_refused(options: tuple[str, str]):
+def test_invalid_options_are_refused(options: tuple[str, str]):
     code, plans, messages = run(GOOD, *options)
 
     assert (code, plans) == (2, [])
@@ -181,7 +181,7 @@ def test_all_faults_of_a_problem_are_lines_of_their_own():
     ]
 
 
-def test_a_network_is_told_from_one_that_only_looks_equal():
+def test_networks_with_equal_looking_values_are_distinguished():
     good = make_problem()
     bad = json.loads(GOOD)
     good["network"]["features"][0]["properties"]["pads"] = 1

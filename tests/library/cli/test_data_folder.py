@@ -14,7 +14,7 @@ def folder(tmp_path: Path) -> DataFolder:
     return made
 
 
-def test_a_folder_is_held_once_at_a_time(folder: DataFolder) -> None:
+def test_a_folder_is_locked_by_one_process_at_a_time(folder: DataFolder) -> None:
     with held(folder), pytest.raises(SkywayError, match="another Skyway runs"), held(folder):
         pass
 

@@ -19,7 +19,7 @@ def test_an_optimal_plan_is_proven():
     assert proof_of(plan) == "proven optimal: no plan delivers earlier"
 
 
-def test_a_plan_that_a_limit_ended_tells_how_much_earlier_another_could_be():
+def test_a_plan_that_a_limit_ended_says_how_much_earlier_another_could_be():
     plan = {"status": "feasible", "delivery_time_s": 1510.0, "lower_bound_s": 10.0}
 
     assert proof_of(plan).endswith("up to 1,500 s earlier")

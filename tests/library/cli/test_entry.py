@@ -9,7 +9,7 @@ main()
 """
 
 
-def test_the_command_names_the_extra_that_it_needs_where_only_the_library_is() -> None:
+def test_without_its_extra_the_command_names_it() -> None:
     ended = subprocess.run(
         [sys.executable, "-c", HIDE_TYPER], capture_output=True, text=True, check=False, timeout=60
     )

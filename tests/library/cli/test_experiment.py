@@ -3,7 +3,7 @@ from typer.testing import CliRunner
 from skyway.cli.main import app
 
 
-def test_a_part_that_is_none_is_refused():
+def test_an_unknown_part_is_refused():
     result = CliRunner().invoke(app, ["experiment", "--only", "nothing"])
 
     assert result.exit_code == 2

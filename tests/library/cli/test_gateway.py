@@ -33,7 +33,9 @@ def test_lines_are_read_as_a_shell_reads_them(tmp_path: Path) -> None:
     assert keys["SKYWAY_OPERATOR_KEY"] == "sk_a=b"
 
 
-def test_the_environment_wins(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_setting_of_the_environment_comes_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     (tmp_path / "keys.env").write_text("export SKYWAY_OPERATOR_KEY=old\n")
     monkeypatch.setenv("SKYWAY_OPERATOR_KEY", "new")
 

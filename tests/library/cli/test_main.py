@@ -46,7 +46,7 @@ def test_a_data_folder_that_is_a_file_is_named(
     assert ended.stderr.startswith(f"skyway: {file}")
 
 
-def test_a_request_s_file_that_is_not_there_is_named(skyway: Skyway, tmp_path: Path) -> None:
+def test_a_missing_request_file_is_named(skyway: Skyway, tmp_path: Path) -> None:
     ended = skyway("request", "--file", tmp_path / "nofile", "--data", tmp_path)
 
     assert (ended.returncode, ended.stdout) == (1, "")
@@ -71,9 +71,7 @@ def test_verify_of_an_empty_folder_names_the_database_and_makes_none(
 
 
 @pytest.mark.parametrize("content", ["[]", "[1]", '{"items": []}', '{"items": 3}', "7", '{"a": 1}'])
-def test_a_fleet_s_file_without_drones_is_named(
-    skyway: Skyway, content: str, tmp_path: Path
-) -> None:
+def test_a_fleet_file_without_drones_is_named(skyway: Skyway, content: str, tmp_path: Path) -> None:
     file = tmp_path / "fleet.json"
     file.write_text(content)
 

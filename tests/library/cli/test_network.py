@@ -84,7 +84,7 @@ def test_build_writes_a_city_of_the_size_asked_for() -> None:
         (["--kind", "city", "--stations", "0"], "stations: 0 lies outside 1 to"),
     ],
 )
-def test_build_refuses_what_it_would_have_to_pass_over(arguments: list[str], message: str) -> None:
+def test_build_refuses_options_that_have_no_effect(arguments: list[str], message: str) -> None:
     result = runner.invoke(network_app, ["build", *arguments])
 
     assert result.exit_code == 2
@@ -92,7 +92,7 @@ def test_build_refuses_what_it_would_have_to_pass_over(arguments: list[str], mes
     assert result.stdout == ""
 
 
-def test_show_tells_what_a_network_holds() -> None:
+def test_show_prints_the_facts_of_a_network() -> None:
     result = runner.invoke(network_app, ["show", "bundled"])
 
     for fact in ("56", "386", "59", "6, the largest of 50 stations", "19.9 km"):
@@ -165,7 +165,7 @@ PROBLEM = {"title": "Invalid", "detail": "no", "errors": [{"field": "f", "detail
 
 
 @pytest.mark.parametrize("gateway", [(422, PROBLEM), (409, {"detail": "no"})], indirect=True)
-def test_a_problem_is_told_in_words(gateway: Gateway) -> None:
+def test_a_problem_is_printed_in_words(gateway: Gateway) -> None:
     result = runner.invoke(network_app, ["import", "bundled", "--network-id", "texas"])
 
     assert result.exit_code == 1
@@ -173,7 +173,7 @@ def test_a_problem_is_told_in_words(gateway: Gateway) -> None:
     assert ("  f: is bad" in result.stderr) == (gateway.status == 422)
 
 
-def test_a_gateway_that_is_not_there_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_gateway_that_does_not_answer_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SKYWAY_GATEWAY_URL", "http://127.0.0.1:9")
     monkeypatch.setenv("SKYWAY_OPERATOR_KEY", "sk_1")
 

@@ -12,7 +12,7 @@ ENTRY = "from skyway.cli.entry import main; main()"
 
 
 @pytest.mark.parametrize("command", ["fleet", "drone"])
-def test_the_agent_is_told_what_is_disturbed_and_refuses_what_cannot_be(
+def test_the_agent_gets_the_differences_and_refuses_impossible_ones(
     command: str, tmp_path: Path
 ) -> None:
     file = tmp_path / "fleet.json"
@@ -33,7 +33,9 @@ def test_the_agent_is_told_what_is_disturbed_and_refuses_what_cannot_be(
     assert "charge_time_factor: Input should be greater than 0, not -2.0\n" in done.stderr
 
 
-def test_a_drone_without_a_file_enrols_and_its_token_is_no_argument(tmp_path: Path) -> None:
+def test_a_drone_without_a_file_enrols_without_its_token_among_the_arguments(
+    tmp_path: Path,
+) -> None:
     api = "http://127.0.0.1:9"
 
     done = subprocess.run(

@@ -39,7 +39,7 @@ def test_the_authority_stays_when_secrets_are_made_again(tmp_path: Path) -> None
     assert CertificateAuthority.load(folder.drone_ca).certificate_pem == before
 
 
-def test_without_a_name_there_is_none(tmp_path: Path) -> None:
+def test_without_a_name_there_is_no_authority(tmp_path: Path) -> None:
     folder = DataFolder(tmp_path / "data")
 
     configuration = make_secrets(folder)

@@ -33,7 +33,7 @@ def started(folder: DataFolder) -> tuple[set[str], str]:
         return set(sockets), environment(folder, sockets)["SKYWAY_MQTT_URL"]
 
 
-def test_a_shell_that_sourced_keys_env_names_no_other_broker(
+def test_a_shell_that_sourced_keys_env_still_starts_the_embedded_broker(
     folder: DataFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     write_keys_file(folder, "http://127.0.0.1:8000", URL, own_broker_url=URL)
@@ -58,7 +58,7 @@ def test_a_broker_that_is_named_is_not_started(
     assert url == "mqtt://127.0.0.1:1884"
 
 
-def test_the_keys_of_a_system_without_a_broker_of_its_own_name_another_one(
+def test_the_keys_of_a_system_with_an_external_broker_name_it(
     folder: DataFolder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     write_keys_file(folder, "http://127.0.0.1:8000", URL, own_broker_url=URL)

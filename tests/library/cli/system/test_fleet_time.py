@@ -53,7 +53,7 @@ def test_fleet_time_never_goes_back_over_a_restart(folder: DataFolder) -> None:
     assert anchor(folder) >= reached + timedelta(seconds=120)
 
 
-def test_fleet_time_runs_on_while_the_system_stands_still(folder: DataFolder) -> None:
+def test_fleet_time_runs_on_while_the_system_is_stopped(folder: DataFolder) -> None:
     reached = in_a_month()
     noted_at = note_heartbeat(folder, reached, rate=120.0, ago=timedelta(seconds=40))
 
@@ -64,7 +64,7 @@ def test_fleet_time_runs_on_while_the_system_stands_still(folder: DataFolder) ->
     assert started.fleet_at == reached + (started.wall_at - noted_at) * 120
 
 
-def test_fleet_time_of_a_folder_that_nobody_used_for_long_stays_in_sight(
+def test_fleet_time_of_a_long_unused_folder_runs_on_for_a_day_only(
     folder: DataFolder,
 ) -> None:
     reached = in_a_month()
@@ -86,7 +86,7 @@ def test_a_machine_clock_that_was_set_back_does_not_set_fleet_time_back(
     assert anchor(folder) >= reached + timedelta(seconds=120)
 
 
-def test_drones_have_not_outrun_a_clock_that_is_slower_from_now_on(folder: DataFolder) -> None:
+def test_a_slower_clock_starts_later_than_any_drone_can_be(folder: DataFolder) -> None:
     reached = in_a_month()
     noted_at = note_heartbeat(folder, reached, rate=120.0, ago=timedelta(seconds=40))
 
@@ -116,7 +116,7 @@ def test_two_starts_without_a_heartbeat_between_do_not_go_back(folder: DataFolde
     assert anchor(folder) > first
 
 
-async def test_a_heartbeat_lies_on_the_line_of_the_anchor(folder: DataFolder) -> None:
+async def test_a_heartbeat_stores_the_time_of_the_anchored_clock(folder: DataFolder) -> None:
     anchor_clock(folder, rate=120)
     started = load_clock(folder.clock_file)
     at_the_start = folder.heartbeat_file.read_text()

@@ -59,7 +59,7 @@ async def said_first(url: str, *, about: str = "") -> str:
         waiting.cancel()
 
 
-async def test_what_a_service_lacks_is_said_once() -> None:
+async def test_the_reason_of_a_long_wait_is_printed_once() -> None:
     said: list[str] = []
 
     async with a_gateway(["no planner", "no planner", "no planner", None]) as url:
@@ -68,7 +68,7 @@ async def test_what_a_service_lacks_is_said_once() -> None:
     assert said == ["Still waiting: no planner."]
 
 
-async def test_nothing_is_said_of_a_short_wait() -> None:
+async def test_a_short_wait_prints_nothing() -> None:
     said: list[str] = []
 
     async with a_gateway(["no planner", None]) as url:
@@ -91,7 +91,7 @@ async def test_a_service_that_never_answers_is_named() -> None:
         assert await said_first(url) == "Still waiting: gateway does not answer yet."
 
 
-async def test_a_broker_that_is_not_running_is_named_and_what_to_do(
+async def test_a_broker_that_is_not_running_is_named_with_advice(
     broker: socket.socket,
 ) -> None:
     async with a_gateway(["missing: mqtt"]) as url:
@@ -101,7 +101,7 @@ async def test_a_broker_that_is_not_running_is_named_and_what_to_do(
     assert "unset SKYWAY_MQTT_URL" in words
 
 
-async def test_a_broker_that_lets_nobody_in_is_told_from_one_that_is_not_there(
+async def test_a_broker_that_refuses_the_services_is_named_as_such(
     broker: socket.socket,
 ) -> None:
     broker.listen()

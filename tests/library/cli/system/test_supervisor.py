@@ -49,7 +49,7 @@ async def test_a_killed_child_comes_back_as_another_process(tmp_path: Path) -> N
         await until(lambda: supervisor.pid("child") not in (None, first))
 
 
-async def test_a_child_gives_way_as_far_as_it_is_told_to(tmp_path: Path) -> None:
+async def test_a_child_is_as_nice_as_requested(tmp_path: Path) -> None:
     async with Supervisor() as supervisor:
         nice = replace(make_child(tmp_path, WAITS, "nice"), gives_way_by=5)
         supervisor.start(nice)
@@ -80,7 +80,9 @@ async def test_leaving_ends_every_child(tmp_path: Path) -> None:
     assert not any(is_running(pid) for pid in pids)
 
 
-async def test_a_child_that_keeps_dying_is_given_up_and_its_log_named(tmp_path: Path) -> None:
+async def test_a_child_that_keeps_dying_ends_everything_and_its_log_is_named(
+    tmp_path: Path,
+) -> None:
     async with Supervisor() as supervisor:
         supervisor.start(make_child(tmp_path, "raise SystemExit(7)"))
 

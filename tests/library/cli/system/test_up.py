@@ -19,7 +19,7 @@ from skyway.cli.system.supervisor import Supervisor
 
 
 @pytest.mark.parametrize("asking", [signal.SIGINT, signal.SIGTERM])
-def test_a_system_that_is_not_up_yet_is_ended_too(
+def test_a_system_that_is_still_starting_can_be_stopped(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, asking: signal.Signals
 ) -> None:
     happened: list[str] = []

@@ -10,7 +10,7 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 from skyway.cli.main import app
-from skyway.cli.top.reader import NoAnswer, Said, TopReader
+from skyway.cli.top.reader import MessageCounts, NoAnswer, TopReader
 from skyway.cli.top.screen import TopScreen
 
 ALARM = {
@@ -87,7 +87,7 @@ def printed(reader: TopReader) -> Callable[[], str]:
     return show
 
 
-def test_all_that_is_asked_for_is_on_the_screen(printed: Callable[[], str]) -> None:
+def test_all_numbers_are_on_the_screen(printed: Callable[[], str]) -> None:
     screen = printed()
 
     for words in ("1,040", "AVAILABLE", "1,039", "GROUNDED", "ACTIVE", "COMPLETED", "17"):
@@ -97,7 +97,7 @@ def test_all_that_is_asked_for_is_on_the_screen(printed: Callable[[], str]) -> N
     assert "waiting to leave, mqtt" in screen
 
 
-def test_an_alarm_is_read_on_a_narrow_screen(reader: TopReader) -> None:
+def test_an_alarm_can_be_read_on_a_narrow_screen(reader: TopReader) -> None:
     console = Console(width=80, force_terminal=False)
 
     with console.capture() as captured:
@@ -107,11 +107,11 @@ def test_an_alarm_is_read_on_a_narrow_screen(reader: TopReader) -> None:
     assert "it is down in a field, 140 m from the nearest road" in captured.get()
 
 
-def test_recompositions_are_what_customers_were_told_of(reader: TopReader) -> None:
+def test_recompositions_count_the_replans_announced_to_customers(reader: TopReader) -> None:
     assert reader.read().recompositions == 3
 
 
-def test_rates_are_known_from_the_second_look_on(reader: TopReader, gateway: Gateway) -> None:
+def test_rates_are_shown_from_the_second_read_on(reader: TopReader, gateway: Gateway) -> None:
     first = reader.read()
     gateway.states += 5
     second = reader.read()
@@ -122,16 +122,17 @@ def test_rates_are_known_from_the_second_look_on(reader: TopReader, gateway: Gat
     assert second.samples_per_s == 0
 
 
-def test_a_rate_is_what_came_over_the_seconds_between() -> None:
-    before, after = Said(10.0, states=100, samples=7), Said(12.0, states=150, samples=3)
+def test_a_rate_is_the_number_of_messages_per_second() -> None:
+    before, after = (
+        MessageCounts(10.0, states=100, samples=7),
+        MessageCounts(12.0, states=150, samples=3),
+    )
 
     assert after.states_since(before) == 25.0
     assert after.samples_since(before) == 0.0
 
 
-def test_a_days_deliveries_are_not_asked_for_each_second(
-    reader: TopReader, gateway: Gateway
-) -> None:
+def test_a_days_deliveries_are_not_read_each_second(reader: TopReader, gateway: Gateway) -> None:
     reader.read()
     reader.read()
 
@@ -139,14 +140,14 @@ def test_a_days_deliveries_are_not_asked_for_each_second(
     assert gateway.asked.count("/v1/stats/fleets") == 2
 
 
-def test_silence_of_the_gateway_is_told(reader: TopReader, gateway: Gateway) -> None:
+def test_a_silent_gateway_is_an_error(reader: TopReader, gateway: Gateway) -> None:
     gateway.is_away = True
 
     with pytest.raises(NoAnswer, match=r"no answer from http://gateway: .*skyway up"):
         reader.read()
 
 
-def test_a_screen_keeps_what_it_showed_while_nobody_answers(reader: TopReader) -> None:
+def test_the_screen_keeps_the_last_picture_while_the_gateway_is_silent(reader: TopReader) -> None:
     console = Console(width=160, force_terminal=True)
     with console.capture() as captured, TopScreen(console) as screen:
         screen.show(reader.read())
