@@ -66,8 +66,10 @@ def gateway_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> Fa
     return create_app(
         service=SERVICE,
         title="Skyway",
-        description="The public face: deliveries, their events, and what operators and providers "
-        "ask of the other services.",
+        description="Have packages delivered by drones. Customers request deliveries and follow "
+        "them, providers register their drones, operators publish networks and watch over "
+        "missions. Each call carries an API key: `Authorization: Bearer sk_...`. Moments are RFC "
+        "3339 UTC, quantities are in SI units, prices in minor units of their currency.",
         # A request is compared with each route in this order: the busiest routes come first.
         routers=[
             delivery_routes(gate=gate, acceptance=parts.acceptance),

@@ -61,6 +61,7 @@ BY_NAME: Final[Mapping[str, Any]] = {
     "registration": "N123SK",
     "role": "customer",
     "service": "gateway",
+    "state": "PLANNED",
     "sha256": "9f86d081884c7d659a2feaa0c55ad015a3bf4f1b2b0b822cd15d6c15b0f00a08",
     "traceparent": "00-4bf92f3577b34da6a3ce929d0e0e4736-00f067aa0ba902b7-01",
     "url": "https://books.example/hooks/skyway",
@@ -141,7 +142,6 @@ BY_NAME: Final[Mapping[str, Any]] = {
     "promised_at": "2026-03-02T08:29:00Z",
     "eta_at": "2026-03-02T08:29:00Z",
     "end_at": "2026-03-02T08:29:00Z",
-    "delivered_at": "2026-03-02T08:29:00Z",
     "occurred_at": "2026-03-02T08:29:00Z",
     "updated_at": "2026-03-02T08:29:00Z",
     "at": "2026-03-02T08:29:00Z",
@@ -154,6 +154,7 @@ BY_NAME: Final[Mapping[str, Any]] = {
     # Absent in a delivery that goes well.
     "acknowledged_at": None,
     "disabled_reason": None,
+    "activity": None,
     "given_up": None,
     "infeasibility": None,
     "lifted_at": None,
@@ -167,6 +168,8 @@ BY_NAME: Final[Mapping[str, Any]] = {
     "home_plan": None,
     "home_recharge": None,
     "failsafe": None,
+    "delivered_at": None,
+    "proof": None,
 }
 
 _REQUEST: Final[dict[str, Any]] = {

@@ -15,7 +15,7 @@ _UNSAID: Final = "Successful Response"
 _TUPLES: Final = (Position, ChargePoint)
 _REPEATABLE: Final = (
     "Repeats are answered like the first call with this key and body, for 24 hours; "
-    "1 to 200 characters."
+    "1 to 255 characters."
 )
 _HEADERS: Final = {
     "idempotency-key": _REPEATABLE,

@@ -94,6 +94,9 @@ def _is_of_type(value: object, schema: Schema, schemas: Mapping[str, Schema]) ->
     is_moment = any(form.get("format") == "date-time" for form in forms)
     if is_moment and isinstance(value, str) and not value[:4].isdigit():
         return False
+    named = [each for form in forms for each in form.get("enum", ())]
+    if named and value not in named:
+        return False
     kinds = {_type_of(form, schemas) for form in forms}
     return _json_type(value) in kinds or (isinstance(value, int) and "number" in kinds)
 
