@@ -45,7 +45,7 @@ def places() -> list[dict[str, object]]:
         for city in cities
         if is_in_box(city["longitude"], city["latitude"])
     ]
-    return sorted(rows, key=lambda row: row["station_id"])
+    return sorted(rows, key=lambda row: str(row["station_id"]))
 
 
 def airports() -> list[dict[str, object]]:
@@ -60,7 +60,7 @@ def airports() -> list[dict[str, object]]:
         for code, airport in airportsdata.load("ICAO").items()
         if is_in_box(airport["lon"], airport["lat"])
     ]
-    return sorted(rows, key=lambda row: row["code"])
+    return sorted(rows, key=lambda row: str(row["code"]))
 
 
 def is_in_box(longitude_deg: float, latitude_deg: float) -> bool:

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -27,7 +28,7 @@ A_RUN = Run(
 
 @pytest.fixture
 def make_run() -> Callable[..., Run]:
-    def make(contestant: str = "exact", **fields: object) -> Run:
+    def make(contestant: str = "exact", **fields: Any) -> Run:
         return replace(A_RUN, contestant=contestant, **fields)
 
     return make

@@ -8,6 +8,7 @@ from skyway.experiments.disturbances import Climate, Day
 from skyway.experiments.flown_plan import fly_plan
 from skyway.experiments.instances import SHORT_RANGE, texas_problem
 from skyway.experiments.margin import SETTING
+from skyway.ids import StationId
 from skyway.planner import compose
 
 PROBLEM = texas_problem(replace(SETTING, model=SHORT_RANGE), seed=4)
@@ -51,7 +52,9 @@ def test_late_pads_only_make_deliveries_late(plan):
 
 def test_head_wind_costs_more_than_tail_wind_saves():
     wind = [Day.of(Climate(wind_mps=5.0), chance(number)) for number in range(400)]
-    one, other = (PROBLEM.network.stations[s].position for s in ("san-marcos", "san-antonio"))
+    one, other = (
+        PROBLEM.network.stations[StationId(s)].position for s in ("san-marcos", "san-antonio")
+    )
 
     there_and_back = sum(
         day.slowness(one, other, air_speed_mps=23.0) + day.slowness(other, one, air_speed_mps=23.0)

@@ -4,13 +4,14 @@ from datetime import UTC, datetime, timedelta
 import pytest
 
 from skyway.geo import Position
-from skyway.ids import ZoneId
+from skyway.ids import StationId, ZoneId
 from skyway.network.network import Zone
 from skyway.planner.airspace import Airspace
 from skyway.planner.closures import Closures, Use
 
 START = datetime(2026, 1, 1, tzinfo=UTC)
-A_TO_B = ("a", "b")
+A, B, C, D = (StationId(name) for name in "abcd")
+A_TO_B = (A, B)
 
 
 def fly(duration_s: float = 10.0, after_s: float = 0.0) -> Use:
@@ -18,7 +19,7 @@ def fly(duration_s: float = 10.0, after_s: float = 0.0) -> Use:
 
 
 def closed(*intervals: tuple[float, float]) -> Closures:
-    return Closures({A_TO_B: intervals, "b": [(100.0, 200.0)]})
+    return Closures({A_TO_B: intervals, B: [(100.0, 200.0)]})
 
 
 @pytest.mark.parametrize(
@@ -52,7 +53,7 @@ def test_a_closure_without_end_never_ends():
 
 
 def test_a_landing_is_a_moment_and_may_not_lie_in_a_closure():
-    landing = Use("b", 10.0, 0.0)
+    landing = Use(B, 10.0, 0.0)
 
     assert closed().earliest_departure([landing], not_before_s=89.0).at_s == 89.0
     assert closed().earliest_departure([landing], not_before_s=90.0).at_s == 190.0
@@ -67,7 +68,7 @@ def test_a_landing_is_a_moment_and_may_not_lie_in_a_closure():
         ([(-5.0, 1e9)], False),
     ],
 )
-def test_only_what_is_closed_from_the_start_without_end_is_closed_for_good(intervals, is_for_good):
+def test_only_a_closure_from_the_start_without_end_closes_for_good(intervals, is_for_good):
     assert closed(*intervals).is_closed_for_good(A_TO_B) is is_for_good
 
 
@@ -84,7 +85,7 @@ def test_a_zone_closes_the_segments_that_meet_it_while_it_is_active(make_network
 
     closures = Closures.of(problem, Airspace.of(network))
 
-    for use in (fly(), Use(("c", "b"), 0.0, 10.0), Use("b", 0.0, 0.0)):
+    for use in (fly(), Use((C, B), 0.0, 10.0), Use(B, 0.0, 0.0)):
         assert closures.earliest_departure([use], not_before_s=55.0).at_s == 60.0
-    for use in (Use(("c", "d"), 0.0, 10.0), Use("a", 0.0, 0.0)):
+    for use in (Use((C, D), 0.0, 10.0), Use(A, 0.0, 0.0)):
         assert closures.earliest_departure([use], not_before_s=55.0).at_s == 55.0

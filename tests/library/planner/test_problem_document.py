@@ -11,6 +11,7 @@ from skyway.errors import Fault, InvalidProblem
 from skyway.planner import compose
 from skyway.planner.problem import MAX_FAULTS
 from skyway.planner.problem_document import read_problem
+from tests.library.planner.outcomes import infeasibility
 
 #: Seconds for one refusal of a huge document; what is due is a second, on an idle machine.
 _SOON_S = 2.0
@@ -258,4 +259,4 @@ def test_an_enormous_mass_is_overweight(good_problem):
     for package in document["packages"]:
         package["mass_kg"] = 1e12
 
-    assert compose(read_problem(document)).infeasibility.code == "OVERWEIGHT"
+    assert infeasibility(compose(read_problem(document))).code == "OVERWEIGHT"

@@ -8,12 +8,17 @@ def test_effort_is_spent_with_the_last_label_of_the_limit():
     assert effort.labels == 4
 
 
-def test_a_stop_learns_how_many_labels_remain():
-    told: list[int] = []
-    effort = Effort(lambda labels: bool(told.append(labels)), most_labels=3)
+def test_a_stop_receives_the_number_of_labels_made_so_far():
+    asked_with: list[int] = []
+
+    def record(labels: int) -> bool:
+        asked_with.append(labels)
+        return False
+
+    effort = Effort(record, most_labels=3)
 
     assert [effort.has_made(2), effort.has_made(1)] == [False, True]
-    assert told == [2, 3]
+    assert asked_with == [2, 3]
 
 
 def test_a_time_limit_of_zero_is_over_immediately_and_a_long_one_is_not():
@@ -21,7 +26,7 @@ def test_a_time_limit_of_zero_is_over_immediately_and_a_long_one_is_not():
     assert not TimeLimit(3600.0)(10**9)
 
 
-def test_the_first_of_several_stops_counts():
+def test_combined_stops_end_with_the_first_of_them():
     stop = first_of(never, LabelLimit(2))
 
     assert (stop(1), stop(2)) == (False, True)

@@ -1,6 +1,6 @@
-"""Each kind of broken plan is caught; the broken plans are good ones with one thing changed."""
+"""Every kind of broken plan is caught. A broken plan is a good plan with one change."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import pytest
@@ -28,12 +28,12 @@ def without_step(plan: Plan, number: int) -> Plan:
 
 
 @pytest.fixture
-def problem(make_problem) -> Problem:
+def problem(make_problem: Callable[..., Problem]) -> Problem:
     return make_problem("a-b:8 b-c:5 c-d:2", "c", "d", mass_kg=0.0)
 
 
 @pytest.fixture
-def plan(problem) -> Plan:
+def plan(problem: Problem) -> Plan:
     """PICK_UP, FLY b, RECHARGE, FLY c, DELIVER, RECHARGE, FLY d, DELIVER."""
     return compose(problem)
 
@@ -260,6 +260,6 @@ def test_a_plan_without_flights_shows_no_times(problem, plan, status: str):
     assert rules(problem, plan.model_copy(update={"status": status})) == {"no plan"}
 
 
-def test_an_infeasible_plan_must_say_why(problem):
+def test_an_infeasible_plan_must_name_its_reason(problem):
     assert rules(problem, Plan(status="infeasible")) == {"no plan"}
     assert verify(problem, Plan(status="unknown")) == ()

@@ -4,19 +4,20 @@ from collections.abc import Iterator
 
 from skyway.delivery.plan import Deliver, Fly, PickUp, Plan, Recharge, Wait
 from tests.library.planner.damages.good_plan import GoodPlan, changed, fitted, is_empty
+from tests.library.planner.outcomes import delivery_time_s
 
 
 def each_step_dropped(good: GoodPlan) -> Iterator[Plan]:
-    """It leaves a gap in time, a gap on the map, or packages that never change hands."""
+    """Without a step there is a gap in time or on the map, or packages are not handed over."""
     for number, step in enumerate(good.steps):
         if not is_empty(step):
             yield good.with_step(number)
 
 
 def each_step_dropped_and_the_gap_closed(good: GoodPlan) -> Iterator[Plan]:
-    """A flight is missing on the map, a recharge in the battery, a handover at the end.
+    """A missing flight breaks the route; a recharge, the charge; a handover, the delivery.
 
-    Waits stay: some strategies wait longer than they have to.
+    No wait is dropped: some strategies wait longer than they have to.
     """
     for number, step in enumerate(good.steps):
         if not isinstance(step, Wait) and not is_empty(step):
@@ -24,14 +25,14 @@ def each_step_dropped_and_the_gap_closed(good: GoodPlan) -> Iterator[Plan]:
 
 
 def each_step_twice(good: GoodPlan) -> Iterator[Plan]:
-    """What takes time begins before it ended; what takes none is a handover of nothing."""
+    """A repeated step starts before its first end, or hands over packages a second time."""
     for number, step in enumerate(good.steps):
         if not is_empty(step):
             yield good.with_step(number, step, step)
 
 
 def neighbours_swapped(good: GoodPlan) -> Iterator[Plan]:
-    """Both at their own times: what takes time comes too early, what takes none too late."""
+    """Both steps keep their times, so one comes too early and the other too late."""
     for number in range(len(good.steps) - 1):
         first, second = good.steps[number : number + 2]
         if not (is_empty(first) or is_empty(second)):
@@ -51,12 +52,13 @@ def no_steps(good: GoodPlan) -> Iterator[Plan]:
 def the_whole_plan_later(good: GoodPlan) -> Iterator[Plan]:
     """A plan begins at time 0."""
     steps = [changed(s, start_s=s.start_s + 1, end_s=s.end_s + 1) for s in good.steps]
-    yield good.having(steps=tuple(steps), delivery_time_s=good.plan.delivery_time_s + 1)
+    yield good.having(steps=tuple(steps), delivery_time_s=delivery_time_s(good.plan) + 1)
 
 
 def something_after_the_last_delivery(good: GoodPlan) -> Iterator[Plan]:
-    """Above all no recharge, by which a finish out of reach would come within it."""
+    """A recharge here matters most: it could bring an unreachable finish within reach."""
     last = good.steps[-1]
+    assert isinstance(last, Deliver | PickUp)
     end_s, here = last.end_s, last.station_id
     soc = next(step.soc_end for step in reversed(good.steps) if isinstance(step, Fly | Recharge))
     segment = good.problem.network.segments_from(here)[0]
@@ -78,7 +80,7 @@ def something_after_the_last_delivery(good: GoodPlan) -> Iterator[Plan]:
 
 
 def a_wait_before_packages_change_hands(good: GoodPlan) -> Iterator[Plan]:
-    """Everything else is made to fit: only the rule against it is broken."""
+    """The rest of the plan is made to fit: only the rule against such waits is broken."""
     for number, step in enumerate(good.steps):
         if isinstance(step, PickUp | Deliver):
             for duration_s in (0.0, 60.0):
@@ -102,7 +104,7 @@ def a_recharge_in_the_air(good: GoodPlan) -> Iterator[Plan]:
             yield fitted(good.plan, good.with_step(number, step, recharge).steps)
 
 
-#: All of them.
+#: All damages of this file.
 DAMAGES = (
     each_step_dropped,
     each_step_dropped_and_the_gap_closed,

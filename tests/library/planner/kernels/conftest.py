@@ -13,7 +13,7 @@ _PARTS = ("charging", "closures", "dominance", "memory", "pads", "queue", "recor
 
 @pytest.fixture(scope="session")
 def plain() -> SimpleNamespace:
-    """A copy of the kernels that is not compiled; everybody else keeps the compiled ones."""
+    """A copy of the kernels that is not compiled; all other modules keep the compiled kernels."""
     compiled = {name: sys.modules.pop(name) for name in list(sys.modules) if _is_kernel(name)}
     numba.config.DISABLE_JIT = True
     try:
@@ -24,7 +24,7 @@ def plain() -> SimpleNamespace:
             del sys.modules[name]
         sys.modules.update(compiled)
         if _PACKAGE in compiled:
-            sys.modules["skyway.planner"].kernels = compiled[_PACKAGE]
+            vars(sys.modules["skyway.planner"])["kernels"] = compiled[_PACKAGE]
     return SimpleNamespace(**parts)
 
 

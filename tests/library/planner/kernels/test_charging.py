@@ -4,6 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 
 from skyway.drone.charging import recharge_time_s, soc_after_recharge
 from skyway.drone.model import ChargePoint, DroneModel
@@ -13,7 +14,7 @@ _CURVE = (ChargePoint(40, 0.05), ChargePoint(500, 0.6), ChargePoint(900, 0.8), C
 
 @pytest.fixture
 def curved(model: DroneModel) -> DroneModel:
-    # Made anew: a copy would have the columns of the curve that the model was asked for before.
+    # A new model: a copy would keep the cached columns of the old charge curve.
     return DroneModel.model_validate(
         {**model.model_dump(), "charge_curve": _CURVE, "reserve_soc": 0.05}
     )
@@ -30,7 +31,7 @@ def task(curved: DroneModel) -> SimpleNamespace:
 
 
 @pytest.mark.parametrize("soc", [0.05, 0.1, 0.6, 0.61, 0.8, 0.95, 1.0])
-def test_time_and_level_are_those_of_the_drone(
+def test_times_and_levels_equal_those_of_the_drone_model(
     plain: SimpleNamespace, task: SimpleNamespace, curved: DroneModel, soc: float
 ) -> None:
     charging, battery_j = plain.charging, curved.battery_j
@@ -83,7 +84,9 @@ def test_a_dominating_label_has_at_least_as_much_charge_at_every_moment(
     assert dominating > len(rows)
 
 
-def _label(plain: SimpleNamespace, task: SimpleNamespace, random: np.random.Generator) -> object:
+def _label(
+    plain: SimpleNamespace, task: SimpleNamespace, random: np.random.Generator
+) -> NDArray[np.float64]:
     first, last = np.sort(random.uniform(40, 2000, 2))
     levels = [plain.charging.level_at(task, position) for position in (first, last)]
     used_j = random.uniform(0, 40_000)
@@ -91,8 +94,10 @@ def _label(plain: SimpleNamespace, task: SimpleNamespace, random: np.random.Gene
     return np.array([time_s, first, levels[0], last, levels[1], used_j, np.inf, -np.inf])
 
 
-def _charge_j(plain: SimpleNamespace, task: SimpleNamespace, row: object, at_s: float) -> float:
+def _charge_j(
+    plain: SimpleNamespace, task: SimpleNamespace, row: NDArray[np.float64], at_s: float
+) -> float:
     time_s, position, _, last, _, used_j = row[:6]
     if at_s < time_s:
         return -np.inf
-    return plain.charging.level_at(task, min(position + at_s - time_s, last)) - used_j
+    return float(plain.charging.level_at(task, min(position + at_s - time_s, last)) - used_j)

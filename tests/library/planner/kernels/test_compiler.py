@@ -4,6 +4,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import skyway.planner.kernels
 from skyway.planner.kernels import search, trees
@@ -26,7 +27,8 @@ def test_the_stamp_changes_with_any_source(tmp_path: Path) -> None:
 def test_every_entry_point_is_compiled_for_one_signature() -> None:
     warm()
 
-    assert [len(each.signatures) for each in (search.begin, search.run, trees.plant_all)] == [1] * 3
+    entrances: list[Any] = [search.begin, search.run, trees.plant_all]
+    assert [len(each.signatures) for each in entrances] == [1] * 3
 
 
 def _stamp(folder: Path) -> str:
