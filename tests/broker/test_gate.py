@@ -1,4 +1,4 @@
-"""Who is let in."""
+"""The accounts that may connect, and the place of each client."""
 
 from skyway_broker.gate import Gate, place_of
 

@@ -1,4 +1,4 @@
-"""Which clients a topic finds."""
+"""Subscriptions and retained messages: filters that match a topic."""
 
 import pytest
 from skyway_broker.subscriptions import Retained, Subscriptions, is_filter, matches

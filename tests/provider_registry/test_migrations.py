@@ -1,4 +1,4 @@
-"""The migrations make the tables that the code knows."""
+"""The migrations make the tables of the code."""
 
 from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext

@@ -25,7 +25,7 @@ def presence_routes(*, keeper: ReportKeeper, gate: ServiceGate) -> ServiceRouter
         caller: Annotated[Caller, Depends(gate)],
         report: Annotated[MissionReport, Depends(internal_body(MissionReport))],
     ) -> Response:
-        """Note that a drone is busy or free; a report that is known, or of no drone, is nothing."""
+        """Note that a drone is busy or free; repeated reports are ignored."""
         caller.must_be("service")
         await keeper.keep([report])
         return Response(status_code=204)

@@ -1,3 +1,5 @@
+"""`skyway compose`: problems in many forms, plans in order, and faults by line and field."""
+
 import json
 from pathlib import Path
 from typing import Any

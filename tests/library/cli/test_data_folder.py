@@ -1,3 +1,5 @@
+"""A data folder is used by one process at a time."""
+
 from pathlib import Path
 
 import pytest

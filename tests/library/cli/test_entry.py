@@ -1,3 +1,5 @@
+"""The installed command without its extra."""
+
 import subprocess
 import sys
 

@@ -1,3 +1,5 @@
+"""`skyway experiment`: its parts and its files."""
+
 from typer.testing import CliRunner
 
 from skyway.cli.main import app

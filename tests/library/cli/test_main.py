@@ -1,4 +1,4 @@
-"""`skyway` told something that is not so: a sentence that names it, and never a traceback."""
+"""Wrong input of `skyway` is answered with a sentence that names it, without a traceback."""
 
 import sys
 from collections.abc import Callable

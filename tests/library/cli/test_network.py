@@ -1,3 +1,5 @@
+"""`skyway network`: networks are built, shown, published and fetched."""
+
 import json
 from collections.abc import Iterator
 from http.server import BaseHTTPRequestHandler, HTTPServer

@@ -1,4 +1,4 @@
-"""What a replica holds in memory is what any replica has committed."""
+"""The fleets in memory are those that any replica has committed."""
 
 import asyncio
 from collections.abc import Sequence

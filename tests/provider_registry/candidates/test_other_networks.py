@@ -1,4 +1,4 @@
-"""Drones that are known to stand in another network than the pickup's are in nobody's way."""
+"""Drones in another network than the pickup's do not displace other drones."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -38,16 +38,16 @@ def make_network(network_id: str, *stations: str, version: int = 1) -> NetworkSt
 @pytest.fixture
 def networks() -> CachedNetworks:
     """Two networks, `a` and `c`, of two stations each."""
-    known = CachedNetworks()
-    known.put(make_network("a", "a-s1", "a-s2"))
-    known.put(make_network("c", "c-s1", "c-s2"))
-    return known
+    cached = CachedNetworks()
+    cached.put(make_network("a", "a-s1", "a-s2"))
+    cached.put(make_network("c", "c-s1", "c-s2"))
+    return cached
 
 
 def make_drone(
     name: str, station: str | None, *, away_deg: float = 0.0, **members: Any
 ) -> CachedDrone:
-    known: dict[str, Any] = {
+    members_by_name: dict[str, Any] = {
         "drone_id": DroneId(name),
         "provider_id": ProviderId("p"),
         "model": PAPER_SCENARIO,
@@ -59,7 +59,7 @@ def make_drone(
         "is_busy": False,
         **members,
     }
-    return CachedDrone(**known)
+    return CachedDrone(**members_by_name)
 
 
 def make_columns(networks: CachedNetworks, *drones: CachedDrone) -> FleetColumns:
@@ -87,7 +87,7 @@ def chosen(found: Candidates) -> Sequence[str]:
     return found.shortlist.drone_ids
 
 
-def told(found: Candidates) -> list[tuple[str, bool]]:
+def reasons_of(found: Candidates) -> list[tuple[str, bool]]:
     return [(reason.code, reason.is_temporary) for reason in found.infeasible]
 
 
@@ -169,7 +169,7 @@ def test_a_drone_that_has_moved_counts_where_it_stands_now(networks: CachedNetwo
         ("a-s2", {"is_busy": True}),
         ("a-s2", LOW),
         ("a-s2", {"online_until_ms": 0}),
-        # It flies, and nobody says in which network.
+        # It flies, so its network is unknown.
         (None, {}),
     ],
 )
@@ -193,7 +193,7 @@ def test_a_drone_of_another_network_is_never_a_later_candidate(
     alone = select(make_columns(networks, foreign))
     beside = select(make_columns(networks, foreign, make_drone("a0", "a-s1")))
 
-    assert told(alone) == [("DESTINATION_UNREACHABLE", False)]
+    assert reasons_of(alone) == [("DESTINATION_UNREACHABLE", False)]
     assert (chosen(beside), beside.more_later) == (("a0",), ())
 
 
@@ -215,5 +215,5 @@ def test_only_drones_that_could_lift_it_are_reported_as_unreachable(
     too_heavy = select(make_columns(networks, weak, own), payload_kg=5.0)
     elsewhere = select(make_columns(networks, make_drone("c1", "c-s1"), own), payload_kg=5.0)
 
-    assert told(too_heavy) == [("OVERWEIGHT", False)]
-    assert told(elsewhere) == [("DESTINATION_UNREACHABLE", False)]
+    assert reasons_of(too_heavy) == [("OVERWEIGHT", False)]
+    assert reasons_of(elsewhere) == [("DESTINATION_UNREACHABLE", False)]

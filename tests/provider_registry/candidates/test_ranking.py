@@ -1,4 +1,4 @@
-"""The candidates of large fleets are those that ranking every drone by itself would choose."""
+"""Large fleets have the same candidates as ranking each drone by itself would give."""
 
 import random
 from collections import defaultdict
@@ -71,7 +71,7 @@ def ranked_one_by_one(drones: list[CachedDrone]) -> list[DroneId]:
     fleets: dict[ProviderId, list[int]] = defaultdict(list)
     for place, drone in enumerate(able):
         fleets[drone.provider_id].append(place)
-    # Nobody else has drones of different strength, so nobody else's order changes.
+    # Other providers have drones of one strength, so their order does not change.
     turns = [
         turn
         for places in fleets.values()
@@ -87,8 +87,8 @@ def test_large_fleets_have_the_same_candidates_as_ranking_every_drone(seed: int)
     columns = FleetColumns(CachedNetworks())
     columns.put(drones)
     providers = {drone.provider_id for drone in drones}
-    known = {name: CachedProvider(name, Tariff(), is_active=True) for name in providers}
+    cached = {name: CachedProvider(name, Tariff(), is_active=True) for name in providers}
 
-    found = select(QUERY, Fleet(known, columns), wall_now_ms=0)
+    found = select(QUERY, Fleet(cached, columns), wall_now_ms=0)
 
     assert list(found.shortlist.drone_ids) == ranked_one_by_one(drones)

@@ -1,4 +1,4 @@
-"""The gateway asks who could fly, from what the database knows now."""
+"""The gateway asks for candidates, and gets them from the committed data."""
 
 from collections.abc import Awaitable, Callable
 from datetime import UTC, datetime, timedelta
@@ -33,7 +33,7 @@ Announce = Callable[[str], Awaitable[None]]
 
 @pytest.fixture
 def ready(api: Any, db: Database, clock: ManualClock) -> Ready:
-    """Makes a drone that has told of itself."""
+    """Makes a drone that has sent its first messages."""
 
     async def make(
         provider_id: str, *, station_id: str = "san-marcos", mission_id: str | None = None

@@ -1,4 +1,4 @@
-"""Who could fly a request, in which order, how many, and why the others cannot."""
+"""Which drones could fly a request, in which order, and why other providers have none."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -51,7 +51,7 @@ def make_provider(name: str, *, is_active: bool = True) -> CachedProvider:
 def make_drone(
     name: str, *, provider: str = "p", away_deg: float = 0.0, **members: Any
 ) -> CachedDrone:
-    known: dict[str, Any] = {
+    members_by_name: dict[str, Any] = {
         "drone_id": DroneId(name),
         "provider_id": ProviderId(provider),
         "model": PAPER_SCENARIO,
@@ -63,7 +63,7 @@ def make_drone(
         "is_busy": False,
         **members,
     }
-    return CachedDrone(**known)
+    return CachedDrone(**members_by_name)
 
 
 def test_a_candidate_has_everything_that_composition_needs() -> None:
@@ -161,8 +161,10 @@ def test_with_more_than_sixty_providers_the_nearest_are_compared_and_others_get_
     found = select(make_query(), providers=providers, drones=drones)
 
     assert len(found.shortlist.candidates) == 60
-    told = [(reason.provider_id, reason.code, reason.is_temporary) for reason in found.infeasible]
-    assert told == [("p00", "NOT_COMPARED", True), ("p01", "NOT_COMPARED", True)]
+    reasons = [
+        (reason.provider_id, reason.code, reason.is_temporary) for reason in found.infeasible
+    ]
+    assert reasons == [("p00", "NOT_COMPARED", True), ("p01", "NOT_COMPARED", True)]
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""What a look at the fleets costs the database."""
+"""The cost of a refresh of the fleets in the database."""
 
 from typing import Final
 
@@ -9,7 +9,7 @@ from sqlalchemy.dialects import postgresql
 
 from skyway.runtime.sql.database import Database
 
-#: Fleets of two thousand, and what was told of five thousand missions since yesterday.
+#: Fleets of two thousand, and the reports of five thousand missions since yesterday.
 _FLEETS: Final = """
 INSERT INTO providers (provider_id, name, tariff, state, created_ms)
   VALUES ('p', 'P', '{}', 'ACTIVE', 0);

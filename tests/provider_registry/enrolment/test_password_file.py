@@ -1,4 +1,4 @@
-"""The password file holds every account there is, and the broker is told of changes."""
+"""The password file holds every account, and the broker is notified of changes."""
 
 import asyncio
 import stat

@@ -1,4 +1,4 @@
-"""Drone models: the library's own are always there, operators add others."""
+"""Drone models: the library's own are always there, and operators add others."""
 
 from typing import Any
 

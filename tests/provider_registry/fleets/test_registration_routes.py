@@ -1,4 +1,4 @@
-"""Registering drones: one or a whole fleet, all or none."""
+"""Registration of one drone or a whole fleet: all or none."""
 
 import json
 import time

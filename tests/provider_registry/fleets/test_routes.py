@@ -1,4 +1,4 @@
-"""A provider sees, changes and removes its own drones, and nobody else's (I13)."""
+"""A provider sees, changes and removes only its own drones (I13)."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""GET /v1/stats/fleets: drones are counted as they are shown one by one."""
+"""GET /v1/stats/fleets counts drones in the states in which they are shown."""
 
 from collections.abc import Callable
 from datetime import timedelta

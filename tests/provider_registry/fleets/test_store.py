@@ -1,4 +1,4 @@
-"""Each statement of the fleets is narrowed to the caller by itself (I13)."""
+"""Each statement of the fleets finds only drones that the caller may see (I13)."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""What is shown of a drone: from its state, or a later sample while it moves."""
+"""The place and state of a drone, from its state or a later sample."""
 
 from datetime import UTC, datetime, timedelta
 
@@ -49,9 +49,9 @@ def make_sample(*, session: int = 7, later_s: float = 1) -> LastSample:
 
 @pytest.mark.parametrize("activity", ["FLYING", "RECHARGING"])
 def test_a_later_sample_gives_the_place_of_a_moving_drone(activity: Activity) -> None:
-    known = make_presence(activity=activity, sample=make_sample())
+    presence = make_presence(activity=activity, sample=make_sample())
 
-    assert known.place == (THERE, 0.4)
+    assert presence.place == (THERE, 0.4)
 
 
 @pytest.mark.parametrize(
@@ -66,9 +66,9 @@ def test_a_later_sample_gives_the_place_of_a_moving_drone(activity: Activity) ->
 def test_an_older_sample_never_moves_a_drone_back(
     activity: Activity, sample: LastSample | None
 ) -> None:
-    known = make_presence(activity=activity, sample=sample)
+    presence = make_presence(activity=activity, sample=sample)
 
-    assert known.place == (HERE, 0.9)
+    assert presence.place == (HERE, 0.9)
 
 
 def test_a_drone_that_was_never_seen_has_no_place() -> None:
@@ -100,9 +100,11 @@ def test_maintenance_comes_before_everything(presence: Presence) -> None:
 
 
 def test_a_silent_drone_counts_as_offline() -> None:
-    known = make_presence()
+    presence = make_presence()
 
-    at_the_limit = state_of(known, is_in_maintenance=False, wall_now=AT + SILENCE)
-    after = state_of(known, is_in_maintenance=False, wall_now=AT + SILENCE + timedelta(seconds=1))
+    at_the_limit = state_of(presence, is_in_maintenance=False, wall_now=AT + SILENCE)
+    after = state_of(
+        presence, is_in_maintenance=False, wall_now=AT + SILENCE + timedelta(seconds=1)
+    )
 
     assert (at_the_limit, after) == ("AVAILABLE", "OFFLINE")

@@ -1,4 +1,4 @@
-"""Presence in the database: never backwards, and under the drone's own provider only."""
+"""Presence in the database never goes back, and needs the drone's own provider."""
 
 import asyncio
 import random

@@ -1,4 +1,4 @@
-"""Composition's reports say who is busy; told late or twice they say nothing new."""
+"""Mission reports decide who is busy; late and repeated reports change nothing."""
 
 from collections.abc import Callable
 from datetime import timedelta

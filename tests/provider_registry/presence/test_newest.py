@@ -1,4 +1,4 @@
-"""Of all that arrives, the newest by the drone's own numbering counts (I15)."""
+"""The newest message by the drone's own numbers counts, in any order of arrival (I15)."""
 
 from datetime import UTC, datetime
 from typing import Literal

@@ -1,4 +1,4 @@
-"""Reports that arrive together are kept together, and none is answered before it is kept."""
+"""Reports that arrive together share a transaction, and are answered once it is committed."""
 
 import asyncio
 from collections.abc import AsyncIterator, Callable

@@ -1,4 +1,4 @@
-"""Providers over REST: who may do what, and what a bad body is told."""
+"""Providers over REST: permissions, changes, and refusals of bad bodies."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Each statement of the providers is narrowed to the caller by itself (I13)."""
+"""Each statement of the providers finds only providers that the caller may see (I13)."""
 
 from typing import Any
 

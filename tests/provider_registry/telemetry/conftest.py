@@ -1,4 +1,4 @@
-"""Samples as drones send them, and what the registry answers about them."""
+"""Samples as drones send them, and the registry's answers about them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

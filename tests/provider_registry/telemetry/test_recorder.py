@@ -1,4 +1,4 @@
-"""What is heard is written in batches, once, and holds nothing up."""
+"""Samples are stored once and in batches, and delay nothing."""
 
 import asyncio
 from collections.abc import AsyncIterator

@@ -1,4 +1,4 @@
-"""A provider reads what its drones measured, a drone what it did itself, nobody else's (I13)."""
+"""A provider reads the telemetry of its drones, and a drone its own (I13)."""
 
 from datetime import timedelta
 from typing import Any

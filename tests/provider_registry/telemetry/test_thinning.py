@@ -1,4 +1,4 @@
-"""Samples become minutes after a day, minutes go after a month: once, and a piece at a time."""
+"""Samples become minutes after a day, and minutes are deleted after a month, in pieces."""
 
 import asyncio
 from datetime import timedelta

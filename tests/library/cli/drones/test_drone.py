@@ -1,4 +1,4 @@
-"""`skyway fleet` and `skyway drone` become agents, told what is to go otherwise than planned."""
+"""`skyway fleet` and `skyway drone` become agents and pass their options on."""
 
 import json
 import os

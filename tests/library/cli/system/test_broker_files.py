@@ -1,4 +1,4 @@
-"""`skyway secrets --tls-name`: an authority, and what Mosquitto's TLS listener reads."""
+"""`skyway secrets --tls-name`: an authority, and the files of Mosquitto's TLS listener."""
 
 import ssl
 from pathlib import Path

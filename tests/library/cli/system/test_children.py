@@ -1,4 +1,4 @@
-"""Whose broker a local system uses."""
+"""Whether a local system starts the embedded broker or uses an external one."""
 
 from contextlib import ExitStack
 from pathlib import Path

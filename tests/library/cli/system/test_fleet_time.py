@@ -1,3 +1,5 @@
+"""Fleet time over restarts: it never goes back, and runs on while the system is stopped."""
+
 import asyncio
 import json
 from datetime import UTC, datetime, timedelta

@@ -1,3 +1,5 @@
+"""The secrets of a local system: made once, unique, and readable by their user only."""
+
 from pathlib import Path
 
 import pytest

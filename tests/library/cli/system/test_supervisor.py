@@ -1,3 +1,5 @@
+"""The supervisor restarts children, gives up in time, and ends them all."""
+
 import asyncio
 import os
 import signal

@@ -1,4 +1,4 @@
-"""`skyway up` hears that it is to stop whenever that is said."""
+"""`skyway up` can be stopped at any time, and prints where it answers."""
 
 import asyncio
 import os

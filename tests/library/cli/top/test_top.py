@@ -1,4 +1,4 @@
-"""`skyway top`: what the gateway answers becomes one screen, and silence becomes words."""
+"""`skyway top` shows the gateway's answers on one screen, and says when there is no answer."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A token is exchanged once, for credentials that work instead of those before."""
+"""A token is exchanged once, for credentials that replace the earlier ones."""
 
 import hashlib
 from datetime import timedelta

@@ -1,4 +1,4 @@
-"""A rotation never leaves a drone without credentials, and a revocation leaves it none."""
+"""A rotation never leaves a drone without credentials; a revocation always does."""
 
 import hashlib
 from pathlib import Path
