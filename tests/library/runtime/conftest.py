@@ -1,4 +1,4 @@
-"""A service with a route for each thing that all services answer alike."""
+"""A service with a route for each answer that all services share."""
 
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager

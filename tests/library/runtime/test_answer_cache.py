@@ -1,4 +1,4 @@
-"""Answers are believed for their time, renewed before it is over, and never asked for twice."""
+"""Cached answers expire, are renewed in time, and are not asked for twice concurrently."""
 
 import asyncio
 from datetime import UTC, datetime, timedelta
@@ -105,7 +105,7 @@ async def test_its_time_begins_when_it_is_asked_for(
     assert cache.cached("two") is None
 
 
-async def test_who_asks_at_once_waits_for_one_answer(
+async def test_concurrent_callers_share_one_answer(
     cache: AnswerCache[str, int | None], world: World
 ) -> None:
     assert await asyncio.gather(*(cache.ask("two") for _ in range(5))) == [2] * 5
@@ -125,7 +125,7 @@ async def test_who_is_cancelled_leaves_the_answer_to_the_others(
     assert await second == 2
 
 
-async def test_nothing_is_remembered_of_an_unknown(
+async def test_an_answer_of_none_is_not_cached(
     cache: AnswerCache[str, int | None], clock: ManualClock, world: World
 ) -> None:
     await cache.ask("two")
@@ -136,7 +136,7 @@ async def test_nothing_is_remembered_of_an_unknown(
     assert cache.cached("two") is None
 
 
-async def test_a_failed_renewal_leaves_what_is_known(
+async def test_a_failed_renewal_keeps_the_cached_answer(
     cache: AnswerCache[str, int | None], clock: ManualClock, world: World
 ) -> None:
     await cache.ask("two")

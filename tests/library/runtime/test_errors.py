@@ -1,4 +1,4 @@
-"""Errors carry data, and say it in their message."""
+"""Errors carry data and show it in their message."""
 
 import pytest
 

@@ -32,7 +32,7 @@ async def until(event: asyncio.Event) -> None:
         await event.wait()
 
 
-async def test_a_step_with_more_to_do_runs_again_at_once() -> None:
+async def test_a_step_with_more_to_do_runs_again_immediately() -> None:
     steps = Steps(True, True, False)
 
     async with Loops() as loops:

@@ -18,7 +18,7 @@ def test_a_counter_grows_for_each_set_of_labels() -> None:
     assert counters.value("skyway_tests") == 0.0
 
 
-def test_what_was_counted_is_exposed() -> None:
+def test_counters_are_exposed() -> None:
     count("skyway_exposed_tests", "tests that expose themselves", kind="unit")
 
     body, content_type = exposition()

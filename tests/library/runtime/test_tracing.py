@@ -44,7 +44,7 @@ def test_a_later_version_with_more_members_is_understood() -> None:
         f"{RECEIVED}\n",
     ],
 )
-def test_what_is_no_traceparent_begins_a_new_trace(received: str | None) -> None:
+def test_an_invalid_traceparent_begins_a_new_trace(received: str | None) -> None:
     with tracing(received):
         assert current_trace_id() not in (None, TRACE_ID)
 

@@ -1,4 +1,4 @@
-"""What every service answers alike, over real HTTP semantics (httpx's ASGI transport)."""
+"""The answers that all services share, over real HTTP semantics (httpx's ASGI transport)."""
 
 import json
 import re
@@ -21,7 +21,7 @@ async def test_a_process_is_alive_and_ready(client: httpx.AsyncClient) -> None:
     }
 
 
-async def test_what_is_missing_is_named(
+async def test_readiness_names_the_missing_parts(
     assert_is_problem: Callable[..., None], make_app: Callable[..., FastAPI]
 ) -> None:
     transport = httpx.ASGITransport(make_app(no_broker))

@@ -1,4 +1,4 @@
-"""Services asking one another, and passing whole requests on."""
+"""Services call each other and forward whole requests."""
 
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
@@ -197,7 +197,7 @@ async def gateway(
             yield client
 
 
-async def test_a_forwarded_request_arrives_with_what_it_needs_and_nothing_else(
+async def test_a_forwarded_request_carries_only_the_headers_it_needs(
     gateway: httpx.AsyncClient, seen: list[dict[str, Any]]
 ) -> None:
     headers = {

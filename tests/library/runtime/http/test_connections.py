@@ -1,4 +1,4 @@
-"""Asking over kept connections a service that may close, stall, say no early, or be away."""
+"""Calls over kept connections to a service that may close, stall, refuse early, or be away."""
 
 import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable
@@ -101,7 +101,7 @@ async def test_calls_after_one_another_share_a_connection(identity: ServiceIdent
         assert all(heard.endswith(b'{"name":"a"}') for heard in server.heard)
 
 
-async def test_a_call_says_what_we_say_and_nothing_else(identity: ServiceIdentity) -> None:
+async def test_a_call_carries_only_our_own_headers(identity: ServiceIdentity) -> None:
     async with serving(identity) as (server, client):
         await client.call("POST", "/x", body=PARCEL, query={"a": "b c"})
 
@@ -122,7 +122,7 @@ async def test_a_cookie_is_not_kept(identity: ServiceIdentity) -> None:
     assert b"cookie" not in server.heard[1].lower()
 
 
-async def test_an_answer_that_breaks_off_is_none(identity: ServiceIdentity) -> None:
+async def test_an_answer_that_breaks_off_is_unavailable(identity: ServiceIdentity) -> None:
     async def begin(_request: bytes, writer: asyncio.StreamWriter) -> None:
         writer.write(b'HTTP/1.1 200 OK\r\ncontent-length: 12\r\n\r\n{"nam')
         await writer.drain()
@@ -143,7 +143,7 @@ async def test_calls_at_the_same_time_have_a_connection_each(identity: ServiceId
 @pytest.mark.parametrize(
     ("method", "attempts"), [("GET", 2), ("PUT", 2), ("DELETE", 2), ("POST", 1), ("PATCH", 1)]
 )
-async def test_only_what_may_be_repeated_is_asked_again_once(
+async def test_only_repeatable_methods_are_sent_again(
     identity: ServiceIdentity, method: str, attempts: int
 ) -> None:
     async with serving(identity, hang_up) as (server, client):
@@ -154,7 +154,7 @@ async def test_only_what_may_be_repeated_is_asked_again_once(
         assert all(heard.endswith(b'{"name":"a"}') for heard in server.heard)
 
 
-async def test_a_service_that_was_restarted_meanwhile_is_asked_again(
+async def test_a_restarted_service_is_called_again(
     identity: ServiceIdentity,
 ) -> None:
     async def ok_and_close(request: bytes, writer: asyncio.StreamWriter) -> None:

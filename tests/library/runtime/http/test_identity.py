@@ -53,7 +53,7 @@ async def client(secrets_dir: Path) -> AsyncIterator[httpx.AsyncClient]:
         yield opened
 
 
-async def test_a_known_service_speaks_for_its_caller(
+async def test_a_service_with_a_secret_names_its_caller(
     client: httpx.AsyncClient, secrets_dir: Path
 ) -> None:
     headers = ServiceIdentity("gateway", secrets_dir).headers(Caller("customer", "c1"))
@@ -86,7 +86,9 @@ async def test_a_service_without_a_caller_speaks_for_itself(
         {"Authorization": "Bearer for-the-gateway", "Skyway-Caller": "operator:a b"},
     ],
 )
-async def test_nobody_else_is_let_in(client: httpx.AsyncClient, headers: dict[str, str]) -> None:
+async def test_a_caller_without_a_service_secret_is_refused(
+    client: httpx.AsyncClient, headers: dict[str, str]
+) -> None:
     answer = await client.get("/who", headers=headers)
 
     assert answer.status_code == 401

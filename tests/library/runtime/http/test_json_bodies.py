@@ -1,4 +1,4 @@
-"""Bodies that are read, and those that are refused."""
+"""Which JSON bodies are accepted and which are refused."""
 
 from collections.abc import Callable
 
@@ -20,7 +20,7 @@ import pytest
         (b"null", 422, "invalid-input"),
     ],
 )
-async def test_what_is_no_body_of_ours_is_refused(
+async def test_an_invalid_body_is_refused(
     client: httpx.AsyncClient,
     raw: bytes,
     status: int,
@@ -47,7 +47,7 @@ async def test_what_is_no_body_of_ours_is_refused(
         (b'{"notes": ' + b'{"a":' * 200 + b"1" + b"}" * 201, "body"),
     ],
 )
-async def test_what_no_database_holds_is_refused_with_its_field(
+async def test_a_value_that_no_database_can_store_is_refused_with_its_field(
     client: httpx.AsyncClient,
     raw: bytes,
     field: str,
@@ -93,7 +93,7 @@ async def test_a_body_of_another_type_is_refused(
     assert_is_problem(answer, 415, "unsupported-media-type")
 
 
-async def test_a_route_that_reads_by_itself_complains_alike(
+async def test_a_route_that_reads_its_own_body_answers_the_same_problems(
     client: httpx.AsyncClient, assert_is_problem: Callable[..., None]
 ) -> None:
     json_type = {"Content-Type": "application/json"}

@@ -48,7 +48,7 @@ def test_a_cursor_is_read_back() -> None:
         "WyJcdTAwMDAiXQ",  # U+0000
     ],
 )
-def test_what_is_no_cursor_of_this_list_is_refused(cursor: str) -> None:
+def test_an_invalid_cursor_is_refused(cursor: str) -> None:
     with pytest.raises(InvalidInput, match="cursor: not a cursor of this list"):
         decode_cursor(cursor, str)
 

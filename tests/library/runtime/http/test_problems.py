@@ -1,4 +1,4 @@
-"""Each error as the problem that a caller is told."""
+"""Each error becomes the problem document that its caller gets."""
 
 from collections.abc import Callable
 
@@ -102,7 +102,7 @@ async def test_the_arms_of_a_union_are_not_named_as_fields(
     assert not [field for field in fields_at_fault(answer) if "list" in field or "Load" in field]
 
 
-async def test_a_wrong_method_is_told_all_that_are_allowed(
+async def test_the_answer_to_a_wrong_method_names_the_allowed_methods(
     client: httpx.AsyncClient, assert_is_problem: Callable[..., None]
 ) -> None:
     answer = await client.patch("/loads")

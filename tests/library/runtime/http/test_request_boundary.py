@@ -1,4 +1,4 @@
-"""What is decided before a route is reached: sizes, texts, traces."""
+"""Sizes, paths and traces are checked before a route is reached."""
 
 import re
 from collections.abc import AsyncIterator, Callable

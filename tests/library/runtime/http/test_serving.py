@@ -1,4 +1,4 @@
-"""A service under a parent: its socket outlives it, and it leaves with its parent."""
+"""A service under a parent process: the socket outlives the service, which ends with its parent."""
 
 import asyncio
 import os
@@ -95,7 +95,7 @@ async def test_a_request_waits_through_a_kill_and_a_restart(parent: Parent) -> N
         assert (await waiting).text == str(second.pid)
 
 
-async def test_an_upgrade_to_what_is_not_spoken_is_answered_as_any_request(
+async def test_a_request_with_an_unsupported_upgrade_is_answered(
     parent: Parent,
 ) -> None:
     child = await parent.start()

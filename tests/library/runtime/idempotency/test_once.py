@@ -127,7 +127,9 @@ async def test_the_same_key_at_the_same_time_acts_once(db: Database, clock: Flee
     assert await made(db) == 1
 
 
-async def test_what_cannot_be_done_twice_is_answered_alike(db: Database, clock: FleetClock) -> None:
+async def test_a_repeated_call_that_cannot_act_twice_gets_the_first_answer(
+    db: Database, clock: FleetClock
+) -> None:
     """Whether it fails before the answer, with the answer or at the end of the block."""
     key = {"id": 1, "name": "a"}
 

@@ -23,12 +23,12 @@ def test_a_url_names_host_port_and_encryption(url, expected):
 
 
 @pytest.mark.parametrize("url", ["", "broker:1883", "http://broker", "mqtt://"])
-def test_what_is_no_broker_url_is_refused(url):
+def test_an_invalid_broker_url_is_refused(url):
     with pytest.raises(InvalidInput, match="mqtt_url"):
         BrokerAddress.parse(url)
 
 
-async def test_a_socket_sends_small_packets_at_once():
+async def test_a_socket_sends_small_packets_immediately():
     server = await asyncio.start_server(lambda _r, writer: writer.close(), "127.0.0.1", 0)
     port = server.sockets[0].getsockname()[1]
 

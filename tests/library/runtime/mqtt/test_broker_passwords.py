@@ -15,7 +15,7 @@ from skyway.runtime.mqtt.broker_passwords import (
 )
 
 
-def test_a_password_matches_its_own_hash_alone():
+def test_a_password_matches_only_its_own_hash():
     hashed = hash_password("secret")
 
     assert matches("secret", hashed)
@@ -34,7 +34,7 @@ def test_a_hash_of_another_kind_matches_nothing(hashed):
     assert not matches("secret", hashed)
 
 
-def test_what_is_written_is_read_again(tmp_path):
+def test_written_accounts_can_be_read(tmp_path):
     accounts = {"drone-1": hash_password("a"), "drone-2": hash_password("b")}
 
     write_password_file(tmp_path / "passwords", accounts)
@@ -42,7 +42,7 @@ def test_what_is_written_is_read_again(tmp_path):
     assert read_password_file(tmp_path / "passwords") == accounts
 
 
-def test_the_file_is_readable_by_its_owner_alone_and_nothing_else_is_left(tmp_path):
+def test_only_the_owner_can_read_the_file_and_no_draft_is_left(tmp_path):
     write_password_file(tmp_path / "passwords", {"drone-1": hash_password("a")})
     write_password_file(tmp_path / "passwords", {})
 

@@ -1,4 +1,4 @@
-"""The socket under paho: few system calls, and nothing lost between them."""
+"""The socket under paho makes few system calls and loses nothing."""
 
 import socket
 import ssl
@@ -63,7 +63,7 @@ def packets() -> Iterator[Ends]:
     ends.close()
 
 
-def test_what_was_sent_before_a_flush_leaves_in_one_system_call(packets):
+def test_packets_before_a_flush_are_sent_in_one_system_call(packets):
     assert packets.near.send(b"one,") == 4
     assert packets.near.send(bytearray(b"two")) == 3
 
@@ -73,7 +73,7 @@ def test_what_was_sent_before_a_flush_leaves_in_one_system_call(packets):
     assert not packets.near.has_unsent
 
 
-def test_all_that_arrived_is_read_at_once_and_served_in_pieces(stream):
+def test_all_arrived_bytes_are_read_in_one_call_and_served_in_pieces(stream):
     stream.far.send(b"one,")
     stream.far.send(b"two")
 
@@ -90,7 +90,7 @@ def test_all_that_arrived_is_read_at_once_and_served_in_pieces(stream):
         stream.near.recv(1)
 
 
-def test_what_was_left_unread_comes_before_what_arrives_later(stream):
+def test_unread_bytes_come_before_later_bytes(stream):
     stream.far.send(b"one,")
     stream.near.fill()
     stream.near.recv(1)
@@ -101,7 +101,7 @@ def test_what_was_left_unread_comes_before_what_arrives_later(stream):
     assert stream.near.recv(100) == b"ne,two"
 
 
-def test_all_that_arrived_over_tls_is_read_at_once():
+def test_all_arrived_tls_records_are_read_in_one_fill():
     plain_near, plain_far = socket.socketpair()
     near = encrypted(plain_near, ssl.PROTOCOL_TLS_CLIENT)
     far = encrypted(plain_far, ssl.PROTOCOL_TLS_SERVER)

@@ -1,4 +1,4 @@
-"""What a reader is given of what has arrived."""
+"""The batches of messages that a reader gets."""
 
 import asyncio
 import json
@@ -15,7 +15,7 @@ CLOCK_JSON = (
 )
 
 
-async def test_all_that_waits_comes_at_once_and_in_order():
+async def test_all_waiting_messages_come_in_one_batch_in_order():
     inbox = Inbox((CLOCK,))
     for rate in (1, 2, 3):
         inbox.offer(CLOCK().name, CLOCK_JSON % rate, retained=False)
@@ -36,7 +36,7 @@ async def test_a_batch_is_never_longer_than_agreed():
     assert sizes == [BATCH_SIZE, 1]
 
 
-async def test_a_reader_waits_for_what_comes_later():
+async def test_a_reader_waits_for_later_messages():
     inbox = Inbox((CLOCK,))
     waiting = asyncio.ensure_future(anext(inbox.batches()))
     await asyncio.sleep(0)
@@ -48,7 +48,7 @@ async def test_a_reader_waits_for_what_comes_later():
     assert received.retained
 
 
-async def test_an_unreadable_message_is_told_once_and_dropped(caplog):
+async def test_an_unreadable_message_is_logged_once_and_dropped(caplog):
     inbox = Inbox((CLOCK,))
     for payload in (b"{", b"{}", CLOCK_JSON % 0, CLOCK_JSON % 5):
         inbox.offer(CLOCK().name, payload, retained=False)
@@ -59,7 +59,7 @@ async def test_an_unreadable_message_is_told_once_and_dropped(caplog):
     assert len(caplog.records) == 1
 
 
-async def test_only_what_is_subscribed_is_kept():
+async def test_only_subscribed_messages_are_kept():
     inbox = Inbox((ACKS("p", "d"), CLOCK))
     inbox.offer(ACKS("p", "other").name, b"{}", retained=False)
     inbox.offer("somewhere/else", b"{}", retained=False)

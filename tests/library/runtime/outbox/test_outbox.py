@@ -1,4 +1,4 @@
-"""What a transaction says is sent until somebody has it, in the order of its stream."""
+"""Messages of a transaction are sent until they are confirmed, in the order of their stream."""
 
 import asyncio
 import contextlib
@@ -334,7 +334,7 @@ async def test_a_report_is_posted_as_it_was_written(db: Database, clock: FleetCl
         *(RemoteProblem(status, {"title": "later"}) for status in (408, 409, 425, 429)),
     ],
 )
-async def test_a_report_is_repeated_until_it_is_taken(
+async def test_a_report_is_repeated_until_it_is_accepted(
     db: Database, clock: Alarms, error: Exception
 ) -> None:
     gateway = InMemoryService()
@@ -347,7 +347,7 @@ async def test_a_report_is_repeated_until_it_is_taken(
     assert gateway.paths() == ["/a", "/a", "/a", "/b"]
 
 
-async def test_a_report_that_can_never_succeed_is_dropped_and_told(
+async def test_a_report_that_can_never_succeed_is_dropped_and_logged(
     db: Database, clock: FleetClock, caplog: pytest.LogCaptureFixture
 ) -> None:
     gateway = InMemoryService()
@@ -370,7 +370,7 @@ async def test_a_service_that_hangs_holds_no_other(db: Database, clock: FleetClo
         await registry.changes.until(lambda: registry.paths() == ["/b"])
 
 
-async def test_a_commit_wakes_the_sender_of_its_channel_alone(db: Database) -> None:
+async def test_a_commit_wakes_only_the_sender_of_its_channel(db: Database) -> None:
     woken: list[str] = []
 
     class Sleeper(Wake):

@@ -1,4 +1,4 @@
-"""Reports that are found together travel together, and lose nothing by it."""
+"""Reports that are found in one look travel in one request, and none is lost."""
 
 import asyncio
 import json
@@ -134,7 +134,7 @@ async def test_reports_for_other_paths_stay_apart(db: Database, clock: ManualClo
         *(RemoteProblem(status, {"title": "no"}) for status in (404, 409, 413, 422)),
     ],
 )
-async def test_what_was_refused_together_is_sent_again_alone(
+async def test_reports_of_a_refused_batch_are_sent_again_one_by_one(
     db: Database, clock: ManualClock, refusal: Exception
 ) -> None:
     service = InMemoryService(refusal)

@@ -1,4 +1,4 @@
-"""What a sender's looks at the table cost, and what the table knows of a row meanwhile."""
+"""How many statements a sender runs, and what the table holds while a row waits."""
 
 import asyncio
 import contextlib
@@ -161,7 +161,7 @@ async def test_the_table_does_not_hear_of_a_row_that_waits_before_it_is_due(
     assert receiver.taken == [("/a", 0), ("/a", 1)]
 
 
-async def test_a_row_that_waits_for_longer_than_a_claim_is_free_meanwhile(
+async def test_a_row_that_waits_for_longer_than_its_claim_is_freed(
     db: CountingDatabase, clock: ManualClock
 ) -> None:
     receiver = Receiver(100.0)
@@ -177,7 +177,7 @@ async def test_a_row_that_waits_for_longer_than_a_claim_is_free_meanwhile(
 
 
 @ON_POSTGRESQL
-async def test_what_waits_with_one_sender_is_not_sent_by_another(
+async def test_a_row_that_one_sender_holds_is_not_sent_by_another(
     db: CountingDatabase, clock: ManualClock
 ) -> None:
     receiver, other = Receiver(5.0), Receiver()

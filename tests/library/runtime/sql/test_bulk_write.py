@@ -1,4 +1,4 @@
-"""What a block declares is written once it ends: all of it, or nothing, on both dialects alike."""
+"""A bulk write is written when its block ends: all of it or nothing, the same on both dialects."""
 
 import asyncio
 from typing import Any
@@ -99,7 +99,7 @@ async def test_rows_of_several_tables_are_added_when_the_block_ends(db: Database
     ]
 
 
-def test_a_server_is_told_the_same_however_many_rows_there_are() -> None:
+def test_the_statement_is_the_same_for_any_number_of_rows() -> None:
     few, _ = statement_of(BulkWrite(added={PADS: [pad("a"), pad("b")]}))
     many, parameters = statement_of(BulkWrite(added={PADS: [pad("b"), pad("b", b"1"), pad("c")]}))
 
@@ -107,7 +107,7 @@ def test_a_server_is_told_the_same_however_many_rows_there_are() -> None:
     assert parameters["new_pads_sign"] == [None, b"1", None]
 
 
-def test_a_single_row_is_told_without_arrays() -> None:
+def test_a_single_row_is_given_without_arrays() -> None:
     _, parameters = statement_of(BulkWrite(added={PADS: [pad("b", b"1")]}))
 
     assert parameters["new_pads_sign"] == b"1"
@@ -167,7 +167,7 @@ async def shelves(db: Database) -> Database:
     return db
 
 
-async def test_rows_are_changed_by_their_key_and_counted_and_what_follows_is_added(
+async def test_rows_are_updated_by_key_and_derived_rows_are_added(
     shelves: Database,
 ) -> None:
     assert await move(shelves, known="a") == ["moved"]
@@ -182,7 +182,7 @@ async def test_rows_are_changed_by_their_key_and_counted_and_what_follows_is_add
     assert await rows_of(shelves, MOVES) == [("fir", 5), ("oak", 4)]
 
 
-async def test_nobody_is_told_when_nothing_follows(shelves: Database) -> None:
+async def test_no_callback_is_called_without_derived_rows(shelves: Database) -> None:
     assert await move(shelves, known="a", heavier_than=9) == []
 
     assert await rows_of(shelves, MOVES) == []
@@ -197,7 +197,7 @@ async def test_nothing_is_written_when_the_guard_finds_no_row(shelves: Database)
     assert [await rows_of(shelves, table) for table in (STATIONS, CRATES, MOVES)] == before
 
 
-async def test_of_two_blocks_that_know_the_same_one_writes(shelves: Database) -> None:
+async def test_only_one_of_several_blocks_with_the_same_guard_writes(shelves: Database) -> None:
     done = await asyncio.gather(
         *(move(shelves, known="a") for _ in range(4)), return_exceptions=True
     )

@@ -1,4 +1,4 @@
-"""A due row is worked on by one claimant at a time."""
+"""At most one claimant at a time holds a due row."""
 
 import asyncio
 from datetime import timedelta
@@ -80,7 +80,7 @@ async def test_a_claim_runs_out(db: Database, clock: ManualClock) -> None:
     assert len(late) == 6
 
 
-async def test_a_freed_row_can_be_claimed_at_once(db: Database, clock: ManualClock) -> None:
+async def test_a_freed_row_can_be_claimed_immediately(db: Database, clock: ManualClock) -> None:
     await take(db, clock, claimant="a")
     async with db.write() as tx:
         await tx.execute(REQUESTS.update().where(REQUESTS.c.number == 3).values(FREE))

@@ -1,4 +1,4 @@
-"""One database, the same to use on SQLite and PostgreSQL."""
+"""A database is used in the same way on SQLite and PostgreSQL."""
 
 import asyncio
 import contextlib
@@ -37,7 +37,7 @@ async def add(db: Database, *found: str) -> None:
             await tx.execute(STATIONS.insert(), {"name": name})
 
 
-async def test_what_a_block_wrote_is_read_after_it(db: Database) -> None:
+async def test_a_reader_sees_a_block_after_it_ended(db: Database) -> None:
     await add(db, "san-marcos", "bulverde")
 
     assert await names(db) == ["san-marcos", "bulverde"]
@@ -226,7 +226,7 @@ async def test_a_server_that_is_not_there_is_unavailable(tmp_path: object) -> No
 @pytest.mark.parametrize(
     "database_url", [pytest.param("postgresql", marks=pytest.mark.integration)], indirect=True
 )
-async def test_connections_that_the_server_closed_are_made_anew(database_url: str) -> None:
+async def test_connections_that_the_server_closed_are_replaced(database_url: str) -> None:
     async with Database(database_url) as db, Database(database_url) as other:
         async with db.read() as connection:
             before = (await connection.execute(text("SELECT pg_backend_pid()"))).scalar_one()
@@ -245,7 +245,7 @@ async def test_connections_that_the_server_closed_are_made_anew(database_url: st
     assert after != before
 
 
-async def test_a_lone_write_is_kept_and_answers_its_rows(db: Database) -> None:
+async def test_write_alone_stores_and_returns_its_rows(db: Database) -> None:
     adding = STATIONS.insert().returning(STATIONS.c.name)
 
     added = await db.write_alone(adding, {"name": "san-marcos"})
@@ -255,7 +255,7 @@ async def test_a_lone_write_is_kept_and_answers_its_rows(db: Database) -> None:
     assert await names(db) == ["san-marcos", "bulverde", "boerne"]
 
 
-async def test_a_block_after_a_lone_write_is_one_transaction_still(db: Database) -> None:
+async def test_a_block_after_write_alone_is_still_one_transaction(db: Database) -> None:
     async def fail() -> None:
         async with db.write() as tx:
             await tx.execute(STATIONS.insert(), {"name": "bulverde"})
@@ -268,7 +268,7 @@ async def test_a_block_after_a_lone_write_is_one_transaction_still(db: Database)
     assert await names(db) == ["san-marcos"]
 
 
-async def test_a_lone_write_that_fails_half_way_leaves_nothing(db: Database) -> None:
+async def test_write_alone_that_fails_half_way_leaves_nothing(db: Database) -> None:
     with pytest.raises((DBAPIError, RowRefused)):
         await db.write_alone(STATIONS.insert(), [{"name": "san-marcos"}, {"name": "san-marcos"}])
 

@@ -31,7 +31,7 @@ async def db(database: Database) -> Database:
 
 
 @pytest.mark.parametrize("wanted", [[], ["a"], ['c"', "a", "z"], ["a", "a", "b", "d"]])
-async def test_those_of_the_list_are_found(db: Database, wanted: list[str]) -> None:
+async def test_rows_in_the_list_are_found(db: Database, wanted: list[str]) -> None:
     async with db.read() as connection:
         found = await connection.execute(NAMED, {"ids": wanted})
 

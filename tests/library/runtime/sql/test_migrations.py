@@ -1,4 +1,4 @@
-"""A database is brought to the tables that the code knows."""
+"""Migrations upgrade a database to the tables that the code uses."""
 
 import asyncio
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Statements that are run again and again: always the same answer, on both dialects."""
+"""Repeated statements give the same answer each time, on both dialects."""
 
 import asyncio
 from collections.abc import Callable
@@ -88,7 +88,7 @@ async def test_rows_hold_the_same_values_each_time(db: Database) -> None:
     assert all(row._mapping[CRATES.c.number] == 1 for [row] in others)
 
 
-async def test_what_is_null_is_none_each_time(db: Database) -> None:
+async def test_null_is_none_each_time(db: Database) -> None:
     answers = await found(db, THIS, this="pine")
 
     assert [[row._asdict() for row in answer] for answer in answers] == [[PINE]] * TIMES
@@ -171,7 +171,7 @@ async def test_a_missing_parameter_is_a_fault_each_time(db: Database) -> None:
                 await connection.execute(THIS)
 
 
-async def test_a_refused_row_is_taken_each_time(db: Database) -> None:
+async def test_a_refused_row_names_its_rule_each_time(db: Database) -> None:
     async def add_again() -> None:
         async with db.write() as tx:
             await tx.execute(ADD, OAK)
@@ -182,7 +182,7 @@ async def test_a_refused_row_is_taken_each_time(db: Database) -> None:
         assert refused.value.constraint == "crates_pkey"
 
 
-async def test_an_error_does_not_tell_the_row_that_was_refused(db: Database) -> None:
+async def test_an_error_does_not_show_the_refused_row(db: Database) -> None:
     for _ in range(TIMES):
         with pytest.raises(DBAPIError) as refused:
             async with db.write() as tx:
@@ -190,7 +190,7 @@ async def test_an_error_does_not_tell_the_row_that_was_refused(db: Database) -> 
         assert "secret" not in str(refused.value)
 
 
-async def test_a_block_sees_what_it_wrote_and_nobody_else_does_each_time(db: Database) -> None:
+async def test_only_the_block_itself_sees_its_writes_before_the_commit(db: Database) -> None:
     for turn in range(TIMES):
         async with db.write() as tx:
             await tx.execute(ADD, {**PINE, "name": f"new-{turn}"})
@@ -227,7 +227,7 @@ async def test_nothing_is_kept_when_an_error_was_passed_over(db: Database) -> No
 
 
 @ON_POSTGRESQL
-async def test_a_connection_that_is_lost_within_a_block_is_told_and_replaced(db: Database) -> None:
+async def test_a_connection_lost_within_a_block_is_an_error_and_is_replaced(db: Database) -> None:
     suicide = select(func.pg_terminate_backend(func.pg_backend_pid()))
 
     async def lose(block: Callable[[], Any]) -> None:
@@ -264,7 +264,7 @@ async def test_a_cancelled_statement_leaves_nothing_behind(db: Database) -> None
 
 
 @ON_POSTGRESQL
-async def test_a_table_that_changes_meanwhile_spoils_one_answer_at_most(db: Database) -> None:
+async def test_a_changed_table_fails_at_most_one_cached_statement(db: Database) -> None:
     numbers = select(CRATES.c.number).order_by(CRATES.c.number)
     await found(db, numbers)
     async with db.write() as tx:
@@ -277,7 +277,7 @@ async def test_a_table_that_changes_meanwhile_spoils_one_answer_at_most(db: Data
 
 
 @ON_POSTGRESQL
-async def test_a_connection_left_within_a_transaction_is_not_lent_again(db: Database) -> None:
+async def test_a_connection_left_in_a_transaction_is_not_used_again(db: Database) -> None:
     async with db.read() as connection:
         await connection.execute(text("BEGIN"))
     async with db.read() as connection:

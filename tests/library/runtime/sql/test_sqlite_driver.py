@@ -1,4 +1,4 @@
-"""Statements are over when they are awaited; what waits lets everybody else go on."""
+"""SQLite statements run where they are awaited; those that wait let other tasks run."""
 
 import asyncio
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Many blocks in one COMMIT, each on its own when it fails."""
+"""Many blocks share one COMMIT; a block that fails is rolled back by itself."""
 
 import asyncio
 from collections.abc import AsyncIterator
@@ -134,7 +134,7 @@ async def test_a_cancelled_block_harms_no_other_block(db: Database) -> None:
     assert await names(db) == {"first", "last"}
 
 
-async def test_a_block_cancelled_before_its_turn_holds_nobody(db: Database) -> None:
+async def test_a_block_cancelled_before_its_turn_blocks_no_other(db: Database) -> None:
     async with db.write() as tx:
         waiting = asyncio.create_task(add(db, "lost"))
         after = asyncio.create_task(add(db, "after"))

@@ -1,4 +1,4 @@
-"""When a block's transaction begins on PostgreSQL: with its first statement, unless that is all."""
+"""On PostgreSQL a transaction begins with its first statement; a single statement needs no BEGIN."""
 
 import pytest
 from asyncpg.connection import LoggedQuery
@@ -78,7 +78,7 @@ async def test_a_refused_row_of_a_block_that_only_adds_undoes_all_of_it(db: Data
     assert (await names(db), labels) == (["oak"], 0)
 
 
-async def test_what_was_run_before_is_undone_with_what_is_added(db: Database) -> None:
+async def test_a_refused_added_row_undoes_earlier_statements(db: Database) -> None:
     async def run_and_add() -> None:
         async with db.write() as tx:
             await tx.execute(insert(CRATES), PINE)
