@@ -1,4 +1,4 @@
-"""On PostgreSQL a transaction begins with its first statement; a single statement needs no BEGIN."""
+"""On PostgreSQL a transaction begins with its first statement; a single one needs no BEGIN."""
 
 import pytest
 from asyncpg.connection import LoggedQuery
