@@ -9,7 +9,7 @@ from skyway.runtime.loops import Loops, Wake, repeat
 from skyway.runtime.mqtt.client import MqttClient
 from skyway.runtime.outbox.mqtt_sender import MqttSender
 from skyway.runtime.outbox.report_sender import ReportSender
-from skyway_composition.missions.closure_impact.ground_stops import GroundStopEnforcer
+from skyway_composition.missions.closure_impact.impact import GroundStopEnforcer
 from skyway_composition.missions.following.follow import Follower
 from skyway_composition.missions.replanning.occupied_pads import OccupiedPads
 from skyway_composition.missions.replanning.replan import Replanner

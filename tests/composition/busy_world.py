@@ -9,8 +9,7 @@ from typing import Any, Self
 from skyway_composition.closures.close import Closings
 from skyway_composition.closures.closure import Closure, ClosureKind
 from skyway_composition.missions.booking.book import Bookings
-from skyway_composition.missions.closure_impact.ground_stops import GroundStopEnforcer
-from skyway_composition.missions.closure_impact.impact import MissionImpact
+from skyway_composition.missions.closure_impact.impact import GroundStopEnforcer, MissionImpact
 from skyway_composition.missions.following.follow import Follower
 from skyway_composition.missions.interventions.cancel import Cancellations
 from skyway_composition.missions.interventions.command import Command

@@ -142,7 +142,7 @@ class Composition:
     clock: ManualClock
     follower: Follower
     overdue: OverdueMissions
-    lagging: LateMissions
+    late_missions: LateMissions
     replanner: Replanner
     deliveries: int = field(default=0)
 
@@ -281,10 +281,10 @@ async def unpublished(
         ) as client:
             follower = Follower(db, SilentSubscriber(), clock=clock, mint=mint, stuck=parts.stuck)
             overdue = OverdueMissions(db, clock, mint)
-            lagging = LateMissions(db, parts.networks, clock, mint, parts.stuck)
+            late = LateMissions(db, parts.networks, clock, mint, parts.stuck)
             occupied = OccupiedPads(parts.closings)
             replanner = Replanner(db, parts.networks, solver, clock, mint, "test", occupied)
-            whole = Composition(client, parts, clock, follower, overdue, lagging, replanner)
+            whole = Composition(client, parts, clock, follower, overdue, late, replanner)
             yield whole
 
 

@@ -27,7 +27,7 @@ def pickup_unknown(requested: BookMissions) -> Booking:
 def all_taken(requested: BookMissions, reasons: tuple[ProviderReason, ...]) -> Booking:
     """BUSY because others were faster in every round; a quoted offer is lost."""
     explained = {reason.provider_id for reason in reasons}
-    detail = "others took its drones or their pads meanwhile"
+    detail = "other bookings have reserved its drones or pads"
     taken = [
         reason.model_copy(update={"is_temporary": True})
         for reason in refused_for_all(requested.shortlist.provider_ids, "TAKEN", detail)

@@ -1,4 +1,7 @@
-"""What a closure does to live missions: those that it hits need other plans."""
+"""What closures do to live missions: those that a closure hits need other plans.
+
+Ground stops are enforced again and again: the next take-off of a mission changes as it goes on.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -10,7 +13,9 @@ from skyway.runtime.loops import Wake
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import moment_to_ms, ms_to_moment
-from skyway_composition.closures.closure import AffectedMission, ClosureKind, Reach
+from skyway_composition.closures.close import Closings
+from skyway_composition.closures.closure import AffectedMission, Closure, ClosureKind, Reach
+from skyway_composition.closures.store import ground_stops
 from skyway_composition.missions.closure_impact import store
 from skyway_composition.missions.closure_impact.hits import (
     DroneActivity,
@@ -28,9 +33,17 @@ from skyway_composition.missions.mission.record import Trouble
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.missions.replanning.request_plan import request_plans
 
+_CODES: Final[Mapping[ClosureKind, str]] = {
+    "STATION": "STATION_CLOSED",
+    "PAD": "PAD_OUT_OF_ORDER",
+    "SEGMENT": "SEGMENT_CLOSED",
+    "ZONE": "ZONE_AHEAD",
+    "GROUND_STOP": "GROUND_STOP",
+}
+
 
 @dataclass(frozen=True, slots=True)
-class HitMissions:
+class _HitMissions:
     """The first hit of each mission, the earliest first, and the activities of their drones."""
 
     hits: tuple[Hit, ...]
@@ -58,72 +71,6 @@ class HitMissions:
         )
 
 
-async def find_hits(reader: Reader, reach: Reach, *, now_ms: int) -> HitMissions:
-    """The live missions that a closure hits after this moment."""
-    match reach.closure.kind:
-        case "PAD":
-            return await _pads(reader, reach, now_ms)
-        case "GROUND_STOP":
-            return await _hits_on_take_offs(reader, reach, now_ms)
-        case _:
-            return await _flights(reader, reach, now_ms)
-
-
-async def _pads(reader: Reader, reach: Reach, now_ms: int) -> HitMissions:
-    closure = reach.closure
-    if closure.station_id is None or closure.pad is None:
-        return HitMissions((), {})
-    held = await store.pads_held(reader, closure.station_id, closure.pad)
-    hits = first_hits(hits_of_pads(held, span=Span.of(reach, now_ms=now_ms)))
-    return HitMissions(
-        hits, await store.activities_of(reader, [hit.owner.drone_id for hit in hits])
-    )
-
-
-async def _flights(reader: Reader, reach: Reach, now_ms: int) -> HitMissions:
-    """Hits on landings and flights, of present plans and of proposals."""
-    closure, span = reach.closure, Span.of(reach, now_ms=now_ms)
-    ends = (reach.stations or frozenset()) | {to_id for _, to_id in reach.segments}
-    # Proposals first: a proposal accepted between the two reads is found among the steps.
-    proposed = await store.proposals(reader, closure.network_id)
-    flights = [
-        *(flight for owner, each in proposed for flight in flights_of(owner, each)),
-        *await store.flights_to(
-            reader, ends, network_id=closure.network_id, start_before_ms=closure.until_ms
-        ),
-    ]
-    perhaps = {hit.owner.drone_id for hit in hits_of_flights(flights, reach, span=span)}
-    doing = await store.activities_of(reader, perhaps)
-    hits = hits_of_flights(flights, reach, span=span, under_way=steps_under_way(doing))
-    return HitMissions(first_hits(hits), doing)
-
-
-async def _hits_on_take_offs(reader: Reader, reach: Reach, now_ms: int) -> HitMissions:
-    stop, span = reach.closure, Span.of(reach, now_ms=now_ms)
-    planned = await store.take_offs(
-        reader, network_id=stop.network_id, provider_id=stop.provider_id
-    )
-    doing = await store.activities_of(reader, {flight.owner.drone_id for flight in planned})
-    hits = first_hits(
-        hits_of_take_offs(planned, reach, span=span, under_way=steps_under_way(doing))
-    )
-    if stop.drone_model_id is not None:
-        meant = await store.drones_of_model(
-            reader, [hit.owner.drone_id for hit in hits], stop.drone_model_id
-        )
-        hits = tuple(hit for hit in hits if hit.owner.drone_id in meant)
-    return HitMissions(hits, doing)
-
-
-_CODES: Final[Mapping[ClosureKind, str]] = {
-    "STATION": "STATION_CLOSED",
-    "PAD": "PAD_OUT_OF_ORDER",
-    "SEGMENT": "SEGMENT_CLOSED",
-    "ZONE": "ZONE_AHEAD",
-    "GROUND_STOP": "GROUND_STOP",
-}
-
-
 @dataclass(frozen=True, slots=True)
 class MissionImpact:
     """The impact of closures on missions; wakes `stuck` when some need other plans."""
@@ -135,12 +82,12 @@ class MissionImpact:
     async def preview(self, db: Database, reach: Reach) -> tuple[AffectedMission, ...]:
         """The missions that a closure would hit, in the order of their hits."""
         async with db.read() as reader:
-            found = await find_hits(reader, reach, now_ms=self._now_ms)
+            found = await _find_hits(reader, reach, now_ms=self._now_ms)
         return found.shown()
 
     async def apply(self, tx: Tx, reach: Reach) -> tuple[AffectedMission, ...]:
         """Request other plans for the missions that a closure hits, and return these missions."""
-        found = await find_hits(tx.connection, reach, now_ms=self._now_ms)
+        found = await _find_hits(tx.connection, reach, now_ms=self._now_ms)
         if not found.hits:
             return ()
         work = await MissionUnitOfWork.lock(
@@ -160,7 +107,90 @@ class MissionImpact:
         return moment_to_ms(self.clock.now())
 
 
-async def _trouble_all(work: MissionUnitOfWork, reach: Reach, found: HitMissions) -> None:
+@dataclass(frozen=True, slots=True)
+class GroundStopEnforcer:
+    """Requests other plans for missions whose next take-off a ground stop now forbids."""
+
+    db: Database
+    closings: Closings
+    clock: FleetClock
+
+    async def step(self) -> bool:
+        """Check all ground stops that are in force."""
+        async with self.db.read() as connection:
+            stops = await ground_stops(connection, at_ms=moment_to_ms(self.clock.now()))
+        for stop in stops:
+            await self._enforce(stop)
+        return False
+
+    async def _enforce(self, stop: Closure) -> None:
+        reach = await self.closings.reach(stop)
+        hit = await self.closings.impact.preview(self.db, reach)
+        async with self.db.read() as connection:
+            unaware = await store.without_trouble(connection, [each.mission_id for each in hit])
+        if unaware:
+            async with self.db.write() as tx:
+                await self.closings.impact.apply(tx, reach)
+
+
+async def _find_hits(reader: Reader, reach: Reach, *, now_ms: int) -> _HitMissions:
+    """The live missions that a closure hits after this moment."""
+    match reach.closure.kind:
+        case "PAD":
+            return await _pads(reader, reach, now_ms)
+        case "GROUND_STOP":
+            return await _hits_on_take_offs(reader, reach, now_ms)
+        case _:
+            return await _flights(reader, reach, now_ms)
+
+
+async def _pads(reader: Reader, reach: Reach, now_ms: int) -> _HitMissions:
+    closure = reach.closure
+    if closure.station_id is None or closure.pad is None:
+        return _HitMissions((), {})
+    held = await store.pads_held(reader, closure.station_id, closure.pad)
+    hits = first_hits(hits_of_pads(held, span=Span.of(reach, now_ms=now_ms)))
+    return _HitMissions(
+        hits, await store.activities_of(reader, [hit.owner.drone_id for hit in hits])
+    )
+
+
+async def _flights(reader: Reader, reach: Reach, now_ms: int) -> _HitMissions:
+    """Hits on landings and flights, of present plans and of proposals."""
+    closure, span = reach.closure, Span.of(reach, now_ms=now_ms)
+    ends = (reach.stations or frozenset()) | {to_id for _, to_id in reach.segments}
+    # Proposals first: a proposal accepted between the two reads is found among the steps.
+    proposed = await store.proposals(reader, closure.network_id)
+    flights = [
+        *(flight for owner, each in proposed for flight in flights_of(owner, each)),
+        *await store.flights_to(
+            reader, ends, network_id=closure.network_id, start_before_ms=closure.until_ms
+        ),
+    ]
+    perhaps = {hit.owner.drone_id for hit in hits_of_flights(flights, reach, span=span)}
+    doing = await store.activities_of(reader, perhaps)
+    hits = hits_of_flights(flights, reach, span=span, under_way=steps_under_way(doing))
+    return _HitMissions(first_hits(hits), doing)
+
+
+async def _hits_on_take_offs(reader: Reader, reach: Reach, now_ms: int) -> _HitMissions:
+    stop, span = reach.closure, Span.of(reach, now_ms=now_ms)
+    planned = await store.take_offs(
+        reader, network_id=stop.network_id, provider_id=stop.provider_id
+    )
+    doing = await store.activities_of(reader, {flight.owner.drone_id for flight in planned})
+    hits = first_hits(
+        hits_of_take_offs(planned, reach, span=span, under_way=steps_under_way(doing))
+    )
+    if stop.drone_model_id is not None:
+        meant = await store.drones_of_model(
+            reader, [hit.owner.drone_id for hit in hits], stop.drone_model_id
+        )
+        hits = tuple(hit for hit in hits if hit.owner.drone_id in meant)
+    return _HitMissions(hits, doing)
+
+
+async def _trouble_all(work: MissionUnitOfWork, reach: Reach, found: _HitMissions) -> None:
     closure = reach.closure
     hit_ids = {hit.owner.mission_id for hit in found.hits}
     # A mission that needs another plan anyway meets the ground stop when it is planned.

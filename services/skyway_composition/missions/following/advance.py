@@ -20,6 +20,23 @@ from skyway_composition.missions.mission.step_store import ended_events
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 
 
+def accept(work: MissionUnitOfWork, record: MissionRecord) -> MissionRecord:
+    """Note that the drone has accepted the mission; a drone that flies it has accepted it."""
+    if record.mission.state != "BOOKED":
+        return record
+    record = moved(record, "ACCEPTED")
+    return report(work, record, "ACCEPTED", at=work.clock.now())
+
+
+def begin(work: MissionUnitOfWork, record: MissionRecord, *, at: datetime) -> MissionRecord:
+    """Note that the drone has begun: it approaches the pickup, or loads there."""
+    record = accept(work, record)
+    if record.mission.state != "ACCEPTED":
+        return record
+    record = moved(record, "ACTIVE")
+    return report(work, record, "LOADING", at=at)
+
+
 async def record_loading(
     work: MissionUnitOfWork, record: MissionRecord, step: PickUpStep, event: DroneEvent
 ) -> MissionRecord:
@@ -98,20 +115,3 @@ async def _pass_on(
     rows = [Held(each, held[each].seq + 1 if each in held else 1, to) for each in passed]
     await add_custody(work.tx, record, rows, at_ms=moment_to_ms(event.ended_at))
     return tuple(passed)
-
-
-def accept(work: MissionUnitOfWork, record: MissionRecord) -> MissionRecord:
-    """Note that the drone has accepted the mission; a drone that flies it has accepted it."""
-    if record.mission.state != "BOOKED":
-        return record
-    record = moved(record, "ACCEPTED")
-    return report(work, record, "ACCEPTED", at=work.clock.now())
-
-
-def begin(work: MissionUnitOfWork, record: MissionRecord, *, at: datetime) -> MissionRecord:
-    """Note that the drone has begun: it approaches the pickup, or loads there."""
-    record = accept(work, record)
-    if record.mission.state != "ACCEPTED":
-        return record
-    record = moved(record, "ACTIVE")
-    return report(work, record, "LOADING", at=at)

@@ -33,6 +33,10 @@ from skyway_composition.missions.replanning.store import plan_now
 log = logging.getLogger(__name__)
 
 
+#: The code of a STEP_FAILED whose hand-over may or may not have happened.
+_UNKNOWN = "UNKNOWN"
+
+
 async def handle_step_failure(
     work: MissionUnitOfWork, record: MissionRecord, event: DroneEvent
 ) -> None:
@@ -57,8 +61,8 @@ async def handle_step_failure(
         return
     if code == "RECIPIENT_ABSENT":
         record = _without_recipient(work, record, step, detail=detail)
-    elif code == UNKNOWN:
-        record, detail = await handle_unknown_hand_over(work, record, step, event)
+    elif code == _UNKNOWN:
+        record, detail = await _handle_unknown_hand_over(work, record, step, event)
     stuck = Stuck(
         code=code,
         detail=detail,
@@ -102,6 +106,25 @@ async def wait_for_revision(
         last_step=last_step,
     )
     await _keep_stuck(work, record, stuck)
+
+
+async def open_stream(work: MissionUnitOfWork, link: DroneLink, state: DroneState) -> None:
+    """Start a new stream of instructions; unanswered ones of the old stream are sent again."""
+    log.warning(
+        "new stream", extra={"drone_id": link.drone_id, "stream": link.in_new_stream(state).stream}
+    )
+    await work.courier.withdraw_open(work.tx, link)
+    work.stage_link(link.in_new_stream(state))
+    record = work.missions.get(link.drone_id)
+    if record is None:
+        return
+    if record.mission.state == "BOOKED":
+        await send_again(work, record)
+    else:
+        if record.proposal is not None:
+            record = await drop_proposal(work, record)
+        detail = "the drone has lost its journal and with it the mission"
+        await wait_for_revision(work, record, code="JOURNAL_LOST", detail=detail)
 
 
 async def _keep_stuck(work: MissionUnitOfWork, record: MissionRecord, stuck: Stuck) -> None:
@@ -155,11 +178,7 @@ def _without_recipient(
     )
 
 
-#: The code of a STEP_FAILED whose hand-over may or may not have happened.
-UNKNOWN = "UNKNOWN"
-
-
-async def handle_unknown_hand_over(
+async def _handle_unknown_hand_over(
     work: MissionUnitOfWork, record: MissionRecord, step: FlightStep | None, event: DroneEvent
 ) -> tuple[MissionRecord, str]:
     """The record with new aims of the packages, and a description of what happened."""
@@ -171,7 +190,7 @@ async def handle_unknown_hand_over(
             aims = with_changed_aims(
                 record.aims, [back_to_pickup(record, each) for each in packages]
             )
-            record = with_aims(work, record, aims, code=UNKNOWN, detail=detail)
+            record = with_aims(work, record, aims, code=_UNKNOWN, detail=detail)
         case ReturnStep():
             detail = f"it is unknown whether {_named(step.package_ids)} were handed back"
             detail = f"{detail} at {step.station_id!r}"
@@ -197,22 +216,3 @@ async def handle_unknown_hand_over(
 
 def _named(package_ids: tuple[PackageId, ...]) -> str:
     return ", ".join(package_ids)
-
-
-async def open_stream(work: MissionUnitOfWork, link: DroneLink, state: DroneState) -> None:
-    """Start a new stream of instructions; unanswered ones of the old stream are sent again."""
-    log.warning(
-        "new stream", extra={"drone_id": link.drone_id, "stream": link.in_new_stream(state).stream}
-    )
-    await work.courier.withdraw_open(work.tx, link)
-    work.stage_link(link.in_new_stream(state))
-    record = work.missions.get(link.drone_id)
-    if record is None:
-        return
-    if record.mission.state == "BOOKED":
-        await send_again(work, record)
-    else:
-        if record.proposal is not None:
-            record = await drop_proposal(work, record)
-        detail = "the drone has lost its journal and with it the mission"
-        await wait_for_revision(work, record, code="JOURNAL_LOST", detail=detail)

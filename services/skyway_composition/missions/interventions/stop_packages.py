@@ -60,7 +60,7 @@ async def stop_packages(
     steps = await steps_of(work.tx.connection, record.mission_id)
     takes_others = len(waiting) < len(record.request.packages)
     link = work.links[record.drone_id]
-    if waiting and not can_stay_at_pickup(
+    if waiting and not _can_stay_at_pickup(
         record, steps, work.clock, link=link, needs_plan=takes_others
     ):
         if record.mission.state == "BOOKED":
@@ -97,6 +97,27 @@ async def return_packages(
     return await request_plan(work, record, Trouble(code=code, detail=detail))
 
 
+async def return_cancelled_packages(
+    work: MissionUnitOfWork, record: MissionRecord, packages: Sequence[PackageOnBoard]
+) -> MissionRecord:
+    """Add cancelled packages to the mission again and have them brought back.
+
+    They were cancelled while the drone loaded them. Without a new plan the drone would deliver
+    packages of which the customer was told that they stay.
+    """
+    pickup = record.request.pickup
+    added = tuple(
+        Package(package_id=each.package_id, mass_kg=each.mass_kg, destination=pickup)
+        for each in packages
+    )
+    request = record.request.model_copy(update={"packages": (*record.request.packages, *added)})
+    record = replace(record, request=request)
+    await store.save_request(work.tx, record)
+    package_ids = [each.package_id for each in packages]
+    detail = f"cancelled, but on board already: {', '.join(package_ids)}"
+    return await return_packages(work, record, package_ids, code="CANCELLED", detail=detail)
+
+
 async def _release(
     work: MissionUnitOfWork,
     record: MissionRecord,
@@ -131,28 +152,7 @@ async def _release(
     await request_plan(work, record, Trouble(code=PACKAGES_CANCELLED, detail=detail))
 
 
-async def return_cancelled_packages(
-    work: MissionUnitOfWork, record: MissionRecord, packages: Sequence[PackageOnBoard]
-) -> MissionRecord:
-    """Add cancelled packages to the mission again and have them brought back.
-
-    They were cancelled while the drone loaded them. Without a new plan the drone would deliver
-    packages of which the customer was told that they stay.
-    """
-    pickup = record.request.pickup
-    added = tuple(
-        Package(package_id=each.package_id, mass_kg=each.mass_kg, destination=pickup)
-        for each in packages
-    )
-    request = record.request.model_copy(update={"packages": (*record.request.packages, *added)})
-    record = replace(record, request=request)
-    await store.save_request(work.tx, record)
-    package_ids = [each.package_id for each in packages]
-    detail = f"cancelled, but on board already: {', '.join(package_ids)}"
-    return await return_packages(work, record, package_ids, code="CANCELLED", detail=detail)
-
-
-def can_stay_at_pickup(
+def _can_stay_at_pickup(
     record: MissionRecord,
     steps: Sequence[StepRecord],
     clock: FleetClock,

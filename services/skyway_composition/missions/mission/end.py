@@ -97,7 +97,49 @@ async def abort(
     await _end(work, record, "ABORTED", at=at, code=code, detail=detail, station_id=station_id)
 
 
-async def abort_in_the_open(
+async def end_after_forced_landing(
+    work: MissionUnitOfWork,
+    record: MissionRecord,
+    *,
+    at: datetime,
+    position: Position,
+    soc: float,
+    code: str,
+    detail: str,
+) -> None:
+    """A drone has landed away from every station: raise an alarm and end its mission.
+
+    Its packages stay on board; people must fetch the drone.
+    """
+    held = record.own(await held_packages(work.tx.connection, record.mission.delivery_id))
+    packages = sorted(on_board(held))
+    place = f"{position.latitude_deg:.5f}, {position.longitude_deg:.5f}"
+    load = f"with {', '.join(packages)} on board" if packages else "with nothing on board"
+    await raise_alarm(
+        work,
+        record,
+        level="CRITICAL",
+        code="FORCED_LANDING",
+        detail=f"down away from every station at {place}, {load}: {detail}",
+        data={
+            "fault": code,
+            "longitude_deg": position.longitude_deg,
+            "latitude_deg": position.latitude_deg,
+            "soc": soc,
+            "package_ids": packages,
+        },
+    )
+    await _abort_in_the_open(
+        work,
+        record,
+        at=at,
+        code=code,
+        detail=f"the drone had to land at {place}, away from every station: {detail}",
+        position=position,
+    )
+
+
+async def _abort_in_the_open(
     work: MissionUnitOfWork,
     record: MissionRecord,
     *,
@@ -160,45 +202,3 @@ async def _strand(
         rows = [Held(each, held[each].seq + 1, station) for each in on_its_board]
         await add_custody(work.tx, record, rows, at_ms=moment_to_ms(at))
     return (*on_its_board, *sorted(left_behind(held, record.request.pickup.station_id)))
-
-
-async def end_after_forced_landing(
-    work: MissionUnitOfWork,
-    record: MissionRecord,
-    *,
-    at: datetime,
-    position: Position,
-    soc: float,
-    code: str,
-    detail: str,
-) -> None:
-    """A drone has landed away from every station: raise an alarm and end its mission.
-
-    Its packages stay on board; people must fetch the drone.
-    """
-    held = record.own(await held_packages(work.tx.connection, record.mission.delivery_id))
-    packages = sorted(on_board(held))
-    place = f"{position.latitude_deg:.5f}, {position.longitude_deg:.5f}"
-    load = f"with {', '.join(packages)} on board" if packages else "with nothing on board"
-    await raise_alarm(
-        work,
-        record,
-        level="CRITICAL",
-        code="FORCED_LANDING",
-        detail=f"down away from every station at {place}, {load}: {detail}",
-        data={
-            "fault": code,
-            "longitude_deg": position.longitude_deg,
-            "latitude_deg": position.latitude_deg,
-            "soc": soc,
-            "package_ids": packages,
-        },
-    )
-    await abort_in_the_open(
-        work,
-        record,
-        at=at,
-        code=code,
-        detail=f"the drone had to land at {place}, away from every station: {detail}",
-        position=position,
-    )

@@ -16,9 +16,23 @@ from skyway.json_model import JsonModel
 
 _T = TypeVar("_T")
 
+
 #: The trouble codes of an operator's commands RETURN_HOME and DIVERT.
 CALLED_HOME: Final = "CALLED_HOME"
+
+
 DIVERTED: Final = "DIVERTED"
+
+
+_NEXT: Final[Mapping[MissionState, tuple[MissionState, ...]]] = {
+    "BOOKED": ("ACCEPTED", "REFUSED", "CANCELLED"),
+    "ACCEPTED": ("ACTIVE", "ABORTED", "CANCELLED"),
+    "ACTIVE": ("COMPLETED", "ABORTED", "CANCELLED"),
+    "COMPLETED": (),
+    "ABORTED": (),
+    "CANCELLED": (),
+    "REFUSED": (),
+}
 
 
 class OccupiedPad(JsonModel):
@@ -157,17 +171,6 @@ class MissionRecord:
     def moved_to(self, state: MissionState) -> "MissionRecord":
         """The record in another state; `moved` checks that the state may follow."""
         return replace(self, mission=self.mission.model_copy(update={"state": state}))
-
-
-_NEXT: Final[Mapping[MissionState, tuple[MissionState, ...]]] = {
-    "BOOKED": ("ACCEPTED", "REFUSED", "CANCELLED"),
-    "ACCEPTED": ("ACTIVE", "ABORTED", "CANCELLED"),
-    "ACTIVE": ("COMPLETED", "ABORTED", "CANCELLED"),
-    "COMPLETED": (),
-    "ABORTED": (),
-    "CANCELLED": (),
-    "REFUSED": (),
-}
 
 
 def moved(record: MissionRecord, state: MissionState) -> MissionRecord:

@@ -15,6 +15,12 @@ from skyway_composition.pads.booked_pad import BookedPad, merged
 from skyway_composition.pads.store import hold
 
 
+async def release_unneeded_pads(work: MissionUnitOfWork, record: MissionRecord) -> None:
+    """Reserve only the pads that the mission still needs; `RowRefused` if a new pad is not free."""
+    steps = await steps_of(work.tx.connection, record.mission_id)
+    await hold(work.tx, record.mission_id, _needed_pads(record, steps))
+
+
 def pads_of(steps: Iterable[FlightStep], *, pad_gap_s: float) -> tuple[BookedPad, ...]:
     """The pads at which these steps charge, each with the gap until the next drone may come."""
     gap_ms = round(pad_gap_s * 1000)
@@ -30,7 +36,7 @@ def pads_of(steps: Iterable[FlightStep], *, pad_gap_s: float) -> tuple[BookedPad
     )
 
 
-def used_pads(steps: Iterable[StepRecord], *, pad_gap_s: float) -> tuple[BookedPad, ...]:
+def _used_pads(steps: Iterable[StepRecord], *, pad_gap_s: float) -> tuple[BookedPad, ...]:
     """The pads at which the drone has charged, each until the gap after it is over."""
     gap_ms = round(pad_gap_s * 1000)
     sessions = (
@@ -49,19 +55,13 @@ def used_pads(steps: Iterable[StepRecord], *, pad_gap_s: float) -> tuple[BookedP
     return merged(each for each in sessions if each.start_ms < each.end_ms)
 
 
-def needed_pads(record: MissionRecord, steps: Sequence[StepRecord]) -> tuple[BookedPad, ...]:
+def _needed_pads(record: MissionRecord, steps: Sequence[StepRecord]) -> tuple[BookedPad, ...]:
     """The pads of the steps ahead, and of a proposal until the drone has answered it."""
     gap_s = record.mission.margins.pad_gap_s
     planned = [each.step for each in steps if each.status == "PLANNED"]
-    needed = merged((*pads_of(planned, pad_gap_s=gap_s), *used_pads(steps, pad_gap_s=gap_s)))
+    needed = merged((*pads_of(planned, pad_gap_s=gap_s), *_used_pads(steps, pad_gap_s=gap_s)))
     proposal = record.proposal
     if proposal is None:
         return needed
     proposed_gap_s = proposal.mission.margins.pad_gap_s
     return merged((*needed, *pads_of(proposal.steps, pad_gap_s=proposed_gap_s)))
-
-
-async def release_unneeded_pads(work: MissionUnitOfWork, record: MissionRecord) -> None:
-    """Reserve only the pads that the mission still needs; `RowRefused` if a new pad is not free."""
-    steps = await steps_of(work.tx.connection, record.mission_id)
-    await hold(work.tx, record.mission_id, needed_pads(record, steps))

@@ -17,9 +17,12 @@ from skyway_composition.tables import cut_steps, mission_steps
 #: An event without a revision matches a step of any revision.
 _ANY_REVISION: Final = 2**31 - 1
 
+
 # Every booking and every message of a drone needs these statements. Building them takes longer
 # than running them, so they are built once.
 _ADD_STEPS: Final = insert(mission_steps)
+
+
 _PLANNED_STEP: Final = select(mission_steps.c.step).where(
     mission_steps.c.mission_id == bindparam("mission_id"),
     mission_steps.c.step_id == bindparam("step_id"),
@@ -27,10 +30,14 @@ _PLANNED_STEP: Final = select(mission_steps.c.step).where(
     # A cut step and the step that replaced it have the same number; the replacement is newer.
     mission_steps.c.revision <= bindparam("revision"),
 )
+
+
 _END_STEP: Final = update(mission_steps).where(
     mission_steps.c.mission_id == bindparam("of_mission"),
     mission_steps.c.step_id == bindparam("of_step"),
 )
+
+
 _STEPS: Final = (
     select(mission_steps)
     .where(mission_steps.c.mission_id == bindparam("mission_id"))
@@ -72,34 +79,12 @@ async def replace_steps(
     await _insert_steps(tx, mission_id, steps, revision=revision)
 
 
-async def _insert_steps(
-    tx: Tx, mission_id: MissionId, steps: Iterable[FlightStep], *, revision: int
-) -> None:
-    await tx.execute(_ADD_STEPS, _step_rows(mission_id, steps, revision=revision))
-
-
-def _step_rows(
-    mission_id: MissionId, steps: Iterable[FlightStep], *, revision: int
-) -> list[dict[str, Any]]:  # column values of any type
-    return [
-        {
-            "mission_id": mission_id,
-            "step_id": step.step_id,
-            "revision": revision,
-            "status": "PLANNED",
-            "step": step.model_dump_json(),
-            **step_columns(step),
-        }
-        for step in steps
-    ]
-
-
 async def change_step(tx: Tx, mission_id: MissionId, step: FlightStep) -> None:
     """Save a changed step; its number and revision stay."""
     await tx.execute(
         update(mission_steps)
         .where(mission_steps.c.mission_id == mission_id, mission_steps.c.step_id == step.step_id)
-        .values(step=step.model_dump_json(), **step_columns(step))
+        .values(step=step.model_dump_json(), **_step_columns(step))
     )
 
 
@@ -145,20 +130,6 @@ async def steps_of(connection: AsyncConnection, mission_id: MissionId) -> list[S
     ]
 
 
-def step_columns(step: FlightStep) -> dict[str, Any]:  # column values of any type
-    """The columns of `mission_steps` that say what a step does, where and when."""
-    return {
-        "kind": step.kind,
-        "station_id": None if step.kind == "FLY" else step.station_id,
-        "pad": step.pad if step.kind == "RECHARGE" else None,
-        "planned_start_ms": moment_to_ms(step.planned_start_at),
-        "planned_end_ms": moment_to_ms(step.planned_end_at),
-        "from_station_id": step.from_id if step.kind == "FLY" else None,
-        "to_station_id": step.to_id if step.kind == "FLY" else None,
-        "lands": step.lands if step.kind == "FLY" else None,
-    }
-
-
 async def keep_cut_step(tx: Tx, mission_id: MissionId, event: DroneEvent) -> None:
     """Save the end of a cut step, before the step that replaces it overwrites it."""
     if event.started_at is None:
@@ -191,3 +162,39 @@ async def ended_events(connection: AsyncConnection, mission_id: MissionId) -> li
     # A cut step is in both tables until another step gets its number.
     events = {event.seq: event for event in map(DroneEvent.read, texts)}
     return [events[seq] for seq in sorted(events)]
+
+
+async def _insert_steps(
+    tx: Tx, mission_id: MissionId, steps: Iterable[FlightStep], *, revision: int
+) -> None:
+    await tx.execute(_ADD_STEPS, _step_rows(mission_id, steps, revision=revision))
+
+
+def _step_rows(
+    mission_id: MissionId, steps: Iterable[FlightStep], *, revision: int
+) -> list[dict[str, Any]]:  # column values of any type
+    return [
+        {
+            "mission_id": mission_id,
+            "step_id": step.step_id,
+            "revision": revision,
+            "status": "PLANNED",
+            "step": step.model_dump_json(),
+            **_step_columns(step),
+        }
+        for step in steps
+    ]
+
+
+def _step_columns(step: FlightStep) -> dict[str, Any]:  # column values of any type
+    """The columns of `mission_steps` that say what a step does, where and when."""
+    return {
+        "kind": step.kind,
+        "station_id": None if step.kind == "FLY" else step.station_id,
+        "pad": step.pad if step.kind == "RECHARGE" else None,
+        "planned_start_ms": moment_to_ms(step.planned_start_at),
+        "planned_end_ms": moment_to_ms(step.planned_end_at),
+        "from_station_id": step.from_id if step.kind == "FLY" else None,
+        "to_station_id": step.to_id if step.kind == "FLY" else None,
+        "lands": step.lands if step.kind == "FLY" else None,
+    }

@@ -44,6 +44,13 @@ _SAVE: Final = (
 )
 
 
+_LOCK: Final = (
+    select(deliveries.c.closed_ms)
+    .where(deliveries.c.delivery_id == bindparam("of_delivery"))
+    .with_for_update()
+)
+
+
 @dataclass(frozen=True, slots=True)
 class MissionFilter:
     """Which missions a list shows; `provider_id` is the calling provider, None for operators."""
@@ -131,13 +138,6 @@ async def live_drones(connection: AsyncConnection) -> list[DroneId]:
     """The drones that have a live mission."""
     found = await connection.execute(_LIVE_DRONES)
     return list(found.scalars())
-
-
-_LOCK: Final = (
-    select(deliveries.c.closed_ms)
-    .where(deliveries.c.delivery_id == bindparam("of_delivery"))
-    .with_for_update()
-)
 
 
 async def lock_delivery(tx: Tx, delivery_id: DeliveryId) -> bool:

@@ -32,11 +32,14 @@ from skyway_composition.planning.world import still_holds
 
 log = logging.getLogger(__name__)
 
+
 #: After this many revisions a mission gets no further plan. Our own choice.
 MOST_REVISIONS: Final = 40
 
+
 #: Wall time until planning is tried again when no plan was found. Our own choice.
 _RETRY_MS: Final = 2_000
+
 
 #: Planning is put off until another plan is requested.
 _NEVER_MS: Final = 2**53
@@ -82,7 +85,7 @@ class Outcomes:
             link=work.links[record.drone_id],
         )
         if case.closed.closes_landing(anchor.station_id, anchor.at_ms) and remainder.given_up:
-            await raise_no_landing(work, record, anchor)
+            await _raise_no_landing(work, record, anchor)
         if record.stuck is None:
             await propose(work, record, revision, anchor=anchor, trouble=case.trouble)
         else:
@@ -99,7 +102,7 @@ class Outcomes:
             work = await self._lock(record.drone_id, tx)
             current = work.missions.get(record.drone_id)
             if current is not None and current.mission_id == record.mission_id:
-                await hold_for_stop(work, current, stop=stop)
+                await _hold_for_stop(work, current, stop=stop)
         await self.retry_later(record)
 
     async def stop_trying(self, record: MissionRecord, trouble: Trouble) -> None:
@@ -170,30 +173,6 @@ def refusal_code(situation: Situation, trouble: Trouble, *, code: str) -> str:
     return "MASS_MISMATCH" if loaded and loaded != planned else code
 
 
-async def hold_for_stop(work: MissionUnitOfWork, record: MissionRecord, *, stop: str) -> None:
-    """Keep a drone on the ground while a ground stop lasts; its next revision ends the hold."""
-    state = work.links[record.drone_id].state
-    if state is not None and state.is_held and state.mission_id == record.mission_id:
-        return
-    sent = await open_instructions(work.tx, record.drone_id)
-    if any(each.kind == "HOLD" for each in sent):
-        return
-    await hold(work, record, reason=stop)
-
-
-async def raise_no_landing(work: MissionUnitOfWork, record: MissionRecord, anchor: Anchor) -> None:
-    """Raise an alarm about a drone that lands at a closed station, the only one in reach."""
-    await raise_alarm(
-        work,
-        record,
-        level="CRITICAL",
-        code="NO_SAFE_LANDING",
-        detail=f"no open station is in reach; the drone lands at {anchor.station_id!r}",
-        station_id=anchor.station_id,
-        data={"soc": anchor.soc},
-    )
-
-
 async def stop_trying(work: MissionUnitOfWork, record: MissionRecord, trouble: Trouble) -> None:
     """Let a drone that refuses every revision fly on by its plan, and raise an alarm.
 
@@ -218,3 +197,27 @@ async def stop_diverting(work: MissionUnitOfWork, record: MissionRecord, *, reas
         detail=f"the drone is held where it stands or lands next; {reason}",
     )
     await work.save(replace(record, trouble=None))
+
+
+async def _hold_for_stop(work: MissionUnitOfWork, record: MissionRecord, *, stop: str) -> None:
+    """Keep a drone on the ground while a ground stop lasts; its next revision ends the hold."""
+    state = work.links[record.drone_id].state
+    if state is not None and state.is_held and state.mission_id == record.mission_id:
+        return
+    sent = await open_instructions(work.tx, record.drone_id)
+    if any(each.kind == "HOLD" for each in sent):
+        return
+    await hold(work, record, reason=stop)
+
+
+async def _raise_no_landing(work: MissionUnitOfWork, record: MissionRecord, anchor: Anchor) -> None:
+    """Raise an alarm about a drone that lands at a closed station, the only one in reach."""
+    await raise_alarm(
+        work,
+        record,
+        level="CRITICAL",
+        code="NO_SAFE_LANDING",
+        detail=f"no open station is in reach; the drone lands at {anchor.station_id!r}",
+        station_id=anchor.station_id,
+        data={"soc": anchor.soc},
+    )

@@ -126,10 +126,10 @@ async def accept_proposal(
         trouble=_left_of(record.trouble, proposal),
     )
     await release_unneeded_pads(work, record)
-    record = report_replanned(work, record, code=proposal.code, detail=proposal.detail)
+    record = _report_replanned(work, record, code=proposal.code, detail=proposal.detail)
     await work.save(record)
     await plan_now(work.tx, record.mission_id)
-    missing = returns_not_in_plan(record, proposal.steps)
+    missing = _returns_not_in_plan(record, proposal.steps)
     if missing:
         detail = f"cancelled while the plan was on its way: {', '.join(missing)}"
         record = await request_plan(work, record, Trouble(code="CANCELLED", detail=detail))
@@ -146,6 +146,65 @@ async def drop_proposal(work: MissionUnitOfWork, record: MissionRecord) -> Missi
     await work.save(record)
     await plan_now(work.tx, record.mission_id)
     return record
+
+
+async def replace_plan(
+    work: MissionUnitOfWork, record: MissionRecord, revision: Revision, *, trouble: Trouble
+) -> None:
+    """Replace all planned steps by a revision, and send it.
+
+    Raises
+    ------
+    RowRefused
+        Another mission has one of the new pads.
+    """
+    mission = revision.mission
+    await replace_planned(work.tx, record.mission_id, revision.steps, revision=mission.revision)
+    record = with_aims(work, record, revision.aims, code=trouble.code, detail=trouble.detail)
+    record = replace(record, mission=mission, stuck=None, trouble=None, reported_activity=None)
+    await release_unneeded_pads(work, record)
+    work.links[record.drone_id] = await send_steps(
+        work.tx,
+        work.courier,
+        work.links[record.drone_id],
+        mission=mission,
+        steps=revision.steps,
+        expires_at=work.courier.expiry(),
+    )
+    record = _report_replanned(work, record, code=trouble.code, detail=trouble.detail)
+    await work.save(record)
+
+
+def with_aims(
+    work: MissionUnitOfWork, record: MissionRecord, aims: tuple[Aim, ...], *, code: str, detail: str
+) -> MissionRecord:
+    """The record with these aims; packages that now go back to the pickup are reported."""
+    turned = turned_back(record.aims, aims)
+    record = replace(record, aims=aims)
+    if not turned:
+        return record
+    return report(
+        work,
+        record,
+        "RETURNING",
+        at=work.clock.now(),
+        package_ids=turned,
+        code=code,
+        detail=detail,
+    )
+
+
+async def adjust_last_flight(tx: Tx, mission_id: MissionId, proposal: Proposal) -> None:
+    """Save whether the flight before a proposal lands.
+
+    Before another flight the drone flies on over the station; before any other step it lands.
+    """
+    lands = not isinstance(proposal.steps[0], FlyStep)
+    for each in await steps_of(tx.connection, mission_id):
+        step = each.step
+        is_last_valid = step.step_id == proposal.first_step - 1 and each.status == "PLANNED"
+        if is_last_valid and isinstance(step, FlyStep) and step.lands != lands:
+            await change_step(tx, mission_id, step.model_copy(update={"lands": lands}))
 
 
 def _left_of(trouble: Trouble | None, proposal: Proposal) -> Trouble | None:
@@ -180,47 +239,7 @@ def _draft(revision: Revision, anchor: Anchor, trouble: Trouble) -> Draft:
     )
 
 
-async def replace_plan(
-    work: MissionUnitOfWork, record: MissionRecord, revision: Revision, *, trouble: Trouble
-) -> None:
-    """Replace all planned steps by a revision, and send it.
-
-    Raises
-    ------
-    RowRefused
-        Another mission has one of the new pads.
-    """
-    mission = revision.mission
-    await replace_planned(work.tx, record.mission_id, revision.steps, revision=mission.revision)
-    record = with_aims(work, record, revision.aims, code=trouble.code, detail=trouble.detail)
-    record = replace(record, mission=mission, stuck=None, trouble=None, reported_activity=None)
-    await release_unneeded_pads(work, record)
-    work.links[record.drone_id] = await send_steps(
-        work.tx,
-        work.courier,
-        work.links[record.drone_id],
-        mission=mission,
-        steps=revision.steps,
-        expires_at=work.courier.expiry(),
-    )
-    record = report_replanned(work, record, code=trouble.code, detail=trouble.detail)
-    await work.save(record)
-
-
-async def adjust_last_flight(tx: Tx, mission_id: MissionId, proposal: Proposal) -> None:
-    """Save whether the flight before a proposal lands.
-
-    Before another flight the drone flies on over the station; before any other step it lands.
-    """
-    lands = not isinstance(proposal.steps[0], FlyStep)
-    for each in await steps_of(tx.connection, mission_id):
-        step = each.step
-        is_last_valid = step.step_id == proposal.first_step - 1 and each.status == "PLANNED"
-        if is_last_valid and isinstance(step, FlyStep) and step.lands != lands:
-            await change_step(tx, mission_id, step.model_copy(update={"lands": lands}))
-
-
-def returns_not_in_plan(
+def _returns_not_in_plan(
     record: MissionRecord, steps: Sequence[FlightStep]
 ) -> tuple[PackageId, ...]:
     """Packages that must return but that the accepted plan delivers.
@@ -240,26 +259,7 @@ def returns_not_in_plan(
     )
 
 
-def with_aims(
-    work: MissionUnitOfWork, record: MissionRecord, aims: tuple[Aim, ...], *, code: str, detail: str
-) -> MissionRecord:
-    """The record with these aims; packages that now go back to the pickup are reported."""
-    turned = turned_back(record.aims, aims)
-    record = replace(record, aims=aims)
-    if not turned:
-        return record
-    return report(
-        work,
-        record,
-        "RETURNING",
-        at=work.clock.now(),
-        package_ids=turned,
-        code=code,
-        detail=detail,
-    )
-
-
-def report_replanned(
+def _report_replanned(
     work: MissionUnitOfWork, record: MissionRecord, *, code: str, detail: str
 ) -> MissionRecord:
     """Report that a mission continues by another plan, and why."""

@@ -57,7 +57,7 @@ class LoadingTimeouts:
             since = await _loading_since(work, record)
             if since is None or self.clock.now() < since + timeout:
                 return
-            detail = f"nobody has confirmed the loading since {since.isoformat()}"
+            detail = f"no loader has confirmed since {since.isoformat()}"
             fault = LoadingFault("LOADING_TIMEOUT", detail, {"timeout_s": timeout.total_seconds()})
             await refuse_loading(work, record, fault)
 

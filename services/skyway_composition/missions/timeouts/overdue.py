@@ -23,7 +23,9 @@ log = logging.getLogger(__name__)
 _ACK_ON_ITS_WAY_S: Final = 10.0
 
 
-def is_certainly_not_flown(record: MissionRecord, link: DroneLink, *, ack_due_at: datetime) -> bool:
+def _is_certainly_not_flown(
+    record: MissionRecord, link: DroneLink, *, ack_due_at: datetime
+) -> bool:
     """Whether the drone surely does not fly an expired booking that it did not answer.
 
     Either the drone is disconnected, and an ack from before the expiry would have arrived by now.
@@ -79,7 +81,7 @@ class OverdueMissions:
             is_long_over = record.mission.released_at < silent_since
             if record.mission.state == "BOOKED" and has_expired:
                 ack_due_at = now - fleet_margin(self.clock, fleet_s=0, wall_s=_ACK_ON_ITS_WAY_S)
-                if is_certainly_not_flown(record, link, ack_due_at=ack_due_at) or is_long_over:
+                if _is_certainly_not_flown(record, link, ack_due_at=ack_due_at) or is_long_over:
                     expired_at = ms_to_moment(record.expires_ms)
                     detail = f"the drone did not answer until {expired_at.isoformat()}"
                     await refuse(work, record, code="NO_ANSWER", detail=detail)

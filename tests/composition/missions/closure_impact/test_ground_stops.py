@@ -4,7 +4,7 @@ from datetime import timedelta
 from typing import Any
 
 import pytest
-from skyway_composition.missions.closure_impact.ground_stops import GroundStopEnforcer
+from skyway_composition.missions.closure_impact.impact import GroundStopEnforcer
 
 pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 

@@ -211,7 +211,7 @@ async def test_a_drone_that_waits_for_an_occupied_pad_requests_a_plan_itself(
 
     # It has charged nothing so far, and its time on the pad is over.
     await composition.receive(charging)
-    await composition.lagging.step()
+    await composition.late_missions.step()
 
     rows = await composition.rows("SELECT trouble FROM missions")
     assert (rows[0].trouble is None) is is_left_to_wait

@@ -199,7 +199,7 @@ async def test_a_late_drone_gets_another_plan_before_its_pad_is_lost(
     late = timedelta(seconds=30)
     composition.clock.advance(recharge.not_after_at + late - composition.clock.now())
 
-    await composition.lagging.step()
+    await composition.late_missions.step()
 
     report = (await composition.reports())[-1]
     assert (report.kind, report.code) == ("REPLANNING", "LATE")
@@ -218,7 +218,7 @@ async def test_the_energy_margin_covers_a_tolerated_delay(
         flying(drone, first, 2, at=late_at, position=flight.to_position, soc=0.24)
     )
 
-    await composition.lagging.step()
+    await composition.late_missions.step()
 
     assert "REPLANNING" not in await kinds(composition)
 

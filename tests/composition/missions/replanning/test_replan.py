@@ -306,7 +306,7 @@ async def test_a_drone_that_refuses_all_revisions_raises_one_alarm(
     for _ in range(3):
         await composition.replanner.step()
         composition.clock.advance(flight.planned_end_at - flight.planned_start_at)
-        await composition.lagging.step()
+        await composition.late_missions.step()
 
     codes = [row.code for row in await composition.rows("SELECT code FROM alarms")]
     assert codes.count("REVISIONS_REFUSED") == 1

@@ -69,7 +69,7 @@ async def test_a_drone_that_would_arrive_after_a_closure_gets_another_plan(
     # Half of the flight, a third of an hour, lies ahead.
     await composition.receive(flying(drone, instruction, position=(B_DEG / 2, 0.0)))
 
-    await composition.lagging.step()
+    await composition.late_missions.step()
     await composition.replanner.step()
 
     assert await reports_of(composition) == ["LATE"]
@@ -88,7 +88,7 @@ async def test_a_late_drone_that_still_arrives_in_time_keeps_its_plan(
     )
     await composition.receive(flying(drone, instruction, position=(0.95 * B_DEG, 0.0)))
 
-    await composition.lagging.step()
+    await composition.late_missions.step()
 
     assert await reports_of(composition) == []
 
@@ -105,7 +105,7 @@ async def test_a_landing_planned_at_a_closed_station_is_no_new_trouble(
     late_at = flight.planned_end_at + timedelta(minutes=5)
     composition.clock.advance(late_at - composition.clock.now())
 
-    await composition.lagging.step()
+    await composition.late_missions.step()
 
     assert [each.kind for each in revision.steps] == ["RETURN"]
     assert await reports_of(composition) == ["STATION_CLOSED"]

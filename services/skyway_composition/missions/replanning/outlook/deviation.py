@@ -21,6 +21,13 @@ from skyway_composition.missions.replanning.outlook.situation import (
 )
 from skyway_composition.planning.problem_for import used_more, with_margin
 
+#: A smaller delay is not reported to the customer. Our own choice.
+REPORTED_LATENESS: Final = timedelta(seconds=60)
+
+
+#: A smaller shortfall of charge is rounding, or is covered by the margin. Our own choice.
+LEAST_SHORTFALL_SOC: Final = 0.001
+
 
 class Closed(Protocol):
     """What is closed, as the flights of a plan need to know it."""
@@ -34,14 +41,6 @@ class Closed(Protocol):
     ) -> bool:
         """Whether a segment may not be flown at some moment of that time."""
         ...
-
-
-#: A smaller delay is not reported to the customer. Our own choice.
-REPORTED_LATENESS: Final = timedelta(seconds=60)
-
-
-#: A smaller shortfall of charge is rounding, or is covered by the margin. Our own choice.
-LEAST_SHORTFALL_SOC: Final = 0.001
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +81,7 @@ def outlook(situation: Situation, *, now_ms: int, closed: Closed | None = None) 
     )
     trouble = _trouble(record, ahead, likely, where=where)
     if trouble is None and closed is not None:
-        trouble = closed_by_then(ahead, where, closed)
+        trouble = _closed_by_then(ahead, where, closed)
     return Outlook(trouble, etas, late_by)
 
 
@@ -155,7 +154,7 @@ def _misses_deadline(record: MissionRecord, predicted: PredictedStep) -> bool:
     )
 
 
-def closed_by_then(
+def _closed_by_then(
     ahead: Iterable[PredictedStep], where: Whereabouts, closed: Closed
 ) -> Trouble | None:
     """The first flight that meets a closure, and would not meet it at its planned time.

@@ -29,6 +29,9 @@ from skyway_composition.missions.replanning.outlook.situation import (
 )
 from skyway_composition.missions.replanning.remainder.closed_ahead import ClosedAhead
 
+#: Troubles for which a drone turns at the end of its present flight.
+_TURNS_IMMEDIATELY: Final = (CALLED_HOME,)
+
 
 @dataclass(frozen=True, slots=True)
 class Anchor:
@@ -95,12 +98,12 @@ def find_anchor(
     if where.is_under_way and ahead and isinstance(ahead[0].step, FlyStep):
         left = [each for each in ahead if before_step is None or each.step.step_id < before_step]
         anchor = (
-            anchor_in_flight(left, where, trouble, model=model, closed=closed) if left else None
+            _anchor_in_flight(left, where, trouble, model=model, closed=closed) if left else None
         )
     elif before_step is not None:
         return None
     elif where.is_under_way and ahead:
-        anchor = anchor_at_stop(situation, ahead[0], where, trouble, now_ms=now_ms)
+        anchor = _anchor_at_stop(situation, ahead[0], where, trouble, now_ms=now_ms)
     else:
         anchor = _anchor_of_standing_drone(where, load)
     if anchor is None:
@@ -112,25 +115,7 @@ def find_anchor(
     return replace(anchor, at_ms=max(anchor.at_ms, earliest_ms), has_loaded=has_loaded)
 
 
-def _anchor_of_standing_drone(where: Whereabouts, load: Load) -> Anchor | None:
-    """The anchor of a drone between two steps, or before the first step."""
-    if where.station_id is None:
-        return None
-    return Anchor(
-        station_id=where.station_id,
-        at_ms=where.at_ms,
-        soc=where.soc,
-        last_valid_step=where.next_step - 1,
-        carried=load.carried,
-        has_loaded=False,
-    )
-
-
-#: Troubles for which a drone turns at the end of its present flight.
-_TURNS_IMMEDIATELY: Final = (CALLED_HOME,)
-
-
-def anchor_in_flight(
+def _anchor_in_flight(
     ahead: Sequence[PredictedStep],
     where: Whereabouts,
     trouble: Trouble,
@@ -184,7 +169,7 @@ def _still_valid(flights: Sequence[PredictedStep], closed: ClosedAhead) -> Seque
     return flights
 
 
-def anchor_at_stop(
+def _anchor_at_stop(
     situation: Situation,
     under_way: PredictedStep,
     where: Whereabouts,
@@ -244,4 +229,18 @@ def _after(under_way: PredictedStep) -> Anchor | None:
         last_valid_step=step.step_id,
         carried=under_way.load.carried,
         has_loaded=True,
+    )
+
+
+def _anchor_of_standing_drone(where: Whereabouts, load: Load) -> Anchor | None:
+    """The anchor of a drone between two steps, or before the first step."""
+    if where.station_id is None:
+        return None
+    return Anchor(
+        station_id=where.station_id,
+        at_ms=where.at_ms,
+        soc=where.soc,
+        last_valid_step=where.next_step - 1,
+        carried=load.carried,
+        has_loaded=False,
     )

@@ -128,7 +128,7 @@ async def test_a_drone_that_falls_silent_before_it_begins_is_found_late(
     await composition.receive(drone.state(**ready))
     composition.clock.advance(timedelta(milliseconds=row.lasts))
 
-    await composition.lagging.step()
+    await composition.late_missions.step()
 
     (trouble,) = await troubles(composition)
     assert trouble is not None
