@@ -65,8 +65,8 @@ class MissionUnitOfWork:
     async def save_staged(self) -> None:
         """Save all staged changes: once in a transaction, for any number of messages."""
         await save_links(self.tx, [self.links[each] for each in sorted(self._staged_links)])
-        noted = [self.missions[each] for each in sorted(self._staged_missions)]
-        await store.save_all(self.tx, noted)
+        staged = [self.missions[each] for each in sorted(self._staged_missions)]
+        await store.save_all(self.tx, staged)
         await confirm(self.tx, self._answered)
         self._staged_links.clear()
         self._staged_missions.clear()
