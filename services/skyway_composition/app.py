@@ -23,11 +23,12 @@ from skyway.runtime.mqtt.client import MqttClient
 from skyway.runtime.sql.migrations import migrate
 from skyway_composition.alarms.routes import alarm_routes
 from skyway_composition.closures.routes import area_routes, place_routes
+from skyway_composition.missions.booking.routes import booking_routes
 from skyway_composition.missions.interventions.cancel import Cancellations
 from skyway_composition.missions.interventions.confirm_loading import Loadings
 from skyway_composition.missions.interventions.give_command import Commands
 from skyway_composition.missions.interventions.routes import intervention_routes
-from skyway_composition.missions.routes import mission_routes
+from skyway_composition.missions.tracking.routes import tracking_routes
 from skyway_composition.networks.routes import NETWORK_LIMIT_BYTES, airspace_routes, network_routes
 from skyway_composition.networks.station_routes import station_check_routes, station_routes
 from skyway_composition.pads.routes import pad_routes
@@ -58,7 +59,8 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
         models=(CompositionProblem,),
         # Paths are matched in this order, so the routes of every delivery come first.
         routers=[
-            mission_routes(db=db, gate=gate, bookings=parts.bookings),
+            booking_routes(gate=gate, bookings=parts.bookings),
+            tracking_routes(db=db, gate=gate),
             network_routes(
                 db=db,
                 gate=gate,

@@ -9,5 +9,5 @@ the lock on it, and what it sends to its drone and reports to others. On top of 
 - `interventions` are what people do to missions: load, command, cancel,
 - `closure_impact` finds the missions that a closure hits,
 - `timeouts` checks missions because time has passed,
-- `track` shows a delivery's missions, `routes` serves bookings, missions and tracks over REST.
+- `tracking` shows missions and the tracks of deliveries.
 """

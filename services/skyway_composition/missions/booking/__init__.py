@@ -1,5 +1,5 @@
 """Booking: the best offer for a delivery becomes its missions, in one transaction.
 
 `book` runs the rounds, `engage` claims drones and pads and adds the missions, `outcome` answers
-when no mission can be booked, `store` holds the SQL.
+when no mission can be booked, `routes` serves the gateway, `store` holds the SQL.
 """

@@ -95,10 +95,10 @@ def intervention_routes(
     async def cancel_missions(
         delivery_id: DeliveryId,
         caller: Annotated[Caller, Depends(gate)],
-        wanted: Annotated[CancelMissions, Depends(internal_body(CancelMissions))],
+        requested: Annotated[CancelMissions, Depends(internal_body(CancelMissions))],
     ) -> Cancellation:
         """Cancel packages; what was loaded comes back, and the same call again says the same."""
         caller.must_be("service")
-        return await cancellations.cancel(delivery_id, wanted)
+        return await cancellations.cancel(delivery_id, requested)
 
     return router

@@ -1,0 +1,100 @@
+"""Tracks and missions over REST: for the gateway, operators, providers and drones."""
+
+from typing import Annotated, Literal
+
+from fastapi import Depends, Query
+from pydantic import Field
+
+from skyway.contracts.mission import Mission, MissionState
+from skyway.contracts.track import Track
+from skyway.ids import DeliveryId, MissionId, ProviderId
+from skyway.runtime.errors import NotFound
+from skyway.runtime.http.identity import Caller, ServiceGate
+from skyway.runtime.http.paging import Page, PageQuery, page_of
+from skyway.runtime.http.service_router import ServiceRouter
+from skyway.runtime.sql.database import Database
+from skyway_composition.missions.mission import store
+from skyway_composition.missions.mission.store import MissionFilter
+from skyway_composition.missions.tracking.progress import MissionProgress, progress_of
+from skyway_composition.missions.tracking.track import track_of
+
+MissionLoading = Literal["AUTOMATIC", "CONFIRMED", "AWAITED"]
+
+
+class MissionQuery(PageQuery):
+    """Which missions a list shows."""
+
+    state: Annotated[MissionState | None, Field(description="Only missions in this state.")] = None
+    delivery_id: Annotated[
+        str | None, Field(max_length=64, description="Only missions of this delivery.")
+    ] = None
+    drone_id: Annotated[
+        str | None, Field(max_length=64, description="Only missions of this drone.")
+    ] = None
+    loading: Annotated[
+        MissionLoading | None, Field(description="Only missions that are loaded like this.")
+    ] = None
+
+
+def tracking_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
+    """GET under /v1/missions, and the track under /internal/deliveries."""
+    router = ServiceRouter(tags=("missions",))
+
+    @router.get("/internal/deliveries/{delivery_id}/track")
+    async def get_delivery_track(
+        delivery_id: DeliveryId, caller: Annotated[Caller, Depends(gate)]
+    ) -> Track:
+        """What a delivery's drones flew, where they are, and what they will fly for it."""
+        caller.must_be("service")
+        return await track_of(db, delivery_id)
+
+    @router.get("/v1/missions")
+    async def list_missions(
+        caller: Annotated[Caller, Depends(gate)], query: Annotated[MissionQuery, Query()]
+    ) -> Page[Mission]:
+        """List missions, the newest first: all for operators, its own for a provider or a drone."""
+        shown = MissionFilter(
+            provider_id=_own(caller),
+            state=query.state,
+            delivery_id=query.delivery_id,
+            drone_id=_own_drone(caller) or query.drone_id,
+            loading=query.loading,
+        )
+        after = query.after(str)
+        async with db.read() as connection:
+            rows = await store.page(
+                connection,
+                shown,
+                before=str(after[0]) if after else None,
+                limit=query.limit + 1,
+            )
+        return page_of(
+            rows,
+            query,
+            item=lambda record: record.mission,
+            sort_key=lambda record: (record.mission_id,),
+        )
+
+    @router.get("/v1/missions/{mission_id}")
+    async def get_mission(
+        mission_id: MissionId, caller: Annotated[Caller, Depends(gate)]
+    ) -> MissionProgress:
+        """Show a mission with its progress."""
+        async with db.read() as connection:
+            record = await store.get(connection, mission_id, provider_id=_own(caller))
+            if record is None or _own_drone(caller) not in (None, record.drone_id):
+                raise NotFound("mission", mission_id)
+            return await progress_of(connection, record)
+
+    return router
+
+
+def _own(caller: Caller) -> ProviderId | None:
+    """The provider whose missions the caller may see; None for operators and drones."""
+    caller.must_be("operator", "provider", "drone")
+    return ProviderId(caller.subject_id) if caller.role == "provider" else None
+
+
+def _own_drone(caller: Caller) -> str | None:
+    """The drone whose missions the caller may see; None unless the caller is a drone."""
+    return caller.subject_id if caller.role == "drone" else None
