@@ -1,18 +1,17 @@
 """A mission with its progress, as it is shown over REST."""
 
+from collections.abc import Sequence
 from typing import Annotated, Any, Literal
 
 from pydantic import Field
-from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.drone_report import Connection, DroneEvent, DroneState
 from skyway.contracts.flight_step import FlightStep
 from skyway.contracts.mission import Mission
 from skyway.json_model import JsonModel
-from skyway_composition.links.store import link_to
+from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.mission.record import Aim, MissionRecord, Trouble
-from skyway_composition.missions.mission.step_record import flown_totals
-from skyway_composition.missions.mission.step_store import ended_events, steps_of
+from skyway_composition.missions.mission.step_record import StepRecord, flown_totals
 
 
 class StepProgress(JsonModel):
@@ -86,11 +85,14 @@ class MissionProgress(JsonModel):
     ]
 
 
-async def progress_of(connection: AsyncConnection, record: MissionRecord) -> MissionProgress:
-    """A mission with its steps and totals, and the last messages of its drone."""
-    steps = await steps_of(connection, record.mission_id)
-    events = await ended_events(connection, record.mission_id)
-    link = await link_to(connection, record.drone_id)
+def progress_of(
+    record: MissionRecord,
+    steps: Sequence[StepRecord],
+    *,
+    events: Sequence[DroneEvent],
+    link: DroneLink | None,
+) -> MissionProgress:
+    """A mission with its steps, the totals of its ended steps, and its drone's last messages."""
     return MissionProgress(
         mission=record.mission,
         steps=tuple(

@@ -13,7 +13,9 @@ from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.paging import Page, PageQuery, page_of
 from skyway.runtime.http.service_router import ServiceRouter
 from skyway.runtime.sql.database import Database
+from skyway_composition.links.store import link_to
 from skyway_composition.missions.mission import store
+from skyway_composition.missions.mission.step_store import ended_events, steps_of
 from skyway_composition.missions.mission.store import MissionFilter
 from skyway_composition.missions.tracking.progress import MissionProgress, progress_of
 from skyway_composition.missions.tracking.track import track_of
@@ -84,7 +86,10 @@ def tracking_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
             record = await store.get(connection, mission_id, provider_id=_own(caller))
             if record is None or _own_drone(caller) not in (None, record.drone_id):
                 raise NotFound("mission", mission_id)
-            return await progress_of(connection, record)
+            steps = await steps_of(connection, mission_id)
+            events = await ended_events(connection, mission_id)
+            link = await link_to(connection, record.drone_id)
+        return progress_of(record, steps, events=events, link=link)
 
     return router
 
