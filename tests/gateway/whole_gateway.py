@@ -11,6 +11,7 @@ from typing import Any
 
 import httpx
 from fastapi import FastAPI
+from pydantic import TypeAdapter, ValidationError
 from skyway_gateway.access.key import ApiKey, secret_hash
 from skyway_gateway.access.store import add as add_key
 from skyway_gateway.app import gateway_app, take_over
@@ -19,10 +20,11 @@ from skyway_gateway.deliveries.records.delivery_store import lock
 from skyway_gateway.deliveries.records.stored_delivery import StoredDelivery
 from skyway_gateway.parts import Parts, build_parts
 from skyway_gateway.settings import GatewaySettings
-from skyway_gateway.tables import deliveries
+from skyway_gateway.tables import deliveries, events
 from skyway_gateway.verify import violations
 from sqlalchemy import select, text
 
+from skyway.contracts.delivery_event_forms import AnyDeliveryEvent
 from skyway.contracts.mission import MissionReport
 from skyway.contracts.mission_reports import (
     MANY_MISSION_REPORTS,
@@ -182,6 +184,12 @@ class Gateway:
         async with self.parts.db.write() as tx:
             await tx.execute(text(statement), values)
 
+    async def undocumented_events(self) -> list[str]:
+        """The events whose JSON is not of the form that customers' documents show."""
+        async with self.parts.db.read() as connection:
+            bodies = (await connection.execute(select(events.c.body))).scalars().all()
+        return [body for body in bodies if not _is_documented(body)]
+
     async def wrongly_cached(self) -> list[str]:
         """Deliveries whose cached state differs from the stored state."""
         cache = self.parts.writer.cache
@@ -259,6 +267,18 @@ async def opened_gateway(database_url: str, folder: Path) -> AsyncIterator[Gatew
         if not gateway.is_damaged:
             assert await gateway.verified() == []
             assert await gateway.wrongly_cached() == []
+            assert await gateway.undocumented_events() == []
+
+
+_EVENT: TypeAdapter[AnyDeliveryEvent] = TypeAdapter(AnyDeliveryEvent)
+
+
+def _is_documented(body: str) -> bool:
+    try:
+        _EVENT.validate_json(body, extra="forbid")
+    except ValidationError:
+        return False
+    return True
 
 
 def _writable(known: StoredDelivery) -> object:
