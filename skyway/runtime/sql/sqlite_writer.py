@@ -2,7 +2,8 @@
 
 A sync to disk costs more than many writes. While one COMMIT is under way, blocks queue up. They
 then run one after another, each a savepoint of one transaction, and all are answered after its
-single COMMIT. A block that fails rolls back to its own savepoint only.
+single COMMIT. A block that fails rolls back to its own savepoint only. It gets its error after the
+COMMIT too: readers then see what made it fail, such as a row that an earlier block has written.
 """
 
 import asyncio
@@ -41,11 +42,18 @@ class _Turn:
         """Whether the block ended without an error, so that the COMMIT stores it."""
         return self.ended.done() and self.ended.result()
 
+    def settle(self) -> None:
+        """Let the block go on: what its group has written is on disk."""
+        if not self.settled.done():
+            self.settled.set_result(None)
+
     def refuse(self, error: ServiceUnavailable) -> None:
         """Give the block, if it still waits, the error that nothing of it is stored."""
         if not self.granted.done():
             self.granted.set_exception(error)
-        elif self.is_kept and not self.settled.done():
+        elif not self.is_kept:
+            self.settle()
+        elif not self.settled.done():
             self.settled.set_exception(error)
 
 
@@ -97,6 +105,12 @@ class SqliteWriter:
         self._arrived.set()
         try:
             yield await turn.granted
+        except Exception:
+            was_granted = self._running is turn
+            self._end(turn, is_kept=False)
+            if was_granted:
+                await turn.settled
+            raise
         except BaseException:
             self._end(turn, is_kept=False)
             raise
@@ -146,8 +160,7 @@ class SqliteWriter:
                 turn.refuse(ServiceUnavailable("database", f"not committed: {error}"))
             raise _NotCommitted from error
         for turn in group:
-            if turn.is_kept and not turn.settled.done():
-                turn.settled.set_result(None)
+            turn.settle()
 
     async def _run_block(self, turn: _Turn, connection: AsyncConnection) -> None:
         """Let one block run within a savepoint. If the block fails, roll back to the savepoint."""

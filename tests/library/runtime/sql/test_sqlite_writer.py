@@ -110,6 +110,19 @@ async def test_a_block_is_answered_only_after_the_commit(db: Database, path: Pat
     assert seen == [1, 1, 1]
 
 
+async def test_a_refused_block_fails_only_when_readers_see_why(db: Database) -> None:
+    async def add_or_read() -> set[str]:
+        try:
+            await add(db, "drone-1")
+        except RowRefused:
+            return await names(db)
+        return {"added"}
+
+    seen = await asyncio.gather(*(add_or_read() for _ in range(5)))
+
+    assert seen == [{"added"}, *[{"drone-1"}] * 4]
+
+
 async def test_a_cancelled_block_harms_no_other_block(db: Database) -> None:
     started = asyncio.Event()
 
