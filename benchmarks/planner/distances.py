@@ -7,8 +7,8 @@ import numpy.typing as npt
 
 from benchmarks.planner.our_tree import OurTree
 from skyway.network.network import Network
+from skyway.planner.hierarchy import rows_of
 from skyway.planner.kernels.handles import handle_of
-from skyway.planner.network_rows import rows_of
 
 
 def lengths_m(network: Network, rows: Iterable[int]) -> npt.NDArray[np.float64]:

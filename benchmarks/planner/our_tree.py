@@ -6,11 +6,11 @@ import numpy.typing as npt
 from benchmarks.planner.peers.interface import PathTask
 from skyway.network.network import Network
 from skyway.planner.exact_memory import enlarged, new_memory
+from skyway.planner.hierarchy import rows_of
 from skyway.planner.kernels.handles import handle_of
 from skyway.planner.kernels.memory import PLACES
 from skyway.planner.kernels.records import Closed, Skyway
 from skyway.planner.kernels.trees import plant_all
-from skyway.planner.network_rows import rows_of
 
 
 class OurTree:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 if TYPE_CHECKING:
-    from skyway.experiments.section import Section
+    from skyway.experiments.report import Section
 
 
 def experiment_command(
@@ -25,7 +25,7 @@ def experiment_command(
     """Measure the planner against the paper's strategies; write a page, figures and CSV files."""
     # Late: matplotlib, numpy and numba are heavy, and other commands do without them.
     from skyway.experiments.figures import require_matplotlib
-    from skyway.experiments.parts import PARTS
+    from skyway.experiments.page import PARTS
 
     unknown = [name for name in only or () if name not in PARTS]
     if unknown:
@@ -43,8 +43,7 @@ def _run(
 ) -> Mapping[str, "Section"]:
     """Run these parts one after the other; the page is written anew after each."""
     from skyway.experiments.laboratory import open_laboratory
-    from skyway.experiments.page import write_fragment, write_page
-    from skyway.experiments.parts import PARTS
+    from skyway.experiments.page import PARTS, write_fragment, write_page
     from skyway.planner.stop import stopwatch
 
     sections = {}

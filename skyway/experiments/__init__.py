@@ -1,5 +1,5 @@
 """The paper's evaluation made again, and what lies past it: `skyway experiment`.
 
-`parts` lists the experiments, one file each; a `laboratory` runs their trials in worker processes;
+`page` lists the experiments, one file each; a `laboratory` runs their trials in worker processes;
 `contest` is one run of one contestant. Everything is seeded: only the times differ between runs.
 """

@@ -7,9 +7,17 @@ from skyway.experiments.contest import Run, run_strategy
 from skyway.experiments.figures import Axis, Stack, draw_stacks
 from skyway.experiments.instances import SHORT_RANGE, Setting, city_problem
 from skyway.experiments.laboratory import Laboratory
-from skyway.experiments.section import Finding, Section, image
+from skyway.experiments.report import (
+    Section,
+    SummaryLine,
+    count,
+    duration,
+    estimated,
+    image,
+    markdown_table,
+    percent,
+)
 from skyway.experiments.trials import Contest, Trial, hold
-from skyway.experiments.words import count, duration, estimated, markdown_table, percent
 from skyway.planner.exact import exact_with
 from skyway.planner.exact_task import Method
 
@@ -90,7 +98,7 @@ def _section(
     packages, contest = max(by_packages.items())
     whole = contest.times("whole").median().value
     findings = [
-        Finding(
+        SummaryLine(
             f"{name}, {packages} packages",
             f"{'≥ ' if times.is_at_least else ''}{times.value / whole:.3g} times the time, "
             f"{percent(contest.times(name).share_finished)} finished",

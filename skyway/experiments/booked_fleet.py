@@ -9,10 +9,19 @@ from skyway.experiments.figures import Axis, Line, draw_lines
 from skyway.experiments.fleet import INTERVAL_S, Fleet, Flight, fly_fleet
 from skyway.experiments.instances import SHORT_RANGE, Setting
 from skyway.experiments.laboratory import Laboratory
-from skyway.experiments.rows import write_rows
+from skyway.experiments.report import (
+    Row,
+    Section,
+    SummaryLine,
+    duration,
+    hours,
+    image,
+    markdown_table,
+    percent,
+    with_interval,
+    write_rows,
+)
 from skyway.experiments.sample import Sample
-from skyway.experiments.section import Finding, Row, Section, image
-from skyway.experiments.words import duration, hours, markdown_table, percent, with_interval
 
 PLANNERS = (HEURISTIC, EXACT)
 
@@ -35,7 +44,7 @@ def booked_fleet(laboratory: Laboratory) -> Section:
         for planner in PLANNERS
     ]
     results = laboratory.results("booked-fleet", fly_fleet, fleets)
-    flown = Flown(laboratory.size(quick=4, full=10), dict(zip(fleets, results, strict=True)))
+    flown = FleetFlights(laboratory.size(quick=4, full=10), dict(zip(fleets, results, strict=True)))
     write_rows(laboratory.folder / "booked-fleet.csv", flown.rows())
     draw_lines(
         laboratory.folder / "booked-fleet.png",
@@ -55,7 +64,7 @@ def booked_fleet(laboratory: Laboratory) -> Section:
 
 
 @dataclass(frozen=True, slots=True)
-class Flown:
+class FleetFlights:
     """What all fleets flew, looked at in groups of so many drones in the order of their starts."""
 
     group: int
@@ -114,7 +123,7 @@ def _deliveries_h(flights: Sequence[Flight]) -> Sample:
     )
 
 
-def _section(flown: Flown, setting: Setting, *, seed: int) -> Section:
+def _section(flown: FleetFlights, setting: Setting, *, seed: int) -> Section:
     rows = [
         (
             f"{begin} to {begin + flown.group - 1}",
@@ -128,7 +137,7 @@ def _section(flown: Flown, setting: Setting, *, seed: int) -> Section:
     ]
     last = flown.begins[-1]
     findings = [
-        Finding(
+        SummaryLine(
             f"mean delay of drones {last} to {last + flown.group - 1}, {planner}",
             f"{percent(_delays(flown.of(planner, last)).mean().value)}, delivered after "
             f"{hours(_deliveries_h(flown.of(planner, last)).mean().value)}",

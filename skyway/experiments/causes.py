@@ -14,10 +14,16 @@ from skyway.experiments.figures import Axis, Stack, draw_stacks
 from skyway.experiments.instances import SHORT_RANGE, Setting, city_problem
 from skyway.experiments.laboratory import Laboratory
 from skyway.experiments.line_network import line_problem
-from skyway.experiments.rows import write_rows
+from skyway.experiments.report import (
+    Section,
+    SummaryLine,
+    image,
+    markdown_table,
+    percent,
+    with_interval,
+    write_rows,
+)
 from skyway.experiments.sample import Estimate, Sample
-from skyway.experiments.section import Finding, Section, image
-from skyway.experiments.words import markdown_table, percent, with_interval
 from skyway.ids import StationId
 from skyway.planner.compose import compose, compose_with
 from skyway.planner.exact import exact_with
@@ -31,7 +37,7 @@ _NO_PLAN = dict.fromkeys(_CAUSES)
 
 
 @dataclass(frozen=True, slots=True)
-class Trial:
+class CauseTrial:
     """One instance, by its setting and seed."""
 
     setting: Setting
@@ -57,7 +63,7 @@ class Causes:
         return self.order + self.path + self.amount + self.pads
 
 
-def run_trial(trial: Trial) -> Causes | None:
+def run_trial(trial: CauseTrial) -> Causes | None:
     """The causes on one instance, None where heuristic or `exact` has no plan."""
     problem = city_problem(trial.setting, seed=trial.seed)
     plan = compose(problem.model_copy(update={"strategy": HEURISTIC, "time_limit_s": _LIMIT_S}))
@@ -110,7 +116,7 @@ def causes(laboratory: Laboratory) -> Section:
     }
     numbers = range(laboratory.size(quick=2, full=30))
     trials = [
-        (name, Trial(setting, laboratory.seed_for("causes", number)))
+        (name, CauseTrial(setting, laboratory.seed_for("causes", number)))
         for name, setting in cells.items()
         for number in numbers
     ]
@@ -159,7 +165,7 @@ def _section(
         )
         for name, of_cell in split.items()
     ]
-    findings = [Finding(f"largest cause, {name}", _largest(split[name])) for name in split]
+    findings = [SummaryLine(f"largest cause, {name}", _largest(split[name])) for name in split]
     setting = next(iter(cells.values()))
     intro = (
         f"{setting.stations} stations 8 km apart, {setting.packages} packages, "

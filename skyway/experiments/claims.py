@@ -12,11 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from skyway.experiments.censored_growth import LogTimes, growth_per_station
 from skyway.experiments.contest import EXHAUSTIVE, HEURISTIC
-from skyway.experiments.sample import Estimate, Sample
+from skyway.experiments.report import estimated, percent
+from skyway.experiments.sample import Estimate, LogTimes, Sample, growth_per_station
 from skyway.experiments.trials import Contest
-from skyway.experiments.words import estimated, percent
 
 #: Exponential growth: the time doubles at least with every so many stations.
 DOUBLING_STATIONS = 10.0

@@ -6,17 +6,19 @@ from skyway.experiments.contest import EXACT, HEURISTIC
 from skyway.experiments.figures import Axis, Line, draw_lines
 from skyway.experiments.instances import SHORT_RANGE, Setting
 from skyway.experiments.laboratory import Laboratory
-from skyway.experiments.section import Finding, Section, image
-from skyway.experiments.trials import Contest, Trial, hold
-from skyway.experiments.words import (
+from skyway.experiments.report import (
+    Section,
+    SummaryLine,
     count,
     duration,
     estimated,
     hours,
+    image,
     markdown_table,
     percent,
     with_interval,
 )
+from skyway.experiments.trials import Contest, Trial, hold
 
 CONTESTANTS = (HEURISTIC, EXACT)
 SHARES = (0.0, 0.3, 0.5, 0.7, 0.8, 0.9, 0.95)
@@ -89,7 +91,7 @@ def _section(by_share: Mapping[float, Contest], stations: int, *, seed: int) -> 
     ]
     free, taken = by_share[min(by_share)], by_share[max(by_share)]
     findings = [
-        Finding(
+        SummaryLine(
             f"delivery time, 0 to {max(by_share):.0%} taken, {who}",
             f"{estimated(free.deliveries_h(who).mean(), hours)} to "
             f"{estimated(taken.deliveries_h(who).mean(), hours)}",

@@ -4,9 +4,17 @@ from skyway.experiments.contest import EXACT, EXHAUSTIVE, HEURISTIC
 from skyway.experiments.figures import Axis, Line, draw_lines
 from skyway.experiments.instances import Setting
 from skyway.experiments.laboratory import Laboratory
-from skyway.experiments.section import Finding, Section, image
+from skyway.experiments.report import (
+    Section,
+    SummaryLine,
+    count,
+    duration,
+    estimated,
+    image,
+    markdown_table,
+    percent,
+)
 from skyway.experiments.trials import Contest, Trial, hold
-from skyway.experiments.words import count, duration, estimated, markdown_table, percent
 
 CONTESTANTS = (HEURISTIC, EXHAUSTIVE, EXACT)
 
@@ -74,12 +82,12 @@ def _section(by_number: dict[int, Contest], stations: int, limit_s: float, *, se
     ]
     most, contest = max(by_number.items())
     findings = [
-        Finding(
+        SummaryLine(
             f"exact at {most} on {stations} stations",
             f"median {estimated(contest.times(EXACT).median(seed=seed), duration)}, "
             f"{percent(contest.times(EXACT).share_finished)} proven",
         ),
-        Finding(
+        SummaryLine(
             f"heuristic's gap at {most}",
             f"p50 {estimated(contest.gaps(HEURISTIC).median(seed=seed), percent)}",
         ),

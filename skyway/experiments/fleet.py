@@ -4,8 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from skyway.delivery.plan import Plan, Recharge
-from skyway.experiments.chance import chance
-from skyway.experiments.instances import Setting, city_problem, packages_for
+from skyway.experiments.instances import Setting, chance, city_problem, packages_for
 from skyway.planner.compose import compose
 from skyway.planner.problem import PadReservation, Problem
 from skyway.units import minutes_to_s

@@ -6,11 +6,26 @@ from dataclasses import asdict
 
 from skyway.experiments.figures import Axis, Line, draw_lines
 from skyway.experiments.laboratory import Laboratory
-from skyway.experiments.margin import CLIMATES, LATE_S, Flights, Outcome, Trial, run_trial
-from skyway.experiments.rows import write_rows
+from skyway.experiments.margin import (
+    CLIMATES,
+    LATE_S,
+    Flights,
+    MarginTrial,
+    Outcome,
+    run_margin_trial,
+)
+from skyway.experiments.report import (
+    Row,
+    Section,
+    SummaryLine,
+    duration,
+    image,
+    markdown_table,
+    percent,
+    with_interval,
+    write_rows,
+)
 from skyway.experiments.sample import Estimate, Sample
-from skyway.experiments.section import Finding, Row, Section, image
-from skyway.experiments.words import duration, markdown_table, percent, with_interval
 
 MARGINS = (0.0, 0.05, 0.1, 0.15, 0.2, 0.3)
 
@@ -20,11 +35,11 @@ def flown(laboratory: Laboratory) -> Section:
     margins = laboratory.size(quick=(0.0, 0.2), full=MARGINS)
     days = laboratory.size(quick=20, full=100)
     trials = [
-        Trial(laboratory.seed_for("flown", number), margin, days)
+        MarginTrial(laboratory.seed_for("flown", number), margin, days)
         for margin in margins
         for number in range(laboratory.size(quick=3, full=50))
     ]
-    results = laboratory.results("flown", run_trial, trials)
+    results = laboratory.results("flown", run_margin_trial, trials)
     by_margin = {
         margin: [
             outcome
@@ -55,7 +70,7 @@ def flown(laboratory: Laboratory) -> Section:
     return _section(by_margin, days, seed=laboratory.seed)
 
 
-def _rows(trials: Sequence[Trial], results: Sequence[Outcome | None]) -> list[Row]:
+def _rows(trials: Sequence[MarginTrial], results: Sequence[Outcome | None]) -> list[Row]:
     nothing = Flights(math.nan, math.nan, math.nan)
     return [
         {
@@ -96,7 +111,7 @@ def _section(by_margin: Mapping[float, Sequence[Outcome]], days: int, *, seed: i
     ]
     most = max(by_margin)
     findings = [
-        Finding(
+        SummaryLine(
             f"flights above the reserve, {margin:.0%} margin, all three",
             f"{with_interval(_mean(by_margin[margin], 'all three', 'safe', seed=seed), percent)}, "
             f"delivering {percent(_price(by_margin[margin]).value)} later",

@@ -1,4 +1,7 @@
-"""Seeded instances: a made-up city, a source, destinations and packages, and pads taken."""
+"""Seeded instances: a made-up city, a source, destinations and packages, and pads that are taken.
+
+All chance comes from seeds, so the same seed makes the same instance on every machine.
+"""
 
 import math
 from collections.abc import Sequence
@@ -7,15 +10,98 @@ from functools import cache
 from random import Random
 from typing import Literal
 
+import numpy as np
+import numpy.typing as npt
+
 from skyway.drone.model import DroneModel
 from skyway.drone.models import DJI_MATRICE_300_RTK, PAPER_MATRICE_300
-from skyway.experiments.chance import chance
-from skyway.experiments.taken_pads import taken_pads
 from skyway.ids import DroneModelId, PackageId, StationId
 from skyway.network.bundled import texas_corridor
 from skyway.network.network import DEFAULT_PADS, Network
 from skyway.network.synthetic import synthetic_city
-from skyway.planner.problem import DroneAtStart, PackageToDeliver, Problem
+from skyway.planner.pad_book import PadBook
+from skyway.planner.problem import DroneAtStart, PackageToDeliver, PadReservation, Problem
+from skyway.units import hours_to_s, minutes_to_s
+
+
+def chance(seed: int | str) -> Random:
+    """Reproducible chance; the same for the same seed, on every machine."""
+    return Random(seed)  # noqa: S311 - reproducible chance is the point, nothing is secret
+
+
+def seed_of(*parts: object) -> int:
+    """A seed made of these parts: the same for the same parts."""
+    return chance("/".join(map(str, parts))).getrandbits(48)
+
+
+#: Other drones charge between 20 and 60 minutes (the paper's authors' work on pad assignment).
+SHORTEST_SESSION_S = minutes_to_s(20)
+LONGEST_SESSION_S = minutes_to_s(60)
+
+Rows = npt.NDArray[np.int64]
+
+#: Pads are free for good after two days; no plan of the experiments should take so long.
+HORIZON_S = hours_to_s(48)
+
+
+def taken_book(
+    network: Network, rows: Rows, *, share: float, seed: int, horizon_s: float
+) -> PadBook:
+    """The same as arrays, of the stations in these rows: for networks of many stations."""
+    random = np.random.default_rng(seed)
+    pads = network.columns.pads[rows]
+    station, first = np.repeat(rows, pads), np.repeat(np.cumsum(pads) - pads, pads)
+    mean_free_s = (SHORTEST_SESSION_S + LONGEST_SESSION_S) / 2 * (1 - share) / share
+    sessions = math.ceil(horizon_s / (SHORTEST_SESSION_S + mean_free_s))
+    size = (len(station), sessions)
+    held_ms = np.rint(1000 * random.uniform(SHORTEST_SESSION_S, LONGEST_SESSION_S, size))
+    free_ms = np.rint(1000 * random.exponential(mean_free_s, size))
+    free_ms[:, 0] -= 1000 * np.rint(random.uniform(0, LONGEST_SESSION_S, len(station)))
+    end_ms = np.cumsum(held_ms + free_ms, axis=1)
+    is_ahead = end_ms > 0
+    return PadBook.of_arrays(
+        station=np.repeat(station, sessions).reshape(size)[is_ahead].astype(np.int32),
+        pad=np.repeat(np.arange(len(station)) - first, sessions).reshape(size)[is_ahead],
+        start_ms=(end_ms - held_ms)[is_ahead].astype(np.int64),
+        end_ms=end_ms[is_ahead].astype(np.int64),
+    )
+
+
+def taken_pads(
+    network: Network, *, share: float, seed: int, horizon_s: float = HORIZON_S
+) -> tuple[PadReservation, ...]:
+    """Reservations that take this share of every pad's time until the horizon.
+
+    Sessions last 20 to 60 minutes, evenly; the free times between them are exponential.
+
+    Parameters
+    ----------
+    share
+        From 0 (all pads free) to below 1.
+    """
+    if share <= 0:
+        return ()
+    random = chance(f"{seed}/pads")
+    mean_free_s = (SHORTEST_SESSION_S + LONGEST_SESSION_S) / 2 * (1 - share) / share
+    reservations = []
+    for station_id in network.stations:
+        for pad in range(network.stations[station_id].pads):
+            # The first session began before time 0, so that the share holds from the start.
+            now_s = -random.uniform(0, LONGEST_SESSION_S + mean_free_s)
+            while now_s < horizon_s:
+                end_s = now_s + random.uniform(SHORTEST_SESSION_S, LONGEST_SESSION_S)
+                if end_s > 0:
+                    reservations.append(
+                        PadReservation(
+                            station_id=station_id,
+                            pad=pad,
+                            start_s=math.floor(now_s),
+                            end_s=math.ceil(end_s),
+                        )
+                    )
+                now_s = math.ceil(end_s) + random.expovariate(1 / mean_free_s)
+    return tuple(reservations)
+
 
 #: The maker's drone with one of its two batteries (its mass as with both): 34 km empty, 20 km
 #: with all it can carry, so that trips across a city have to recharge.

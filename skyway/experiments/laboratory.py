@@ -12,9 +12,8 @@ from typing import TypeVar
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 
-from skyway.experiments.chance import seed_of
 from skyway.experiments.contest import EXACT, run
-from skyway.experiments.instances import Setting, city_problem
+from skyway.experiments.instances import Setting, city_problem, seed_of
 
 Trial = TypeVar("Trial")
 Result = TypeVar("Result")

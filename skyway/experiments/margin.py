@@ -5,11 +5,9 @@ from dataclasses import dataclass
 
 from skyway.delivery.plan import Plan
 from skyway.drone.models import DJI_MATRICE_300_RTK
-from skyway.experiments.chance import chance
 from skyway.experiments.contest import EXACT
-from skyway.experiments.disturbances import Climate, Day
-from skyway.experiments.flown_plan import fly_plan
-from skyway.experiments.instances import Setting, texas_problem
+from skyway.experiments.flown_plan import Climate, Day, fly_plan
+from skyway.experiments.instances import Setting, chance, texas_problem
 from skyway.planner.compose import compose
 from skyway.planner.problem import Problem
 from skyway.units import CHARGE_TOLERANCE, minutes_to_s
@@ -27,7 +25,7 @@ LATE_S = minutes_to_s(10)
 
 
 @dataclass(frozen=True, slots=True)
-class Trial:
+class MarginTrial:
     """One request, planned with one margin, flown on so many days of every climate."""
 
     seed: int
@@ -55,7 +53,7 @@ class Outcome:
     flights: Mapping[str, Flights]
 
 
-def run_trial(trial: Trial) -> Outcome | None:
+def run_margin_trial(trial: MarginTrial) -> Outcome | None:
     """Plan with the margin on the drone's power, then fly with its true power.
 
     None where even without margin there is no plan, or one that never recharges: its margin is
@@ -72,7 +70,7 @@ def run_trial(trial: Trial) -> Outcome | None:
     return Outcome(price, {name: _flights(problem, plan, name, trial) for name in CLIMATES})
 
 
-def _flights(problem: Problem, plan: Plan, climate: str, trial: Trial) -> Flights:
+def _flights(problem: Problem, plan: Plan, climate: str, trial: MarginTrial) -> Flights:
     flights = [
         # The same days for every margin.
         fly_plan(problem, plan, Day.of(CLIMATES[climate], chance(f"{trial.seed}/{climate}/{day}")))

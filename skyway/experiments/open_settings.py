@@ -14,9 +14,8 @@ from skyway.experiments.claims import (
 from skyway.experiments.contest import EXACT, EXHAUSTIVE, HEURISTIC
 from skyway.experiments.instances import Setting
 from skyway.experiments.laboratory import Laboratory
-from skyway.experiments.section import Finding, Section
+from skyway.experiments.report import Section, SummaryLine, duration, markdown_table, percent
 from skyway.experiments.trials import Contest, Trial, hold
-from skyway.experiments.words import duration, markdown_table, percent
 
 CONTESTANTS = (HEURISTIC, EXHAUSTIVE, EXACT)
 
@@ -94,7 +93,7 @@ def _section(
     for number, claim in enumerate(claims):
         answers = [of_cell[number].answer for of_cell in verdicts.values()]
         findings.append(
-            Finding(
+            SummaryLine(
                 f"{claim}",
                 f"holds in {answers.count(HOLDS)}, fails in {answers.count(FAILS)} "
                 f"of {len(answers)} cells",

@@ -1,16 +1,45 @@
-"""The page of results: a fragment for each experiment, put together from what the folder holds.
+"""The experiments by name, and the page of their results.
 
-So an experiment can be run again alone, and the rest of the page stays as it was measured.
+The page is put together from one fragment for each experiment. One experiment can run again alone:
+the other sections of the page stay as they were measured.
 """
 
 import os
 import platform
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from types import MappingProxyType
 
+from skyway.experiments.ablations import ablations
+from skyway.experiments.booked_fleet import booked_fleet
+from skyway.experiments.causes import causes
+from skyway.experiments.congestion import congestion
+from skyway.experiments.destinations import destinations
+from skyway.experiments.flown import flown
 from skyway.experiments.laboratory import Laboratory
-from skyway.experiments.parts import PARTS
-from skyway.experiments.section import Section
-from skyway.experiments.words import duration
+from skyway.experiments.open_settings import open_settings
+from skyway.experiments.paper import paper
+from skyway.experiments.recharging import recharging
+from skyway.experiments.report import Section, duration
+from skyway.experiments.scale import scale
+from skyway.experiments.widening import widening
+
+PARTS: Mapping[str, Callable[[Laboratory], Section]] = MappingProxyType(
+    {
+        "paper": paper,
+        "open-settings": open_settings,
+        "destinations": destinations,
+        "widening": widening,
+        "causes": causes,
+        "recharging": recharging,
+        "congestion": congestion,
+        "booked-fleet": booked_fleet,
+        "ablations": ablations,
+        "flown": flown,
+        "scale": scale,
+    }
+)
+
 
 PAGE = "experiments.md"
 

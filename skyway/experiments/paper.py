@@ -1,5 +1,7 @@
 """The paper's evaluation: execution time and delivery time against the number of stations."""
 
+from collections.abc import Sequence
+
 from skyway.experiments.claims import (
     FAILS,
     HOLDS,
@@ -13,15 +15,66 @@ from skyway.experiments.contest import EXACT, EXACT_PLAIN, EXHAUSTIVE, HEURISTIC
 from skyway.experiments.figures import Axis, Line, draw_lines
 from skyway.experiments.instances import Setting
 from skyway.experiments.laboratory import Laboratory
-from skyway.experiments.paper_tables import CONTESTANTS, table_of_gaps, table_of_times
-from skyway.experiments.sample import Sample
-from skyway.experiments.section import Finding, Section, image
-from skyway.experiments.trials import Contest, Trial, hold
-from skyway.experiments.words import (
+from skyway.experiments.report import (
+    Section,
+    SummaryLine,
+    count,
     duration,
+    estimated,
+    hours,
+    image,
+    markdown_table,
     percent,
+    with_interval,
 )
+from skyway.experiments.sample import Sample
+from skyway.experiments.trials import Contest, Trial, hold
 from skyway.units import CHARGE_TOLERANCE
+
+CONTESTANTS = (HEURISTIC, EXHAUSTIVE, EXACT, EXACT_PLAIN)
+
+
+def table_of_times(by_size: dict[int, Contest], *, seed: int) -> str:
+    """Means and medians of times, with the labels and compositions beside them."""
+    rows: list[Sequence[str]] = []
+    for size, contest in by_size.items():
+        for who in CONTESTANTS:
+            times = contest.times(who)
+            rows.append(
+                (
+                    str(size),
+                    who,
+                    str(len(times.values)),
+                    percent(times.share_finished),
+                    estimated(times.mean(seed=seed), duration),
+                    estimated(times.median(seed=seed), duration),
+                    estimated(contest.labels(who).median(seed=seed), count),
+                    estimated(contest.compositions(who).median(seed=seed), count),
+                )
+            )
+    header = ("stations", "contestant", "runs", "finished", "mean", "median", "labels", "comp.")
+    return markdown_table(header, rows)
+
+
+def table_of_gaps(by_size: dict[int, Contest], *, seed: int) -> str:
+    """How much later than the best known plan each contestant delivers."""
+    rows = [
+        (
+            str(size),
+            who,
+            *(
+                with_interval(contest.gaps(who).quantile(share, seed=seed), percent)
+                for share in (0.5, 0.95, 1.0)
+            ),
+            estimated(contest.deliveries_h(who).mean(seed=seed), hours),
+        )
+        for size, contest in by_size.items()
+        for who in (HEURISTIC, EXHAUSTIVE, EXACT)
+    ]
+    return markdown_table(
+        ("stations", "contestant", "gap p50", "gap p95", "gap max", "mean delivery"), rows
+    )
+
 
 _WORDS = {
     HOLDS: "**we agree**",
@@ -109,7 +162,7 @@ def _section(
     )
 
 
-def _claims(contest: Contest, largest: Contest, *, seed: int) -> list[Finding]:
+def _claims(contest: Contest, largest: Contest, *, seed: int) -> list[SummaryLine]:
     """The paper's claims; one that holds is where we agree."""
     stations = largest.trials[0].setting.stations
     claims = {
@@ -118,12 +171,12 @@ def _claims(contest: Contest, largest: Contest, *, seed: int) -> list[Finding]:
         "the heuristic is near-optimal": is_near_optimal(contest.gaps(HEURISTIC), seed=seed),
     }
     return [
-        Finding(f"the paper says that {claim}", f"{_WORDS[verdict.answer]}: {verdict.measured}")
+        SummaryLine(f"the paper says that {claim}", f"{_WORDS[verdict.answer]}: {verdict.measured}")
         for claim, verdict in claims.items()
     ]
 
 
-def _beyond(contest: Contest, largest: Contest) -> list[Finding]:
+def _beyond(contest: Contest, largest: Contest) -> list[SummaryLine]:
     """What the paper does not say."""
     stations = largest.trials[0].setting.stations
     finished = [
@@ -133,13 +186,13 @@ def _beyond(contest: Contest, largest: Contest) -> list[Finding]:
     ]
     later = [gap for gap in finished if gap > CHARGE_TOLERANCE]
     return [
-        Finding(
+        SummaryLine(
             "exhaustive is optimal only among simple paths with its recharge rule",
             f"of {len(finished)} runs that finished {len(later)} are later than exact, "
             f"by up to {percent(max(later, default=0.0))}",
         ),
         *(
-            Finding(
+            SummaryLine(
                 f"{fast} against {slow} at {stations} stations",
                 f"{_ratio(largest, slow, fast)} times as fast at the median",
             )

@@ -10,10 +10,18 @@ from skyway.experiments.contest import EXACT, HEURISTIC
 from skyway.experiments.figures import Axis, Line, draw_lines
 from skyway.experiments.instances import Setting, texas_problem
 from skyway.experiments.laboratory import Laboratory
+from skyway.experiments.report import (
+    Section,
+    SummaryLine,
+    estimated,
+    hours,
+    image,
+    markdown_table,
+    percent,
+    with_interval,
+)
 from skyway.experiments.sample import Sample
-from skyway.experiments.section import Finding, Section, image
 from skyway.experiments.trials import Contest, Trial, hold
-from skyway.experiments.words import estimated, hours, markdown_table, percent, with_interval
 
 CONTESTANTS = (HEURISTIC, EXACT)
 
@@ -128,7 +136,7 @@ def _section(cells: Mapping[tuple[float, str], Contest], *, seed: int) -> Sectio
                 )
             )
     findings = [
-        Finding(
+        SummaryLine(
             f"saved by partial recharging, {curve}, {range_m / 1000:g} km",
             f"{percent(_saved(cell, EXACT).mean().value)} (exact), "
             f"{percent(_saved(cell, HEURISTIC).mean().value)} (heuristic)",

@@ -7,16 +7,22 @@ from dataclasses import asdict, dataclass
 import numpy as np
 
 from skyway.drone.models import DJI_MATRICE_300_RTK
-from skyway.experiments.chance import chance, seed_of
 from skyway.experiments.contest import EXACT, Run, run
 from skyway.experiments.figures import Axis, Line, draw_lines
-from skyway.experiments.instances import Setting, packages_for
+from skyway.experiments.instances import Rows, Setting, chance, packages_for, seed_of, taken_book
 from skyway.experiments.laboratory import Laboratory
-from skyway.experiments.rows import write_rows
+from skyway.experiments.report import (
+    Section,
+    SummaryLine,
+    count,
+    duration,
+    estimated,
+    image,
+    markdown_table,
+    percent,
+    write_rows,
+)
 from skyway.experiments.sample import Sample
-from skyway.experiments.section import Finding, Section, image
-from skyway.experiments.taken_pads import Rows, taken_book
-from skyway.experiments.words import count, duration, estimated, markdown_table, percent
 from skyway.geo import EARTH_RADIUS_M
 from skyway.network.network import Network
 from skyway.network.synthetic import synthetic_city
@@ -34,7 +40,7 @@ _LIMIT_S = 20.0
 
 
 @dataclass(frozen=True, slots=True)
-class Trial:
+class ScaleTrial:
     """A network of so many stations, and so many requests for each number of packages."""
 
     stations: int
@@ -51,7 +57,7 @@ class Planned:
     runs: Sequence[tuple[int, Run]]
 
 
-def run_trial(trial: Trial) -> Planned:
+def run_trial(trial: ScaleTrial) -> Planned:
     """Build the network once, and plan all requests on it."""
     elapsed_s = stopwatch()
     network = synthetic_city(stations=trial.stations, seed=trial.seed)
@@ -100,7 +106,9 @@ def scale(laboratory: Laboratory) -> Section:
     sizes = laboratory.size(quick=(300, 3_000), full=(1_000, 10_000, 100_000, 1_000_000))
     packages = laboratory.size(quick=(2, 4), full=(3, 5, 8))
     trials = [
-        Trial(stations, laboratory.seed_for("scale"), packages, laboratory.size(quick=2, full=20))
+        ScaleTrial(
+            stations, laboratory.seed_for("scale"), packages, laboratory.size(quick=2, full=20)
+        )
         for stations in sizes
     ]
     results = laboratory.results("scale", run_trial, trials)
@@ -156,7 +164,7 @@ def _section(
     ]
     small, large = min(building_s), max(building_s)
     findings = [
-        Finding(
+        SummaryLine(
             f"{number} packages, {count(small)} to {count(large)} stations",
             f"median {duration(Sample.of_times(runs[small, number]).median().value)} to "
             f"{duration(Sample.of_times(runs[large, number]).median().value)}",

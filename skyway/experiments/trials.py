@@ -9,9 +9,8 @@ from typing import TypeVar
 from skyway.experiments.contest import Run, contest
 from skyway.experiments.instances import Setting, city_problem
 from skyway.experiments.laboratory import Laboratory
-from skyway.experiments.rows import write_rows
+from skyway.experiments.report import Row, write_rows
 from skyway.experiments.sample import Sample
-from skyway.experiments.section import Row
 from skyway.planner.problem import Problem
 
 Key = TypeVar("Key")

@@ -4,10 +4,18 @@ from skyway.experiments.contest import EXACT, Run, run, run_strategy
 from skyway.experiments.figures import Axis, Line, draw_lines
 from skyway.experiments.instances import SHORT_RANGE, Setting, city_problem
 from skyway.experiments.laboratory import Laboratory
+from skyway.experiments.report import (
+    Section,
+    SummaryLine,
+    duration,
+    estimated,
+    image,
+    markdown_table,
+    percent,
+    with_interval,
+)
 from skyway.experiments.sample import Sample
-from skyway.experiments.section import Finding, Section, image
 from skyway.experiments.trials import Contest, Trial, hold
-from skyway.experiments.words import duration, estimated, markdown_table, percent, with_interval
 from skyway.planner.heuristic import heuristic_from
 from skyway.planner.sector import WIDENINGS
 
@@ -95,7 +103,7 @@ def _section(by_size: dict[int, Contest], *, seed: int) -> Section:
     size, contest = max(by_size.items())
     narrow, wide = str(LEVELS[0]), str(LEVELS[-1])
     findings = [
-        Finding(
+        SummaryLine(
             f"the whole network instead of the sector, {size} stations",
             f"mean gap {estimated(contest.gaps(narrow).mean(), percent)} to "
             f"{estimated(contest.gaps(wide).mean(), percent)}, median time "

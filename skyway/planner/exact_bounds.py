@@ -46,7 +46,7 @@ def legs_of(situation: Situation) -> Legs:
 
 
 @dataclass(frozen=True, slots=True)
-class Weights:
+class BoundWeights:
     """The weights of a bound: for each second flown and for each joule used."""
 
     per_second: float
@@ -65,7 +65,7 @@ class Bound:
     reached; `least` the least of all from the source.
     """
 
-    weights: Weights
+    weights: BoundWeights
     per_m: Floats
     after: Floats
     least: float
@@ -93,23 +93,25 @@ def bounds_of(
     return flying, needing
 
 
-def _weights_of(model: DroneModel, recharge_policy: str, guide: str) -> tuple[Weights, Weights]:
+def _weights_of(
+    model: DroneModel, recharge_policy: str, guide: str
+) -> tuple[BoundWeights, BoundWeights]:
     """The weights of both bounds: flight time alone, and the need to charge (see `Task`).
 
     Just above the reserve the concave curve is fastest; sessions that go on to its top are counted
     by their joules, whose time is worked out from what is on board.
     """
     if guide == "none":
-        return Weights(0.0, 0.0), Weights(0.0, 0.0)
-    flying = Weights(1.0, 0.0)
+        return BoundWeights(0.0, 0.0), BoundWeights(0.0, 0.0)
+    flying = BoundWeights(1.0, 0.0)
     if recharge_policy == "full":
-        return flying, Weights(0.0, 1.0 if guide == "full" else 0.0)
+        return flying, BoundWeights(0.0, 1.0 if guide == "full" else 0.0)
     s_per_j = fastest_s_per_soc(model) / model.battery_j
-    return flying, Weights(1.0, s_per_j if guide == "full" else 0.0)
+    return flying, BoundWeights(1.0, s_per_j if guide == "full" else 0.0)
 
 
 def _bound(
-    situation: Situation, legs: Legs, weights: Weights, required: Ints, apart_m: Floats
+    situation: Situation, legs: Legs, weights: BoundWeights, required: Ints, apart_m: Floats
 ) -> Bound:
     model, count = situation.model, len(situation.destinations)
     finish_j = np.array([situation.finish_j(each) for each in situation.destinations])

@@ -7,14 +7,14 @@ from enum import Enum
 import numpy as np
 
 from skyway.ids import StationId
-from skyway.planner.exact_acts import Act, best_acts
+from skyway.planner.exact_itinerary import Act, best_acts
 from skyway.planner.exact_memory import AMPLE, Room, enlarged, new_memory
 from skyway.planner.exact_task import Method, book_handle, closed_handle, required_before, task_of
+from skyway.planner.hierarchy import rows_of
 from skyway.planner.kernels import hierarchy as distances
 from skyway.planner.kernels import memory, places, search, trees
 from skyway.planner.kernels.handles import handle_of
 from skyway.planner.kernels.records import Search
-from skyway.planner.network_rows import rows_of
 from skyway.planner.situation import Situation
 from skyway.planner.stop import Effort
 

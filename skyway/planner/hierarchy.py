@@ -1,7 +1,8 @@
-"""A network prepared for requests that span it: distances without growing a tree for each.
+"""A network as the kernels read it, and a hierarchy that prepares it for long requests.
 
-Worth making for a network on which many problems are solved; without it the planner grows its
-trees as far as each request reaches, which for local requests is as good.
+A hierarchy gives distances without growing a tree for each request. It is worth making for a
+network on which many problems are solved. Without it the planner grows its trees as far as each
+request reaches, which is as good for local requests.
 """
 
 from dataclasses import dataclass
@@ -16,7 +17,28 @@ from skyway.planner.kernels.handles import handle_of
 from skyway.planner.kernels.hierarchy import shortcut_lengths, shortcuts
 from skyway.planner.kernels.memory import Floats, Longs
 from skyway.planner.kernels.records import Skyway
-from skyway.planner.network_rows import rows_of
+
+
+def rows_of(network: Network) -> Skyway:
+    """The network's segments by both ends, and its pads; without a hierarchy."""
+    incoming, outgoing = network.incoming, network.outgoing
+    no_ranks, no_lengths = np.empty(0, np.int64), np.empty(0)
+    return Skyway(
+        incoming.offsets,
+        incoming.station,
+        incoming.segment,
+        incoming.length_m,
+        outgoing.offsets,
+        outgoing.station,
+        outgoing.segment,
+        outgoing.length_m,
+        network.columns.pads,
+        rank=no_ranks,
+        above_offsets=no_ranks,
+        above=no_ranks,
+        up_length=no_lengths,
+        down_length=no_lengths,
+    )
 
 
 # Without slots: the arrays for the kernels are made once, for all problems.

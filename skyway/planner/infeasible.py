@@ -1,15 +1,24 @@
-"""Cheap proofs that no plan exists; without such a proof the status is unknown."""
+"""Cheap proofs that no plan exists; without such a proof the status is unknown.
 
+The proof of OUT_OF_RANGE is a search without time, in which every pad is free. Its labels hold the
+least energy used since a full battery, by station and remaining destinations. Time does not count,
+so less energy is always better, and one label for each station and set is enough. If no label
+reaches the last delivery, no plan does.
+"""
+
+import heapq
 import math
+from dataclasses import dataclass
+from itertools import count
 
 from skyway.delivery.plan import Infeasibility
-from skyway.planner.in_range import is_out_of_range
+from skyway.ids import StationId
 from skyway.planner.matrix import TimeMatrix
 from skyway.planner.problem import Problem
 from skyway.planner.situation import Situation
 from skyway.planner.stop import Effort, LabelLimit, Stop, first_of
 from skyway.planner.subnetwork import Subnetwork
-from skyway.units import LOAD_TOLERANCE_KG, TIME_TOLERANCE_S
+from skyway.units import CHARGE_TOLERANCE, LOAD_TOLERANCE_KG, TIME_TOLERANCE_S
 
 #: Labels after which the proof of OUT_OF_RANGE is given up. Our own choice: about 1 s.
 _MAX_LABELS = 50_000
@@ -70,3 +79,80 @@ def _unreachable(situation: Situation, whole: Subnetwork) -> Infeasibility | Non
         if detail is not None:
             return Infeasibility(code="DESTINATION_UNREACHABLE", detail=detail)
     return None
+
+
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """A station and the remaining destinations; None while the packages are not on board."""
+
+    here: StationId
+    waiting: frozenset[StationId] | None
+
+
+def is_out_of_range(situation: Situation, whole: Subnetwork, effort: Effort) -> bool:
+    """Whether it is proven that the drone cannot deliver everything, however it recharges."""
+    search = _RangeSearch(situation)
+    tie_breaker = count()
+    place, used_j = search.start()
+    heap = [(used_j, next(tie_breaker), place)]
+    least_used_j: dict[_Place, float] = {}
+    while heap:
+        used_j, _, place = heapq.heappop(heap)
+        if used_j >= least_used_j.get(place, math.inf):
+            continue
+        if search.is_done(place, used_j) or effort.is_spent():
+            return False
+        least_used_j[place] = used_j
+        load_kg = situation.load_kg(place.waiting or frozenset())
+        for segment in whole.segments_from(place.here):
+            reached_j = used_j + situation.flight_j(segment, load_kg)
+            reached, reached_j = search.arrive(segment.to_id, place.waiting, reached_j)
+            if reached_j <= search.limit_j:
+                heapq.heappush(heap, (reached_j, next(tie_breaker), reached))
+    return True
+
+
+class _RangeSearch:
+    def __init__(self, situation: Situation) -> None:
+        self._situation = situation
+        self._all = frozenset(situation.destinations)
+        rounding_j = CHARGE_TOLERANCE * situation.model.battery_j
+        self.limit_j = situation.capacity_j + rounding_j
+
+    def start(self) -> tuple[_Place, float]:
+        """Where the drone stands at time 0, on a pad if there is one."""
+        problem, model = self._situation.problem, self._situation.model
+        start = problem.start_station_id
+        used_j = (model.top_soc - problem.drone.soc) * model.battery_j
+        if self._situation.network.stations[start].pads > 0:
+            used_j = min(used_j, 0.0)
+        return _Place(start, self._all if start == problem.source else None), used_j
+
+    def is_done(self, place: _Place, used_j: float) -> bool:
+        """Whether everything is delivered with enough left for the finish."""
+        if place.waiting is None or place.waiting:
+            return False
+        return used_j + self._situation.finish_j(place.here) <= self.limit_j
+
+    def arrive(
+        self, here: StationId, waiting: frozenset[StationId] | None, used_j: float
+    ) -> tuple[_Place, float]:
+        """The place after a segment: landed there if packages change hands or a pad is in reach."""
+        stop_j = self._situation.model.stop_j
+        has_landed = True
+        if waiting is None and here == self._situation.problem.source:
+            waiting, used_j = self._all, used_j + stop_j
+        elif waiting is not None and here in waiting:
+            waiting, used_j = waiting - {here}, used_j + stop_j
+        else:
+            has_landed = False
+        is_last = waiting is not None and not waiting
+        landed_j = used_j if has_landed else used_j + stop_j
+        if not is_last and landed_j <= self.limit_j and self._has_open_pad(here):
+            used_j = min(used_j, 0.0)
+        return _Place(here, waiting), used_j
+
+    def _has_open_pad(self, station_id: StationId) -> bool:
+        return self._situation.network.stations[
+            station_id
+        ].pads > 0 and not self._situation.closures.is_closed_for_good(station_id)

@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from skyway.delivery.plan import Deliver, Fly, PickUp, Recharge, Step, Wait
@@ -10,14 +11,25 @@ from skyway.drone.flight import flight_energy_j, flight_time_s
 from skyway.errors import InvalidStateOfCharge
 from skyway.ids import PackageId, StationId
 from skyway.network.network import Segment
-from skyway.planner.held_pads import HeldPads
-from skyway.planner.open_sky import OpenSky, is_pad_within_reach
+from skyway.planner.obstacles import HeldPads, OpenSky, is_pad_within_reach
 from skyway.planner.problem import Problem
-from skyway.planner.violation import Violation
 from skyway.units import CHARGE_TOLERANCE, LOAD_TOLERANCE_KG, TIME_TOLERANCE_S
 
 if TYPE_CHECKING:
     from skyway.planner.pad_book import PadBook
+
+
+@dataclass(frozen=True, slots=True)
+class Violation:
+    """What is wrong; `step` counts the plan's steps from 0, None for the plan as a whole."""
+
+    step: int | None
+    rule: str
+    detail: str
+
+    def __str__(self) -> str:
+        where = "plan" if self.step is None else f"steps.{self.step}"
+        return f"{where}: {self.rule}: {self.detail}"
 
 
 class Replay:

@@ -1,8 +1,10 @@
 """A problem prepared for search: values that every strategy reads often, computed once."""
 
+import heapq
 import math
 from collections.abc import Set as AbstractSet
 from dataclasses import dataclass, field
+from itertools import count
 
 from skyway.drone.flight import flight_energy_j, flight_time_s
 from skyway.drone.model import DroneModel
@@ -10,7 +12,6 @@ from skyway.ids import StationId
 from skyway.network.network import Network, Segment
 from skyway.planner.airspace import Airspace
 from skyway.planner.closures import Closures
-from skyway.planner.finish import energy_to_pad_j
 from skyway.planner.hierarchy import Hierarchy
 from skyway.planner.pad_book import NO_RESERVATIONS, PadBook
 from skyway.planner.pad_calendar import PadCalendar
@@ -119,3 +120,26 @@ class Situation:
                 self.network, self.model, station_id
             )
         return known
+
+
+def energy_to_pad_j(network: Network, model: DroneModel, start: StationId) -> float:
+    """Energy of the empty flight to the nearest station with a pad, taken or not; inf if none.
+
+    Zones, closures and the landing itself do not count (docs/reference/planner-problem.md).
+    """
+    # With one speed and one power the path of least energy is the shortest path.
+    tie_breaker = count()
+    heap = [(0.0, next(tie_breaker), start)]
+    settled: set[StationId] = set()
+    while heap:
+        length_m, _, here = heapq.heappop(heap)
+        if here in settled:
+            continue
+        if network.stations[here].pads > 0:
+            return flight_energy_j(model, length_m=length_m, load_kg=0.0)
+        settled.add(here)
+        for segment in network.segments_from(here):
+            if segment.to_id not in settled:
+                reached_m = length_m + segment.length_m
+                heapq.heappush(heap, (reached_m, next(tie_breaker), segment.to_id))
+    return math.inf

@@ -11,8 +11,7 @@ from typing import TYPE_CHECKING
 from skyway.delivery.plan import Deliver, Fly, Plan, PlanStatus, Recharge, Step, Wait
 from skyway.errors import SkywayError
 from skyway.planner.problem import Problem
-from skyway.planner.replay import Replay, time_tolerance_s
-from skyway.planner.violation import Violation
+from skyway.planner.replay import Replay, Violation, time_tolerance_s
 from skyway.units import TIME_TOLERANCE_S
 
 if TYPE_CHECKING:

@@ -3,10 +3,8 @@ from dataclasses import replace
 import pytest
 
 from skyway.delivery.plan import Fly, Recharge
-from skyway.experiments.chance import chance
-from skyway.experiments.disturbances import Climate, Day
-from skyway.experiments.flown_plan import fly_plan
-from skyway.experiments.instances import SHORT_RANGE, texas_problem
+from skyway.experiments.flown_plan import Climate, Day, fly_plan
+from skyway.experiments.instances import SHORT_RANGE, chance, texas_problem
 from skyway.experiments.margin import SETTING
 from skyway.ids import StationId
 from skyway.planner import compose

@@ -1,10 +1,37 @@
-from skyway.experiments.page import write_fragment, write_page
-from skyway.experiments.section import Finding, Section
+import csv
+
+import pytest
+
+from skyway.experiments.page import PARTS, write_fragment, write_page
+from skyway.experiments.report import Section, SummaryLine
+
+
+@pytest.mark.parametrize("name", [name for name in PARTS if name != "paper"])
+def test_every_part_writes_findings_rows_and_its_figures(laboratory, name):
+    section = PARTS[name](laboratory)
+
+    written = (laboratory.folder / f"{name}.csv").read_text(encoding="utf-8")
+    rows = list(csv.DictReader(written.splitlines()))
+    shown = [text.split("experiments/")[1][:-1] for text in section.paragraphs if text[:2] == "!["]
+    assert section.findings
+    assert rows
+    assert all((laboratory.folder / figure).stat().st_size > 1_000 for figure in shown)
+
+
+@pytest.mark.parametrize("name", ["booked-fleet", "causes"])
+def test_the_same_seed_gives_the_same_rows(laboratory, name):
+    file = laboratory.folder / f"{name}.csv"
+
+    PARTS[name](laboratory)
+    first = file.read_text(encoding="utf-8")
+    PARTS[name](laboratory)
+
+    assert file.read_text(encoding="utf-8") == first
 
 
 def test_running_one_part_again_keeps_the_others_on_the_page(laboratory):
     for name, text in (("paper", "first"), ("scale", "other"), ("paper", "second")):
-        section = Section(name, [text], [Finding("is it there", "yes")])
+        section = Section(name, [text], [SummaryLine("is it there", "yes")])
         write_fragment(laboratory, name, section, elapsed_s=1.0)
 
     page = write_page(laboratory.folder).read_text(encoding="utf-8")

@@ -1,8 +1,9 @@
 import math
 
+import numpy as np
 import pytest
 
-from skyway.experiments.sample import Sample
+from skyway.experiments.sample import LogTimes, Sample, growth_per_station
 
 
 def times(*values: float, censored: int = 0) -> Sample:
@@ -54,3 +55,31 @@ def test_an_interval_contains_its_value_and_repeats_with_its_seed():
     assert mean.low <= mean.value <= mean.high
     assert mean == sample.mean(seed=3)
     assert mean != sample.mean(seed=4)
+
+
+SLOPE = 0.25
+
+
+def log_times(*, limit: float) -> LogTimes:
+    """Log times that grow by `SLOPE` a station with a spread of 1, cut at a limit."""
+    stations = np.repeat(np.arange(10.0, 36.0), 8)
+    log_s = SLOPE * stations + np.random.default_rng(1).normal(size=stations.size)
+    return LogTimes(stations, np.minimum(log_s, limit), log_s >= limit)
+
+
+def test_without_limit_the_slope_is_that_of_the_line():
+    whole = log_times(limit=np.inf)
+
+    assert growth_per_station(whole) == pytest.approx(SLOPE, abs=0.02)
+
+
+def test_a_limit_does_not_make_the_growth_look_slower():
+    cut = log_times(limit=SLOPE * 22)
+
+    assert cut.is_censored.mean() > 0.4
+    assert growth_per_station(cut) == pytest.approx(SLOPE, abs=0.03)
+    assert np.polyfit(cut.stations, cut.log_s, 1)[0] < 0.6 * SLOPE
+
+
+def test_only_censored_times_give_no_slope():
+    assert not log_times(limit=-10.0).tells_a_slope

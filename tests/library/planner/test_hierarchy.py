@@ -10,13 +10,12 @@ from skyway.geo import Position
 from skyway.ids import StationId
 from skyway.network.network import Network, Segment, Station
 from skyway.planner.exact_memory import Room, enlarged, new_memory
-from skyway.planner.hierarchy import Hierarchy
+from skyway.planner.hierarchy import Hierarchy, rows_of
 from skyway.planner.kernels import trees
 from skyway.planner.kernels.dissection import dissected
 from skyway.planner.kernels.handles import handle_of
 from skyway.planner.kernels.hierarchy import root_all
 from skyway.planner.kernels.records import Closed
-from skyway.planner.network_rows import rows_of
 
 _OPEN = Closed(np.empty(0, np.int64), np.zeros(1, np.int64), np.empty(0), np.empty(0), 0)
 

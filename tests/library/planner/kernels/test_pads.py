@@ -10,7 +10,7 @@ from skyway.ids import StationId
 from skyway.network.network import Network
 from skyway.planner.exact_memory import Room, new_memory
 from skyway.planner.exact_task import book_of
-from skyway.planner.network_rows import rows_of
+from skyway.planner.hierarchy import rows_of
 from skyway.planner.pad_book import OPEN_MS, PadBook
 from skyway.planner.pad_calendar import PadCalendar
 

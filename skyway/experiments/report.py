@@ -1,9 +1,50 @@
-"""Numbers and tables in words: what the page and the terminal show."""
+"""What an experiment reports: a section of the page, lines for the terminal, and rows of CSV.
 
+The functions below write numbers and tables as the page and the terminal show them.
+"""
+
+import csv
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
 
 from skyway.experiments.sample import Estimate
+
+#: A cell of a CSV file.
+Cell = str | int | float | bool | None
+Row = Mapping[str, Cell]
+
+
+@dataclass(frozen=True, slots=True)
+class SummaryLine:
+    """One line of the summary: what was asked, what came out."""
+
+    question: str
+    answer: str
+
+
+@dataclass(frozen=True, slots=True)
+class Section:
+    """One experiment's part of the page, in Markdown, and its summary."""
+
+    title: str
+    paragraphs: Sequence[str]
+    findings: Sequence[SummaryLine] = field(default_factory=tuple)
+
+
+def image(name: str, meaning: str) -> str:
+    """A figure of the experiments' folder, as the page shows it."""
+    return f"![{meaning}](experiments/{name})"
+
+
+def write_rows(path: Path, rows: Sequence[Row]) -> None:
+    """Write the rows; all have the columns of the first."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, fieldnames=list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+
 
 _MINUTE_S = 60.0
 _HOUR_S = 3600.0

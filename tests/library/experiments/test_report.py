@@ -2,8 +2,8 @@ import math
 
 import pytest
 
+from skyway.experiments.report import duration, estimated, markdown_table, percent
 from skyway.experiments.sample import Estimate
-from skyway.experiments.words import duration, estimated, markdown_table, percent
 
 
 @pytest.mark.parametrize(
