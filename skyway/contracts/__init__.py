@@ -1,1 +1,8 @@
-"""What crosses a wire between Skyway's processes, each message and body defined once."""
+"""What crosses a wire, each message and body defined once.
+
+`topics` has every MQTT topic; `instruction`, `drone_report`, `world` and `delivery_event` are their
+messages. `candidate`, `shortlist`, `quote`, `mission`, `mission_reports`, `station_check` and
+`track` are bodies between services. `problem_details` and `conflict_codes` describe errors.
+`delivery_event_forms` and `delivery_event_data` describe events to customers. `asyncapi`,
+`rest_tags`, `rest_examples` and the `*_examples` make the published documents.
+"""
