@@ -1,4 +1,4 @@
-"""What each part of `exact` is worth: bound, dominance and lazy charging switched off."""
+"""The worth of each part of `exact`: bound, dominance and lazy charging switched off."""
 
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -43,7 +43,7 @@ def run_trial(trial: Trial) -> list[Run]:
 
 
 def ablations(laboratory: Laboratory) -> Section:
-    """Labels and time of the search, with one part after the other switched off."""
+    """Labels and time of the search while one part at a time is switched off."""
     stations = laboratory.size(quick=20, full=200)
     limit_s = laboratory.size(quick=0.3, full=5.0)
     trials = [
@@ -109,10 +109,10 @@ def _section(
     ]
     intro = (
         f"{stations} stations 6 km apart, 70 % of the pads' time taken, partial recharging, "
-        f"{duration(limit_s)} a run. **Bound**: flying and charging; flying alone; nothing. "
-        "**Dominance**: labels that another one beats are dropped, or all are kept. **Levels**: "
-        "instead of deciding lazily how much to charge, so many levels are tried on each pad; "
-        "their plans are then only as good as the levels (gap)."
+        f"{duration(limit_s)} a run. **Bound**: the bound counts flying and charging, flying "
+        "alone, or nothing. **Dominance**: labels that another label beats are dropped, or all "
+        "are kept. **Levels**: the search tries so many levels of charge on each pad, instead of "
+        "deciding lazily how much to charge. Its plans are then only as good as the levels (gap)."
     )
     header = ("packages", "method", "finished", "median time", "labels", "gap p50", "gap max")
     return Section(

@@ -1,4 +1,4 @@
-"""Congestion by others' plans: many drones book their pads one after another."""
+"""Congestion by other drones' plans: many drones book their pads one after another."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -27,7 +27,7 @@ PLANNERS = (HEURISTIC, EXACT)
 
 
 def booked_fleet(laboratory: Laboratory) -> Section:
-    """How much later those deliver who come after many others."""
+    """How much later drones deliver that start after many others."""
     drones = laboratory.size(quick=8, full=40)
     setting = Setting(
         stations=laboratory.size(quick=10, full=25),
@@ -65,7 +65,7 @@ def booked_fleet(laboratory: Laboratory) -> Section:
 
 @dataclass(frozen=True, slots=True)
 class FleetFlights:
-    """What all fleets flew, looked at in groups of so many drones in the order of their starts."""
+    """The flights of all fleets, in groups of `group` drones in the order of their starts."""
 
     group: int
     fleets: Mapping[Fleet, Sequence[Flight]]
@@ -101,7 +101,7 @@ class FleetFlights:
 
 
 def _delays(flights: Sequence[Flight], *, unit: float = 1.0) -> Sample:
-    """How much later than alone, as shares; infinite where the others left no way."""
+    """How much later than alone, as shares; infinite where the other drones leave no plan."""
     return Sample.of(
         [
             math.inf
@@ -145,11 +145,12 @@ def _section(flown: FleetFlights, setting: Setting, *, seed: int) -> Section:
         for planner in PLANNERS
     ]
     intro = (
-        f"{setting.stations} stations 8 km apart with one pad each; every "
-        f"{duration(INTERVAL_S)} a drone starts with {setting.packages} packages, is planned "
-        "among the pads that the earlier ones booked, and books its own. A whole fleet is planned "
-        "by one planner; both get the same requests. The delay is against the same planner's plan "
-        "for the same request with all pads free; requests out of range even then do not count."
+        f"{setting.stations} stations 8 km apart with one pad each. Every {duration(INTERVAL_S)} a "
+        f"drone starts with {setting.packages} packages. It is planned around the pads that "
+        "earlier drones booked, and then books its own. One planner plans a whole fleet; both "
+        "planners get the same requests. The delay compares a plan with the same planner's plan "
+        "for the same request with all pads free. Requests that are out of range even then do not "
+        "count."
     )
     return Section(
         "Congestion by others' plans",

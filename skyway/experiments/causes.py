@@ -1,7 +1,8 @@
 """Why the heuristic is late: its order, its path, the amounts it charges, or its pads' timing.
 
-One choice after the other is made best: the amounts on the heuristic's route, then its pads, then
-the path for its order, then the order. What each step gains is that choice's share of the gap.
+The choices are replaced by the best ones, one after the other: the amounts on the heuristic's
+route, its pads, the path for its order, the order. The gain of each step is the share of that
+choice in the gap.
 """
 
 from collections.abc import Mapping, Sequence
@@ -46,10 +47,10 @@ class CauseTrial:
 
 @dataclass(frozen=True, slots=True)
 class Causes:
-    """Shares of the best delivery time that each choice of the heuristic costs; they sum up.
+    """The delivery time that each choice of the heuristic costs, as shares of the best time.
 
-    `pads` is what the wrong moments and places of charging cost where pads are taken, beyond what
-    the amounts cost on the same route with all pads free.
+    `pads` is the cost of charging at the wrong moments and places where pads are taken. It leaves
+    out what the amounts cost on the same route with all pads free. The four shares add up.
     """
 
     order: float
@@ -169,14 +170,15 @@ def _section(
     setting = next(iter(cells.values()))
     intro = (
         f"{setting.stations} stations 8 km apart, {setting.packages} packages, "
-        f"`{setting.model.model_id}`. One choice of the heuristic after the other is made best: "
-        "how much it charges on its own route (**amount**, all pads free), when and where it takes "
-        "pads on that route (**pads**), the **path** for its order, the **order**. Each share is "
-        "the mean over the instances of the delivery time lost to it, relative to the best; the "
-        "four sum up to the whole gap. `amount` also holds where on its route it charges; under "
-        "full recharging only that is open. A share below 0 says that with taken pads the route "
-        "loses less than with free ones. Instances where the heuristic has no plan cannot be "
-        "split; they are counted."
+        f"`{setting.model.model_id}`. The choices of the heuristic are replaced by the best "
+        "choices, one after the other: how much "
+        "it charges on its own route (**amount**, all pads free), when and where it uses pads on "
+        "that route (**pads**), the **path** for its order, and the **order**. Each share is the "
+        "mean over the instances of the delivery time lost by this choice, relative to the best; "
+        "the four add up to the whole gap. `amount` also covers where on its route the drone "
+        "charges; under full recharging only that is open. A share below 0 means that the route "
+        "loses less with taken pads than with free ones. Instances where the heuristic has no "
+        "plan cannot be split; they are counted."
     )
     header = ("recharging, pads", "split", *_CAUSES, "whole gap")
     return Section(

@@ -4,7 +4,7 @@ Notes
 -----
 Shahzaad and Bouguettaya claim that the exhaustive composition's time grows exponentially with the
 network, that the heuristic is far faster, and that its plans are near-optimal. They give no
-numbers to test; those here are our own choice.
+numbers to test, so the numbers here are our own choice.
 """
 
 import math
@@ -30,14 +30,14 @@ _RESAMPLES = 200
 HOLDS, FAILS, OPEN = "holds", "fails", "open"
 
 HOW_TESTED = (
-    f"Each claim is tested on its 95 % bootstrap interval; it holds when the whole interval does, "
-    f"fails when none of it does, and is open otherwise. **Grows exponentially**: the exhaustive "
-    f"time at least doubles every {DOUBLING_STATIONS:g} stations (slope of its logarithm over all "
-    f"runs, by a regression for censored data). **Far faster**: the heuristic needs at most a "
-    f"{FAR_FASTER:g}th of the time on the same instance, at the median over the largest networks. "
-    f"**Near-optimal**: its plans deliver at most {NEAR_AT_MEDIAN:.0%} later than the best known "
-    f"plan at the median and at most {NEAR_AT_P95:.0%} at p95. The thresholds are ours: the paper "
-    f"gives none."
+    f"Each claim is tested on its 95 % bootstrap interval. It holds when it holds on the whole "
+    f"interval, fails when it fails on the whole interval, and is open otherwise. "
+    f"**Grows exponentially**: the exhaustive time at least doubles every {DOUBLING_STATIONS:g} "
+    f"stations (slope of its logarithm over all runs, by a regression for censored data). "
+    f"**Far faster**: the heuristic needs at most a {FAR_FASTER:g}th of the time on the same "
+    f"instance, at the median over the largest networks. **Near-optimal**: its plans deliver at "
+    f"most {NEAR_AT_MEDIAN:.0%} later than the best known plan at the median and at most "
+    f"{NEAR_AT_P95:.0%} at p95. The thresholds are ours: the paper gives none."
 )
 
 
@@ -45,7 +45,8 @@ HOW_TESTED = (
 class Verdict:
     """A claim in one cell: what was measured, in words, and whether the claim holds.
 
-    It holds when the whole 95 % interval does, fails when none of it does; else it is open.
+    The claim holds when it holds on the whole 95 % interval, fails when it fails on the whole
+    interval, and is open otherwise.
     """
 
     measured: str
@@ -84,7 +85,7 @@ def grows_exponentially(contest: Contest, *, seed: int) -> Verdict:
 def is_far_faster(contest: Contest, *, seed: int) -> Verdict:
     """How many times faster the heuristic is on the same instances, at the median.
 
-    A ratio whose exhaustive run was ended by its limit is only known to be at least that.
+    Where the limit ended the exhaustive run, the true ratio is at least the measured one.
     """
     runs = list(zip(contest.runs(EXHAUSTIVE), contest.runs(HEURISTIC), strict=True))
     ratios = Sample.of([slow.elapsed_s / fast.elapsed_s for slow, fast in runs])

@@ -100,8 +100,9 @@ def _section(by_share: Mapping[float, Contest], stations: int, *, seed: int) -> 
     ]
     intro = (
         f"{stations} stations 8 km apart, 4 pads, 3 packages, `{SHORT_RANGE.model_id}`, partial "
-        "recharging. Others hold each pad for 20 to 60 minutes at a time, at random, so that the "
-        "given share of its time is taken, for two days; the requests are the same for every share."
+        "recharging. Others hold each pad for 20 to 60 minutes at a time, at random, for two "
+        "days, so that the given share of its time is taken. The requests are the same for every "
+        "share."
     )
     header = (
         "taken",

@@ -1,4 +1,4 @@
-"""One contestant on one instance: how long it took, what it found, and whether a limit ended it."""
+"""One run of one contestant on one instance: its time, its plan, and whether a limit ended it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,10 +20,10 @@ EXACT_PLAIN = "exact, plain Python"
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """What one contestant did with one instance.
+    """The run of one contestant on one instance.
 
-    `is_censored`: its limit ended it, so that its time is only known to be at least `elapsed_s`,
-    and a plan that it has is only the best so far. `labels` are the states that it looked at,
+    `is_censored` says that the limit ended the run. The true time is then at least `elapsed_s`,
+    and the plan is only the best so far. `labels` counts the states that the contestant looked at,
     `compositions` the whole routes that it simulated (0 for `exact`, which simulates none).
     """
 
@@ -44,7 +44,7 @@ def contest(
 ) -> list[Run]:
     """The runs of all contestants on this instance, one after the other in this process.
 
-    `turn` says which begins, so that over many instances none always runs first.
+    `turn` chooses the contestant that begins, so that no contestant always runs first.
     """
     first = turn % len(contestants)
     in_turn = [*contestants[first:], *contestants[:first]]
@@ -74,7 +74,7 @@ def run_strategy(
 ) -> Run:
     """The run of a strategy under this name.
 
-    The network and the reservations are made ready before, as a service keeps them.
+    The network and the reservations are prepared before the run, as a service keeps them.
     """
     if booked is None:
         booked = PadBook.of(problem.network, problem.pad_reservations)
@@ -85,7 +85,7 @@ def run_strategy(
 
 
 def run_of(plan: Plan, contestant: str, *, limit_s: float) -> Run:
-    """What this plan says of the search that made it."""
+    """The run that made this plan, read from the plan's statistics."""
     elapsed_s = plan.stats["elapsed_s"]
     return Run(
         contestant=contestant,

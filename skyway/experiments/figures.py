@@ -12,7 +12,7 @@ from skyway.experiments.sample import Estimate
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: Colours that people with colour blindness tell apart (Okabe and Ito 2008).
+#: Colours that people with colour blindness can distinguish (Okabe and Ito 2008).
 _COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#000000")
 _MARKERS = "osD^vP*"
 _SIZE_IN = (6.4, 4.2)
@@ -27,7 +27,7 @@ class NoMatplotlib(SkywayError):
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """One line of a figure: estimates over x; what is censored points up, nothing hides it."""
+    """One line of a figure: estimates over x. Censored values are marked by a triangle."""
 
     label: str
     xs: Sequence[float]
@@ -83,7 +83,7 @@ def draw_lines(path: Path, title: str, *, x: Axis, y: Axis, lines: Sequence[Line
 def draw_stacks(
     path: Path, title: str, *, x: Axis, y: Axis, bars: Sequence[str], stacks: Sequence[Stack]
 ) -> None:
-    """A figure of stacked bars; what is below 0 is stacked downwards."""
+    """A figure of stacked bars; heights below 0 are stacked downwards."""
     figure, axes = _figure(title)
     up, down = [0.0] * len(bars), [0.0] * len(bars)
     for stack, colour in zip(stacks, _COLOURS, strict=False):

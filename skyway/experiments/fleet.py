@@ -16,7 +16,7 @@ _LIMIT_S = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Fleet:
-    """So many drones on one city, all planned by one planner in the order of their starts."""
+    """A number of drones in one city, all planned by one planner in the order of their starts."""
 
     setting: Setting
     seed: int
@@ -26,7 +26,7 @@ class Fleet:
 
 @dataclass(frozen=True, slots=True)
 class Flight:
-    """One drone's plan among the others', and what it would be alone; None without a plan."""
+    """One drone's delivery among the others, and its delivery alone; None without a plan."""
 
     delivery_s: float | None
     alone_s: float | None
@@ -34,7 +34,7 @@ class Flight:
 
 
 def fly_fleet(fleet: Fleet) -> list[Flight]:
-    """Plan and book every drone; each finds the pads that the earlier ones left."""
+    """Plan and book every drone; each drone uses the pads that earlier drones left free."""
     first = city_problem(fleet.setting, seed=fleet.seed)
     random = chance(f"{fleet.seed}/fleet")
     stations = list(first.network.stations)

@@ -119,14 +119,15 @@ def _section(by_margin: Mapping[float, Sequence[Outcome]], days: int, *, seed: i
         for margin in (min(by_margin), most)
     ]
     intro = (
-        "Requests of 3 packages on the Texas corridor that need recharging, `dji-matrice-300-rtk`, "
-        "30 % of the pads' time taken, planned by `exact` for a drone that needs a margin more "
-        f"power than the true one, and each flown on {days} days without planning anew. Power "
-        "noise: 5 % a segment, half of its variance the same all day. Wind: Rayleigh, mean 4 m/s, "
-        "any direction, the same all day; the drone keeps air speed and track. Late pads: 30 % of "
-        "sessions begin late, by 10 minutes on average. Safe: never below the reserve of 10 %. "
-        f"Late: delivered more than {duration(LATE_S)} after the plan. A plan charges no more than "
-        "it needs, so without margin it has none."
+        "Requests of 3 packages on the Texas corridor that need recharging, "
+        "`dji-matrice-300-rtk`, 30 % of the pads' time taken. `exact` plans each request for a "
+        f"drone that needs more power than the true one, by a margin. Each plan is flown on {days} "
+        "days without replanning. Power noise: 5 % a segment, half of its variance the same all "
+        "day. Wind: Rayleigh, mean 4 m/s, any direction, the same all day; the drone keeps air "
+        "speed and track. Late pads: 30 % of sessions begin late, by 10 minutes on average. Safe: "
+        f"never below the reserve of 10 %. Late: delivered more than {duration(LATE_S)} after the "
+        "plan. A plan charges no more than it needs, so a plan without a margin has no spare "
+        "charge."
     )
     header = (
         "margin",

@@ -89,7 +89,7 @@ class FlightResult:
 
 
 def fly_plan(problem: Problem, plan: Plan, day: Day) -> FlightResult:
-    """Fly the plan as it stands, without planning anew.
+    """Fly the plan as it stands, without replanning.
 
     A session begins at its planned time, or when drone and pad are ready, and lasts until the
     planned charge. An empty battery stays at 0: such a flight counts as below the reserve, and goes

@@ -25,12 +25,12 @@ from skyway.units import hours_to_s, minutes_to_s
 
 
 def chance(seed: int | str) -> Random:
-    """Reproducible chance; the same for the same seed, on every machine."""
+    """A source of chance that repeats: the same for the same seed on every machine."""
     return Random(seed)  # noqa: S311 - reproducible chance is the point, nothing is secret
 
 
 def seed_of(*parts: object) -> int:
-    """A seed made of these parts: the same for the same parts."""
+    """A seed made of these parts; equal parts make equal seeds."""
     return chance("/".join(map(str, parts))).getrandbits(48)
 
 
@@ -47,7 +47,10 @@ HORIZON_S = hours_to_s(48)
 def taken_book(
     network: Network, rows: Rows, *, share: float, seed: int, horizon_s: float
 ) -> PadBook:
-    """The same as arrays, of the stations in these rows: for networks of many stations."""
+    """Reservations like those of `taken_pads`, as arrays and for the stations in these rows.
+
+    For networks of many stations.
+    """
     random = np.random.default_rng(seed)
     pads = network.columns.pads[rows]
     station, first = np.repeat(rows, pads), np.repeat(np.cumsum(pads) - pads, pads)
@@ -114,7 +117,7 @@ SHORT_RANGE = DJI_MATRICE_300_RTK.model_copy(
 
 #: A package weighs from this share to the whole of an equal share of the payload. Our own choice.
 _LIGHTEST_SHARE = 0.2
-#: Fewer packages than this weigh no more than if there were as many. Our own choice.
+#: With fewer packages than this, each weighs no more than with this many. Our own choice.
 _PACKAGES_AT_FULL_LOAD = 4
 
 

@@ -19,13 +19,13 @@ Trial = TypeVar("Trial")
 Result = TypeVar("Result")
 
 #: Processes that run trials at a time: one for each core, each of one thread, at most this many,
-#: so that the times of a contest are not those of a crowd.
+#: so that the runs of a contest do not slow each other down.
 _MOST_WORKERS = 2
 
 
 @dataclass(frozen=True, slots=True)
 class Laboratory:
-    """What every experiment is given.
+    """The environment that every experiment receives.
 
     Without an executor the trials run in this process, one after the other.
     """
@@ -37,7 +37,7 @@ class Laboratory:
     executor: Executor | None = None
 
     def size(self, *, quick: Result, full: Result) -> Result:
-        """The one of the two sizes that this run has."""
+        """The size for this run: quick or full."""
         return quick if self.is_quick else full
 
     def seed_for(self, *parts: object) -> int:
@@ -47,7 +47,7 @@ class Laboratory:
     def results(
         self, what: str, function: Callable[[Trial], Result], trials: Sequence[Trial]
     ) -> list[Result]:
-        """The function's result for every trial, in their order; a bar shows how far it is."""
+        """The function's result for every trial, in order; a bar shows the progress."""
         bar = self.progress.add_task(what, total=len(trials))
         if self.executor is None:
             results = []
@@ -71,7 +71,7 @@ def open_laboratory(*, seed: int, is_quick: bool, folder: Path) -> Iterator[Labo
     """A laboratory with worker processes, and a progress bar on standard error."""
     folder.mkdir(parents=True, exist_ok=True)
     workers = min(_MOST_WORKERS, os.cpu_count() or 1)
-    # Fresh processes: a fork would take along this one's threads and, in plain Python, its numba.
+    # Fresh processes: a fork would copy this process's threads and, in plain Python, its numba.
     pool = ProcessPoolExecutor(
         workers, mp_context=multiprocessing.get_context("spawn"), initializer=warm_up
     )

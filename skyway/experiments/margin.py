@@ -44,9 +44,9 @@ class Flights:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What came of one request; without a plan for its margin only that.
+    """The outcome of one request; `price` is None without a plan for the margin.
 
-    `price` is how much later its plan delivers than the plan without margin, as a share.
+    `price` is how much later the plan delivers than the plan without a margin, as a share.
     """
 
     price: float | None
@@ -56,8 +56,8 @@ class Outcome:
 def run_margin_trial(trial: MarginTrial) -> Outcome | None:
     """Plan with the margin on the drone's power, then fly with its true power.
 
-    None where even without margin there is no plan, or one that never recharges: its margin is
-    what the battery has left.
+    None if there is no plan without a margin, or if that plan never recharges: the charge left
+    in its battery is margin enough.
     """
     problem = texas_problem(SETTING, seed=trial.seed)
     usual = compose(_with_margin(problem, 0.0))
@@ -72,7 +72,7 @@ def run_margin_trial(trial: MarginTrial) -> Outcome | None:
 
 def _flights(problem: Problem, plan: Plan, climate: str, trial: MarginTrial) -> Flights:
     flights = [
-        # The same days for every margin.
+        # Every margin is flown on the same days.
         fly_plan(problem, plan, Day.of(CLIMATES[climate], chance(f"{trial.seed}/{climate}/{day}")))
         for day in range(trial.days)
     ]
@@ -86,7 +86,7 @@ def _flights(problem: Problem, plan: Plan, climate: str, trial: MarginTrial) -> 
 
 
 def _with_margin(problem: Problem, margin: float) -> Problem:
-    """The problem for a drone that needs so much more power."""
+    """The problem for a drone that needs more power by this share."""
     model = problem.drone.model
     with_margin = model.model_copy(update={"power_empty_w": model.power_empty_w * (1 + margin)})
     return problem.model_copy(

@@ -22,7 +22,7 @@ CONTESTANTS = (HEURISTIC, EXHAUSTIVE, EXACT)
 
 @dataclass(frozen=True, slots=True)
 class Cell:
-    """A setting that differs from the first section's in one thing; `name` says in which."""
+    """A setting that differs from the setting of the first section in one thing: its `name`."""
 
     name: str
     setting: Setting
@@ -107,9 +107,10 @@ def _section(
         "What the paper leaves open",
         [
             (
-                f"The claims in every cell: {sizes[0]} to {sizes[-1]} stations, one thing changed "
-                f"at a time, {duration(limit_s)} a run. Gaps are against the best plan of "
-                "heuristic, exhaustive and exact on the same instance."
+                "Each cell changes one thing in the setting of the first section, on networks of "
+                f"{sizes[0]} to {sizes[-1]} stations, with {duration(limit_s)} a run. Gaps are "
+                "measured against the best plan of heuristic, exhaustive and exact on the same "
+                "instance."
             ),
             markdown_table(("cell", "exhaustive finished", *claims), rows),
         ],

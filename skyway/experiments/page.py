@@ -45,18 +45,18 @@ PAGE = "experiments.md"
 
 _HEAD = """# Experiments
 
-The paper's evaluation made again, and what lies past it. `skyway experiment --out docs` wrote this
-page, the figures and a CSV row for every run (`docs/experiments/`); every number below comes from
-that run, and each section names its seed. Times are wall times of single processes, two of which
-ran at a time on two cores; all contestants are measured on the same instances, within the same
-process, one after the other. A run that its limit ended is a censored datum: it counts with its
-limit in a mean (≥), as later than any other in a median, and is never left out. Intervals are 95 %
-bootstrap intervals with a fixed seed.
+These experiments repeat the paper's evaluation and go beyond it. `skyway experiment --out docs`
+wrote this page, the figures and a CSV row for every run (`docs/experiments/`).
+Every number below comes from that run, and each section names its seed. Times are wall
+times of single processes; two processes ran at a time on two cores. All contestants are measured on
+the same instances, within the same process, one after the other. A run that reached its time limit
+is a censored datum: in a mean it counts with its limit (≥), in a median it counts as later than any
+other, and it is never left out. Intervals are 95 % bootstrap intervals with a fixed seed.
 
-`heuristic` is the paper's Algorithm 1, `exhaustive` its baseline, `exact` our planner's default,
-compiled by numba; `exact, plain Python` is the same code with numba switched off, so that all
-contestants are measured in one language too. A **gap** is how much later a plan delivers than the
-best plan known for the instance, as a share of it.
+`heuristic` is the paper's Algorithm 1, `exhaustive` is its baseline, and `exact` is our planner's
+default, compiled by numba. `exact, plain Python` is the same code with numba switched off, so that
+all contestants are also measured in one language. A **gap** is how much later a plan delivers than
+the best plan found for the instance, as a share of the best delivery time.
 """
 
 

@@ -137,12 +137,13 @@ def _section(
     seed, largest = laboratory.seed, by_size[max(by_size)]
     findings = [*_claims(contest, largest, seed=seed), *_beyond(contest, largest)]
     intro = (
-        f"Cities of {min(by_size)} to {max(by_size)} stations, 4 pads each, the paper's drone "
-        "(`paper-matrice-300`), recharging always to the full as in the paper; source and "
-        "destinations at random, as many runs as half the stations. What the paper leaves open is "
-        "set here to 2 packages, a mean degree of 2.5 and a spacing of 5 km, and swept in the "
-        f"next section. A run has {duration(limit_s)}; all contestants run on the same instances, "
-        "one after the other, each beginning in turn."
+        f"Cities of {min(by_size)} to {max(by_size)} stations, 4 pads each, with the paper's drone "
+        "(`paper-matrice-300`). As in the paper, the drone always recharges to the full, source "
+        "and destinations are random, and there are half as many runs as stations. The paper "
+        "leaves three things open. They are set here to 2 packages, a mean degree of 2.5 and a "
+        "spacing of 5 km, and are varied in the next section. A run has at most "
+        f"{duration(limit_s)}. All contestants run on the same instances, one after the other; "
+        "each of them begins in turn."
     )
     return Section(
         "The paper's evaluation",
@@ -152,8 +153,9 @@ def _section(
             image("paper-delivery-time.png", "delivery time"),
             table_of_times(by_size, seed=seed),
             (
-                "Mean and median; ≥ where runs were ended by their limit, which counts as their "
-                "time. Labels are the states looked at, compositions the whole routes simulated."
+                "Mean and median. ≥ marks values with runs that reached their limit, which counts "
+                "as their time. Labels are the states that a search looked at; compositions are "
+                "the whole routes that it simulated."
             ),
             table_of_gaps(by_size, seed=seed),
             HOW_TESTED,
@@ -163,7 +165,7 @@ def _section(
 
 
 def _claims(contest: Contest, largest: Contest, *, seed: int) -> list[SummaryLine]:
-    """The paper's claims; one that holds is where we agree."""
+    """The paper's claims, and whether our measurements agree."""
     stations = largest.trials[0].setting.stations
     claims = {
         "exhaustive grows exponentially": grows_exponentially(contest, seed=seed),
@@ -177,7 +179,7 @@ def _claims(contest: Contest, largest: Contest, *, seed: int) -> list[SummaryLin
 
 
 def _beyond(contest: Contest, largest: Contest) -> list[SummaryLine]:
-    """What the paper does not say."""
+    """Results that the paper does not give."""
     stations = largest.trials[0].setting.stations
     finished = [
         gap
@@ -207,7 +209,7 @@ def _beyond(contest: Contest, largest: Contest) -> list[SummaryLine]:
 
 
 def _ratio(contest: Contest, slow: str, fast: str) -> str:
-    """How many times faster, on the same instances; at least, where `slow` met its limit."""
+    """How many times faster on the same instances, with ≥ where `slow` reached its limit."""
     pairs = zip(contest.runs(slow), contest.runs(fast), strict=True)
     ratio = Sample.of([one.elapsed_s / other.elapsed_s for one, other in pairs]).median().value
     is_at_least = contest.times(slow).share_finished < 1

@@ -1,6 +1,6 @@
 """A second process in which numba compiles nothing: `exact` in the paper's own language.
 
-The two talk in lines of JSON: a problem in, its plan out.
+The two processes exchange lines of JSON: a problem in, its plan out.
 """
 
 import os
@@ -19,7 +19,7 @@ class PlainPythonEnded(SkywayError):
 
 
 class PlainPython:
-    """The process; it composes with the interpreter alone, and ends when this one does."""
+    """The process. It composes without compiled code and ends with the process that made it."""
 
     def __init__(self) -> None:
         self._process = Popen(
@@ -37,12 +37,12 @@ class PlainPython:
         self._process.communicate()
 
     def compose(self, problem: Problem) -> Plan:
-        """The plan for this problem; its `elapsed_s` is the other process's own.
+        """The plan for this problem; its `elapsed_s` is measured in the other process.
 
         Raises
         ------
         PlainPythonEnded
-            Without an answer.
+            The process ended without an answer.
         """
         asks, answers = self._process.stdin, self._process.stdout
         if asks is None or answers is None:
@@ -57,12 +57,12 @@ class PlainPython:
 
 @cache
 def plain_python() -> PlainPython:
-    """The one such process of this process, started when first asked for."""
+    """The only such process of this process; the first call starts it."""
     return PlainPython()
 
 
 def _answer_all() -> None:
-    """Compose what comes in, line by line, until nothing more comes."""
+    """Compose the problems on standard input, line by line, until the input ends."""
     from skyway.planner.compose import compose
 
     for line in sys.stdin:

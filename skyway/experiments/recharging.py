@@ -102,8 +102,8 @@ def _model(curve: str, range_m: float) -> DroneModel:
 def _saved(cell: Contest, who: str, *, unit: float = 1.0) -> Sample:
     """The share of the delivery time that partial recharging saves, request by request.
 
-    All of it where only partial recharging finds a way; requests that are out of range either way
-    are left to the count of plans.
+    The share is 1 where only partial recharging has a plan. Requests without a plan under both
+    policies are left out; the table counts the requests with a plan.
     """
     by_policy = cell.by(lambda setting: setting.recharge_policy)
     pairs = zip(by_policy["full"].runs(who), by_policy["partial"].runs(who), strict=True)
@@ -145,10 +145,11 @@ def _section(cells: Mapping[tuple[float, str], Contest], *, seed: int) -> Sectio
         if range_m == PAPER_RANGE_M
     ]
     intro = (
-        "The paper always recharges to the full, in 2.15 h. Requests of 3 light packages between "
-        "random places of the Texas corridor, with the paper's drone scaled to several ranges, "
-        "under a linear charge curve and under a lithium battery's (constant current to 80 %, "
-        "then constant voltage; both reach their top after 2.15 h)."
+        "The paper's drone always recharges to the full, in 2.15 h. The requests here ask for 3 "
+        "light packages between random places of the Texas corridor. The paper's drone is scaled "
+        "to several ranges, with a linear charge curve and with the curve of a lithium battery "
+        "(constant current to 80 %, then constant voltage). Both curves reach their top after "
+        "2.15 h."
     )
     header = ("range", "curve", "planner", "with a plan", "full", "partial", "mean saved")
     return Section(

@@ -18,7 +18,7 @@ Row = Mapping[str, Cell]
 
 @dataclass(frozen=True, slots=True)
 class SummaryLine:
-    """One line of the summary: what was asked, what came out."""
+    """One line of the summary: a question and its answer."""
 
     question: str
     answer: str
@@ -49,7 +49,7 @@ def write_rows(path: Path, rows: Sequence[Row]) -> None:
 _MINUTE_S = 60.0
 _HOUR_S = 3600.0
 
-#: A share smaller than this is what rounding left of nothing.
+#: A share smaller than this is a rounding error and counts as 0.
 _NOTHING = 1e-9
 
 

@@ -68,14 +68,14 @@ def run_trial(trial: ScaleTrial) -> Planned:
             seed = seed_of(trial.seed, number, packages)
             problem, booked = local_problem(network, packages, seed=seed)
             if not runs:
-                # What is kept per network is prepared once, when a service loads it.
+                # A service prepares a network once, when it loads it: this run is not counted.
                 run(problem, EXACT, limit_s=_LIMIT_S, booked=booked)
             runs.append((packages, run(problem, EXACT, limit_s=_LIMIT_S, booked=booked)))
     return Planned(building_s, runs)
 
 
 def local_problem(network: Network, packages: int, *, seed: int) -> tuple[Problem, PadBook]:
-    """A request whose destinations lie around its source, and who holds the pads around it."""
+    """A request with destinations around its source, and the reservations of the pads there."""
     random = chance(seed)
     source_row = random.randrange(len(network.columns.station_ids))
     source = network.columns.station_ids[source_row]
@@ -93,7 +93,7 @@ def local_problem(network: Network, packages: int, *, seed: int) -> tuple[Proble
 
 
 def _around(network: Network, row: int, reach_m: float) -> Rows:
-    """The rows of the stations this near, measured on a plane, which a city nearly is."""
+    """The rows of the stations within this reach, measured on a plane: a city is nearly flat."""
     columns = network.columns
     stretch = math.cos(math.radians(columns.latitude_deg[row]))
     east_rad = np.radians(columns.longitude_deg - columns.longitude_deg[row]) * stretch
@@ -174,8 +174,8 @@ def _section(
     intro = (
         f"Destinations within {REACH_M / 1000:g} km of the source, {_TAKEN:.0%} of the pads' time "
         "taken, stations 3 km apart, mean degree 6, `dji-matrice-300-rtk`, `exact`. Building is "
-        "the time to make the network; the first plan on a network, which prepares what is kept "
-        "with it, is not counted."
+        "the time to make the network. The first plan on a network is not counted: it also "
+        "prepares data that later plans use again."
     )
     header = ("stations", "packages", "building", "optimal", "p50", "p95", "max", "mean labels")
     return Section(

@@ -1,4 +1,4 @@
-"""Contests over many instances: the trials, their runs, and what they say side by side."""
+"""Contests over many instances: the trials, their runs, and statistics that compare them."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -18,7 +18,7 @@ Key = TypeVar("Key")
 
 @dataclass(frozen=True, slots=True)
 class Trial:
-    """One instance, on which all contestants run; `turn` says which of them begins."""
+    """One instance, on which all contestants run; `turn` chooses the one that begins."""
 
     setting: Setting
     seed: int
@@ -41,17 +41,17 @@ class Contest:
     trials: Sequence[Trial]
     results: Sequence[Sequence[Run]]
 
-    def select(self, is_wanted: Callable[[Setting], bool]) -> "Contest":
-        """The trials whose setting is wanted."""
+    def select(self, is_selected: Callable[[Setting], bool]) -> "Contest":
+        """The trials whose setting is selected."""
         kept = [
             (trial, runs)
             for trial, runs in zip(self.trials, self.results, strict=True)
-            if is_wanted(trial.setting)
+            if is_selected(trial.setting)
         ]
         return Contest([trial for trial, _ in kept], [runs for _, runs in kept])
 
     def by(self, key: Callable[[Setting], Key]) -> "dict[Key, Contest]":
-        """The trials apart, by this key of their settings, in the order in which keys appear."""
+        """The trials grouped by this key of their settings, in the order in which keys appear."""
         keys = dict.fromkeys(key(trial.setting) for trial in self.trials)
         return {one: self.select(partial(_has, key, one)) for one in keys}
 
@@ -84,14 +84,14 @@ class Contest:
         )
 
     def labels(self, contestant: str) -> Sample:
-        """The states that it looked at; at least, where its limit ended it."""
+        """The states that it looked at; censored where its limit ended the run."""
         runs = self.runs(contestant)
         return Sample(
             tuple(float(run.labels) for run in runs), tuple(run.is_censored for run in runs)
         )
 
     def compositions(self, contestant: str) -> Sample:
-        """The whole routes that it simulated; at least, where its limit ended it."""
+        """The whole routes that it simulated; censored where its limit ended the run."""
         runs = self.runs(contestant)
         return Sample(
             tuple(float(run.compositions) for run in runs), tuple(run.is_censored for run in runs)
@@ -121,9 +121,9 @@ def best_s(runs: Sequence[Run]) -> float | None:
 
 
 def gap(run: Run, best_delivery_s: float | None) -> float:
-    """How much later than the best this run's plan delivers, as a share; infinite without one.
+    """How much later than the best this run's plan delivers, as a share; infinite without a plan.
 
-    Zero where nobody has a plan: then there is nothing to be found.
+    The gap is 0 where no contestant has a plan.
     """
     if best_delivery_s is None:
         return 0.0

@@ -113,11 +113,11 @@ def _section(by_size: dict[int, Contest], *, seed: int) -> Section:
     ]
     header = ("stations", "begins with", "median time", "gap p50", "gap p95", "gap max", "mean gap")
     intro = (
-        "The paper's second future work. The heuristic begins with its sector, or with a wider one "
-        "(degrees added on both sides, factor of the radius), and widens on from there as long as "
-        "it finds no plan; if its plan has to wait it looks around in the whole network, too. "
-        f"3 packages, half of the pads' time taken, `{SHORT_RANGE.model_id}`, partial recharging; "
-        "gaps are against the best plan known, which `exact` proves best."
+        "The paper's second future work. The heuristic begins with its sector or with a wider one "
+        "(degrees added on both sides, and a factor for the radius). It widens the sector until "
+        "it finds a plan. If its plan has to wait, it also searches the whole network. 3 "
+        f"packages, half of the pads' time taken, `{SHORT_RANGE.model_id}`, partial recharging; "
+        "gaps are measured against the best plan found, which `exact` proves best."
     )
     return Section(
         "A wider subgraph",
