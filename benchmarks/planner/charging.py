@@ -1,7 +1,7 @@
-"""frvcpy inserts recharging into an order that is given; our planner does the same task.
+"""frvcpy inserts recharging into a given order; our planner solves the same task.
 
-The part of the problem that frvcpy can do: packages without mass, so that a flight's energy is
-fixed; all pads free; no demand at the end.
+The task is the part of the problem that frvcpy can solve: packages without mass, so that a
+flight's energy is fixed; all pads free; no condition on the charge at the end.
 """
 
 import time
@@ -81,8 +81,8 @@ def _add(
 def _problems(network: Network, stations: int, runs: int) -> list[Problem]:
     """Requests whose packages weigh nothing, and come in the order of the best plan.
 
-    In another order a peer would fly over a destination whose turn has not come, and leave it out:
-    our problem has the drone deliver there.
+    In another order a peer may fly over a destination whose turn has not come. The peer would not
+    deliver there, but our drone has to.
     """
     cell = Cell(stations, _PACKAGES)
     drawn = requests(network, cell, runs=runs, limit_s=_SOLVE_S)
@@ -119,7 +119,7 @@ def _theirs(peer: ChargingPeer, problem: Problem) -> tuple[float, float]:
 
 
 def _task_of(problem: Problem) -> ChargingTask:
-    """Stops first, then every station as a place to charge: a stop may be charged at, too."""
+    """Stops first, then every station as a place to charge; a drone may charge at a stop too."""
     network, model = problem.network, problem.drone.model
     stations = len(network.columns.station_ids)
     stops = [network.row_of[each] for each in (problem.source, *destinations_of(problem))]

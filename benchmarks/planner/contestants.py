@@ -16,7 +16,7 @@ from skyway.planner.airspace import Airspace
 from skyway.planner.hierarchy import Hierarchy
 
 _TAKEN = 0.5
-#: The largest network that each contestant is asked about: enumeration ends with the paper's 35.
+#: The largest network for each contestant: enumeration ends at the 35 stations of the paper.
 _LARGEST = {"exact": 10_000, "heuristic": 10_000, "exhaustive": 35}
 _STATIONS = (8, 35, 1_000, 10_000)
 

@@ -1,4 +1,4 @@
-"""Times of several runs put together: median, p95, worst; runs cut off by a limit are no times."""
+"""Times of several runs together: median, p95, worst. A run cut off by a limit has no time."""
 
 import math
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ class Distribution:
 
     @classmethod
     def of(cls, times_ms: Sequence[float], *, cut_off: int = 0, asked: int | None = None) -> Self:
-        """Of the runs that finished, and how many more did not: they are later than all."""
+        """The quantiles of these times and `cut_off` unfinished runs, which count as the latest."""
         ranked = sorted(times_ms) + [math.inf] * cut_off
         return cls(
             asked=len(ranked) if asked is None else asked,
@@ -44,7 +44,7 @@ class Distribution:
 
 
 def milliseconds(time_ms: float | None) -> str:
-    """Two or three digits that count; None is what the limit cut off."""
+    """The time with two or three significant digits; "limit" for None."""
     if time_ms is None:
         return "limit"
     if time_ms >= 10:

@@ -12,10 +12,10 @@ _RESET_PEAK = "5"
 
 
 def peak_growth_mib(call: Callable[[], object]) -> float | None:
-    """Growth of the resident memory's peak while this runs; None where Linux does not tell."""
+    """Growth of the resident memory's peak while this runs; None where Linux does not report it."""
     gc.collect()
     try:
-        # What was freed before must be given back, else the call would take it without growth.
+        # Memory freed before must go back to the system, or the call would reuse it without growth.
         ctypes.CDLL(None).malloc_trim(0)
         _CLEAR_REFS.write_text(_RESET_PEAK)
         before_mib = _field_mib("VmRSS")

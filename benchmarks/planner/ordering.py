@@ -1,7 +1,7 @@
-"""Peers that order the destinations by flight time, our planner doing the rest.
+"""Peers order the destinations by flight time; our planner plans the rest.
 
-The order that a peer finds is kept, path, pads and recharging are then planned to the optimum for
-this order: so each result is a true plan, and what it is later is the price of the order alone.
+The planner keeps the peer's order and finds the best path, pads and recharging for it. Each result
+is a true plan, and its delay is the price of the order alone.
 """
 
 import time
@@ -43,7 +43,7 @@ _SOLVE_S = 10.0
 
 @dataclass(frozen=True, slots=True)
 class Ordered:
-    """What one competitor needed for one request, to order and then to plan, and what came out."""
+    """One competitor's times for one request, to order and then to plan, and its delivery time."""
 
     order_ms: float
     plan_ms: float
@@ -79,8 +79,8 @@ def ordering(extent: Extent) -> Table:
             _compare(table, cell, taken=taken, prepared=prepared, runs=extent.ordering_runs)
     table.remarks = [
         (
-            f"{extent.ordering_runs} seeded runs a row. exact orders and plans at once. The matrix "
-            "of flight times that the peers are given is not counted."
+            f"{extent.ordering_runs} seeded runs a row. exact orders and plans in one search. The "
+            "time to make the peers' matrix of flight times is not counted."
         ),
         *missing("order"),
     ]

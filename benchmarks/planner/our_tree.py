@@ -27,14 +27,14 @@ class OurTree:
         )
 
     def prepare(self, _task: PathTask) -> Skyway:
-        """Build what the network keeps for all searches."""
+        """Build the arrays that all searches on the network share."""
         return handle_of(rows_of(self._network))
 
     def lengths_m(self, graph: Skyway, source: int) -> npt.NDArray[np.float64]:
         """Metres from each station to this one, ``(n,)``: in a city the same as from it."""
         stations = len(self._network.columns.station_ids)
-        # A tree grows until it holds what it is to hold; looking for a row that no station has, it
-        # grows over all of them.
+        # A tree grows until it reaches the requested row. No station has this row, so the tree
+        # grows over all stations.
         nowhere = stations
         memory = new_memory(1)
         root = np.array([source], np.int32)

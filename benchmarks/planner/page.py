@@ -1,7 +1,7 @@
 """Puts tables into a page of the docs, between the marks that name them.
 
-A mark is ``<!-- table: NAME -->``, ended by ``<!-- end -->``; what stands between is replaced. The
-mark `measured` takes the line that says how and on what the numbers were measured.
+A mark is ``<!-- table: NAME -->``, ended by ``<!-- end -->``; the text between the marks is
+replaced. The mark `measured` takes the line with the command, the seed and the machine.
 """
 
 import re

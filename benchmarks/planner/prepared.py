@@ -1,4 +1,4 @@
-"""What a service has made ready of a network and its pads before any request comes."""
+"""The data that a service prepares for a network and its pads before any request."""
 
 import time
 from dataclasses import dataclass

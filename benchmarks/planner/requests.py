@@ -19,7 +19,7 @@ from skyway.planner.problem import DroneAtStart, PackageToDeliver, Problem
 #: All packages of a request together, kg: most of what the model carries.
 _LOAD_KG = 2.4
 
-#: Share of the model's battery on a city of up to 100 stations, which the whole one would cross.
+#: Share of the model's battery in a city of up to 100 stations: a whole battery would cross it.
 _SMALL_BATTERY = 0.25
 
 
@@ -40,7 +40,7 @@ def source_rows(network: Network, runs: int) -> list[int]:
 def requests(
     network: Network, cell: Cell, *, runs: int, limit_s: float, strategy: str = "exact"
 ) -> Iterator[Problem]:
-    """So many problems of a cell, each to be given up after the limit."""
+    """The problems of a cell, one for each run, with this time limit."""
     model = drone_model(cell.stations)
     for run, source in enumerate(source_rows(network, runs)):
         chance = random.Random(f"{SEED}-{cell.stations}-{cell.packages}-{cell.reach_m}-{run}")

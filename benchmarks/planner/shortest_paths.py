@@ -36,7 +36,7 @@ def shortest_paths() -> Table:
         started = time.perf_counter()
         graph = peer.prepare(task)
         prepared_ms = 1000 * (time.perf_counter() - started)
-        # Not counted: what is loaded or compiled when it is first asked for.
+        # Not counted: the first call loads or compiles code.
         peer.lengths_m(graph, sources[0])
         runs = [_timed(peer, graph, source) for source in sources]
         expected = expected or [found for _, found in runs]

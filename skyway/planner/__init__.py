@@ -1,6 +1,6 @@
 """The composition planner: which segments, in which order, recharging where and how much.
 
-Start with `compose`; `problem` says what is asked, `skyway.delivery.plan` what comes out. For many
+Start with `compose`; `problem` defines the input, `skyway.delivery.plan` the result. For many
 problems on one network make its `Airspace` and its `Hierarchy` once.
 """
 

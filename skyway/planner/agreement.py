@@ -95,7 +95,7 @@ def _of_reservations(network: Network, reservations: Sequence[PadReservation]) -
 
 
 def _of_overlaps(reservations: Sequence[PadReservation], numbers: list[int]) -> Iterator[Fault]:
-    """Reservations of one pad may touch; one that overlaps the longest-lasting one is at fault."""
+    """Reservations of one pad may touch; an overlap with the longest-lasting one is a fault."""
     by_start = sorted((reservations[number].start_s, number) for number in numbers)
     holder = by_start[0][1]
     for start_s, number in by_start[1:]:

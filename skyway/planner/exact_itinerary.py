@@ -74,8 +74,8 @@ def best_acts(memory: Memory, *, is_lazy: bool) -> list[Act] | None:
     return chain[::-1]
 
 
-#: Charges closer than this are equal here: far below the tolerance of a plan, so that what is left
-#: out over many recharges stays below it too.
+#: Charges closer than this are equal here. This is far below the tolerance of a plan, so that many
+#: recharges left out together stay below the tolerance too.
 _SAME_SOC = 1e-12
 
 

@@ -20,8 +20,8 @@ _GAP_LABELS = 1 << 14
 def proof_of_infeasibility(situation: Situation, effort: Effort) -> Infeasibility | None:
     """The reason that excludes every plan; None when the effort ended first.
 
-    The search without reservations and without deadline tells: what it finds would be flown if
-    others held no pads or time did not press; if it finds nothing the drone does not get there.
+    The proof is a search without reservations and without a deadline. If it finds a plan, the
+    reserved pads or the deadline are the reason. If it finds none, the drone cannot get there.
     """
     free = without_pressure(situation)
     search = ExactSearch(free, method=Method())

@@ -66,7 +66,7 @@ class PadCalendar:
     ) -> Iterator[FreeWindow]:
         """Windows in which a drone can charge without a break through this time, pad after pad.
 
-        Of several pads that are free at the same moment the one that stays free longest is taken;
+        If several pads are free at the same moment, the pad that stays free longest is used;
         what lies beyond the time does not count.
         """
         now_ms: float = booked_from_ms(from_s)

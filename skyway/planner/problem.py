@@ -55,7 +55,7 @@ __all__ = [
 #: Labels; whole numbers up to here are exact in any JSON reader.
 MAX_LABELS = 10**15
 
-#: Faults that one problem is told of: a hostile document must not turn into megabytes of them.
+#: The most faults reported for one problem: a hostile document must not cause megabytes of text.
 MAX_FAULTS = 50
 
 
@@ -124,7 +124,7 @@ class Problem(JsonModel):
         ),
         BeforeValidator(_few_packages),
     ]
-    # Of a list that has no limit only the first fault is told.
+    # A list without a limit reports only its first fault.
     pad_reservations: Annotated[
         tuple[PadReservation, ...], Field(description="Pads that other drones hold."), FailFast()
     ] = ()

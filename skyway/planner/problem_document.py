@@ -65,7 +65,7 @@ def _fault(complaint: Mapping[str, Any]) -> Fault:  # pydantic's error, which ha
 
 
 def _field(path: Sequence[int | str]) -> str:
-    """The path as text on one line, whatever names the document gives its fields."""
+    """The path as text on one line, even if field names hold line breaks."""
     name = ".".join(map(str, path)) or "problem"
     name = name if name.isprintable() else ascii(name)[1:-1]
     return name if len(name) <= _MAX_NAME else f"{name[:_MAX_NAME]}..."

@@ -69,7 +69,7 @@ class PadReservation(JsonModel):
 
 
 class StationClosure(JsonModel):
-    """A station where nobody lands in [start_s, end_s); a missing end is open."""
+    """A station where no drone lands in [start_s, end_s); a missing end is open."""
 
     station_id: StationId
     start_s: Seconds
@@ -82,7 +82,7 @@ class StationClosure(JsonModel):
 
 
 class SegmentClosure(JsonModel):
-    """A segment that nobody flies, in this direction, in [start_s, end_s)."""
+    """A segment that no drone flies, in this direction, in [start_s, end_s)."""
 
     from_id: Annotated[StationId, Field(alias="from")]
     to_id: Annotated[StationId, Field(alias="to")]
@@ -95,7 +95,7 @@ class SegmentClosure(JsonModel):
         return self.from_id, self.to_id
 
 
-def _closure_kind(closure: Any) -> str:  # whatever stands in the JSON; its model checks it
+def _closure_kind(closure: Any) -> str:  # any JSON value; its model checks it
     if isinstance(closure, Mapping):
         return "station" if "station_id" in closure else "segment"
     return "station" if isinstance(closure, StationClosure) else "segment"

@@ -55,7 +55,7 @@ class Replay:
         self._number = 0
 
     def check(self, number: int, step: Step, following: Step | None) -> None:
-        """Follow one step; the next one tells whether a flight ends in a landing."""
+        """Follow one step; the next step shows whether a flight ends in a landing."""
         self._number = number
         if self._has_picked_up and not self._undelivered:
             self._note("end", f"{step.kind} after the last delivery")
@@ -98,16 +98,16 @@ class Replay:
             self._soc = step.soc_end
 
     def _must_hand_over(self) -> bool:
-        """Whether packages are to be taken on or handed over here before anything else."""
+        """Whether packages must be picked up or handed over here before any other step."""
         if not self._has_picked_up:
             return self._here == self._problem.source
         return self._here in self._undelivered.values()
 
     def _check_pick_up(self, step: PickUp) -> None:
         if self._has_picked_up or step.station_id != self._problem.source:
-            self._note("pick-up", "packages are taken on once, at the source")
+            self._note("pick-up", "packages are picked up once, at the source")
         if sorted(step.package_ids) != sorted(self._undelivered):
-            self._note("pick-up", "not exactly all packages are taken on")
+            self._note("pick-up", "not exactly all packages are picked up")
         self._check_duration(step, self._problem.loading_s)
         limit_kg = self._model.max_payload_kg
         if self._load_kg() > limit_kg + LOAD_TOLERANCE_KG:
@@ -133,7 +133,7 @@ class Replay:
             self._note("hand-over", f"leaves {self._here!r} before packages change hands")
         load_kg = self._load_kg() if self._has_picked_up else 0.0
         if not abs(step.load_kg - load_kg) <= LOAD_TOLERANCE_KG:
-            self._note("load", f"{step.load_kg} kg told, {load_kg} kg on board")
+            self._note("load", f"{step.load_kg} kg stated, {load_kg} kg on board")
         segment = self._segment(step)
         if segment is None:
             self._note("segment", f"no segment from {step.from_id!r} to {step.to_id!r}")
@@ -159,16 +159,16 @@ class Replay:
     def _check_charge_used(self, step: Fly, energy_j: float) -> None:
         allowed_j = CHARGE_TOLERANCE * self._model.battery_j
         if not abs(step.energy_j - energy_j) <= allowed_j:
-            self._note("energy", f"{step.energy_j} J told, {energy_j} J used")
+            self._note("energy", f"{step.energy_j} J stated, {energy_j} J used")
         soc_end = self._soc - energy_j / self._model.battery_j
         if not abs(step.soc_end - soc_end) <= CHARGE_TOLERANCE:
-            self._note("charge", f"ends at {step.soc_end} told, at {soc_end} true")
+            self._note("charge", f"ends at {step.soc_end} stated, at {soc_end} true")
         if not soc_end >= self._model.reserve_soc - CHARGE_TOLERANCE:
             self._note("reserve", f"{soc_end} falls below {self._model.reserve_soc}")
 
     def _check_recharge(self, step: Recharge) -> None:
         if not abs(step.soc_start - self._soc) <= CHARGE_TOLERANCE:
-            self._note("charge", f"starts at {step.soc_start} told, at {self._soc} true")
+            self._note("charge", f"starts at {step.soc_start} stated, at {self._soc} true")
         try:
             soc_end = soc_after_recharge(self._model, self._soc, step.end_s - step.start_s)
         except InvalidStateOfCharge as error:
@@ -177,7 +177,7 @@ class Replay:
         # The charge follows from a time, so the tolerance of times counts too, at the curve's rate.
         by_time = time_tolerance_s(step.end_s) / self._fastest_s_per_soc
         if not abs(step.soc_end - soc_end) <= CHARGE_TOLERANCE + by_time:
-            self._note("charge", f"ends at {step.soc_end} told, at {soc_end} by the curve")
+            self._note("charge", f"ends at {step.soc_end} stated, at {soc_end} by the curve")
         is_full = step.soc_end >= self._model.top_soc - CHARGE_TOLERANCE
         if self._problem.recharge_policy == "full" and not is_full:
             self._note("policy", f"ends at {step.soc_end}, not at the top")

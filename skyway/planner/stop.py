@@ -1,7 +1,7 @@
 """When a search has to end: by time or by labels. The only file of the planner with a clock.
 
-A `Stop` is told how many labels (states or routes looked at) a search has made, and says whether
-it must end. Time is the one thing in the planner that is not repeatable; `LabelLimit` is.
+A `Stop` receives the number of labels (states or routes looked at) that a search has made. It
+answers whether the search must end. Only time limits are not repeatable; `LabelLimit` is.
 """
 
 import time

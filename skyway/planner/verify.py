@@ -78,16 +78,18 @@ def _of_no_plan(problem: Problem, plan: Plan) -> Iterator[Violation]:
 
 def _of_deliveries(problem: Problem, plan: Plan) -> Iterator[Violation]:
     """`deliveries` must name each package once, as the DELIVER steps do."""
-    told = sorted((told.package_id, told.station_id, told.delivered_s) for told in plan.deliveries)
+    stated = sorted(
+        (each.package_id, each.station_id, each.delivered_s) for each in plan.deliveries
+    )
     done = sorted(
         (package_id, step.station_id, step.end_s)
         for step in plan.steps
         if isinstance(step, Deliver)
         for package_id in step.package_ids
     )
-    if [one[:2] for one in told] != [one[:2] for one in done] or not all(
-        abs(told_s - done_s) <= time_tolerance_s(done_s)
-        for (*_, told_s), (*_, done_s) in zip(told, done, strict=True)
+    if [one[:2] for one in stated] != [one[:2] for one in done] or not all(
+        abs(stated_s - done_s) <= time_tolerance_s(done_s)
+        for (*_, stated_s), (*_, done_s) in zip(stated, done, strict=True)
     ):
         yield Violation(None, "deliveries", "differ from the DELIVER steps")
     asked = sorted(package.package_id for package in problem.packages)
@@ -105,9 +107,11 @@ def _of_sums(problem: Problem, plan: Plan) -> Iterator[Violation]:
         "recharging_s": _total_s(plan.steps, Recharge),
     }
     for name, value in expected.items():
-        told = getattr(plan, name)
-        if told is None or not abs(told - value) <= TIME_TOLERANCE_S + _SUM_TOLERANCE * abs(value):
-            yield Violation(None, name, f"{told} instead of {value}")
+        stated = getattr(plan, name)
+        if stated is None or not abs(stated - value) <= TIME_TOLERANCE_S + _SUM_TOLERANCE * abs(
+            value
+        ):
+            yield Violation(None, name, f"{stated} instead of {value}")
     latest_s = problem.latest_delivery_s
     if latest_s is not None and end_s > latest_s + TIME_TOLERANCE_S:
         yield Violation(None, "latest_delivery_s", f"{end_s} is after {latest_s}")

@@ -1,4 +1,4 @@
-"""What a peer is asked. Its module has one class, whose `package` is its name on PyPI."""
+"""The tasks that peers solve. A peer's module has one class; `package` is its name on PyPI."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,8 +16,8 @@ class OrderPeer(Protocol):
     def order(self, flight_ms: npt.NDArray[np.int64]) -> list[int]:
         """The destinations, 1 to k, in the order to visit them.
 
-        `flight_ms` is ``(k + 1, k + 1)``, row = from; 0 is the source, to which nobody has to
-        return.
+        `flight_ms` is ``(k + 1, k + 1)``, row = from; 0 is the source, and no drone has to
+        return to it.
         """
 
 

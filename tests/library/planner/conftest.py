@@ -13,8 +13,8 @@ from skyway.planner.airspace import Airspace
 from skyway.planner.problem import Problem
 from skyway.planner.situation import Situation
 
-#: Flies 10 m/s and 10 km on a full battery, whatever its load of 0 kg packages; 1 s on a pad
-#: gives 1 s in the air.
+#: Flies 10 m/s and 10 km on a full battery with packages of 0 kg. 1 s on a pad gives 1 s in the
+#: air.
 MODEL = DroneModel(
     model_id=DroneModelId("round"),
     empty_mass_kg=1.0,

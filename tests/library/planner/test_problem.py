@@ -12,7 +12,7 @@ DATED_ZONE = {
 
 
 @pytest.mark.parametrize(
-    ("fields", "field", "told"),
+    ("fields", "field", "reason"),
     [
         ({"source": "x"}, "source", "'x'"),
         ({"station": "x"}, "drone.station_id", "'x'"),
@@ -42,7 +42,7 @@ DATED_ZONE = {
     ],
 )
 def test_a_contradiction_with_the_network_is_named_with_its_field(
-    make_problem, fields, field, told
+    make_problem, fields, field, reason
 ):
     destinations = fields.pop("destinations", ("b",))
 
@@ -50,7 +50,7 @@ def test_a_contradiction_with_the_network_is_named_with_its_field(
         make_problem("a-b:1 b-c:1", *destinations, **fields)
 
     assert refused.value.field == field
-    assert told in refused.value.detail
+    assert reason in refused.value.detail
 
 
 def test_a_charge_below_the_reserve_is_refused(make_problem, model):

@@ -91,7 +91,7 @@ def test_thirteen_destinations_are_one_too_many(make_problem):
     [
         [("b", 0, 0, 10), ("b", 0, 10, 20)],  # they touch
         [("b", 0, 10, 20), ("b", 0, 0, 10)],
-        [("b", 0, 0, 0.1 + 0.2), ("b", 0, 0.3, 20)],  # they touch but for rounding
+        [("b", 0, 0, 0.1 + 0.2), ("b", 0, 0.3, 20)],  # they touch, apart from rounding
         [("b", 0, 0, 10), ("b", 1, 5, 20)],  # another pad
         [("b", 0, 0, 10), ("c", 0, 5, 20)],  # another station
     ],

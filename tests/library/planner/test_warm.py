@@ -40,8 +40,8 @@ print(sorted(compiled() - before))
 
 def test_nothing_is_compiled_after_warming():
     # In a process of its own: another test may have compiled what warming forgets.
-    told = subprocess.run(
+    done = subprocess.run(
         [sys.executable, "-c", COUNT_AFTER_WARMING], capture_output=True, text=True, check=False
     )
 
-    assert (told.stderr, told.stdout.strip()) == ("", "[]")
+    assert (done.stderr, done.stdout.strip()) == ("", "[]")

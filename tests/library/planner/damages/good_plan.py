@@ -11,7 +11,7 @@ from skyway.planner.problem import PadReservation, Problem
 
 @dataclass(frozen=True, slots=True)
 class GoodPlan:
-    """A problem with a plan for it; `name` tells which."""
+    """A problem with a plan for it; `name` identifies it."""
 
     name: str
     problem: Problem
@@ -31,7 +31,7 @@ class GoodPlan:
         ]
 
     def having(self, **fields: Any) -> Plan:
-        """The plan with these fields, and nothing else made to fit."""
+        """The plan with these fields changed; the other fields are not adjusted."""
         return self.plan.model_copy(update=fields)
 
     def with_step(self, number: int, *instead: Step) -> Plan:
@@ -39,14 +39,14 @@ class GoodPlan:
         return self.having(steps=(*self.steps[:number], *instead, *self.steps[number + 1 :]))
 
 
-#: A function from a good plan to plans that are good no more; why they cannot be, it argues.
+#: A function from a good plan to broken plans; its docstring says why they are broken.
 Damage = Callable[[GoodPlan], Iterable[Plan]]
 
 
 def is_empty(step: Step) -> bool:
-    """Whether it is a wait or a recharge that takes no time: with or without it, all is the same.
+    """Whether it is a wait or a recharge that takes no time, so that it changes nothing.
 
-    Of a drone on the ground, that is; that nobody lands for nothing, `a_recharge_in_the_air` shows.
+    This holds on the ground. A drone in the air would have to land: see `a_recharge_in_the_air`.
     """
     return isinstance(step, Wait | Recharge) and step.end_s - step.start_s < 1e-4
 
@@ -56,7 +56,7 @@ def changed(step: Step, **fields: Any) -> Step:
 
 
 def fitted(plan: Plan, steps: Sequence[Step]) -> Plan:
-    """These steps one after another, each as long as it is, with sums and deliveries to match."""
+    """These steps one after another with their durations, and matching sums and deliveries."""
     now_s, laid = 0.0, []
     for step in steps:
         laid.append(changed(step, start_s=now_s, end_s=now_s + (step.end_s - step.start_s)))

@@ -1,4 +1,4 @@
-"""A few dozen good plans, with a bit of everything in them."""
+"""A few dozen good plans that use all features of a problem."""
 
 import math
 import random
@@ -28,7 +28,7 @@ MODEL = DroneModel(
 
 
 def random_problem(seed: int) -> dict[str, Any]:
-    """A problem with a bit of everything, on six to eight stations a few kilometres apart."""
+    """A problem that uses all features, on six to eight stations a few kilometres apart."""
     chance = random.Random(seed)
     names = [f"s{number}" for number in range(chance.randint(6, 8))]
     places = {name: (chance.uniform(0, 0.12), chance.uniform(0, 0.08)) for name in names}

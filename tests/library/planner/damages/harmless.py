@@ -6,7 +6,7 @@ from skyway.delivery.plan import Deliver, PickUp, Plan, Recharge
 from tests.library.planner.damages.good_plan import GoodPlan, changed, meets
 
 
-def each_pad_one_that_is_free(good: GoodPlan) -> Iterator[Plan]:
+def each_pad_another_free_pad(good: GoodPlan) -> Iterator[Plan]:
     for number, step in enumerate(good.steps):
         if isinstance(step, Recharge):
             for pad in range(good.problem.network.stations[step.station_id].pads):
@@ -22,7 +22,7 @@ def lists_in_another_order(good: GoodPlan) -> Iterator[Plan]:
             yield good.with_step(number, changed(step, package_ids=step.package_ids[::-1]))
 
 
-def less_is_claimed(good: GoodPlan) -> Iterator[Plan]:
+def weaker_claims(good: GoodPlan) -> Iterator[Plan]:
     for bound_s in (None, 0.0, good.plan.delivery_time_s):
         yield good.having(status="feasible", lower_bound_s=bound_s)
     yield good.having(status="optimal", lower_bound_s=good.plan.delivery_time_s, stats={})
@@ -36,10 +36,10 @@ def each_number_off_by_rounding(good: GoodPlan) -> Iterator[Plan]:
                 yield good.with_step(number, changed(step, **{name: value}))
 
 
-#: All of them.
+#: All changes of this file.
 CHANGES = (
-    each_pad_one_that_is_free,
+    each_pad_another_free_pad,
     lists_in_another_order,
-    less_is_claimed,
+    weaker_claims,
     each_number_off_by_rounding,
 )

@@ -7,7 +7,7 @@ from skyway.delivery.plan import Deliver, PickUp, Plan, Recharge
 from skyway.ids import PackageId, StationId
 from tests.library.planner.damages.good_plan import GoodPlan, changed, meets
 
-#: Far above every tolerance, far below everything that a plan is about.
+#: Far above every tolerance, far below the usual values of a plan.
 SHIFTS = {
     "start_s": 0.001,
     "end_s": 0.001,
@@ -19,7 +19,7 @@ SHIFTS = {
 
 
 def each_number_shifted(good: GoodPlan) -> Iterator[Plan]:
-    """A moment no longer meets its neighbour's, or a measure no longer what physics says."""
+    """A moment no longer equals its neighbour's, or a value no longer follows from physics."""
     for number, step in enumerate(good.steps):
         for name, shift in SHIFTS.items():
             if name in type(step).model_fields:
@@ -36,7 +36,7 @@ def each_number_not_a_number(good: GoodPlan) -> Iterator[Plan]:
 
 
 def each_number_in_other_units(good: GoodPlan) -> Iterator[Plan]:
-    """Milliseconds, kilojoules, grams, percent; 0 is 0 in every unit, and left out."""
+    """Milliseconds, kilojoules, grams, percent. 0 is the same in every unit, so it is left out."""
     for number, step in enumerate(good.steps):
         for name in SHIFTS:
             value = getattr(step, name, 0.0)
@@ -45,8 +45,8 @@ def each_number_in_other_units(good: GoodPlan) -> Iterator[Plan]:
                 yield good.with_step(number, changed(step, **{name: value / 1000}))
 
 
-def each_place_another(good: GoodPlan) -> Iterator[Plan]:
-    """A step is where the one before ended; the last, a delivery, where its packages go."""
+def each_place_changed(good: GoodPlan) -> Iterator[Plan]:
+    """A step starts where the step before ended; the last delivery is at its destination."""
     for number, step in enumerate(good.steps):
         for name in ("station_id", "from_id", "to_id"):
             if name in type(step).model_fields:
@@ -55,22 +55,22 @@ def each_place_another(good: GoodPlan) -> Iterator[Plan]:
                         yield good.with_step(number, changed(step, **{name: other}))
 
 
-def each_pad_one_that_is_not_there(good: GoodPlan) -> Iterator[Plan]:
+def each_pad_missing(good: GoodPlan) -> Iterator[Plan]:
     for number, step in enumerate(good.steps):
         if isinstance(step, Recharge):
             for pad in (-1, good.problem.network.stations[step.station_id].pads):
                 yield good.with_step(number, changed(step, pad=pad))
 
 
-def each_pad_one_that_is_taken(good: GoodPlan) -> Iterator[Plan]:
-    """Only onto reservations that the session meets; another pad that is free breaks no rule."""
+def each_pad_reserved(good: GoodPlan) -> Iterator[Plan]:
+    """Only pads whose reservation overlaps the session: moving to a free pad breaks no rule."""
     for number, step in good.recharges:
         for held in good.problem.pad_reservations:
             if meets(step, held):
                 yield good.with_step(number, changed(step, pad=held.pad))
 
 
-def each_package_list_another(good: GoodPlan) -> Iterator[Plan]:
+def each_package_list_changed(good: GoodPlan) -> Iterator[Plan]:
     for number, step in enumerate(good.steps):
         if isinstance(step, PickUp | Deliver):
             for ids in (
@@ -83,13 +83,13 @@ def each_package_list_another(good: GoodPlan) -> Iterator[Plan]:
                 yield good.with_step(number, changed(step, package_ids=ids))
 
 
-#: All of them.
+#: All damages of this file.
 DAMAGES = (
     each_number_shifted,
     each_number_not_a_number,
     each_number_in_other_units,
-    each_place_another,
-    each_pad_one_that_is_not_there,
-    each_pad_one_that_is_taken,
-    each_package_list_another,
+    each_place_changed,
+    each_pad_missing,
+    each_pad_reserved,
+    each_package_list_changed,
 )

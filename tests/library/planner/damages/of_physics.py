@@ -1,4 +1,4 @@
-"""Damages to what flights and recharges are; all else is made to fit."""
+"""Damages to the physics of flights and recharges; the rest of the plan is made to fit."""
 
 from collections.abc import Iterator
 
@@ -8,7 +8,7 @@ from tests.library.planner.damages.good_plans import MODEL
 
 
 def every_flight_faster(good: GoodPlan) -> Iterator[Plan]:
-    """All else made to fit; the speed is the model's."""
+    """All flights faster than the model's speed; the rest is made to fit."""
     yield fitted(good.plan, [_faster(step) for step in good.steps])
 
 
@@ -18,8 +18,8 @@ def _faster(step: Step) -> Step:
     return changed(step, end_s=step.start_s + 0.99 * (step.end_s - step.start_s))
 
 
-def every_flight_thriftier(good: GoodPlan) -> Iterator[Plan]:
-    """The charge told agrees with the energy told; neither with the model's power."""
+def every_flight_with_less_energy(good: GoodPlan) -> Iterator[Plan]:
+    """Stated charge and energy agree with each other, but not with the model's power."""
     spared_soc, steps = 0.0, []
     for step in good.steps:
         if isinstance(step, Fly):
@@ -44,7 +44,7 @@ def every_landing_free(good: GoodPlan) -> Iterator[Plan]:
 
 
 def each_recharge_sooner_over(good: GoodPlan) -> Iterator[Plan]:
-    """The same charge in less time, all else made to fit."""
+    """The same charge in less time; the rest is made to fit."""
     for number, step in good.recharges:
         end_s = step.start_s + 0.9 * (step.end_s - step.start_s)
         yield fitted(good.plan, good.with_step(number, changed(step, end_s=end_s)).steps)
@@ -68,10 +68,10 @@ def each_recharge_a_wait(good: GoodPlan) -> Iterator[Plan]:
         yield fitted(good.plan, good.with_step(number, wait).steps)
 
 
-#: All of them.
+#: All damages of this file.
 DAMAGES = (
     every_flight_faster,
-    every_flight_thriftier,
+    every_flight_with_less_energy,
     every_landing_free,
     each_recharge_sooner_over,
     each_recharge_a_discharge,

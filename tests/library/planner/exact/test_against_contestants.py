@@ -9,9 +9,9 @@ from tests.library.planner.oracles.judge import disagreements_with_contestants
 
 @pytest.mark.parametrize("first", range(5025, 5100, 25))
 def test_no_contestant_delivers_earlier(first: int) -> None:
-    said = {}
+    faults = {}
     for seed in range(first, first + 25):
         problem = make_problem(seed)
-        said[seed] = disagreements_with_contestants(problem, compose(problem), most_labels=1000)
+        faults[seed] = disagreements_with_contestants(problem, compose(problem), most_labels=1000)
 
-    assert {seed: words for seed, words in said.items() if words} == {}
+    assert {seed: words for seed, words in faults.items() if words} == {}

@@ -19,34 +19,34 @@ _BLOCK = 50
 
 @pytest.mark.parametrize("first", range(0, 300, _BLOCK))
 def test_no_plan_is_later_than_the_grid_s_or_earlier_than_possible(first: int) -> None:
-    said = {}
+    faults = {}
     for seed in range(first, first + _BLOCK):
         problem = make_problem(seed)
         plan = compose(problem)
-        said[seed] = disagreements(problem, plan, bracket(problem, tick_s=5.0))
+        faults[seed] = disagreements(problem, plan, bracket(problem, tick_s=5.0))
 
-    assert {seed: words for seed, words in said.items() if words} == {}
+    assert {seed: words for seed, words in faults.items() if words} == {}
 
 
 @pytest.mark.parametrize("make", [make_busy_problem, make_stormy_problem])
 def test_no_plan_is_later_than_the_grids_with_busy_pads_or_many_closures(
     make: Callable[[int], Problem],
 ) -> None:
-    said = {}
+    faults = {}
     for seed in range(40):
         problem = make(seed)
-        said[seed] = disagreements(problem, compose(problem), bracket(problem, tick_s=5.0))
+        faults[seed] = disagreements(problem, compose(problem), bracket(problem, tick_s=5.0))
 
-    assert {seed: words for seed, words in said.items() if words} == {}
+    assert {seed: words for seed, words in faults.items() if words} == {}
 
 
 def test_the_reason_why_there_is_no_plan_is_true() -> None:
-    said = {}
+    faults = {}
     for seed in range(1000, 1080):
         problem = make_problem(seed)
-        said[seed] = disagreements_with_reason(problem, compose(problem), tick_s=10.0)
+        faults[seed] = disagreements_with_reason(problem, compose(problem), tick_s=10.0)
 
-    assert {seed: words for seed, words in said.items() if words} == {}
+    assert {seed: words for seed, words in faults.items() if words} == {}
 
 
 def test_many_of_the_problems_have_no_plan() -> None:
@@ -58,7 +58,7 @@ def test_many_of_the_problems_have_no_plan() -> None:
 @pytest.mark.parametrize(
     "seed",
     [
-        # Masses that sum to the payload limit, but for the last digit.
+        # Masses that sum to the payload limit, apart from the last digit.
         454,
         # A segment that opens again later has to be tried then, if no landing is possible before.
         6720,

@@ -19,9 +19,9 @@ _FOLDER = Path(__file__).parent / "texas"
 def test_the_plan_equals_the_stored_one(model_id: DroneModelId) -> None:
     problem = texas_problem(model_id)
 
-    told = as_text(model_id, problem, compose(problem))
+    text = as_text(model_id, problem, compose(problem))
 
-    assert told == (_FOLDER / f"{model_id}.txt").read_text(encoding="utf-8")
+    assert text == (_FOLDER / f"{model_id}.txt").read_text(encoding="utf-8")
 
 
 def test_the_grid_finds_nothing_better() -> None:

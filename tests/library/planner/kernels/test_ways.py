@@ -47,9 +47,11 @@ def test_a_search_that_ends_early_gives_the_nearest_and_a_bound_for_the_others(
 
 
 def test_without_a_path_the_length_is_infinite(city: Network) -> None:
-    nobody = np.zeros(81, np.int64)
+    no_offsets = np.zeros(81, np.int64)
     nothing = np.empty(0)
 
-    lengths = lengths_from(nobody, nothing.astype(np.int32), nothing, _ROOT, np.array([3, 4]), 80)
+    lengths = lengths_from(
+        no_offsets, nothing.astype(np.int32), nothing, _ROOT, np.array([3, 4]), 80
+    )
 
     assert lengths.tolist() == [0.0, np.inf]

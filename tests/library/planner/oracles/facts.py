@@ -87,8 +87,8 @@ def read_facts(problem: Problem) -> Facts:
     names = list(network.stations)
     row = {name: number for number, name in enumerate(names)}
     segments = list(network.segments)
-    wanted = dict.fromkeys(package.destination for package in problem.packages)
-    destinations = [row[name] for name in wanted if name != problem.source]
+    requested = dict.fromkeys(package.destination for package in problem.packages)
+    destinations = [row[name] for name in requested if name != problem.source]
     loads = [
         sum(
             package.mass_kg
@@ -125,7 +125,7 @@ def read_facts(problem: Problem) -> Facts:
         stop_s=model.stop_s,
         stop_soc=model.stop_j / model.battery_j,
         curve=[(point.time_s, point.soc) for point in model.charge_curve],
-        pick_up_s=problem.loading_s + (problem.dropoff_s if problem.source in wanted else 0.0),
+        pick_up_s=problem.loading_s + (problem.dropoff_s if problem.source in requested else 0.0),
         dropoff_s=problem.dropoff_s,
         latest_s=math.inf if problem.latest_delivery_s is None else problem.latest_delivery_s,
         finish_soc=_finish(problem, names, soc_per_s(0.0) / model.speed_empty_mps),

@@ -1,9 +1,9 @@
-"""frvcpy's own instance, with one type of charger, as a problem of ours with its order fixed.
+"""frvcpy's own instance as a problem of the planner: one type of charger, and a fixed order.
 
 frvcpy (Froger, Jabali, Mendoza and Laporte 2019; instance tc0c40s8cf0 of Montoya et al. 2017)
-inserts charging stops into a fixed route. Its chargers are of three speeds and ours of one, so each
+inserts charging stops into a fixed route. Its chargers have three speeds and ours have one, so each
 route is solved with all chargers of one type. `fixed_routes.json`, beside the tests, holds the
-instance's places and frvcpy's results; ``python -m oracles.fixed_routes FILE`` writes it anew, in
+instance's places and frvcpy's results; ``python -m oracles.fixed_routes FILE`` writes it again, in
 an environment with the extra `peers`.
 """
 
@@ -23,13 +23,13 @@ from skyway.planner.problem import Problem
 _ROUTES = ("_0", "_5", "_6", "_13", "_14", "_18", "_23", "_30", "_45", "_60", "_77", "_101")
 _CHARGERS = (0, 1, 2)
 
-#: Hours; longer than any of its results, so that its own limit of 10 h cuts none.
+#: Hours; longer than every result, so that frvcpy's own limit of 10 h cuts off none.
 _NO_LIMIT_H = 100.0
 
 _S_PER_H = 3600.0
 _SPEED_MPS = 10.0
 
-#: The depot where a route ends: to us a destination, so it cannot be the source.
+#: The depot where a route ends. Here it is a destination, so it needs an id of its own.
 _END = StationId("end")
 
 
@@ -136,7 +136,7 @@ def _places(path: Path) -> list[list[float]]:
         int(node.attrib["id"]): [float(node.findtext("cx") or 0), float(node.findtext("cy") or 0)]
         for node in nodes
     }
-    # The depot charges too; frvcpy makes that the last station.
+    # The depot charges too; frvcpy has it as its last station.
     return [*(by_id[number] for number in range(len(by_id))), by_id[0]]
 
 

@@ -2,15 +2,16 @@
 
 The rules are those of docs/reference/planner-problem.md.
 
-For every tick, station, set of packages delivered, and in the air or on the ground, it keeps the
-most charge with which a drone can be there: more charge never hurts. A drone in the air goes on at
-once; one on the ground may stay, and then charges whenever some pad is free (recharge policy
-`full`: in whole sessions to the top). No labels, no bounds, no dominance but that.
+A state is a tick, a station, the set of delivered packages, and air or ground. For every state the
+programme keeps the most charge that a drone can have there: more charge never hurts. A drone in the
+air flies on immediately. A drone on the ground may stay, and then charges whenever some pad is free
+(recharge policy `full`: in whole sessions to the top). There are no labels and no bounds.
 
-Of two programmes the late one rounds every duration up and every free time inward: what it finds
-can be flown, so it is never earlier than the optimum. The early one rounds down and outward, and
-lets a drone charge through the tick in which it leaves: it is never later. Where flights and
-windows are whole ticks, both differ by a tick for each recharge.
+There are two programmes. The late programme rounds every duration up and every free time inward.
+Its plan can be flown, so its time is never earlier than the optimum. The early programme rounds
+down and outward, and lets a drone charge through the tick in which it leaves. Its time is never
+later than the optimum. Where flights and windows are whole ticks, the two differ by a tick per
+recharge.
 """
 
 import math
@@ -23,10 +24,11 @@ from skyway.planner.problem import Problem
 from tests.library.planner.oracles.facts import Facts, Interval, is_overweight, read_facts
 from tests.library.planner.oracles.grid_kernel import sweep
 
-#: Seconds after the last reservation or closure within which it looks for a plan, unless told.
+#: Seconds after the last reservation or closure within which it looks for a plan by default.
 _AFTER_LAST_EVENT_S = 7000.0
 
-#: Charges this close are equal; half of the planner's tolerance, so that a plan found is a plan.
+#: Charges this close are equal. The late tolerance is half of the planner's, so that every plan
+#: found is valid.
 _LATE_TOLERANCE, _EARLY_TOLERANCE = 0.5e-9, 2e-9
 
 #: Segments that a drone flies over stations without landing, at most, before clocks that were
@@ -124,11 +126,11 @@ def _run(
     )
     if finished < 0 or finished * tick_s > facts.latest_s + 1e-6:
         return math.inf, []
-    return finished * tick_s, _told(facts, tick_s, best, trail, last, finished)
+    return finished * tick_s, _trail_text(facts, tick_s, best, trail, last, finished)
 
 
 def _rows(calendars: list[list[Interval]]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """All intervals under one another, and where those of each calendar begin."""
+    """All intervals in one array, and the row where each calendar begins."""
     counts = np.cumsum([0, *(len(intervals) for intervals in calendars)])
     rows = [interval for intervals in calendars for interval in intervals]
     return counts.astype(np.int64), np.array(rows, dtype=np.float64).reshape(-1, 2)
@@ -152,7 +154,7 @@ def _free_ticks(
     return free
 
 
-def _told(
+def _trail_text(
     facts: Facts,
     tick_s: float,
     best: NDArray[np.float64],

@@ -104,15 +104,15 @@ def _station_names(network: dict[str, Any]) -> list[str]:
 
 
 def _packages(rng: Random, others: list[str], source: str, is_rough: bool) -> list[dict[str, Any]]:
-    wanted = rng.sample(others, min(len(others), rng.choice([1, 1, 2, 2, 3, 4])))
+    requested = rng.sample(others, min(len(others), rng.choice([1, 1, 2, 2, 3, 4])))
     if rng.random() < 0.1:
-        wanted.append(source)
+        requested.append(source)
     if rng.random() < 0.3:
-        wanted.append(rng.choice(wanted))
-    rng.shuffle(wanted)
+        requested.append(rng.choice(requested))
+    rng.shuffle(requested)
     left_kg: float = _MAX_PAYLOAD_KG if rng.random() < 0.97 else _MAX_PAYLOAD_KG + 2
     packages = []
-    for number, destination in enumerate(wanted):
+    for number, destination in enumerate(requested):
         mass_kg: float = rng.choice([0, 1, 1, 2])
         if is_rough:
             mass_kg = round(mass_kg * rng.uniform(0.5, 1.0), 3)

@@ -30,44 +30,44 @@ def disagreements(
     problem: Problem, plan: Plan, found: Bracket, *, is_exact: bool = True
 ) -> list[str]:
     """Every way in which the plan contradicts the bracket; only an exact one may not be late."""
-    said = [f"verify: {violation}" for violation in verify(problem, plan)]
+    faults = [f"verify: {violation}" for violation in verify(problem, plan)]
     time_s = plan.delivery_time_s
     if time_s is not None and time_s < found.early_s - _SLACK_S and time_s < found.horizon_s - 3000:
-        said.append(f"{time_s} s is earlier than possible: {found.early_s} s")
+        faults.append(f"{time_s} s is earlier than possible: {found.early_s} s")
     if not is_exact:
         if plan.status == "infeasible" and found.late_s < math.inf:
-            said.append(f"infeasible, yet there is a plan of {found.late_s} s")
-        return said
+            faults.append(f"infeasible, yet there is a plan of {found.late_s} s")
+        return faults
     if plan.status not in ("optimal", "infeasible"):
-        said.append(f"{plan.status}: nothing is proven")
+        faults.append(f"{plan.status}: nothing is proven")
     elif plan.status == "optimal" and (
         time_s is None
         or plan.lower_bound_s is None
         or not math.isclose(time_s, plan.lower_bound_s, rel_tol=1e-9, abs_tol=1e-6)
     ):
-        said.append(f"optimal at {time_s} s with a bound of {plan.lower_bound_s} s")
+        faults.append(f"optimal at {time_s} s with a bound of {plan.lower_bound_s} s")
     if time_s is None and found.late_s < math.inf:
-        said.append(f"{plan.status}, yet there is a plan of {found.late_s} s")
+        faults.append(f"{plan.status}, yet there is a plan of {found.late_s} s")
     if time_s is not None and time_s > found.late_s + _SLACK_S:
-        said.append(f"{time_s} s, yet there is a plan of {found.late_s} s")
-    return said
+        faults.append(f"{time_s} s, yet there is a plan of {found.late_s} s")
+    return faults
 
 
 def disagreements_with_contestants(
     problem: Problem, plan: Plan, *, most_labels: int = _MOST_LABELS
 ) -> list[str]:
-    """Every contestant that found an earlier plan, or one where there is said to be none."""
-    said = []
+    """Every contestant that found an earlier plan, or a plan for an "impossible" problem."""
+    faults = []
     for name in ("heuristic", "exhaustive_with_walks"):
         limits = {"strategy": name, "label_limit": most_labels}
         other = compose(problem.model_copy(update=limits))
         if other.delivery_time_s is None:
             continue
         if plan.delivery_time_s is None:
-            said.append(f"{plan.status}, {name} delivers at {other.delivery_time_s} s")
+            faults.append(f"{plan.status}, {name} delivers at {other.delivery_time_s} s")
         elif plan.delivery_time_s > other.delivery_time_s + TIME_TOLERANCE_S:
-            said.append(f"{plan.delivery_time_s} s, {name} delivers at {other.delivery_time_s} s")
-    return said
+            faults.append(f"{plan.delivery_time_s} s, {name} delivers at {other.delivery_time_s} s")
+    return faults
 
 
 def disagreements_with_reason(problem: Problem, plan: Plan, *, tick_s: float = 5.0) -> list[str]:

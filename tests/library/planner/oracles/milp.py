@@ -5,8 +5,8 @@ and binary variables say which segment it flies from there, in which state of it
 speeds, powers and hand-overs are linear. Recharging is bounded by the charge curve: as a convex
 function for the charge left with, by a choice of its pieces for the charge arrived with.
 
-It knows neither closures nor zones, and only so many segments: a plan within that number can be no
-earlier than its optimum, and no plan should be later.
+It has no closures and no zones, and a limited number of segments. A plan within that number cannot
+be earlier than the optimum of the programme, and no exact plan should be later.
 """
 
 import math
@@ -54,7 +54,7 @@ class _Programme:
         self.row_highs.append(high)
 
     def least(self, column: int, *, time_limit_s: float) -> float | None:
-        """The least value of a column; infinite if there is none, None if time was too short."""
+        """The least value of a column; infinite if there is none, None if time ran out."""
         rows, columns, weights = zip(*self.entries, strict=True)
         shape = (len(self.row_lows), len(self.lows))
         goal = np.zeros(len(self.lows))
@@ -77,7 +77,7 @@ class _Programme:
 
 @dataclass(frozen=True, slots=True)
 class _Hop:
-    """One segment in one state: what it does to a drone, and the variable that chooses it."""
+    """One segment in one state: its effect on a drone, and the variable that chooses it."""
 
     column: int
     start: int
@@ -96,7 +96,7 @@ def least_delivery_s(
         return math.inf
     facts = read_facts(problem)
     if any(facts.station_closed) or any(facts.segment_closed):
-        raise ValueError("this oracle knows no closures")
+        raise ValueError("this oracle cannot handle closures")
     if not facts.destinations and facts.start == facts.source:
         is_enough = facts.soc - facts.finish_soc[facts.start] >= facts.reserve - 1e-9
         return facts.pick_up_s if is_enough and facts.pick_up_s <= facts.latest_s else math.inf

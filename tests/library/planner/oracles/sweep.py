@@ -47,7 +47,7 @@ _PROGRESS = 5000
 @dataclass(frozen=True, slots=True)
 class _Judged:
     plan: Plan | None
-    said: list[str]
+    faults: list[str]
     width_s: float
     trail: list[str]
 
@@ -74,13 +74,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         widths_s.append(judged.width_s)
         done = seed + 1 - asked.first
         if done % _PROGRESS == 0:
-            _tell(f"{done} of {asked.count}, {wrong} with disagreements")
-        if judged.said:
+            _print(f"{done} of {asked.count}, {wrong} with disagreements")
+        if judged.faults:
             wrong += 1
             _report(seed, problem, judged, has_problem=asked.problems)
     finite = sorted(width for width in widths_s if width < float("inf"))
     median_s = finite[len(finite) // 2] if finite else None
-    _tell(
+    _print(
         f"{asked.count} problems, {dict(statuses)}, {wrong} with disagreements, brackets "
         f"{median_s} s wide (median), {time.monotonic() - started_s:.0f} s"
     )
@@ -94,28 +94,28 @@ def _judge(problem: Problem, asked: argparse.Namespace) -> _Judged:
         plan = compose(problem)
     except PlanRejected as error:
         return _Judged(None, [f"rejected: {error}"], width_s, found.trail)
-    said = disagreements(problem, plan, found, is_exact=asked.strategy == "exact")
-    said += disagreements_with_reason(problem, plan)
+    faults = disagreements(problem, plan, found, is_exact=asked.strategy == "exact")
+    faults += disagreements_with_reason(problem, plan)
     if asked.contestants:
-        said += disagreements_with_contestants(problem, plan)
+        faults += disagreements_with_contestants(problem, plan)
     if asked.milp:
-        said += disagreements_with_milp(problem, plan)
-    return _Judged(plan, said, width_s, found.trail)
+        faults += disagreements_with_milp(problem, plan)
+    return _Judged(plan, faults, width_s, found.trail)
 
 
-def _tell(line: str) -> None:
+def _print(line: str) -> None:
     sys.stdout.write(line + "\n")
     sys.stdout.flush()
 
 
 def _report(seed: int, problem: Problem, judged: _Judged, *, has_problem: bool) -> None:
-    _tell(f"seed {seed}: " + "; ".join(judged.said))
+    _print(f"seed {seed}: " + "; ".join(judged.faults))
     for line in judged.trail:
-        _tell(f"    judge: {line}")
+        _print(f"    judge: {line}")
     for step in judged.plan.steps if judged.plan else ():
-        _tell(f"    plan: {json.dumps(step.model_dump(mode='json', by_alias=True))}")
+        _print(f"    plan: {json.dumps(step.model_dump(mode='json', by_alias=True))}")
     if has_problem:
-        _tell(f"    problem: {problem.model_dump_json(by_alias=True)}")
+        _print(f"    problem: {problem.model_dump_json(by_alias=True)}")
 
 
 if __name__ == "__main__":

@@ -42,7 +42,7 @@ def texas_problem(model_id: DroneModelId) -> Problem:
 def as_text(model_id: DroneModelId, problem: Problem, plan: Plan) -> str:
     """The plan's steps, a line each, times rounded to the second and charges to the percent.
 
-    Waiting and charging for no time at all, which only says that the drone lands, is left out.
+    Waits and recharges that take no time are left out: they only show that the drone lands.
     """
     delivered = "never" if plan.delivery_time_s is None else _clock(plan.delivery_time_s)
     lines = [f"{model_id}: {plan.status}, delivered after {delivered}"]
@@ -60,8 +60,8 @@ def _line(network: Network, step: Step) -> str:
 
     span = f"{_clock(step.start_s)} to {_clock(step.end_s)}  {step.kind:<8}  "
     if isinstance(step, Fly):
-        told = f"{name(step.from_id)} to {name(step.to_id)}"
-        return f"{span}{told}, {step.load_kg:.1f} kg, {step.soc_end:.0%} left"
+        ends = f"{name(step.from_id)} to {name(step.to_id)}"
+        return f"{span}{ends}, {step.load_kg:.1f} kg, {step.soc_end:.0%} left"
     if isinstance(step, Recharge):
         return f"{span}{name(step.station_id)}, {step.soc_start:.0%} to {step.soc_end:.0%}"
     if isinstance(step, PickUp | Deliver):
