@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import Final
 
 from benchmarks.fleet.crew import PASSWORD
+from skyway.broker_setup.mosquitto import mosquitto_conf
+from skyway.broker_setup.passwords import hash_password, write_password_file
 from skyway.contracts.broker_rules import SERVICE_ACCOUNTS, BrokerRules
 from skyway.errors import SkywayError
-from skyway.runtime.mqtt.broker_passwords import hash_password, write_password_file
-from skyway.runtime.mqtt.mosquitto import mosquitto_conf
 
 #: Where Mosquitto is installed for those who are not root.
 _SERVERS: Final = "/usr/sbin"

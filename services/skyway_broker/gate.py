@@ -3,8 +3,8 @@
 import logging
 from pathlib import Path
 
+from skyway.broker_setup.passwords import matches, read_password_file
 from skyway.contracts.broker_rules import SERVICE_ACCOUNTS
-from skyway.runtime.mqtt.broker_passwords import matches, read_password_file
 
 log = logging.getLogger(__name__)
 

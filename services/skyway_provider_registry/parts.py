@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from skyway.announced_networks import NetworkLearner, stations_from
-from skyway.runtime.certificates import CertificateAuthority
+from skyway.broker_setup.certificates import CertificateAuthority
 from skyway.runtime.clock import FleetClock, load_clock
 from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.identity import ServiceGate, ServiceIdentity

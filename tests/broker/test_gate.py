@@ -2,7 +2,7 @@
 
 from skyway_broker.gate import Gate, place_of
 
-from skyway.runtime.mqtt.broker_passwords import hash_password, write_password_file
+from skyway.broker_setup.passwords import hash_password, write_password_file
 
 
 def test_an_account_needs_its_own_password(tmp_path):

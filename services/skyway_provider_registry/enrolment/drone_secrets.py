@@ -6,9 +6,9 @@ from collections.abc import Iterable
 from datetime import timedelta
 from typing import Final
 
+from skyway.broker_setup.passwords import hash_password
 from skyway.contracts.drone_key import DRONE_KEY_PREFIX
 from skyway.ids import DroneId
-from skyway.runtime.mqtt.broker_passwords import hash_password
 
 _PREFIX: Final = "enr_"
 #: 256 bits: nobody guesses such a secret, so a fast hash is safe enough.

@@ -8,9 +8,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
+from skyway.broker_setup.passwords import hash_password, write_password_file
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.http.identity import read_secret
-from skyway.runtime.mqtt.broker_passwords import hash_password, write_password_file
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry.enrolment import account_store
 

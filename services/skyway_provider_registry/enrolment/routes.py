@@ -5,6 +5,7 @@ from typing import Annotated
 from fastapi import Depends, Response
 from pydantic import Field
 
+from skyway.broker_setup.passwords import hash_password
 from skyway.contracts.drone_key import DroneKeyAnswer, DroneKeyQuery
 from skyway.errors import InvalidInput
 from skyway.ids import SubjectId
@@ -12,7 +13,6 @@ from skyway.json_model import WireModel
 from skyway.runtime.http.app import internal_body
 from skyway.runtime.http.identity import Caller, ServiceGate
 from skyway.runtime.http.service_router import ServiceRouter
-from skyway.runtime.mqtt.broker_passwords import hash_password
 from skyway.runtime.sql.database import Database
 from skyway_provider_registry.enrolment import account_store, drone_key_store
 from skyway_provider_registry.enrolment.password_file import DEPLOYMENT_USERS, PasswordFile

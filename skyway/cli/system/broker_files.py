@@ -5,10 +5,10 @@ import os
 from collections.abc import Sequence
 from urllib.parse import urlsplit
 
+from skyway.broker_setup.mosquitto import TlsFiles, mosquitto_conf
+from skyway.broker_setup.private_file import write_private
 from skyway.cli.data_folder import DataFolder
 from skyway.contracts.broker_rules import BrokerRules
-from skyway.runtime.mqtt.mosquitto import TlsFiles, mosquitto_conf
-from skyway.runtime.private_file import write_private
 
 #: Mosquitto's ports for drones and customers, and for services, when no setting names them.
 _DRONE_PORT = 1883
@@ -66,7 +66,7 @@ def tls_files(folder: DataFolder) -> TlsFiles:
 def make_drone_ca(folder: DataFolder, broker_names: Sequence[str]) -> None:
     """Make the authority once, and at each call a new certificate for the broker's names."""
     # Imported here: X.509 takes a tenth of a second, and no other command needs it.
-    from skyway.runtime.certificates import CertificateAuthority
+    from skyway.broker_setup.certificates import CertificateAuthority
 
     authority = CertificateAuthority.make(folder.drone_ca)
     signed = authority.sign_broker(broker_names)

@@ -3,9 +3,9 @@
 import secrets
 from pathlib import Path
 
+from skyway.broker_setup.private_file import write_private
 from skyway.cli.data_folder import CLOUD_SERVICES, DataFolder
 from skyway.cli.system.children import OWN_BROKER_URL
-from skyway.runtime.private_file import write_private
 
 #: Broker accounts that exist before any drone: the services' and the operator's.
 _BROKER_ACCOUNTS = (*CLOUD_SERVICES, "operator")

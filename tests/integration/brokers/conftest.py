@@ -16,14 +16,14 @@ import pytest
 from skyway_broker.gate import Gate
 from skyway_broker.hardened import HardenedBroker
 
+from skyway.broker_setup.mosquitto import mosquitto_conf
+from skyway.broker_setup.passwords import hash_password, write_password_file
 from skyway.contracts.broker_rules import BrokerRules
 from skyway.contracts.delivery_event import DeliveryEvent, DeliveryEventType
 from skyway.contracts.drone_report import Ack, Connection
 from skyway.contracts.instruction import ReportInstruction
 from skyway.contracts.world import ClockAnchor, StationState
-from skyway.runtime.mqtt.broker_passwords import hash_password, write_password_file
 from skyway.runtime.mqtt.client import MqttClient, Received
-from skyway.runtime.mqtt.mosquitto import mosquitto_conf
 
 SERVICES = ("operator", "gateway", "registry", "composition")
 NOW = datetime(2026, 1, 1, tzinfo=UTC)

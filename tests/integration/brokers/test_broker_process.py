@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from skyway.runtime.mqtt.broker_passwords import hash_password, write_password_file
+from skyway.broker_setup.passwords import hash_password, write_password_file
 
 
 class Process:

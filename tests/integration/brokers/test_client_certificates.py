@@ -16,14 +16,14 @@ import pytest
 from skyway_drone_agent.enrolled_drone import ClientCertificate
 from skyway_drone_agent.enrolment.credentials import client_tls
 
+from skyway.broker_setup.certificates import CertificateAuthority
+from skyway.broker_setup.mosquitto import TlsFiles, mosquitto_conf
+from skyway.broker_setup.passwords import hash_password, write_password_file
 from skyway.contracts.broker_rules import BrokerRules
-from skyway.runtime.certificates import CertificateAuthority
 from skyway.runtime.errors import MqttUnavailable
 from skyway.runtime.mqtt.address import BrokerAddress
-from skyway.runtime.mqtt.broker_passwords import hash_password, write_password_file
 from skyway.runtime.mqtt.client import MqttClient
 from skyway.runtime.mqtt.connection import Login, MqttConnection
-from skyway.runtime.mqtt.mosquitto import TlsFiles, mosquitto_conf
 
 pytestmark = pytest.mark.integration
 

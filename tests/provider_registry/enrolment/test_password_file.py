@@ -11,9 +11,9 @@ import pytest
 from skyway_provider_registry.enrolment import account_store
 from skyway_provider_registry.enrolment.password_file import PasswordFile
 
+from skyway.broker_setup.passwords import hash_password, matches, read_password_file
 from skyway.ids import SubjectId
 from skyway.runtime.errors import InvalidSettings, ServiceUnavailable
-from skyway.runtime.mqtt.broker_passwords import hash_password, matches, read_password_file
 from skyway.runtime.sql.database import Database
 
 #: Says that it is ready, and which signals came.

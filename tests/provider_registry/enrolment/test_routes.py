@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from skyway.runtime.mqtt.broker_passwords import matches, read_password_file
+from skyway.broker_setup.passwords import matches, read_password_file
 
 PASSWORD = "a password of thirty-two letters"
 PATH = "/internal/broker-accounts"

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from skyway_provider_registry.verify import violations
 
-from skyway.runtime.mqtt.broker_passwords import matches, read_password_file
+from skyway.broker_setup.passwords import matches, read_password_file
 
 DRONE = {"model_id": "paper-scenario", "home_station_id": "san-marcos"}
 

@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 from skyway_provider_registry.verify import violations
 
-from skyway.runtime.mqtt.broker_passwords import read_password_file
+from skyway.broker_setup.passwords import read_password_file
 
 
 @pytest.fixture

@@ -2,10 +2,10 @@
 
 from datetime import datetime
 
+from skyway.broker_setup.certificates import CertificateAuthority
+from skyway.broker_setup.passwords import hash_password
 from skyway.ids import DroneId
-from skyway.runtime.certificates import CertificateAuthority
 from skyway.runtime.errors import AccessDenied
-from skyway.runtime.mqtt.broker_passwords import hash_password
 from skyway.runtime.sql.database import Tx
 from skyway_provider_registry.enrolment import account_store as accounts
 from skyway_provider_registry.enrolment import drone_key_store as drone_keys

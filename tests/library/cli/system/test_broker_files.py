@@ -5,9 +5,9 @@ from pathlib import Path
 
 from typer.testing import CliRunner
 
+from skyway.broker_setup.certificates import CertificateAuthority
 from skyway.cli.data_folder import DataFolder
 from skyway.cli.main import app
-from skyway.runtime.certificates import CertificateAuthority
 
 
 def make_secrets(folder: DataFolder, *options: str) -> str:

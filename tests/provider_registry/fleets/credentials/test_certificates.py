@@ -8,8 +8,8 @@ from cryptography.hazmat.primitives.serialization import load_pem_private_key
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 from skyway_provider_registry.fleets.credentials.issue import Issuer
 
+from skyway.broker_setup.certificates import CertificateAuthority
 from skyway.ids import DroneId
-from skyway.runtime.certificates import CertificateAuthority
 from skyway.runtime.errors import InvalidSettings
 
 DRONE = DroneId("drn_1")

@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 from skyway_provider_registry.verify import violations
 
+from skyway.broker_setup.passwords import matches, read_password_file
 from skyway.runtime.clock import ManualClock
-from skyway.runtime.mqtt.broker_passwords import matches, read_password_file
 from skyway.runtime.sql.database import Database
 
 GATEWAY = "service:gateway"

@@ -9,7 +9,7 @@ from skyway_provider_registry.tables import presence
 from skyway_provider_registry.verify import violations
 from sqlalchemy import update
 
-from skyway.runtime.mqtt.broker_passwords import matches, read_password_file
+from skyway.broker_setup.passwords import matches, read_password_file
 from skyway.runtime.sql.database import Database
 
 GATEWAY = "service:gateway"

@@ -22,8 +22,8 @@ from cryptography.hazmat.primitives.serialization import (
 )
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
+from skyway.broker_setup.private_file import write_private
 from skyway.runtime.errors import InvalidSettings
-from skyway.runtime.private_file import write_private
 
 _AUTHORITY_LIFE: Final = timedelta(days=3650)
 #: A drone gets another one with each rotation of its credentials.

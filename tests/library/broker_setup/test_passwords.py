@@ -6,13 +6,13 @@ import subprocess
 
 import pytest
 
-from skyway.errors import InvalidInput
-from skyway.runtime.mqtt.broker_passwords import (
+from skyway.broker_setup.passwords import (
     hash_password,
     matches,
     read_password_file,
     write_password_file,
 )
+from skyway.errors import InvalidInput
 
 
 def test_a_password_matches_only_its_own_hash():
