@@ -26,10 +26,10 @@ _PUT_BACK = 8
 
 @dataclass(frozen=True, slots=True)
 class Room:
-    """For how many places, arcs and so on there is room before the first enlargement.
+    """The sizes of the arrays before the first enlargement.
 
-    A local request notes some ten of each. Whoever begins with megabytes has the system find and
-    clear their pages, which takes longer than most searches do.
+    A local request needs some ten rows of each. Beginning with megabytes would cost more time than
+    most searches, because the system has to find and clear the memory's pages.
     """
 
     places: int = 1 << 9

@@ -1,5 +1,5 @@
-"""The compiled heart of the exact search: plain functions over arrays, and the only numba.
+"""The compiled part of the exact search: plain functions over arrays, and the only use of numba.
 
-`memory` says what the arrays mean; `search` is the loop. Every function gets all it works on as
-arguments and runs without the interpreter's lock, so that solves in several threads run at once.
+`memory` explains the arrays; `search` is the loop. Every function receives all its data as
+arguments and runs without the interpreter's lock, so that several threads can solve in parallel.
 """

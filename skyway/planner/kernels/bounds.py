@@ -1,8 +1,8 @@
-"""Lower bounds of what is left: the time in the air, and the need to charge.
+"""Lower bounds of the remaining work: the time in the air, and the need to charge.
 
-A need is counted in joules where every session goes on to the top, else in seconds of flying and
-of charging each joule at the fastest rate that the curve has anywhere. What is on board already is
-taken off by the label that asks.
+Where every session charges to the top, a need is counted in joules. Otherwise it is counted in
+seconds of flying and of charging each joule at the fastest rate of the curve. The need does not
+count the charge on board: each label subtracts its own charge.
 """
 
 import numpy as np
@@ -23,7 +23,7 @@ def fill_orders(
     at_end: Floats,
     after: Floats,
 ) -> float:
-    """The least that follows each destination, over all orders of the rest (Held and Karp).
+    """The least cost after each destination, over all orders of the others (Held and Karp).
 
     Parameters
     ----------
@@ -32,16 +32,16 @@ def fill_orders(
     required
         ``(k,)``: the destinations that must be delivered before this one, as a mask.
     weight
-        ``(2**k,)``: seconds per metre with what is on board.
+        ``(2**k,)``: seconds per metre with the packages on board.
     per_stop, at_end
-        Seconds of each delivery, and of having delivered this destination last.
+        Seconds of each delivery, and seconds at the end if this destination is the last.
     after
-        ``(2**k, k)``, written: the least from reaching destination j while `mask` is delivered.
+        ``(2**k, k)``, written: the least cost after destination j, once `mask` is delivered.
 
     Returns
     -------
     float
-        The least from the source, all packages on board.
+        The least cost from the source with all packages on board.
     """
     count = at_end.size
     full = (1 << count) - 1

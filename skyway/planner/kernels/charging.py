@@ -10,7 +10,7 @@ from skyway.planner.kernels.records import Task
 
 
 class Charge(NamedTuple):
-    """The level at which the last pad is left, and the most that it could still give.
+    """The level at which the drone leaves the last pad, and the highest level the pad could give.
 
     Levels in joules, each with its position on the charge curve in seconds.
     """
@@ -35,7 +35,7 @@ def level_at(task: Task, position_s: float) -> float:
 
 @kernel
 def _read(along: Floats, across: Floats, value: float) -> float:
-    """What lies across from this value along a curve of straight pieces."""
+    """The value that belongs to this one on a curve of straight pieces."""
     last = along.size - 1
     if value >= along[last]:
         return across[last]
@@ -50,7 +50,7 @@ def _read(along: Floats, across: Floats, value: float) -> float:
 
 @kernel
 def after_staying(task: Task, charge: Charge, stay_s: float) -> Charge:
-    """The charge after staying longer on the last pad, as far as it can give."""
+    """The charge after a longer stay on the last pad, up to the highest level it can give."""
     if stay_s <= 0.0 or charge.position >= charge.last_position:
         return charge
     position = charge.position + stay_s
@@ -64,14 +64,14 @@ def after_staying(task: Task, charge: Charge, stay_s: float) -> Charge:
 
 @kernel
 def until_left(task: Task, charge: Charge, stay_s: float) -> Charge:
-    """The same charge, if the last pad has to be left after so many seconds more at the latest."""
+    """The same charge, when the drone must leave the last pad after at most this many seconds."""
     most = after_staying(task, charge, stay_s)
     return Charge(charge.position, charge.level, most.position, most.level)
 
 
 @kernel
 def after_raising(task: Task, charge: Charge, need_j: float) -> Charge:
-    """The charge after staying until the level is enough; its position is -1 if it never is."""
+    """The charge after staying until this level; position -1 if the level is out of reach."""
     if charge.level >= need_j - task.rounding_j:
         return charge
     last_position, last_level = charge.last_position, charge.last_level
@@ -84,10 +84,10 @@ def after_raising(task: Task, charge: Charge, need_j: float) -> Charge:
 
 @kernel
 def full_sessions_s(task: Task, missing_j: float) -> float:
-    """The least time of sessions to the top that charge so many joules together.
+    """The least time of sessions to the top that together charge this many joules.
 
-    A session's time is concave in what it charges, as the curve is slowest at its top: fewest
-    sessions from the reserve, and one for the rest, take the least.
+    The time of a session is concave in its joules, as the curve is slowest at its top. So the
+    least time has as few sessions as possible: whole ones from the reserve, and a last part.
     """
     if missing_j <= 0.0 or missing_j == np.inf:
         return max(missing_j, 0.0)

@@ -1,4 +1,4 @@
-"""When a segment may be flown and a station be landed at."""
+"""When a drone may fly a segment and land at a station."""
 
 import numpy as np
 
@@ -36,11 +36,11 @@ def is_closed_for_good(closed: Closed, key: int) -> bool:
 
 @kernel
 def open_again_s(closed: Closed, key: int, start_s: float, duration_s: float) -> float:
-    """`start_s` if all the time from it meets nothing closed, else when that ends."""
+    """`start_s` if the time from then on meets no closure, else the end of that closure."""
     first, end = closures_of(closed, key)
     for index in range(first, end):
         from_s, until_s = closed.start_s[index], closed.end_s[index]
-        # A landing is a moment when it takes no time, and a moment has to be met too.
+        # A landing that takes no time is a moment, and a closure may cover a moment too.
         meets = from_s < start_s + duration_s or from_s == start_s
         if meets and start_s < until_s - _ROUNDING_S:
             return until_s
@@ -60,7 +60,7 @@ def closes_next_s(closed: Closed, key: int, start_s: float) -> float:
 
 @kernel
 def just_after_s(leave_at_s: float, flight_s: float) -> float:
-    """A moment after this one, by so much that the end of the flight is later too."""
+    """The next moment at which the end of the flight is later too, despite rounding."""
     end_s = leave_at_s + flight_s
     return leave_at_s + max(_ROUNDING_S, 4.0 * (np.nextafter(end_s, np.inf) - end_s))
 
@@ -74,7 +74,7 @@ def leave_s(
     flight_s: float,
     stop_s: float,
 ) -> float:
-    """The first moment to leave so that the segment, and the landing if any, meet nothing closed.
+    """The first moment to leave so that the segment, and the landing if any, meet no closure.
 
     `landing` and `segment` are keys, -1 for none; inf if there is no such moment.
     """
@@ -98,7 +98,7 @@ def leave_s(
 def leave_latest_s(
     closed: Closed, segment: int, landing: int, leave_at_s: float, flight_s: float, stop_s: float
 ) -> float:
-    """The last moment to leave without meeting the next closure, given one that meets none."""
+    """The last moment to leave without meeting the next closure; the given moment meets none."""
     latest_s = np.inf
     if segment >= 0:
         latest_s = closes_next_s(closed, segment, leave_at_s) - flight_s

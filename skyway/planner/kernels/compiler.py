@@ -1,7 +1,7 @@
-"""How the kernels are compiled: without the interpreter's lock, and kept on disk.
+"""Compiles the kernels without the interpreter's lock, and keeps the compiled code on disk.
 
-Numba keeps what it compiled as long as the function's own file stays as it is. A kernel holds the
-code of the kernels that it calls, so here it is kept as long as all of their files do.
+Numba keeps compiled code until the function's own file changes. A kernel also contains the code of
+the kernels that it calls, so here compiled code is kept until any kernel file changes.
 """
 
 import hashlib
@@ -26,7 +26,7 @@ def _digest_of_sources() -> bytes:
 
 
 class _StampOfAllSources:
-    """What a compiled kernel is kept for: the sources of all kernels."""
+    """The key of a compiled kernel: the sources of all kernels."""
 
     _digest: Final = _digest_of_sources()
 

@@ -1,7 +1,7 @@
-"""The order in which a hierarchy takes stations away: nested dissection by their positions.
+"""The order in which a hierarchy removes stations: nested dissection by their positions.
 
-A cut through the middle splits the stations into two halves and the few on one side of the cut
-that have neighbours on the other; those come last, and each half is cut again.
+A cut through the middle splits the stations into two halves. The stations on one side of the cut
+with neighbours on the other side come last. Then each half is cut again.
 """
 
 import numpy as np
@@ -76,7 +76,7 @@ def _at_cut(skyway: Skyway, side: Longs, part: Longs, other_side: int) -> Longs:
 
 @kernel
 def _collect(rows: Longs, low: int, part: Longs, side: Longs, wanted: int) -> int:
-    """Write the stations of one side behind `low`; the index behind the last."""
+    """Write the stations of one side from `low` on; returns the index after the last one."""
     end = low
     for row in part:
         if side[row] == wanted:

@@ -1,4 +1,4 @@
-"""Dominance: which of two labels of one state is not worth keeping."""
+"""Dominance: whether one label of a state makes another label of that state useless."""
 
 from skyway.planner.kernels.charging import level_at
 from skyway.planner.kernels.compiler import kernel
@@ -14,8 +14,8 @@ from skyway.planner.kernels.memory import (
 )
 from skyway.planner.kernels.records import Task
 
-# Two moments closer than this are one, and two charges closer than this share of the tolerance of
-# charges: what dominance may lose in a whole plan stays far below the planner's own tolerances.
+# Two moments closer than this are equal. So are two charges closer than this share of the
+# tolerance of charges. The loss in a whole plan stays far below the planner's own tolerances.
 _SAME_S = 1e-10
 _SAME_SHARE = 1e-3
 
@@ -24,8 +24,8 @@ _SAME_SHARE = 1e-3
 def dominates(task: Task, one: Floats, other: Floats) -> bool:
     """Whether `one` has at least the charge of `other` at each moment of `other`.
 
-    Both are rows of `Memory.label`. With one concave charge curve for all pads nothing between the
-    first and the last moment can cross, so those two are enough.
+    Both are rows of `Memory.label`. All pads have one concave charge curve, so two labels cannot
+    cross between the first and the last moment: it is enough to compare these two moments.
     """
     later_s = other[TIME] - one[TIME]
     if later_s < -_SAME_S or one[LATEST] < other[LATEST] - _SAME_S:

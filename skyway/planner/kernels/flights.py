@@ -39,10 +39,10 @@ from skyway.planner.kernels.states import state_of
 
 
 class _End(NamedTuple):
-    """Where an arc ends, and what is handed over there.
+    """The end of an arc, and the hand-over there.
 
-    `reached` is the destination there that waits for its packages, or -1; `following` the mask
-    after the hand-over, of packages to it or of all packages to the drone, or -1 without one.
+    `reached` is the destination at this place that waits for its packages, or -1. `following` is
+    the mask after a delivery or after the pick-up, or -1 without a hand-over.
     """
 
     place: int
@@ -52,7 +52,7 @@ class _End(NamedTuple):
 
 @kernel
 def expand(search: Search, label: int) -> bool:
-    """Enter all labels one segment further; False when the memory is full."""
+    """Enter all labels that lie one segment further; False when the memory is full."""
     memory = search.memory
     state = memory.link[label, STATE]
     place, mask = memory.state[state, STATE_PLACE], memory.state[state, STATE_MASK]
@@ -67,7 +67,7 @@ def expand(search: Search, label: int) -> bool:
 
 @kernel
 def _fly(search: Search, label: int, mask: int, arc: int) -> bool:
-    """Enter what follows one segment, for each time that is worth it; False when full."""
+    """Enter the labels after one segment, one for each useful departure; False when full."""
     task, closed, memory = search.task, search.closed, search.memory
     end = _end_of(task, memory, mask, arc)
     if end.reached >= 0 and task.flight_after[mask, end.reached] == np.inf:
@@ -112,8 +112,9 @@ def _fly(search: Search, label: int, mask: int, arc: int) -> bool:
             not_before_s,
         ):
             return False
-        # Who lands can wait there, so leaving after the next closure is worth it only for what the
-        # last pad gives meanwhile; who flies on may meet something closed that is open by then.
+        # A drone that lands can wait there: leaving after the next closure only helps if the last
+        # pad gives more charge meanwhile. A drone that flies on may meet a closure that then
+        # is over.
         if latest_s == np.inf or (hands_over and stayed.position >= charge.last_position):
             return True
         leave_at_s = just_after_s(latest_s, flight_s + task.stop_s)
@@ -134,13 +135,13 @@ def _end_of(task: Task, memory: Memory, mask: int, arc: int) -> _End:
 
 @kernel
 def _delivers_last(task: Task, end: _End) -> bool:
-    """Whether nothing is left to deliver after this hand-over."""
+    """Whether all packages are delivered after this hand-over."""
     return end.following == (1 << task.destinations.size) - 1
 
 
 @kernel
 def _left_at_end_j(task: Task, end: _End) -> float:
-    """What must be left above the reserve, because the plan ends there."""
+    """The energy that must remain above the reserve if the plan ends there."""
     if not _delivers_last(task, end):
         return 0.0
     return task.finish_j[end.reached] if end.reached >= 0 else task.finish_j_at_source
@@ -159,7 +160,7 @@ def _arrive(
     latest_s: float,
     not_before_s: float,
 ) -> bool:
-    """Enter the label at the end of a segment and what can be done there; False when full."""
+    """Enter the label at the end of a segment and the labels after it; False when full."""
     if end.following < 0:
         return fly_over(
             search, label, mask, arc, end.place, time_s, charge, used_j, latest_s, not_before_s

@@ -1,8 +1,8 @@
 """Handles: the kernels' records behind one pointer each.
 
-Compiled code takes a named tuple apart into all its arrays at every call, and compiles for minutes
-over it; a handle goes from call to call as one pointer. Handles share their arrays with the record
-that they were made from, so Python reads there what a search has noted.
+Compiled code splits a named tuple into all its arrays at every call, and takes minutes to compile.
+A handle is passed as one pointer. Handles share their arrays with the record they were made from,
+so Python reads the results of a search from that record.
 """
 
 from collections.abc import Callable

@@ -1,8 +1,9 @@
-"""Distances through a contraction hierarchy: built once for a network, asked without any search.
+"""Distances through a contraction hierarchy: built once for a network, then read without a search.
 
-Stations are taken away in the order of their rank; whoever is left gets a shortcut for each path
-that is lost. Then every shortest path climbs to some rank and comes down again (Dibbelt, Strasser
-and Wagner 2016, "Customizable contraction hierarchies"): all a station needs to know is above it.
+Stations are removed in the order of their rank. Each removed path is replaced by a shortcut between
+the stations that remain. Then every shortest path climbs to some rank and comes down again, so a
+station only needs the ranks above it (Dibbelt, Strasser and Wagner 2016, "Customizable contraction
+hierarchies").
 """
 
 import numpy as np
@@ -14,9 +15,9 @@ from skyway.planner.kernels.records import Skyway
 
 @entrance
 def shortcuts(skyway: Skyway, rank: Longs) -> tuple[Longs, Longs]:
-    """Who is above whom: offsets ``(n + 1,)`` by rank, and the ranks above, ascending.
+    """The ranks above each rank: offsets ``(n + 1,)`` by rank, and the ranks above, ascending.
 
-    All that is above a rank is connected once the rank is gone, so it is above the lowest of it.
+    Once a rank is removed, all ranks above it are connected, so the others are above the lowest.
     """
     count = rank.size
     row_at = np.empty(count, np.int64)
@@ -98,7 +99,7 @@ def _place_of(offsets: Longs, above: Longs, low: int, high: int) -> int:
 
 @entrance
 def root_all(skyway: Skyway, memory: Memory, roots: Ints) -> None:
-    """Note the distance to each root, coming down only, of all that is above it."""
+    """Note the distances from all ranks above this one to each root, on paths that only go down."""
     for tree in range(roots.size):
         own = skyway.rank[roots[tree]]
         while own >= 0:
@@ -118,7 +119,7 @@ def root_all(skyway: Skyway, memory: Memory, roots: Ints) -> None:
 
 @kernel
 def measure(skyway: Skyway, memory: Memory, place: int) -> None:
-    """Note the distance from this place to every root, first from all that is above it."""
+    """Note the distance from this place to every root, after those of all ranks above it."""
     own = skyway.rank[memory.row[place]]
     height = 0
     while own >= 0 and memory.rank_known[own] != _MEASURED:
@@ -141,7 +142,7 @@ def measure(skyway: Skyway, memory: Memory, place: int) -> None:
         memory.distance[tree, place] = distance[own, tree]
 
 
-# What is known of a rank: nothing yet, distances coming down, or all distances.
+# The distances found for a rank so far: none, those on paths down, or all.
 _TOUCHED = 1
 _MEASURED = 2
 

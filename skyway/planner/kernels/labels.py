@@ -1,8 +1,8 @@
-"""Labels: written, entered into the lists of their states, and taken out again.
+"""Labels: written, entered into the lists of their states, and removed again.
 
-A label stands for a function, the most charge at each moment, because how long to stay at the last
-pad is decided later. Each state keeps its undominated labels in two lists, those on the ground and
-those in the air: who stands can do all that who flies can, and wait.
+A label stands for a function: the most charge at each moment. The search decides later how long
+the drone stays at the last pad. Each state keeps its undominated labels in two lists, on the ground
+and in the air: a drone on the ground can do all that a drone in the air can, and it can wait.
 """
 
 from skyway.planner.kernels.charging import Charge
@@ -44,7 +44,7 @@ TOO_LATE = -3
 
 @kernel
 def charge_of(memory: Memory, label: int) -> Charge:
-    """The charge with which this label's last pad is left, and may be left."""
+    """The charge with which the drone leaves the last pad, and the most it may leave with."""
     row = memory.label[label]
     return Charge(row[POSITION], row[LEVEL], row[LAST_POSITION], row[LAST_LEVEL])
 
@@ -61,7 +61,7 @@ def note(
     latest_s: float,
     not_before_s: float,
 ) -> int:
-    """Write a label that stands in no list yet; `FULL_MEMORY` if there is no room."""
+    """Write a label that is in no list yet; `FULL_MEMORY` if there is no room."""
     label = memory.counts[LABELS]
     if label >= memory.label.shape[0]:
         memory.counts[FULL] = 1
@@ -88,10 +88,10 @@ def note(
 
 @kernel
 def enlist(task: Task, memory: Memory, label: int, state: int, column: int) -> int:
-    """Enter the newest label into a list of its state; if it is dominated, unwrite it.
+    """Enter the newest label into a list of its state, or remove it if it is dominated.
 
     `column` is `FIRST_ON_GROUND` or `FIRST_IN_AIR`. Returns the label, or `DOMINATED`, or
-    `TOO_LATE` when nothing in time can follow.
+    `TOO_LATE` when no plan in time can follow.
     """
     row = memory.label[label]
     key = row[TIME] + still_s(task, memory, state, row[LEVEL] - row[USED])
@@ -118,7 +118,7 @@ def enlist(task: Task, memory: Memory, label: int, state: int, column: int) -> i
 
 @kernel
 def delist(memory: Memory, label: int) -> None:
-    """Take a label out of its list again: what should follow it found no room."""
+    """Remove a label from its list again, because there was no room for the labels after it."""
     state = memory.link[label, STATE]
     memory.link[label, ALIVE] = 0
     for column in (FIRST_ON_GROUND, FIRST_IN_AIR):
@@ -163,7 +163,7 @@ def _is_dominated(task: Task, memory: Memory, state: int, column: int, row: Floa
 
 @kernel
 def _weed(task: Task, memory: Memory, state: int, column: int, row: Floats) -> None:
-    """Take out of a list what this row dominates."""
+    """Remove the labels that this row dominates from a list."""
     before = NONE
     label = memory.state[state, column]
     while label >= 0:
@@ -178,7 +178,7 @@ def _weed(task: Task, memory: Memory, state: int, column: int, row: Floats) -> N
 
 @kernel
 def _unlink(memory: Memory, state: int, column: int, before: int, label: int) -> None:
-    """Let the list go on behind this label, which follows `before` or is its first."""
+    """Unlink this label from the list; it follows `before`, or is the first."""
     following = memory.link[label, NEXT]
     if before < 0:
         memory.state[state, column] = following

@@ -68,9 +68,9 @@ def fly_over(
 
 @kernel
 def _lands_for_free(search: Search, place: int, time_s: float) -> bool:
-    """Whether landing costs nothing and nothing forbids it.
+    """Whether landing costs nothing and no closure forbids it.
 
-    Then who is above the station is as good as on the ground.
+    Then a drone above the station can do all that a drone on the ground can.
     """
     task, closed = search.task, search.closed
     if task.stop_s != 0.0 or task.stop_j != 0.0:
@@ -119,7 +119,7 @@ def _land(search: Search, label: int, place: int, mask: int, state: int) -> bool
         )
         if landed == FULL_MEMORY:
             return False
-        # Who stands and does not charge only waits, which is of use only where things are closed.
+        # A drone on the ground that does not charge only waits. That only helps near closures.
         if not may_be_closed:
             if not enter_sessions(search, landed, place, mask):
                 return False

@@ -1,7 +1,7 @@
-"""What the kernels note while they search, and what the numbers in it mean.
+"""The memory of a search, and the meaning of its numbers.
 
-A *place* is a station that the search has met, numbered in the order of meeting: all notes are
-kept by place, so what a search costs follows the request's reach and not the network's size.
+A *place* is a station that the search has met, numbered in the order of meeting. All notes are kept
+by place, so the cost of a search depends on the reach of the request, not on the network's size.
 A *mask* is a set of delivered destinations, bit by bit; the mask ``2**k`` stands for the approach,
 with no package on board yet.
 """
@@ -16,8 +16,8 @@ Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int32]
 Longs = npt.NDArray[np.int64]
 
-#: An int as kernels take it: of a plain 0, or an element of `Ints`, numba makes a type of its own
-#: and compiles the kernel once more for it.
+#: The int type of the kernels. A plain 0, or an element of `Ints`, has another type for numba,
+#: which would compile the kernel again.
 int64: Callable[[Any], int] = np.int64  # type: ignore[assignment]  # no int for mypy
 
 #: No label, segment or landing.
@@ -27,7 +27,7 @@ NONE: Final = int64(-1)
 INWARD: Final = int64(0)
 OUTWARD: Final = int64(1)
 
-# Rows of `Memory.counts`: how much of each array is in use, and which one ran full.
+# Rows of `Memory.counts`: how much of each array is in use, and which one is full.
 PLACES: Final = 0
 ARCS: Final = 1
 WINDOWS: Final = 2
@@ -38,7 +38,7 @@ FULL: Final = 6
 SEARCHED: Final = 7
 BEST: Final = 8
 
-# How a label came to be.
+# How a label was made.
 START: Final = int64(0)
 FLOWN: Final = int64(1)
 LANDED: Final = int64(2)
@@ -71,14 +71,14 @@ FIRST_IN_AIR: Final = int64(3)
 
 
 class Memory(NamedTuple):
-    """What one search has noted; arrays that run full are made larger between two runs.
+    """The notes of one search; arrays that are full are enlarged between two runs.
 
-    `counts` says how much of each is in use, `best_s` ``(1,)`` the moment of the best plan so far.
+    `counts` holds how much of each array is in use, `best_s` ``(1,)`` the best delivery so far.
 
     - By place: `row` of the station, `arc_first` and `arc_count` ``(places, 2)``, `window_first`
       and `window_count`, `is_searched`. `table` finds the place of a row, plus 1; 0 is empty.
     - By tree and place, ``(trees, places)``: `distance` in metres to the tree's root, and the heap
-      of what is settled next (`tree_key`, `tree_heap`, `tree_slot`); by tree its `tree_size`, the
+      of places to settle next (`tree_key`, `tree_heap`, `tree_slot`); by tree its `tree_size`, the
       `radius` up to which distances are final and the `reach` up to which it may grow, metres.
     - With a hierarchy, by rank: `rank_distance` ``(ranks, trees)`` metres, `rank_known`, `climb`.
     - By arc: `arc_place` at the other end, `arc_segment` its row, `arc_length` in metres.
@@ -86,11 +86,11 @@ class Memory(NamedTuple):
     - `state` ``(states, 4)``: its columns are above; `state_bound` ``(states, 2)``: seconds, see
       `bounds`. `state_table` finds the state of a place and mask, plus 1.
     - `label` ``(labels, 8)``: the earliest time, the charge level at which the last pad was left
-      for that time with its position on the charge curve (seconds), the most that pad could still
-      give with its position, the joules used since, the latest moment to which the arrival can be
-      put off in the air, and the moment before which the last flight or landing may not begin.
+      for that time with its position on the charge curve (seconds), the highest level the pad could
+      give with its position, the joules used since, the latest moment to which the drone can delay
+      its arrival in the air, and the moment before which the last flight or landing may not begin.
     - `link` ``(labels, 6)``: the label before, its state, the next in that state's list, how it
-      came to be, by which arc or window, and whether its list holds it.
+      was made, by which arc or window, and whether its list holds it.
     - `queue_key`, `queue_label`: a binary heap of labels by the earliest delivery they promise.
     """
 

@@ -1,7 +1,7 @@
-"""The free windows of a station's pads, worked out when the search first stands there.
+"""The free windows of a station's pads, computed when the search first stands there.
 
-Under partial recharging a drone may change pads, so what counts is when any pad is free: the union
-of the pads' windows. A full recharge needs one pad for all of it, so the windows stay apart.
+Under partial recharging a drone may change pads, so the windows are the times when any pad is free:
+the union of the pads' windows. A full recharge needs one pad, so the windows stay separate.
 """
 
 import numpy as np
@@ -12,13 +12,13 @@ from skyway.planner.kernels.records import Book, Search
 
 _MS_PER_S = 1000.0
 
-# A reservation that ends later than this has no end: the books' open end less any zero moment.
+# A reservation that ends later than this has no end: a book's open end minus its zero moment.
 _OPEN_MS = 1 << 61
 
 
 @kernel
 def first_of(book: Book, row: int) -> int:
-    """The index of this station's first reservation, or of whatever follows."""
+    """The index of this station's first reservation, or where it would be."""
     low, high = 0, book.station.size
     while low < high:
         middle = (low + high) // 2
@@ -81,14 +81,14 @@ def _gather(
 ) -> int:
     """Write a book's reservations from `offset` on, counted from the plan's start; the end.
 
-    Left out are pads that the station does not have: books may be older than the network.
+    Pads that the station does not have are left out: a book may be older than the network.
     """
     for index in range(first, end):
         if book.pad[index] >= pads:
             continue
         pad[offset] = book.pad[index]
         taken_ms[offset, 0] = book.start_ms[index] - book.zero_ms
-        # An open end stays beyond all moments of a plan, whatever the book's zero.
+        # An open end stays after all moments of a plan, for any zero moment of the book.
         taken_ms[offset, 1] = book.end_ms[index] - book.zero_ms
         offset += 1
     return offset
@@ -96,7 +96,7 @@ def _gather(
 
 @kernel
 def _sort(pad: Longs, taken_ms: Longs) -> None:
-    """By pad and start; the two books are sorted already, so little moves far."""
+    """Sort by pad and start; the two books are sorted already, so few rows move far."""
     for index in range(1, pad.size):
         own_pad, start, end = pad[index], taken_ms[index, 0], taken_ms[index, 1]
         before = index - 1
@@ -116,9 +116,9 @@ def _sort(pad: Longs, taken_ms: Longs) -> None:
 def _free(
     pads: int, pad: Longs, taken_ms: Longs, unites: bool, window_s: Floats, first: int
 ) -> int:
-    """Write the windows of all pads, the earliest first; how many they are.
+    """Write the windows of all pads, the earliest first; returns their number.
 
-    One pad after the other is merged with those before it, which keeps the windows in order.
+    Each pad is merged with the pads before it, which keeps the windows in order.
     """
     before = np.empty((pad.size + pads, 2))
     after = np.empty((pad.size + pads, 2))
@@ -134,11 +134,11 @@ def _free(
         used += 1
         index = end
     if used < pads:
-        # A pad that nobody has reserved is free all the time; one such pad is enough to know.
+        # A pad without reservations is always free; with one such pad no other pad matters.
         window_s[first, 0] = 0.0
         window_s[first, 1] = np.inf
         return 1
-    # Assigned as slices, the same takes numba seconds to compile.
+    # With slices numba takes seconds longer to compile this.
     for window in range(count):
         window_s[first + window, 0] = before[window, 0]
         window_s[first + window, 1] = before[window, 1]
@@ -147,7 +147,7 @@ def _free(
 
 @kernel
 def _merged(taken_ms: Longs, unites: bool, before: Floats, count: int, after: Floats) -> int:
-    """Merge the windows of one pad, given what takes it, with `before`; how many there are then."""
+    """Merge the windows of one pad, from its reservations, with `before`; returns their number."""
     merged = int64(0)
     other = 0
     free_from_ms = int64(0)

@@ -13,8 +13,8 @@ _GOLDEN = 2654435769
 
 @kernel
 def slot_of(key: int, slots: int) -> int:
-    """Where in a table of this many slots, a power of two, a key is looked for first."""
-    # A Python integer: where nothing is compiled, one of 32 bits would overflow.
+    """The first slot to look at for a key; the number of slots is a power of two."""
+    # A Python integer: without compilation an integer of 32 bits would overflow.
     return ((int(key) * _GOLDEN) >> 13) & (slots - 1)
 
 

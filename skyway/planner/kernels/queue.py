@@ -1,4 +1,4 @@
-"""The queue: the label that promises the earliest delivery comes first."""
+"""The queue: the label with the earliest possible delivery comes first."""
 
 from skyway.planner.kernels.compiler import kernel
 from skyway.planner.kernels.memory import QUEUE, Memory
@@ -6,7 +6,7 @@ from skyway.planner.kernels.memory import QUEUE, Memory
 
 @kernel
 def push(memory: Memory, label: int, key: float) -> None:
-    """Put a label into the queue; of equal keys the newer label comes first."""
+    """Put a label into the queue; with equal keys the newer label comes first."""
     keys, labels = memory.queue_key, memory.queue_label
     slot = memory.counts[QUEUE]
     memory.counts[QUEUE] = slot + 1

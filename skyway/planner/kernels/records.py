@@ -1,4 +1,4 @@
-"""What the kernels read: the skyway, the task, what is closed and taken; and a search of it all."""
+"""The input of the kernels: the skyway, the task, closures and pad books; and a search of them."""
 
 from typing import NamedTuple
 
@@ -6,10 +6,10 @@ from skyway.planner.kernels.memory import Floats, Ints, Longs, Memory
 
 
 class Skyway(NamedTuple):
-    """The network's rows: who can be flown to, and from where, and how many pads there are.
+    """The network's rows: segments by both ends, and the number of pads.
 
-    `offsets` are ``(n_stations + 1,)`` int64, the rest ``(n_segments,)``; lengths in metres. What
-    follows `pads` is the hierarchy (see `skyway.planner.hierarchy`), empty if there is none.
+    `offsets` are ``(n_stations + 1,)`` int64, the rest ``(n_segments,)``; lengths in metres. The
+    fields after `pads` are the hierarchy (see `skyway.planner.hierarchy`), empty without one.
     """
 
     in_offsets: Longs
@@ -58,16 +58,16 @@ class Book(NamedTuple):
 class Task(NamedTuple):
     """The drone and its packages; energies in joules, moments in seconds.
 
-    By mask, ``(2**k + 1,)``: `s_per_m` and `j_per_m` with the load; for the bounds
-    `flight_s_per_m` and `need_per_m`. A need is what charging is counted by: joules where sessions
-    go on to the top, else seconds of flying and of charging the flown joules. ``flight_after[mask,
-    j]`` and ``need_after[mask, j]`` bound what follows once destination j is reached, inf where j
-    may not be next; `approach_flight_after` and `approach_need_after` what follows once the source
-    is. `s_per_j` is the least time that charging takes.
+    By mask, ``(2**k + 1,)``: `s_per_m` and `j_per_m` with the load; for the bounds `flight_s_per_m`
+    and `need_per_m`. A need is counted in joules where sessions go on to the top, else in seconds
+    of flying and of charging the flown joules. ``flight_after[mask, j]`` and ``need_after[mask,
+    j]`` bound the time after destination j is reached, inf where j may not be next;
+    `approach_flight_after` and `approach_need_after` the time after the source is reached.
+    `s_per_j` is the least time to charge a joule.
 
-    `finish_j` is what must be left above the reserve after a last delivery. The charge curve leads
-    through `curve_s`, `curve_j`. `levels` are the levels tried on each pad, 0 if charging is
-    decided as late as possible. Only with `prunes` are dominated labels left out.
+    `finish_j` is the energy that must remain above the reserve after the last delivery. The charge
+    curve leads through `curve_s`, `curve_j`. `levels` are the levels tried on each pad, 0 if
+    charging is decided as late as possible. Only with `prunes` are dominated labels left out.
     """
 
     destinations: Ints
@@ -101,10 +101,10 @@ class Task(NamedTuple):
 
 
 class Search(NamedTuple):
-    """All that one search works on, as handles.
+    """All data of one search, as handles.
 
-    `given` and `known` are the pads held by others: of the problem, and known beside it. Python
-    hands over the handles one by one: of a tuple numba works the type out anew at every call.
+    `given` and `known` are pad books: the problem's reservations, and the booked ones beside them.
+    Python passes the handles one by one: numba would derive the type of a tuple at every call.
     """
 
     skyway: Skyway

@@ -1,4 +1,4 @@
-"""The search: take the most promising label, enter what follows, until the best is proven."""
+"""The search: expand the most promising label, until the best plan is proven."""
 
 import numpy as np
 
@@ -78,7 +78,7 @@ def run(
     memory: Memory,
     most_labels: int,
 ) -> int:
-    """Go on until the best plan is proven, nothing is left, or there are so many labels."""
+    """Search until the best plan is proven, no label is left, or there are this many labels."""
     search = Search(skyway, task, closed, given, known, memory)
     while memory.counts[QUEUE] > 0:
         key = memory.queue_key[0]
@@ -93,7 +93,7 @@ def run(
         if is_alive and memory.counts[FULL] == 0:
             expand(search, label)
         if memory.counts[FULL] != 0:
-            # Entering the same again is harmless: what is there already dominates it.
+            # Entering the same label again is harmless: the existing label dominates it.
             push(memory, label, key)
             return OUT_OF_MEMORY
     return PROVEN if memory.counts[BEST] >= 0 else EXHAUSTED

@@ -1,7 +1,7 @@
 """Recharging: from a label on the ground to the labels that stand on a pad.
 
-How much is charged stays open until a flight needs it. One session is entered at a time; the one
-at the next window follows when its turn in the queue has come.
+The amount stays open until a flight needs the charge. The search enters one session at a time. The
+session at the next window follows when its turn in the queue comes.
 """
 
 import numpy as np
@@ -40,7 +40,7 @@ from skyway.planner.kernels.states import state_of
 
 @kernel
 def enter_sessions(search: Search, label: int, place: int, mask: int) -> bool:
-    """Enter what a drone that stands here can charge; False when the memory is full."""
+    """Enter the first sessions of a drone that stands here; False when the memory is full."""
     task, memory = search.task, search.memory
     first = windows_of(search, place)
     if first < 0:
@@ -81,9 +81,9 @@ def enter_next_sessions(task: Task, memory: Memory, label: int) -> None:
 def _enter_session(
     task: Task, memory: Memory, label: int, state: int, window: int, end: int
 ) -> bool:
-    """Enter the first session from this window on that is worth it; False when full.
+    """Enter the first useful session from this window on; False when full.
 
-    What the drone waits for a window it may stay longer on the pad before.
+    While the drone waits for a window it may stay longer on the pad before.
     """
     time_s, used_j = memory.label[label, TIME], memory.label[label, USED]
     charge = charge_of(memory, label)
@@ -124,7 +124,7 @@ def _enter_open(
     charge_j: float,
     room_s: float,
 ) -> int:
-    """Enter a session whose end is open; the label, or why there is none."""
+    """Enter a session with an open end; returns the label, or the reason for no label."""
     position = position_of(task, charge_j)
     last_position = min(position + room_s, task.curve_s[task.curve_s.size - 1])
     last_level = level_at(task, last_position)
@@ -148,7 +148,7 @@ def _enter_levels(
     charge_j: float,
     room_s: float,
 ) -> bool:
-    """Enter a session for each of some fixed levels: how planners charge that are not lazy."""
+    """Enter a session for each of some fixed levels, as planners without lazy charging do."""
     position = position_of(task, charge_j)
     top_j = task.curve_j[task.curve_j.size - 1]
     for number in range(1, task.levels + 1):

@@ -1,4 +1,4 @@
-"""States: a place and a mask, with the bounds of the time that is left from there."""
+"""States: a place and a mask, with bounds of the remaining time."""
 
 from skyway.planner.kernels.bounds import note_bounds
 from skyway.planner.kernels.charging import full_sessions_s
@@ -18,7 +18,7 @@ from skyway.planner.kernels.memory import (
 from skyway.planner.kernels.places import slot_of
 from skyway.planner.kernels.records import Search, Task
 
-# A mask of 12 destinations and the approach fits into so many bits.
+# The bits of a mask of 12 destinations and the approach.
 _MASK_BITS = 13
 
 

@@ -1,7 +1,8 @@
-"""Reverse shortest-path trees, one for each destination, grown as far as the search asks.
+"""Reverse shortest-path trees, one for each destination, grown as far as the search needs.
 
 All distances up to a tree's radius are final; beyond it the radius itself is a lower bound. An
-indexed heap of four branches (Dijkstra with decrease-key) keeps what a tree will settle next.
+indexed heap of four branches (Dijkstra with decrease-key) holds the places that a tree settles
+next.
 """
 
 import numpy as np
@@ -12,7 +13,7 @@ from skyway.planner.kernels.memory import INWARD, Floats, Ints, Longs, Memory, i
 from skyway.planner.kernels.places import arcs_of, place_of
 from skyway.planner.kernels.records import Closed, Skyway
 
-# How far a tree may grow on demand, as a multiple of the radius that it had to have.
+# How far a tree may grow on demand, as a multiple of the radius that it needed first.
 _REACH = 2.0
 
 
@@ -29,9 +30,9 @@ def plant(memory: Memory, tree: int, place: int) -> None:
 def grow(
     skyway: Skyway, closed: Closed, memory: Memory, tree: int, until_place: int, reach_m: float
 ) -> bool:
-    """Grow until this place's distance is final, or all within this reach are.
+    """Grow until the distance of this place, or of all places within this reach, is final.
 
-    False when the memory is full; the tree can be grown on.
+    False when the memory is full; a later call can continue.
     """
     distance = memory.distance[tree]
     keys, heap, slots = memory.tree_key[tree], memory.tree_heap[tree], memory.tree_slot[tree]
@@ -116,8 +117,8 @@ def plant_all(
     """Grow a tree from each root until it holds all other roots and the source.
 
     With more trees than destinations the last root is the source, and its tree is grown to the
-    start. False when the memory is full; another call goes on. Afterwards `reach` says how far a
-    tree may grow on demand: some way beyond what it had to hold.
+    start. False when the memory is full; another call continues. Afterwards `reach` holds how far
+    a tree may grow on demand: somewhat further than it had to.
     """
     for tree in range(roots.size):
         place = place_of(memory, int64(roots[tree]))
@@ -142,7 +143,7 @@ def plant_all(
 
 @entrance
 def distances(skyway: Skyway, memory: Memory, roots: Ints, source: int, count: int) -> Floats:
-    """From each destination, and at last from the source, to each destination, metres."""
+    """Metres from each destination, and last from the source, to each destination."""
     apart_m = np.empty((count + 1, count), np.float64)
     for row in range(count + 1):
         place = place_of(memory, source if row == count else int64(roots[row]))

@@ -1,4 +1,4 @@
-"""Shortest ways from one station, until all that is wanted is known (Dijkstra's method)."""
+"""Shortest ways from one station until all requested lengths are found (Dijkstra's method)."""
 
 from heapq import heappop, heappush
 
@@ -12,10 +12,10 @@ from skyway.planner.kernels.memory import Floats, Ints, Longs, int64
 def lengths_from(
     offsets: Longs, station: Ints, length_m: Floats, root: int, wanted: Longs, most_settled: int
 ) -> Floats:
-    """The length of the shortest way from the root to each wanted row, or less, metres.
+    """The length of the shortest way from the root to each requested row, or a lower bound, metres.
 
-    The segments are those of an `Adjacency`. The search ends after `most_settled` stations: what
-    is farther is at least as far as the last of these. inf where there is no way.
+    The segments are those of an `Adjacency`. The search ends after `most_settled` stations:
+    stations further away get the length of the last of these. inf where there is no way.
     """
     count = offsets.size - 1
     tentative_m = np.full(count, np.inf)
