@@ -31,7 +31,7 @@ _ONLINE_WITHIN_S = 60.0
 #: Packages whose import time is printed.
 _DEAREST = 8
 
-#: A process that is to write bytecode, whatever the shell around it says.
+#: The environment without the variable that stops Python from writing bytecode.
 ENVIRONMENT = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
 
 

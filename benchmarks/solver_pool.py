@@ -1,7 +1,7 @@
 """Two plans in two threads take about the time of one, and other calls are answered meanwhile.
 
 `python -m benchmarks.solver_pool [--rounds 20]` composes the same problem alone, twice one after
-the other, and twice at once in the composition service's solver pool, and measures how late the
+the other, and two in parallel in the composition service's solver pool, and measures how late the
 event loop comes meanwhile. Medians of the rounds; the machine needs two idle cores, and whether it
 has them is measured beside it.
 """
@@ -149,7 +149,7 @@ async def measure(problem: Problem, rounds: int) -> None:
     for name, taken in (
         ("one plan", first),
         ("two in turn", median_of(two)),
-        ("two at once", median_of(both)),
+        ("two in parallel", median_of(both)),
     ):
         ratio = taken.wall_s / first.wall_s
         print(

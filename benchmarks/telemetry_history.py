@@ -34,7 +34,7 @@ from skyway.runtime.sql.migrations import migrate
 DRONES: Final = 1_000
 ROUNDS: Final = 60
 SEED: Final = 7
-#: Fleet seconds between two samples of a drone, and messages that the registry takes at once.
+#: Fleet seconds between two samples of a drone, and messages that the registry writes in one batch.
 EVERY_S: Final = 5.0
 BATCH: Final = 250
 
@@ -83,7 +83,7 @@ class Registry:
         )
         return sample.model_dump_json().encode()
 
-    async def hear_all(self) -> float:
+    async def receive_all(self) -> float:
         """One sample of each drone, kept; the processor seconds it took."""
         self.clock.advance(timedelta(seconds=EVERY_S))
         self.seq += 1
@@ -136,10 +136,10 @@ async def measure(url: str) -> None:
     await migrate(url, "skyway_provider_registry")
     async with Database(url) as db:
         registry = await registered(db, ManualClock(datetime(2026, 3, 1, 12, tzinfo=UTC)))
-        used_s = sum([await registry.hear_all() for _ in range(ROUNDS)])
+        used_s = sum([await registry.receive_all() for _ in range(ROUNDS)])
         samples = DRONES * ROUNDS
         print(f"{db.dialect}: {samples} samples of {DRONES} drones, one each {EVERY_S:g} s")
-        print(f"  heard and kept: {used_s / samples * 1e6:.0f} us a sample")
+        print(f"  received and stored: {used_s / samples * 1e6:.0f} us a sample")
         print(f"  {_TABLES[0]}: {await registry.bytes_each(_TABLES[0]):.0f} bytes a row")
         print(f"  thinned: {await registry.thin_all() / samples * 1e6:.0f} us a sample")
         print(f"  {_TABLES[1]}: {await registry.bytes_each(_TABLES[1]):.0f} bytes a row")

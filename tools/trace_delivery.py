@@ -31,7 +31,7 @@ ROOT: Final = Path(__file__).resolve().parent.parent
 SKYWAY: Final = (sys.executable, "-m", "skyway.cli")
 
 #: Longest wait for any step, seconds of wall time.
-PATIENCE_S: Final = 120.0
+LONGEST_WAIT_S: Final = 120.0
 
 #: Python runs a module of this name in each process, before all else. SIGUSR1 begins the notes,
 #: SIGUSR2 writes them: a line for each pair of files of which one calls the other.
@@ -66,12 +66,12 @@ sys.setprofile(note)
 
 def until(is_so: Callable[[], Any], what: str) -> Any:
     """What `is_so` returns once it is true."""
-    end = time.monotonic() + PATIENCE_S
+    end = time.monotonic() + LONGEST_WAIT_S
     while time.monotonic() < end:
         if found := is_so():
             return found
         time.sleep(0.2)
-    raise TimeoutError(f"not within {PATIENCE_S:.0f} s: {what}")
+    raise TimeoutError(f"not within {LONGEST_WAIT_S:.0f} s: {what}")
 
 
 @contextmanager
@@ -105,7 +105,7 @@ def process(*command: str | Path, environment: dict[str, str], log: Path) -> Ite
         yield started.pid
     finally:
         started.send_signal(signal.SIGTERM)
-        started.wait(timeout=PATIENCE_S)
+        started.wait(timeout=LONGEST_WAIT_S)
 
 
 def with_descendants(pid: int) -> Iterator[int]:
@@ -139,7 +139,7 @@ def traced_calls(folder: Path) -> set[tuple[str, str]]:
     ):
         until(lambda: "Skyway is up" in (folder / "up.log").read_text(), "skyway up")
         keys = keys_of(folder)
-        api = httpx.Client(base_url=keys["SKYWAY_GATEWAY_URL"], timeout=PATIENCE_S)
+        api = httpx.Client(base_url=keys["SKYWAY_GATEWAY_URL"], timeout=LONGEST_WAIT_S)
 
         def call(method: str, path: str, role: str, body: object = None) -> Any:
             bearer = {"Authorization": f"Bearer {keys[f'SKYWAY_{role}_KEY']}"}

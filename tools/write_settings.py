@@ -79,7 +79,7 @@ COMMAND_LINE: Final = (
     Row(
         "SKYWAY_MQTT_OPERATOR_PASSWORD", "text", "from `keys.env`", "The operator's broker account."
     ),
-    Row("SKYWAY_OWN_MQTT_URL", "text", "from `keys.env`", "Tells the embedded broker from others."),
+    Row("SKYWAY_OWN_MQTT_URL", "text", "from `keys.env`", "Names the embedded broker."),
     Row("SKYWAY_WEBHOOK_ALLOW_NETWORKS", "text", "`127.0.0.0/8`", "Passed to the gateway."),
     Row("SKYWAY_BROKER_FOLDER", "path", "", "In the Mosquitto container: where its files lie."),
 )

@@ -12,7 +12,7 @@ from skyway_drone_agent.enrolled_drone import EnrolledDrone
 
 from benchmarks.fleet.crew import write_fleet
 
-#: A process that is to write bytecode, whatever the shell around it says.
+#: The environment without the variable that stops Python from writing bytecode.
 _ENVIRONMENT: Final = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
 
 

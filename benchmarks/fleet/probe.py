@@ -46,7 +46,7 @@ class Lag:
     seconds: list[float] = field(default_factory=list)
     _known: dict[str, str] = field(default_factory=dict)
 
-    def take(self, drone_id: str, place: str, *, age_s: float) -> None:
+    def notice(self, drone_id: str, place: str, *, age_s: float) -> None:
         """Note what can be read now; what could be read before is no news."""
         if self._known.get(drone_id, place) != place:
             self.seconds.append(age_s)
@@ -100,7 +100,7 @@ async def _look(url: str, query: str, drone_ids: Sequence[str], lag: Lag) -> Non
             for row in rows:
                 if row["at_ms"] is not None:
                     age_s = (now_ms - float(row["at_ms"])) / 1e3
-                    lag.take(row["drone_id"], row["place"], age_s=age_s)
+                    lag.notice(row["drone_id"], row["place"], age_s=age_s)
             await asyncio.sleep(_EVERY_S)
     finally:
         await connection.close()

@@ -2,8 +2,8 @@
 
 `python -m benchmarks.telemetry_thinning [--scenarios calm windy] [--seed 1]` flies one mission per
 scenario at clock rate 1, second by second, and counts the samples and bytes of MQTT with every
-second told, and with those that are news. The mission is the same; it takes as long as the wind
-has it take. No broker is needed: nothing is lost or waited for.
+second sent, and with only those samples that are news. The mission is
+the same in both cases, and its length depends on the wind. No broker is needed: nothing is lost or waited for.
 """
 
 import argparse
@@ -53,7 +53,7 @@ class Counted:
 
 @dataclass(frozen=True, slots=True)
 class Saving:
-    """One mission: its seconds in flight and on a pad, told and thinned."""
+    """One mission: its seconds in flight and on a pad, every second sent and thinned."""
 
     seconds: int
     every: Counted

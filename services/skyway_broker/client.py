@@ -67,7 +67,7 @@ MAX_WAITING_BYTES = 32 << 20
 NOT_A_FILTER = 0x80
 
 #: A silence of this many keepalives ends a connection [MQTT-3.1.2-24].
-_PATIENCE = 1.5
+_KEEP_ALIVES = 1.5
 
 
 class Traffic(Protocol):
@@ -120,9 +120,9 @@ class Client:
             The client broke the protocol or published on a forbidden topic.
         """
         self._send(ConnackPacket.build(0, CONNECTION_ACCEPTED))
-        patience_s = _PATIENCE * self.session.keep_alive or None
+        silence_s = _KEEP_ALIVES * self.session.keep_alive or None
         while True:
-            async with asyncio.timeout(patience_s):
+            async with asyncio.timeout(silence_s):
                 packet = await self._next_packet()
             if packet is None or isinstance(packet, DisconnectPacket):
                 return packet is not None

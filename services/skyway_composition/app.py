@@ -51,7 +51,7 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
     """The routes of all folders, on parts that the lifespan opens."""
     db, gate, clock, networks = parts.db, parts.gate, parts.clock, parts.networks
     problems = ProblemReader(db, networks, clock)
-    hands = (db, clock, parts.mint, parts.stuck)
+    intervention_parts = (db, clock, parts.mint, parts.stuck)
     return create_app(
         service=SERVICE,
         title="Skyway composition",
@@ -79,9 +79,9 @@ def composition_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -
             quote_routes(gate=gate, quotes=parts.quotes),
             intervention_routes(
                 gate=gate,
-                loadings=Loadings(*hands),
-                commands=Commands(*hands),
-                cancellations=Cancellations(*hands),
+                loadings=Loadings(*intervention_parts),
+                commands=Commands(*intervention_parts),
+                cancellations=Cancellations(*intervention_parts),
             ),
             place_routes(gate=gate, closings=parts.closings),
             area_routes(gate=gate, closings=parts.closings),

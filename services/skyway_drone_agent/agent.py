@@ -96,7 +96,7 @@ class DroneAgent:
         self._cockpit: Cockpit | None = None  # None until fleet time is set
 
     async def run(self) -> None:
-        """Serve the drone; at the end tell the cloud that it leaves on purpose."""
+        """Serve the drone; at the end report to the cloud that it leaves on purpose."""
         here = (self._drone.provider_id, self._drone.drone_id)
         anchors = self._link.batches(CLOCK())
         instructions = self._link.batches(RAW_INSTRUCTIONS(*here))

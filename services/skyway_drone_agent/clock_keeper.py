@@ -20,7 +20,7 @@ log = logging.getLogger(__name__)
 
 #: Wall seconds to wait for the cloud's anchor after a start. After that the kept anchor is used:
 #: the cloud may have restarted at another rate.
-PATIENCE_S = 10.0
+WAIT_S = 10.0
 
 #: Speed of a clock that is ahead, as a share of the cloud's clock. What was due in 30 s is then due
 #: within a minute.
@@ -49,9 +49,9 @@ class ClockFromCloud(FleetClock, Protocol):
 class KeptClock:
     """Uses the newest anchor and never goes back; sleepers wake by the new anchor's time."""
 
-    def __init__(self, path: Path, *, patience_s: float = PATIENCE_S) -> None:
+    def __init__(self, path: Path, *, wait_s: float = WAIT_S) -> None:
         self._path = path
-        self._patience_s = patience_s
+        self._wait_s = wait_s
         self._newest = AnchoredClock.plain()
         #: Ahead of the newest clock and slower; None once the newest clock has caught up.
         self._waiting: AnchoredClock | None = None
@@ -112,7 +112,7 @@ class KeptClock:
         """Return once the cloud has sent its anchor, or after a while with the kept anchor."""
         if self._path.exists() and not self._is_set.is_set():
             with contextlib.suppress(TimeoutError):
-                async with asyncio.timeout(self._patience_s):
+                async with asyncio.timeout(self._wait_s):
                     await self._is_set.wait()
             if not self._is_set.is_set():
                 self._go_by(load_clock(self._path))

@@ -59,7 +59,7 @@ class StepRun:
 
 @dataclass(frozen=True, slots=True)
 class Standing:
-    """A drone between two steps; it tells a simulated drone where it is."""
+    """A drone between two steps; a simulated drone learns its place from it."""
 
     position: Position
     soc: float

@@ -124,7 +124,7 @@ def _name_what_is_missing(folder: DataFolder) -> None:
 
 
 def _list(folder: DataFolder, path: str) -> list[Any]:
-    """The first item of a list; Any: an item is whatever JSON the route documents."""
+    """The first item of a list; Any: the route documents the item's JSON."""
     page = call_gateway("GET", f"{path}?limit=1", key_name=_CUSTOMER_KEY, folder=folder)
     items: list[Any] = page["items"]
     return items

@@ -182,11 +182,11 @@ def _contents(folder: DataFolder) -> Iterator[Finding]:
     """What an empty system still needs before it can deliver; an empty system is no trouble."""
     settings = read_keys(folder)
     url, key = settings["SKYWAY_GATEWAY_URL"], settings.get("SKYWAY_OPERATOR_KEY", "")
-    wanted = {
+    requested = {
         "networks": "no network is published: skyway network import bundled",
         "providers": "no provider is registered: skyway fleet --drones 10",
     }
-    for subject, advice in wanted.items():
+    for subject, advice in requested.items():
         headers = {"Authorization": f"Bearer {key}"}
         try:
             answer = httpx.get(

@@ -20,7 +20,7 @@ _IDENTIFIER_LENGTH_MAX = 64
 
 
 class Doubtful(Exception):
-    """A value in a column is wrong or unusual; only the reader of single values can tell."""
+    """A value in a column is wrong or unusual; only the reader of single values can say what."""
 
 
 @contextmanager

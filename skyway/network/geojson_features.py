@@ -13,7 +13,7 @@ from skyway.network.network import DEFAULT_PADS, MAX_PADS, Segment, Station, Zon
 MAX_SEGMENT_LENGTH_M = 20_100_000.0
 
 #: How far the end of a segment's line may lie from its station, metres: room for rounded
-#: coordinates, and close enough to tell a line drawn between other stations. Our own choice.
+#: coordinates, and close enough to notice a line drawn between other stations. Our own choice.
 LINE_END_TOLERANCE_M = 100.0
 
 STATION_PROPERTIES = ("kind", "station_id", "name", "pads")

@@ -19,7 +19,7 @@ CITY_CENTRE = Position(-98.49363, 29.42412)
 #: Most stations that fit around the centre at the default spacing without reaching a pole.
 MAX_STATIONS = 1_000_000
 
-# A reach a little above the one that gives the degree in an endless city usually connects the city.
+# In an endless city some reach gives the degree; a slightly longer reach usually connects the city.
 _REACH_SHARE = 1.6
 _REACH_GROWTH = 1.6
 

@@ -247,19 +247,19 @@ class BusyWorld:
             if each.logbook.mission is None and each.logbook.station_id is not None
         ]
         shortlist = Shortlist.of(candidates)
-        wanted = BookMissions(attempt=attempt, request=request, shortlist=shortlist)
-        booking = await self.bookings.book(DeliveryId(delivery_id), wanted)
+        requested = BookMissions(attempt=attempt, request=request, shortlist=shortlist)
+        booking = await self.bookings.book(DeliveryId(delivery_id), requested)
         return booking.outcome
 
     async def cancel(self, delivery_id: str, package_ids: tuple[str, ...] | None) -> Cancellation:
-        wanted = CancelMissions.model_validate(
+        requested = CancelMissions.model_validate(
             {
                 "cancellation_id": self.mint("can"),
                 "package_ids": package_ids,
                 "reason": "changed my mind",
             }
         )
-        answer = await self.cancellations.cancel(DeliveryId(delivery_id), wanted)
+        answer = await self.cancellations.cancel(DeliveryId(delivery_id), requested)
         self.released |= {(delivery_id, each) for each in answer.released}
         await self.converse()
         return answer

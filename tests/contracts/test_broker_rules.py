@@ -24,7 +24,7 @@ ACCOUNTS = ("drone-1", "drone-2", "customer-1", *sorted(SERVICE_ACCOUNTS))
 
 
 def concrete_names() -> list[str]:
-    """Every topic, with every account's name and a stranger's in every place."""
+    """Every topic, with every account's name and an unknown name in every place."""
     ids = (*ACCOUNTS, "else", "stations")
     names = {
         topic(*chosen).name
@@ -42,17 +42,21 @@ def allows(acl: str, user_name: str, access: str, topic: str) -> bool:
         match line.split():
             case ["user", name]:
                 section = name
-            case ["pattern", given, wanted]:
-                allowed.append((given, wanted.replace("%u", user_name)))
-            case ["topic", given, wanted] if section == user_name:
-                allowed.append((given, wanted))
-    if any(given == "deny" and mqtt_matches(wanted, topic) for given, wanted in allowed):
+            case ["pattern", given, allowed_topic]:
+                allowed.append((given, allowed_topic.replace("%u", user_name)))
+            case ["topic", given, allowed_topic] if section == user_name:
+                allowed.append((given, allowed_topic))
+    if any(
+        given == "deny" and mqtt_matches(allowed_topic, topic) for given, allowed_topic in allowed
+    ):
         return False
-    return any(given == access and mqtt_matches(wanted, topic) for given, wanted in allowed)
+    return any(
+        given == access and mqtt_matches(allowed_topic, topic) for given, allowed_topic in allowed
+    )
 
 
-def mqtt_matches(wanted: str, topic: str) -> bool:
-    parts, levels = wanted.split("/"), topic.split("/")
+def mqtt_matches(allowed_topic: str, topic: str) -> bool:
+    parts, levels = allowed_topic.split("/"), topic.split("/")
     if parts[-1] == "#":
         return len(levels) >= len(parts) - 1 and all(
             part in ("+", level) for part, level in zip(parts[:-1], levels, strict=False)
@@ -77,7 +81,7 @@ def test_the_file_for_mosquitto_gives_the_same_rights(account):
 
 
 @pytest.mark.parametrize("topic", [ACKS, EVENTS, STATE, TELEMETRY, CONNECTION])
-def test_a_drone_writes_its_own_reports_and_nobody_elses(topic):
+def test_a_drone_writes_its_own_reports_and_no_other_drones(topic):
     assert RULES.may_write("drone-1", topic("p", "drone-1").name)
     assert not RULES.may_write("drone-1", topic("p", "drone-2").name)
     assert not RULES.may_read("drone-1", topic("p", "drone-2").name)

@@ -201,7 +201,7 @@ def good_answers(operation: Any) -> dict[str, set[str]]:
     }
 
 
-def test_every_discriminator_of_asyncapi_names_a_property_that_tells_its_forms_apart() -> None:
+def test_every_discriminator_of_asyncapi_names_a_property_that_differs_by_form() -> None:
     document = asyncapi()
     choices = [
         schema

@@ -56,7 +56,7 @@ def test_a_model_and_the_terms_of_a_provider_are_sent_once() -> None:
     assert (len(shortlist.models), len(shortlist.providers)) == (1, 1)
 
 
-def test_nobody_is_an_empty_shortlist() -> None:
+def test_a_shortlist_without_drones_is_empty() -> None:
     assert sent(Shortlist()).is_empty
     assert Shortlist().candidates == ()
     assert not Shortlist.of([make_candidate(1)]).is_empty

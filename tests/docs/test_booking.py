@@ -25,7 +25,7 @@ def enums_in(value: Any) -> Iterator[list[str]]:
 
 
 @pytest.mark.parametrize(
-    "telling",
+    "needed",
     [
         {"REQUESTED", "PLANNED"},
         {"CREATED", "STRANDED"},
@@ -34,12 +34,12 @@ def enums_in(value: Any) -> Iterator[list[str]]:
     ],
     ids=["delivery", "package", "mission", "drone"],
 )
-def test_the_page_names_every_state(telling: set[str]) -> None:
+def test_the_page_names_every_state(needed: set[str]) -> None:
     states = {
         state
         for document in DOCUMENTS
         for enum in enums_in(document)
-        if telling <= set(enum)
+        if needed <= set(enum)
         for state in enum
     }
 

@@ -19,7 +19,7 @@ def load_tool() -> ModuleType:
     return module
 
 
-def test_the_page_is_the_one_that_the_tool_writes() -> None:
+def test_the_tool_writes_the_same_page() -> None:
     assert load_tool().page() == PAGE, "run python tools/write_settings.py"
 
 

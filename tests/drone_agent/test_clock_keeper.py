@@ -39,7 +39,7 @@ async def test_fleet_time_is_the_anchors(tmp_path: Path) -> None:
 async def test_after_a_restart_without_the_cloud_the_kept_anchor_counts(tmp_path: Path) -> None:
     KeptClock(tmp_path / "clock.json").keep(anchor(rate=60.0))
 
-    restarted = KeptClock(tmp_path / "clock.json", patience_s=0.01)
+    restarted = KeptClock(tmp_path / "clock.json", wait_s=0.01)
     await restarted.wait_until_set()
 
     assert restarted.rate == 60.0
@@ -49,7 +49,7 @@ async def test_after_a_restart_without_the_cloud_the_kept_anchor_counts(tmp_path
 async def test_the_clouds_anchor_is_used_before_the_kept_one(tmp_path: Path) -> None:
     KeptClock(tmp_path / "clock.json").keep(anchor(rate=60.0))
 
-    restarted = KeptClock(tmp_path / "clock.json", patience_s=60.0)
+    restarted = KeptClock(tmp_path / "clock.json", wait_s=60.0)
     waiting = asyncio.ensure_future(restarted.wait_until_set())
     await asyncio.sleep(0)
     restarted.keep(anchor(rate=1.0, fleet_at=NOON + timedelta(days=1)))
@@ -88,16 +88,16 @@ async def test_a_clock_ahead_of_a_new_anchor_runs_slower_until_the_cloud_catches
 async def test_a_clock_that_was_ahead_follows_the_cloud_again(tmp_path: Path) -> None:
     clock = KeptClock(tmp_path / "clock.json")
     clock.keep(anchor(rate=600.0, fleet_at=NOON + timedelta(seconds=30)))
-    told = anchor(rate=600.0)
+    received = anchor(rate=600.0)
 
-    clock.keep(told)
+    clock.keep(received)
     # It catches up after 60 s of fleet time, a tenth of a second.
     await asyncio.wait_for(clock.sleep_until(NOON + timedelta(seconds=90)), timeout=5)
 
     assert clock.rate == 600.0
     before = clock.wall_now()
-    assert clock.now() >= told.fleet_at + (before - told.wall_at) * 600.0
-    assert clock.now() <= told.fleet_at + (clock.wall_now() - told.wall_at) * 600.0
+    assert clock.now() >= received.fleet_at + (before - received.wall_at) * 600.0
+    assert clock.now() <= received.fleet_at + (clock.wall_now() - received.wall_at) * 600.0
 
 
 async def test_a_full_disk_does_not_stop_the_clock(tmp_path: Path) -> None:

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Any
 
 #: Longest wait, in seconds of wall time; generous, because CI machines can be slow.
-PATIENCE_S = 300.0
+LONGEST_WAIT_S = 300.0
 
 
 def eventually(
@@ -15,11 +15,11 @@ def eventually(
 
     `instead` returns the present situation, for the message of a test that fails.
     """
-    deadline = time.monotonic() + PATIENCE_S
+    deadline = time.monotonic() + LONGEST_WAIT_S
     while time.monotonic() < deadline:
         found = condition()
         if found:
             return found
         time.sleep(0.05)
     situation = "" if instead is None else f", but {instead()}"
-    raise AssertionError(f"{what}: not within {PATIENCE_S:g} s{situation}")
+    raise AssertionError(f"{what}: not within {LONGEST_WAIT_S:g} s{situation}")

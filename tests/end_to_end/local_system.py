@@ -16,7 +16,7 @@ import httpx
 from skyway.cli.data_folder import DataFolder
 from skyway.cli.gateway import read_keys
 from tests.end_to_end.corridor_network import corridor
-from tests.end_to_end.eventually import PATIENCE_S, eventually
+from tests.end_to_end.eventually import LONGEST_WAIT_S, eventually
 
 SKYWAY = (sys.executable, "-m", "skyway.cli")
 
@@ -81,7 +81,7 @@ class LocalSystem:
             self.keys["SKYWAY_GATEWAY_URL"] + path,
             json=body,
             headers={"Authorization": f"Bearer {key}", **headers},
-            timeout=PATIENCE_S,
+            timeout=LONGEST_WAIT_S,
             verify=_NO_CERTIFICATES,
         )
 
@@ -100,7 +100,7 @@ class LocalSystem:
             env=self.environment,
             capture_output=True,
             text=True,
-            timeout=PATIENCE_S,
+            timeout=LONGEST_WAIT_S,
             check=False,
         )
 
@@ -206,7 +206,7 @@ class LocalSystem:
 def _end(process: subprocess.Popen[bytes]) -> None:
     if process.poll() is None:
         process.send_signal(signal.SIGTERM)
-        process.wait(timeout=PATIENCE_S)
+        process.wait(timeout=LONGEST_WAIT_S)
 
 
 def _with_descendants(pids: list[int]) -> Iterator[int]:

@@ -8,7 +8,7 @@ pytestmark = pytest.mark.end_to_end
 
 
 @pytest.mark.storage_pair("embedded")
-def test_an_offline_drone_is_passed_over_for_one_that_is_online(system: Any) -> None:
+def test_an_online_drone_is_preferred_to_an_offline_drone(system: Any) -> None:
     system.publish_corridor("away")
     away = system.start_fleet(["away-s1"], name="Away Air")
     system.fleets[-1].kill()

@@ -159,39 +159,39 @@ class FakeComposition:
             infeasible=tuple(self.reasons),
         )
 
-    async def book(self, delivery_id: str, wanted: BookMissions) -> Booking:
+    async def book(self, delivery_id: str, requested: BookMissions) -> Booking:
         self._answer()
-        self.asked.append(wanted)
-        if (delivery_id, wanted.attempt) in self.booked:
-            missions = self.trips_of(delivery_id, wanted.attempt)
+        self.asked.append(requested)
+        if (delivery_id, requested.attempt) in self.booked:
+            missions = self.trips_of(delivery_id, requested.attempt)
             return Booking(outcome="BOOKED", missions=missions)
         if delivery_id in self.closed:
             return Booking(outcome="CLOSED")
-        if self.is_busy or not wanted.candidates:
+        if self.is_busy or not requested.candidates:
             return Booking(outcome="BUSY", reasons=tuple(self.reasons))
         if self.reasons:
             return Booking(outcome="INFEASIBLE", reasons=tuple(self.reasons))
-        first, *further = self._trips(delivery_id, wanted)
+        first, *further = self._trips(delivery_id, requested)
         self.booking_count += 1
-        self.booked[delivery_id, wanted.attempt] = first
-        self.further[delivery_id, wanted.attempt] = tuple(further)
+        self.booked[delivery_id, requested.attempt] = first
+        self.further[delivery_id, requested.attempt] = tuple(further)
         return Booking(outcome="BOOKED", missions=(first, *further))
 
-    def _trips(self, delivery_id: str, wanted: BookMissions) -> list[Mission]:
-        packages, size = wanted.request.packages, self.packages_per_trip
+    def _trips(self, delivery_id: str, requested: BookMissions) -> list[Mission]:
+        packages, size = requested.request.packages, self.packages_per_trip
         groups = [packages[start : start + size] for start in range(0, len(packages), size)]
         return [
             make_mission(
-                wanted.request.model_copy(update={"packages": group}),
+                requested.request.model_copy(update={"packages": group}),
                 delivery_id=delivery_id,
-                attempt=wanted.attempt,
+                attempt=requested.attempt,
                 drone_id=candidate.drone_id,
                 start_at=self.clock.now() + timedelta(seconds=60),
                 provider_id=candidate.provider_id,
                 trip=trip,
             )
             for trip, (group, candidate) in enumerate(
-                zip(groups, wanted.candidates, strict=False), start=1
+                zip(groups, requested.candidates, strict=False), start=1
             )
         ]
 
@@ -203,12 +203,12 @@ class FakeComposition:
         self.closed.add(delivery_id)
         return ClosedDelivery(is_closed=True)
 
-    async def cancel(self, delivery_id: str, wanted: CancelMissions) -> Cancellation:
+    async def cancel(self, delivery_id: str, requested: CancelMissions) -> Cancellation:
         """Packages on board come back; a mission without packages is over."""
         self._answer()
-        self.cancellations.append(wanted)
+        self.cancellations.append(requested)
         known = {eta.package_id for one in self._all(delivery_id) for eta in one.packages}
-        asked = known if wanted.package_ids is None else known & set(wanted.package_ids)
+        asked = known if requested.package_ids is None else known & set(requested.package_ids)
         released = asked - self.loaded - self.delivered
         for (booked_id, attempt), mission in self.booked.items():
             if booked_id == delivery_id and {p.package_id for p in mission.packages} <= released:

@@ -88,7 +88,7 @@ DAMAGES = [
         "a delivery's events have no gap",
     ),
     (
-        "webhook not told",
+        "webhook not notified",
         "DELETE FROM notifications WHERE sequence = 1",
         "I14: each webhook is notified",
     ),

@@ -64,7 +64,7 @@ def key_routes(*, db: Database, gate: KeyGate, keys: Keys) -> ServiceRouter:
     async def create_key(
         request: Request,
         caller: Annotated[Caller, Depends(gate)],
-        wanted: NewKey,
+        requested: NewKey,
         idempotency_key: IdempotencyKey = None,
     ) -> Response:
         """Make an API key; its secrets are shown only in this answer.
@@ -73,7 +73,7 @@ def key_routes(*, db: Database, gate: KeyGate, keys: Keys) -> ServiceRouter:
         """
         caller.must_be("operator")
         answer = await keys.issue(
-            caller, wanted, idempotency_key=idempotency_key, body=await request.body()
+            caller, requested, idempotency_key=idempotency_key, body=await request.body()
         )
         return response_of(answer)
 
@@ -86,9 +86,9 @@ def key_routes(*, db: Database, gate: KeyGate, keys: Keys) -> ServiceRouter:
         Callers: operator.
         """
         caller.must_be("operator")
-        wanted = KeyFilter(query.role, query.subject_id)
+        filters = KeyFilter(query.role, query.subject_id)
         async with db.read() as connection:
-            found = await store.page(connection, query, wanted)
+            found = await store.page(connection, query, filters)
         return page_of(found, query, item=lambda key: key, sort_key=lambda key: (key.key_id,))
 
     @router.get("/v1/keys/{key_id}")

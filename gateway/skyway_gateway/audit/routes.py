@@ -47,9 +47,9 @@ def audit_routes(*, db: Database, gate: KeyGate) -> ServiceRouter:
         Callers: operator.
         """
         caller.must_be("operator")
-        wanted = AuditFilter(query.role, query.subject_id, query.path)
+        filters = AuditFilter(query.role, query.subject_id, query.path)
         async with db.survey() as connection:
-            found = await store.page(connection, query, wanted)
+            found = await store.page(connection, query, filters)
         return page_of(found, query, item=lambda it: it, sort_key=lambda it: (it.entry_id,))
 
     return router

@@ -84,9 +84,9 @@ def provider_routes(
 
         async def add_key(tx: Tx) -> Answer:
             issued = await keys.add(tx, "provider", SubjectId(provider["provider_id"]))
-            told = {**provider, "key_id": issued.key_id, "key": issued.key}
+            answer = {**provider, "key_id": issued.key_id, "key": issued.key}
             location = {"Location": f"{_PROVIDERS}/{provider['provider_id']}"}
-            return Answer(201, json.dumps(told).encode(), location)
+            return Answer(201, json.dumps(answer).encode(), location)
 
         # The registry answers the same call the same; so does this, with the same key.
         answer = await once(

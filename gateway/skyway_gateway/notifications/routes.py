@@ -63,7 +63,7 @@ def webhook_routes(
     async def create_webhook(
         request: Request,
         caller: Annotated[Caller, Depends(gate)],
-        wanted: NewWebhook,
+        requested: NewWebhook,
         idempotency_key: IdempotencyKey = None,
     ) -> Response:
         """Have the events of deliveries sent to a URL; its secret is shown only in this answer.
@@ -71,11 +71,11 @@ def webhook_routes(
         Callers: customer.
         """
         caller.must_be("customer")
-        await targets.check(wanted.url)
+        await targets.check(requested.url)
         webhook = IssuedWebhook(
             webhook_id=WebhookId(mint("whk")),
-            url=wanted.url,
-            event_types=wanted.event_types,
+            url=requested.url,
+            event_types=requested.event_types,
             state="ACTIVE",
             disabled_reason=None,
             created_at=clock.wall_now(),
@@ -128,18 +128,18 @@ def webhook_routes(
     async def update_webhook(
         webhook_id: WebhookId,
         caller: Annotated[Caller, Depends(gate)],
-        wanted: WebhookChange,
+        requested: WebhookChange,
     ) -> Webhook:
         """Change the URL or the events of a webhook, or make a disabled one active again.
 
         Callers: customer.
         """
         caller.must_be("customer")
-        if wanted.url is not None:
-            await targets.check(wanted.url)
+        if requested.url is not None:
+            await targets.check(requested.url)
         async with db.write() as tx:
             webhook = await webhook_store.webhook_of(tx.connection, caller, webhook_id)
-            changed = webhook.model_copy(update=_changes(wanted))
+            changed = webhook.model_copy(update=_changes(requested))
             await webhook_store.change_webhook(tx, changed, at=clock.wall_now())
         return changed
 
@@ -176,14 +176,14 @@ def webhook_routes(
         responses=conflicts("WEBHOOK_DISABLED"),
     )
     async def replay_webhook(
-        webhook_id: WebhookId, caller: Annotated[Caller, Depends(gate)], wanted: ReplayRequest
+        webhook_id: WebhookId, caller: Annotated[Caller, Depends(gate)], requested: ReplayRequest
     ) -> Replay:
         """Send past events again, with their own ids and in their order.
 
         Callers: customer.
         """
         caller.must_be("customer")
-        return await replay(db, caller, webhook_id, wanted, clock=clock, wake=sender.wake)
+        return await replay(db, caller, webhook_id, requested, clock=clock, wake=sender.wake)
 
     @router.get("/v1/webhooks/{webhook_id}/attempts")
     async def list_webhook_attempts(
@@ -204,9 +204,11 @@ def webhook_routes(
     return router
 
 
-def _changes(wanted: WebhookChange) -> dict[str, object]:
-    changes: dict[str, object] = {name: getattr(wanted, name) for name in wanted.model_fields_set}
-    if wanted.state is not None:
-        by_customer = "by its customer" if wanted.state == "DISABLED" else None
+def _changes(requested: WebhookChange) -> dict[str, object]:
+    changes: dict[str, object] = {
+        name: getattr(requested, name) for name in requested.model_fields_set
+    }
+    if requested.state is not None:
+        by_customer = "by its customer" if requested.state == "DISABLED" else None
         changes["disabled_reason"] = by_customer
     return changes

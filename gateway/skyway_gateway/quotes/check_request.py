@@ -39,7 +39,7 @@ NO_PROVIDER: Final = ProviderReason(
 class CheckedRequest:
     """A request that has passed all checks, and the position of its pickup.
 
-    `reasons` tell why no drone can be booked now, as far as that is known already.
+    `reasons` say why no drone can be booked now, if the gateway knows already.
     """
 
     request: DeliveryRequest

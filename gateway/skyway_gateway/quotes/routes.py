@@ -30,7 +30,7 @@ def quote_routes(*, db: Database, gate: KeyGate, maker: QuoteMaker) -> ServiceRo
     async def create_quote(
         request: Request,
         caller: Annotated[Caller, Depends(gate)],
-        wanted: DeliveryRequest,
+        requested: DeliveryRequest,
         idempotency_key: IdempotencyKey = None,
     ) -> Response:
         """Ask for offers, the best first; an offer reserves nothing, and one can be accepted.
@@ -39,7 +39,7 @@ def quote_routes(*, db: Database, gate: KeyGate, maker: QuoteMaker) -> ServiceRo
         """
         caller.must_be("customer", "operator")
         answer = await maker.make(
-            caller, wanted, idempotency_key=idempotency_key, body=await request.body()
+            caller, requested, idempotency_key=idempotency_key, body=await request.body()
         )
         return response_of(answer)
 

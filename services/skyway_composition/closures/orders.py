@@ -129,7 +129,7 @@ class _Closed(JsonModel):
 
 
 class ClosureInfo(_Closed):
-    """A closure, also one that has ended or was lifted."""
+    """A closure; it may have ended, or an operator may have lifted it."""
 
     closure_id: Annotated[ClosureId, Field(description="Id of the closure.")]
 

@@ -113,7 +113,7 @@ async def lift(tx: Tx, closure_id: ClosureId, *, now_ms: int) -> bool:
 
 
 async def get(connection: AsyncConnection, closure_id: ClosureId) -> Closure | None:
-    """A closure, also one that was lifted."""
+    """A closure, also after it was lifted."""
     found = await connection.execute(select(closures).where(closures.c.closure_id == closure_id))
     row = found.one_or_none()
     return None if row is None else _closure(row)

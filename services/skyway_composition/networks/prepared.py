@@ -30,7 +30,7 @@ log = logging.getLogger(__name__)
 #: What an empty system answers to a question about stations or networks.
 NOTHING_PUBLISHED: Final = "no network is published: skyway network import bundled"
 
-#: Cached versions of one network: the current one, and the previous one that missions still use.
+#: Cached versions of one network: the current one, and the previous while missions use it.
 _KEPT_VERSIONS = 2
 
 #: The most stations of a network that gets a hierarchy; 100,000 stations take seconds. On larger

@@ -29,7 +29,7 @@ def landings_of(logbook: Logbook) -> tuple[Landing, ...]:
         found[logbook.station_id] = logbook.position
     if logbook.mission is not None:
         for place, flight in enumerate(_planned_flights(logbook.mission)):
-            # A flight that was turned begins in the air, whatever its station is called.
+            # A turned flight begins in the air, although it names a station as its start.
             if place > 0 or logbook.mission.flown_before is None:
                 found[flight.from_id] = flight.from_position
             found[flight.to_id] = flight.to_position

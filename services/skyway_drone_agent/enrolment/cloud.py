@@ -54,7 +54,7 @@ class Cloud:
         self._url = api_url.rstrip("/")
         self._opener = urllib.request.build_opener(_NoRedirects)
 
-    def get(self, path: str, *, key: str) -> Any:  # whatever JSON the route documents
+    def get(self, path: str, *, key: str) -> Any:  # the JSON that the route documents
         """The answer to a GET.
 
         Raises
@@ -73,7 +73,7 @@ class Cloud:
         *,
         key: str | None = None,
         idempotency_key: str | None = None,
-    ) -> Any:  # whatever JSON the route documents
+    ) -> Any:  # the JSON that the route documents
         """The answer to a POST; it raises the errors of `get`."""
         headers = {"Content-Type": "application/json"}
         if key is not None:

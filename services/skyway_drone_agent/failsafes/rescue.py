@@ -18,7 +18,7 @@ from skyway_drone_agent.link.event_writer import EventWriter
 from skyway_drone_agent.vehicle import StepRun, Vehicle
 
 #: How long a drone stands beside its pad before it asks for another plan (fleet time).
-PAD_PATIENCE: Final = timedelta(seconds=120)
+PAD_WAIT: Final = timedelta(seconds=120)
 
 
 class Rescue:
@@ -43,7 +43,7 @@ class Rescue:
                     other = self._other_flight(run, flight, landing, at=assessment.at)
                     self._turn(run, other, fault=fault, failsafe=failsafe)
             case RechargeStep(), Failsafe.WAIT_THEN_ASK:
-                if assessment.at - run.started_at >= PAD_PATIENCE:
+                if assessment.at - run.started_at >= PAD_WAIT:
                     self._ask(run, fault, assessment)
             case _:
                 pass

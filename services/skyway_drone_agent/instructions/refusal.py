@@ -41,7 +41,7 @@ class Refusal:
 
     code: RefusalCode
     detail: str
-    data: dict[str, Any] = field(default_factory=dict)  # whatever the code needs
+    data: dict[str, Any] = field(default_factory=dict)  # numbers and names that belong to the code
 
 
 #: Failsafes that keep a drone on the ground.

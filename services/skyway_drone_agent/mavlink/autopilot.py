@@ -87,7 +87,7 @@ class Autopilot:
 
     @property
     def is_on_ground(self) -> bool:
-        """Whether it stands; one that does not know stands while it is disarmed."""
+        """Whether it stands. Without a landed state, a disarmed drone counts as standing."""
         if self.landed_state in (None, self._dialect.MAV_LANDED_STATE_UNDEFINED):
             return not self.is_armed
         return bool(self.landed_state == self._dialect.MAV_LANDED_STATE_ON_GROUND)

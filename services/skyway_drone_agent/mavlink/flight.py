@@ -65,7 +65,9 @@ async def begin_flight(
     altitude_m: float,
     speed_mps: float,
 ) -> MavlinkFlight:
-    """Have the autopilot fly, and return in the air; there it turns to this mission at once.
+    """Have the autopilot fly this route, and return once the drone is in the air.
+
+    A drone that is in the air already turns to this route immediately.
 
     Raises
     ------
@@ -135,4 +137,4 @@ async def _insist(link: MavlinkLink, what: str, command_id: int, *params: float)
             break
         await sleep_wall(link.clock, _AGAIN_S)
     name = "nothing" if result is None else dialect.enums["MAV_RESULT"][result].name
-    raise FlightRefused(f"the autopilot answers {name} when told to {what}")
+    raise FlightRefused(f"the autopilot answers {name} when asked to {what}")

@@ -14,7 +14,7 @@ _AGAIN_S: Final = 2.0
 
 
 class Releases:
-    """Remembers the newest hand-over; steps are told apart by number and start."""
+    """Remembers the newest hand-over; number and start identify a step."""
 
     def __init__(self, link: MavlinkLink, clock: FleetClock, settings: MavlinkSettings) -> None:
         self._link = link

@@ -30,7 +30,7 @@ log = logging.getLogger(__name__)
 #: A drone this close to a station stands at it.
 _AT_STATION_M: Final = 30.0
 
-#: Charge below what was asked for that still counts as it: autopilots tell whole percents.
+#: A charge that is short by this much counts as reached: autopilots report whole percents.
 _CHARGE_GRAIN: Final = 0.005
 
 #: Wall seconds between two tries of what must be done in the air and was refused.
@@ -44,7 +44,7 @@ _EVERY_US: Final = 500_000
 
 
 class MavlinkVehicle:
-    """Performs steps by telling an autopilot, and by watching what it says.
+    """Performs steps by instructing an autopilot, and by reading its messages.
 
     The fleet clock must run at rate 1: air does not run faster.
     """
@@ -67,7 +67,7 @@ class MavlinkVehicle:
         return self._model
 
     async def ready(self) -> None:
-        """Return once the autopilot was heard, and has been asked to say what we need."""
+        """Wait for the autopilot's first message, then ask for the messages that we need."""
         await self._link.target()
         dialect = self._link.dialect
         for message_id in (
@@ -80,7 +80,7 @@ class MavlinkVehicle:
             dialect.MAVLINK_MSG_ID_MISSION_CURRENT,
             dialect.MAVLINK_MSG_ID_WIND_COV,
         ):
-            # Some autopilots do not have them all: whatever they answer, we go on.
+            # Some autopilots lack some of these messages: a refusal changes nothing here.
             interval = dialect.MAV_CMD_SET_MESSAGE_INTERVAL
             await command_once(self._link, interval, message_id, _EVERY_US, timeout_s=_ASKED_S)
         await self._autopilot.until(lambda: self._autopilot.has_reported)

@@ -1,6 +1,6 @@
 """Telemetry: samples while the drone moves or charges.
 
-The drone leaves out samples that the cloud can tell from the last one.
+The drone leaves out samples that the cloud can compute from the last sample.
 """
 
 from datetime import datetime, timedelta

@@ -49,7 +49,7 @@ def _taken_until(step: RechargeStep, at: datetime, *, disturbed: Disturbances) -
 _RESERVATION_GRAIN: Final = timedelta(milliseconds=2)
 
 #: The drone id for chance where no drone is named.
-_NOBODY: Final = DroneId("")
+_NO_DRONE: Final = DroneId("")
 
 
 class Physics:
@@ -60,7 +60,7 @@ class Physics:
         model: DroneModel,
         disturbances: Disturbances = UNDISTURBED,
         *,
-        drone_id: DroneId = _NOBODY,
+        drone_id: DroneId = _NO_DRONE,
     ) -> None:
         self.model = model
         self.disturbances = disturbances
@@ -168,7 +168,7 @@ class Physics:
         return Outcome(ended_at, short_soc, energy_j=0.0, code="SHORT_CHARGE")
 
     def _delivered(self, run: StepRun, step: DeliverStep) -> Outcome:
-        if self._is_somebody_there(step):
+        if self._is_recipient_there(step):
             ended_at = run.started_at + timedelta(seconds=step.dropoff_s)
             return Outcome(ended_at, run.soc, energy_j=0.0)
         return Outcome(
@@ -179,7 +179,7 @@ class Physics:
             has_failed=True,
         )
 
-    def _is_somebody_there(self, step: DeliverStep) -> bool:
+    def _is_recipient_there(self, step: DeliverStep) -> bool:
         disturbed = self.disturbances
         if step.station_id in disturbed.absent_station_ids:
             return False

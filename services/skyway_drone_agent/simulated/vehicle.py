@@ -14,7 +14,7 @@ from skyway_drone_agent.simulated.sensors import reading_of
 from skyway_drone_agent.vehicle import Outcome, Reading, Sample, Standing, StepRun
 
 #: The drone id for chance where no drone is named.
-_NOBODY: Final = DroneId("")
+_NO_DRONE: Final = DroneId("")
 
 
 class SimulatedVehicle:
@@ -26,7 +26,7 @@ class SimulatedVehicle:
         clock: FleetClock,
         *,
         disturbances: Disturbances = UNDISTURBED,
-        drone_id: DroneId = _NOBODY,
+        drone_id: DroneId = _NO_DRONE,
     ) -> None:
         self._physics = Physics(model, disturbances, drone_id=drone_id)
         self._clock = clock

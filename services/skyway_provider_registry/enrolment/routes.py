@@ -39,14 +39,14 @@ def enrolment_routes(
     async def put_broker_account(
         user_name: SubjectId,
         caller: Annotated[Caller, Depends(gate)],
-        wanted: Annotated[BrokerPassword, Depends(internal_body(BrokerPassword))],
+        requested: Annotated[BrokerPassword, Depends(internal_body(BrokerPassword))],
     ) -> Response:
         """Open a customer's broker account, or give it another password."""
         caller.must_be("service")
         _refuse_reserved(user_name)
         async with db.write() as tx:
             await account_store.put_customer(
-                tx, user_name, password_hash=hash_password(wanted.password)
+                tx, user_name, password_hash=hash_password(requested.password)
             )
         await password_file.refresh()
         return Response(status_code=204)

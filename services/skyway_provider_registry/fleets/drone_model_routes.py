@@ -53,16 +53,16 @@ def drone_model_routes(*, db: Database, gate: ServiceGate) -> ServiceRouter:
     async def put_drone_model(
         model_id: DroneModelId,
         caller: Annotated[Caller, Depends(gate)],
-        wanted: DroneModel,
+        requested: DroneModel,
         response: Response,
     ) -> DroneModel:
-        """Add a drone model, or replace one that no drone has."""
+        """Add a drone model, or replace a model that no drone has."""
         caller.must_be("operator")
-        if wanted.model_id != model_id:
-            raise InvalidInput("model_id", f"{wanted.model_id!r} is not the path's {model_id!r}")
+        if requested.model_id != model_id:
+            raise InvalidInput("model_id", f"{requested.model_id!r} is not the path's {model_id!r}")
         async with db.write() as tx:
-            is_new = await drone_model_store.put(tx, wanted)
+            is_new = await drone_model_store.put(tx, requested)
         response.status_code = 201 if is_new else 200
-        return wanted
+        return requested
 
     return router

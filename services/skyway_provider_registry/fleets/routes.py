@@ -70,11 +70,11 @@ def fleet_routes(
         provider_id: ProviderId,
         drone_id: DroneId,
         caller: Annotated[Caller, Depends(gate)],
-        wanted: DroneChange,
+        requested: DroneChange,
     ) -> Drone:
         """Change a drone's name, registration or home, or take it out of service and back."""
         caller.must_be("operator", "provider")
-        values = await _columns(wanted, stations)
+        values = await _columns(requested, stations)
         async with db.write() as tx:
             await store.change(
                 tx, caller, provider_id=provider_id, drone_id=drone_id, values=values
@@ -104,20 +104,20 @@ def fleet_routes(
     return router
 
 
-async def _columns(wanted: DroneChange, stations: StationLookup) -> dict[str, object]:
+async def _columns(requested: DroneChange, stations: StationLookup) -> dict[str, object]:
     """The columns to set; a new home station is looked up before the write."""
-    given = wanted.model_fields_set
-    values: dict[str, object] = {f: getattr(wanted, f) for f in given & {"name", "registration"}}
-    if wanted.state is not None:
-        values["is_in_maintenance"] = wanted.state == "MAINTENANCE"
-    if wanted.home_station_id is not None:
-        check = await stations.check([wanted.home_station_id])
+    given = requested.model_fields_set
+    values: dict[str, object] = {f: getattr(requested, f) for f in given & {"name", "registration"}}
+    if requested.state is not None:
+        values["is_in_maintenance"] = requested.state == "MAINTENANCE"
+    if requested.home_station_id is not None:
+        check = await stations.check([requested.home_station_id])
         if check.unknown:
             raise InvalidInput(
-                "home_station_id", f"no station is called {wanted.home_station_id!r}"
+                "home_station_id", f"no station is called {requested.home_station_id!r}"
             )
-        position = check.positions[wanted.home_station_id]
-        values["home_station_id"] = wanted.home_station_id
+        position = check.positions[requested.home_station_id]
+        values["home_station_id"] = requested.home_station_id
         values["home_longitude_deg"] = position.longitude_deg
         values["home_latitude_deg"] = position.latitude_deg
     return values

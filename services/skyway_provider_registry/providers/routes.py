@@ -34,18 +34,18 @@ def provider_routes(
     async def create_provider(
         request: Request,
         caller: Annotated[Caller, Depends(gate)],
-        wanted: NewProvider,
+        requested: NewProvider,
         idempotency_key: IdempotencyKey = None,
     ) -> Response:
         """Register a provider."""
         caller.must_be("operator")
         provider = Provider(
             provider_id=ProviderId(mint("prv")),
-            name=wanted.name,
-            tariff=wanted.tariff,
-            terms=wanted.terms,
+            name=requested.name,
+            tariff=requested.tariff,
+            terms=requested.terms,
             state="ACTIVE",
-            loading=wanted.loading,
+            loading=requested.loading,
             # What is answered now is what is read later: the table keeps milliseconds.
             created_at=ms_to_moment(moment_to_ms(clock.now())),
         )
@@ -95,14 +95,14 @@ def provider_routes(
 
     @router.patch("/v1/providers/{provider_id}")
     async def update_provider(
-        provider_id: ProviderId, caller: Annotated[Caller, Depends(gate)], wanted: ProviderChange
+        provider_id: ProviderId, caller: Annotated[Caller, Depends(gate)], requested: ProviderChange
     ) -> Provider:
         """Change a provider's name, tariff, terms or loading; only operators change `state`."""
         caller.must_be("operator", "provider")
-        if wanted.state is not None and caller.role != "operator":
+        if requested.state is not None and caller.role != "operator":
             raise AccessDenied("only an operator changes a provider's state")
         async with db.write() as tx:
-            await store.change(tx, caller, provider_id=provider_id, changes=wanted)
+            await store.change(tx, caller, provider_id=provider_id, changes=requested)
             return await store.of_caller(tx.connection, caller, provider_id=provider_id)
 
     return router

@@ -62,9 +62,9 @@ class Thinning:
         samples_ms = moment_to_ms(wall_now - self._keeping.samples_for)
         minutes_ms = moment_to_ms(wall_now - self._keeping.minutes_for)
         async with self._db.write() as tx:
-            has_samples = await thinning_store.thin(tx, drone_id, heard_before_ms=samples_ms)
+            has_samples = await thinning_store.thin(tx, drone_id, received_before_ms=samples_ms)
             has_minutes = await thinning_store.delete_minutes(
-                tx, drone_id, heard_before_ms=minutes_ms
+                tx, drone_id, received_before_ms=minutes_ms
             )
         return has_samples or has_minutes
 

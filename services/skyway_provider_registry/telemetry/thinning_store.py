@@ -33,13 +33,13 @@ async def is_registered(connection: AsyncConnection, drone_id: DroneId) -> bool:
     return (await connection.execute(_REGISTERED, {"about": drone_id})).scalar() is not None
 
 
-async def thin(tx: Tx, drone_id: DroneId, *, heard_before_ms: int) -> bool:
+async def thin(tx: Tx, drone_id: DroneId, *, received_before_ms: int) -> bool:
     """Replace a piece of a drone's samples by minutes; True when there may be more samples.
 
     Only whole minutes are replaced, and a stored minute is not overwritten. So two replicas that
     thin the same samples store each minute once.
     """
-    until_ms = await _piece_until(tx, telemetry_samples, drone_id, heard_before_ms)
+    until_ms = await _piece_until(tx, telemetry_samples, drone_id, received_before_ms)
     if until_ms is None:
         return False
     piece = {"about": drone_id, "until_ms": until_ms}
@@ -47,9 +47,9 @@ async def thin(tx: Tx, drone_id: DroneId, *, heard_before_ms: int) -> bool:
     return (await tx.execute(_DELETE[telemetry_samples], piece)).rowcount > 0
 
 
-async def delete_minutes(tx: Tx, drone_id: DroneId, *, heard_before_ms: int) -> bool:
+async def delete_minutes(tx: Tx, drone_id: DroneId, *, received_before_ms: int) -> bool:
     """Delete a piece of a drone's old minutes; True when there may be more."""
-    return await _delete(tx, telemetry_minutes, drone_id, heard_before_ms)
+    return await _delete(tx, telemetry_minutes, drone_id, received_before_ms)
 
 
 async def delete_all(tx: Tx, drone_id: DroneId) -> bool:
@@ -58,17 +58,19 @@ async def delete_all(tx: Tx, drone_id: DroneId) -> bool:
     return any(deleted)
 
 
-async def _delete(tx: Tx, table: Table, drone_id: DroneId, heard_before_ms: int) -> bool:
-    until_ms = await _piece_until(tx, table, drone_id, heard_before_ms)
+async def _delete(tx: Tx, table: Table, drone_id: DroneId, received_before_ms: int) -> bool:
+    until_ms = await _piece_until(tx, table, drone_id, received_before_ms)
     if until_ms is None:
         return False
     piece = {"about": drone_id, "until_ms": until_ms}
     return (await tx.execute(_DELETE[table], piece)).rowcount > 0
 
 
-async def _piece_until(tx: Tx, table: Table, drone_id: DroneId, heard_before_ms: int) -> int | None:
+async def _piece_until(
+    tx: Tx, table: Table, drone_id: DroneId, received_before_ms: int
+) -> int | None:
     """The end of the first piece of old rows: whole minutes, and about `PIECE` rows."""
-    parameters = {"about": drone_id, "stale_ms": heard_before_ms, "piece": PIECE}
+    parameters = {"about": drone_id, "stale_ms": received_before_ms, "piece": PIECE}
     ends = (await tx.execute(_ENDS[table], parameters)).one()
     if ends.first_ms is None:
         return None

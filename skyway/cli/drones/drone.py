@@ -46,7 +46,7 @@ def drone_command(
 ) -> None:
     """Run the agent of one drone until Ctrl-C.
 
-    Without FILE it is a drone that enrolled here before, or one that enrols now with a token.
+    Without FILE the drone has enrolled here before, or it enrols now with a token.
     """
     arguments = agent_arguments(
         {

@@ -152,6 +152,6 @@ def _new_provider(folder: DataFolder) -> str:
 
 
 def _operate(folder: DataFolder, method: str, path: str, body: object = None) -> Any:
-    """One call with the operator's key; Any: the answer is whatever JSON the route documents."""
+    """One call with the operator's key; Any: the route documents the answer's JSON."""
     encoded = None if body is None else json.dumps(body).encode()
     return call_gateway(method, path, key_name=_OPERATOR_KEY, folder=folder, body=encoded)

@@ -14,7 +14,7 @@ from skyway.errors import SkywayError
 pytestmark = pytest.mark.integration
 
 
-async def test_what_it_sends_is_heard_whole(tmp_path: Path) -> None:
+async def test_messages_arrive_whole(tmp_path: Path) -> None:
     (drone,) = crew_of(1, seed=1)
     lines = Lines.of(drone)
     with own_embedded(tmp_path, accounts_of([drone])) as broker:
@@ -33,7 +33,7 @@ async def test_what_it_sends_is_heard_whole(tmp_path: Path) -> None:
             assert messages.airborne == {drone.drone_id}
 
 
-async def test_who_is_not_let_in_is_told(tmp_path: Path) -> None:
+async def test_a_refused_sender_gets_an_error(tmp_path: Path) -> None:
     (drone,) = crew_of(1, seed=1)
     with own_embedded(tmp_path, accounts_of([drone])) as broker:
         port = int(broker.drones_url.rpartition(":")[2])

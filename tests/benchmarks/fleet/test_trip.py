@@ -1,4 +1,4 @@
-"""The mission of the fleet benchmark is one that drones accept."""
+"""Drones accept the mission of the fleet benchmark."""
 
 import math
 from datetime import UTC, datetime, timedelta

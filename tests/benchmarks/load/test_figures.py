@@ -1,4 +1,4 @@
-"""From what was sent, heard and taken to what is printed."""
+"""The printed figures of requests, received events and accepted samples."""
 
 from datetime import UTC, datetime
 
@@ -17,7 +17,7 @@ def make_burst() -> Burst:
     return read_burst(["--rate-per-s", "2", "--seconds", "10"])
 
 
-def tell(followed: Followed, delivery: str, kind: str, at_s: float, **data: object) -> None:
+def report(followed: Followed, delivery: str, kind: str, at_s: float, **data: object) -> None:
     event = DeliveryEvent(
         message_id="m",
         sent_at=AT,
@@ -46,9 +46,9 @@ def make_outcome(followed: Followed, sent: Sent, busy: dict[str, float]) -> Outc
 
 def test_dispatches_within_the_burst_make_its_rate() -> None:
     followed, sent = Followed(), Sent(asked_at={DeliveryId("a"): 100.0, DeliveryId("b"): 101.0})
-    tell(followed, "a", "delivery.dispatched", 101.5)
-    tell(followed, "a", "delivery.dispatched", 109.0)  # a copy
-    tell(followed, "b", "delivery.dispatched", 111.0)
+    report(followed, "a", "delivery.dispatched", 101.5)
+    report(followed, "a", "delivery.dispatched", 109.0)  # a copy
+    report(followed, "b", "delivery.dispatched", 111.0)
 
     rows = {row[0]: row[1] for row in make_outcome(followed, sent, {}).rows()}
 
@@ -61,7 +61,7 @@ def test_rejections_are_counted_by_their_reasons() -> None:
     followed = Followed()
     for delivery in ("a", "b"):
         reasons = [{"code": "BUSY"}, {"code": "OVERWEIGHT"}, {"code": "BUSY"}]
-        tell(followed, delivery, "delivery.rejected", 101.0, reasons=reasons)
+        report(followed, delivery, "delivery.rejected", 101.0, reasons=reasons)
 
     rows = {row[0]: row[1] for row in make_outcome(followed, Sent(), {}).rows()}
 
@@ -73,7 +73,7 @@ def test_rejections_are_counted_by_their_reasons() -> None:
 def test_what_a_process_takes_when_idle_is_no_deliverys_cost() -> None:
     followed = Followed()
     for number in range(10):
-        tell(followed, f"d{number}", "delivery.dispatched", 101.0)
+        report(followed, f"d{number}", "delivery.dispatched", 101.0)
 
     rows = make_outcome(followed, Sent(), {"gateway": 6.0}).cpu_rows()
 

@@ -110,9 +110,9 @@ async def test_a_body_that_is_not_a_network_is_refused(composition: Any) -> None
 
 async def test_only_operators_publish(composition: Any, make: Any) -> None:
     customer = await composition("customer:c", "PUT", PATH, make.network())
-    stranger = await composition.client.put(PATH, headers={"Authorization": "Bearer wrong"})
+    unknown = await composition.client.put(PATH, headers={"Authorization": "Bearer wrong"})
 
-    assert (customer.status_code, stranger.status_code) == (403, 401)
+    assert (customer.status_code, unknown.status_code) == (403, 401)
 
 
 async def test_a_cursor_continues_each_list(composition: Any) -> None:

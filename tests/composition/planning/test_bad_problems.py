@@ -1,4 +1,4 @@
-"""POST /v1/compositions: a wrong field is named in the problem document, whatever is wrong."""
+"""POST /v1/compositions: the problem document names every wrong field."""
 
 import copy
 import json
@@ -13,7 +13,7 @@ from skyway.ids import DroneModelId
 pytestmark = pytest.mark.parametrize("migrated_url", ["sqlite"], indirect=True)
 
 MODEL = DRONE_MODELS[DroneModelId("paper-scenario")].model_dump(mode="json")
-#: A body's whole numbers must have 64 bits; this one is refused as such, whatever the field.
+#: A body's whole numbers must have 64 bits; this number is too long for every field.
 TOO_LONG = str(10**40)
 
 

@@ -1,4 +1,4 @@
-"""A token is exchanged once, whatever is lost or crashes on the way."""
+"""A token is exchanged once, also after a lost message or a crash."""
 
 import hashlib
 import logging
@@ -66,9 +66,9 @@ def test_no_secret_is_shown(tmp_path: Path, cloud: Any, caplog: pytest.LogCaptur
     with pytest.raises(CloudRefused) as refused:
         enrol("enr_bad", api_url=cloud.url, folder=folder)
 
-    told = f"{caplog.text} {given!r} {refused.value}"
+    shown = f"{caplog.text} {given!r} {refused.value}"
     for secret in ("enr_good", "enr_bad", cloud.password, given.drone.key):
-        assert secret not in told
+        assert secret not in shown
 
 
 def test_an_unreachable_cloud_is_named_in_the_error(tmp_path: Path) -> None:

@@ -56,8 +56,8 @@ def test_the_documentation_shows_the_level_of_every_alarm() -> None:
     lines = DOCUMENT.read_text().splitlines()
 
     for fault in Fault:
-        told = next(line for line in lines if line.startswith(f"- `{fault.value}`"))
-        assert f"({level_of(fault) or 'no alarm'})" in told, fault
+        documented = next(line for line in lines if line.startswith(f"- `{fault.value}`"))
+        assert f"({level_of(fault) or 'no alarm'})" in documented, fault
 
 
 def test_the_severest_failsafe_acts_and_of_equal_ones_the_more_dangerous_fault() -> None:

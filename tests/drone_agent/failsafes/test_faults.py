@@ -18,7 +18,7 @@ from skyway.ids import StationId
 
 SECOND = timedelta(seconds=1)
 
-#: Limit that begins a fault, one that keeps it, one that ends it.
+#: A value that begins a fault, a value that keeps it, a value that ends it.
 LIMITS = [
     (Fault.BATTERY_HOT, "temperature_c", 60.5, 56.0, 54.5),
     (Fault.BATTERY_COLD, "temperature_c", -0.5, 2.0, 3.5),

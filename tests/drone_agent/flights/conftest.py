@@ -96,12 +96,12 @@ class FakeLink:
     def batches(
         self, *subscriptions: Topic[Any] | Address[Any]
     ) -> AsyncIterator[list[Received[Any]]]:
-        (wanted,) = subscriptions
-        if not isinstance(wanted, Address):
-            assert wanted is NETWORK_VERSION
+        (requested,) = subscriptions
+        if not isinstance(requested, Address):
+            assert requested is NETWORK_VERSION
             return self._one_by_one(self._versions)
-        if wanted.topic.template == INSTRUCTIONS.template:
-            return self._drain(wanted.topic)
+        if requested.topic.template == INSTRUCTIONS.template:
+            return self._drain(requested.topic)
         return self._one_by_one(self._ticks)
 
     async def _one_by_one(

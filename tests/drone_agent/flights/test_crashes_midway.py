@@ -153,7 +153,7 @@ async def start_again(world: Any, last_word: Any) -> None:
     await world.send(last_word)
 
 
-def told(world: Any) -> list[tuple[int, int | None, str | None]]:
+def reported(world: Any) -> list[tuple[int, int | None, str | None]]:
     return [(event.mission_revision, event.step_id, event.code) for event in world.events]
 
 
@@ -177,7 +177,7 @@ async def test_after_a_crash_in_mid_mission_each_step_still_happens_exactly_once
     await world.settle()
 
     assert world.journal.dies_before is world.journal.dies_after is None, "it never died"
-    assert told(world) == script.happens
+    assert reported(world) == script.happens
     assert [event.seq for event in world.events] == list(range(1, len(script.happens) + 1))
     assert world.states[-1].package_ids == ()
     assert world.states[-1].mission_id is None
@@ -192,5 +192,5 @@ async def test_no_further_write_is_left_to_crash_at(
 
     await live(world, script)
 
-    assert told(world) == script.happens
+    assert reported(world) == script.happens
     assert world.journal.writes == script.writes

@@ -28,8 +28,8 @@ async def test_an_instruction_that_cannot_be_journaled_gets_no_ack_until_there_i
     await world.send(cloud.mission(trip, seq=1))
 
     assert [ack.status for ack in world.acks] == ["RECEIVED", "ACCEPTED"]
-    told = [event for event in world.events if event.event == "ALARM"]
-    assert [(one.code, one.level) for one in told] == [("DISK_FULL", "CRITICAL")]
+    reported = [event for event in world.events if event.event == "ALARM"]
+    assert [(one.code, one.level) for one in reported] == [("DISK_FULL", "CRITICAL")]
     assert world.states[-1].faults == ()
 
 
@@ -52,7 +52,7 @@ async def test_a_drone_in_the_air_flies_over_its_station_lands_and_begins_nothin
     state = world.states[-1]
     assert (state.activity, state.station_id, state.step_id) == ("WAITING", "shop", 4)
     assert [event.step_id for event in world.events] == [1]
-    # Nobody can hear of an event that is not written, so nobody is to ask for it.
+    # An event that is not written is never sent, so the state does not announce it.
     assert state.last_event_seq == 1
     assert state.failsafe.failsafe == "STAY"
 
@@ -119,11 +119,11 @@ async def test_a_drone_whose_session_cannot_be_written_lands_in_silence_until_th
 ) -> None:
     await fill_up_in_the_air(world, cloud, trip)
     await world.kill()
-    told = len(world.published)
+    reported = len(world.published)
     await world.start()
 
     await world.pass_time(timedelta(hours=1))
-    assert len(world.published) == told
+    assert len(world.published) == reported
     world.journal.is_full = False
     await world.pass_time(timedelta(seconds=5 * world.clock.rate))
 
@@ -136,7 +136,7 @@ async def test_no_two_starts_on_a_full_disk_speak_under_the_same_session(
     world: Any, cloud: Any, trip: Any
 ) -> None:
     await fill_up_in_the_air(world, cloud, trip)
-    # As with a wall clock that was set back, no time tells one start from the other.
+    # The clock stands, as if it was set back: both starts have the same time.
     for _ in range(2):
         await world.kill()
         await world.start()

@@ -79,8 +79,13 @@ async def test_presence_has_a_fresh_number_on_every_connection(world: Any) -> No
     await world.settle()
     await world.stop()
 
-    told = [(one.connection_number, one.status) for one in world.messages(CONNECTION)]
-    assert list(dict.fromkeys(told)) == [(1, "ONLINE"), (1, "LOST"), (2, "ONLINE"), (3, "OFFLINE")]
+    reported = [(one.connection_number, one.status) for one in world.messages(CONNECTION)]
+    assert list(dict.fromkeys(reported)) == [
+        (1, "ONLINE"),
+        (1, "LOST"),
+        (2, "ONLINE"),
+        (3, "OFFLINE"),
+    ]
     assert len({one.session for one in world.messages(CONNECTION)}) == 1
 
 

@@ -101,7 +101,7 @@ async def test_a_load_heavier_than_the_energy_carries_is_refused(
     assert world.acks[-1].status == "ACCEPTED"
 
 
-async def test_a_load_that_nobody_awaits_is_refused(world: Any, cloud: Any, trip: Any) -> None:
+async def test_an_unexpected_load_is_refused(world: Any, cloud: Any, trip: Any) -> None:
     await world.start()
     await world.send(cloud.mission(trip))
     await world.pass_until(lambda: world.states[-1].activity == "LOADING")

@@ -63,7 +63,7 @@ async def test_after_an_override_the_drone_flies_on_and_ignores_the_fault(
     assert world.states[-1].package_ids == ()
 
 
-async def test_a_short_battery_is_overridden_whatever_the_energy_check_says(
+async def test_a_short_battery_is_overridden_despite_the_energy_check(
     world: Any, cloud: Any, steps: Any
 ) -> None:
     await turned(world, cloud, steps, flight_energy_factor=1.29)

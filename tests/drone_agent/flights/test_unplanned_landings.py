@@ -51,7 +51,7 @@ async def fly_short(world: Any, cloud: Any, steps: Any) -> Any:
         ({}, "home"),
         ({"farm": (FARM, False), "barn": (BARN, False)}, "barn"),
         ({"farm": (FARM, False), "barn": (BARN, True)}, "home"),
-        # Of another network, as far as can be told.
+        # No network is known for it, so it counts as another network's.
         ({"barn": (BARN, False)}, "home"),
     ],
     ids=["unknown", "known", "closed", "elsewhere"],

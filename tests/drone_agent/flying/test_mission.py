@@ -109,9 +109,9 @@ def test_a_flight_over_a_station_goes_on_without_the_link(
 def test_loading_fails_when_the_acceptance_was_confirmed_after_the_expiry(
     drone: Any, logbook: Logbook, trip: Any
 ) -> None:
-    told_late = with_mission(logbook, acceptance_sent_at=START + timedelta(minutes=2))
+    mission_sent_late = with_mission(logbook, acceptance_sent_at=START + timedelta(minutes=2))
 
-    act = decide(drone, told_late, at=trip[0].planned_start_at)
+    act = decide(drone, mission_sent_late, at=trip[0].planned_start_at)
 
     assert act == Fail(trip[0], at=trip[0].planned_start_at, code="EXPIRED")
 

@@ -104,7 +104,7 @@ async def test_a_later_wait_for_an_earlier_moment_ends_in_time(
     assert wait.done()
 
 
-async def test_a_moment_that_comes_while_nobody_waits_is_no_news(
+async def test_a_moment_that_comes_without_a_waiter_is_no_news(
     waiting: NewsOrMoment, news: asyncio.Event, clock: CountingClock
 ) -> None:
     await begin(waiting, NOON + MINUTE)

@@ -136,7 +136,7 @@ async def _reads(book: LandingBook, claim: Callable[[], bool]) -> None:
     reading = asyncio.create_task(book.run())
     try:
         async with asyncio.timeout(10):
-            while not claim():  # noqa: ASYNC110 - what is waited for tells nobody
+            while not claim():  # noqa: ASYNC110 - no event announces it
                 await asyncio.sleep(0.005)
     finally:
         reading.cancel()

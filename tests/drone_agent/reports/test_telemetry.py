@@ -85,15 +85,15 @@ def test_a_drone_beside_its_course_is_news(in_flight: Assessment) -> None:
 
 
 def test_slow_changes_add_up_until_they_are_sent(in_flight: Assessment) -> None:
-    thinning, told = TelemetryThinning(), 0
+    thinning, sent = TelemetryThinning(), 0
 
     for count in range(9):
         now = later(in_flight, count, soc=in_flight.soc - 0.002 * count)
         if thinning.is_news(now, wall_at=now.at):
             thinning.sent(now, wall_at=now.at)
-            told += 1
+            sent += 1
 
-    assert told == 3
+    assert sent == 3
 
 
 def test_a_sample_shows_the_assessment(in_flight: Assessment) -> None:

@@ -79,10 +79,10 @@ def test_an_unknown_scenario_name_is_answered_with_the_bundled_names() -> None:
 
 
 def test_the_docs_name_every_key_and_no_other() -> None:
-    told = set(re.findall(r"^\| `([a-z_.]+)` \|", DOCS.read_text(), re.MULTILINE))
-    told -= set(scenario_names())
+    documented = set(re.findall(r"^\| `([a-z_.]+)` \|", DOCS.read_text(), re.MULTILINE))
+    documented -= set(scenario_names())
 
-    assert told == set(keys_of(Disturbances))
+    assert documented == set(keys_of(Disturbances))
 
 
 def keys_of(model: type[BaseModel], prefix: str = "") -> list[str]:

@@ -10,7 +10,7 @@ import pytest
 
 from tests.drone_agent.simulation.rehearsal.disk import Crash
 from tests.drone_agent.simulation.rehearsal.mutants import AGENT, MUTANTS, Mutant
-from tests.drone_agent.simulation.rehearsal.story import Ending, Story, tell
+from tests.drone_agent.simulation.rehearsal.story import Ending, Story, play
 from tests.drone_agent.simulation.rehearsal.sweep import SCENARIOS, stories_of
 from tests.drone_agent.simulation.rehearsal.whims import KINDS, Whim
 
@@ -44,7 +44,7 @@ def test_a_restart_within_any_step_breaks_nothing(step_kind: str, down_s: float)
     home = Whim("RETURN_HOME", at_s=400.0)
     whims = (kill, home) if step_kind == "RETURN" else (kill,)
 
-    endings = [tell(Story(seed, "calm", whims=whims)) for seed in range(4)]
+    endings = [play(Story(seed, "calm", whims=whims)) for seed in range(4)]
 
     assert broken(endings) == []
     assert any(step_kind in one.step_kinds for one in endings)
@@ -57,7 +57,7 @@ def test_no_disruption_breaks_an_invariant(kind: str) -> None:
         for seed in range(3)
     ]
 
-    assert broken([tell(story) for story in stories]) == []
+    assert broken([play(story) for story in stories]) == []
 
 
 def test_no_session_is_used_that_a_later_start_may_use_again() -> None:
@@ -67,24 +67,24 @@ def test_no_session_is_used_that_a_later_start_may_use_again() -> None:
         Whim("WALL_SET_BACK", at_s=300.0, for_s=3.0),
     )
 
-    assert broken([tell(Story(seed, "calm", whims=whims)) for seed in range(4)]) == []
+    assert broken([play(Story(seed, "calm", whims=whims)) for seed in range(4)]) == []
 
 
 def test_the_same_story_always_runs_the_same_way() -> None:
     story = Story(11, "faulty", crashes=(Crash(9, "torn"), Crash(17, "after")))
 
-    first, second = tell(story), tell(story)
+    first, second = play(story), play(story)
 
     assert first.as_bytes() == second.as_bytes()
-    assert first.told == second.told
+    assert first.reported == second.reported
     assert first.over_at_s == second.over_at_s
 
 
 def test_days_without_trouble_are_flown_to_their_end() -> None:
-    endings = [tell(Story(seed, "calm", whims=NOTHING)) for seed in range(12)]
+    endings = [play(Story(seed, "calm", whims=NOTHING)) for seed in range(12)]
 
     assert broken(endings) == []
-    assert all(one.told[-1].startswith("MISSION_ENDED") for one in endings)
+    assert all(one.reported[-1].startswith("MISSION_ENDED") for one in endings)
 
 
 def test_the_sweep_covers_all_important_faults() -> None:
@@ -92,20 +92,20 @@ def test_the_sweep_covers_all_important_faults() -> None:
         event.code
         for scenario in SCENARIOS
         for seed in range(20, 32)
-        for event in tell(Story(seed, scenario)).events
+        for event in play(Story(seed, scenario)).events
     )
 
-    wanted = {"INSUFFICIENT_ENERGY", "BATTERY_LOW", "BATTERY_SHORT", "GPS_LOST", "GEOFENCE"}
-    assert wanted <= set(seen), seen
+    requested = {"INSUFFICIENT_ENERGY", "BATTERY_LOW", "BATTERY_SHORT", "GPS_LOST", "GEOFENCE"}
+    assert requested <= set(seen), seen
 
 
 def test_learned_battery_health_survives_a_restart() -> None:
     for crash in (Crash(15, "torn"), Crash(20, "after")):
-        assert tell(Story(9, "faulty", (crash,))).broken == []
+        assert play(Story(9, "faulty", (crash,))).broken == []
 
 
 def test_a_restart_against_the_wind_does_not_overestimate_the_charge() -> None:
-    assert tell(Story(129, "stormy", (Crash(24, "before"),))).broken == []
+    assert play(Story(129, "stormy", (Crash(24, "before"),))).broken == []
 
 
 @pytest.mark.parametrize("mutant", MUTANTS, ids=lambda mutant: mutant.name)

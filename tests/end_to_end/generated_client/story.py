@@ -49,7 +49,7 @@ from skyway_client.models import (
 
 T = TypeVar("T")
 
-PATIENCE_S = 120.0
+LONGEST_WAIT_S = 120.0
 PACKAGE_KG = 0.8
 
 
@@ -88,10 +88,10 @@ def make_fleet(
     url: str, operator: AuthenticatedClient, homes: list[str]
 ) -> tuple[AuthenticatedClient, ProviderWithKey, RegisteredDrones]:
     """Register a provider, who registers a drone at each home."""
-    wanted = NewProvider(
+    requested = NewProvider(
         name="Hill Country Drones", tariff=Tariff(currency="USD", base=500, per_km=25)
     )
-    provider = expect(ProviderWithKey, create_provider.sync(client=operator, body=wanted))
+    provider = expect(ProviderWithKey, create_provider.sync(client=operator, body=requested))
     owner = AuthenticatedClient(base_url=url, token=provider.key)
     drones = [NewDrone(model_id="paper-scenario", home_station_id=home) for home in homes]
     fleet = expect(
@@ -104,7 +104,7 @@ def make_fleet(
 
 def wait_until_available(owner: AuthenticatedClient, provider_id: str) -> None:
     """Return when all drones of the provider can fly."""
-    until = time.monotonic() + PATIENCE_S
+    until = time.monotonic() + LONGEST_WAIT_S
     while time.monotonic() < until:
         page = expect(DronePage, list_drones.sync(provider_id, client=owner))
         if all(drone.state.value == "AVAILABLE" for drone in page.items):
@@ -151,7 +151,7 @@ def follow(customer: AuthenticatedClient, delivery_id: str) -> list[dict[str, ob
 
 def wait_until_notified(customer: AuthenticatedClient, webhook_id: str, events: int) -> None:
     """Return when the webhook received all events, each at the first attempt."""
-    until = time.monotonic() + PATIENCE_S
+    until = time.monotonic() + LONGEST_WAIT_S
     while time.monotonic() < until:
         attempts = expect(
             WebhookAttemptPage, list_webhook_attempts.sync(webhook_id, client=customer)
@@ -189,7 +189,7 @@ def main() -> None:
         deliver(customer, stations[0], stations[-1], hook_url)
     finally:
         fleet.terminate()
-        fleet.wait(timeout=PATIENCE_S)
+        fleet.wait(timeout=LONGEST_WAIT_S)
         server.shutdown()
     sys.stdout.write("COMPLETED\n")
 

@@ -138,13 +138,13 @@ async def test_a_repeated_call_does_not_restore_an_old_password(gateway: Gateway
 
 async def test_the_first_keys_are_added_once_and_stay_deleted(gateway: Gateway) -> None:
     operator = _bearer("operator_key-0123456789abcdef")
-    newcomer = _bearer("customer_key-0123456789abcdef")
-    assert (await gateway.http.get("/v1/deliveries", headers=newcomer)).status_code == 200
+    new_customer = _bearer("customer_key-0123456789abcdef")
+    assert (await gateway.http.get("/v1/deliveries", headers=new_customer)).status_code == 200
     listed = await gateway.http.get("/v1/keys?role=customer", headers=operator)
     [key] = [one for one in listed.json()["items"] if one["subject_id"] == "newcomer"]
     await gateway.http.delete(f"/v1/keys/{key['key_id']}", headers=operator)
     await gateway.parts.keys.make_first_keys()
-    assert (await gateway.http.get("/v1/deliveries", headers=newcomer)).status_code == 401
+    assert (await gateway.http.get("/v1/deliveries", headers=new_customer)).status_code == 401
     (gateway.secrets_dir / "customer_key").write_text("another-0123456789abcdef")
     await gateway.parts.keys.make_first_keys()
     another = _bearer("another-0123456789abcdef")

@@ -128,8 +128,8 @@ def test_a_long_path_is_cut() -> None:
 async def test_a_failed_call_is_logged_as_not_answered(gateway: Gateway) -> None:
     await gateway.execute("DROP TABLE idempotency")
     headers = {**gateway.operator, "Idempotency-Key": "k"}
-    wanted = {"role": "customer", "subject_id": "carol"}
-    answer = await gateway.http.post("/v1/keys", json=wanted, headers=headers)
+    requested = {"role": "customer", "subject_id": "carol"}
+    answer = await gateway.http.post("/v1/keys", json=requested, headers=headers)
 
     assert answer.status_code == 500
     [entry] = await entries(gateway)

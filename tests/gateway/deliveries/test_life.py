@@ -63,7 +63,7 @@ class Life(RuleBasedStateMachine):
         )
         self.now, self.drones = START, 0
         self.flights: list[Flight] = []
-        self.told: list[tuple[str, Any]] = []
+        self.reported: list[tuple[str, Any]] = []
         self.delivery: Delivery = new_delivery(
             DeliveryId("dlv_1"),
             customer_id=SubjectId("alice"),
@@ -170,19 +170,19 @@ class Life(RuleBasedStateMachine):
 
     @precondition(lambda self: self.troubles > 0)
     @rule(
-        wanted=st.sets(st.sampled_from(["p1", "p2", "p3", "p4"]), min_size=1),
+        requested=st.sets(st.sampled_from(["p1", "p2", "p3", "p4"]), min_size=1),
         is_in_time=st.booleans(),
     )
-    def cancel(self, wanted: set[PackageId], *, is_in_time: bool) -> None:
+    def cancel(self, requested: set[PackageId], *, is_in_time: bool) -> None:
         """A package that is cancelled too late to stay is loaded and brought back."""
         self.troubles -= 1
-        to_load = set().union(*(flight.to_load for flight in self.flights)) & wanted
-        on_board = set().union(*(flight.on_board for flight in self.flights)) & wanted
+        to_load = set().union(*(flight.to_load for flight in self.flights)) & requested
+        on_board = set().union(*(flight.on_board for flight in self.flights)) & requested
         released = to_load if is_in_time else set()
         returning = (to_load | on_board) - released
         done = Cancellation(released=tuple(sorted(released)), returning=tuple(sorted(returning)))
         self._happen(
-            lambda now: after_cancellation(now, wanted, done, reason="no need", at=self.now)
+            lambda now: after_cancellation(now, requested, done, reason="no need", at=self.now)
         )
         for flight in self.flights:
             off = sorted(flight.to_load & released)
@@ -205,15 +205,15 @@ class Life(RuleBasedStateMachine):
         assert self.delivery.is_over == all(one.is_settled for one in self.delivery.packages)
 
     @invariant()
-    def it_has_told_one_last_event_exactly_when_it_is_over(self) -> None:
-        last = [number for number, (kind, _) in enumerate(self.told) if kind in LAST_EVENTS]
-        assert last == ([len(self.told) - 1] if self.delivery.is_over else [])
+    def it_has_reported_one_last_event_exactly_when_it_is_over(self) -> None:
+        last = [number for number, (kind, _) in enumerate(self.reported) if kind in LAST_EVENTS]
+        assert last == ([len(self.reported) - 1] if self.delivery.is_over else [])
 
     @invariant()
-    def each_package_has_told_its_end_once(self) -> None:
+    def each_package_has_reported_its_end_once(self) -> None:
         if self.delivery.state == "REJECTED":
             return
-        ends = [data["package_id"] for kind, data in self.told if kind.startswith("package.")]
+        ends = [data["package_id"] for kind, data in self.reported if kind.startswith("package.")]
         settled = [one.package_id for one in self.delivery.packages if one.is_settled]
         assert sorted(ends) == settled
 
@@ -303,7 +303,9 @@ class Life(RuleBasedStateMachine):
         for then, now in zip(before.packages, progress.delivery.packages, strict=True):
             _check_package(then, now)
         self.delivery = progress.delivery
-        self.told += [(happening.type.value, happening.data) for happening in progress.happenings]
+        self.reported += [
+            (happening.type.value, happening.data) for happening in progress.happenings
+        ]
 
 
 def _check_package(before: PackageStatus, after: PackageStatus) -> None:

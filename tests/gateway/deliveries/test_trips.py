@@ -77,8 +77,8 @@ async def test_the_mission_that_is_furthest_along_sets_the_state(drones: Any) ->
     await reports(drones, delivery_id, "LOADED", first=3, trip=1)
     await drones.report(delivery_id, "ACTIVITY", seq=4, trip=2, activity="FLYING")
     assert states(await drones.get(delivery_id)) == ["LOADED", "IN_TRANSIT", "CREATED"]
-    told = await drones.event_types(delivery_id)
-    assert told.count("delivery.dispatched") == told.count("delivery.started") == 1
+    event_types = await drones.event_types(delivery_id)
+    assert event_types.count("delivery.dispatched") == event_types.count("delivery.started") == 1
 
 
 async def test_a_delivery_ends_with_the_last_of_its_missions(drones: Any) -> None:
@@ -90,9 +90,9 @@ async def test_a_delivery_ends_with_the_last_of_its_missions(drones: Any) -> Non
         await drones.report(delivery_id, "DELIVERED", seq=4, trip=trip, package_ids=[f"p{trip}"])
         await drones.report(delivery_id, "ENDED", seq=5, trip=trip)
     assert (await drones.get(delivery_id))["state"] == "COMPLETED"
-    told = await drones.event_types(delivery_id)
-    assert told[-1] == "delivery.completed"
-    assert told.count("package.delivered") == 3
+    event_types = await drones.event_types(delivery_id)
+    assert event_types[-1] == "delivery.completed"
+    assert event_types.count("package.delivered") == 3
 
 
 async def test_left_over_packages_are_booked_by_a_later_attempt(
@@ -130,7 +130,7 @@ async def test_only_the_packages_of_a_refused_trip_wait_again(drones: Any) -> No
         False,
     ]
     await drones.report(delivery_id, "REFUSED", seq=1, trip=3, code="NOT_AT_START")
-    assert (await drones.get(delivery_id))["attempt"] == 2, "asked for both at once"
+    assert (await drones.get(delivery_id))["attempt"] == 2, "asked for both in one booking"
 
     await drones.book_next()
     delivery = await drones.get(delivery_id)

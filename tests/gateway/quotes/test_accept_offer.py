@@ -105,7 +105,7 @@ async def test_an_offer_of_another_customer_cannot_be_accepted(
 async def test_an_acceptance_that_is_rolled_back_does_not_count(
     gateway_on_both: Gateway, quote: Any
 ) -> None:
-    async def take_and_break() -> None:
+    async def accept_and_break() -> None:
         async with gateway_on_both.parts.db.write() as tx:
             await store.mark_accepted(
                 tx,
@@ -116,5 +116,5 @@ async def test_an_acceptance_that_is_rolled_back_does_not_count(
             raise NotFound("delivery", "dlv_1")
 
     with pytest.raises(NotFound):
-        await take_and_break()
+        await accept_and_break()
     await accept_first(gateway_on_both, quote)

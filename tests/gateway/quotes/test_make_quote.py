@@ -76,10 +76,10 @@ async def test_a_quote_without_any_network_says_what_is_missing(
 async def test_composition_is_asked_for_what_the_customer_requests(
     gateway: Gateway, request_body: Callable[..., Any]
 ) -> None:
-    wanted = request_body(packages=2, qos={"weights": {"price": 1.0}, "max_price": 900})
-    wanted["packages"][1]["mass_kg"] = 2.0
+    requested = request_body(packages=2, qos={"weights": {"price": 1.0}, "max_price": 900})
+    requested["packages"][1]["mass_kg"] = 2.0
 
-    await post(gateway, wanted)
+    await post(gateway, requested)
 
     [query] = gateway.composition.quote_queries
     assert query.request.qos.max_price == 900

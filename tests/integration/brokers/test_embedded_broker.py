@@ -119,7 +119,7 @@ async def test_a_last_will_needs_the_write_right_of_its_client(embedded, connect
     drone.link.close()
 
 
-async def test_many_clients_that_connect_and_leave_disturb_nobody(embedded, connect):
+async def test_many_clients_that_connect_and_leave_disturb_no_other_client(embedded, connect):
     composition = await connected(await connect(embedded.port, "composition"))
     drone = Listening("drone-1")
     await drone.open(embedded.port)

@@ -20,7 +20,7 @@ async def test_a_later_reader_receives_the_retained_message(
     assert received.message.rate == 2.0
 
 
-async def test_a_reader_can_tell_a_live_message_from_a_retained_one(
+async def test_a_reader_can_distinguish_live_and_retained_messages(
     broker, connect, make, receive, all_connected
 ):
     gateway = await connect(broker.service_port, "gateway")

@@ -94,7 +94,7 @@ async def test_a_wrong_password_is_refused(broker, connect, password, all_connec
     link.close()
 
 
-async def test_nobody_is_anonymous(broker, connect, all_connected):
+async def test_anonymous_clients_are_refused(broker, connect, all_connected):
     link = MqttConnection(Login("anyone", "", "", 10), will=None, on_message=lambda *_: None)
     await all_connected(await connect(broker.port, "drone-2"))
 

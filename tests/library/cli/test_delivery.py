@@ -103,7 +103,7 @@ def test_a_request_without_a_network_says_how_to_publish_one(gateway: Gateway) -
     assert ("POST", "/v1/deliveries") not in gateway.called
 
 
-def test_a_request_without_providers_is_sent_and_says_that_nobody_can_fly_it(
+def test_a_request_without_providers_is_sent_and_says_that_no_provider_can_fly_it(
     gateway: Gateway,
 ) -> None:
     gateway.answers["GET", "/v1/providers"] = NOTHING

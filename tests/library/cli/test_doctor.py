@@ -51,7 +51,7 @@ def test_a_named_database_that_does_not_answer_is_trouble(
 @pytest.mark.parametrize(
     "database_url", [pytest.param("postgresql", marks=pytest.mark.integration)], indirect=True
 )
-def test_a_named_database_that_answers_tells_its_version(
+def test_a_named_database_that_answers_shows_its_version(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, database_url: str
 ) -> None:
     monkeypatch.setenv("SKYWAY_DATABASE_URL", database_url)

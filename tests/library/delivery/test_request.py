@@ -87,7 +87,7 @@ def test_a_provider_is_admitted_as_chosen(choice: dict[str, Any], is_admitted: b
     assert chosen.admits(ProviderId("x")) is is_admitted
 
 
-def test_the_fastest_is_wanted_when_nothing_is_said() -> None:
+def test_the_default_objective_is_the_fastest() -> None:
     ranking = QoS().ranking
 
     assert (ranking.time, ranking.price, ranking.energy) == (1.0, 0.0, 0.0)

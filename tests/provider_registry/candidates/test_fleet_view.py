@@ -26,7 +26,7 @@ AT = datetime(2026, 3, 1, 12, tzinfo=UTC)
 
 @pytest.fixture
 def view(db: Database) -> FleetView:
-    """The view of another replica than the one that is called."""
+    """The view of a second replica; the tests call the first."""
     return FleetView(db, CachedNetworks(), Pace())
 
 

@@ -135,9 +135,9 @@ async def test_a_drone_that_refused_is_left_out(api: Any, ready: Ready) -> None:
 
 @pytest.fixture
 def announce(networks: NetworkLearner) -> Announce:
-    """Has the registry hear of a network and learn its stations."""
+    """Announces a network to the registry, which reads its stations."""
 
-    async def hear(network_id: str) -> None:
+    async def announce(network_id: str) -> None:
         message = NetworkVersion(
             message_id="m",
             sent_at=AT,
@@ -149,7 +149,7 @@ def announce(networks: NetworkLearner) -> Announce:
         networks.note(message)
         await networks.learn()
 
-    return hear
+    return announce
 
 
 async def test_drones_of_another_network_leave_their_places_to_drones_of_the_pickups_network(

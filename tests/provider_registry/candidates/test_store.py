@@ -35,7 +35,7 @@ async def test_reading_few_changes_scans_no_whole_table(db: Database, analysed: 
     async with db.write() as tx:
         for statement in (_FLEETS + analysed).split(";"):
             await tx.execute(text(statement))
-        # As it is planned after a few executions, whatever the number is.
+        # The generic plan, which PostgreSQL otherwise makes after a few executions.
         await tx.execute(text("SET LOCAL plan_cache_mode = force_generic_plan"))
         await tx.execute(text(f"PREPARE look AS {store.CHANGES.compile(dialect=dialect)}"))
         plan = (await tx.execute(text("EXPLAIN EXECUTE look(1994, 1)"))).scalars().all()

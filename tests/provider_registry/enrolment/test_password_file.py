@@ -122,7 +122,7 @@ async def test_a_missing_secret_is_named(db: Database, secrets_dir: Path, tmp_pa
 
 
 @pytest.fixture
-def told_file(
+def named_file(
     db: Database, secrets_dir: Path, tmp_path: Path, broker: "subprocess.Popen[str]"
 ) -> PasswordFile:
     pid_file = tmp_path / "broker.pid"
@@ -139,21 +139,21 @@ async def next_signal(broker: "subprocess.Popen[str]") -> str:
 
 
 async def test_the_broker_is_notified_by_sighup(
-    told_file: PasswordFile, broker: "subprocess.Popen[str]"
+    named_file: PasswordFile, broker: "subprocess.Popen[str]"
 ) -> None:
-    await told_file.refresh()
+    await named_file.refresh()
 
     assert await next_signal(broker) == "SIGHUP\n"
 
 
 async def test_a_broker_that_was_reading_is_notified_once_more(
-    told_file: PasswordFile, broker: "subprocess.Popen[str]"
+    named_file: PasswordFile, broker: "subprocess.Popen[str]"
 ) -> None:
-    await told_file.refresh()
+    await named_file.refresh()
     assert await next_signal(broker) == "SIGHUP\n"
 
     for _ in range(5):
-        await told_file.step()
+        await named_file.step()
     assert await next_signal(broker) == "SIGHUP\n"
 
     broker.terminate()

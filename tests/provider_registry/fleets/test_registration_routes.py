@@ -145,10 +145,10 @@ async def test_no_drone_is_registered_with_another_provider(api: Any, provider_i
     other = await api.provider()
 
     foreign = await api(f"provider:{other}", "POST", f"/v1/providers/{provider_id}/drones", DRONE)
-    nobody = await api("operator:op", "POST", "/v1/providers/prv_0/drones", DRONE)
+    no_provider = await api("operator:op", "POST", "/v1/providers/prv_0/drones", DRONE)
     customer = await api("customer:c", "POST", f"/v1/providers/{provider_id}/drones", DRONE)
 
-    assert (foreign.status_code, nobody.status_code, customer.status_code) == (404, 404, 403)
+    assert (foreign.status_code, no_provider.status_code, customer.status_code) == (404, 404, 403)
 
 
 async def test_without_composition_the_answer_names_it(

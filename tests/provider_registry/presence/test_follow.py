@@ -32,7 +32,7 @@ class Fleet:
         self.provider_id = self.provider_id or await self.api.provider()
         return str((await self.api.drone(self.provider_id))["drone_id"])
 
-    async def hears(self, drone_id: str, *messages: Any, under: str | None = None) -> None:
+    async def receives(self, drone_id: str, *messages: Any, under: str | None = None) -> None:
         provider_id = under or self.provider_id
         batch = [
             Received(TOPICS[type(message)], (provider_id, drone_id), message, False)
@@ -61,7 +61,7 @@ async def test_the_messages_of_a_drone_are_shown(
     drone_id = await fleet.drone()
     clock.advance(timedelta(minutes=1))
 
-    await fleet.hears(drone_id, online(7, 1), state(7, 1, soc=0.8, activity="WAITING"))
+    await fleet.receives(drone_id, online(7, 1), state(7, 1, soc=0.8, activity="WAITING"))
 
     shown = await fleet.shows(drone_id)
     assert shown["state"] == "AVAILABLE"
@@ -76,7 +76,7 @@ async def test_a_flying_drone_is_shown_where_its_telemetry_is(
     drone_id = await fleet.drone()
     flying = state(7, 1, activity="FLYING", station_id=None, mission_id="msn_1")
 
-    await fleet.hears(drone_id, online(7, 1), flying, sample(7, 1, later_s=5))
+    await fleet.receives(drone_id, online(7, 1), flying, sample(7, 1, later_s=5))
 
     shown = await fleet.shows(drone_id)
     assert (shown["position"], shown["soc"]) == ([-98.0, 29.5], 0.5)
@@ -92,8 +92,8 @@ async def test_an_older_state_changes_nothing(
 ) -> None:
     drone_id = await fleet.drone()
 
-    await fleet.hears(drone_id, state(*first, soc=0.7))
-    await fleet.hears(drone_id, state(*late, soc=0.1))
+    await fleet.receives(drone_id, state(*first, soc=0.7))
+    await fleet.receives(drone_id, state(*late, soc=0.1))
 
     assert (await fleet.shows(drone_id))["soc"] == 0.7
 
@@ -104,8 +104,8 @@ async def test_a_drone_whose_clock_is_wrong_is_ordered_by_its_numbers(
     drone_id = await fleet.drone()
     ahead, behind = clock.now() + timedelta(days=9), clock.now() - timedelta(days=9)
 
-    await fleet.hears(drone_id, state(7, 1, soc=0.1, at=ahead, sent_at=ahead))
-    await fleet.hears(drone_id, state(7, 2, soc=0.7, at=behind, sent_at=behind))
+    await fleet.receives(drone_id, state(7, 1, soc=0.1, at=ahead, sent_at=ahead))
+    await fleet.receives(drone_id, state(7, 2, soc=0.7, at=behind, sent_at=behind))
 
     assert (await fleet.shows(drone_id))["soc"] == 0.7
 
@@ -113,12 +113,12 @@ async def test_a_drone_whose_clock_is_wrong_is_ordered_by_its_numbers(
 async def test_the_last_will_of_an_old_connection_is_ignored(fleet: Fleet, online: Maker) -> None:
     drone_id = await fleet.drone()
 
-    await fleet.hears(drone_id, online(7, 1), online(7, 2))
-    await fleet.hears(drone_id, online(7, 1, "LOST"))
+    await fleet.receives(drone_id, online(7, 1), online(7, 2))
+    await fleet.receives(drone_id, online(7, 1, "LOST"))
     still = (await fleet.shows(drone_id))["state"]
-    await fleet.hears(drone_id, online(7, 2, "LOST"))
+    await fleet.receives(drone_id, online(7, 2, "LOST"))
     lost = (await fleet.shows(drone_id))["state"]
-    await fleet.hears(drone_id, online(7, 2))
+    await fleet.receives(drone_id, online(7, 2))
 
     assert (still, lost) == ("REGISTERED", "OFFLINE")
     assert (await fleet.shows(drone_id))["state"] == "OFFLINE"
@@ -141,7 +141,7 @@ async def test_any_order_in_any_batches_gives_the_result_of_the_sending_order(
         )
     ]
     reference = await fleet.drone()
-    await fleet.hears(reference, *life)
+    await fleet.receives(reference, *life)
     expected = await fleet.shows(reference)
 
     for seed in range(12):
@@ -151,7 +151,7 @@ async def test_any_order_in_any_batches_gives_the_result_of_the_sending_order(
         drone_id = await fleet.drone()
         while shuffled:
             size = chance.randint(1, 6)
-            await fleet.hears(drone_id, *shuffled[:size])
+            await fleet.receives(drone_id, *shuffled[:size])
             shuffled = shuffled[size:]
 
         assert await fleet.shows(drone_id) == {**expected, "drone_id": drone_id}, seed
@@ -163,7 +163,7 @@ async def test_simultaneous_batches_give_the_result_of_successive_batches(
     drone_id = await fleet.drone()
 
     await asyncio.gather(
-        *(fleet.hears(drone_id, state(7, seq, soc=seq / 100)) for seq in range(30, 0, -1))
+        *(fleet.receives(drone_id, state(7, seq, soc=seq / 100)) for seq in range(30, 0, -1))
     )
 
     assert (await fleet.shows(drone_id))["soc"] == 0.3
@@ -176,7 +176,7 @@ async def test_messages_under_another_provider_are_dropped(
     other = await fleet.api.provider()
     dropped = COUNTERS.value("skyway_presence_dropped")
 
-    await fleet.hears(drone_id, online(7, 1), state(7, 9, soc=0.1), under=other)
+    await fleet.receives(drone_id, online(7, 1), state(7, 9, soc=0.1), under=other)
 
     shown = await fleet.shows(drone_id)
     assert (shown["state"], shown["soc"]) == ("REGISTERED", 1.0)
@@ -188,8 +188,8 @@ async def test_messages_of_an_unregistered_drone_are_dropped(
 ) -> None:
     known = await fleet.drone()
 
-    await fleet.hears("drn_unknown", online(7, 1), state(7, 1))
-    await fleet.hears(known, online(7, 1), state(7, 1))
+    await fleet.receives("drn_unknown", online(7, 1), state(7, 1))
+    await fleet.receives(known, online(7, 1), state(7, 1))
 
     assert (await fleet.shows(known))["state"] == "AVAILABLE"
 
@@ -219,7 +219,7 @@ async def test_the_largest_and_smallest_numbers_can_be_stored(
 ) -> None:
     drone_id = await fleet.drone()
 
-    await fleet.hears(
+    await fleet.receives(
         drone_id, online(number, number), state(number, number), sample(number, number)
     )
 
@@ -244,25 +244,25 @@ async def test_the_reported_health_of_a_drone_is_shown(
     before = await fleet.shows(drone_id)
     escape = {"fault": "BATTERY_SHORT", "failsafe": "DIVERT", "station_id": "mcqueeney"}
 
-    await fleet.hears(
+    await fleet.receives(
         drone_id,
         online(7, 1),
         state(7, 1, health=HEALTH, faults=["BATTERY_SHORT", "LINK_LOST"], failsafe=escape),
     )
-    told = await fleet.shows(drone_id)
-    await fleet.hears(drone_id, state(7, 2))
+    shown = await fleet.shows(drone_id)
+    await fleet.receives(drone_id, state(7, 2))
     after = await fleet.shows(drone_id)
 
     assert (before["health"], before["faults"], before["failsafe"]) == (None, [], None)
-    assert told["health"].items() >= HEALTH.items()
-    assert (told["faults"], told["failsafe"]) == (["BATTERY_SHORT", "LINK_LOST"], escape)
+    assert shown["health"].items() >= HEALTH.items()
+    assert (shown["faults"], shown["failsafe"]) == (["BATTERY_SHORT", "LINK_LOST"], escape)
     assert (after["health"], after["faults"], after["failsafe"]) == (None, [], None)
 
 
 async def test_a_drone_that_is_down_is_grounded(fleet: Fleet, online: Maker, state: Maker) -> None:
     drone_id = await fleet.drone()
 
-    await fleet.hears(drone_id, online(7, 1), state(7, 1, activity="DOWN", station_id=None))
+    await fleet.receives(drone_id, online(7, 1), state(7, 1, activity="DOWN", station_id=None))
 
     shown = await fleet.shows(drone_id)
     assert (shown["state"], shown["activity"]) == ("GROUNDED", "DOWN")

@@ -53,7 +53,7 @@ ACTIVE = {"kind": "LOADING", "mission_state": "ACTIVE"}
 ENDED = {"kind": "ENDED", "mission_state": "COMPLETED"}
 
 
-async def tell(api: Any, *reports: dict[str, Any]) -> None:
+async def report_to(api: Any, *reports: dict[str, Any]) -> None:
     for report in reports:
         answer = await api(None, "POST", "/internal/mission-reports", report)
         assert answer.status_code == 204, answer.text
@@ -87,7 +87,7 @@ async def test_a_drone_is_busy_from_acceptance_to_the_end(api: Any, drone: dict[
         make_report(drone, 2, **ACTIVE),
         make_report(drone, 3, **ENDED),
     ):
-        await tell(api, report)
+        await report_to(api, report)
         seen.append(await shown(api, drone))
 
     assert seen == [("RESERVED", "msn_1"), ("ON_MISSION", "msn_1"), ("AVAILABLE", None)]
@@ -96,7 +96,7 @@ async def test_a_drone_is_busy_from_acceptance_to_the_end(api: Any, drone: dict[
 async def test_a_drone_that_has_begun_its_accepted_mission_reads_on_mission(
     api: Any, drone: dict[str, Any], db: Database, clock: ManualClock, state: Maker
 ) -> None:
-    await tell(api, make_report(drone, 1))
+    await report_to(api, make_report(drone, 1))
     ids = (drone["provider_id"], drone["drone_id"])
 
     seen = []
@@ -114,7 +114,7 @@ async def test_a_drone_that_has_begun_its_accepted_mission_reads_on_mission(
 async def test_a_drone_that_still_flies_another_mission_is_only_reserved_for_the_next(
     api: Any, drone: dict[str, Any], db: Database, clock: ManualClock, state: Maker
 ) -> None:
-    await tell(api, make_report(drone, 1, mission_id="msn_2"))
+    await report_to(api, make_report(drone, 1, mission_id="msn_2"))
     ids = (drone["provider_id"], drone["drone_id"])
     message = state(7, 2, mission_id="msn_1", activity="DELIVERING")
 
@@ -124,7 +124,7 @@ async def test_a_drone_that_still_flies_another_mission_is_only_reserved_for_the
 
 
 async def test_a_refused_mission_leaves_the_drone_free(api: Any, drone: dict[str, Any]) -> None:
-    await tell(api, make_report(drone, 1, kind="REFUSED", mission_state="REFUSED"))
+    await report_to(api, make_report(drone, 1, kind="REFUSED", mission_state="REFUSED"))
 
     assert await shown(api, drone) == ("AVAILABLE", None)
 
@@ -132,8 +132,8 @@ async def test_a_refused_mission_leaves_the_drone_free(api: Any, drone: dict[str
 async def test_a_late_copy_of_a_report_does_not_revive_a_mission(
     api: Any, drone: dict[str, Any]
 ) -> None:
-    await tell(api, make_report(drone, 3, **ENDED), make_report(drone, 1))
-    await tell(api, make_report(drone, 3, **ENDED), make_report(drone, 2, **ACTIVE))
+    await report_to(api, make_report(drone, 3, **ENDED), make_report(drone, 1))
+    await report_to(api, make_report(drone, 3, **ENDED), make_report(drone, 2, **ACTIVE))
 
     assert await shown(api, drone) == ("AVAILABLE", None)
 
@@ -141,13 +141,13 @@ async def test_a_late_copy_of_a_report_does_not_revive_a_mission(
 async def test_an_ended_mission_does_not_free_a_drone_with_another_mission(
     api: Any, drone: dict[str, Any]
 ) -> None:
-    await tell(api, make_report(drone, 1, mission_id="msn_2"), make_report(drone, 3, **ENDED))
+    await report_to(api, make_report(drone, 1, mission_id="msn_2"), make_report(drone, 3, **ENDED))
 
     assert await shown(api, drone) == ("RESERVED", "msn_2")
 
 
 async def test_a_report_under_another_provider_is_ignored(api: Any, drone: dict[str, Any]) -> None:
-    await tell(
+    await report_to(
         api,
         make_report(drone, 1, provider_id="prv_other"),
         make_report(drone, 1, drone_id="drn_unknown"),
@@ -157,7 +157,7 @@ async def test_a_report_under_another_provider_is_ignored(api: Any, drone: dict[
 
 
 async def test_fields_of_a_newer_composition_are_ignored(api: Any, drone: dict[str, Any]) -> None:
-    await tell(api, make_report(drone, 1, wind_mps=3.0))
+    await report_to(api, make_report(drone, 1, wind_mps=3.0))
 
     assert await shown(api, drone) == ("RESERVED", "msn_1")
 
@@ -170,17 +170,17 @@ async def test_an_ended_mission_that_the_drone_still_names_does_not_count(
     await Recorder(db, clock).record([busy])
     before = await shown(api, drone)
 
-    await tell(api, make_report(drone, 3, kind="ENDED", mission_state="ABORTED"))
+    await report_to(api, make_report(drone, 3, kind="ENDED", mission_state="ABORTED"))
 
     assert (before, await shown(api, drone)) == (("ON_MISSION", "msn_1"), ("AVAILABLE", None))
 
 
 async def test_a_drone_on_a_mission_cannot_be_removed(api: Any, drone: dict[str, Any]) -> None:
     path = f"/v1/providers/{drone['provider_id']}/drones/{drone['drone_id']}"
-    await tell(api, make_report(drone, 1))
+    await report_to(api, make_report(drone, 1))
 
     during = await api("operator:op", "DELETE", path)
-    await tell(api, make_report(drone, 2, **ENDED))
+    await report_to(api, make_report(drone, 2, **ENDED))
     after = await api("operator:op", "DELETE", path)
 
     assert (during.status_code, during.json()["code"]) == (409, "ON_MISSION")
@@ -191,10 +191,10 @@ async def test_a_drone_on_a_mission_cannot_be_removed(api: Any, drone: dict[str,
 async def test_ended_missions_are_forgotten_after_a_day(
     api: Any, drone: dict[str, Any], db: Database, clock: ManualClock
 ) -> None:
-    await tell(api, make_report(drone, 1, **ENDED))
+    await report_to(api, make_report(drone, 1, **ENDED))
     clock.advance(timedelta(hours=25))
 
-    await tell(api, make_report(drone, 1, mission_id="msn_2", **ENDED))
+    await report_to(api, make_report(drone, 1, mission_id="msn_2", **ENDED))
 
     async with db.read() as connection:
         left = (await connection.execute(select(mission_hints.c.mission_id))).scalars().all()

@@ -50,9 +50,9 @@ class History:
 
     async def keeps(self, *samples: Telemetry) -> None:
         wall_ms = moment_to_ms(self.clock.wall_now())
-        heard = [ReceivedSample(DroneId(self.drone_id), sample, wall_ms) for sample in samples]
+        received = [ReceivedSample(DroneId(self.drone_id), sample, wall_ms) for sample in samples]
         async with self.db.write() as tx:
-            await store.add(tx, heard)
+            await store.add(tx, received)
 
     async def asks(self, query: str = "") -> Any:
         answer = await self.api(f"provider:{self.provider_id}", "GET", f"{self.path}?{query}")

@@ -55,14 +55,14 @@ async def test_samples_from_the_broker_are_stored(
 async def test_replicas_store_a_sample_once(
     history: Any, db: Database, clock: ManualClock, make_sample: Any
 ) -> None:
-    heard = [(DroneId(history.drone_id), make_sample(later_s)) for later_s in range(50)]
+    received = [(DroneId(history.drone_id), make_sample(later_s)) for later_s in range(50)]
     replicas = [TelemetryRecorder(db, clock) for _ in range(2)]
-    replicas[0].accept(heard)
-    replicas[1].accept(reversed(heard))
+    replicas[0].accept(received)
+    replicas[1].accept(reversed(received))
 
     await asyncio.gather(*(replica.step() for replica in replicas))
 
-    assert len(await history.shows()) == len(heard)
+    assert len(await history.shows()) == len(received)
 
 
 async def test_samples_are_written_a_batch_at_a_time(

@@ -9,7 +9,7 @@ SECONDS = [f"2026-03-01T12:00:0{second}Z" for second in range(6)]
 
 
 @pytest.fixture
-async def told(history: Any, make_sample: Any) -> Any:
+async def six_samples(history: Any, make_sample: Any) -> Any:
     """A drone that measured once a second for six seconds."""
     await history.keeps(*(make_sample(second, soc=0.9 - second / 10) for second in range(6)))
     return history
@@ -27,15 +27,15 @@ async def told(history: Any, make_sample: Any) -> Any:
         ("resolution=minute", SECONDS[:1]),
     ],
 )
-async def test_telemetry_is_read_by_time(told: Any, query: str, expected: list[str]) -> None:
-    assert await told.moments(query) == expected
+async def test_telemetry_is_read_by_time(six_samples: Any, query: str, expected: list[str]) -> None:
+    assert await six_samples.moments(query) == expected
 
 
 @pytest.mark.parametrize("query", ["", "&resolution=raw"])
-async def test_a_long_period_is_read_in_pages(told: Any, query: str) -> None:
+async def test_a_long_period_is_read_in_pages(six_samples: Any, query: str) -> None:
     pages, cursor = [], ""
     while True:
-        page = await told.asks(f"limit=4{query}{cursor}")
+        page = await six_samples.asks(f"limit=4{query}{cursor}")
         pages.append([item["at"] for item in page["items"]])
         if page["next_cursor"] is None:
             break
@@ -103,12 +103,12 @@ async def test_a_period_with_too_many_samples_is_shown_by_minutes(
 
 
 @pytest.mark.parametrize("ask", ["query", "header"])
-async def test_a_map_gets_points_with_times(told: Any, ask: str) -> None:
+async def test_a_map_gets_points_with_times(six_samples: Any, ask: str) -> None:
     query, accept = ("format=geojson", "*/*") if ask == "query" else ("", "application/geo+json")
 
-    answer = await told.api.client.get(
-        f"{told.path}?limit=1&{query}",
-        headers={"Skyway-Caller": f"provider:{told.provider_id}", "Accept": accept},
+    answer = await six_samples.api.client.get(
+        f"{six_samples.path}?limit=1&{query}",
+        headers={"Skyway-Caller": f"provider:{six_samples.provider_id}", "Accept": accept},
     )
 
     assert answer.headers["content-type"] == "application/geo+json"
@@ -121,7 +121,7 @@ async def test_a_map_gets_points_with_times(told: Any, ask: str) -> None:
                 "type": "Feature",
                 "geometry": {"type": "Point", "coordinates": [-98.0, 29.5]},
                 "properties": {
-                    "drone_id": told.drone_id,
+                    "drone_id": six_samples.drone_id,
                     "at": "2026-03-01T12:00:00.000Z",
                     "soc": 0.9,
                     "power_w": 600.0,
@@ -133,49 +133,51 @@ async def test_a_map_gets_points_with_times(told: Any, ask: str) -> None:
     }
 
 
-async def test_a_minute_on_a_map_has_flat_properties(told: Any) -> None:
-    collection = await told.asks("format=geojson&resolution=minute")
+async def test_a_minute_on_a_map_has_flat_properties(six_samples: Any) -> None:
+    collection = await six_samples.asks("format=geojson&resolution=minute")
 
     properties = collection["features"][0]["properties"]
     assert (properties["samples"], properties["max_soc"]) == (6, 0.9)
     assert all(isinstance(value, (str, int, float)) for value in properties.values())
 
 
-async def test_a_drone_reads_its_own_telemetry(told: Any) -> None:
-    own = await told.api(f"drone:{told.drone_id}", "GET", told.path)
+async def test_a_drone_reads_its_own_telemetry(six_samples: Any) -> None:
+    own = await six_samples.api(f"drone:{six_samples.drone_id}", "GET", six_samples.path)
 
     assert len(own.json()["items"]) == 6
 
 
-async def test_other_drones_and_providers_may_not_read_it(told: Any) -> None:
-    other = await told.api.provider()
-    others_drone = (await told.api.drone(other))["drone_id"]
-    neighbour = (await told.api.drone(told.provider_id))["drone_id"]
-    under_me = told.path.replace(told.provider_id, other)
+async def test_other_drones_and_providers_may_not_read_it(six_samples: Any) -> None:
+    other = await six_samples.api.provider()
+    others_drone = (await six_samples.api.drone(other))["drone_id"]
+    neighbour = (await six_samples.api.drone(six_samples.provider_id))["drone_id"]
+    under_me = six_samples.path.replace(six_samples.provider_id, other)
 
     answers = [
-        await told.api(f"provider:{other}", "GET", told.path),
-        await told.api(f"provider:{other}", "GET", under_me),
-        await told.api("operator:op", "GET", under_me),
-        await told.api(f"drone:{others_drone}", "GET", told.path),
-        await told.api(f"drone:{neighbour}", "GET", told.path),
-        await told.api("operator:op", "GET", told.path.replace(told.drone_id, "drn_none")),
+        await six_samples.api(f"provider:{other}", "GET", six_samples.path),
+        await six_samples.api(f"provider:{other}", "GET", under_me),
+        await six_samples.api("operator:op", "GET", under_me),
+        await six_samples.api(f"drone:{others_drone}", "GET", six_samples.path),
+        await six_samples.api(f"drone:{neighbour}", "GET", six_samples.path),
+        await six_samples.api(
+            "operator:op", "GET", six_samples.path.replace(six_samples.drone_id, "drn_none")
+        ),
     ]
 
     assert [answer.status_code for answer in answers] == [404] * 6
 
 
 @pytest.mark.parametrize("caller", ["customer:c", None])
-async def test_customers_may_not_read_telemetry(told: Any, caller: str | None) -> None:
-    assert (await told.api(caller, "GET", told.path)).status_code == 403
+async def test_customers_may_not_read_telemetry(six_samples: Any, caller: str | None) -> None:
+    assert (await six_samples.api(caller, "GET", six_samples.path)).status_code == 403
 
 
-async def test_a_removed_drone_is_not_shown(told: Any) -> None:
-    drone = told.path.removesuffix("/telemetry")
+async def test_a_removed_drone_is_not_shown(six_samples: Any) -> None:
+    drone = six_samples.path.removesuffix("/telemetry")
 
-    await told.api(f"provider:{told.provider_id}", "DELETE", drone)
+    await six_samples.api(f"provider:{six_samples.provider_id}", "DELETE", drone)
 
-    assert (await told.api("operator:op", "GET", told.path)).status_code == 404
+    assert (await six_samples.api("operator:op", "GET", six_samples.path)).status_code == 404
 
 
 @pytest.mark.parametrize(
@@ -193,15 +195,19 @@ async def test_a_removed_drone_is_not_shown(told: Any) -> None:
         ("since=2026-03-01T12:00:00Z", "since"),
     ],
 )
-async def test_an_invalid_query_is_refused(told: Any, query: str, field: str) -> None:
-    answer = await told.api(f"provider:{told.provider_id}", "GET", f"{told.path}?{query}")
+async def test_an_invalid_query_is_refused(six_samples: Any, query: str, field: str) -> None:
+    answer = await six_samples.api(
+        f"provider:{six_samples.provider_id}", "GET", f"{six_samples.path}?{query}"
+    )
 
     assert answer.status_code == 422
     assert field in {error["field"].split(".")[-1] for error in answer.json()["errors"]}
 
 
-async def test_later_samples_can_be_read_from_the_last_one_on(told: Any, make_sample: Any) -> None:
-    told.clock.advance(timedelta(seconds=6))
-    await told.keeps(make_sample())
+async def test_later_samples_can_be_read_from_the_last_one_on(
+    six_samples: Any, make_sample: Any
+) -> None:
+    six_samples.clock.advance(timedelta(seconds=6))
+    await six_samples.keeps(make_sample())
 
-    assert await told.moments("from=2026-03-01T12:00:05.001Z") == ["2026-03-01T12:00:06Z"]
+    assert await six_samples.moments("from=2026-03-01T12:00:05.001Z") == ["2026-03-01T12:00:06Z"]

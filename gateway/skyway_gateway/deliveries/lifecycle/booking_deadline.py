@@ -19,5 +19,5 @@ def give_up_at(request: DeliveryRequest, clock: FleetClock) -> datetime:
     if request.qos.deadline_at is not None:
         return request.qos.deadline_at
     now = clock.now()
-    patience = fleet_margin(clock, fleet_s=_BUSY_FLEET_S, wall_s=_BUSY_WALL_S)
-    return max(now, request.earliest_pickup_at or now) + patience
+    margin = fleet_margin(clock, fleet_s=_BUSY_FLEET_S, wall_s=_BUSY_WALL_S)
+    return max(now, request.earliest_pickup_at or now) + margin

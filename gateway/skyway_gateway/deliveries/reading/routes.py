@@ -67,9 +67,9 @@ def _add_lists(router: ServiceRouter, db: Database, gate: KeyGate) -> None:
         Callers: customer, operator.
         """
         caller.must_be("customer", "operator")
-        wanted = DeliveryFilter(query.state, query.reference)
+        filters = DeliveryFilter(query.state, query.reference)
         async with db.read() as connection:
-            found = await read_store.page_of(connection, caller, query, wanted)
+            found = await read_store.page_of(connection, caller, query, filters)
         return page_of(found, query, item=lambda it: it, sort_key=lambda it: (it.delivery_id,))
 
     @router.get("/v1/providers/{provider_id}/deliveries")
@@ -176,7 +176,7 @@ def _add_events(router: ServiceRouter, db: Database, gate: KeyGate, stream: Even
             await delivery_store.one_of(connection, caller, delivery_id)
         after = last_event_id or 0
         if await stream.is_over(delivery_id, after=after):
-            # What tells an EventSource not to connect again.
+            # 204 stops an EventSource from connecting again.
             return Response(status_code=204)
         return StreamingResponse(
             stream.frames(delivery_id, after=after),

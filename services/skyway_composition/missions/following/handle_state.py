@@ -79,7 +79,7 @@ def _used_more(state: DroneState) -> float:
 async def _call_off_if_over(
     work: MissionUnitOfWork, drone_id: DroneId, mission_id: MissionId, state: DroneState
 ) -> None:
-    """Tell the drone to cancel a mission that ended here without its knowledge."""
+    """Instruct the drone to cancel a mission that ended here without its knowledge."""
     ended = await store.get(work.tx.connection, mission_id, provider_id=None)
     sent = await last_cancel(work.tx, work.links[drone_id], mission_id)
     # The drone answers a CANCEL with such a state, until it has landed or handed over.

@@ -1,7 +1,8 @@
 """Recovers packages from a drone that still flies a mission that was given up.
 
 The drone was silent for so long that its mission was ended; other missions may have its pads now.
-It is told to hold at its next landing and to leave its packages there. Operators get an alarm.
+The drone is instructed to hold at its next landing and to leave its packages there. Operators get
+an alarm.
 """
 
 from functools import partial
@@ -37,7 +38,7 @@ async def raise_flies_on(work: MissionUnitOfWork, ended: MissionRecord, state: D
 
 
 async def hold_and_unload(work: MissionUnitOfWork, ended: MissionRecord, state: DroneState) -> None:
-    """Tell the drone to hold, and then to leave its packages; each instruction is sent once."""
+    """Instruct the drone to hold, and then to leave its packages; each instruction is sent once."""
     if (state.mission_revision or 0) > ended.mission.revision:
         return  # The drone follows the last revision that was sent here.
     sent = {

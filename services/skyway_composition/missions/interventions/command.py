@@ -1,4 +1,4 @@
-"""A command: what an operator tells the drone of a mission to do, and the answer."""
+"""A command: what an operator orders the drone of a mission to do, and the answer."""
 
 from typing import Annotated, Literal, Self
 

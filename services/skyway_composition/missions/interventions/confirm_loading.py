@@ -117,7 +117,7 @@ def _refuse_unless_loading(work: MissionUnitOfWork, record: MissionRecord) -> No
     if record.mission.is_held:
         raise Conflict("HELD", f"{record.mission_id} is held by an operator")
     if record.trouble is not None and record.trouble.code == PACKAGES_CANCELLED:
-        detail = f"{record.drone_id} has not been told yet what was cancelled"
+        detail = f"{record.drone_id} has not received the change for the cancelled packages"
         raise Conflict("REPLANNING", detail)
     link, pickup = work.links.get(record.drone_id), record.request.pickup.station_id
     state = None if link is None else link.state
@@ -135,7 +135,7 @@ def _refuse_unless_loading(work: MissionUnitOfWork, record: MissionRecord) -> No
 async def _confirm(
     work: MissionUnitOfWork, record: MissionRecord, listed: Sequence[PackageOnBoard]
 ) -> None:
-    """Request a new plan with the measured masses; it tells the drone to take off."""
+    """Request a new plan with the measured masses; with it the drone takes off."""
     measured_kg = {each.package_id: each.mass_kg for each in listed}
     packages = tuple(
         each.model_copy(update={"mass_kg": measured_kg[each.package_id]})

@@ -58,10 +58,10 @@ async def stop_packages(
     too_late = [each for each in own if each not in carried and each not in waiting]
 
     steps = await steps_of(work.tx.connection, record.mission_id)
-    takes_others = len(waiting) < len(record.request.packages)
+    carries_others = len(waiting) < len(record.request.packages)
     link = work.links[record.drone_id]
     if waiting and not _can_stay_at_pickup(
-        record, steps, work.clock, link=link, needs_plan=takes_others
+        record, steps, work.clock, link=link, needs_plan=carries_others
     ):
         if record.mission.state == "BOOKED":
             too_late += waiting
@@ -103,7 +103,7 @@ async def return_cancelled_packages(
     """Add cancelled packages to the mission again and have them brought back.
 
     They were cancelled while the drone loaded them. Without a new plan the drone would deliver
-    packages of which the customer was told that they stay.
+    packages although the customer was notified that they stay.
     """
     pickup = record.request.pickup
     added = tuple(
@@ -172,7 +172,7 @@ def _can_stay_at_pickup(
         return True
     if link.is_gone:
         return False
-    margin = _time_to_tell(clock, needs_plan=needs_plan)
+    margin = _time_to_notify(clock, needs_plan=needs_plan)
     return all(
         each.step.planned_start_at > clock.now() + margin
         for each in steps
@@ -180,6 +180,6 @@ def _can_stay_at_pickup(
     )
 
 
-def _time_to_tell(clock: FleetClock, *, needs_plan: bool) -> timedelta:
+def _time_to_notify(clock: FleetClock, *, needs_plan: bool) -> timedelta:
     wall_s = _PLANNED_WITHIN_S if needs_plan else _REACHES_DRONE_WITHIN_S
     return fleet_margin(clock, fleet_s=5, wall_s=wall_s)

@@ -41,7 +41,7 @@ async def complete(work: MissionUnitOfWork, record: MissionRecord, *, at: dateti
 
 
 async def cancel(work: MissionUnitOfWork, record: MissionRecord, *, code: str, detail: str) -> None:
-    """End a mission that has nothing on board, and tell its drone to cancel it.
+    """End a mission that has nothing on board, and instruct its drone to cancel it.
 
     A drone that has started the mission refuses to cancel, flies it to its end, and stays busy
     until then.
@@ -76,7 +76,7 @@ async def abort(
     """End a mission that cannot continue; packages on board are stranded where the drone stands.
 
     `station_id` is given when the drone has just reported where it stands. A drone that waits for
-    a revision is told to cancel the mission, so that it can serve again.
+    a revision is instructed to cancel the mission, so that it can serve again.
     """
     if record.mission.state == "BOOKED":
         await refuse(work, record, code=code, detail=detail)

@@ -53,7 +53,7 @@ def mission_draft(mission: Mission, steps: Sequence[FlightStep]) -> Draft:
 async def call_off(
     work: MissionUnitOfWork, drone_id: DroneId, *, mission_id: MissionId, revision: int, reason: str
 ) -> None:
-    """Tell the drone to cancel a mission, unless such an instruction is still unanswered."""
+    """Instruct the drone to cancel a mission, unless such an instruction is unanswered."""
     sent = await open_instructions(work.tx, drone_id)
     if any(each.kind == "CANCEL" and each.mission_id == mission_id for each in sent):
         return
@@ -82,7 +82,7 @@ async def send_again(work: MissionUnitOfWork, record: MissionRecord) -> None:
 
 
 async def hold(work: MissionUnitOfWork, record: MissionRecord, *, reason: str) -> InstructionId:
-    """Tell the drone to hold: it flies to its next landing and starts nothing there.
+    """Instruct the drone to hold: it flies to its next landing and starts nothing there.
 
     A RESUME or new steps end the hold. Returns the id of the instruction.
     """
@@ -96,7 +96,7 @@ async def hold(work: MissionUnitOfWork, record: MissionRecord, *, reason: str) -
 
 
 async def resume(work: MissionUnitOfWork, record: MissionRecord) -> InstructionId:
-    """Tell the drone to continue; returns the id of the instruction."""
+    """Instruct the drone to continue; returns the id of the instruction."""
     draft = partial(
         ResumeInstruction,
         mission_id=record.mission_id,

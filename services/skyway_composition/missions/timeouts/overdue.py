@@ -59,15 +59,15 @@ class OverdueMissions:
     async def step(self) -> bool:
         """End the missions that are overdue now."""
         now = self.clock.now()
-        patience = fleet_margin(self.clock, fleet_s=3_600, wall_s=120)
+        longest_wait = fleet_margin(self.clock, fleet_s=3_600, wall_s=120)
         async with self.db.read() as connection:
             drone_ids = await perhaps_overdue(
                 connection,
                 expired_ms=moment_to_ms(now),
-                released_ms=moment_to_ms(now - patience),
+                released_ms=moment_to_ms(now - longest_wait),
             )
         for drone_id in drone_ids:
-            await self._judge(drone_id, silent_since=now - patience)
+            await self._judge(drone_id, silent_since=now - longest_wait)
         return False
 
     async def _judge(self, drone_id: DroneId, *, silent_since: datetime) -> None:

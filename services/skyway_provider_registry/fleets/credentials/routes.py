@@ -78,7 +78,7 @@ def credential_routes(
     async def enrol_drone(
         request: Request,
         caller: Annotated[Caller, Depends(gate)],
-        wanted: EnrolmentRequest,
+        requested: EnrolmentRequest,
         idempotency_key: IdempotencyKey = None,
     ) -> Response:
         """Exchange an enrolment token for a drone's credentials, once.
@@ -88,10 +88,12 @@ def credential_routes(
         caller.must_be("service")
 
         async with db.read() as connection:
-            await tokens.must_exist(connection, token_hash(wanted.enrolment_token))
+            await tokens.must_exist(connection, token_hash(requested.enrolment_token))
 
         async def act(tx: Tx) -> Enrolment:
-            return await enrol(tx, wanted.enrolment_token, issuer=issuer, wall_now=clock.wall_now())
+            return await enrol(
+                tx, requested.enrolment_token, issuer=issuer, wall_now=clock.wall_now()
+            )
 
         answer = await answer_once(request, caller, idempotency_key, act)
         await password_file.refresh()

@@ -1,4 +1,4 @@
-"""Who confirms what is loaded on a provider's drones; numbers that tell what has changed."""
+"""Who confirms what is loaded on a provider's drones; numbers that show what has changed."""
 
 import sqlalchemy as sa
 from alembic import op

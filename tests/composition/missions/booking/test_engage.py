@@ -26,7 +26,7 @@ ROW = NetworkId("row")
 BUMP = update(networks).values(conditions=networks.c.conditions + 1)
 
 
-async def take(composition: Any, *, version: int = 1) -> Any:
+async def engage_mission(composition: Any, *, version: int = 1) -> Any:
     async with composition.db.write() as tx:
         return await claim_in_one_statement(
             tx, Present(ROW, version, 0), DRONE, PROVIDER, station_ids=[StationId("a")]
@@ -53,14 +53,14 @@ async def blocked(composition: Any, *, on: str) -> None:
 
 
 async def test_a_drone_without_a_link_cannot_be_claimed(composition: Any) -> None:
-    assert await take(composition) is None
+    assert await engage_mission(composition) is None
 
 
 async def test_nothing_is_claimed_in_another_network_version(composition: Any) -> None:
     await composition.book()
 
-    assert await take(composition, version=2) is None
-    assert (await take(composition)).seq == 2
+    assert await engage_mission(composition, version=2) is None
+    assert (await engage_mission(composition)).seq == 2
 
 
 async def test_a_claim_that_waited_for_a_link_gets_the_next_number(
@@ -68,21 +68,21 @@ async def test_a_claim_that_waited_for_a_link_gets_the_next_number(
 ) -> None:
     await composition.book()
     async with link_held(composition):
-        taking = asyncio.create_task(take(composition))
+        engaging = asyncio.create_task(engage_mission(composition))
         await blocked(composition, on="locked")
 
-    assert (await taking).seq == 3
+    assert (await engaging).seq == 3
 
 
 async def test_a_claim_that_waited_for_a_changed_network_fails(composition: Any, make: Any) -> None:
     await composition.book()
     async with composition.db.write() as tx:
         await lock_version(tx, ROW)
-        taking = asyncio.create_task(take(composition))
+        engaging = asyncio.create_task(engage_mission(composition))
         await blocked(composition, on="locked")
         await tx.execute(BUMP)
 
-    assert await taking is None
+    assert await engaging is None
 
 
 async def test_a_claimed_station_stays_locked_until_the_transaction_ends(composition: Any) -> None:

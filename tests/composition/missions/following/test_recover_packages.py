@@ -42,7 +42,7 @@ async def new_instructions(composition: Any) -> list[Any]:
     return [each for each in await composition.sent() if each.kind != "REPORT"]
 
 
-async def test_the_drone_is_told_to_hold_and_an_alarm_is_raised(
+async def test_the_drone_is_instructed_to_hold_and_an_alarm_is_raised(
     composition: Any, drone: Any
 ) -> None:
     first = await back_after_hours(composition, drone)

@@ -79,7 +79,7 @@ async def test_a_repeated_cancellation_gets_the_same_answer_and_does_nothing(
 ) -> None:
     instruction = await begin.loaded(composition, drone, make, "b", "c")
     first = await cancel(composition, "p1")
-    told_before = len(await composition.reports())
+    reports_before = len(await composition.reports())
     delivered = next(s.step_id for s in instruction.steps if s.kind == "DELIVER")
     await composition.receive(
         *(
@@ -93,7 +93,7 @@ async def test_a_repeated_cancellation_gets_the_same_answer_and_does_nothing(
             for step in instruction.steps[1:delivered]
         )
     )
-    delivered_reports = len(await composition.reports()) - told_before
+    delivered_reports = len(await composition.reports()) - reports_before
 
     second = await cancel(composition, "p1")
     another = await cancel(composition, "p1", cancellation_id="cnl_2")
@@ -101,7 +101,7 @@ async def test_a_repeated_cancellation_gets_the_same_answer_and_does_nothing(
     assert first.json() == second.json()
     assert first.json()["returning"] == ["p1"]
     assert another.json()["too_late"] == ["p1"]
-    assert len(await composition.reports()) == told_before + delivered_reports
+    assert len(await composition.reports()) == reports_before + delivered_reports
 
 
 async def test_two_concurrent_equal_cancellations_count_once(

@@ -17,7 +17,7 @@ HOLD = {"command": "HOLD", "reason": "a crowd"}
 LOADED = {"packages": [{"package_id": "p1", "mass_kg": 0.4}]}
 
 
-async def somebody_waits(composition: Any) -> None:
+async def until_a_lock_is_waited_for(composition: Any) -> None:
     """Return once a transaction waits for a row that another transaction has locked."""
     async with asyncio.timeout(20):
         while not await composition.rows(
@@ -58,7 +58,7 @@ async def test_an_intervention_locks_the_drone_before_the_mission(
     async with composition.db.write() as tx:
         await lock_links(tx, [DroneId("drn_1")])
         call = asyncio.create_task(composition(caller, "POST", path, body))
-        await somebody_waits(composition)
+        await until_a_lock_is_waited_for(composition)
         free = [await free_rows(composition, table) for table in ("deliveries", "missions")]
 
     assert free == [free_deliveries, 1]

@@ -25,7 +25,7 @@ def test_a_package_cannot_pass_to_its_present_custodian() -> None:
     assert not may_pass(Held(P1, 2, DRONE), DRONE)
 
 
-def test_packages_on_board_and_delivered_packages_are_told_apart() -> None:
+def test_packages_on_board_and_delivered_packages_are_distinguished() -> None:
     held = {P1: Held(P1, 2, DRONE), P2: Held(P2, 3, RECIPIENT)}
 
     assert on_board(held) == frozenset({P1})

@@ -246,9 +246,9 @@ async def test_a_change_during_a_proposal_is_checked_against_the_new_plan(
     assert await trouble_code(composition) == "MORE_ENERGY"
 
 
-@pytest.mark.parametrize("is_told_first", ["state", "event"])
+@pytest.mark.parametrize("first_message", ["state", "event"])
 async def test_a_report_with_the_proposed_revision_accepts_the_proposal(
-    composition: Any, drone: Any, is_told_first: str
+    composition: Any, drone: Any, first_message: str
 ) -> None:
     first, proposal = await proposed(composition, drone)
     landed = drone.ended(first, [first.steps[1]])
@@ -263,7 +263,7 @@ async def test_a_report_with_the_proposed_revision_accepts_the_proposal(
     )
 
     # Its answer was lost: the drone answers again when the proposal is repeated.
-    await composition.receive(*landed, *([on_pad] if is_told_first == "state" else []), lost)
+    await composition.receive(*landed, *([on_pad] if first_message == "state" else []), lost)
     await composition.receive(drone.ack(proposal))
 
     assert [each.kind for each in await composition.reports()].count("REPLANNED") == 1

@@ -277,11 +277,11 @@ async def test_a_plan_requested_during_planning_is_not_put_off(
     first = await flown_until(composition, drone, failing=3, station_id="b")
     db, clock = composition.db, composition.clock
     found = []
-    for is_wanted in (False, True):
+    for is_requested in (False, True):
         await claim_stuck(db, clock, "test")
         later_ms = moment_to_ms(clock.wall_now()) + 2_000
         async with db.write() as tx:
-            if is_wanted:
+            if is_requested:
                 await plan_now(tx, first.mission_id)
             await put_off(tx, first.mission_id, until_wall_ms=later_ms)
         found.append(await claim_stuck(db, clock, "test"))

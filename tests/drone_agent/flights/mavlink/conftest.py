@@ -51,7 +51,7 @@ class Peer:
         self.released = 0
         self.modes: list[int] = []
         #: How many messages of a type get lost before or after the peer; types that are sent twice.
-        self.not_heard: Counter[str] = Counter()
+        self.lost_messages: Counter[str] = Counter()
         self.not_sent: Counter[str] = Counter()
         self.sent_twice: set[str] = set()
         #: Answers other than ACCEPTED by command, and the item that the peer refuses.
@@ -78,8 +78,8 @@ class Peer:
     def read(self) -> None:
         while (message := self.connection.recv_msg()) is not None:
             kind = message.get_type()
-            if self.not_heard[kind] > 0:
-                self.not_heard[kind] -= 1
+            if self.lost_messages[kind] > 0:
+                self.lost_messages[kind] -= 1
                 continue
             handler = getattr(self, f"on_{kind.lower()}", None)
             if handler is not None:

@@ -37,8 +37,8 @@ async def test_a_mission_of_two_flights_is_flown_with_its_hand_overs(
 ) -> None:
     await until(lambda: flown.is_over)
 
-    told = [(event.event, event.step_kind, event.station_id) for event in flown.events]
-    assert told == [
+    reported = [(event.event, event.step_kind, event.station_id) for event in flown.events]
+    assert reported == [
         ("STEP_ENDED", "PICK_UP", "home"),
         ("STEP_ENDED", "FLY", "over"),
         ("STEP_ENDED", "FLY", "shop"),
@@ -69,7 +69,7 @@ async def test_released_flights_are_uploaded_up_to_their_landing(
 async def test_messages_lost_and_repeated_change_nothing(
     world: Any, vehicle: Any, peer: Any, cloud: Any, errand: Any, until: Any
 ) -> None:
-    peer.not_heard.update(MISSION_COUNT=1, MISSION_ITEM_INT=1)
+    peer.lost_messages.update(MISSION_COUNT=1, MISSION_ITEM_INT=1)
     peer.not_sent.update(COMMAND_ACK=1, MISSION_ITEM_REACHED=3)
     peer.sent_twice = {"MISSION_REQUEST_INT", "MISSION_ACK", "COMMAND_ACK", "MISSION_ITEM_REACHED"}
     await world.start()
@@ -109,7 +109,7 @@ async def test_an_autopilot_that_does_not_arm_fails_the_step(
     assert (world.events[-1].code, world.events[-1].station_id) == ("AUTOPILOT_REFUSED", "home")
 
 
-async def test_a_release_that_nobody_confirms_is_unknown_and_never_repeated(
+async def test_an_unconfirmed_release_is_unknown_and_never_repeated(
     flown: Any, peer: Any, until: Any
 ) -> None:
     peer.unanswered.add(211)
@@ -148,7 +148,7 @@ async def test_an_agent_killed_in_flight_continues_the_flight(
 async def test_an_agent_killed_in_a_hand_over_never_repeats_the_release(
     flown: Any, peer: Any, vehicle: Any, until: Any
 ) -> None:
-    peer.unanswered.add(211)  # it is killed before it hears that the package is gone
+    peer.unanswered.add(211)  # killed before the answer arrives
     await until(lambda: peer.released == 1)
     await flown.kill()
     await vehicle()

@@ -47,14 +47,14 @@ class FakeCloud:
         self._clock = air.clock
         self._parcels = {one.package_id: one for one in parcels}
         self._asked_at = -1e9
-        air.listener = self._hear
+        air.listener = self._receive
         self.state: DroneState | None = None
         self.is_over = self.is_down = False
         self.story: list[str] = []
-        #: Custody as events tell it: "pickup", "drone", "DELIVER" or "RETURN".
+        #: Custody according to events: "pickup", "drone", "DELIVER" or "RETURN".
         self.places = {one.package_id: "pickup" for one in parcels}
         self._unsure: set[str] = set()
-        self._heard: dict[int, DroneEvent] = {}
+        self._received: dict[int, DroneEvent] = {}
         self.steps: list[FlightStep] = []
         self._revision = self._accepted_revision = 0
         self._is_asked = self._is_cancelled = self._is_loading = False
@@ -66,13 +66,13 @@ class FakeCloud:
 
     # What comes
 
-    def _hear(self, topic: Topic[Any], message: Any) -> None:
+    def _receive(self, topic: Topic[Any], message: Any) -> None:
         if self.mail.is_silent:
             return
         if topic.template == ACKS.template:
-            self.mail.hear(message)
+            self.mail.receive(message)
         elif topic.template == EVENTS.template:
-            self._heard.setdefault(message.seq, message)
+            self._received.setdefault(message.seq, message)
         elif topic.template == STATE.template:
             is_newer = self.state is None or (message.session, message.seq) > (
                 self.state.session,
@@ -84,11 +84,11 @@ class FakeCloud:
 
     def _follow(self) -> None:
         """Take the events in their order."""
-        while (event := self._heard.get(self.mail.events_through + 1)) is not None:
+        while (event := self._received.get(self.mail.events_through + 1)) is not None:
             self.mail.events_through += 1
-            self._take(event)
+            self._handle(event)
 
-    def _take(self, event: DroneEvent) -> None:
+    def _handle(self, event: DroneEvent) -> None:
         if event.event == "ALARM":
             return
         self.story.append(f"{event.event} {event.step_id} {event.step_kind} {event.code or ''}")
@@ -96,7 +96,7 @@ class FakeCloud:
             case "MISSION_ENDED":
                 self.is_over = True
             case "STEP_ENDED" if event.code != "CUT":
-                self._take_end(event)
+                self._handle_end(event)
             case "STEP_FAILED":
                 self._failed = event
                 self._next_step = max(self._next_step, (event.step_id or 0) + 1)
@@ -108,7 +108,7 @@ class FakeCloud:
             load = {key: self._mass(key) for key, at in self.places.items() if at == "drone"}
             self._standing = Standing(event.station_id, event.soc, load)
 
-    def _take_end(self, event: DroneEvent) -> None:
+    def _handle_end(self, event: DroneEvent) -> None:
         self._plans_in_vain = 0
         self._next_step = max(self._next_step, (event.step_id or 0) + 1)
         for package_id in event.package_ids:

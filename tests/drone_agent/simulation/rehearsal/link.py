@@ -63,7 +63,7 @@ class Air:
 
     def publish(self, topic: Topic[Any], message: Any) -> None:
         """The broker has the message; the cloud gets it at least once, at some time."""
-        self.witness.hear(topic, message)
+        self.witness.receive(topic, message)
         copies = max(1, self.copies())
         for _ in range(copies):
             delay_s = self.luck.uniform(0, self.habits.longest_delay_s)
@@ -166,13 +166,13 @@ class DroneLink:
         (address,) = subscriptions
         assert isinstance(address, Address)
         is_clock = address.topic.template == CLOCK.template
-        return self._anchors() if is_clock else self._heard(address)
+        return self._anchors() if is_clock else self._received(address)
 
     async def _anchors(self) -> AsyncIterator[list[Received[Any]]]:
         while True:
             yield [await self._ticks.get()]
 
-    async def _heard(self, address: Address[Any]) -> AsyncIterator[list[Received[Any]]]:
+    async def _received(self, address: Address[Any]) -> AsyncIterator[list[Received[Any]]]:
         while True:
             yield [Received(address.topic, (), await self._instructions.get(), False)]
 

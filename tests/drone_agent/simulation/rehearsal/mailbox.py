@@ -63,7 +63,7 @@ class Mailbox:
         self._waiting[self._seq] = _Sent(instruction, answered)
         self._transmit(instruction)
 
-    def hear(self, ack: Ack) -> None:
+    def receive(self, ack: Ack) -> None:
         """Note the drone's ack; only the first final answer counts."""
         if ack.status == "RECEIVED" or ack.code == "SEQUENCE_GAP":
             return

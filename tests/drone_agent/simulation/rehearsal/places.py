@@ -18,7 +18,7 @@ _METRES = {
     "lake": (1000.0, 2400.0),
 }
 
-#: The segments, both ways; whatever is further goes over a station between.
+#: The segments, both ways; longer flights go over a station between.
 _SEGMENTS = (
     ("home", "mill"),
     ("mill", "shop"),

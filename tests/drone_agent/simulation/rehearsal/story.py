@@ -22,7 +22,11 @@ from tests.drone_agent.simulation.rehearsal.link import Air, DroneLink, Habits
 from tests.drone_agent.simulation.rehearsal.low_landings import unsaid
 from tests.drone_agent.simulation.rehearsal.places import DRONE
 from tests.drone_agent.simulation.rehearsal.plan import Parcel
-from tests.drone_agent.simulation.rehearsal.virtual_time import NobodyWaits, VirtualClock, run_in
+from tests.drone_agent.simulation.rehearsal.virtual_time import (
+    NothingIsWaitedFor,
+    VirtualClock,
+    run_in,
+)
 from tests.drone_agent.simulation.rehearsal.whims import Whim, whims_of
 from tests.drone_agent.simulation.rehearsal.witness import Witness
 from tests.drone_agent.simulation.rehearsal.yard import WatchedVehicle, Yard
@@ -58,7 +62,7 @@ class Ending:
     story: Story
     broken: list[str]
     events: list[DroneEvent]
-    told: list[str]
+    reported: list[str]
     writes: int
     step_kinds: list[str] = field(default_factory=list)
     over_at_s: float = 0.0
@@ -69,14 +73,14 @@ class Ending:
         return b"\n".join(event.model_dump_json().encode() for event in self.events)
 
 
-def tell(story: Story) -> Ending:
+def play(story: Story) -> Ending:
     """Run the story to its end, and see what is broken then."""
     folder = Path(tempfile.mkdtemp(prefix="rehearsal-"))
     try:
         stage = Stage(story, folder)
         try:
             run_in(stage.clock, stage.play())
-        except NobodyWaits:
+        except NothingIsWaitedFor:
             stage.findings.expect(False, "I5: everything has stopped for ever", stage.cloud.story)
         return stage.ending()
     finally:
@@ -223,7 +227,7 @@ class Stage:
             story=self.story,
             broken=self.findings.broken,
             events=self.witness.events,
-            told=self.cloud.story,
+            reported=self.cloud.story,
             writes=self.disk.writes,
             step_kinds=self.yard.kinds_begun,
             over_at_s=self.clock.elapsed_s,
@@ -233,10 +237,10 @@ class Stage:
     def _check_custody(self) -> None:
         """Check that the packages are where the drone has reported them."""
         is_unknown = any(event.code == "UNKNOWN" for event in self.witness.events)
-        for package_id, told in self.cloud.places.items():
+        for package_id, reported in self.cloud.places.items():
             true = self.yard.places.get(package_id, "pickup")
             self.findings.expect(
-                told == true or is_unknown, "I6: custody", (package_id, told, true)
+                reported == true or is_unknown, "I6: custody", (package_id, reported, true)
             )
 
 

@@ -19,7 +19,7 @@ from random import Random
 from typing import get_args
 
 from tests.drone_agent.simulation.rehearsal.disk import Crash, Moment
-from tests.drone_agent.simulation.rehearsal.story import Ending, Story, tell
+from tests.drone_agent.simulation.rehearsal.story import Ending, Story, play
 
 #: Scenarios in which failsafes have something to do, and one in which they have not.
 SCENARIOS = ("calm", "windy", "stormy", "faulty")
@@ -40,9 +40,9 @@ def crashes_of(ending: Ending, *, how_many: int | None) -> list[Crash]:
 
 def stories_of(seed: int, scenario: str, *, how_many: int | None) -> Iterator[Ending]:
     """A story, the same again, and the same with each of its crashes."""
-    first = tell(Story(seed, scenario))
-    again = tell(Story(seed, scenario))
-    if first.as_bytes() != again.as_bytes() or first.told != again.told:
+    first = play(Story(seed, scenario))
+    again = play(Story(seed, scenario))
+    if first.as_bytes() != again.as_bytes() or first.reported != again.reported:
         first.broken.append("same seed, another story")
     yield first
     luck = Random(seed)
@@ -50,7 +50,7 @@ def stories_of(seed: int, scenario: str, *, how_many: int | None) -> Iterator[En
         others: tuple[Crash, ...] = ()
         if luck.random() < 0.2:
             others = (Crash(crash.at_write + luck.randrange(1, 6), crash.moment),)
-        yield tell(Story(seed, scenario, crashes=(crash, *others)))
+        yield play(Story(seed, scenario, crashes=(crash, *others)))
 
 
 def _sweep_one(job: tuple[int, str, int | None]) -> tuple[int, list[tuple[str, str]], Counter[str]]:
@@ -75,7 +75,7 @@ def main() -> int:
     parser.add_argument("--story", help="SEED:SCENARIO[:MOMENT@WRITE...]")
     asked = parser.parse_args()
     if asked.story:
-        return _tell_one(asked.story)
+        return _play_one(asked.story)
     first, last = map(int, asked.seeds.split(":"))
     how_many = None if asked.crashes == "all" else int(asked.crashes)
     jobs = [
@@ -86,8 +86,8 @@ def main() -> int:
     began, count, kinds = time.monotonic(), 0, Counter[str]()
     seen = Counter[str]()
     with ProcessPoolExecutor(asked.workers) as pool:
-        for told, broken, what in pool.map(_sweep_one, jobs):
-            count += told
+        for reported, broken, what in pool.map(_sweep_one, jobs):
+            count += reported
             seen += what
             for story, each in broken:
                 kinds[": ".join(each.split(": ")[:2])[:70]] += 1
@@ -98,15 +98,15 @@ def main() -> int:
     return 1 if kinds else 0
 
 
-def _tell_one(text: str) -> int:
+def _play_one(text: str) -> int:
     seed, scenario, *crashes = text.split(":")
     points = [each.split("@") for each in crashes]
-    ending = tell(
+    ending = play(
         Story(int(seed), scenario, tuple(Crash(int(at), moment) for moment, at in points))  # type: ignore[arg-type]
     )
     for event in ending.events:
         print(event.model_dump_json(exclude_defaults=True))  # noqa: T201
-    print("\n".join((*ending.told, *ending.broken)))  # noqa: T201
+    print("\n".join((*ending.reported, *ending.broken)))  # noqa: T201
     return 1 if ending.broken else 0
 
 

@@ -12,7 +12,7 @@ from skyway.contracts.world import ClockAnchor
 START = datetime(2026, 3, 1, 12, tzinfo=UTC)
 
 
-class NobodyWaits(Exception):
+class NothingIsWaitedFor(Exception):
     """No task can ever continue."""
 
 
@@ -66,7 +66,7 @@ class VirtualClock:
                 self._pass(max(timedelta(0), moment - self._now))
                 awake.set_result(None)
                 return
-        raise NobodyWaits
+        raise NothingIsWaitedFor
 
     def note_absence(self) -> None:
         """Note that the agent is absent from now on for a while."""

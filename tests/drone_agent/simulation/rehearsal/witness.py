@@ -28,20 +28,20 @@ class Witness:
         """Each once, in order."""
         return [event for _, event in sorted(self._events.items())]
 
-    def hear(self, topic: Topic[Any], message: Any) -> None:
+    def receive(self, topic: Topic[Any], message: Any) -> None:
         match message:
             case Connection():
-                self._hear_connection(message)
+                self._check_connection(message)
             case DroneEvent():
-                self._hear_event(message)
+                self._check_event(message)
             case _:
-                self._hear_numbered(topic, message)
+                self._check_numbered(topic, message)
         if isinstance(message, Ack):
-            self._hear_ack(message)
+            self._check_ack(message)
         if isinstance(message, DroneState):
-            self._hear_state(message)
+            self._check_state(message)
 
-    def _hear_numbered(self, topic: Topic[Any], message: Any) -> None:
+    def _check_numbered(self, topic: Topic[Any], message: Any) -> None:
         number = (message.session, message.seq)
         last = self._last.get(topic.template, (0, 0))
         # What the broker did not confirm comes again with the number it had.
@@ -51,20 +51,20 @@ class Witness:
         )
         self._last[topic.template] = number
 
-    def _hear_connection(self, message: Connection) -> None:
+    def _check_connection(self, message: Connection) -> None:
         number = (message.session, message.connection_number)
         self._findings.expect(number >= self._connection, "I15: connection went backwards", message)
         self._connection = number
 
-    def _hear_event(self, event: DroneEvent) -> None:
+    def _check_event(self, event: DroneEvent) -> None:
         known = self._events.setdefault(event.seq, event)
         self._findings.expect(known == event, "I15: one event number, two events", event)
         kept = self._disk.kept
         self._findings.expect(
-            event.seq <= kept.last_event_seq, "I7: told before it was in the journal", event.seq
+            event.seq <= kept.last_event_seq, "I7: sent before it was in the journal", event.seq
         )
 
-    def _hear_ack(self, ack: Ack) -> None:
+    def _check_ack(self, ack: Ack) -> None:
         if ack.status == "RECEIVED" or ack.code == "SEQUENCE_GAP":
             return
         final = (ack.status, ack.code, ack.detail, str(ack.data))
@@ -76,7 +76,7 @@ class Witness:
                 kept == [ack.status], "I7: answered before it was in the journal", (ack, kept)
             )
 
-    def _hear_state(self, state: DroneState) -> None:
+    def _check_state(self, state: DroneState) -> None:
         last, self._state = self._state, state
         if last is None:
             return

@@ -1,7 +1,8 @@
 """The real world of a rehearsal: where the drone and its packages truly are, also after a crash.
 
 A step that has begun goes on by physics, whether the agent's process lives or not; so a second
-hand-over, a package from nowhere or a battery that fills by itself shows, whatever journals say.
+hand-over, a package from nowhere or a battery that fills by itself shows, even when
+journals hide it.
 """
 
 from collections.abc import Iterable
@@ -121,11 +122,11 @@ class Yard:
         match step:
             case PickUpStep():
                 package_ids = tuple(one.package_id for one in step.packages)
-                self._change_hands(step, package_ids, source=None, target="drone")
+                self._move_packages(step, package_ids, source=None, target="drone")
             case DeliverStep() | ReturnStep():
-                self._change_hands(step, step.package_ids, source="drone", target=step.kind)
+                self._move_packages(step, step.package_ids, source="drone", target=step.kind)
 
-    def _change_hands(
+    def _move_packages(
         self, step: FlightStep, package_ids: Iterable[str], *, source: str | None, target: str
     ) -> None:
         """Check that handed-over packages were there, unless the drone reported UNKNOWN."""
@@ -220,7 +221,7 @@ class Yard:
         """Check that a charge below the reserve in the air comes only after a failsafe."""
         limit = MODEL.reserve_soc - _UNSEEN_SOC
         if self._has_hidden_wear():
-            # The fault that makes it unavoidable: nobody knew, and its voltage tells late.
+            # Hidden wear makes it unavoidable: the voltage shows the wear too late.
             limit = MODEL.reserve_soc / 2 - _UNSEEN_SOC
         over_at = min(until, self.physics.outcome_of(flight).ended_at)
         if self._soc(flight, over_at) >= limit or self._soc(flight, flight.started_at) < limit:

@@ -198,7 +198,7 @@ async def test_a_busy_fleet_keeps_the_request_for_a_later_round(
         ("prv_1", "BUSY"),
         ("prv_2", "OVERWEIGHT"),
     ]
-    assert not await gateway.book_next(), "tried again at once"
+    assert not await gateway.book_next(), "tried again immediately"
     gateway.clock.advance(timedelta(seconds=3))
     assert await gateway.book_next()
 

@@ -148,8 +148,8 @@ async def test_a_package_that_is_cancelled_during_booking_is_not_carried(
     await gateway.book_next()
     delivery = await gateway.get(delivery_id)
     assert (delivery["state"], states(delivery)) == ("PLANNED", ["CANCELLED", "CREATED"])
-    [told] = await _told_to_composition(gateway)
-    assert told["package_ids"] == ["p1"]
+    [of_composition] = await _cancellations_of_composition(gateway)
+    assert of_composition["package_ids"] == ["p1"]
 
 
 async def test_a_delivery_that_is_cancelled_during_booking_is_not_flown(
@@ -172,12 +172,12 @@ async def test_a_mission_that_is_booked_too_late_is_cancelled_by_its_report(
     delivery_id = await gateway.accepted(packages=1)
     await cancel(gateway, delivery_id)
     gateway.composition.closed.clear()
-    await gateway.composition.book(delivery_id, await _wanted(gateway, delivery_id))
+    await gateway.composition.book(delivery_id, await _request_to_book(gateway, delivery_id))
     for _ in range(2):
         assert (await gateway.report(delivery_id, "ACCEPTED", seq=1)).status_code == 204
-    told = await _told_to_composition(gateway)
-    assert {one["cancellation_id"] for one in told} == {f"late_msn_{delivery_id[4:]}_1"}
-    assert told[0]["package_ids"] == ["p1"]
+    of_composition = await _cancellations_of_composition(gateway)
+    assert {one["cancellation_id"] for one in of_composition} == {f"late_msn_{delivery_id[4:]}_1"}
+    assert of_composition[0]["package_ids"] == ["p1"]
     assert (await gateway.get(delivery_id))["missions"] == []
 
 
@@ -378,13 +378,13 @@ async def _booked_in_composition(gateway: Gateway) -> None:
     await gateway.composition.book(delivery.delivery_id, wanted)
 
 
-async def _wanted(gateway: Gateway, delivery_id: str) -> Any:
+async def _request_to_book(gateway: Gateway, delivery_id: str) -> Any:
     request = DeliveryRequest.model_validate((await gateway.get(delivery_id))["request"])
     shortlist = Shortlist.of(gateway.registry.candidates_now)
     return BookMissions(attempt=1, request=request, shortlist=shortlist)
 
 
-async def _told_to_composition(gateway: Gateway) -> list[dict[str, Any]]:
+async def _cancellations_of_composition(gateway: Gateway) -> list[dict[str, Any]]:
     """The outbox messages for composition."""
     import json
 

@@ -55,7 +55,7 @@ async def test_a_bad_query_is_a_problem(gateway: Gateway, query: str) -> None:
     assert answer.json()["errors"][0]["field"] == query.partition("=")[0]
 
 
-async def test_the_plan_tells_when_each_mission_starts(gateway: Gateway) -> None:
+async def test_the_plan_shows_when_each_mission_starts(gateway: Gateway) -> None:
     delivery_id = await gateway.accepted()
     path = f"/v1/deliveries/{delivery_id}/plan"
     assert (await gateway.http.get(path, headers=gateway.customer)).json()["missions"] == []

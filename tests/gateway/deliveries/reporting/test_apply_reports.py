@@ -258,9 +258,9 @@ async def test_packages_of_a_crashed_drone_stay_in_its_custody(gateway: Gateway)
     assert stranded["data"]["position"] == [-98.2, 29.7]
 
 
-@pytest.mark.parametrize(("late_s", "is_told"), [(59, False), (61, True)])
+@pytest.mark.parametrize(("late_s", "is_reported"), [(59, False), (61, True)])
 async def test_a_delay_of_more_than_a_minute_causes_an_event(
-    gateway: Gateway, late_s: int, is_told: bool
+    gateway: Gateway, late_s: int, is_reported: bool
 ) -> None:
     delivery_id = await gateway.planned(packages=2)
     await _reports(gateway, delivery_id, "ACCEPTED", "LOADING", "LOADED")
@@ -272,16 +272,16 @@ async def test_a_delay_of_more_than_a_minute_causes_an_event(
     await gateway.report(delivery_id, "ACTIVITY", seq=4, activity="WAITING", etas=late)
     await gateway.report(delivery_id, "ACTIVITY", seq=5, etas=late)
     delivery = await gateway.get(delivery_id)
-    assert delivery["flags"]["delayed"] == is_told
+    assert delivery["flags"]["delayed"] == is_reported
     assert delivery["activity"] == "WAITING"
-    assert (await gateway.event_types(delivery_id)).count("delivery.delayed") == int(is_told)
-    if is_told:
-        [told] = [
+    assert (await gateway.event_types(delivery_id)).count("delivery.delayed") == int(is_reported)
+    if is_reported:
+        [reported] = [
             event
             for event in await gateway.events(delivery_id)
             if event["type"] == "delivery.delayed"
         ]
-        assert [one["late_s"] for one in told["data"]["packages"]] == [61, 61]
+        assert [one["late_s"] for one in reported["data"]["packages"]] == [61, 61]
 
 
 async def test_a_new_plan_causes_an_event_with_its_etas(gateway: Gateway) -> None:

@@ -44,9 +44,9 @@ async def test_replanning_is_flagged_until_there_is_a_new_plan(
     replanned, delayed = (await gateway.events(delivery_id))[-2:]
     assert (replanned["type"], delayed["type"]) == ("delivery.replanned", "delivery.delayed")
     assert replanned["data"]["code"] == "STATION_CLOSED"
-    [told] = replanned["data"]["packages"]
-    assert (told["package_id"], told["later_s"]) == ("p1", 1800)
-    assert told["promised_at"] < told["eta_at"]
+    [reported] = replanned["data"]["packages"]
+    assert (reported["package_id"], reported["later_s"]) == ("p1", 1800)
+    assert reported["promised_at"] < reported["eta_at"]
 
 
 async def test_a_package_that_a_new_plan_leaves_out_has_no_eta_in_its_event(
@@ -60,9 +60,9 @@ async def test_a_package_that_a_new_plan_leaves_out_has_no_eta_in_its_event(
         delivery_id, "REPLANNED", seq=4, mission=given_up, code="ZONE_AHEAD", detail="a fire"
     )
 
-    told = (await gateway.events(delivery_id))[-1]["data"]
-    assert (told["code"], told["given_up"]) == ("ZONE_AHEAD", "OUT_OF_RANGE")
-    [package] = told["packages"]
+    reported = (await gateway.events(delivery_id))[-1]["data"]
+    assert (reported["code"], reported["given_up"]) == ("ZONE_AHEAD", "OUT_OF_RANGE")
+    [package] = reported["packages"]
     assert (package["package_id"], package["eta_at"], package["later_s"]) == ("p1", None, None)
     assert (await gateway.get(delivery_id))["packages"][0]["eta_at"] is None
 
@@ -126,8 +126,8 @@ async def test_an_eta_after_the_deadline_is_a_delay_immediately(gateway: Gateway
     assert (await gateway.get(delivery_id))["flags"]["delayed"]
     last = (await gateway.events(delivery_id))[-1]
     assert last["type"] == "delivery.delayed"
-    [told] = last["data"]["packages"]
-    assert (told["late_s"], told["deadline_at"]) == (2, "2026-03-01T12:11:01.000Z")
+    [reported] = last["data"]["packages"]
+    assert (reported["late_s"], reported["deadline_at"]) == (2, "2026-03-01T12:11:01.000Z")
 
 
 async def test_a_passed_eta_without_reports_is_one_delay_event(gateway_on_both: Gateway) -> None:

@@ -15,14 +15,14 @@ from tests.gateway.whole_gateway import Gateway
 
 
 async def make_webhook(gateway: Gateway, **fields: object) -> str:
-    wanted = {"url": "http://127.0.0.1:9/in", **fields}
-    answer = await gateway.http.post("/v1/webhooks", json=wanted, headers=gateway.customer)
+    requested = {"url": "http://127.0.0.1:9/in", **fields}
+    answer = await gateway.http.post("/v1/webhooks", json=requested, headers=gateway.customer)
     return str(answer.json()["webhook_id"])
 
 
-async def replay(gateway: Gateway, webhook_id: str, **wanted: object) -> httpx.Response:
+async def replay(gateway: Gateway, webhook_id: str, **requested: object) -> httpx.Response:
     answer: httpx.Response = await gateway.http.post(
-        f"/v1/webhooks/{webhook_id}/replay", json=wanted, headers=gateway.customer
+        f"/v1/webhooks/{webhook_id}/replay", json=requested, headers=gateway.customer
     )
     return answer
 
@@ -162,7 +162,7 @@ async def test_a_disabled_webhook_cannot_replay(gateway: Gateway) -> None:
 
 
 @pytest.mark.parametrize(
-    "wanted",
+    "requested",
     [
         {},
         {"delivery_id": "dlv_1", "event_ids": ["evt_1"]},
@@ -171,5 +171,5 @@ async def test_a_disabled_webhook_cannot_replay(gateway: Gateway) -> None:
         {"from": "2026-03-01T12:00:00Z", "to": "2026-03-01T12:00:00Z"},
     ],
 )
-async def test_a_replay_must_name_its_events(gateway: Gateway, wanted: dict[str, Any]) -> None:
-    assert (await replay(gateway, await make_webhook(gateway), **wanted)).status_code == 422
+async def test_a_replay_must_name_its_events(gateway: Gateway, requested: dict[str, Any]) -> None:
+    assert (await replay(gateway, await make_webhook(gateway), **requested)).status_code == 422

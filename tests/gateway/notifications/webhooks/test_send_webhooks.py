@@ -110,8 +110,10 @@ async def test_each_event_arrives_signed_in_sequence_under_its_id(
     delivery_id = await gateway.planned()
     assert await _notify(gateway) == 2
     assert receiver.types == ["delivery.requested", "delivery.planned"]
-    told = await gateway.events(delivery_id)
-    for (headers, body), raw, event in zip(receiver.received, receiver.bodies, told, strict=True):
+    reported = await gateway.events(delivery_id)
+    for (headers, body), raw, event in zip(
+        receiver.received, receiver.bodies, reported, strict=True
+    ):
         assert headers["webhook-id"] == event["event_id"]
         assert body == event
         Webhook(webhook["secret"]).verify(raw, headers)

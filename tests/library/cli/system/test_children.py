@@ -27,7 +27,7 @@ def source(folder: DataFolder, monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def started(folder: DataFolder) -> tuple[set[str], str]:
-    """The processes that a start would have, and the broker that they would be told of."""
+    """The processes of a start, and the address of the broker that they get."""
     with ExitStack() as held:
         sockets = bind(Ports(gateway=0, broker=0), held)
         return set(sockets), environment(folder, sockets)["SKYWAY_MQTT_URL"]

@@ -26,7 +26,7 @@ def anchor(folder: DataFolder) -> datetime:
 def note_heartbeat(
     folder: DataFolder, fleet_at: datetime, *, rate: float, ago: timedelta
 ) -> datetime:
-    """As a supervisor that was last heard of so long ago; the wall time of the heartbeat."""
+    """Write the last heartbeat of a supervisor, `ago` before now; return its wall time."""
     wall_at = datetime.now(UTC) - ago
     heartbeat = {"fleet_at": fleet_at.isoformat(), "wall_at": wall_at.isoformat(), "rate": rate}
     folder.heartbeat_file.write_text(json.dumps(heartbeat))
@@ -95,9 +95,9 @@ def test_a_slower_clock_starts_later_than_any_drone_can_be(folder: DataFolder) -
     anchor_clock(folder, rate=20)
 
     started = load_clock(folder.clock_file)
-    heard_at = started.wall_at + timedelta(seconds=59)
-    on_board = reached + (heard_at - noted_at) * 120
-    assert started.fleet_at + (heard_at - started.wall_at) * 20 >= on_board
+    last_seen_at = started.wall_at + timedelta(seconds=59)
+    on_board = reached + (last_seen_at - noted_at) * 120
+    assert started.fleet_at + (last_seen_at - started.wall_at) * 20 >= on_board
 
 
 def test_the_heartbeat_of_an_older_skyway_counts(folder: DataFolder) -> None:

@@ -16,7 +16,7 @@ SILENT = "(silent)"
 
 @pytest.fixture
 def broker(monkeypatch: pytest.MonkeyPatch) -> Iterator[socket.socket]:
-    """The socket of a broker that SKYWAY_MQTT_URL names; it listens once it is told to."""
+    """The socket of a broker that SKYWAY_MQTT_URL names; it listens after `listen` was called."""
     with socket.socket() as bound:
         bound.bind(("127.0.0.1", 0))
         monkeypatch.setenv("SKYWAY_MQTT_URL", f"mqtt://127.0.0.1:{bound.getsockname()[1]}")

@@ -27,7 +27,7 @@ def niceness(pid: int | None) -> int:
 
 async def until(condition: Callable[[], object]) -> None:
     async with asyncio.timeout(20):
-        while not condition():  # noqa: ASYNC110 - another process, which only asking can tell
+        while not condition():  # noqa: ASYNC110 - it asks another process
             await asyncio.sleep(0.01)
 
 

@@ -24,7 +24,7 @@ ALARM = {
 }
 
 METRICS = """\
-# HELP skyway_delivery_events_total events told to customers
+# HELP skyway_delivery_events_total events sent to customers
 skyway_delivery_events_total{type="delivery.replanned"} 3.0
 skyway_delivery_events_total{type="delivery.completed"} 9.0
 """

@@ -126,13 +126,13 @@ async def test_a_new_token_replaces_the_old_one_and_nothing_else(api: Any, tmp_p
 
 
 async def test_another_provider_cannot_make_tokens_or_revoke(api: Any, tmp_path: Path) -> None:
-    provider_id, stranger = await api.provider(), await api.provider()
+    provider_id, other_provider = await api.provider(), await api.provider()
     drone = await api.drone(provider_id)
     own = f"/v1/providers/{provider_id}/drones/{drone['drone_id']}"
-    foreign = f"/v1/providers/{stranger}/drones/{drone['drone_id']}"
+    foreign = f"/v1/providers/{other_provider}/drones/{drone['drone_id']}"
 
     answers = [
-        await api(f"provider:{stranger}", method, f"{path}/{what}")
+        await api(f"provider:{other_provider}", method, f"{path}/{what}")
         for path in (own, foreign)
         for method, what in (("POST", "enrolment-tokens"), ("DELETE", "credentials"))
     ]
