@@ -3,7 +3,8 @@
 `python -m benchmarks.telemetry_thinning [--scenarios calm windy] [--seed 1]` flies one mission per
 scenario at clock rate 1, second by second, and counts the samples and bytes of MQTT with every
 second sent, and with only those samples that are news. The mission is
-the same in both cases, and its length depends on the wind. No broker is needed: nothing is lost or waited for.
+the same in both cases, and its length depends on the wind.
+No broker is needed: nothing is lost or waited for.
 """
 
 import argparse
