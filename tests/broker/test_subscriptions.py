@@ -5,7 +5,7 @@ from skyway_broker.subscriptions import Retained, Subscriptions, is_filter, matc
 
 
 @pytest.mark.parametrize(
-    ("wanted", "topic"),
+    ("topic_filter", "topic"),
     [
         ("a/b", "a/b"),
         ("a/+", "a/b"),
@@ -16,57 +16,58 @@ from skyway_broker.subscriptions import Retained, Subscriptions, is_filter, matc
         ("a/+", "a/"),
     ],
 )
-def test_a_filter_matches(wanted, topic):
-    assert matches(wanted.split("/"), topic.split("/"))
+def test_a_filter_matches(topic_filter, topic):
+    assert matches(topic_filter.split("/"), topic.split("/"))
 
 
 @pytest.mark.parametrize(
-    ("wanted", "topic"), [("a/+", "a"), ("a/+", "a/b/c"), ("a/b/#", "a"), ("+", "/a"), ("a", "b")]
+    ("topic_filter", "topic"),
+    [("a/+", "a"), ("a/+", "a/b/c"), ("a/b/#", "a"), ("+", "/a"), ("a", "b")],
 )
-def test_a_filter_does_not_match(wanted, topic):
-    assert not matches(wanted.split("/"), topic.split("/"))
+def test_a_filter_does_not_match(topic_filter, topic):
+    assert not matches(topic_filter.split("/"), topic.split("/"))
 
 
-@pytest.mark.parametrize("wanted", ["", "a#", "a+/b", "#/a", "a/#/b"])
-def test_an_invalid_filter_is_recognised(wanted):
-    assert not is_filter(wanted)
+@pytest.mark.parametrize("topic_filter", ["", "a#", "a+/b", "#/a", "a/#/b"])
+def test_an_invalid_filter_is_recognised(topic_filter):
+    assert not is_filter(topic_filter)
 
 
-@pytest.mark.parametrize("wanted", ["a", "+", "#", "a/+/b", "a/#", "/"])
-def test_a_valid_filter_is_recognised(wanted):
-    assert is_filter(wanted)
+@pytest.mark.parametrize("topic_filter", ["a", "+", "#", "a/+/b", "a/#", "/"])
+def test_a_valid_filter_is_recognised(topic_filter):
+    assert is_filter(topic_filter)
 
 
 def test_overlapping_filters_find_a_client_once_at_its_highest_qos():
-    wanted = Subscriptions()
-    wanted.add("c", "a/b", 0)
-    wanted.add("c", "a/+", 1)
-    wanted.add("c", "#", 0)
+    topic_filter = Subscriptions()
+    topic_filter.add("c", "a/b", 0)
+    topic_filter.add("c", "a/+", 1)
+    topic_filter.add("c", "#", 0)
 
-    assert wanted.matching("a/b") == {"c": 1}
+    assert topic_filter.matching("a/b") == {"c": 1}
 
 
 def test_a_removed_filter_finds_no_client_and_other_filters_stay():
-    wanted = Subscriptions()
-    wanted.add("c", "a/b", 1)
-    wanted.add("c", "a/+", 1)
-    wanted.add("d", "a/+", 1)
+    topic_filter = Subscriptions()
+    topic_filter.add("c", "a/b", 1)
+    topic_filter.add("c", "a/+", 1)
+    topic_filter.add("d", "a/+", 1)
 
-    wanted.remove("c", "a/+")
-    wanted.remove("c", "never/there")
+    topic_filter.remove("c", "a/+")
+    topic_filter.remove("c", "never/there")
 
-    assert wanted.matching("a/b") == {"c": 1, "d": 1}
-    assert wanted.matching("a/x") == {"d": 1}
+    assert topic_filter.matching("a/b") == {"c": 1, "d": 1}
+    assert topic_filter.matching("a/x") == {"d": 1}
 
 
 def test_a_dropped_client_is_not_found():
-    wanted = Subscriptions()
-    wanted.add("c", "a/b", 1)
-    wanted.add("c", "#", 1)
+    topic_filter = Subscriptions()
+    topic_filter.add("c", "a/b", 1)
+    topic_filter.add("c", "#", 1)
 
-    wanted.drop("c")
+    topic_filter.drop("c")
 
-    assert wanted.matching("a/b") == {}
+    assert topic_filter.matching("a/b") == {}
 
 
 def test_the_last_message_of_a_topic_is_kept():

@@ -71,7 +71,7 @@ async def test_a_drone_is_checked_at_take_off_and_then_each_second(
     assert 55 <= len(looks) <= 65
 
 
-async def test_a_drone_that_stands_is_looked_at_once_for_guard_and_state(looked_at: Any) -> None:
+async def test_a_drone_that_stands_is_checked_once_for_guard_and_state(looked_at: Any) -> None:
     await looked_at.pass_time(MINUTE)
     before = len(LookedAt.looks)
 

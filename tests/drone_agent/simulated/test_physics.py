@@ -64,9 +64,9 @@ def test_a_slow_charger_charges_longer_or_short(drone: Any, steps: Any) -> None:
 
 def test_without_a_recipient_the_drone_waits_and_the_step_fails(drone: Any, steps: Any) -> None:
     (step,) = steps().deliver("shop", "p1", recipient_wait_s=300).made
-    nobody = Disturbances(absent_station_ids=frozenset({StationId("shop")}))
+    absent_recipient = Disturbances(absent_station_ids=frozenset({StationId("shop")}))
 
-    outcome = Physics(drone.model, nobody).outcome_of(run_of(step))
+    outcome = Physics(drone.model, absent_recipient).outcome_of(run_of(step))
 
     assert outcome.ended_at - step.planned_start_at == timedelta(seconds=300)
     assert (outcome.has_failed, outcome.code) == (True, "RECIPIENT_ABSENT")
@@ -74,6 +74,6 @@ def test_without_a_recipient_the_drone_waits_and_the_step_fails(drone: Any, step
 
 def test_a_return_succeeds_even_where_recipients_are_absent(drone: Any, steps: Any) -> None:
     (step,) = steps().bring_back("shop", "p1").made
-    nobody = Disturbances(absent_station_ids=frozenset({StationId("shop")}))
+    absent_recipient = Disturbances(absent_station_ids=frozenset({StationId("shop")}))
 
-    assert not Physics(drone.model, nobody).outcome_of(run_of(step)).has_failed
+    assert not Physics(drone.model, absent_recipient).outcome_of(run_of(step)).has_failed

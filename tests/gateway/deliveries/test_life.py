@@ -218,7 +218,7 @@ class Life(RuleBasedStateMachine):
         assert sorted(ends) == settled
 
     @invariant()
-    def while_it_goes_on_somebody_carries_it_or_it_is_queued(self) -> None:
+    def while_it_goes_on_a_mission_carries_it_or_it_is_queued(self) -> None:
         if not self.delivery.is_over:
             assert self.delivery.is_queued or self.delivery.live_missions
 

@@ -384,5 +384,5 @@ async def _ask(gateway: Gateway, queued: Any) -> Any:
     from skyway_gateway.deliveries.booking.booking_request import booking_request, candidate_query
 
     found = await gateway.registry.candidates(candidate_query(queued))
-    wanted = booking_request(queued.delivery, found.shortlist)
-    return await gateway.composition.book(queued.delivery.delivery_id, wanted)
+    asked = booking_request(queued.delivery, found.shortlist)
+    return await gateway.composition.book(queued.delivery.delivery_id, asked)

@@ -374,8 +374,8 @@ async def _claimed(gateway: Gateway) -> Any:
 async def _booked_in_composition(gateway: Gateway) -> None:
     """A round of booking that died before it wrote anything."""
     delivery = (await _claimed(gateway)).delivery
-    wanted = booking_request(delivery, Shortlist.of(gateway.registry.candidates_now))
-    await gateway.composition.book(delivery.delivery_id, wanted)
+    asked = booking_request(delivery, Shortlist.of(gateway.registry.candidates_now))
+    await gateway.composition.book(delivery.delivery_id, asked)
 
 
 async def _request_to_book(gateway: Gateway, delivery_id: str) -> Any:

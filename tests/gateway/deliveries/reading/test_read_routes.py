@@ -17,8 +17,8 @@ async def test_a_delivery_of_another_customer_is_not_found(gateway: Gateway) -> 
         assert answer.json()["type"] == "urn:skyway:problem:not-found"
         assert (await gateway.http.get(url)).status_code == 401
         assert (await gateway.http.get(url, headers=gateway.provider)).status_code == 403
-    nobody = await gateway.http.get("/v1/deliveries", headers=gateway.other)
-    assert nobody.json()["items"] == []
+    empty = await gateway.http.get("/v1/deliveries", headers=gateway.other)
+    assert empty.json()["items"] == []
 
 
 async def test_an_operator_sees_the_deliveries_of_all_customers(gateway: Gateway) -> None:

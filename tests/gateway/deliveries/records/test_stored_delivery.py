@@ -185,9 +185,9 @@ async def test_a_report_sees_a_cancellation_by_another_replica(
 
 
 async def _cancel(gateway: Gateway, delivery_id: DeliveryId, package_ids: list[str]) -> Any:
-    wanted = CancelRequest(package_ids=tuple(package_ids))
+    asked = CancelRequest(package_ids=tuple(package_ids))
     caller = Caller(role="customer", subject_id="alice")
-    return await gateway.parts.canceller.cancel(caller, delivery_id, wanted)
+    return await gateway.parts.canceller.cancel(caller, delivery_id, asked)
 
 
 async def test_only_the_latest_deliveries_are_cached(gateway: Gateway) -> None:
