@@ -42,6 +42,8 @@ def client(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "made"
 
 
+# This test needs no system. With the fixture, one worker runs both tests and generates one client.
+@pytest.mark.usefixtures("running_system")
 def test_the_story_is_typed_by_the_generated_client(client: Path) -> None:
     done = subprocess.run(
         [BIN / "mypy", "--strict", "--follow-imports=silent", "--config-file=", str(STORY)],
