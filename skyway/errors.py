@@ -18,7 +18,7 @@ class SkywayError(Exception):
     """Anything Skyway itself reports; the message names the value and the limit."""
 
 
-class Fault(NamedTuple):
+class FieldFault(NamedTuple):
     """A field at fault, by its path, and what is wrong with it as one sentence."""
 
     field: str
@@ -43,7 +43,7 @@ class InvalidInput(SkywayError):
         super().__init__(f"{field}: {detail}")
         self.field = field
         self.detail = detail
-        self.faults: tuple[Fault, ...] = (Fault(field, detail),)
+        self.faults: tuple[FieldFault, ...] = (FieldFault(field, detail),)
 
 
 class InvalidStateOfCharge(InvalidInput):
@@ -60,7 +60,7 @@ class InvalidProblem(InvalidInput):
     `faults` holds all faults; `field` and `detail` are those of the first.
     """
 
-    def __init__(self, field: str, detail: str, *others: Fault) -> None:
+    def __init__(self, field: str, detail: str, *others: FieldFault) -> None:
         super().__init__(field, detail)
-        self.faults = (Fault(field, detail), *others)
+        self.faults = (FieldFault(field, detail), *others)
         self.args = ("; ".join(map(str, self.faults)),)

@@ -10,7 +10,7 @@ another. Floors are the longest chain of rooms that import each other.
 import ast
 import sys
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -61,17 +61,17 @@ def imported_modules(path: Path) -> Iterator[str]:
 def rooms_of(folder: Path) -> Rooms:
     """The rooms, floors and arrows of a folder."""
     prefix = module_name(folder / "__init__.py") + "."
-    rooms = {path.relative_to(folder).parts[0].removesuffix(".py") for path in source_files(folder)}
-    rooms.discard("__init__")
+    files = [path for path in source_files(folder) if path != folder / "__init__.py"]
+    rooms = {path.relative_to(folder).parts[0].removesuffix(".py") for path in files}
     arrows = set()
-    for path in source_files(folder):
+    for path in files:
         room = path.relative_to(folder).parts[0].removesuffix(".py")
         targets = {
             name.removeprefix(prefix).partition(".")[0]
             for name in imported_modules(path)
             if name.startswith(prefix)
         }
-        arrows |= {(room, target) for target in targets & rooms - {room} if room in rooms}
+        arrows |= {(room, target) for target in targets & rooms - {room}}
     return Rooms(len(rooms), _longest_chain(rooms, arrows), frozenset(arrows))
 
 
@@ -88,9 +88,13 @@ def _longest_chain(rooms: set[str], arrows: set[tuple[str, str]]) -> int:
     return max((height(room) for room in rooms), default=0)
 
 
-def small_folders(files: Mapping[Path, int]) -> list[Path]:
-    """The folders that hold one or two files besides `__init__.py` and no folders."""
-    return sorted(folder for folder, count in files.items() if 0 < count < 3)
+def small_folders(package: Path) -> list[Path]:
+    """The folders inside a package with fewer than three files; a folder counts as a file."""
+    files = source_files(package)
+    folders = {path.parent for path in files}
+    entries = Counter(path.parent for path in files if path.name != "__init__.py")
+    entries.update(folder.parent for folder in folders)
+    return sorted(folder for folder in folders - {package} if entries[folder] < 3)
 
 
 def repeated_class_names(package: Path) -> list[str]:
@@ -124,7 +128,7 @@ def main(folders: list[str]) -> int:
             f"{package.name}: {len(files)} files, {len(in_folder)} folders, {lines} lines, "
             f"{sum(path.name == 'store.py' for path in files)} files called store.py"
         )
-        for small in small_folders(in_folder):
+        for small in small_folders(package):
             print(f"  fewer than three files: {small.relative_to(ROOT)}")
         for name in repeated_class_names(package):
             print(f"  class name used twice: {name}")

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, BinaryIO, Never
 import typer
 
 from skyway.delivery.plan import Plan, PlanStatus
-from skyway.errors import Fault, InvalidInput
+from skyway.errors import FieldFault, InvalidInput
 
 if TYPE_CHECKING:
     from skyway.cli.problem_composer import ProblemComposer
@@ -103,10 +103,10 @@ def _overrides(strategy: str | None, time_limit_s: float | None) -> dict[str, An
 
 def _outcome(
     composer: "ProblemComposer", document: Document | NotJson
-) -> Plan | tuple[int, list[Fault]]:
+) -> Plan | tuple[int, list[FieldFault]]:
     """The plan; or the line number and the faults of the problem."""
     if isinstance(document, NotJson):
-        return document.line, [Fault("problem", document.detail)]
+        return document.line, [FieldFault("problem", document.detail)]
     try:
         return composer.plan(document.value)
     except InvalidInput as error:

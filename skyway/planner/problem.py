@@ -22,7 +22,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from skyway.delivery.request import MAX_PACKAGES
-from skyway.errors import Fault, InvalidNetwork, InvalidProblem
+from skyway.errors import FieldFault, InvalidNetwork, InvalidProblem
 from skyway.ids import StationId
 from skyway.json_model import JsonModel
 from skyway.network.geojson import read_network, write_network
@@ -168,7 +168,7 @@ class Problem(JsonModel):
             raise InvalidProblem(*faults[0], *faults[1:])
         return self
 
-    def _disagreements(self) -> Iterator[Fault]:
+    def _disagreements(self) -> Iterator[FieldFault]:
         return disagreements(
             self.network,
             start_at=self.start_at,

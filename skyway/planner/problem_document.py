@@ -6,7 +6,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-from skyway.errors import Fault, InvalidNetwork, InvalidProblem
+from skyway.errors import FieldFault, InvalidNetwork, InvalidProblem
 from skyway.network.fields import shown
 from skyway.network.network import Network
 from skyway.planner.problem import MAX_FAULTS, Problem, network_of
@@ -27,14 +27,14 @@ def read_problem(document: Any) -> Problem:  # any JSON value, as json.loads giv
     if not isinstance(document, Mapping):
         raise InvalidProblem("problem", f"{shown(document)} is not an object")
     unknown = (name for name in document if name not in Problem.model_fields)
-    faults = [Fault(_field([name]), _UNKNOWN) for name in islice(unknown, MAX_FAULTS)]
+    faults = [FieldFault(_field([name]), _UNKNOWN) for name in islice(unknown, MAX_FAULTS)]
     fields = {name: document[name] for name in Problem.model_fields if name in document}
     is_network_bad = False
     try:
         if "network" in fields:
             fields["network"] = network_of(fields["network"])
     except InvalidNetwork as error:
-        faults.append(Fault(_field([error.field]), error.detail))
+        faults.append(FieldFault(_field([error.field]), error.detail))
         fields["network"] = Network({}, ())
         is_network_bad = True
     try:
@@ -50,18 +50,20 @@ def read_problem(document: Any) -> Problem:  # any JSON value, as json.loads giv
     return problem
 
 
-def _fault(complaint: Mapping[str, Any]) -> Fault:  # pydantic's error, which has no public type
+def _fault(
+    complaint: Mapping[str, Any],
+) -> FieldFault:  # pydantic's error, which has no public type
     path = list(complaint["loc"])
     if path[0] == "closures" and len(path) > 2:
         del path[2]  # the arm of the union that was tried
     field = _field(path)
     if complaint["type"] == "missing":
-        return Fault(field, "is missing")
+        return FieldFault(field, "is missing")
     if complaint["type"] == "extra_forbidden":
-        return Fault(field, _UNKNOWN)
+        return FieldFault(field, _UNKNOWN)
     value, message = complaint["input"], complaint["msg"].removeprefix("Value error, ")
     is_scalar = value is None or isinstance(value, bool | int | float | str)
-    return Fault(field, f"{message}, not {shown(value)}" if is_scalar else message)
+    return FieldFault(field, f"{message}, not {shown(value)}" if is_scalar else message)
 
 
 def _field(path: Sequence[int | str]) -> str:

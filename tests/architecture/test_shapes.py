@@ -24,6 +24,7 @@ def tracked(pattern: str) -> list[Path]:
 
 
 def test_no_python_file_is_over_400_lines() -> None:
+    """Tests and tools may have 400 lines; test_house.py holds sources to 300."""
     too_long = {
         path.relative_to(ROOT): lines
         for path in tracked("*.py")

@@ -129,11 +129,8 @@ def _not_well_formed(
 ) -> Refusal | None:
     if logbook.is_airborne and not isinstance(steps[0], FlyStep):
         return Refusal(RefusalCode.MALFORMED, f"step {first_step} needs a landing before")
-    fault = fault_in(
-        steps,
-        first_step=kept[0].step_id if kept else first_step,
-        packages=logbook.packages,
-    )
+    first = kept[0].step_id if kept else first_step
+    fault = fault_in(steps, first_step=first, packages=logbook.packages)
     return None if fault is None else Refusal(RefusalCode.MALFORMED, fault)
 
 
@@ -284,9 +281,8 @@ def _no_way_back(instruction: CancelInstruction, logbook: Logbook) -> Refusal | 
     if can_stop:
         return None
     detail = f"steps through {mission.released_through} are released"
-    return Refusal(
-        RefusalCode.STEP_RELEASED, detail, {"released_through": mission.released_through}
-    )
+    data = {"released_through": mission.released_through}
+    return Refusal(RefusalCode.STEP_RELEASED, detail, data)
 
 
 def _failsafe_against(revision: Revision, logbook: Logbook) -> Refusal | None:

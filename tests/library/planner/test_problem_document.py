@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from skyway.errors import Fault, InvalidProblem
+from skyway.errors import FieldFault, InvalidProblem
 from skyway.planner import compose
 from skyway.planner.problem import MAX_FAULTS
 from skyway.planner.problem_document import read_problem
@@ -50,11 +50,11 @@ def test_all_faults_are_named_in_one_answer(good_problem):
     faults = refusal(document).faults
 
     assert faults == (
-        Fault("surprise", "is not a known field"),
-        Fault("network.features.0.properties.pads", "-1 is below 0"),
-        Fault("drone.soc", "Input should be less than or equal to 1, not 2"),
-        Fault("source", "is missing"),
-        Fault("packages.1.mass_kg", "Input should be a valid number, not 'heavy'"),
+        FieldFault("surprise", "is not a known field"),
+        FieldFault("network.features.0.properties.pads", "-1 is below 0"),
+        FieldFault("drone.soc", "Input should be less than or equal to 1, not 2"),
+        FieldFault("source", "is missing"),
+        FieldFault("packages.1.mass_kg", "Input should be a valid number, not 'heavy'"),
     )
 
 
@@ -82,7 +82,7 @@ def test_thirteen_destinations_are_one_too_many(make_problem):
         make_problem(" ".join(f"a-{name}:1" for name in names), *names)
 
     assert refused.value.faults == (
-        Fault("packages", "13 distinct destinations exceed the limit of 12"),
+        FieldFault("packages", "13 distinct destinations exceed the limit of 12"),
     )
 
 
