@@ -22,9 +22,7 @@ from skyway.runtime.http.identity import read_secret
 from skyway.runtime.idempotency.answer_store import sweep
 from skyway.runtime.loops import Loops, repeat
 from skyway.runtime.mqtt.client import MqttClient
-from skyway.runtime.pace import Pace
 from skyway.runtime.sql.migrations import migrate
-from skyway_provider_registry.candidates.fleet_view import FleetView
 from skyway_provider_registry.candidates.routes import candidate_routes
 from skyway_provider_registry.enrolment.routes import drone_key_routes, enrolment_routes
 from skyway_provider_registry.fleets.credentials.routes import credential_routes
@@ -37,7 +35,6 @@ from skyway_provider_registry.fleets.routes import fleet_routes
 from skyway_provider_registry.fleets.statistics_routes import fleet_statistics_routes
 from skyway_provider_registry.parts import SERVICE, Parts, composition_client, parts_in_life
 from skyway_provider_registry.presence.follow import PRESENCE_TOPICS, PresenceFollower
-from skyway_provider_registry.presence.mission_reports import ReportKeeper
 from skyway_provider_registry.presence.routes import presence_routes
 from skyway_provider_registry.providers.routes import provider_routes
 from skyway_provider_registry.settings import RegistrySettings
@@ -53,10 +50,6 @@ _PASSWORDS_EVERY_S: Final = 1.0
 _SWEEP_EVERY_S: Final = 600.0
 #: Seconds of wall time between two transactions of the messages of drones.
 _PRESENCE_EVERY_S: Final = 0.5
-#: Seconds of wall time between two transactions of mission reports, and between two reads of the
-#: changes. Under load several callers share one; after a pause no caller waits.
-_REPORTS_EVERY_S: Final = 0.1
-_REFRESH_EVERY_S: Final = 0.1
 #: Seconds of wall time between two transactions of telemetry, and between two rounds of thinning.
 _TELEMETRY_EVERY_S: Final = 1.0
 _THINNING_EVERY_S: Final = 600.0
@@ -66,7 +59,6 @@ def registry_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> F
     """The routes of all rooms; the lifespan opens the parts."""
     db, gate, clock = parts.db, parts.gate, parts.clock
     stations, password_file = parts.stations, parts.password_file
-    view = FleetView(db, parts.networks.cached, Pace(_REFRESH_EVERY_S))
     return create_app(
         service=SERVICE,
         title="Skyway provider registry",
@@ -74,8 +66,8 @@ def registry_app(parts: Parts, *, lifespan: Lifespan, readiness: Readiness) -> F
         models=(TelemetryGeoJson,),
         # Paths are matched in this order: first the routes that every delivery calls.
         routers=[
-            candidate_routes(view=view, gate=gate, clock=clock),
-            presence_routes(keeper=ReportKeeper(db, clock, Pace(_REPORTS_EVERY_S)), gate=gate),
+            candidate_routes(view=parts.fleet_view, gate=gate, clock=clock),
+            presence_routes(keeper=parts.report_keeper, gate=gate),
             provider_routes(db=db, gate=gate, clock=clock, mint=parts.mint),
             drone_model_routes(db=db, gate=gate),
             registration_routes(

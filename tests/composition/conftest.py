@@ -3,7 +3,6 @@
 import asyncio
 import itertools
 from collections.abc import AsyncIterator, Sequence
-from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import SimpleNamespace
@@ -11,7 +10,6 @@ from typing import Any
 
 import httpx
 import pytest
-from fastapi import FastAPI
 from skyway_composition.app import composition_app
 from skyway_composition.missions.following.follow import Follower
 from skyway_composition.missions.replanning.occupied_pads import OccupiedPads
@@ -41,6 +39,7 @@ from skyway.runtime.minting import CountingMint
 from skyway.runtime.mqtt.client import Received
 from skyway.runtime.sql.database import Database
 from tests.composition.drone_messages import DroneMessages
+from tests.shared_app import shared_app
 
 #: The drone of the paper's scenario must recharge after a flight of 20 km.
 SCENARIO_MODEL = DRONE_MODELS[DroneModelId("paper-scenario")]
@@ -273,9 +272,8 @@ async def unpublished(
             published=Wake(),
             stuck=Wake(),
         )
-        app = composition_app(parts, lifespan=_no_lifespan, readiness=_ready)
         async with httpx.AsyncClient(
-            transport=httpx.ASGITransport(app),
+            transport=httpx.ASGITransport(shared_app(composition_app, parts)),
             base_url="http://composition",
             headers={"Authorization": "Bearer secret of gateway"},
         ) as client:
@@ -298,12 +296,3 @@ async def composition(unpublished: Composition) -> Composition:
 @pytest.fixture
 def drone(composition: Composition) -> DroneMessages:
     return DroneMessages(composition)
-
-
-@asynccontextmanager
-async def _no_lifespan(_app: FastAPI) -> AsyncIterator[None]:
-    yield
-
-
-async def _ready() -> dict[str, bool]:
-    return {}

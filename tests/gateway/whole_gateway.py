@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import Any
 
 import httpx
-from fastapi import FastAPI
 from pydantic import TypeAdapter, ValidationError
 from skyway_gateway.access.key import ApiKey, secret_hash
 from skyway_gateway.access.store import add as add_key
@@ -37,6 +36,7 @@ from skyway.runtime.http.client import ServiceClient
 from skyway.runtime.http.identity import ServiceIdentity
 from tests.gateway.fake_composition import STATIONS, FakeComposition
 from tests.gateway.peers import FakeRegistry, Forwarded, Peers
+from tests.shared_app import shared_app
 
 START = datetime(2026, 3, 1, 12, tzinfo=UTC)
 
@@ -250,14 +250,14 @@ async def opened_gateway(database_url: str, folder: Path) -> AsyncIterator[Gatew
     }
     anchor = AnchoredClock(fleet_at=START, wall_at=START, rate=1.0)
     parts = build_parts(settings, clients=clients, anchor=anchor, clock=clock)
-    app = gateway_app(parts, lifespan=_no_lifespan, readiness=_no_parts)
     async with AsyncExitStack() as opened:
         await opened.enter_async_context(parts.db)
         await take_over(parts)
         for client in clients.values():
             await opened.enter_async_context(client)
         await opened.enter_async_context(parts.post)
-        http = httpx.AsyncClient(transport=httpx.ASGITransport(app), base_url="http://gateway")
+        transport = httpx.ASGITransport(shared_app(gateway_app, parts))
+        http = httpx.AsyncClient(transport=transport, base_url="http://gateway")
         await opened.enter_async_context(http)
         gateway = Gateway(
             parts, http, clock, around.registry, around.composition, around.seen, secrets_dir
@@ -289,15 +289,6 @@ def _writable(known: StoredDelivery) -> object:
         [package_values(package) for package in delivery.packages],
         delivery.model_dump(exclude={"created_at", "updated_at", "packages"}),
     )
-
-
-@asynccontextmanager
-async def _no_lifespan(_app: FastAPI) -> AsyncIterator[None]:
-    yield
-
-
-async def _no_parts() -> dict[str, bool]:
-    return {}
 
 
 async def _make_callers(gateway: Gateway) -> None:

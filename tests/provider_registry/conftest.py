@@ -1,7 +1,6 @@
 """A whole registry on a new database, called as the gateway calls it."""
 
 from collections.abc import AsyncIterator, Callable, Iterable
-from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -9,7 +8,6 @@ from typing import Any, Literal
 
 import httpx
 import pytest
-from fastapi import FastAPI
 from skyway_provider_registry.app import registry_app
 from skyway_provider_registry.enrolment.password_file import PasswordFile
 from skyway_provider_registry.fleets.credentials.issue import Issuer
@@ -25,6 +23,7 @@ from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.http.identity import ServiceGate
 from skyway.runtime.minting import CountingMint
 from skyway.runtime.sql.database import Database
+from tests.shared_app import shared_app
 
 STATIONS = {
     StationId("san-marcos"): Position(-97.94139, 29.88327),
@@ -163,16 +162,8 @@ async def api(
         issuer=Issuer(None),
     )
 
-    @asynccontextmanager
-    async def lifespan(_app: FastAPI) -> AsyncIterator[None]:
-        yield
-
-    async def readiness() -> dict[str, bool]:
-        return {"database": await db.is_answering()}
-
-    app = registry_app(parts, lifespan=lifespan, readiness=readiness)
     async with httpx.AsyncClient(
-        transport=httpx.ASGITransport(app),
+        transport=httpx.ASGITransport(shared_app(registry_app, parts)),
         base_url="http://registry",
         headers={"Authorization": "Bearer secret of service_gateway"},
     ) as client:

@@ -34,10 +34,10 @@ BodyLimit = Callable[[Request], int]
 
 def body_limits(larger: Mapping[str, int]) -> BodyLimit:
     """256 KiB, except for the `larger` routes, named like ``PUT /v1/networks/{network_id}``."""
-    routes = [
+    routes = tuple(
         (method, compile_path(path)[0], limit_bytes)
         for (method, path), limit_bytes in ((name.split(" "), n) for name, n in larger.items())
-    ]
+    )
 
     def limit_of(request: Request) -> int:
         fitting = (
