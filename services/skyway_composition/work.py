@@ -1,7 +1,7 @@
 """The loops that run beside composition's REST answers."""
 
 from collections.abc import Mapping
-from typing import Final
+from typing import Final, Never
 
 from skyway.contracts.mission_reports import MANY_MISSION_REPORTS, MISSION_REPORTS
 from skyway.runtime.http.client import ServiceClient
@@ -9,6 +9,7 @@ from skyway.runtime.loops import Loops, Wake, repeat
 from skyway.runtime.mqtt.client import MqttClient
 from skyway.runtime.outbox.mqtt_sender import MqttSender
 from skyway.runtime.outbox.report_sender import ReportSender
+from skyway_composition.links.listening import Listening
 from skyway_composition.missions.closure_impact.impact import GroundStopEnforcer
 from skyway_composition.missions.following.follow import Follower
 from skyway_composition.missions.replanning.occupied_pads import OccupiedPads
@@ -32,12 +33,16 @@ class Work:
     ) -> None:
         db, clock, mint = parts.db, parts.clock, parts.mint
         self._parts = parts
+        self._mqtt = mqtt
         self._instructions = MqttSender(db, mqtt, clock)
         self._reports = ReportSender(
             db, clients, clock, together={MISSION_REPORTS: MANY_MISSION_REPORTS}
         )
-        self._follower = Follower(db, mqtt, clock=clock, mint=mint, stuck=parts.stuck)
-        self._overdue = OverdueMissions(db, clock, mint)
+        self._listening = Listening(clock)
+        self._follower = Follower(
+            db, mqtt, clock=clock, mint=mint, stuck=parts.stuck, listening=self._listening
+        )
+        self._overdue = OverdueMissions(db, clock, mint, self._listening)
         self._late = LateMissions(db, parts.networks, clock, mint, parts.stuck)
         self._replanner = Replanner(
             db, parts.networks, parts.solver, clock, mint, replica, OccupiedPads(parts.closings)
@@ -49,13 +54,22 @@ class Work:
 
     async def greet(self) -> None:
         """After every connect: publish retained messages again, ask drones for missed events."""
+        self._listening.begin()
         self._station_states.forget()
         self._network_versions.forget()
         self._parts.published.set()
         await self._follower.ask_live_drones()
 
+    async def _notice_lost_connections(self) -> Never:
+        """End the listening whenever the connection to the broker is lost; `greet` begins it."""
+        while True:
+            await self._mqtt.wait_connected()
+            await self._mqtt.wait_lost()
+            self._listening.end()
+
     def start(self, loops: Loops) -> None:
         """Start all loops."""
+        loops.start("listening", self._notice_lost_connections())
         loops.start("instructions", self._instructions.run())
         loops.start("reports", self._reports.run())
         loops.start("follow", self._follower.run())

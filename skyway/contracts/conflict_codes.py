@@ -14,6 +14,7 @@ CONFLICT_CODES: Final[Mapping[str, str]] = {
     "NAMED_MODEL": "The model is one of Skyway's own and cannot be replaced.",
     "NOTHING_ON_BOARD": "The drone carries nothing that it could bring home.",
     "NOT_HELD": "The mission is not held.",
+    "NOT_IN_DOUBT": "Only a mission in doubt can be given up.",
     "NOT_LOADING": "The drone does not wait at the pickup for its packages.",
     "NO_NETWORK": "No network is published: skyway network import bundled.",
     "NOT_YET": "An earlier report is missing; send this report again later.",

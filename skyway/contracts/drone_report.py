@@ -118,6 +118,13 @@ class DroneState(DroneMessage):
         Count, Field(description="The `seq` of the last instruction in the journal; 0 without one.")
     ]
     last_event_seq: Annotated[Count, Field(description="The `seq` of the drone's last event.")]
+    journal_session: Annotated[
+        Count,
+        Field(
+            description="The session in which the drone's journal was begun; 0 if unknown. Another "
+            "number than before shows that the drone has lost its journal."
+        ),
+    ] = 0
     mission_id: MissionId | None = None
     mission_revision: Annotated[
         Count | None, Field(description="The revision of the plan that it flies.")

@@ -5,6 +5,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field
 
 from skyway.contracts.candidate import Candidate, ProviderReason
+from skyway.contracts.doubt import Doubt
 from skyway.contracts.message import FleetMoment, Soc
 from skyway.contracts.shortlist import Shortlist
 from skyway.delivery.offer import Price
@@ -107,6 +108,10 @@ class Mission(WireModel):
     #: Why the plan does not deliver what is on board, but leaves it where the drone can land.
     given_up: Annotated[
         str | None, Field(description="Why the plan delivers nothing; null if it delivers.")
+    ] = None
+    doubt: Annotated[
+        Doubt | None,
+        Field(description="Why the mission waits for its drone or an operator; null if it is not."),
     ] = None
 
 
@@ -261,8 +266,11 @@ class MissionReport(WireModel):
     at: FleetMoment
     mission_state: Annotated[MissionState, Field(description="The state of the mission now.")]
     activity: Annotated[
-        Literal["FLYING", "WAITING", "RECHARGING", "DELIVERING"] | None,
-        Field(description="What the drone does now."),
+        Literal["FLYING", "WAITING", "RECHARGING", "DELIVERING", "OUT_OF_CONTACT"] | None,
+        Field(
+            description="What the drone does now. OUT_OF_CONTACT: nobody knows; the mission waits "
+            "for its drone or an operator."
+        ),
     ] = None
     station_id: StationId | None = None
     position: Annotated[Position | None, Field(description="Where the drone is, in degrees.")] = (

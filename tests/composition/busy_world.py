@@ -8,6 +8,7 @@ from typing import Any, Self
 
 from skyway_composition.closures.close import Closings
 from skyway_composition.closures.closure import Closure, ClosureKind
+from skyway_composition.links.listening import Listening
 from skyway_composition.missions.booking.book import Bookings
 from skyway_composition.missions.closure_impact.impact import GroundStopEnforcer, MissionImpact
 from skyway_composition.missions.following.follow import Follower
@@ -111,22 +112,23 @@ class BusyWorld:
 
     def restart(self) -> None:
         """Restart composition as after kill -9: new objects on the same database."""
-        db, clock, mint = self.db, self.clock, self.mint
-        stuck = Wake()
-        networks = PreparedNetworks(db)
-        parts = (db, clock, mint, stuck)
+        db, clock, mint, stuck = self.db, self.clock, self.mint, Wake()
+        networks, parts = PreparedNetworks(db), (db, clock, mint, stuck)
         self.bookings = Bookings(db, networks, self.solver, clock, mint)
         self.closings = Closings(db, networks, MissionImpact(clock, mint, stuck), clock, mint)
         self.cancellations, self.commands = Cancellations(*parts), Commands(*parts)
         self.loadings = Loadings(*parts)
-        self.follower = Follower(db, SilentSubscriber(), clock=clock, mint=mint, stuck=stuck)
+        listening = Listening(clock)
+        self.follower = Follower(
+            db, SilentSubscriber(), clock=clock, mint=mint, stuck=stuck, listening=listening
+        )
         occupied = OccupiedPads(self.closings)
         self.replanner = Replanner(db, networks, self.solver, clock, mint, "hot", occupied)
         self.sweeps = (
             LateMissions(db, networks, clock, mint, stuck),
             LoadingTimeouts(db, networks, clock, mint),
             GroundStopEnforcer(db, self.closings, clock),
-            OverdueMissions(db, clock, mint),
+            OverdueMissions(db, clock, mint, listening),
         )
 
     @property

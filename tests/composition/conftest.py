@@ -11,6 +11,7 @@ from typing import Any
 import httpx
 import pytest
 from skyway_composition.app import composition_app
+from skyway_composition.links.listening import Listening
 from skyway_composition.missions.following.follow import Follower
 from skyway_composition.missions.replanning.occupied_pads import OccupiedPads
 from skyway_composition.missions.replanning.replan import Replanner
@@ -143,6 +144,7 @@ class Composition:
     overdue: OverdueMissions
     late_missions: LateMissions
     replanner: Replanner
+    listening: Listening
     deliveries: int = field(default=0)
 
     @property
@@ -277,12 +279,21 @@ async def unpublished(
             base_url="http://composition",
             headers={"Authorization": "Bearer secret of gateway"},
         ) as client:
-            follower = Follower(db, SilentSubscriber(), clock=clock, mint=mint, stuck=parts.stuck)
-            overdue = OverdueMissions(db, clock, mint)
+            listening = Listening(clock)
+            listening.begin()
+            follower = Follower(
+                db,
+                SilentSubscriber(),
+                clock=clock,
+                mint=mint,
+                stuck=parts.stuck,
+                listening=listening,
+            )
+            overdue = OverdueMissions(db, clock, mint, listening)
             late = LateMissions(db, parts.networks, clock, mint, parts.stuck)
             occupied = OccupiedPads(parts.closings)
             replanner = Replanner(db, parts.networks, solver, clock, mint, "test", occupied)
-            whole = Composition(client, parts, clock, follower, overdue, late, replanner)
+            whole = Composition(client, parts, clock, follower, overdue, late, replanner, listening)
             yield whole
 
 

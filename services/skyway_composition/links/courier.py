@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from datetime import datetime
+from datetime import datetime, timedelta
 from functools import partial
 from typing import Final
 
@@ -40,8 +40,12 @@ class Courier:
 
     def expiry(self) -> datetime:
         """The latest moment to begin an instruction that is sent now, in whole milliseconds."""
-        margin = fleet_margin(self.clock, fleet_s=60, wall_s=10)
-        return ms_to_moment(moment_to_ms(self.clock.now() + margin))
+        return ms_to_moment(moment_to_ms(self.clock.now() + self.lifetime))
+
+    @property
+    def lifetime(self) -> timedelta:
+        """How long an instruction can be begun after it was sent."""
+        return fleet_margin(self.clock, fleet_s=60, wall_s=10)
 
     async def send(
         self, tx: Tx, link: DroneLink, draft: Draft, *, expires_at: datetime

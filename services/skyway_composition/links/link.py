@@ -48,6 +48,25 @@ class DroneLink:
         state = self.state
         return state is not None and (state.mission_id is not None or state.activity == "DOWN")
 
+    @property
+    def has_unread_events(self) -> bool:
+        """Whether the drone's last state names events that were not read here."""
+        return self.state is not None and self.state.last_event_seq > self.last_event_seq
+
+    def may_have_lost_journal(self, state: DroneState) -> bool:
+        """Whether the drone may have lost its journal since its last state.
+
+        A drone of an older version does not say when its journal was begun. After a restart its
+        journal may be lost, unless its event numbers continue ours.
+        """
+        before = self.state
+        if before is None or state.session == before.session:
+            return False
+        if before.journal_session and state.journal_session:
+            return before.journal_session != state.journal_session
+        is_continued = 0 < self.last_event_seq <= state.last_event_seq
+        return state.stream < self.stream and not is_continued
+
     def with_next(self) -> tuple["DroneLink", InstructionPlace]:
         """The link with one more instruction, and the place of this instruction."""
         link = replace(self, stream=max(1, self.stream), last_seq=self.last_seq + 1)

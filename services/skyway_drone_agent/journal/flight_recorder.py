@@ -55,7 +55,10 @@ class FlightRecorder:
     def begin_session(self, wall_now: datetime) -> None:
         """Start a session with a higher number than all before, even if the journal was lost."""
         session = max(self.logbook.session + 1, int(wall_now.timestamp()))
-        self.logbook = self.logbook.model_copy(update={"session": session})
+        first_session = self.logbook.first_session or session
+        self.logbook = self.logbook.model_copy(
+            update={"session": session, "first_session": first_session}
+        )
         # Its last line may be torn, or the file may be missing, until it is rewritten.
         self._can_append = False
         self.make_room()

@@ -27,10 +27,12 @@ class Logbook(WireModel):
 
     `station_id` is None in the air, and when the drone is down, which means away from every
     station. `faults` are the current faults with an alarm. `state_of_health` is the last estimate
-    of the battery's capacity, as a share of the capacity when new.
+    of the battery's capacity, as a share of the capacity when new. `first_session` is the session
+    in which the journal was begun, 0 in the journal of an older version before its next start.
     """
 
     session: int = 0
+    first_session: int = 0
     stream: int = 0
     last_instruction_seq: int = 0
     answers: tuple[Answer, ...] = ()

@@ -33,6 +33,7 @@ def snapshot_of(logbook: Logbook, assessment: Assessment, *, envelope: Envelope)
         activity=_activity_of(logbook, run),
         stream=logbook.stream,
         last_instruction_seq=logbook.last_instruction_seq,
+        journal_session=logbook.first_session,
         last_event_seq=logbook.last_event_seq,
         mission_id=mission.mission_id if mission else None,
         mission_revision=mission.revision if mission else None,

@@ -30,7 +30,7 @@ from skyway_gateway.deliveries.lifecycle.states import (
     PackageState,
 )
 
-Activity = Literal["FLYING", "WAITING", "RECHARGING", "DELIVERING"]
+Activity = Literal["FLYING", "WAITING", "RECHARGING", "DELIVERING", "OUT_OF_CONTACT"]
 
 
 class PackageStatus(JsonModel):

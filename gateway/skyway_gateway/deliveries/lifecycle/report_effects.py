@@ -82,6 +82,9 @@ def _loading(delivery: Delivery, _mission: Mission, _report: MissionReport) -> P
 
 
 def _activity(delivery: Delivery, mission: Mission, report: MissionReport) -> Progress:
+    """A drone may be out of contact in every state; the next report of its activity ends that."""
+    if "OUT_OF_CONTACT" in (delivery.activity, report.activity):
+        return Progress(changed(delivery, activity=report.activity))
     if delivery.state != "IN_PROGRESS":
         return Progress(delivery)
     if report.activity == "FLYING":

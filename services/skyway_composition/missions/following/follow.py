@@ -29,6 +29,7 @@ from skyway.runtime.mqtt.inbox import BATCH_SIZE
 from skyway.runtime.sql.database import Database
 from skyway_composition.links.cached_links import CachedLinks
 from skyway_composition.links.link import DroneLink
+from skyway_composition.links.listening import Listening
 from skyway_composition.links.store import lock_link
 from skyway_composition.missions.following.handle_ack import handle_ack
 from skyway_composition.missions.following.handle_event import handle_event
@@ -38,7 +39,8 @@ from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 
 log = logging.getLogger(__name__)
 
-#: A batch that fails this often is dropped: drones repeat what matters, and others must not wait.
+#: A batch that fails this often is handled message by message, so that one bad message is dropped
+#: alone: drones repeat what matters, and other drones must not wait.
 _TRIES = 3
 
 #: Seconds of wall time between two batches: messages that arrive meanwhile share one transaction.
@@ -58,12 +60,20 @@ class Follower:
     """Handles messages of drones; wakes `stuck` when a mission needs a new revision."""
 
     def __init__(
-        self, db: Database, mqtt: Subscriber, *, clock: FleetClock, mint: Mint, stuck: Wake
+        self,
+        db: Database,
+        mqtt: Subscriber,
+        *,
+        clock: FleetClock,
+        mint: Mint,
+        stuck: Wake,
+        listening: Listening,
     ) -> None:
         self._db = db
         self._clock = clock
         self._mint = mint
         self._stuck = stuck
+        self._listening = listening
         self._cached_links = CachedLinks(clock)
         self._batches = mqtt.batches(ACKS, EVENTS, STATE, CONNECTION)
         self._batch: list[Received[Any]] = []
@@ -77,19 +87,45 @@ class Follower:
         """Handle the next batch. Always True: this method itself waits for the next batch."""
         if not self._batch:
             self._batch, self._tries = await anext(self._batches), 0
+        self._listening.begin_batch()
         self._tries += 1
         try:
             if self._tries <= _TRIES:
                 await self.handle(self._batch)
             else:
-                log.error("batch dropped", extra={"messages": len(self._batch)})
+                await self._handle_one_by_one()
         except ServiceUnavailable:
             self._tries -= 1  # The batch did not cause this error.
             raise
         is_full, self._batch = len(self._batch) >= BATCH_SIZE, []
         if not is_full:
+            self._listening.end_batch()
             await asyncio.sleep(_PAUSE_S)
         return True
+
+    async def _handle_one_by_one(self) -> None:
+        """Handle each message of a failing batch alone; only those that fail again are dropped.
+
+        Raises
+        ------
+        ServiceUnavailable
+            The database went away; the remaining messages stay in the batch.
+        """
+        while self._batch:
+            received = self._batch[0]
+            try:
+                await self.handle([received])
+            except ServiceUnavailable:
+                raise
+            except Exception:
+                log.exception(
+                    "message dropped",
+                    extra={"topic": received.topic.template, "ids": received.ids},
+                )
+                count("skyway_dropped_messages", "drone messages dropped because handling failed")
+                # The message may have been an answer, so silence proves nothing from here on.
+                self._listening.begin()
+            del self._batch[0]
 
     async def handle(self, batch: Sequence[Received[Any]]) -> None:
         """Handle messages of any kind, in the order of their arrival."""

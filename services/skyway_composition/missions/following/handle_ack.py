@@ -14,6 +14,7 @@ from skyway_composition.links.instruction_store import (
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.following.advance import accept
 from skyway_composition.missions.following.handle_failure import open_stream, wait_for_revision
+from skyway_composition.missions.mission.doubt import without_doubt
 from skyway_composition.missions.mission.end import cancel, refuse
 from skyway_composition.missions.mission.instruct import call_off, handle_refused_hold
 from skyway_composition.missions.mission.record import MissionRecord, Proposal
@@ -56,7 +57,7 @@ async def handle_ack(work: MissionUnitOfWork, link: DroneLink, ack: Ack) -> None
     elif sent.kind in _REVISIONS and ack.status == "ACCEPTED":
         await _handle_acceptance(work, link, sent)
     elif sent.kind in _REVISIONS:
-        await _handle_refusal(work, link, sent, ack)
+        await _handle_refusal(work, work.links[link.drone_id], sent, ack)
     elif sent.kind == "HOLD" and ack.status == "REJECTED" and record is not None:
         await handle_refused_hold(work, record, sent, code=ack.code or RefusalCode.MALFORMED)
 
@@ -106,7 +107,7 @@ async def _handle_acceptance(
 ) -> None:
     record = work.missions.get(link.drone_id)
     if record is not None and record.mission_id == sent.mission_id:
-        work.stage(accept(work, record))
+        work.stage(accept(work, without_doubt(work, record)))
         # Planning for later troubles has waited for this answer.
         if record.needs_plan:
             await plan_now(work.tx, record.mission_id)
@@ -136,7 +137,10 @@ async def _handle_refusal(
     if record is None or not is_current:
         return
     code = ack.code or RefusalCode.MALFORMED
-    if record.mission.state == "BOOKED":
+    if record.mission.state == "BOOKED" and (link.has_unread_events or record.mission.doubt):
+        # A drone may refuse a mission that it has flown. Its events decide, or an operator.
+        work.links[link.drone_id] = await work.courier.ask_for_events(work.tx, link)
+    elif record.mission.state == "BOOKED":
         await refuse(work, record, code=code, detail=ack.detail)
     else:
         await wait_for_revision(

@@ -15,9 +15,10 @@ from skyway_composition.missions.following.advance import (
     record_return,
 )
 from skyway_composition.missions.following.handle_failure import handle_step_failure
-from skyway_composition.missions.following.recover_packages import record_late_return
+from skyway_composition.missions.following.recover_packages import record_late_event
 from skyway_composition.missions.mission.custody import delivered, returned
 from skyway_composition.missions.mission.custody_store import held_packages
+from skyway_composition.missions.mission.doubt import without_doubt
 from skyway_composition.missions.mission.end import abort, complete
 from skyway_composition.missions.mission.record import MissionRecord, Trouble
 from skyway_composition.missions.mission.release_pads import release_unneeded_pads
@@ -44,9 +45,9 @@ async def handle_event(work: MissionUnitOfWork, link: DroneLink, event: DroneEve
         await _handle_alarm(work, link, event)
     if record is None or record.mission_id != event.mission_id:
         log.info("event of no live mission", extra={"mission_id": event.mission_id})
-        await record_late_return(work, event)
+        await record_late_event(work, link, event)
         return
-    record = await accept_if_flown(work, record, event.mission_revision)
+    record = await accept_if_flown(work, without_doubt(work, record), event.mission_revision)
     match event.event:
         case "STEP_ENDED":
             await _handle_step_end(work, record, event)

@@ -8,6 +8,7 @@ package that may have been loaded counts as not loaded, unless the drone reports
 
 import logging
 from dataclasses import replace
+from datetime import datetime
 
 from skyway.contracts.drone_health import Fault
 from skyway.contracts.drone_report import DroneEvent, DroneState
@@ -15,11 +16,12 @@ from skyway.contracts.flight_step import DeliverStep, FlightStep, FlyStep, PickU
 from skyway.ids import PackageId
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.following.advance import begin, record_loading
+from skyway_composition.missions.mission.doubt import put_in_doubt
 from skyway_composition.missions.mission.end import end_after_forced_landing
 from skyway_composition.missions.mission.instruct import send_again
 from skyway_composition.missions.mission.notify import raise_alarm, report
 from skyway_composition.missions.mission.record import MissionRecord, Stuck
-from skyway_composition.missions.mission.step_store import end_step
+from skyway_composition.missions.mission.step_store import end_step, steps_of
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.missions.replanning.occupied_pads import occupied_pad
 from skyway_composition.missions.replanning.propose import drop_proposal, with_aims
@@ -118,13 +120,50 @@ async def open_stream(work: MissionUnitOfWork, link: DroneLink, state: DroneStat
     record = work.missions.get(link.drone_id)
     if record is None:
         return
-    if record.mission.state == "BOOKED":
+    if await _may_have_passed_packages(work, record, until_at=state.at):
+        await doubt_lost_journal(work, record, state)
+    elif record.mission.state == "BOOKED":
         await send_again(work, record)
     else:
         if record.proposal is not None:
             record = await drop_proposal(work, record)
         detail = "the drone has lost its journal and with it the mission"
         await wait_for_revision(work, record, code="JOURNAL_LOST", detail=detail)
+
+
+async def doubt_lost_journal(
+    work: MissionUnitOfWork, record: MissionRecord, state: DroneState
+) -> MissionRecord:
+    """The mission of a drone that has lost its journal: in doubt if packages may have passed.
+
+    The unanswered instructions are withdrawn: the drone would fly the mission a second time.
+    """
+    if not await _may_have_passed_packages(work, record, until_at=state.at):
+        return record
+    await work.courier.withdraw_open(work.tx, work.links[record.drone_id])
+    if record.proposal is not None:
+        record = await drop_proposal(work, record)
+    detail = "the drone has lost its journal, and may have loaded or handed over packages before"
+    return await put_in_doubt(work, record, code="JOURNAL_LOST", detail=detail)
+
+
+async def _may_have_passed_packages(
+    work: MissionUnitOfWork, record: MissionRecord, *, until_at: datetime
+) -> bool:
+    """Whether the drone may have loaded or handed over packages without our knowledge.
+
+    A drone does such a step at its planned time at the earliest. A drone that waits for a revision
+    or for its loader does none.
+    """
+    waits = record.stuck is not None and record.proposal is None
+    if waits or (record.mission.loading == "AWAITED" and not record.is_being_loaded):
+        return False
+    return any(
+        each.status == "PLANNED"
+        and isinstance(each.step, PickUpStep | DeliverStep | ReturnStep)
+        and each.step.planned_start_at <= until_at
+        for each in await steps_of(work.tx.connection, record.mission_id)
+    )
 
 
 async def _keep_stuck(work: MissionUnitOfWork, record: MissionRecord, stuck: Stuck) -> None:

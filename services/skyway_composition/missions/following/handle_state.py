@@ -8,11 +8,15 @@ from skyway.ids import DroneId, MissionId
 from skyway_composition.links.instruction_store import last_cancel
 from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.following.advance import begin
-from skyway_composition.missions.following.handle_failure import open_stream
+from skyway_composition.missions.following.handle_failure import (
+    doubt_lost_journal,
+    open_stream,
+)
 from skyway_composition.missions.following.recover_packages import hold_and_unload, raise_flies_on
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.custody import on_board
 from skyway_composition.missions.mission.custody_store import held_packages
+from skyway_composition.missions.mission.doubt import without_doubt
 from skyway_composition.missions.mission.instruct import call_off
 from skyway_composition.missions.mission.notify import report
 from skyway_composition.missions.mission.record import MissionRecord
@@ -32,6 +36,7 @@ async def handle_state(work: MissionUnitOfWork, link: DroneLink, state: DroneSta
     if not link.is_newer_state(state):
         return
     must_open_stream = link.needs_new_stream(state)
+    may_have_lost_journal = link.may_have_lost_journal(state)
     is_news = _is_news(link.state, state)
     link = replace(link, state=state)
     if state.stream == link.stream:
@@ -46,7 +51,10 @@ async def handle_state(work: MissionUnitOfWork, link: DroneLink, state: DroneSta
     if state.stream == link.stream and state.last_event_seq > link.last_event_seq:
         work.links[link.drone_id] = await work.courier.ask_for_events(work.tx, link)
     record = work.missions.get(link.drone_id)
+    if record is not None and record.mission.state == "BOOKED" and may_have_lost_journal:
+        record = await doubt_lost_journal(work, record, state)
     if record is not None and state.mission_id == record.mission_id:
+        record = without_doubt(work, record)
         record = await accept_if_flown(work, record, state.mission_revision)
         record = await _with_progress(work, record, state)
         if is_news:

@@ -8,16 +8,19 @@ an alarm.
 from functools import partial
 
 from skyway.contracts.drone_report import DroneEvent, DroneState
-from skyway.contracts.flight_step import ReturnStep
+from skyway.contracts.flight_step import DeliverStep, ReturnStep
 from skyway.contracts.instruction import MissionInstruction
+from skyway.ids import PackageId, StationId
 from skyway.units import moment_to_ms
 from skyway_composition.links.instruction_store import last_revision, open_instructions
+from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.mission import store
 from skyway_composition.missions.mission.custody import Custodian, Held
 from skyway_composition.missions.mission.custody_store import add_custody, held_packages
 from skyway_composition.missions.mission.instruct import hold
 from skyway_composition.missions.mission.notify import raise_alarm
 from skyway_composition.missions.mission.record import MissionRecord
+from skyway_composition.missions.mission.step_store import steps_of
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 
 
@@ -53,21 +56,76 @@ async def hold_and_unload(work: MissionUnitOfWork, ended: MissionRecord, state: 
         await _leave_all(work, ended, state, station=state.station_id)
 
 
-async def record_late_return(work: MissionUnitOfWork, event: DroneEvent) -> None:
-    """Note that packages of a mission that was given up are at a station now."""
-    if event.mission_id is None or event.station_id is None or event.step_kind != "RETURN":
+async def record_late_event(work: MissionUnitOfWork, link: DroneLink, event: DroneEvent) -> None:
+    """Note where packages of a mission that is over here were returned or handed over."""
+    passes_packages = event.event == "STEP_ENDED" and event.step_kind in ("RETURN", "DELIVER")
+    if event.mission_id is None or event.station_id is None or not passes_packages:
         return
     ended = await store.get(work.tx.connection, event.mission_id, provider_id=None)
-    if ended is None or ended.is_live or event.event != "STEP_ENDED":
+    if ended is None or ended.is_live or ended.drone_id != link.drone_id:
         return
+    if event.step_kind == "RETURN":
+        await _record_late_return(work, ended, event, station_id=event.station_id)
+    elif event.code != "CUT":
+        await _record_late_hand_over(work, ended, event, station_id=event.station_id)
+
+
+async def _record_late_return(
+    work: MissionUnitOfWork, ended: MissionRecord, event: DroneEvent, *, station_id: StationId
+) -> None:
     held = await held_packages(work.tx.connection, ended.mission.delivery_id)
-    drone, station = Custodian("DRONE", ended.drone_id), Custodian("STATION", event.station_id)
+    drone, station = Custodian("DRONE", ended.drone_id), Custodian("STATION", station_id)
     rows = [
         Held(each, held[each].seq + 1, station)
         for each in event.package_ids
         if each in held and held[each].custodian == drone
     ]
     await add_custody(work.tx, ended, rows, at_ms=moment_to_ms(event.ended_at))
+
+
+async def _record_late_hand_over(
+    work: MissionUnitOfWork, ended: MissionRecord, event: DroneEvent, *, station_id: StationId
+) -> None:
+    """The drone has delivered after its mission was given up: people must stop other deliveries.
+
+    Custody changes only if nobody else has delivered the package since.
+    """
+    held = await held_packages(work.tx.connection, ended.mission.delivery_id)
+    package_ids = event.package_ids or await _packages_of_step(work, ended, event)
+    recipient = Custodian("RECIPIENT", station_id)
+    rows = [
+        Held(each, held[each].seq + 1, recipient)
+        for each in package_ids
+        if each in held and held[each].custodian.kind != "RECIPIENT"
+    ]
+    await add_custody(work.tx, ended, rows, at_ms=moment_to_ms(event.ended_at))
+    await raise_alarm(
+        work,
+        ended,
+        level="CRITICAL",
+        code="LATE_HAND_OVER",
+        detail=(
+            f"the drone has handed over {', '.join(package_ids)} at {station_id!r}, though its "
+            f"mission is {ended.mission.state}: nobody else may deliver them"
+        ),
+        station_id=station_id,
+        data={"package_ids": [*package_ids], "step_id": event.step_id},
+    )
+
+
+async def _packages_of_step(
+    work: MissionUnitOfWork, ended: MissionRecord, event: DroneEvent
+) -> tuple[PackageId, ...]:
+    """The packages of the step that has ended, for an event that names none."""
+    steps = await steps_of(work.tx.connection, ended.mission_id)
+    return next(
+        (
+            each.step.package_ids
+            for each in steps
+            if isinstance(each.step, DeliverStep) and each.step.step_id == event.step_id
+        ),
+        (),
+    )
 
 
 async def _leave_all(

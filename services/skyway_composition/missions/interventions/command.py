@@ -8,7 +8,7 @@ from skyway.contracts.drone_health import ActiveFailsafe
 from skyway.ids import InstructionId, MissionId, StationId
 from skyway.json_model import JsonModel
 
-CommandName = Literal["HOLD", "RESUME", "DIVERT", "RETURN_HOME", "CANCEL"]
+CommandName = Literal["HOLD", "RESUME", "DIVERT", "RETURN_HOME", "CANCEL", "GIVE_UP"]
 
 
 class Command(JsonModel):
@@ -17,12 +17,16 @@ class Command(JsonModel):
     A DIVERT or RETURN_HOME may override an active failsafe, and its faults for the remainder of
     the mission. It never overrides an emergency landing that was ordered because no station can be
     reached.
+
+    GIVE_UP ends a mission in doubt. Packages that were not loaded may then be flown by another
+    drone, so an operator gives this command only after people have found out where they are.
     """
 
     command: Annotated[
         CommandName,
         Field(
-            description="HOLD, RESUME, DIVERT to a station, RETURN_HOME, or CANCEL.",
+            description="HOLD, RESUME, DIVERT to a station, RETURN_HOME, CANCEL, or GIVE_UP a "
+            "mission in doubt: people know that its drone has not delivered, and will not.",
             examples=["HOLD"],
         ),
     ]

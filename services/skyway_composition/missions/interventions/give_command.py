@@ -20,6 +20,7 @@ from skyway_composition.missions.interventions.stop_packages import (
 )
 from skyway_composition.missions.mission.custody import on_board
 from skyway_composition.missions.mission.custody_store import held_packages
+from skyway_composition.missions.mission.end import abort
 from skyway_composition.missions.mission.instruct import held, hold, resume
 from skyway_composition.missions.mission.record import CALLED_HOME, DIVERTED, MissionRecord, Trouble
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork, lock_mission
@@ -49,7 +50,7 @@ class Commands:
             There is no such mission.
         Conflict
             MISSION_OVER, ALREADY_HELD, NOT_HELD, BEING_LOADED, NOTHING_ON_BOARD, TOO_LATE,
-            ALREADY_CALLED_HOME.
+            ALREADY_CALLED_HOME, NOT_IN_DOUBT.
         InvalidInput
             The station is not in the mission's network.
         """
@@ -88,6 +89,8 @@ async def _carry_out(
             await _return_home(work, record, command)
         case "CANCEL":
             await _cancel(work, record, reason)
+        case "GIVE_UP":
+            await _give_up(work, record, reason)
         case "DIVERT":
             return await _divert(work, record, command)
     return None
@@ -176,6 +179,16 @@ async def _cancel(work: MissionUnitOfWork, record: MissionRecord, reason: str) -
     if not stopped.released and not stopped.returning:
         detail = f"everything that {record.mission_id} carries is handed over or on its way"
         raise Conflict("TOO_LATE", detail)
+
+
+async def _give_up(work: MissionUnitOfWork, record: MissionRecord, reason: str) -> None:
+    """End a mission in doubt. If its drone comes back with the mission, it gets a CANCEL then."""
+    doubt = record.mission.doubt
+    if doubt is None:
+        detail = f"{record.mission_id} is not in doubt: cancel it, or wait for its drone"
+        raise Conflict("NOT_IN_DOUBT", detail)
+    detail = f"{reason} ({doubt.detail})"
+    await abort(work, record, at=work.clock.now(), code=doubt.code, detail=detail)
 
 
 def _refuse_while_loaded(record: MissionRecord) -> None:

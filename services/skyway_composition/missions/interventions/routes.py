@@ -81,6 +81,7 @@ def intervention_routes(
             "MISSION_OVER",
             "NOTHING_ON_BOARD",
             "NOT_HELD",
+            "NOT_IN_DOUBT",
             "TOO_LATE",
         ),
     )

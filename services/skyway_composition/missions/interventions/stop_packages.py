@@ -164,9 +164,10 @@ def _can_stay_at_pickup(
 
     An automatic PICK_UP that has begun cannot be stopped. A PICK_UP that waits for a loader can be
     stopped until the loader has confirmed. A drone that waits for a revision starts nothing. A
-    drone out of reach loads when its time comes, and learns of the cancellation afterwards.
+    drone out of reach loads when its time comes, and learns of the cancellation afterwards. A drone
+    with events that were not read here may have loaded already.
     """
-    if record.is_being_loaded:
+    if record.is_being_loaded or record.mission.doubt is not None or link.has_unread_events:
         return False
     if record.mission.loading == "AWAITED" or record.stuck is not None:
         return True

@@ -66,12 +66,13 @@ def trouble_of(record: MissionRecord) -> Trouble | None:
 def may_be_planned(situation: Situation, trouble: Trouble) -> bool:
     """Whether a plan can be made now.
 
-    A drone that has not answered yet gets no new plan. A drone that is led elsewhere by a failsafe
-    would refuse new steps, unless they override the failsafe. A held drone gets a plan only if it
-    is diverted, or in flight: its next landing may be closed.
+    A drone that has not answered yet gets no new plan. A mission in doubt gets none either. A drone
+    that is led elsewhere by a failsafe would refuse new steps, unless they override the failsafe. A
+    held drone gets a plan only if it is diverted, or in flight: its next landing may be closed.
     """
     record = situation.record
-    if record.mission.state == "BOOKED" or record.proposal is not None:
+    mission = record.mission
+    if mission.state == "BOOKED" or mission.doubt is not None or record.proposal is not None:
         return False
     if situation.steering_failsafe is not None and not trouble.overrides_failsafe:
         return False
@@ -90,6 +91,7 @@ def _inputs(record: MissionRecord) -> tuple[object, ...]:
         record.mission.revision,
         # New steps would end a hold that was ordered while they were planned.
         record.mission.is_held,
+        record.mission.doubt,
         record.stuck,
         record.trouble,
         record.proposal,

@@ -6,6 +6,7 @@ from datetime import timedelta
 from typing import Any
 
 import pytest
+from skyway_composition.links.listening import Listening
 from skyway_composition.missions.following.follow import Follower
 from skyway_composition.tables import outbox
 
@@ -63,6 +64,7 @@ async def test_nothing_is_dropped_while_the_database_is_away(
         clock=composition.clock,
         mint=composition.parts.mint,
         stuck=Wake(),
+        listening=Listening(composition.clock),
     )
 
     for _ in range(10):

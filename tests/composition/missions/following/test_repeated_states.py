@@ -6,6 +6,7 @@ from datetime import timedelta
 from typing import Any
 
 import pytest
+from skyway_composition.links.listening import Listening
 from skyway_composition.links.store import link_to
 from skyway_composition.missions.following.follow import Follower
 from skyway_composition.tables import outbox
@@ -177,7 +178,14 @@ async def test_after_a_lost_commit_answer_an_earlier_state_is_saved_again(
 ) -> None:
     async with FarDatabase(migrated_url, outbox=outbox) as far:
         clock, mint = composition.clock, composition.parts.mint
-        follower = Follower(far, NothingArrives(), clock=clock, mint=mint, stuck=Wake())
+        follower = Follower(
+            far,
+            NothingArrives(),
+            clock=clock,
+            mint=mint,
+            stuck=Wake(),
+            listening=Listening(clock),
+        )
         await follower.handle([idle.state(station_id="a")])
         far.goes_away = True
         with pytest.raises(ServiceUnavailable):

@@ -1,4 +1,4 @@
-"""Missions of silent drones end in bounded time, but never while the drones may fly."""
+"""Missions of silent drones end only when the drones surely do not fly; others are in doubt."""
 
 from datetime import timedelta
 from typing import Any
@@ -15,6 +15,12 @@ async def booked(composition: Any) -> Any:
     await composition.book()
     (instruction,) = await composition.sent()
     return instruction
+
+
+async def doubt_of(composition: Any, instruction: Any) -> str | None:
+    answer = await composition("operator:op", "GET", f"/v1/missions/{instruction.mission_id}")
+    doubt = answer.json()["mission"]["doubt"]
+    return None if doubt is None else str(doubt["code"])
 
 
 async def sweep_after(composition: Any, span: timedelta) -> None:
@@ -92,15 +98,29 @@ async def test_a_drone_that_flies_an_expired_booking_is_left_alone(
     assert await composition.state_of(instruction.mission_id) == "BOOKED"
 
 
-async def test_an_unanswered_booking_ends_in_bounded_time(composition: Any) -> None:
+async def test_an_unanswered_booking_waits_in_doubt_for_its_drone(composition: Any) -> None:
     instruction = await booked(composition)
 
     await sweep_after(composition, timedelta(days=1))
 
-    assert await composition.state_of(instruction.mission_id) == "REFUSED"
+    assert await composition.state_of(instruction.mission_id) == "BOOKED"
+    assert await doubt_of(composition, instruction) == "NO_ANSWER"
+    (alarm,) = (await composition("operator:op", "GET", "/v1/alarms")).json()["items"]
+    assert (alarm["code"], alarm["level"]) == ("MISSION_IN_DOUBT", "CRITICAL")
+    (report,) = await composition.reports()
+    assert (report.kind, report.activity) == ("ACTIVITY", "OUT_OF_CONTACT")
 
 
-async def test_a_mission_of_a_long_silent_drone_is_aborted_with_its_packages(
+async def test_a_mission_is_put_in_doubt_once(composition: Any) -> None:
+    await booked(composition)
+
+    await sweep_after(composition, timedelta(days=1))
+    await sweep_after(composition, timedelta(days=1))
+
+    assert len(await composition.reports()) == 1
+
+
+async def test_a_mission_of_a_long_silent_drone_keeps_its_packages_in_doubt(
     composition: Any, drone: Any
 ) -> None:
     instruction = await booked(composition)
@@ -109,11 +129,23 @@ async def test_a_mission_of_a_long_silent_drone_is_aborted_with_its_packages(
 
     await sweep_after(composition, timedelta(days=1))
 
-    report = (await composition.reports())[-1]
-    assert (report.kind, report.code, report.mission_state) == ("ENDED", "SILENT", "ABORTED")
-    assert report.stranded_package_ids == ("p1",)
-    assert await composition.reservations() == []
+    assert await composition.state_of(instruction.mission_id) == "ACTIVE"
+    assert await doubt_of(composition, instruction) == "SILENT"
+    assert await composition.reservations() != []
     assert await composition.broken() == []
+
+
+async def test_a_lost_drone_proves_nothing_to_a_process_that_did_not_listen(
+    composition: Any, drone: Any
+) -> None:
+    instruction = await booked(composition)
+    composition.clock.advance(timedelta(seconds=1))
+    composition.listening.begin()  # as after a restart
+    await composition.receive(drone.connection("LOST"))
+
+    await sweep_after(composition, EXPIRY + ACK_ON_ITS_WAY)
+
+    assert await composition.state_of(instruction.mission_id) == "BOOKED"
 
 
 async def test_a_mission_of_a_late_but_flying_drone_is_not_aborted(
