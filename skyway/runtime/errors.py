@@ -10,10 +10,12 @@ SkywayError
 ├── IdempotencyKeyReused    the same key came with another body
 ├── RowRefused              a unique, exclusion or trigger rule of the database refused a row
 ├── ServiceUnavailable      another service or the database does not answer now
-│   └── MqttUnavailable     the broker did not accept a message
+│   ├── MqttUnavailable     the broker did not accept a message
+│   └── DamagedDatabase     the database cannot be read until a person restores it
 ├── RemoteProblem           another service answered with a problem document
 ├── InvalidSettings         the environment of this process is incomplete or wrong
-└── UnsafeDatabase          a database that would lose answered writes
+├── UnsafeDatabase          a database that would lose answered writes
+└── UnknownRevision         a database with tables of another version of Skyway
 """
 
 from collections.abc import Mapping
@@ -119,6 +121,13 @@ class MqttUnavailable(ServiceUnavailable):
         super().__init__("broker", detail)
 
 
+class DamagedDatabase(ServiceUnavailable):
+    """A database holds broken pages: it stays so until a person restores it."""
+
+    def __init__(self, detail: str) -> None:
+        super().__init__("database", f"it is damaged: {detail}")
+
+
 class RemoteProblem(SkywayError):
     """Another service answered with an error.
 
@@ -143,3 +152,10 @@ class InvalidSettings(SkywayError):
 
 class UnsafeDatabase(SkywayError):
     """A database does not keep what it answered through a loss of power."""
+
+
+class UnknownRevision(SkywayError):
+    """A database stands at a revision that this version of Skyway does not have."""
+
+    def __init__(self, detail: str) -> None:
+        super().__init__(f"another version of Skyway has migrated the database: {detail}")

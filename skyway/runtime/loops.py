@@ -8,12 +8,16 @@ from collections.abc import Awaitable, Callable, Coroutine
 from types import TracebackType
 from typing import Any, Never, Self
 
+from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.metrics import count
 
 log = logging.getLogger(__name__)
 
 #: Waits after a failed step grow from the first to the second, seconds of wall time.
 _FIRST_PAUSE_S, _LONGEST_PAUSE_S = 0.1, 5.0
+
+#: The longest wait while a part is away: one loop may need what another does after its own wait.
+_LONGEST_WAIT_FOR_A_PART_S = 1.0
 
 
 class Wake:
@@ -34,24 +38,67 @@ class Wake:
         self._event.clear()
 
 
+class MissingParts:
+    """The parts of the system that a loop waits for: each is logged once, and when they are back.
+
+    Without this, a loop would log the same line every second while the database is away.
+    """
+
+    def __init__(self, loop: str) -> None:
+        self._loop = loop
+        self._logged = set[str]()
+
+    def note(self, error: Exception) -> bool:
+        """Whether a part that is away caused the error. The part is logged if it is new."""
+        part = _missing_part(error)
+        if part is None:
+            return False
+        if part.service not in self._logged:
+            self._logged.add(part.service)
+            log.warning("loop waits", extra={"loop": self._loop, "reason": str(part)})
+        return True
+
+    def are_back(self) -> None:
+        """Log that the loop goes on, if it waited."""
+        if self._logged:
+            self._logged.clear()
+            log.info("loop goes on", extra={"loop": self._loop})
+
+
+def _missing_part(error: Exception) -> ServiceUnavailable | None:
+    """The part that is away; None if anything else is behind the error too."""
+    if isinstance(error, ServiceUnavailable):
+        return error
+    if not isinstance(error, ExceptionGroup):
+        return None
+    parts = [_missing_part(each) for each in error.exceptions]
+    return None if None in parts else parts[0]
+
+
 async def repeat(
     name: str, step: Callable[[], Awaitable[bool]], *, every_s: float, wake: Wake | None = None
 ) -> Never:
     """Run `step` for ever: again immediately after True, else when woken or after `every_s`.
 
-    A step that fails is logged and counted, and tried again after a growing pause.
+    A step that fails is counted, and tried again after a growing pause. A bug is logged each time,
+    a part of the system that is away only once.
     """
     wake = wake or Wake()
+    missing = MissingParts(name)
     failures = 0
     while True:
         try:
             has_more = await step()
-        except Exception:
+        except Exception as error:
             failures += 1
             count("skyway_loop_failures", "steps of loops that failed", loop=name)
-            log.exception("loop step failed", extra={"loop": name, "failures": failures})
-            await asyncio.sleep(_pause_s(failures))
+            longest_s = _LONGEST_WAIT_FOR_A_PART_S
+            if not missing.note(error):
+                log.exception("loop step failed", extra={"loop": name, "failures": failures})
+                longest_s = _LONGEST_PAUSE_S
+            await asyncio.sleep(pause_s(failures, longest_s=longest_s))
             continue
+        missing.are_back()
         failures = 0
         if has_more:
             # A step that never waits must not keep the other loops from running, or block a cancel.
@@ -60,10 +107,13 @@ async def repeat(
             await wake.wait(every_s)
 
 
-def _pause_s(failures: int) -> float:
-    # Jitter keeps replicas that failed together from coming back together.
-    longest_s = min(_FIRST_PAUSE_S * 2.0 ** min(failures, 10), _LONGEST_PAUSE_S)
-    return longest_s * random.uniform(0.5, 1.0)  # noqa: S311
+def pause_s(failures: int, *, longest_s: float = _LONGEST_WAIT_FOR_A_PART_S) -> float:
+    """Seconds until the next try after so many failures: doubled each time, less some jitter.
+
+    Jitter keeps replicas that failed together from coming back together.
+    """
+    grown_s = min(_FIRST_PAUSE_S * 2.0 ** min(failures, 10), longest_s)
+    return grown_s * random.uniform(0.5, 1.0)  # noqa: S311
 
 
 class Loops:

@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import itertools
 import logging
 import random
 import ssl
@@ -12,7 +13,8 @@ from pydantic import BaseModel
 
 from skyway.contracts.message import Message
 from skyway.contracts.topic import Address, M, Topic
-from skyway.runtime.errors import MqttUnavailable
+from skyway.runtime.errors import MqttUnavailable, ServiceUnavailable
+from skyway.runtime.loops import MissingParts, pause_s
 from skyway.runtime.mqtt.address import BrokerAddress
 from skyway.runtime.mqtt.connection import Login, MqttConnection, RawMessage
 from skyway.runtime.mqtt.inbox import Inbox, Received, Subscription
@@ -225,10 +227,21 @@ class MqttClient:
         self._has_new_inbox.clear()
 
     async def _greet(self) -> None:
-        """Run `on_connected`. If the connection is lost, it runs again on the next connection."""
-        if self._on_connected is not None:
-            with contextlib.suppress(MqttUnavailable):
+        """Run `on_connected` until it succeeds, or until the connection is lost."""
+        if self._on_connected is None:
+            return
+        missing = MissingParts(f"greeting of {self._login.client_id}")
+        for failures in itertools.count(1):
+            try:
                 await self._on_connected()
+            except MqttUnavailable:
+                return  # it runs again on the next connection
+            except ServiceUnavailable as error:
+                missing.note(error)
+                await asyncio.sleep(pause_s(failures))
+            else:
+                missing.are_back()
+                return
 
 
 def _payload(message: BaseModel) -> bytes:

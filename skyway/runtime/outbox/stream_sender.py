@@ -114,6 +114,7 @@ class StreamSender:
         self._lease_s = lease_s
         self._ready = ready
         self._claimant = mint("snd")
+        self._claims_are_free = False  # from the claims of the process that ran before
         self._wake = Wake()
         self._under_way: set[asyncio.Task[None]] = set()
         self._sent: list[int] = []  # rows that are sent, and still in the table
@@ -127,8 +128,6 @@ class StreamSender:
     async def run(self) -> None:
         """Send for ever."""
         self._db.wake_when_sent(self._wake, channel=self._channel)
-        if self._db.dialect == "sqlite":
-            await self._free_all_claims()
         async with asyncio.TaskGroup() as group:
             await repeat(
                 f"outbox {self._channel}", lambda: self._step(group), every_s=_LONGEST_PAUSE_S
@@ -139,8 +138,11 @@ class StreamSender:
         async with self._db.write() as tx:
             mine = self._table.c.channel == self._channel
             await tx.execute(self._table.update().where(mine).values(FREE))
+        self._claims_are_free = True
 
     async def _step(self, group: asyncio.TaskGroup) -> bool:
+        if self._db.dialect == "sqlite" and not self._claims_are_free:
+            await self._free_all_claims()
         await self._ready()
         await self._pace.turn()
         rows = await self._next_rows()

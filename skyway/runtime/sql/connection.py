@@ -1,15 +1,11 @@
 """The connection that a read or write block uses, and the types of what goes over it."""
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from sqlalchemy import Executable, Row
 from sqlalchemy.engine import CursorResult
-from sqlalchemy.exc import DBAPIError
 from sqlalchemy.ext.asyncio import AsyncConnection
-
-from skyway.runtime.errors import ServiceUnavailable
 
 #: A row of any query. Any: its columns have every type.
 AnyRow = Row[*tuple[Any, ...]]
@@ -34,20 +30,3 @@ class BlockConnection(AsyncConnection):
     ) -> CursorResult[*tuple[Any, ...]]:
         """Run the last statement of a write block. Any: columns have every type."""
         return await self.execute(statement, parameters)
-
-
-@contextmanager
-def lost_connection_is_unavailable() -> Iterator[None]:
-    """Let a block use a connection.
-
-    Raises
-    ------
-    ServiceUnavailable
-        The connection was lost within the block.
-    """
-    try:
-        yield
-    except DBAPIError as error:
-        if not error.connection_invalidated:
-            raise
-        raise ServiceUnavailable("database", "the connection was lost") from error

@@ -182,6 +182,15 @@ def _make_read_only(connection: DBAPIConnection, _record: Any) -> None:
 
 def _make_durable(connection: DBAPIConnection, _record: Any) -> None:
     """Any: the pool's record of the connection, which is not used."""
+    try:
+        _apply_settings(connection)
+    except BaseException:
+        # The pool does not know this connection yet. Left open, it would keep its thread and file.
+        connection.close()
+        raise
+
+
+def _apply_settings(connection: DBAPIConnection) -> None:
     cursor = connection.cursor()
     try:
         for setting in ("journal_mode = WAL", "synchronous = FULL", "foreign_keys = ON"):

@@ -7,11 +7,14 @@ from alembic.config import Config
 from alembic.migration import MigrationContext
 from alembic.runtime.environment import EnvironmentContext
 from alembic.script import ScriptDirectory
+from alembic.util import CommandError
 from sqlalchemy import event, text
 from sqlalchemy.engine import Connection
 from sqlalchemy.ext.asyncio import AsyncEngine
 
+from skyway.runtime.errors import UnknownRevision
 from skyway.runtime.sql.engines import postgresql_engine, read_url, sqlite_engine
+from skyway.runtime.sql.trouble import named_trouble, trouble_of_writing
 
 #: Key of the advisory lock under which one replica migrates while the others wait ("skyway").
 _LOCK_KEY: Final = 0x736B79776179
@@ -21,15 +24,23 @@ async def migrate(db_url: str, package: str) -> None:
     """Upgrade to the newest revision in ``<package>/migrations/versions``, all or nothing.
 
     A package's migrations folder needs no env.py. Replicas that start together wait for the first.
+
+    Raises
+    ------
+    ServiceUnavailable
+        The database cannot be migrated now.
+    UnknownRevision
+        Another version of Skyway has migrated it.
     """
     # Alembic logs each revision as INFO, which would hide our own log lines of the start.
     logging.getLogger("alembic").setLevel(logging.WARNING)
     engine = _engine(db_url)
     try:
-        async with engine.begin() as connection:
-            if engine.dialect.name == "postgresql":
-                await connection.execute(text(f"SELECT pg_advisory_xact_lock({_LOCK_KEY})"))
-            await connection.run_sync(_upgrade, _scripts(package))
+        with named_trouble(trouble_of_writing):
+            async with engine.begin() as connection:
+                if engine.dialect.name == "postgresql":
+                    await connection.execute(text(f"SELECT pg_advisory_xact_lock({_LOCK_KEY})"))
+                await connection.run_sync(_upgrade, _scripts(package))
     finally:
         await engine.dispose()
 
@@ -56,7 +67,10 @@ def _scripts(package: str) -> ScriptDirectory:
 
 def _upgrade(connection: Connection, scripts: ScriptDirectory) -> None:
     def steps(revision: str, _context: MigrationContext) -> list[object]:
-        return list(scripts._upgrade_revs("head", revision))  # as alembic's own `upgrade` does
+        try:
+            return list(scripts._upgrade_revs("head", revision))  # as alembic's own `upgrade` does
+        except CommandError as error:
+            raise UnknownRevision(str(error)) from error
 
     with EnvironmentContext(Config(), scripts, fn=steps) as environment:
         # SQLite can roll back DDL too, which Alembic does not assume.

@@ -22,6 +22,14 @@ class PromptConnection(aiosqlite.Connection):
     event loop for longer than it works.
     """
 
+    async def _connect(self) -> aiosqlite.Connection:
+        try:
+            return await super()._connect()
+        except sqlite3.Error:
+            # The thread has nothing left to do. It must not end later than the event loop.
+            self._thread.join()
+            raise
+
     async def _execute(self, fn: Callable[..., Any], *args: Any, **kwargs: Any) -> Any:
         """Call the driver's function; what it takes and returns may be anything."""
         if self._connection is None or fn == self._connection.close or args[:1] in _WAITING:

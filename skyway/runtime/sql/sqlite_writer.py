@@ -20,6 +20,7 @@ from sqlalchemy.ext.asyncio import AsyncConnection, AsyncEngine
 
 from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.sql.engines import sqlite_engine
+from skyway.runtime.sql.trouble import named_trouble, trouble_of_writing
 
 log = logging.getLogger(__name__)
 
@@ -74,8 +75,9 @@ class SqliteWriter:
 
     async def __aenter__(self) -> Self:
         # The first connection checks that this file can be written durably.
-        async with self._engine.connect():
-            pass
+        with named_trouble(trouble_of_writing):
+            async with self._engine.connect():
+                pass
         self._is_closing = False
         self._task = asyncio.create_task(self._run(), name="sqlite writer")
         return self
@@ -140,12 +142,14 @@ class SqliteWriter:
                 while await self._has_work():
                     await self._commit_group(connection)
         except _NotCommitted:
-            # Leaving the connection rolled the group back. The blocks after it are served next.
-            log.exception("group not committed")
+            pass  # Leaving the connection rolled the group back. The blocks after it come next.
         except Exception as error:
-            log.exception("sqlite cannot be written")
+            trouble = trouble_of_writing(error)
+            if trouble is None:
+                log.exception("sqlite cannot be written")
+                trouble = ServiceUnavailable("database", "it cannot be written")
             while self._queue:
-                self._queue.popleft().refuse(ServiceUnavailable("database", str(error)))
+                self._queue.popleft().refuse(trouble)
 
     async def _commit_group(self, connection: AsyncConnection) -> None:
         group: list[_Turn] = []
@@ -156,8 +160,9 @@ class SqliteWriter:
                 await self._run_block(group[-1], connection)
             await _control(connection, "COMMIT")
         except (sqlite3.Error, DBAPIError, OSError) as error:
+            reason = trouble_of_writing(error) or ServiceUnavailable("database", "not committed")
             for turn in group:
-                turn.refuse(ServiceUnavailable("database", f"not committed: {error}"))
+                turn.refuse(reason)
             raise _NotCommitted from error
         for turn in group:
             turn.settle()

@@ -8,15 +8,10 @@ from typing import Any, Protocol, Self, TypeVar
 from sqlalchemy import Executable
 from sqlalchemy.engine import URL, CursorResult
 from sqlalchemy.exc import DBAPIError
-from sqlalchemy.exc import TimeoutError as NoFreeConnection
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.runtime.errors import ServiceUnavailable
-from skyway.runtime.sql.connection import (
-    BlockConnection,
-    Values,
-    lost_connection_is_unavailable,
-)
+from skyway.runtime.sql.connection import BlockConnection, Values
 from skyway.runtime.sql.engines import (
     postgresql_engine,
     postgresql_reader_engine,
@@ -24,6 +19,12 @@ from skyway.runtime.sql.engines import (
     sqlite_survey_engine,
 )
 from skyway.runtime.sql.sqlite_writer import SqliteWriter
+from skyway.runtime.sql.trouble import (
+    NameTrouble,
+    named_trouble,
+    trouble_of_reading,
+    trouble_of_writing,
+)
 
 
 class Storage(Protocol):
@@ -76,8 +77,9 @@ class SqliteStorage:
     @asynccontextmanager
     async def write(self) -> AsyncIterator[BlockConnection]:
         """The writing connection, when it is this block's turn."""
-        async with self._writer.block() as connection:
-            yield BlockConnection(connection.engine, connection.sync_connection)
+        with named_trouble(trouble_of_writing):
+            async with self._writer.block() as connection:
+                yield BlockConnection(connection.engine, connection.sync_connection)
 
 
 class PostgresqlStorage:
@@ -112,7 +114,7 @@ class PostgresqlStorage:
     async def write(self) -> AsyncIterator[BlockConnection]:
         """A connection in a transaction of its own, which begins with the first statement."""
         block = _PostgresqlBlock(self._writers)
-        async with _connect(block):
+        async with _connect(block, trouble_of_writing):
             yield block
             await block.commit_block()
 
@@ -143,25 +145,26 @@ ConnectionT = TypeVar("ConnectionT", bound=AsyncConnection)
 
 
 @asynccontextmanager
-async def _connect(connection: ConnectionT) -> AsyncIterator[ConnectionT]:
+async def _connect(
+    connection: ConnectionT, trouble_of: NameTrouble = trouble_of_reading
+) -> AsyncIterator[ConnectionT]:
     """Take the connection from the pool of its engine. An error rolls its transaction back.
 
     Raises
     ------
     ServiceUnavailable
-        There is no connection, or it was lost within the block.
+        There is no connection, or the block met trouble.
     """
-    try:
-        await connection.start()
-    except NoFreeConnection as error:
-        raise ServiceUnavailable("database", "all connections are in use") from error
-    except (OSError, DBAPIError) as error:
-        raise ServiceUnavailable("database", f"no connection: {error}") from error
-    try:
-        with lost_connection_is_unavailable():
+    with named_trouble(trouble_of):
+        try:
+            await connection.start()
+        except DBAPIError as error:
+            no_connection = ServiceUnavailable("database", "no connection")
+            raise trouble_of(error) or no_connection from error
+        try:
             yield connection
-    except BaseException:
-        # A cancelled block must still give its connection back.
-        await asyncio.shield(connection.close())
-        raise
-    await connection.close()
+        except BaseException:
+            # A cancelled block must still give its connection back.
+            await asyncio.shield(connection.close())
+            raise
+        await connection.close()

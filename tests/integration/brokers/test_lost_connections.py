@@ -6,7 +6,7 @@ import pytest
 
 from skyway.contracts.drone_report import Connection
 from skyway.contracts.topics import ACKS, CONNECTION, INSTRUCTIONS
-from skyway.runtime.errors import MqttUnavailable
+from skyway.runtime.errors import MqttUnavailable, ServiceUnavailable
 
 
 async def test_a_new_connection_of_a_drone_replaces_its_old_one(
@@ -35,6 +35,19 @@ async def test_a_new_connection_of_a_drone_replaces_its_old_one(
     received = [one.message for one in await receive(connections, 2)]
     assert [one.connection_number for one in received] == [1, 2]
     assert [one.status for one in received] == ["LOST", "ONLINE"]
+
+
+async def test_a_greeting_that_meets_trouble_is_repeated(broker, connect, all_connected, until):
+    tries = []
+
+    async def greet() -> None:
+        tries.append("greeting")
+        if len(tries) < 3:
+            raise ServiceUnavailable("database", "it is away in this test")
+
+    await all_connected(await connect(broker.port, "drone-1", on_connected=greet))
+
+    await until(lambda: len(tries) == 3)
 
 
 async def test_retained_topics_are_republished_after_the_broker_lost_them(

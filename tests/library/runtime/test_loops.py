@@ -4,6 +4,7 @@ import asyncio
 
 import pytest
 
+from skyway.runtime.errors import ServiceUnavailable
 from skyway.runtime.loops import Loops, Wake, repeat
 from skyway.runtime.metrics import COUNTERS
 
@@ -70,6 +71,23 @@ async def test_a_failing_step_is_logged_counted_and_tried_again(
 
     assert [record.getMessage() for record in caplog.records] == ["loop step failed"]
     assert COUNTERS.value("skyway_loop_failures", loop="failing test") == 1.0
+
+
+async def test_a_part_that_is_away_is_named_once_and_the_end_of_the_wait_too(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    caplog.set_level("INFO")
+    gone, refused = (ServiceUnavailable("database", each) for each in ("gone", "refused"))
+    steps = Steps(gone, refused, refused, False)
+
+    async with Loops() as loops:
+        loops.start("test", repeat("waiting test", steps, every_s=3600))
+        await until(steps.reached)
+        await asyncio.sleep(0)
+
+    said = [(record.levelname, record.getMessage()) for record in caplog.records]
+    assert said == [("WARNING", "loop waits"), ("INFO", "loop goes on")]
+    assert COUNTERS.value("skyway_loop_failures", loop="waiting test") == 3.0
 
 
 async def test_leaving_the_block_cancels_every_loop() -> None:

@@ -19,6 +19,7 @@ from skyway.contracts.shortlist import Candidates
 from skyway.ids import DeliveryId
 from skyway.runtime.clock import FleetClock
 from skyway.runtime.errors import RemoteProblem, ServiceUnavailable
+from skyway.runtime.loops import MissingParts
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database, Tx
 from skyway.runtime.tracing import tracing
@@ -68,6 +69,7 @@ class Booker:
     mint: Mint
     claimant: str
     chance: random.Random = field(default_factory=random.SystemRandom)
+    missing: MissingParts = field(default_factory=lambda: MissingParts("booking"))
 
     async def claim(self, *, limit: int) -> Sequence[QueuedDelivery]:
         """Claim deliveries whose booking is due, the longest waiting first."""
@@ -88,9 +90,11 @@ class Booker:
         with tracing(queued.traceparent):
             try:
                 await self.book(queued)
+                self.missing.are_back()
             except (ServiceUnavailable, RemoteProblem) as trouble:
-                about = {"delivery_id": queued.delivery.delivery_id, "reason": str(trouble)}
-                log.warning("booking postponed", extra=about)
+                if not self.missing.note(trouble):
+                    about = {"delivery_id": queued.delivery.delivery_id, "reason": str(trouble)}
+                    log.warning("booking postponed", extra=about)
                 await self._try_later(queued.delivery, reasons=None)
 
     async def book(self, queued: QueuedDelivery) -> None:

@@ -5,7 +5,7 @@ import logging
 from typing import Final, Never
 
 from skyway.ids import DeliveryId
-from skyway.runtime.loops import Wake, repeat
+from skyway.runtime.loops import MissingParts, Wake, repeat
 from skyway.runtime.metrics import count
 from skyway_gateway.deliveries.booking.book import Booker
 from skyway_gateway.deliveries.records.stored_delivery import QueuedDelivery
@@ -37,6 +37,7 @@ class BookingLoop:
         self._group = asyncio.TaskGroup()
         self._under_way: dict[asyncio.Task[None], DeliveryId] = {}
         self._is_behind = False
+        self._missing = MissingParts("bookings")
 
     @property
     def is_free(self) -> bool:
@@ -90,6 +91,9 @@ class BookingLoop:
             # One COMMIT may accept more deliveries than there are free places.
             async with self._places:
                 await booker.book_or_retry(queued)
-        except Exception:
+        except Exception as error:
             count("skyway_loop_failures", "steps of loops that failed", loop="book")
-            log.exception("booking failed", extra={"delivery_id": queued.delivery.delivery_id})
+            if not self._missing.note(error):
+                log.exception("booking failed", extra={"delivery_id": queued.delivery.delivery_id})
+        else:
+            self._missing.are_back()

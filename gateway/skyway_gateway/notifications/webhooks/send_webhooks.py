@@ -13,8 +13,8 @@ from datetime import datetime, timedelta
 from typing import Final, Never
 
 from skyway.ids import EventId, WebhookId
-from skyway.runtime.clock import FleetClock
-from skyway.runtime.loops import Wake, repeat
+from skyway.runtime.clock import FleetClock, sleep_wall
+from skyway.runtime.loops import MissingParts, Wake, repeat
 from skyway.runtime.metrics import count
 from skyway.runtime.minting import Mint
 from skyway.runtime.sql.database import Database
@@ -41,6 +41,9 @@ _ENDPOINTS: Final = 256
 #: Longest pause between two looks at the table, seconds: other replicas write to it, too.
 _LONGEST_PAUSE_S: Final = 1.0
 
+#: Seconds of wall time until an endpoint is served again after a failure on our side.
+_AFTER_FAILURE_S: Final = 1.0
+
 
 @dataclass(frozen=True, slots=True)
 class _Sent:
@@ -62,18 +65,21 @@ class WebhookSender:
     mint: Mint
     chance: random.Random = field(default_factory=random.SystemRandom)
     _served: set[WebhookId] = field(default_factory=set)
+    _missing: MissingParts = field(default_factory=lambda: MissingParts("webhooks"))
+    _claims_are_free: bool = False
 
     async def run(self) -> Never:
         """Notify until the process ends."""
-        if self.db.dialect == "sqlite":
-            async with self.db.write() as tx:
-                await sending_store.free_claims(tx)
         async with asyncio.TaskGroup() as group:
             await repeat(
                 "webhooks", lambda: self._step(group), every_s=_LONGEST_PAUSE_S, wake=self.wake
             )
 
     async def _step(self, group: asyncio.TaskGroup) -> bool:
+        if self.db.dialect == "sqlite" and not self._claims_are_free:
+            async with self.db.write() as tx:
+                await sending_store.free_claims(tx)
+            self._claims_are_free = True
         async with self.db.read() as connection:
             due = await sending_store.due_endpoints(connection, at=self.clock.wall_now())
         for endpoint in due:
@@ -86,9 +92,12 @@ class WebhookSender:
         """The task of one endpoint: its failure must not end the tasks of others."""
         try:
             await self.notify(endpoint)
-        except Exception:
+            self._missing.are_back()
+        except Exception as error:
             count("skyway_webhook_failures", "rounds of an endpoint that broke")
-            log.exception("notifying failed", extra={"webhook_id": endpoint.webhook_id})
+            if not self._missing.note(error):
+                log.exception("notifying failed", extra={"webhook_id": endpoint.webhook_id})
+            await sleep_wall(self.clock, _AFTER_FAILURE_S)
         finally:
             self._served.discard(endpoint.webhook_id)
             self.wake.set()

@@ -7,6 +7,7 @@ import pytest
 from sqlalchemy import text
 from sqlalchemy.exc import DBAPIError
 
+from skyway.runtime.errors import UnknownRevision
 from skyway.runtime.sql.database import Database
 from skyway.runtime.sql.migrations import migrate
 
@@ -34,6 +35,9 @@ class Package:
         lines = "\n".join(f"    op.execute({statement!r})" for statement in statements)
         script = REVISION.format(revision=revision, before=before, statements=lines)
         (self._versions / f"{revision}.py").write_text(script)
+
+    def forget(self, revision: str) -> None:
+        (self._versions / f"{revision}.py").unlink()
 
 
 @pytest.fixture
@@ -91,3 +95,16 @@ async def test_replicas_that_start_together_migrate_once(
     await asyncio.gather(*(migrate(database_url, package.name) for _ in range(3)))
 
     assert await has_table(database_url, "stations")
+
+
+async def test_a_database_of_another_version_is_left_alone(
+    database_url: str, package: Package
+) -> None:
+    package.revise("0002", "CREATE TABLE pads (number INTEGER)", before="0001")
+    await migrate(database_url, package.name)
+    package.forget("0002")
+
+    with pytest.raises(UnknownRevision, match="0002"):
+        await migrate(database_url, package.name)
+
+    assert await has_table(database_url, "pads")

@@ -1,0 +1,146 @@
+"""Which errors are trouble of the database itself: of its server, its disk, or the way to them.
+
+The same request may succeed later, so trouble is `ServiceUnavailable`. Every other error of a
+statement is a bug of ours.
+"""
+
+import os
+import sqlite3
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Final
+
+from sqlalchemy.exc import DBAPIError
+from sqlalchemy.exc import TimeoutError as NoFreeConnection
+
+from skyway.runtime.errors import DamagedDatabase, ServiceUnavailable
+from skyway.runtime.metrics import count
+
+#: Classes of SQLSTATE, each with what it means, and single states of other classes.
+#: https://www.postgresql.org/docs/current/errcodes-appendix.html
+_POSTGRESQL: Final = {
+    "08": "the connection failed",
+    "28": "the server refuses the role or its password",
+    "3D": "the server has no such database",
+    "40": "the transaction was rolled back in favour of another",
+    "53": "the server lacks memory, disk or connections",
+    "55P03": "a lock was not available in time",
+    "57": "the server stops, starts, or cancelled the statement",
+    "58": "the server's system failed",
+    "F0": "the server's configuration is broken",
+    "XX": "the server failed inside",
+    "25P03": "the server ended an idle transaction",
+    "25P04": "the server ended a long transaction",
+    "42501": "the role has lost a right",
+}
+_POSTGRESQL_READ_ONLY: Final = "25006"
+_POSTGRESQL_DAMAGED: Final = ("XX001", "XX002")
+
+#: Primary result codes. https://www.sqlite.org/rescode.html
+_SQLITE: Final = frozenset(
+    {
+        sqlite3.SQLITE_PERM,
+        sqlite3.SQLITE_BUSY,
+        sqlite3.SQLITE_LOCKED,
+        sqlite3.SQLITE_NOMEM,
+        sqlite3.SQLITE_IOERR,
+        sqlite3.SQLITE_CORRUPT,
+        sqlite3.SQLITE_FULL,
+        sqlite3.SQLITE_CANTOPEN,
+        sqlite3.SQLITE_PROTOCOL,
+        sqlite3.SQLITE_NOLFS,
+        sqlite3.SQLITE_NOTADB,
+    }
+)
+_SQLITE_DAMAGED: Final = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
+
+#: The trouble behind an error; None when the error is a bug.
+NameTrouble = Callable[[BaseException], ServiceUnavailable | None]
+
+
+@contextmanager
+def named_trouble(name: NameTrouble) -> Iterator[None]:
+    """Let a block use the database.
+
+    Raises
+    ------
+    ServiceUnavailable
+        The block met trouble.
+    """
+    try:
+        yield
+    except ServiceUnavailable:
+        _count()
+        raise
+    except (DBAPIError, NoFreeConnection, sqlite3.Error, OSError, MemoryError) as error:
+        trouble = name(error)
+        if trouble is None:
+            raise
+        _count()
+        raise trouble from error
+
+
+def trouble_of_reading(error: BaseException) -> ServiceUnavailable | None:
+    """The trouble behind an error of a block that only reads."""
+    if isinstance(error, NoFreeConnection):
+        return _unavailable("all connections are in use")
+    if isinstance(error, MemoryError):
+        return _unavailable("out of memory")
+    if isinstance(error, OSError):
+        # Not its own text, which names addresses and files to whoever sent the request.
+        return _unavailable(os.strerror(error.errno) if error.errno else "no answer in time")
+    if isinstance(error, DBAPIError):
+        return _trouble_of_statement(error)
+    return _sqlite_trouble(error)
+
+
+def trouble_of_writing(error: BaseException) -> ServiceUnavailable | None:
+    """The trouble behind an error of a block that writes.
+
+    A block that only reads may not write. So "read-only" is trouble here, and a bug there.
+    """
+    cause = error.orig if isinstance(error, DBAPIError) else error
+    is_read_only = _sqlstate(cause) == _POSTGRESQL_READ_ONLY or (
+        getattr(cause, "sqlite_errorcode", None) == sqlite3.SQLITE_READONLY
+    )
+    if is_read_only:
+        return _unavailable("it is read-only now")
+    return trouble_of_reading(error)
+
+
+def _trouble_of_statement(error: DBAPIError) -> ServiceUnavailable | None:
+    state = _sqlstate(error.orig)
+    if state.startswith(_POSTGRESQL_DAMAGED):
+        return DamagedDatabase(str(error.orig))
+    meaning = next((_POSTGRESQL[each] for each in _POSTGRESQL if state.startswith(each)), None)
+    if meaning is not None:
+        return _unavailable(f"{meaning} ({state})")
+    trouble = _sqlite_trouble(error.orig)
+    if trouble is None and error.connection_invalidated:
+        return _unavailable("the connection was lost")
+    return trouble
+
+
+def _sqlite_trouble(cause: BaseException | None) -> ServiceUnavailable | None:
+    code = getattr(cause, "sqlite_errorcode", None)
+    if code is None:
+        return None
+    primary = code & 0xFF  # the other bits only describe it further
+    if primary in _SQLITE_DAMAGED:
+        return DamagedDatabase(str(cause))
+    # The plain code says that a block wrote which may only read. The others are about the files.
+    if primary in _SQLITE or (primary == sqlite3.SQLITE_READONLY and code != primary):
+        return _unavailable(f"{cause}")
+    return None
+
+
+def _count() -> None:
+    count("skyway_database_trouble", "blocks that met trouble of the database")
+
+
+def _sqlstate(cause: BaseException | None) -> str:
+    return getattr(cause, "sqlstate", None) or ""
+
+
+def _unavailable(detail: str) -> ServiceUnavailable:
+    return ServiceUnavailable("database", detail)

@@ -1,0 +1,211 @@
+"""Trouble of a database is told apart from bugs, by SQLSTATE and by SQLite's result codes."""
+
+import errno
+import shutil
+import sqlite3
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from sqlalchemy import Column, MetaData, Table, Text, text
+from sqlalchemy.exc import DBAPIError
+from sqlalchemy.exc import TimeoutError as NoFreeConnection
+
+from skyway.runtime.errors import DamagedDatabase, ServiceUnavailable
+from skyway.runtime.sql.database import Database
+from skyway.runtime.sql.trouble import named_trouble, trouble_of_reading, trouble_of_writing
+
+ON_POSTGRESQL = pytest.mark.parametrize(
+    "database_url", [pytest.param("postgresql", marks=pytest.mark.integration)], indirect=True
+)
+ON_SQLITE = pytest.mark.parametrize("database_url", ["sqlite"], indirect=True)
+
+STATIONS = Table("stations", MetaData(), Column("name", Text, primary_key=True))
+
+
+class ServerError(Exception):
+    """What asyncpg raises, as far as trouble depends on it."""
+
+    def __init__(self, sqlstate: str) -> None:
+        super().__init__("something with a secret in it")
+        self.sqlstate = sqlstate
+
+
+def on_postgresql(sqlstate: str) -> Exception:
+    return DBAPIError("SELECT 1", None, ServerError(sqlstate))
+
+
+def on_sqlite(code: int) -> Exception:
+    error = sqlite3.OperationalError("what SQLite says")
+    error.sqlite_errorcode = code
+    return DBAPIError("SELECT 1", None, error)
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        *map(
+            on_postgresql,
+            # Connections, roles, rollbacks, resources, locks, stops, disks, faults inside.
+            ["08000", "08006", "28P01", "3D000", "40001", "40P01", "53100", "53200", "53300"],
+        ),
+        *map(
+            on_postgresql,
+            ["55P03", "57014", "57P01", "57P02", "57P03", "58000", "58030", "F0000", "XX000"],
+        ),
+        *map(on_postgresql, ["25P03", "25P04", "42501", "XX001"]),
+        *map(
+            on_sqlite,
+            [
+                sqlite3.SQLITE_BUSY,
+                sqlite3.SQLITE_BUSY_SNAPSHOT,
+                sqlite3.SQLITE_CANTOPEN,
+                sqlite3.SQLITE_CORRUPT,
+                sqlite3.SQLITE_FULL,
+                sqlite3.SQLITE_IOERR,
+                sqlite3.SQLITE_IOERR_WRITE,
+                sqlite3.SQLITE_LOCKED,
+                sqlite3.SQLITE_NOMEM,
+                sqlite3.SQLITE_NOTADB,
+                sqlite3.SQLITE_READONLY_CANTINIT,
+            ],
+        ),
+        OSError(errno.EMFILE, "too many open files"),
+        ConnectionResetError(errno.ECONNRESET, "reset"),
+        TimeoutError(),
+        MemoryError(),
+        NoFreeConnection("the pool is empty"),
+    ],
+    ids=repr,
+)
+def test_trouble_is_unavailable(error: Exception) -> None:
+    with (
+        pytest.raises(ServiceUnavailable, match="database is unavailable"),
+        named_trouble(trouble_of_reading),
+    ):
+        raise error
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        # Constraints, data, syntax, unknown tables, a statement after an error.
+        *map(on_postgresql, ["23505", "23503", "22001", "42601", "42P01", "25P02", "54000"]),
+        *map(
+            on_sqlite,
+            [
+                sqlite3.SQLITE_CONSTRAINT_FOREIGNKEY,
+                sqlite3.SQLITE_ERROR,
+                sqlite3.SQLITE_MISMATCH,
+                sqlite3.SQLITE_TOOBIG,
+            ],
+        ),
+        LookupError("a bug"),
+    ],
+    ids=repr,
+)
+def test_a_bug_stays_what_it_is(error: Exception) -> None:
+    with pytest.raises(type(error)) as raised, named_trouble(trouble_of_writing):
+        raise error
+
+    assert raised.value is error
+
+
+@pytest.mark.parametrize("error", [on_postgresql("25006"), on_sqlite(sqlite3.SQLITE_READONLY)])
+def test_a_read_only_database_is_trouble_for_writers_and_a_bug_of_readers(error: Exception) -> None:
+    writing, reading = trouble_of_writing(error), trouble_of_reading(error)
+
+    assert (str(writing), reading) == ("database is unavailable: it is read-only now", None)
+
+
+@pytest.mark.parametrize("error", [on_postgresql("XX002"), on_sqlite(sqlite3.SQLITE_NOTADB)])
+def test_damage_is_told_apart_from_trouble_that_passes(error: Exception) -> None:
+    assert isinstance(trouble_of_reading(error), DamagedDatabase)
+
+
+def test_the_detail_names_no_address() -> None:
+    trouble = trouble_of_reading(OSError(errno.ECONNREFUSED, "Connect call failed ('10.0.0.1', 1)"))
+
+    assert str(trouble) == "database is unavailable: Connection refused"
+
+
+@ON_POSTGRESQL
+async def test_a_server_that_became_read_only_refuses_writes_until_it_ends(
+    database: Database,
+) -> None:
+    async def add(name: str) -> None:
+        async with database.write() as tx:
+            tx.add(STATIONS, [{"name": name}])
+
+    async def set_read_only(value: str) -> None:
+        async with database.write() as tx:
+            await tx.execute(text(f"SET SESSION CHARACTERISTICS AS TRANSACTION {value}"))
+
+    async with database.write() as tx:
+        await tx.connection.run_sync(STATIONS.metadata.create_all)
+    await set_read_only("READ ONLY")
+    with pytest.raises(ServiceUnavailable, match="read-only"):
+        await add("early")
+    await set_read_only("READ WRITE")
+    await add("late")
+
+    async with database.read() as connection:
+        found = await connection.execute(STATIONS.select())
+    assert list(found.scalars()) == ["late"]
+
+
+@ON_POSTGRESQL
+async def test_a_server_that_is_lost_within_a_block_is_unavailable(database: Database) -> None:
+    with pytest.raises(ServiceUnavailable, match="the connection failed"):
+        async with database.write() as tx:
+            await tx.execute(text("SELECT pg_terminate_backend(pg_backend_pid())"))
+
+
+@ON_SQLITE
+async def test_a_full_disk_refuses_a_block_and_the_next_block_goes_on(database: Database) -> None:
+    async def add(name: str) -> None:
+        async with database.write() as tx:
+            await tx.execute(STATIONS.insert(), {"name": name})
+
+    async with database.write() as tx:
+        await tx.connection.run_sync(STATIONS.metadata.create_all)
+        await tx.execute(text("PRAGMA max_page_count = 10"))
+    with pytest.raises(ServiceUnavailable, match="full"):
+        await add("x" * 100_000)
+    await add("small")
+
+    async with database.read() as connection:
+        found = await connection.execute(STATIONS.select())
+    assert list(found.scalars()) == ["small"]
+
+
+def cut_off(file: Path) -> None:
+    file.write_bytes(file.read_bytes()[:4096] + bytes(4096))
+
+
+def overwrite(file: Path) -> None:
+    file.write_bytes(b"no database at all, but long enough to look like one" * 100)
+
+
+def remove(file: Path) -> None:
+    shutil.rmtree(file.parent)
+
+
+@pytest.mark.parametrize(
+    ("harm", "trouble"),
+    [(cut_off, DamagedDatabase), (overwrite, DamagedDatabase), (remove, ServiceUnavailable)],
+)
+async def test_a_harmed_file_is_named_when_it_is_opened(
+    tmp_path: Path, harm: Callable[[Path], None], trouble: type[ServiceUnavailable]
+) -> None:
+    file = tmp_path / "folder" / "service.db"
+    file.parent.mkdir()
+    async with Database(f"sqlite:///{file}") as database, database.write() as tx:
+        await tx.connection.run_sync(STATIONS.metadata.create_all)
+    harm(file)
+
+    with pytest.raises(ServiceUnavailable) as raised:
+        async with Database(f"sqlite:///{file}") as database, database.read() as connection:
+            await connection.execute(STATIONS.select())
+
+    assert type(raised.value) is trouble
