@@ -90,7 +90,8 @@ async def feed(
                     key = read_secret(folder, "operator_key")
                     world = await populate(system, api, city, operator_key=key, burst=burst)
                 ready_s = time.monotonic() - began_s
-                pids = _pids(system, (*system.urls, *world.agents)) | servers
+                pids = _pids(system, (*system.urls, *world.agents))
+                pids |= {name: server.pid for name, server in servers.items()}
                 fed = await _measured(system, pids, flying=flying, burst=burst)
     return _lags(burst, fed, ready_s=ready_s), _processes(fed)
 

@@ -21,7 +21,7 @@ class CpuReading:
         """What these processes and those below them have taken; databases count by service."""
         seconds: dict[str, float] = {}
         for name, pid in pids.items():
-            for one in _with_descendants([pid]):
+            for one in with_descendants([pid]):
                 label = _postgresql_part(one) if name == "postgresql" else name
                 seconds[label] = seconds.get(label, 0.0) + _taken_s(one)
         return cls(seconds, _machine_s())
@@ -35,14 +35,15 @@ class CpuReading:
         return CpuReading(seconds, self.machine_s - earlier.machine_s)
 
 
-def _with_descendants(pids: Iterable[int]) -> Iterable[int]:
+def with_descendants(pids: Iterable[int]) -> Iterable[int]:
+    """These processes, and all that they have started."""
     for pid in pids:
         yield pid
         try:
             children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
         except OSError:
             continue
-        yield from _with_descendants(int(child) for child in children)
+        yield from with_descendants(int(child) for child in children)
 
 
 def _taken_s(pid: int) -> float:

@@ -53,7 +53,8 @@ async def run(burst: Burst) -> Outcome:
                 key = read_keys(folder)["SKYWAY_OPERATOR_KEY"]
                 async with GatewayApi(system.urls["gateway"]) as api:
                     world = await populate(system, api, city, operator_key=key, burst=burst)
-                outcome = await _measured(system, world, city, burst=burst, servers=servers)
+                pids = _pids(system, world) | {name: one.pid for name, one in servers.items()}
+                outcome = await _measured(system, world, city, burst=burst, pids=pids)
         if not outcome.is_right:
             _keep_logs(folder)
         return outcome
@@ -79,9 +80,8 @@ def _keep_logs(folder: DataFolder) -> None:
 
 
 async def _measured(
-    system: System, world: World, city: City, *, burst: Burst, servers: dict[str, int]
+    system: System, world: World, city: City, *, burst: Burst, pids: Mapping[str, int]
 ) -> Outcome:
-    pids = _pids(system, world) | servers
     requests = city.requests(rate_per_s=burst.rate_per_s, seconds=burst.seconds, seed=burst.seed)
     await _warm_up(system, world, city, burst=burst)
     # Afterwards: a service that has just started still compiles and reads.
