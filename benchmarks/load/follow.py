@@ -13,7 +13,8 @@ from skyway.contracts.topics import DELIVERY_EVENTS
 from skyway.ids import DeliveryId
 from skyway.runtime.mqtt.client import MqttClient, Received
 
-_ENDS = {
+#: The last event of a delivery is one of these.
+LAST_EVENTS = {
     DeliveryEventType.COMPLETED,
     DeliveryEventType.PARTIALLY_COMPLETED,
     DeliveryEventType.FAILED,
@@ -36,7 +37,7 @@ class Followed:
         self.heard.setdefault(event.type, {}).setdefault(event.delivery_id, at_s)
         if event.type == DeliveryEventType.REPLANNED:
             self.replanned += 1
-        if event.type in _ENDS and event.delivery_id not in self.ended:
+        if event.type in LAST_EVENTS and event.delivery_id not in self.ended:
             self.ended.add(event.delivery_id)
             if event.type == DeliveryEventType.REJECTED:
                 codes = {reason["code"] for reason in event.data.get("reasons", ())}

@@ -1,0 +1,35 @@
+"""Which block makes which kind of fault."""
+
+from collections.abc import Mapping
+from contextlib import AbstractAsyncContextManager
+from typing import Final
+
+from benchmarks.chaos.faults.databases import full, immutable, locked, read_only
+from benchmarks.chaos.faults.limits import no_descriptors, unwritable_journals
+from benchmarks.chaos.faults.poison import poisoned
+from benchmarks.chaos.faults.processes import away, frozen, killed
+from benchmarks.chaos.faults.stage import Fault, Stage
+from benchmarks.chaos.faults.wires import cut, silenced, slowed
+from benchmarks.chaos.schedule import PlannedFault
+
+FAULTS: Final[Mapping[str, Fault]] = {
+    "kill": killed,
+    "freeze": frozen,
+    "away": away,
+    "long away": away,
+    "cut": cut,
+    "silence": silenced,
+    "slow": slowed,
+    "read-only": read_only,
+    "locked": locked,
+    "immutable": immutable,
+    "full disk": full,
+    "unwritable journal": unwritable_journals,
+    "no descriptors": no_descriptors,
+    "poison": poisoned,
+}
+
+
+def acting(stage: Stage, fault: PlannedFault) -> AbstractAsyncContextManager[None]:
+    """The block of this fault."""
+    return FAULTS[fault.kind.name](stage, fault)

@@ -1,0 +1,28 @@
+"""What faults act on."""
+
+from collections.abc import Callable
+from contextlib import AbstractAsyncContextManager
+from dataclasses import dataclass
+
+from skyway_drone_agent.enrolled_drone import EnrolledDrone
+
+from benchmarks.chaos.schedule import PlannedFault
+from benchmarks.chaos.small_disk import SmallDisk
+from benchmarks.chaos.system import ChaosSystem
+
+
+@dataclass(frozen=True, slots=True)
+class Stage:
+    """The running system, and who may publish false messages in it."""
+
+    running: ChaosSystem
+    #: Drones that fly; messages in their names take their place at the broker for a moment.
+    drones: tuple[EnrolledDrone, ...]
+    #: A drone that no agent serves and that no provider offers.
+    rogue: EnrolledDrone
+    #: The disk of the SQLite databases, where it could be made.
+    disk: SmallDisk | None
+
+
+#: A block that begins with the fault and ends with its healing.
+Fault = Callable[[Stage, PlannedFault], AbstractAsyncContextManager[None]]

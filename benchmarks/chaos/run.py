@@ -1,0 +1,257 @@
+"""One run: a whole Skyway started, populated, broken again and again, left in peace, and judged."""
+
+import asyncio
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Final
+
+from benchmarks.chaos.cast import Cast, cast_for
+from benchmarks.chaos.evidence import Evidence
+from benchmarks.chaos.faults.acting import acting
+from benchmarks.chaos.final_answers import FinalQuestions
+from benchmarks.chaos.judgement import Flaw, flaws_in
+from benchmarks.chaos.outcome import Outcome
+from benchmarks.chaos.recovery import Healed, recoveries
+from benchmarks.chaos.schedule import LEAST_CALM_S, faults_for, schedule
+from benchmarks.chaos.small_disk import SmallDisk, small_disk
+from benchmarks.chaos.system import chaos_system
+from benchmarks.chaos.trial import Trial
+from benchmarks.chaos.webhooks import WebhookServer
+from benchmarks.load.storage_pair import storage_pair
+from skyway.cli.data_folder import DataFolder
+from skyway.errors import SkywayError
+from skyway.ids import DeliveryId
+
+#: Wall seconds within which a request must be dispatched before the first fault.
+_WARM_WITHIN_S: Final = 90.0
+#: Wall seconds after which the next fault comes though the system has not recovered.
+_RECOVERS_WITHIN_S: Final = 60.0
+
+
+async def run(trial: Trial) -> Outcome:
+    """The run from its first process to its last; of one with flaws the traces are kept."""
+    with (
+        _folder() as folder,
+        storage_pair(trial.storage, folder) as servers,
+        _disk(trial, folder) as disk,
+    ):
+        async with (
+            WebhookServer() as webhooks,
+            chaos_system(trial, folder, servers, webhooks=webhooks.address) as running,
+            cast_for(trial, running, webhooks, disk) as cast,
+        ):
+            outcome = await _played(cast)
+        if outcome.flaws:
+            _keep_traces(folder)
+        return outcome
+
+
+@contextmanager
+def _folder() -> Iterator[DataFolder]:
+    with tempfile.TemporaryDirectory(prefix="skyway-chaos-") as name:
+        folder = DataFolder(Path(name))
+        folder.make()
+        try:
+            yield folder
+        except Exception:
+            _keep_traces(folder)
+            raise
+
+
+@contextmanager
+def _disk(trial: Trial, folder: DataFolder) -> Iterator[SmallDisk | None]:
+    if trial.storage == "embedded":
+        with small_disk(folder) as disk:
+            yield disk
+    else:
+        yield None
+
+
+def _keep_traces(folder: DataFolder) -> None:
+    kept = Path(tempfile.mkdtemp(prefix="skyway-chaos-traces-"))
+    for part in (folder.logs, folder.journals):
+        shutil.copytree(part, kept / part.name, ignore=shutil.ignore_patterns("*.lock"))
+    for database in folder.path.glob("*.db"):
+        for file in database.resolve().parent.glob(f"{database.name}*"):
+            shutil.copy(file, kept)
+    print(f"logs, journals and databases are in {kept}", file=sys.stderr, flush=True)
+
+
+async def _played(cast: Cast) -> Outcome:
+    gave_up = asyncio.create_task(cast.running.system.supervisor.failed())
+    await _warm_up(cast)
+    requests = cast.city.requests(
+        rate_per_s=cast.trial.rate_per_s, seconds=cast.trial.seconds, seed=cast.trial.seed
+    )
+    healed: list[Healed] = []
+    requesting = asyncio.create_task(cast.customers.request_all(cast.client, requests))
+    breaking = asyncio.create_task(_break_again_and_again(cast, healed))
+    await asyncio.wait((breaking, gave_up), return_when=asyncio.FIRST_COMPLETED)
+    if gave_up.done():
+        # Nothing would end any more: there is no need to wait for it.
+        await _ended(breaking, requesting)
+        quiet_s = 0.0
+    else:
+        await breaking
+        await requesting
+        quiet_s = await _rest(cast)
+    evidence = await _evidence(cast)
+    flaws = [*flaws_in(evidence), *_other_flaws(cast)]
+    if gave_up.done():
+        flaws.append(Flaw("gave up", None, str(gave_up.exception())))
+    gave_up.cancel()
+    flaws += [
+        Flaw("verify", None, line)
+        for line in await asyncio.to_thread(_violations, cast.running.system.folder)
+    ]
+    return Outcome(
+        trial=cast.trial,
+        flaws=tuple(flaws),
+        recoveries=tuple(recoveries(healed, _accepted_at(cast), cast.streams.received)),
+        requests=cast.customers.requests,
+        evidence=evidence,
+        quiet_s=quiet_s,
+    )
+
+
+async def _ended(*tasks: "asyncio.Task[None]") -> None:
+    for task in tasks:
+        task.cancel()
+        with suppress(asyncio.CancelledError):
+            await task
+
+
+async def _warm_up(cast: Cast) -> None:
+    """The first requests compile and fill caches: wait until all of them have ended."""
+    first = cast.city.requests(rate_per_s=3.0, seconds=2.0, seed=cast.trial.seed + 1)
+    await cast.customers.request_all(cast.client, first)
+    try:
+        async with asyncio.timeout(_WARM_WITHIN_S):
+            await cast.customers.all_answered(within_s=_WARM_WITHIN_S)
+            while not _all_ended(cast):  # noqa: ASYNC110 - other processes end them
+                await asyncio.sleep(0.1)
+    except TimeoutError as error:
+        raise SkywayError("the system was not warm in time") from error
+
+
+async def _break_again_and_again(cast: Cast, healed: list[Healed]) -> None:
+    """Make all faults of the schedule, one after another, and note when each has healed."""
+    trial = cast.trial
+    has_disk = cast.stage.disk is not None
+    faults = faults_for(trial.storage, only=trial.only, without=trial.without, is_root=has_disk)
+    shortest_s = min(kind.lasts_s[0] for kind, _ in faults)
+    ends_s = time.monotonic() + trial.seconds
+    for fault in schedule(faults, seed=trial.seed):
+        left_s = ends_s - time.monotonic()
+        if left_s < shortest_s + LEAST_CALM_S:
+            break
+        if left_s < fault.calm_s + fault.kind.lasts_s[0]:
+            continue
+        if fault.waits_for_recovery and healed:
+            await _recovered(cast, healed[-1], before_s=ends_s)
+        await asyncio.sleep(fault.calm_s)
+        if healed:
+            healed[-1] = replace(healed[-1], next_fault_s=time.monotonic())
+        _say(f"{fault.name} for {fault.lasts_s:.0f} s")
+        cast.customers.fault = fault.name
+        async with acting(cast.stage, fault):
+            await asyncio.sleep(fault.lasts_s)
+        healed.append(Healed(fault.name, time.monotonic()))
+        # Without it the next request could come a second later.
+        cast.customers.request(cast.client, _one_more(cast, fault.seed))
+    await asyncio.sleep(max(0.0, ends_s - time.monotonic()))
+
+
+async def _recovered(cast: Cast, last: Healed, *, before_s: float) -> None:
+    """Return when a request that was accepted after this fault is dispatched, or in bounded time.
+
+    `before_s` is monotonic.
+    """
+    before_s = min(before_s, time.monotonic() + _RECOVERS_WITHIN_S)
+    while time.monotonic() < before_s:
+        [found] = recoveries([last], _accepted_at(cast), cast.streams.received)
+        if found.dispatched_s is not None:
+            return
+        await asyncio.sleep(0.5)
+
+
+def _one_more(cast: Cast, seed: int) -> bytes:
+    return next(cast.city.requests(rate_per_s=1.0, seconds=1_000.0, seed=seed)).body
+
+
+async def _rest(cast: Cast) -> float:
+    """Wait until everything has ended, for a bounded time; how long it took, wall seconds."""
+    started_s = time.monotonic()
+    _say("no more faults")
+    await cast.customers.all_answered(within_s=cast.trial.quiet_s)
+    ends_s = started_s + cast.trial.quiet_s
+    while not _all_ended(cast) and time.monotonic() < ends_s:  # noqa: ASYNC110 - the same
+        await asyncio.sleep(0.2)
+    return time.monotonic() - started_s
+
+
+def _all_ended(cast: Cast) -> bool:
+    return all(
+        cast.streams.has_ended(delivery_id) and cast.webhooks.has_ended(delivery_id)
+        for delivery_id in cast.customers.requests.accepted
+    )
+
+
+def _accepted_at(cast: Cast) -> dict[DeliveryId, float]:
+    return {
+        delivery_id: each.at_s for delivery_id, each in cast.customers.requests.accepted.items()
+    }
+
+
+async def _evidence(cast: Cast) -> Evidence:
+    accepted = cast.customers.requests.accepted
+    url = cast.running.system.urls["gateway"]
+    async with FinalQuestions.client(url) as client:
+        questions = FinalQuestions(client, operator_key=cast.operator_key)
+        answers = await questions.deliveries(accepted.values())
+        awaited = await questions.awaited(answers)
+        retried = await questions.retried(cast.webhook_ids)
+    cast.journals.read()
+    return Evidence(
+        accepted={delivery_id: each.requested for delivery_id, each in accepted.items()},
+        streams=dict(cast.streams.received),
+        webhooks=dict(cast.webhooks.received),
+        journals=cast.journals.custody_steps(),
+        answers=answers,
+        awaited=awaited,
+        retried=retried,
+    )
+
+
+def _other_flaws(cast: Cast) -> Iterator[Flaw]:
+    """Answers that no customer should get."""
+    requests = cast.customers.requests
+    for (answer, fault), count in sorted(requests.answers.items()):
+        if answer == "500":
+            yield Flaw("answer 500", None, f"{count} POSTs were answered 500; {fault}")
+    for seen in requests.unanswered:
+        yield Flaw("unanswered", None, seen)
+
+
+def _violations(folder: DataFolder) -> list[str]:
+    """What `skyway verify` finds in the databases as they stand; nothing when all is well."""
+    command = [sys.executable, "-m", "skyway.cli", "verify", "--data", str(folder.path)]
+    checked = subprocess.run(
+        command, capture_output=True, text=True, check=False, env=dict(os.environ)
+    )
+    if checked.returncode == 0:
+        return []
+    return (checked.stdout + checked.stderr).strip().splitlines()
+
+
+def _say(words: str) -> None:
+    print(f"{datetime.now(UTC):%H:%M:%S} {words}", flush=True)

@@ -1,0 +1,38 @@
+"""The messages that no drone would send."""
+
+import random
+from itertools import islice
+
+import pytest
+from pydantic import ValidationError
+
+from benchmarks.chaos.faults.poison import UNREADABLE, extreme_payloads
+from benchmarks.fleet.crew import crew_of
+from skyway.contracts.topics import ACKS, CONNECTION, EVENTS, STATE, TELEMETRY
+
+TOPICS = (ACKS, EVENTS, STATE, TELEMETRY, CONNECTION)
+
+
+@pytest.mark.parametrize("payload", UNREADABLE, ids=lambda payload: repr(payload[:20]))
+def test_no_topic_reads_an_unreadable_message(payload: bytes) -> None:
+    for topic in TOPICS:
+        with pytest.raises(ValidationError):
+            topic.read(payload)
+
+
+def is_readable(payload: bytes) -> bool:
+    for topic in TOPICS:
+        try:
+            topic.read(payload)
+        except ValidationError:
+            continue
+        return True
+    return False
+
+
+def test_some_extreme_messages_are_readable_and_some_are_not() -> None:
+    [rogue] = crew_of(1, seed=1)
+
+    payloads = list(islice(extreme_payloads(rogue, random.Random(1)), 200))
+
+    assert 20 < sum(map(is_readable, payloads)) < 180
