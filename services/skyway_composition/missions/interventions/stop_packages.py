@@ -2,35 +2,24 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import replace
-from datetime import timedelta
 from typing import Final
 
-from skyway.contracts.flight_step import PackageOnBoard, PickUpStep
+from skyway.contracts.flight_step import PackageOnBoard
 from skyway.contracts.mission import Cancellation
 from skyway.delivery.request import Package
 from skyway.ids import PackageId
-from skyway.runtime.clock import FleetClock, fleet_margin
-from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.interventions import store
 from skyway_composition.missions.mission import end as ending
 from skyway_composition.missions.mission.custody import Custodian, has_never_left
 from skyway_composition.missions.mission.custody_store import held_packages
 from skyway_composition.missions.mission.notify import report
+from skyway_composition.missions.mission.pickup import can_stay_at_pickup
 from skyway_composition.missions.mission.record import Aim, MissionRecord, Trouble
-from skyway_composition.missions.mission.step_record import StepRecord
 from skyway_composition.missions.mission.step_store import steps_of
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.missions.replanning.propose import with_aims
 from skyway_composition.missions.replanning.remainder.aims import with_changed_aims
 from skyway_composition.missions.replanning.request_plan import request_plan
-
-#: Longest time until an instruction reaches a drone, seconds of wall time. Our own choice.
-_REACHES_DRONE_WITHIN_S: Final = 2.0
-
-
-#: The same, with the time to make a plan first.
-_PLANNED_WITHIN_S: Final = 4.0
-
 
 #: The trouble code of a mission that needs another plan because it carries fewer packages.
 PACKAGES_CANCELLED: Final = "PACKAGES_CANCELLED"
@@ -60,7 +49,7 @@ async def stop_packages(
     steps = await steps_of(work.tx.connection, record.mission_id)
     carries_others = len(waiting) < len(record.request.packages)
     link = work.links[record.drone_id]
-    if waiting and not _can_stay_at_pickup(
+    if waiting and not can_stay_at_pickup(
         record, steps, work.clock, link=link, needs_plan=carries_others
     ):
         if record.mission.state == "BOOKED":
@@ -150,37 +139,3 @@ async def _release(
     await store.save_request(work.tx, record)
     detail = f"{len(package_ids)} packages were cancelled: {reason}"
     await request_plan(work, record, Trouble(code=PACKAGES_CANCELLED, detail=detail))
-
-
-def _can_stay_at_pickup(
-    record: MissionRecord,
-    steps: Sequence[StepRecord],
-    clock: FleetClock,
-    *,
-    link: DroneLink,
-    needs_plan: bool,
-) -> bool:
-    """Whether an instruction surely reaches the drone before it loads the packages.
-
-    An automatic PICK_UP that has begun cannot be stopped. A PICK_UP that waits for a loader can be
-    stopped until the loader has confirmed. A drone that waits for a revision starts nothing. A
-    drone out of reach loads when its time comes, and learns of the cancellation afterwards. A drone
-    with events that were not read here may have loaded already.
-    """
-    if record.is_being_loaded or record.mission.doubt is not None or link.has_unread_events:
-        return False
-    if record.mission.loading == "AWAITED" or record.stuck is not None:
-        return True
-    if link.is_gone:
-        return False
-    margin = _time_to_notify(clock, needs_plan=needs_plan)
-    return all(
-        each.step.planned_start_at > clock.now() + margin
-        for each in steps
-        if isinstance(each.step, PickUpStep) and each.status == "PLANNED"
-    )
-
-
-def _time_to_notify(clock: FleetClock, *, needs_plan: bool) -> timedelta:
-    wall_s = _PLANNED_WITHIN_S if needs_plan else _REACHES_DRONE_WITHIN_S
-    return fleet_margin(clock, fleet_s=5, wall_s=wall_s)

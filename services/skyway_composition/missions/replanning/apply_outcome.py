@@ -18,7 +18,9 @@ from skyway_composition.links.instruction_store import open_instructions
 from skyway_composition.missions.mission.end import abort, cancel
 from skyway_composition.missions.mission.instruct import hold
 from skyway_composition.missions.mission.notify import raise_alarm
+from skyway_composition.missions.mission.pickup import can_stay_at_pickup
 from skyway_composition.missions.mission.record import MissionRecord, Trouble
+from skyway_composition.missions.mission.step_store import steps_of
 from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 from skyway_composition.missions.replanning.case import Case
 from skyway_composition.missions.replanning.outlook.situation import Situation
@@ -134,8 +136,8 @@ class Outcomes:
             record = work.missions.get(planned.drone_id)
             if record is None or record.mission_id != planned.mission_id:
                 return
-            if record.stuck is None and work.links[record.drone_id].is_gone:
-                # It may begin before a CANCEL reaches it: plan again, or end it as silent later.
+            if not await _surely_stands(work, record):
+                # It may begin before a CANCEL reaches it, or has begun: plan again later.
                 await put_off(tx, record.mission_id, until_wall_ms=self._retry_wall_ms)
                 return
             await give_up(work, record, code=code, detail=detail)
@@ -149,6 +151,15 @@ class Outcomes:
 
     def _now_ms(self) -> int:
         return moment_to_ms(self.clock.now())
+
+
+async def _surely_stands(work: MissionUnitOfWork, record: MissionRecord) -> bool:
+    """Whether the drone waits for a revision, or an instruction reaches it before it loads."""
+    link = work.links[record.drone_id]
+    if record.stuck is not None:
+        return not link.has_unread_events
+    steps = await steps_of(work.tx.connection, record.mission_id)
+    return can_stay_at_pickup(record, steps, work.clock, link=link, needs_plan=False)
 
 
 async def give_up(
