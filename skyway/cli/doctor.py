@@ -167,7 +167,9 @@ def _gateway(folder: DataFolder) -> tuple[bool, Finding]:
             return False, Finding("gateway", "not running: skyway up")
         return False, Finding("gateway", f"{url} does not answer ({error}): skyway up")
     if answer.is_success:
-        return True, Finding("gateway", f"{url} answers: ready")
+        has_broker = answer.json().get("checks", {}).get("mqtt", True)
+        ready = "ready" if has_broker else "ready, but it has no connection to the broker"
+        return True, Finding("gateway", f"{url} answers: {ready}", is_trouble=not has_broker)
     return True, Finding("gateway", f"{url} answers: {_detail(answer)}", is_trouble=True)
 
 

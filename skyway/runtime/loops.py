@@ -50,7 +50,7 @@ class MissingParts:
 
     def note(self, error: Exception) -> bool:
         """Whether a part that is away caused the error. The part is logged if it is new."""
-        part = _missing_part(error)
+        part = missing_part(error)
         if part is None:
             return False
         if part.service not in self._logged:
@@ -65,13 +65,13 @@ class MissingParts:
             log.info("loop goes on", extra={"loop": self._loop})
 
 
-def _missing_part(error: Exception) -> ServiceUnavailable | None:
-    """The part that is away; None if anything else is behind the error too."""
+def missing_part(error: Exception) -> ServiceUnavailable | None:
+    """The part of the system that is away; None if anything else is behind the error too."""
     if isinstance(error, ServiceUnavailable):
         return error
     if not isinstance(error, ExceptionGroup):
         return None
-    parts = [_missing_part(each) for each in error.exceptions]
+    parts = [missing_part(each) for each in error.exceptions]
     return None if None in parts else parts[0]
 
 

@@ -11,6 +11,7 @@ from typing import Generic, TypeVar
 from fastapi import FastAPI
 
 from skyway.errors import SkywayError
+from skyway.runtime.exit_codes import exit_code_of
 from skyway.runtime.http.serving import serve
 from skyway.runtime.logs import configure_logs
 from skyway.runtime.settings import DatabaseSettings, ServiceSettings
@@ -34,7 +35,7 @@ class ServiceProcess(Generic[S]):
     violations: Callable[[Database], Awaitable[Sequence[Violation]]]
 
     def run(self, arguments: Sequence[str] | None = None) -> int:
-        """The exit code: 2 when the environment is wrong, 1 when `verify` found something."""
+        """The exit code; 1 when `verify` found something."""
         commands = {"serve": self._serve, "migrate": self._migrate, "verify": self._verify}
         parser = argparse.ArgumentParser(prog=f"python -m {self.package}")
         parser.add_argument("command", nargs="?", default="serve", choices=sorted(commands))
@@ -43,7 +44,7 @@ class ServiceProcess(Generic[S]):
             return commands[command]()
         except SkywayError as error:
             sys.stderr.write(f"{self.package}: {error}\n")
-            return 2
+            return exit_code_of(error)
 
     def _serve(self) -> int:
         settings = self.settings.load()

@@ -12,6 +12,9 @@ from skyway.runtime.mqtt.address import BrokerAddress
 #: named later, because on a slow machine services take longer to start.
 _LONG_S, _LONG_TO_START_S = 5.0, 30.0
 
+#: What a service lacks that is ready and connected.
+_NOTHING = ""
+
 #: Wall seconds between two checks.
 _EVERY_S = 0.05
 
@@ -45,11 +48,11 @@ async def until_ready(
 async def _lacks(client: httpx.AsyncClient, urls: Mapping[str, str]) -> dict[str, str | None]:
     """The reason of each service that is not ready, in its own words; None without an answer."""
     answers = await asyncio.gather(*(_answer(client, url) for url in urls.values()))
-    return {
-        name: None if answer is None else _detail(answer)
+    lacks = {
+        name: None if answer is None else _lack(name, answer)
         for name, answer in zip(urls, answers, strict=True)
-        if answer is None or not answer.is_success
     }
+    return {name: lack for name, lack in lacks.items() if lack != _NOTHING}
 
 
 async def _answer(client: httpx.AsyncClient, url: str) -> httpx.Response | None:
@@ -59,11 +62,16 @@ async def _answer(client: httpx.AsyncClient, url: str) -> httpx.Response | None:
         return None
 
 
-def _detail(problem: httpx.Response) -> str | None:
+def _lack(name: str, answer: httpx.Response) -> str | None:
+    """What a service says it lacks; None when that cannot be read."""
     try:
-        return str(problem.json()["detail"])
+        said = answer.json()
+        if not answer.is_success:
+            return str(said["detail"])
+        missing = [part for part, is_there in said["checks"].items() if not is_there]
     except (ValueError, KeyError):
         return None
+    return f"{name} has no connection to: {', '.join(missing)}" if missing else _NOTHING
 
 
 async def _in_words(lacks: Mapping[str, str | None]) -> list[str]:

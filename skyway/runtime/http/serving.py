@@ -10,13 +10,14 @@ from typing import Final, Protocol
 
 import uvicorn
 import uvloop
-from starlette.types import ASGIApp
+from starlette.applications import Starlette
 
+from skyway.runtime.exit_codes import ExitCode
 from skyway.runtime.garbage import keep_what_is_loaded
+from skyway.runtime.http.opening import Opening
 
 #: Without it an open SSE stream would delay the exit for ever.
 _GRACE_S: Final = 2
-_STARTUP_FAILURE: Final = 3
 
 
 class ServingSettings(Protocol):
@@ -43,10 +44,17 @@ class ServingSettings(Protocol):
         ...
 
 
-def serve(app: ASGIApp, settings: ServingSettings) -> int:
-    """The exit code of the process, after serving until a signal comes or the parent leaves."""
+def serve(app: Starlette, settings: ServingSettings) -> int:
+    """The exit code of the process, after serving until a signal comes or the parent leaves.
+
+    Raises
+    ------
+    SkywayError
+        The app can never be opened.
+    """
+    opening = Opening(app)
     config = uvicorn.Config(
-        app,
+        opening,
         host=settings.host,
         port=settings.port,
         log_config=None,
@@ -57,8 +65,9 @@ def serve(app: ASGIApp, settings: ServingSettings) -> int:
         timeout_graceful_shutdown=_GRACE_S,
     )
     server = _Server(config)
+    opening.when_failed(server.leave)
     with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
-        return runner.run(_serve(server, settings))
+        return runner.run(_serve(server, opening, settings))
 
 
 class _Server(uvicorn.Server):
@@ -84,14 +93,16 @@ class _Server(uvicorn.Server):
         self.should_exit = True
 
 
-async def _serve(server: _Server, settings: ServingSettings) -> int:
+async def _serve(server: _Server, opening: Opening, settings: ServingSettings) -> int:
     with _leaving_with_parent(server, settings.parent_fd):
         try:
             await server.serve(_passed_sockets(settings.socket_fd))
         except SystemExit:
-            # uvicorn has logged why it could not start.
-            return _STARTUP_FAILURE
-    return 0
+            # uvicorn has logged why it cannot listen.
+            return ExitCode.NOT_NOW
+    if opening.failure is not None:
+        raise opening.failure
+    return ExitCode.ENDED
 
 
 def _passed_sockets(socket_fd: int | None) -> list[socket.socket] | None:

@@ -88,12 +88,21 @@ def test_a_sqlite_file_that_is_no_database_is_trouble(tmp_path: Path) -> None:
 def test_a_gateway_that_is_not_ready_says_what_is_missing(
     answering_gateway: Gateway, tmp_path: Path
 ) -> None:
-    answering_gateway.answers["GET", "/readyz"] = (503, {"detail": "missing: mqtt"})
+    answering_gateway.answers["GET", "/readyz"] = (503, {"detail": "missing: database"})
 
     result = runner.invoke(app, ["doctor", "--data", str(tmp_path)])
 
     assert result.exit_code == 1
-    assert "answers: missing: mqtt" in result.stdout
+    assert "answers: missing: database" in result.stdout
+
+
+def test_a_gateway_without_a_broker_is_trouble(answering_gateway: Gateway, tmp_path: Path) -> None:
+    answering_gateway.answers["GET", "/readyz"] = (200, {"checks": {"mqtt": False}})
+
+    result = runner.invoke(app, ["doctor", "--data", str(tmp_path)])
+
+    assert result.exit_code == 1
+    assert "no connection to the broker" in result.stdout
 
 
 def test_a_running_system_without_network_and_provider_says_how_to_get_them(

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 from fastapi import FastAPI
 
+from skyway.runtime.exit_codes import ExitCode
 from skyway.runtime.service_process import ServiceProcess, Violation
 from skyway.runtime.settings import ServiceSettings
 from skyway.runtime.sql.database import Database
@@ -54,3 +55,17 @@ def test_a_missing_setting_is_named(
 
     assert code == 2
     assert "SKYWAY_DATABASE_URL" in capsys.readouterr().err
+
+
+def test_a_damaged_database_and_one_that_is_away_have_codes_of_their_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "damaged.db").write_text("this was a database once, and is none any more" * 100)
+    codes = {}
+
+    for url in (f"sqlite:///{tmp_path}/damaged.db", f"sqlite:///{tmp_path}/nowhere/tower.db"):
+        monkeypatch.setenv("SKYWAY_DATABASE_URL", url)
+        codes[Path(url).stem] = make_process().run(["verify"])
+
+    assert codes == {"damaged": ExitCode.BAD_DATABASE, "tower": ExitCode.NOT_NOW}
+    assert "it is damaged: file is not a database" in capsys.readouterr().err

@@ -13,6 +13,9 @@ from skyway.cli.system.readiness import until_ready
 #: The answer of a service that hangs up without a word.
 SILENT = "(silent)"
 
+#: The answer of a service that is ready without a connection to the broker.
+NO_BROKER = "(no broker)"
+
 
 @pytest.fixture
 def broker(monkeypatch: pytest.MonkeyPatch) -> Iterator[socket.socket]:
@@ -33,8 +36,8 @@ async def a_gateway(answers: list[str | None]) -> AsyncIterator[str]:
         if lack == SILENT:
             writer.close()
             return
-        status = "200 OK" if lack is None else "503 Service Unavailable"
-        body = json.dumps({"detail": lack})
+        status = "200 OK" if lack in (None, NO_BROKER) else "503 Service Unavailable"
+        body = json.dumps({"detail": lack, "checks": {"mqtt": lack != NO_BROKER}})
         head = f"HTTP/1.1 {status}\r\nContent-Length: {len(body)}\r\nConnection: close\r\n\r\n"
         writer.write((head + body).encode())
         await writer.drain()
@@ -89,6 +92,15 @@ async def test_a_service_that_is_starting_is_given_more_time() -> None:
 async def test_a_service_that_never_answers_is_named() -> None:
     async with a_gateway([SILENT]) as url:
         assert await said_first(url) == "Still waiting: gateway does not answer yet."
+
+
+async def test_a_service_without_its_broker_is_waited_for() -> None:
+    said: list[str] = []
+
+    async with a_gateway([NO_BROKER, None]) as url:
+        await until_ready({"gateway": url}, say=said.append, long_s=0.0)
+
+    assert said == ["Still waiting: gateway has no connection to: mqtt."]
 
 
 async def test_a_broker_that_is_not_running_is_named_with_advice(

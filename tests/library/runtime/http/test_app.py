@@ -9,8 +9,12 @@ from fastapi import FastAPI
 from starlette.routing import Route
 
 
+async def no_database() -> dict[str, bool]:
+    return {"database": False, "mqtt": False}
+
+
 async def no_broker() -> dict[str, bool]:
-    return {"database": True, "broker": False}
+    return {"database": True, "mqtt": False}
 
 
 async def test_a_process_is_alive_and_ready(client: httpx.AsyncClient) -> None:
@@ -24,12 +28,22 @@ async def test_a_process_is_alive_and_ready(client: httpx.AsyncClient) -> None:
 async def test_readiness_names_the_missing_parts(
     assert_is_problem: Callable[..., None], make_app: Callable[..., FastAPI]
 ) -> None:
-    transport = httpx.ASGITransport(make_app(no_broker))
+    transport = httpx.ASGITransport(make_app(no_database))
     async with httpx.AsyncClient(transport=transport, base_url="http://loads") as client:
         answer = await client.get("/readyz")
 
     assert_is_problem(answer, 503, "service-unavailable")
-    assert "missing: broker" in answer.json()["detail"]
+    assert "missing: database, mqtt" in answer.json()["detail"]
+
+
+async def test_a_service_without_its_broker_is_ready_for_requests(
+    make_app: Callable[..., FastAPI],
+) -> None:
+    transport = httpx.ASGITransport(make_app(no_broker))
+    async with httpx.AsyncClient(transport=transport, base_url="http://loads") as client:
+        answer = await client.get("/readyz")
+
+    assert (answer.status_code, answer.json()["checks"]) == (200, await no_broker())
 
 
 def test_routes_are_taken_over_as_they_are_for_one_that_is_included_is_matched_twice(

@@ -133,7 +133,7 @@ async def test_a_signal_ends_a_service_in_order_though_a_stream_is_open(
         assert await asyncio.wait_for(child.wait(), WAIT_S) == 0
 
 
-async def test_a_service_that_cannot_start_says_so_by_its_exit_code(parent: Parent) -> None:
+async def test_a_bug_at_the_start_ends_the_service_with_exit_code_1(parent: Parent) -> None:
     child = await parent.start(BROKEN_CHILD)
 
-    assert await asyncio.wait_for(child.wait(), WAIT_S) == 3
+    assert await asyncio.wait_for(child.wait(), WAIT_S) == 1
