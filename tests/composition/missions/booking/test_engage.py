@@ -15,6 +15,7 @@ from skyway_composition.tables import networks
 from sqlalchemy import update
 
 from skyway.ids import DroneId, NetworkId, ProviderId, StationId
+from tests.composition.row_locks import until_a_lock_is_waited_for
 
 pytestmark = [
     pytest.mark.parametrize("migrated_url", ["postgresql"], indirect=True),
@@ -42,16 +43,6 @@ async def link_held(composition: Any) -> AsyncIterator[None]:
         yield
 
 
-async def blocked(composition: Any, *, on: str) -> None:
-    """Wait until a statement with this text waits for a lock."""
-    waiting = (
-        "SELECT count(*) AS n FROM pg_stat_activity WHERE wait_event_type = 'Lock' "
-        f"AND query LIKE '%{on}%'"
-    )
-    while (await composition.rows(waiting))[0].n == 0:
-        pass
-
-
 async def test_a_drone_without_a_link_cannot_be_claimed(composition: Any) -> None:
     assert await engage_mission(composition) is None
 
@@ -69,7 +60,7 @@ async def test_a_claim_that_waited_for_a_link_gets_the_next_number(
     await composition.book()
     async with link_held(composition):
         engaging = asyncio.create_task(engage_mission(composition))
-        await blocked(composition, on="locked")
+        await until_a_lock_is_waited_for(composition)
 
     assert (await engaging).seq == 3
 
@@ -79,7 +70,7 @@ async def test_a_claim_that_waited_for_a_changed_network_fails(composition: Any,
     async with composition.db.write() as tx:
         await lock_version(tx, ROW)
         engaging = asyncio.create_task(engage_mission(composition))
-        await blocked(composition, on="locked")
+        await until_a_lock_is_waited_for(composition)
         await tx.execute(BUMP)
 
     assert await engaging is None
@@ -98,6 +89,6 @@ async def test_a_claimed_station_stays_locked_until_the_transaction_ends(composi
         )
         await lock("b")
         waiting = asyncio.create_task(lock("a"))
-        await blocked(composition, on="FOR UPDATE")
+        await until_a_lock_is_waited_for(composition)
         assert not waiting.done()
     await waiting

@@ -1,0 +1,163 @@
+"""Transactions lock several rows in sorted order, so that no two of them wait for each other.
+
+In each test another transaction holds the first of several rows. A transaction that locks in sorted
+order waits there, and holds none of the others yet.
+"""
+
+import asyncio
+from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from skyway_composition.links.store import lock_link, lock_links
+from skyway_composition.missions.booking.store import claim_in_one_statement
+from skyway_composition.missions.mission.store import lock_live
+from skyway_composition.networks.store import Present
+from skyway_composition.pads.booked_pad import BookedPad
+from skyway_composition.pads.store import lock_stations
+from sqlalchemy import text
+
+from skyway.contracts.mission import BookMissions
+from skyway.contracts.shortlist import Shortlist
+from skyway.ids import DeliveryId, DroneId, NetworkId, ProviderId, StationId
+from skyway.runtime.sql.database import Tx
+from tests.composition.row_locks import free_keys, until_a_lock_is_waited_for
+
+# SQLite has one writer: there is no order to keep.
+pytestmark = [
+    pytest.mark.parametrize("migrated_url", ["postgresql"], indirect=True),
+    pytest.mark.integration,
+]
+
+PROVIDER = ProviderId("prv_1")
+DRONES = [DroneId(f"drn_{number}") for number in (1, 2, 3)]
+STATIONS = [StationId(name) for name in "abc"]
+
+
+async def met(composition: Any, drone: Any) -> None:
+    """All drones have sent a state, so they have links."""
+    await composition.receive(*(replace(drone, drone_id=each, stream=0).state() for each in DRONES))
+
+
+async def free_rows_of_a_waiting_lock(
+    composition: Any,
+    table: str,
+    key: str,
+    keys: Sequence[str],
+    lock: Callable[[Tx], Awaitable[Any]],
+) -> set[str]:
+    """Those of the rows `keys` that stay free while `lock` waits for the first of them."""
+    first = f"{key} = '{keys[0]}'"
+    async with composition.db.write() as tx:
+        # The changed row now lies behind the others.
+        await tx.execute(text(f"UPDATE {table} SET {key} = {key} WHERE {first}"))
+
+    async def wait() -> None:
+        async with composition.db.write() as tx:
+            for setting in ("enable_indexscan", "enable_bitmapscan"):
+                await tx.execute(text(f"SET LOCAL {setting} = off"))
+            await lock(tx)
+
+    async with composition.db.write() as tx:
+        await tx.execute(text(f"SELECT {key} FROM {table} WHERE {first} FOR UPDATE"))
+        waiting = asyncio.create_task(wait())
+        await until_a_lock_is_waited_for(composition)
+        free = await free_keys(composition, table, key)
+    await waiting
+    return free & set(keys)
+
+
+async def test_stations_are_locked_in_sorted_order(composition: Any) -> None:
+    booked = [BookedPad(each, 0, 0, 1) for each in reversed(STATIONS)]
+
+    free = await free_rows_of_a_waiting_lock(
+        composition, "stations", "station_id", STATIONS, lambda tx: lock_stations(tx, booked)
+    )
+
+    assert free == set(STATIONS[1:])
+
+
+async def test_a_claim_in_one_statement_locks_stations_in_sorted_order(
+    composition: Any, drone: Any
+) -> None:
+    await met(composition, drone)
+    present = Present(NetworkId("row"), 1, 0)
+
+    async def claim(tx: Tx) -> None:
+        place = await claim_in_one_statement(
+            tx, present, DRONES[0], PROVIDER, station_ids=STATIONS[::-1]
+        )
+        assert place is not None
+
+    free = await free_rows_of_a_waiting_lock(composition, "stations", "station_id", STATIONS, claim)
+
+    assert free == set(STATIONS[1:])
+
+
+async def test_links_are_locked_in_sorted_order(composition: Any, drone: Any) -> None:
+    await met(composition, drone)
+
+    free = await free_rows_of_a_waiting_lock(
+        composition, "drone_links", "drone_id", DRONES, lambda tx: lock_links(tx, DRONES[::-1])
+    )
+
+    assert free == set(DRONES[1:])
+
+
+async def test_missions_are_locked_in_the_order_of_their_drones(
+    composition: Any, make: Any
+) -> None:
+    for number in (1, 2, 3):
+        await composition.book(make.candidate(number), delivery_id=f"dlv_{number}")
+
+    free = await free_rows_of_a_waiting_lock(
+        composition, "missions", "drone_id", DRONES, lambda tx: lock_live(tx, DRONES[::-1])
+    )
+
+    assert free == set(DRONES[1:])
+
+
+async def test_two_drones_of_one_booking_are_locked_in_sorted_order(
+    composition: Any, drone: Any, make: Any
+) -> None:
+    await met(composition, drone)
+    network = make.network()
+    for feature in network["features"]:
+        if feature["properties"]["kind"] == "segment":
+            feature["properties"]["length_m"] = 4_000
+    await composition.publish(network)
+    # Two packages are too much for one drone, and drone 2 comes first because it lifts more.
+    request = make.request("b", "c", mass_kg=9.0)
+    model = make.candidate().model
+    strong = model.model_copy(update={"model_id": "strong", "max_payload_kg": 16.0})
+    candidates = [make.candidate(1), make.candidate(2, model=strong)]
+    requested = BookMissions(attempt=1, request=request, shortlist=Shortlist.of(candidates))
+
+    async with composition.db.write() as tx:
+        await lock_links(tx, [DRONES[0]])
+        booking = asyncio.create_task(
+            composition.parts.bookings.book(DeliveryId("dlv_1"), requested)
+        )
+        await until_a_lock_is_waited_for(composition)
+        free = await free_keys(composition, "drone_links", "drone_id")
+
+    assert [mission.drone_id for mission in (await booking).missions] == [DRONES[1], DRONES[0]]
+    assert free == set(DRONES[1:])
+
+
+async def test_links_of_new_drones_are_added_in_sorted_order(composition: Any, drone: Any) -> None:
+    """Another replica meets the same drones; in another order the two would wait for each other."""
+    new = [DroneId(f"drn_{number}") for number in range(1, 9)]
+    batch = [replace(drone, drone_id=each, stream=0).state() for each in reversed(new)]
+
+    async with composition.db.write() as tx:
+        await lock_link(tx, new[0], PROVIDER)
+        following = asyncio.create_task(composition.receive(*batch))
+        await until_a_lock_is_waited_for(composition)
+        for each in new[1:]:
+            await lock_link(tx, each, PROVIDER)
+    await following
+
+    links = await composition.rows("SELECT drone_id FROM drone_links WHERE state IS NOT NULL")
+    assert {row.drone_id for row in links} == set(new)
