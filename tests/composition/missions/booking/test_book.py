@@ -4,6 +4,7 @@ import asyncio
 import itertools
 import logging
 from collections.abc import Awaitable, Callable
+from datetime import timedelta
 from typing import Any
 
 import pytest
@@ -258,6 +259,17 @@ async def test_a_plan_made_on_an_older_network_is_not_booked(composition: Any, m
 
     assert booking.outcome == "INFEASIBLE"
     assert await composition.reservations() == []
+
+
+async def test_a_plan_whose_start_has_passed_is_not_booked(composition: Any, make: Any) -> None:
+    async def plan_for_an_hour() -> None:
+        composition.clock.advance(timedelta(hours=1))
+
+    booking = await book_while(composition, booking_request(make), plan_for_an_hour)
+
+    assert booking.outcome == "BOOKED"
+    (instruction,) = await composition.sent()
+    assert instruction.steps[0].planned_start_at >= composition.clock.now()
 
 
 @pytest.mark.parametrize("faster_drone", [1, 2])

@@ -172,6 +172,16 @@ async def test_events_that_come_twice_count_once(composition: Any, drone: Any) -
     ]
 
 
+async def test_an_alarm_that_comes_twice_is_raised_once(composition: Any, drone: Any) -> None:
+    alarm = drone.event("ALARM", code="SMOKE", level="CRITICAL")
+
+    await composition.receive(alarm, alarm)
+    await composition.receive(alarm)
+
+    alarms = (await composition("operator:op", "GET", "/v1/alarms")).json()["items"]
+    assert [each["code"] for each in alarms] == ["SMOKE"]
+
+
 async def test_a_missing_event_is_requested_before_later_ones_count(
     composition: Any, drone: Any
 ) -> None:

@@ -1,12 +1,17 @@
 """A message that cannot be handled: the others of its batch must not be lost with it."""
 
-from collections.abc import AsyncIterator
+import itertools
+from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import dataclass
 from typing import Any
 
 import pytest
+from skyway_composition.links.link import DroneLink
 from skyway_composition.missions.following.follow import Follower
+from skyway_composition.missions.following.handle_state import handle_state
+from skyway_composition.missions.mission.unit_of_work import MissionUnitOfWork
 
+from skyway.contracts.drone_report import DroneState
 from skyway.contracts.topic import Topic
 from skyway.runtime.loops import Wake
 from skyway.runtime.mqtt.client import Received
@@ -31,20 +36,37 @@ async def fail(*_: object) -> None:
     raise RuntimeError("this state cannot be handled")
 
 
+def failing(times: int) -> Callable[..., Awaitable[None]]:
+    """Handles states, but fails this often at first."""
+    left = itertools.repeat(None, times)
+
+    async def handle(work: MissionUnitOfWork, link: DroneLink, state: DroneState) -> None:
+        for _ in left:
+            await fail()
+        await handle_state(work, link, state)
+
+    return handle
+
+
+def following(composition: Any, *batch: Received[Any]) -> Follower:
+    """A follower to which one batch has arrived."""
+    return Follower(
+        composition.db,
+        OneBatch([*batch]),
+        clock=composition.clock,
+        mint=composition.parts.mint,
+        stuck=Wake(),
+        listening=composition.listening,
+    )
+
+
 async def test_only_the_message_that_cannot_be_handled_is_dropped(
     composition: Any, drone: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     await composition.book()
     (instruction,) = await composition.sent()
     monkeypatch.setattr(HANDLE_STATE, fail)
-    follower = Follower(
-        composition.db,
-        OneBatch([drone.state(activity="FLYING"), drone.ack(instruction)]),
-        clock=composition.clock,
-        mint=composition.parts.mint,
-        stuck=Wake(),
-        listening=composition.listening,
-    )
+    follower = following(composition, drone.state(activity="FLYING"), drone.ack(instruction))
 
     for _ in range(3):
         with pytest.raises(RuntimeError):
@@ -52,3 +74,21 @@ async def test_only_the_message_that_cannot_be_handled_is_dropped(
     await follower.step()
 
     assert await composition.state_of(instruction.mission_id) == "ACCEPTED"
+
+
+@pytest.mark.parametrize("times", [1, 2, 3])
+async def test_a_message_is_handled_when_its_failure_passes(
+    composition: Any, drone: Any, monkeypatch: pytest.MonkeyPatch, times: int
+) -> None:
+    await composition.book()
+    (instruction,) = await composition.sent()
+    monkeypatch.setattr(HANDLE_STATE, failing(times))
+    flying = drone.state(mission_id=instruction.mission_id, activity="FLYING", step_id=2)
+    follower = following(composition, drone.ack(instruction), flying)
+
+    for _ in range(times):
+        with pytest.raises(RuntimeError):
+            await follower.step()
+    await follower.step()
+
+    assert await composition.state_of(instruction.mission_id) == "ACTIVE"

@@ -86,6 +86,18 @@ async def test_a_drone_that_reports_another_activity_after_the_expiry_is_free(
     assert await composition.state_of(instruction.mission_id) == "REFUSED"
 
 
+async def test_a_state_from_before_the_expiry_does_not_free_the_drone(
+    composition: Any, drone: Any
+) -> None:
+    """The instruction may reach the drone after this state, and the drone may load then."""
+    instruction = await booked(composition)
+    await composition.receive(drone.state())
+
+    await sweep_after(composition, EXPIRY + ACK_ON_ITS_WAY)
+
+    assert await composition.state_of(instruction.mission_id) == "BOOKED"
+
+
 async def test_a_drone_that_flies_an_expired_booking_is_left_alone(
     composition: Any, drone: Any
 ) -> None:

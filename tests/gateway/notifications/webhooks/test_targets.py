@@ -126,3 +126,16 @@ async def test_only_the_allowed_private_network_is_allowed() -> None:
     for url in ("http://10.0.0.1/", "http://[::1]/"):
         with pytest.raises(ForbiddenTarget):
             await targets.check(url)
+
+
+@pytest.mark.parametrize("address", ["64:ff9b::7f00:1", "64:ff9b::808:808", "64:ff9b:1::1"])
+async def test_an_address_that_nat64_translates_is_refused_although_its_network_is_allowed(
+    address: str,
+) -> None:
+    async def resolve(_host: str, _port: int) -> Sequence[str]:
+        return [address]
+
+    targets = Targets(allowed=(ip_network("::/0"),), resolve=resolve)
+
+    with pytest.raises(ForbiddenTarget):
+        await targets.check("https://hooks.example.com/")

@@ -7,7 +7,7 @@ import pytest
 from sqlalchemy import Column, Integer, MetaData, Row, Table, true
 
 from skyway.runtime.clock import ManualClock
-from skyway.runtime.sql.claims import FREE, claim, claim_columns
+from skyway.runtime.sql.claims import FREE, Claiming, claim, claim_columns
 from skyway.runtime.sql.database import Database
 
 METADATA = MetaData()
@@ -17,6 +17,11 @@ REQUESTS = Table(
     Column("day", Integer, primary_key=True),
     Column("number", Integer, primary_key=True),
     *claim_columns(),
+)
+
+#: SQLite has one writer: nobody claims while another replica does.
+ON_POSTGRESQL = pytest.mark.parametrize(
+    "database_url", [pytest.param("postgresql", marks=pytest.mark.integration)], indirect=True
 )
 
 
@@ -58,6 +63,21 @@ async def test_replicas_never_hold_the_same_row(db: Database, clock: ManualClock
 
     numbers = [row.number for rows in taken for row in rows]
     assert len(numbers) == len(set(numbers))
+
+
+@ON_POSTGRESQL
+async def test_a_claim_passes_by_rows_that_another_replica_is_claiming(
+    db: Database, clock: ManualClock
+) -> None:
+    claiming = Claiming.of(REQUESTS, where=true(), order_by=[REQUESTS.c.number])
+
+    async with db.write() as tx:
+        first = await claiming.run(tx, limit=2, claimant="a", lease_s=10.0, clock=clock)
+        async with asyncio.timeout(10):
+            second = await take(db, clock, claimant="b", limit=2)
+
+    assert [row.number for row in first] == [0, 1]
+    assert [row.number for row in second] == [2, 3]
 
 
 async def test_a_held_row_is_not_given_to_its_own_holder_again(
