@@ -46,6 +46,9 @@ def after_report(delivery: Delivery, report: MissionReport) -> Progress:
     )
     if delivery.is_over:  # the drone's way home does not concern the customer
         return Progress(delivery)
+    if delivery.activity == "OUT_OF_CONTACT":
+        # Each report says what has become of the drone; only another ACTIVITY repeats the doubt.
+        delivery = changed(delivery, activity=None)
     progress = _BY_KIND[report.kind](delivery, mission, report)
     progress = Progress(with_flags(progress.delivery), progress.happenings)
     progress = settled(progress, at=report.at, code=report.code, detail=report.detail)
@@ -82,8 +85,7 @@ def _loading(delivery: Delivery, _mission: Mission, _report: MissionReport) -> P
 
 
 def _activity(delivery: Delivery, mission: Mission, report: MissionReport) -> Progress:
-    """A drone may be out of contact in every state; the next report of its activity ends that."""
-    if "OUT_OF_CONTACT" in (delivery.activity, report.activity):
+    if report.activity == "OUT_OF_CONTACT":  # possible in every state
         return Progress(changed(delivery, activity=report.activity))
     if delivery.state != "IN_PROGRESS":
         return Progress(delivery)

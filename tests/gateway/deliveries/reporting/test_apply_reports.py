@@ -335,3 +335,15 @@ async def test_only_a_service_reports(gateway: Gateway) -> None:
         for headers in (dict[str, str](), gateway.operator):
             answer = await gateway.http.post(path, json={}, headers=headers)
             assert answer.status_code == 401
+
+
+async def test_a_delivery_shows_that_its_drone_is_out_of_contact(gateway: Gateway) -> None:
+    delivery_id = await gateway.planned()
+
+    await gateway.report(delivery_id, "ACTIVITY", seq=1, activity="OUT_OF_CONTACT")
+    delivery = await gateway.get(delivery_id)
+    assert (delivery["state"], delivery["activity"]) == ("PLANNED", "OUT_OF_CONTACT")
+
+    await gateway.report(delivery_id, "REFUSED", seq=2, code="NO_ANSWER")
+    delivery = await gateway.get(delivery_id)
+    assert (delivery["state"], delivery["activity"]) == ("REQUESTED", None)
