@@ -1,12 +1,12 @@
 """The invariants of the gateway's database (docs/reference/invariants.md)."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from typing import Final
 
-from sqlalchemy import ColumnElement, Select, String, and_, cast, exists, func, or_, select
+from sqlalchemy import ColumnElement, String, and_, cast, exists, func, or_, select
 
 from skyway.contracts.mission import LIVE_MISSION_STATES
 from skyway.runtime.sql.database import Database
+from skyway.runtime.sql.violations import Rules, Violation, check_of, violations_found
 from skyway_gateway.notifications.stream_events import LAST_EVENTS
 from skyway_gateway.tables import (
     custody,
@@ -64,7 +64,7 @@ _earlier = notifications.alias("earlier")
 _newest = select(func.max(deliveries.c.updated_ms)).scalar_subquery()
 
 #: The sentences that must hold, each with the statement that finds what breaks it.
-_CHECKS: Final[Mapping[str, Select[*tuple[Any, ...]]]] = {
+_RULES: Final[Rules] = {
     "I5: a request is decided in bounded time": select(deliveries.c.delivery_id).where(
         deliveries.c.is_queued, deliveries.c.give_up_ms + _OVERDUE_MS < _newest
     ),
@@ -161,11 +161,10 @@ _CHECKS: Final[Mapping[str, Select[*tuple[Any, ...]]]] = {
 }
 
 
-async def violations(db: Database) -> Sequence[Mapping[str, str]]:
+_CHECK: Final = check_of(_RULES)
+
+
+async def violations(db: Database) -> list[Violation]:
     """All violations: the broken rule and the subject that breaks it."""
-    found: list[Mapping[str, str]] = []
     async with db.survey() as connection:
-        for rule, statement in _CHECKS.items():
-            subjects = (await connection.execute(statement)).scalars()
-            found.extend({"rule": rule, "subject": str(subject)} for subject in subjects)
-    return found
+        return await violations_found(connection, _CHECK)

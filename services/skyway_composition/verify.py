@@ -1,16 +1,17 @@
 """Check I1 to I4, I6, I7 and I12 in composition's database (docs/reference/invariants.md)."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, Final
 
-from sqlalchemy import Select, and_, func, literal_column, select, text
+from sqlalchemy import and_, func, literal_column, select
 from sqlalchemy.ext.asyncio import AsyncConnection
 
 from skyway.contracts.flight_step import RechargeStep
 from skyway.contracts.mission import Cancellation
 from skyway.ids import MissionId
 from skyway.runtime.sql.database import Database
+from skyway.runtime.sql.violations import Rules, Violation, check_of, violations_found
 from skyway.units import moment_to_ms
 from skyway_composition.pads.booked_pad import BookedPad, merged
 from skyway_composition.tables import (
@@ -38,7 +39,7 @@ _link = custody.alias("link")
 _previous = custody.alias("previous")
 
 #: Queries that must find no row, by the rule that a found row (subject,) breaks.
-RULES: Final[Mapping[str, Select[*tuple[Any, ...]]]] = {
+_RULES: Final[Rules] = {
     "I1 no pad holds two overlapping reservations": select(_one.c.station_id).join(
         _other,
         and_(
@@ -114,21 +115,17 @@ RULES: Final[Mapping[str, Select[*tuple[Any, ...]]]] = {
     ),
 }
 
+_CHECK: Final = check_of(_RULES)
+
 _UNRESERVED: Final = "I3 a live mission holds the pads of its steps"
 
 _HOARDED: Final = "I3 a live mission holds no pad that it does not need"
 
 
-async def violations(db: Database) -> Sequence[Mapping[str, str]]:
+async def violations(db: Database) -> list[Violation]:
     """Every violation: the rule that is broken, and the row that breaks it."""
-    found: list[Mapping[str, str]] = []
     async with db.survey() as connection:
-        if db.dialect == "postgresql":
-            # All checks see the data of one moment; SQLite's reader does so anyway.
-            await connection.execute(text("SET TRANSACTION ISOLATION LEVEL REPEATABLE READ"))
-        for rule, statement in RULES.items():
-            subjects = (await connection.execute(statement)).scalars()
-            found.extend({"rule": rule, "subject": str(subject)} for subject in set(subjects))
+        found = await violations_found(connection, _CHECK)
         found += await pad_violations(connection)
         released = await _released_and_delivered(connection)
     found.extend({"rule": _RELEASED_AND_DELIVERED, "subject": each} for each in released)
@@ -149,9 +146,9 @@ async def _released_and_delivered(connection: AsyncConnection) -> set[str]:
     }
 
 
-async def pad_violations(connection: AsyncConnection) -> list[Mapping[str, str]]:
+async def pad_violations(connection: AsyncConnection) -> list[Violation]:
     """The live missions that hold more or fewer pads than they need."""
-    found: list[Mapping[str, str]] = []
+    found: list[Violation] = []
     needed = await _needed_pads(connection)
     held = await _held_pads(connection)
     for mission_id, pads in needed.items():

@@ -1,12 +1,12 @@
 """The invariants of the registry's database; each violation is printed as one JSON line."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any, Final
+from typing import Final
 
-from sqlalchemy import Select, select
+from sqlalchemy import select
 
 from skyway.drone.models import DRONE_MODELS
 from skyway.runtime.sql.database import Database
+from skyway.runtime.sql.violations import Rules, Violation, check_of, violations_found
 from skyway_provider_registry.tables import (
     broker_accounts,
     drone_models,
@@ -17,7 +17,7 @@ from skyway_provider_registry.tables import (
 _is_drone_account = broker_accounts.c.kind == "DRONE"
 
 #: Each invariant as a sentence, and the query for the subjects that violate it.
-_CHECKS: Final[Mapping[str, Select[*tuple[Any, ...]]]] = {
+_RULES: Final[Rules] = {
     "every drone has a broker account": select(drones.c.drone_id).where(
         drones.c.drone_id.not_in(select(broker_accounts.c.user_name).where(_is_drone_account))
     ),
@@ -37,11 +37,10 @@ _CHECKS: Final[Mapping[str, Select[*tuple[Any, ...]]]] = {
 }
 
 
-async def violations(db: Database) -> Sequence[Mapping[str, str]]:
+_CHECK: Final = check_of(_RULES)
+
+
+async def violations(db: Database) -> list[Violation]:
     """Each violation: the broken rule, and its subject."""
-    found: list[Mapping[str, str]] = []
     async with db.survey() as connection:
-        for rule, statement in _CHECKS.items():
-            subjects = (await connection.execute(statement)).scalars()
-            found.extend({"rule": rule, "subject": str(subject)} for subject in subjects)
-    return found
+        return await violations_found(connection, _CHECK)

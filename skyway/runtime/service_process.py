@@ -4,7 +4,7 @@ import argparse
 import asyncio
 import json
 import sys
-from collections.abc import Awaitable, Callable, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
@@ -17,11 +17,9 @@ from skyway.runtime.logs import configure_logs
 from skyway.runtime.settings import DatabaseSettings, ServiceSettings
 from skyway.runtime.sql.database import Database
 from skyway.runtime.sql.migrations import migrate
+from skyway.runtime.sql.violations import Violation
 
 S = TypeVar("S", bound=ServiceSettings)
-
-#: Anything that JSON holds: what a violation names differs from one invariant to the next.
-Violation = Mapping[str, object]
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,9 +6,10 @@ import pytest
 from fastapi import FastAPI
 
 from skyway.runtime.exit_codes import ExitCode
-from skyway.runtime.service_process import ServiceProcess, Violation
+from skyway.runtime.service_process import ServiceProcess
 from skyway.runtime.settings import ServiceSettings
 from skyway.runtime.sql.database import Database
+from skyway.runtime.sql.violations import Violation
 
 
 def make_process(found: Sequence[Violation] = ()) -> ServiceProcess[ServiceSettings]:
