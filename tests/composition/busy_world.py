@@ -1,7 +1,7 @@
 """A small busy world: real agents, a real composition, one pad a station, and a moved clock."""
 
 import asyncio
-from collections import Counter
+from collections import Counter, defaultdict
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from typing import Any, Self
@@ -27,7 +27,7 @@ from skyway_composition.missions.timeouts.loading import LoadingTimeouts
 from skyway_composition.missions.timeouts.overdue import OverdueMissions
 from skyway_composition.networks.prepared import PreparedNetworks
 from skyway_composition.planning.solver_pool import SolverPool
-from skyway_composition.tables import metadata, outbox, pad_reservations
+from skyway_composition.tables import metadata, missions, outbox, pad_reservations
 from skyway_composition.verify import violations
 from skyway_drone_agent.simulated.disturbances import UNDISTURBED
 from sqlalchemy import delete, select
@@ -67,6 +67,9 @@ _DROPS_FOR = timedelta(minutes=1)
 
 #: How often drones in flight check for failures: a quarter of a second of wall time.
 _FLIGHT_STRIDE = timedelta(seconds=0.25 * _RATE)
+
+#: Silent turns of the event loop until the agents have nothing to do; 7 turns once preceded news.
+_CALM_TURNS = 12
 
 #: Every story ends within this time once all disturbances are over.
 _OVER_WITHIN = timedelta(hours=30)
@@ -147,13 +150,8 @@ class BusyWorld:
             moments = [each for each in ahead if each is not None and each > now]
             drops_instructions = any(each.drops_instructions for each in self.drones)
             may_fail = any(each.may_fail_any_time for each in self.drones)
-            stride = (
-                _FLIGHT_STRIDE
-                if may_fail
-                else _DROPS_FOR
-                if drops_instructions
-                else _LONGEST_STRIDE
-            )
+            calm_stride = _DROPS_FOR if drops_instructions else _LONGEST_STRIDE
+            stride = _FLIGHT_STRIDE if may_fail else calm_stride
             self.clock.advance(min([until, now + stride, *moments]) - now)
             if may_fail and await self._is_calm(since=looked_at):
                 continue
@@ -189,7 +187,7 @@ class BusyWorld:
         """Let the agents run until they have nothing more to do now."""
         calm = 0
         unsent = [len(each.unsent) + len(each.journal.happened) for each in self.drones]
-        while calm < 30:
+        while calm < _CALM_TURNS:
             await asyncio.sleep(0)
             now_unsent = [len(each.unsent) + len(each.journal.happened) for each in self.drones]
             calm, unsent = (calm + 1, unsent) if now_unsent == unsent else (0, now_unsent)
@@ -338,9 +336,10 @@ class BusyWorld:
         times = Counter(handed_over(self.drones))
         assert [each for each, count in times.items() if count > 1] == []
         assert [each for each in times if each in self.released] == []
-        given_up = await self._missions("ABORTED") | await self._missions("REFUSED")
+        ids = await self._missions()
+        given_up = ids["ABORTED"] | ids["REFUSED"]
         assert list(shared_pads(self.drones, given_up=given_up)) == []
-        assert await self._missions("COMPLETED") - ended_missions(self.drones) == set()
+        assert ids["COMPLETED"] - ended_missions(self.drones) == set()
 
     async def end(self) -> None:
         """End all disturbances and check that all missions end and leave nothing reserved."""
@@ -390,11 +389,12 @@ class BusyWorld:
             assert len(ends) == 1, story
         assert self._flying() == []
 
-    async def _missions(self, state: MissionState) -> set[str]:
+    async def _missions(self) -> defaultdict[MissionState, set[str]]:
+        by_state: defaultdict[MissionState, set[str]] = defaultdict(set)
         async with self.db.read() as connection:
-            shown = MissionFilter(state=state)
-            records = await page(connection, shown, before=None, limit=10_000)
-        return {each.mission_id for each in records}
+            for row in await connection.execute(select(missions.c.mission_id, missions.c.state)):
+                by_state[row.state].add(row.mission_id)
+        return by_state
 
     def _flying(self) -> list[str]:
         return [each.drone_id for each in self.drones if each.logbook.mission is not None]
