@@ -19,28 +19,14 @@ from skyway.runtime.loops import Wake
 from skyway.runtime.outbox.mqtt_sender import MqttSender
 from skyway.runtime.outbox.outbox_store import confirm, outbox_table
 from skyway.runtime.outbox.report_sender import ReportSender
+from skyway.runtime.pace import Pace
 from skyway.runtime.sql.database import Database
 from skyway.runtime.tracing import current_traceparent, tracing
+from tests.library.runtime.outbox.changes import Changes
 
 METADATA = MetaData()
 OUTBOX = outbox_table(METADATA)
 MOMENT = datetime(2026, 3, 1, 12, tzinfo=UTC)
-
-
-class Changes:
-    """Lets a test wait until something it looks at is so."""
-
-    def __init__(self) -> None:
-        self._changed = asyncio.Event()
-
-    def tell(self) -> None:
-        self._changed.set()
-        self._changed = asyncio.Event()
-
-    async def until(self, is_so: Callable[[], bool]) -> None:
-        async with asyncio.timeout(10):
-            while not is_so():
-                await self._changed.wait()
 
 
 class Alarms(ManualClock):
@@ -238,7 +224,7 @@ async def test_a_stuck_stream_holds_no_other(
 async def test_a_message_is_repeated_until_its_receiver_confirms(
     db: Database, mqtt: InMemoryMqtt, clock: Alarms
 ) -> None:
-    async with running(MqttSender(db, mqtt, clock)):
+    async with running(MqttSender(db, mqtt, clock, pace=Pace())):
         await send(db, "m1", "m2", confirmed_by="receiver")
         await pass_time(db, clock, lambda: mqtt.taken == ["m1", "m1", "m1"])
         async with db.write() as tx:
@@ -256,7 +242,7 @@ async def test_repeats_back_off_from_2_to_30_seconds(
     taken_at: list[datetime] = []
     mqtt.on_taken = lambda: taken_at.append(clock.wall_now())
 
-    async with running(MqttSender(db, mqtt, clock)):
+    async with running(MqttSender(db, mqtt, clock, pace=Pace())):
         await send(db, "m1", confirmed_by="receiver")
         await pass_time(db, clock, lambda: len(taken_at) == 7)
 
@@ -269,7 +255,7 @@ async def test_a_message_is_sent_when_the_broker_is_back(
 ) -> None:
     mqtt.failures = 2
 
-    async with running(MqttSender(db, mqtt, clock)):
+    async with running(MqttSender(db, mqtt, clock, pace=Pace())):
         await send(db, "m1")
         await pass_time(db, clock, lambda: mqtt.taken == ["m1"])
 

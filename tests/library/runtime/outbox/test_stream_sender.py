@@ -16,6 +16,7 @@ from skyway.runtime.outbox.outbox_store import outbox_table
 from skyway.runtime.outbox.stream_sender import Retry, StreamSender, quick_pace
 from skyway.runtime.sql.database import Database, Tx
 from skyway.units import ms_to_moment
+from tests.library.runtime.outbox.changes import Changes
 
 METADATA = MetaData()
 OUTBOX = outbox_table(METADATA)
@@ -37,10 +38,12 @@ class CountingDatabase(Database):
     def __init__(self, url: str, *, outbox: Table) -> None:
         super().__init__(url, outbox=outbox)
         self.blocks = self.alone = 0
+        self.changes = Changes()
 
     @asynccontextmanager
     async def write(self) -> AsyncIterator[Tx]:
         self.blocks += 1
+        self.changes.tell()
         async with super().write() as tx:
             yield tx
 
@@ -48,6 +51,7 @@ class CountingDatabase(Database):
         self, statement: Executable, parameters: Mapping[str, Any] | Sequence[Mapping[str, Any]]
     ) -> Sequence[Row[*tuple[Any, ...]]]:
         self.alone += 1
+        self.changes.tell()
         return await super().write_alone(statement, parameters)
 
 
@@ -119,9 +123,7 @@ async def until_taken(db: Database, times: int, *, by: Receiver) -> Row[Any]:
 async def until_looked_again(db: CountingDatabase) -> None:
     """Wait until the sender has rested and turned to the table again, without time going by."""
     looks = db.blocks + db.alone
-    async with asyncio.timeout(10):
-        while db.blocks + db.alone < looks + 2:
-            await rows(db)
+    await db.changes.until(lambda: db.blocks + db.alone >= looks + 2)
 
 
 @ON_POSTGRESQL
